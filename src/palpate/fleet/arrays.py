@@ -98,9 +98,7 @@ class Curves:
         with np.errstate(divide="ignore", invalid="ignore"):  # of times that stand still
             rows = [velocity_of(self.clock(k), x) for k, x in enumerate(self.penetration)]
         velocity = np.array(rows).reshape(self.penetration.shape)
-        return Curves(
-            self.time, self.penetration, self.force, velocity, self.source, self.index, self.places
-        )
+        return replace(self, velocity=velocity)
 
     def wrong_clocks(self) -> dict[int, str]:
         """Which rows have times that do not increase from sample to sample, and where."""
@@ -142,7 +140,6 @@ class Curves:
         )
 
 
-Mask = NDArray[np.bool_]
 # Equal forces at the top that are no chance, and by how many of its steps the law's force moves
 # meanwhile, as in include/palpate/outlier_rejection.hpp.
 _FLAT, _FLAT_STEPS = 5, 4.0
@@ -164,80 +161,43 @@ def fitted(
     threads : int
         That share the rows.
     """
-    left_out = np.zeros(len(curves), dtype=np.int64)
+    force, marks = curves.force.copy(), np.zeros(curves.force.shape, dtype=np.bool_)
+    signals: list[Any] = [curves.penetration, curves.velocity, force]
+    if rejects:  # single samples of a channel that leave their neighbours
+        for values in signals:
+            marks |= spikes_of_rows(values, screened=True, threads=threads)
+        force[marks] = np.nan
+    fits = fit_curves(*signals, threads=threads, **chosen)
     if rejects:
-        curves, left_out = _without(curves, _spikes(curves, threads), left_out)
-    fits = _fit(curves, chosen, threads)
-    if rejects:
-        ends = _ends_of_range(curves, fits)
-        curves, left_out = _without(curves, ends, left_out)
-        rows = np.array(sorted(ends), dtype=np.intp)
-        if rows.size:
-            _put(fits, rows, _fit(curves, chosen, threads, rows))
-    return fits, curves, left_out
+        ends = _ends_of_range(signals, fits)
+        force[ends] = np.nan
+        rows = np.flatnonzero(ends.any(axis=1))
+        own: dict[str, Any] = {
+            k: v[rows] if isinstance(v, np.ndarray) else v for k, v in chosen.items()
+        }
+        again = fit_curves(*(values[rows] for values in signals), threads=threads, **own)
+        for each in fields(fits):
+            getattr(fits, each.name)[rows] = getattr(again, each.name)
+        marks |= ends
+    return fits, replace(curves, force=force), np.count_nonzero(marks, axis=1)
 
 
-def _fit(
-    curves: Curves, chosen: dict[str, Any], threads: int, rows: NDArray[np.intp] | None = None
-) -> CurveFits:
-    signals = [curves.penetration, curves.velocity, curves.force]
-    own = chosen
-    if rows is not None:
-        signals = [values[rows] for values in signals if values is not None]
-        own = {k: v[rows] if isinstance(v, np.ndarray) else v for k, v in chosen.items()}
-    return fit_curves(*signals, threads=threads, **own)  # type: ignore[arg-type]  # all are there
-
-
-def _put(fits: CurveFits, rows: NDArray[np.intp], others: CurveFits) -> None:
-    for each in fields(fits):
-        getattr(fits, each.name)[rows] = getattr(others, each.name)
-
-
-def _without(
-    curves: Curves, found: dict[int, Mask], left_out: NDArray[np.int64]
-) -> tuple[Curves, NDArray[np.int64]]:
-    """The same curves without some samples, of which those in hand are left as they are."""
-    if not found:
-        return curves, left_out
-    force, counts = curves.force.copy(), left_out.copy()
-    for row, mask in found.items():
-        force[row, mask] = np.nan
-        counts[row] += np.count_nonzero(mask)
-    return replace(curves, force=force), counts
-
-
-def _spikes(curves: Curves, threads: int) -> dict[int, Mask]:
-    """Single samples of a channel that leave their neighbours, by the rows that have any."""
-    marks = np.zeros(curves.force.shape, dtype=np.bool_)
-    for values in (curves.penetration, curves.velocity, curves.force):
-        assert values is not None
-        marks |= spikes_of_rows(values, screened=True, threads=threads)
-    return {row: marks[row] for row in np.flatnonzero(marks.any(axis=1)).tolist()}
-
-
-def _ends_of_range(curves: Curves, fits: CurveFits) -> dict[int, Mask]:
+def _ends_of_range(signals: list[Floats], fits: CurveFits) -> NDArray[np.bool_]:
     """Forces at the end of the sensor's range: equal ones on top while the law's force moves."""
-    found: dict[int, Mask] = {}
+    found = np.zeros(signals[2].shape, dtype=np.bool_)
     with np.errstate(invalid="ignore"):
-        highest = np.fmax.reduce(curves.force, axis=1, initial=-np.inf)
-        often = (curves.force == highest[:, None]).sum(axis=1) >= _FLAT
+        highest = np.fmax.reduce(signals[2], axis=1, initial=-np.inf)
+        often = (signals[2] == highest[:, None]).sum(axis=1) >= _FLAT
     for row in np.flatnonzero(often & np.isfinite(fits.stiffness)).tolist():
-        force = curves.force[row]
+        penetration, velocity, force = (values[row] for values in signals)
         top = force == highest[row]
         runs = np.flatnonzero(np.diff(top, prepend=False, append=False)).reshape(-1, 2)
-        law = _force_of_law(curves, fits, row)
+        law = fits.law(row).force(penetration - fits.surface[row], velocity)
         least = _FLAT_STEPS * step_of(force[np.isfinite(force)])
         for first, end in runs.tolist():
             if end - first >= _FLAT and np.ptp(law[first:end]) > least:
                 found[row] = top
     return found
-
-
-def _force_of_law(curves: Curves, fits: CurveFits, row: int) -> Floats:
-    assert curves.velocity is not None
-    depth = curves.penetration[row] - fits.surface[row]
-    force: Floats = fits.law(row).force(depth, curves.velocity[row])
-    return force
 
 
 # Contacts of equal length as arrays: through the whole-curve fit, or the recursion one by one.
@@ -247,21 +207,13 @@ _SHARED = (
     "surface", "surface_range", "exponent", "exponent_range", "offset", "offset_deviation",
     "surface_deviation", "noise", "scale",
 )  # fmt: skip
-_NAMES = ("source", "index", "part", "x", "y", "z")
 
 
 def fits_whole_curves(settings: Settings) -> bool:
     """Whether the whole-curve fit answers what these settings ask."""
     plain = set(settings.preparation) <= {"surface"}
-    gated = settings.minimum_penetration is not None or settings.minimum_force is not None
-    return (
-        settings.method == "variable-projection"
-        and settings.diagnosis != "full"
-        and plain
-        and settings.preparation.get("surface") in (None, "estimate")
-        and not gated
-        and set(settings.estimator) <= {*_SHARED, "outlier_rejection"}
-    )
+    surface = settings.preparation.get("surface")
+    return _may_be_whole(settings) and plain and surface in (None, "estimate")
 
 
 def searches_whole_curves(settings: Settings) -> bool:
@@ -269,10 +221,17 @@ def searches_whole_curves(settings: Settings) -> bool:
 
     The recursion answers the same after every sample, and takes a thousand times as long.
     """
-    own = Settings(method=settings.method, estimator=settings.estimator, diagnosis="none")
-    gated = settings.minimum_penetration is not None or settings.minimum_force is not None
-    full = settings.diagnosis == "full"
-    return settings.searches_surface and fits_whole_curves(own) and not (gated or full)
+    return settings.searches_surface and _may_be_whole(settings)
+
+
+def _may_be_whole(settings: Settings) -> bool:
+    return (
+        settings.method == "variable-projection"
+        and settings.diagnosis != "full"
+        and settings.minimum_penetration is None
+        and settings.minimum_force is None
+        and set(settings.estimator) <= {*_SHARED, "outlier_rejection"}
+    )
 
 
 def row_of_curve(contact: Contact, settings: Settings) -> dict[str, Any]:
@@ -288,9 +247,7 @@ def row_of_curve(contact: Contact, settings: Settings) -> dict[str, Any]:
     # from its end, which alone would be called its edge.
     span = low, high + (high - low) / 79.0
     chosen = {"surface_range": span, "offset_deviation": contact.tare_deviation}
-    own = Settings(
-        method=settings.method, estimator={**chosen, **settings.estimator}, diagnosis="none"
-    )
+    own = replace(settings, estimator={**chosen, **settings.estimator}, diagnosis="none")
     curve = Curves(
         contact.sample_time * np.arange(float(len(contact))),  # times of a segment begin anew
         contact.penetration[None],
@@ -303,9 +260,9 @@ def row_of_curve(contact: Contact, settings: Settings) -> dict[str, Any]:
         raise RecordingError(row["error"])
     if settings.diagnosis == "input":
         row["findings"] = _in_words(contact, row["surface"])
-    left_to_others = {*_NAMES, "method", "checked", "version", "settings"}
-    row = {name: value for name, value in row.items() if name not in left_to_others}
-    return {**row, "prepared": json.dumps(dict(contact.provenance), ensure_ascii=False)}
+    prepared = json.dumps(dict(contact.provenance), ensure_ascii=False)
+    made = {"checked": settings.diagnosis, "settings": settings.digest}
+    return {**row, **made, "prepared": prepared}
 
 
 def identify_curves(
@@ -400,7 +357,8 @@ def _together(curves: Curves, settings: Settings, threads: int) -> "pa.Table":
     fits, kept, left_out = fitted(curves, chosen, rejects=rejects, threads=threads)
     columns = {**_named(curves), **_numbers(fits)}
     columns |= _at_depths(kept, fits, threads)
-    columns["samples"] = _samples(curves)
+    there = np.isfinite(curves.penetration) & np.isfinite(curves.force)
+    columns["samples"] = np.count_nonzero(there, axis=1)
     columns["taken"] = fits.taken
     columns["fit"] = ["whole-curve"] * len(curves)
     columns["flags"] = _flags(fits, left_out)
@@ -415,17 +373,6 @@ def _together(curves: Curves, settings: Settings, threads: int) -> "pa.Table":
         surfaces = enumerate(columns["surface"].tolist())
         columns["findings"] = [_findings(curves, k, settings, d) for k, d in surfaces]
     return table_of(columns, len(curves), settings)
-
-
-def _samples(curves: Curves) -> NDArray[np.int64]:
-    """How many samples of each are there."""
-    whole = np.full(len(curves), curves.penetration.shape[1])
-    with np.errstate(invalid="ignore"):  # a sum is not finite where one of its terms is not
-        gaps = ~np.isfinite(curves.penetration.sum(axis=1) + curves.force.sum(axis=1))
-    for k in np.flatnonzero(gaps).tolist():
-        there = np.isfinite(curves.penetration[k]) & np.isfinite(curves.force[k])
-        whole[k] = np.count_nonzero(there)
-    return whole
 
 
 def _numbers(fits: CurveFits) -> dict[str, Any]:

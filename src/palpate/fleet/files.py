@@ -30,15 +30,9 @@ if TYPE_CHECKING:
 
 _ZARR_ENDINGS = (".zarr", ".zarr.zip")
 _MARKS = ("zarr.json", ".zgroup", ".zarray")
-_CHANNELS = {
-    "penetration": "penetration",
-    "force": "force",
-    "velocity": "velocity",
-    "time": "time",
-    "x": "penetration",
-    "y": "penetration",
-    "z": "penetration",
-}
+#: Arrays of a group, and whose units they have.
+_CHANNELS = {name: name for name in ("penetration", "force", "velocity", "time")}
+_CHANNELS |= dict.fromkeys("xyz", "penetration")
 _CLOCK = "sample_time"
 _PIECE = 1 << 20  # bytes of an object that are fetched at once
 
@@ -253,7 +247,7 @@ MANIFEST = "_fleet.json"
 TIMES = "_seconds"
 REPORT = "report.html"
 # A file of results is named by its contacts, from the one up to the other.
-_PART = re.compile(r"part-(\d{8,})-(\d{8,})\.parquet")
+_PART = re.compile(r"part-(\d{8,})-(\d{8,})\.parquet$")
 
 
 @dataclass(frozen=True, slots=True)
@@ -294,7 +288,11 @@ class Results:
         }
         path = folder / MANIFEST
         if path.exists():
-            _check_same(folder, manifest_of(folder), wanted)
+            if differs := next(_differences(manifest_of(folder), wanted), ""):
+                raise FleetError(
+                    f"{folder}: holds the results of a run with {differs}; choose another folder, "
+                    "or remove this one"
+                )
         else:
             _check_empty(folder)
             write_text(path, json.dumps(wanted, ensure_ascii=False, indent=1) + "\n")
@@ -313,9 +311,9 @@ class Results:
         FleetError
             They cannot be read.
         """
-        kinds: list[str | None] = []
-        if _parts(self.folder):
-            kinds = _joined(self.folder, self.folder, ["error_kind"])["error_kind"].to_pylist()
+        if not _parts(self.folder):
+            return []
+        kinds: list[str | None] = _joined(self.folder, ["error_kind"])["error_kind"].to_pylist()
         return kinds
 
     def write(self, batch: Batch, table: "pa.Table", seconds: Floats) -> None:
@@ -327,18 +325,13 @@ class Results:
             They cannot be written.
         """
         pa = needed("pyarrow", "a table of contacts")
+        parquet = needed("pyarrow.parquet", "a table of contacts")
         times = pa.table({"source": table["source"], "index": table["index"], "seconds": seconds})
-        name = f"part-{batch.first:08d}-{batch.end:08d}.parquet"
-        write_bytes(self.folder / TIMES / name, as_parquet(times))
-        write_bytes(self.folder / name, as_parquet(table))
-
-
-def as_parquet(table: "pa.Table") -> bytes:
-    """Return a table as a file of Parquet: the same table, the same bytes."""
-    parquet = needed("pyarrow.parquet", "a table of contacts")
-    written = io.BytesIO()
-    parquet.write_table(table, written, compression="zstd")
-    return written.getvalue()
+        for folder, each in ((self.folder / TIMES, times), (self.folder, table)):
+            written = io.BytesIO()
+            parquet.write_table(each, written, compression="zstd")
+            name = f"part-{batch.first:08d}-{batch.end:08d}.parquet"
+            write_bytes(folder / name, written.getvalue())
 
 
 def read_results(folder: Path) -> "pa.Table":
@@ -350,7 +343,7 @@ def read_results(folder: Path) -> "pa.Table":
         The folder holds no results, or not all.
     """
     total = manifest_of(folder)["contacts"]
-    table = _joined(folder, folder)
+    table = _joined(folder)
     missing = total - sum(end - first for (first, end), _ in _parts(folder))
     if missing:
         raise FleetError(
@@ -362,27 +355,29 @@ def read_results(folder: Path) -> "pa.Table":
 
 def read_seconds(folder: Path) -> "pa.Table":
     """Read how long each row took: ``source``, ``index`` and ``seconds``."""
-    return _joined(folder, folder / TIMES)
+    return _joined(folder, place=TIMES)
 
 
-def _joined(folder: Path, place: Path, columns: list[str] | None = None) -> "pa.Table":
+def _joined(folder: Path, columns: list[str] | None = None, place: str = ".") -> "pa.Table":
     pa = needed("pyarrow", "a table of contacts")
     parquet = needed("pyarrow.parquet", "a table of contacts")
-    parts = _parts(place)
+    parts = [folder / place / path.name for _, path in _parts(folder)]
     if not parts:
         raise FleetError(f"{folder}: holds no results yet")
     try:
-        return pa.concat_tables([parquet.read_table(part, columns=columns) for _, part in parts])
+        return pa.concat_tables([parquet.read_table(part, columns=columns) for part in parts])
     except (OSError, pa.ArrowException) as error:
-        words = " ".join(str(error).split())
-        raise FleetError(f"{folder}: cannot be read: {words}") from None
+        raise FleetError(f"{folder}: cannot be read: {line_of(error)}") from None
 
 
 def _parts(folder: Path) -> list[tuple[tuple[int, int], Path]]:
-    """The files of results, by their contacts and in the order of these."""
-    found = [(name, folder / name) for name in _names(folder)]
-    matches = [(match, path) for name, path in found if (match := _PART.fullmatch(name))]
-    return sorted(((int(match[1]), int(match[2])), path) for match, path in matches)
+    """The files of results, by their contacts and in the order of these, each contact once."""
+    matches = [(match, folder / name) for name in _names(folder) if (match := _PART.match(name))]
+    found: list[tuple[tuple[int, int], Path]] = []
+    for part, path in sorted(((int(match[1]), int(match[2])), path) for match, path in matches):
+        if not found or part[0] >= found[-1][0][1]:  # of two runs at once the other has it too
+            found.append((part, path))
+    return found
 
 
 def _names(folder: Path) -> list[str]:
@@ -414,31 +409,20 @@ def manifest_of(folder: Path) -> dict[str, Any]:
     return dict(found)
 
 
-def _check_same(folder: Path, there: Mapping[str, Any], wanted: Mapping[str, Any]) -> None:
-    """Refuse a folder of another run, by what differs first."""
-    differs = _difference(there, wanted)
-    if differs:
-        raise FleetError(
-            f"{folder}: holds the results of a run with {differs}; choose another folder, or "
-            "remove this one"
-        )
-
-
-def _difference(there: Mapping[str, Any], wanted: Mapping[str, Any]) -> str:
+def _differences(there: Mapping[str, Any], wanted: Mapping[str, Any]) -> Iterator[str]:
+    """What another run has that this one has not."""
     if there["palpate"] != wanted["palpate"]:
-        return f"palpate {there['palpate']}, and this is {wanted['palpate']}"
-    before, now = there["settings"], wanted["settings"]
+        yield f"palpate {there['palpate']}, and this is {wanted['palpate']}"
+    before, now = (run["settings"] for run in (there, wanted))
     for name in sorted({*before, *now}):
-        if before.get(name) != now.get(name):
-            return f"{name} {_shown(before.get(name))}, and this asks {_shown(now.get(name))}"
+        one, other = (
+            json.dumps(settings.get(name), ensure_ascii=False) for settings in (before, now)
+        )
+        if one != other:
+            yield f"{name} {one}, and this asks {other}"
     if there["sources"] != wanted["sources"]:
         contacts = there["contacts"]
-        return f"{contacts} contacts of other sources, or of these before they were changed"
-    return ""
-
-
-def _shown(value: Any) -> str:
-    return json.dumps(value, ensure_ascii=False)
+        yield f"{contacts} contacts of other sources, or of these before they were changed"
 
 
 def _check_empty(folder: Path) -> None:
@@ -594,12 +578,13 @@ def _remote(text: str, leave_out: Path | None) -> Iterator[ContactSource]:
     try:
         files, root = fsspec.core.url_to_fs(text)
         protocol = text.partition("://")[0]
-        entries = _entries(files, root)
+        listed = (files.glob if glob.has_magic(root) else files.find)(root, detail=True).items()
     except ImportError as error:
         raise MissingExtraError(f"{text}: {error}; it goes beside 'palpate[fleet]'") from None
     except Exception as error:
         raise RecordingError(f"{text}: cannot be listed: {line_of(error)}") from None
-    arrays = _arrays_among(entries)
+    entries = sorted(each for each in listed if each[1].get("type") != "directory")
+    arrays = _arrays_among([name for name, _ in entries])
     for name in sorted(arrays):
         yield _found_array(f"{protocol}://{name}")
     for name, about in entries:
@@ -610,22 +595,11 @@ def _remote(text: str, leave_out: Path | None) -> Iterator[ContactSource]:
             yield ContactSource(address, "file", stamp=_stamp(about), size=size)
 
 
-def _entries(files: Any, root: str) -> list[tuple[str, dict[str, Any]]]:
-    if glob.has_magic(root):
-        found: dict[str, dict[str, Any]] = files.glob(root, detail=True)
-    else:
-        found = files.find(root, detail=True)
-    return sorted(
-        (name, about) for name, about in found.items() if about.get("type") != "directory"
-    )
-
-
-def _arrays_among(entries: Iterable[tuple[str, dict[str, Any]]]) -> set[str]:
+def _arrays_among(names: Iterable[str]) -> set[str]:
     """Folders of objects that are groups of Zarr, and in no other such."""
-    marks = (".zgroup", "zarr.json")
-    found = {name.rpartition("/")[0] for name, _ in entries if name.endswith(marks)}
+    marked = {name.rpartition("/")[0] for name in names if name.endswith(_MARKS[:2])}
     return {
         name
-        for name in found
-        if not any(name.startswith(f"{other}/") for other in found if other != name)
+        for name in marked
+        if not any(name.startswith(f"{other}/") for other in marked if other != name)
     }

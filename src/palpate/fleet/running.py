@@ -42,6 +42,7 @@ if TYPE_CHECKING:
 
 #: A source, and which of its contacts; None where it is one.
 Named = tuple[str, int | None]
+_NAMES = ("source", "index")
 _SAMPLES = ("time", "penetration", "velocity", "force", "segment")
 
 
@@ -104,17 +105,6 @@ def timed_batch(
     if not found:
         return table_of_rows([], settings), np.empty(0)
     return pa.concat_tables([table for table, _ in found]), np.concatenate([s for _, s in found])
-
-
-def lost(batch: "pa.Table", settings: Settings, reason: str) -> "pa.Table":
-    """Return the rows of a batch whose contacts could not be worked on at all."""
-    rows = [
-        {"source": source, "index": index, "error": reason, "error_kind": "FleetError"}
-        for source, index in zip(
-            batch["source"].to_pylist(), batch["index"].to_pylist(), strict=True
-        )
-    ]
-    return table_of_rows(rows, settings)
 
 
 def _runs(batch: "pa.Table | pa.RecordBatch") -> Iterator[tuple[str, list[Named]]]:
@@ -187,7 +177,7 @@ def _held(batch: "pa.Table | pa.RecordBatch", settings: Settings) -> Iterator[Gi
         return prepare(source=source or "", **arrays, **settings.preparation)
 
     for k in range(batch.num_rows):
-        named = {name: columns[name][k].as_py() for name in ("source", "index") if name in columns}
+        named = {name: columns[name][k].as_py() for name in _NAMES if name in columns}
         yield named, partial(contact, k, named.get("source"))
 
 
@@ -522,42 +512,36 @@ def _worked(
             coming.add(future)
         future = next(coming)
         batch = out.pop(future.key)
-        yield batch, _answer(client, future, batch, settings)
+        yield batch, _answer(client, future, batch.table, settings)
 
 
-def _answer(client: Any, future: Any, batch: Batch, settings: Settings) -> Any:
-    """What a task gave; where it ended its workers, that of its parts."""
-    distributed = needed("distributed", "a fleet")
-    try:
-        return future.result()
-    except distributed.KilledWorker:
-        return _in_parts(client, batch.table, settings)
-    except FleetError:
-        raise
-    except Exception as error:
-        words = " ".join(str(error).split()) or type(error).__name__
-        raise FleetError(f"a worker cannot work: {type(error).__name__}: {words}") from None
+def _answer(
+    client: Any, future: Any, table: "pa.Table", settings: Settings, *, alone: bool = False
+) -> "tuple[pa.Table, Floats]":
+    """What a task gave; where it ended its workers, what its ever smaller parts give.
 
-
-def _in_parts(client: Any, table: "pa.Table", settings: Settings) -> Any:
-    """Find the contact that ends workers, in ever smaller parts: it is a row with its reason.
-
-    Four workers have ended over the whole: by it, or by chance, and then the parts are done.
+    Four workers have ended over the whole: by one of its contacts, or by chance, and then the parts
+    are done. One after another, so that each that ends is known to have done it itself: it is a row
+    with its reason.
     """
     distributed = needed("distributed", "a fleet")
     pa = needed("pyarrow", "a table of contacts")
+    try:
+        return future.result()  # type: ignore[no-any-return]
+    except distributed.KilledWorker:
+        if alone and table.num_rows == 1:
+            [(source, index)] = zip(*(table[name].to_pylist() for name in _NAMES), strict=True)
+            return identify_each([(_name(source, index), FleetError(_ENDED))], settings)
+    except FleetError:
+        raise
+    except Exception as error:
+        words = f"{type(error).__name__}: {line_of(error)}"
+        raise FleetError(f"a worker cannot work: {words}") from None
     size = -(-table.num_rows // _PARTS)
-    parts = [table.slice(first, size) for first in range(0, table.num_rows, size)]
-    tables: list[Any] = []
-    seconds: list[Floats] = []
-    for part in parts:  # one after another: each that ends is known to have done it itself
-        try:
-            found, took = client.submit(timed_batch, part, settings, pure=False).result()
-        except distributed.KilledWorker:
-            if part.num_rows > 1:
-                found, took = _in_parts(client, part, settings)
-            else:
-                found, took = lost(part, settings, _ENDED), np.zeros(1)
-        tables.append(found)
-        seconds.append(took)
+    answers = []
+    for first in range(0, table.num_rows, size):
+        part = table.slice(first, size)
+        task = client.submit(timed_batch, part, settings, pure=False)
+        answers.append(_answer(client, task, part, settings, alone=True))
+    tables, seconds = zip(*answers, strict=True)
     return pa.concat_tables(tables), np.concatenate(seconds)
