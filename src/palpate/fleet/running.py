@@ -188,7 +188,6 @@ PATIENCE = 10.0
 LOOPBACK = "127.0.0.1"
 #: States of a nanny that starts no worker any more.
 _GONE = ("failed", "closed")
-_DASHBOARD = f"{LOOPBACK}:8787"
 #: One thread a worker: arithmetic that starts threads of its own would only wait for them.
 _ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
 
@@ -216,17 +215,10 @@ def client_of(
         Dask is not installed.
     """
     distributed = needed("distributed", "a fleet")
-    if scheduler is not None:
-        with _named(distributed, scheduler) as client:
-            _check_workers(client, scheduler)
+    if scheduler is None:
+        with _local(distributed, workers or cores(), dashboard=dashboard) as client:
             yield client
         return
-    with _local(distributed, workers or cores(), dashboard=dashboard) as client:
-        yield client
-
-
-@contextmanager
-def _named(distributed: Any, scheduler: str) -> Iterator[Any]:
     try:
         _check_address(scheduler)
         client = distributed.Client(scheduler, timeout=PATIENCE, set_as_default=False)
@@ -235,10 +227,9 @@ def _named(distributed: Any, scheduler: str) -> Iterator[Any]:
             f"{scheduler}: no scheduler of Dask answers ({line_of(error)}); start one by dask "
             "scheduler, or leave --scheduler out to use the cores of this machine"
         ) from None
-    try:
+    with client:
+        _check_workers(client, scheduler)
         yield client
-    finally:
-        client.close()
 
 
 def _check_address(scheduler: str) -> None:
@@ -257,7 +248,6 @@ def _check_address(scheduler: str) -> None:
 @contextmanager
 def _local(distributed: Any, workers: int, *, dashboard: bool) -> Iterator[Any]:
     dask = needed("dask", "a fleet")
-    address = _DASHBOARD if dashboard else f"{LOOPBACK}:0"
     # A worker that is stopped from outside is no reason to give its work up at the fourth time:
     # what kills workers is found by giving it to one alone.
     settings = {
@@ -267,7 +257,6 @@ def _local(distributed: Any, workers: int, *, dashboard: bool) -> Iterator[Any]:
         "distributed.deploy.lost-worker-timeout": "2 s",
         "distributed.scheduler.worker-saturation": 2.0,
     }
-    quiet = os.environ.get("PALPATE_DASK_LOGS") is None
     with dask.config.set(settings):
         with ignoring_interrupts():
             cluster = distributed.LocalCluster(
@@ -275,9 +264,9 @@ def _local(distributed: Any, workers: int, *, dashboard: bool) -> Iterator[Any]:
                 threads_per_worker=1,
                 processes=True,
                 host=LOOPBACK,
-                dashboard_address=address,
+                dashboard_address=f"{LOOPBACK}:{8787 if dashboard else 0}",
                 worker_dashboard_address=None,
-                silence_logs=60 if quiet else 30,
+                silence_logs=60,
                 scheduler_kwargs={"dashboard": dashboard},
             )
         try:
