@@ -185,7 +185,7 @@ def test_the_colour_bar_of_a_map_shows_on_which_side_values_lie_beyond_it(wild, 
     pytest.importorskip("matplotlib")
     from palpate.figures import draw_map
 
-    value = np.full(400, 100.0)
+    value = np.repeat([100.0, 200.0], 200)
     value[: len(wild)] = wild
     x, y = (1e-3 * each.reshape(-1) for each in np.mgrid[:20, :20])
     table = rows(value, np.full(400, 3.0), x=x.tolist(), y=y.tolist())
