@@ -45,11 +45,12 @@ from palpate.identification.identified import (
     NEGATIVE_STIFFNESS,
     nothing_taken,
 )
+from palpate.identification.replaying import estimator_of
 from palpate.preparation.gates import choose_gate, resolutions_of
 from palpate.preparation.preparing import Recorded, prepare
 from palpate.preparation.velocity import spikes_of_rows, step_of, velocity_of
 from palpate.recordings.recording import Recording, printable
-from palpate.validation import Floats, number_in, real_array, shown, whole_in
+from palpate.validation import Floats, number_in, real_array, whole_in
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -569,17 +570,11 @@ def settings_of(
     preparation: Mapping[str, Any] | None = None,
 ) -> Settings:
     """Return the settings of a fleet by an estimator as :func:`palpate.identify` takes it."""
+    chosen = estimator_of(method)
+    usual = type(chosen)().settings
+    own = {name: value for name, value in chosen.settings.items() if value != usual[name]}
     prepared = dict(preparation or {})
-    if method is None or isinstance(method, str):
-        name = "variable-projection" if method is None else method
-        return Settings(method=name, diagnosis=diagnosis, preparation=prepared)
-    if not isinstance(method, ContactEstimator):
-        raise InvalidParameterError(
-            f"method must be a ContactEstimator or its name, not {shown(method)}"
-        )
-    usual = type(method)().settings
-    own = {name: value for name, value in method.settings.items() if value != usual[name]}
-    return Settings(method=method.method, estimator=own, diagnosis=diagnosis, preparation=prepared)
+    return Settings(method=chosen.method, estimator=own, diagnosis=diagnosis, preparation=prepared)
 
 
 def _numbered(contacts: "Iterable[Contact | Recorded]") -> Iterator[Given]:

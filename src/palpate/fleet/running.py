@@ -121,8 +121,7 @@ def _identified(
     kind: str, named: list[Named], settings: Settings, threads: int
 ) -> "tuple[pa.Table, Floats]":
     if kind != "zarr":
-        recordings = _in_files(named) if kind == "file" else _in_map(named)
-        return identify_each(recordings, settings, searching=kind == "map")
+        return identify_each(_in_files(kind, named), settings, searching=kind == "map")
     source, numbers = named[0][0], [index or 0 for _, index in named]
     first, count = min(numbers), max(numbers) - min(numbers) + 1
     try:
@@ -138,31 +137,27 @@ def _name(source: str, index: int | None) -> Row:
     return {"source": source, "index": index}
 
 
-def _in_files(named: list[Named]) -> Iterator[Given]:
-    for source, index in named:
+def _in_files(kind: str, named: list[Named]) -> Iterator[Given]:
+    """Contacts of files; of a map, which is opened once, they are all of one."""
+    for some in [named] if kind == "map" else ([each] for each in named):
+        left, source = deque(some), some[0][0]
+        path = Path(source)
         try:
             with on_this_machine(source) as path:
-                try:
-                    yield _name(source, index), open_recording(path, curve=index)
-                except PalpateError as error:
-                    if "://" not in source:
-                        raise  # else the name of a copy would tell a person nothing
-                    raise RecordingError(str(error).replace(printable(path), source)) from None
+                if kind == "map":
+                    from palpate.recordings.afm import read_curves
+
+                    found = read_curves(path, [index or 0 for _, index in some])
+                else:
+                    found = iter([open_recording(path, curve=some[0][1])])
+                for recording in found:
+                    yield _name(*left.popleft()), recording
         except Exception as error:
-            yield _name(source, index), error
-
-
-def _in_map(named: list[Named]) -> Iterator[Given]:
-    """Curves of one file, which is opened once."""
-    from palpate.recordings.afm import read_curves
-
-    left = deque(named)
-    try:
-        with on_this_machine(named[0][0]) as path:
-            for read in read_curves(path, [index or 0 for _, index in named]):
-                yield _name(*left.popleft()), read
-    except Exception as error:  # of the file as a whole
-        yield from ((_name(*each), error) for each in left)
+            why = error
+            if "://" in source and isinstance(error, PalpateError):
+                # The name of a copy would tell a person nothing.
+                why = RecordingError(str(error).replace(printable(path), source))
+            yield from [(_name(*each), why) for each in left]
 
 
 def _held(batch: "pa.Table | pa.RecordBatch", settings: Settings) -> Iterator[Given]:
