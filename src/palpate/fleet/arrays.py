@@ -369,7 +369,7 @@ def _together(curves: Curves, settings: Settings, threads: int) -> "pa.Table":
             if isinstance(values, np.ndarray) and values.dtype == np.float64 and name not in "xyz":
                 values[k] = np.nan
         columns["flags"][k] = columns["fit"][k] = columns["covariance"][k] = None
-        columns["error"][k], columns["error_kind"][k] = str(error), type(error).__name__
+        columns["error"][k], columns["error_kind"][k] = error, RecordingError.__name__
     if settings.diagnosis == "input":
         surfaces = enumerate(columns["surface"].tolist())
         columns["findings"] = [_findings(curves, k, settings, d) for k, d in surfaces]
@@ -428,37 +428,34 @@ def _flags(fits: CurveFits, left_out: NDArray[np.int64]) -> list[Any]:
     unsettled = fits.status == STATUS_WORDS.index("did not settle")
     flags: list[Any] = [ADVICE_OF[bits] for bits in fits.flags.tolist()]
     for k in np.flatnonzero(few | pulling | giving | unsettled | (left_out > 0)).tolist():
-        more = [f"only {fits.taken[k]} samples in contact"] if few[k] else []
-        more += [NEGATIVE_STIFFNESS] if pulling[k] else []
-        more += [NEGATIVE_DAMPING] if giving[k] else []
-        if unsettled[k]:
-            more.append("the search for the least squares did not settle: others may fit better")
-        if left_out[k]:
-            count = int(left_out[k])
-            more.append(count_of_outliers(count, count + int(fits.taken[k])))
-        flags[k] = [*flags[k], *more]
+        taken, count = int(fits.taken[k]), int(left_out[k])
+        more = {
+            f"only {taken} samples in contact": few[k],
+            NEGATIVE_STIFFNESS: pulling[k],
+            NEGATIVE_DAMPING: giving[k],
+            "the search for the least squares did not settle: others may fit better": unsettled[k],
+            count_of_outliers(count, max(count + taken, 1)): count,
+        }
+        flags[k] = [*flags[k], *(words for words, so in more.items() if so)]
     return flags
 
 
-def _errors(curves: Curves, fits: CurveFits, settings: Settings) -> dict[int, RecordingError]:
+def _errors(curves: Curves, fits: CurveFits, settings: Settings) -> dict[int, str]:
     """Why some have no numbers: as :func:`palpate.identify` says it."""
     where = f"{curves.source}: " if curves.source else ""
-    found = {k: RecordingError(f"{where}{words}") for k, words in curves.wrong_clocks().items()}
-    for k in np.flatnonzero(fits.status == STATUS_WORDS.index("no contact")).tolist():
-        found.setdefault(k, RecordingError(_why_nothing(curves, k)))
+    found = {}
     if settings.searches_surface:
         above = (curves.penetration < fits.surface[:, None]).sum(axis=1)
         for k in np.flatnonzero(above < FEWEST_ABOVE).tolist():
-            found.setdefault(
-                k,
-                RecordingError(
-                    f"{where}the search for the surface needs the free approach: {above[k]} of "
-                    f"{curves.penetration.shape[1]} samples lie above the best surface, "
-                    f"{rounded(fits.surface[k], 3)} m, and at least {FEWEST_ABOVE} have to; record "
-                    "from before the touch, or give the penetration from a known surface"
-                ),
+            found[k] = (
+                f"{where}the search for the surface needs the free approach: {above[k]} of "
+                f"{curves.penetration.shape[1]} samples lie above the best surface, "
+                f"{rounded(fits.surface[k], 3)} m, and at least {FEWEST_ABOVE} have to; record "
+                "from before the touch, or give the penetration from a known surface"
             )
-    return found
+    for k in np.flatnonzero(fits.status == STATUS_WORDS.index("no contact")).tolist():
+        found[k] = _why_nothing(curves, k)
+    return found | {k: f"{where}{words}" for k, words in curves.wrong_clocks().items()}
 
 
 def _why_nothing(curves: Curves, row: int) -> str:
@@ -550,7 +547,14 @@ def identify_many(
     MissingExtraError
         pyarrow is not installed.
     """
-    settings = settings_of(method, diagnosis, preparation)
+    chosen = estimator_of(method)
+    usual = type(chosen)().settings
+    settings = Settings(
+        method=chosen.method,
+        estimator={name: each for name, each in chosen.settings.items() if each != usual[name]},
+        diagnosis=diagnosis,
+        preparation=dict(preparation or {}),
+    )
     arrays = {"penetration": penetration, "force": force}
     given = [name for name, values in arrays.items() if values is not None]
     if contacts is not None and given:
@@ -562,19 +566,6 @@ def identify_many(
     curves = _curves(penetration, force, velocity, time, sample_time, places or {}, source)
     count = cores() if threads is None else whole_in("threads", threads, 1, 1024)
     return identify_curves(curves, settings, threads=count)[0]
-
-
-def settings_of(
-    method: ContactEstimator | str | None,
-    diagnosis: DiagnosisDepth = "input",
-    preparation: Mapping[str, Any] | None = None,
-) -> Settings:
-    """Return the settings of a fleet by an estimator as :func:`palpate.identify` takes it."""
-    chosen = estimator_of(method)
-    usual = type(chosen)().settings
-    own = {name: value for name, value in chosen.settings.items() if value != usual[name]}
-    prepared = dict(preparation or {})
-    return Settings(method=chosen.method, estimator=own, diagnosis=diagnosis, preparation=prepared)
 
 
 def _numbered(contacts: "Iterable[Contact | Recorded]") -> Iterator[Given]:

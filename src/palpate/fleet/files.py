@@ -190,15 +190,14 @@ def _shape(group: Any, name: str) -> tuple[tuple[int, int], tuple[int, int]]:
             f"{tuple(group['penetration'].shape)} and {shape}"
         )
     for channel in known & set(_CHANNELS):
-        if group[channel].dtype.kind not in "fiu":
+        array, wanted = group[channel], shape[:1] if channel in "xyz" else shape
+        if array.dtype.kind not in "fiu":
             raise RecordingError(
-                f"{name}: {channel} is an array of {group[channel].dtype}, not of real numbers"
+                f"{name}: {channel} is an array of {array.dtype}, not of real numbers"
             )
-    for channel in ("velocity", "x", "y", "z"):
-        wanted = shape if channel == "velocity" else shape[:1]
-        if channel in known and tuple(group[channel].shape) != wanted:
+        if channel != "time" and tuple(array.shape) != wanted:
             raise RecordingError(
-                f"{name}: {channel} must be of the shape {wanted}, not {group[channel].shape}"
+                f"{name}: {channel} must be of the shape {wanted}, not {array.shape}"
             )
     return (shape[0], shape[1]), tuple(group["force"].chunks)
 
@@ -216,17 +215,13 @@ def _in_si(array: Any, kind: str, rows: slice, name: str) -> Floats:
     for missing in ("_FillValue", "missing_value"):
         if isinstance(attributes.get(missing), int | float):
             values = np.where(values == attributes[missing], np.nan, values)
-    factor, offset = (_packing(attributes, kind, name) for kind in ("scale_factor", "add_offset"))
+    factor, offset = attributes.get("scale_factor", 1.0), attributes.get("add_offset", 0.0)
+    for kind, value in (("scale_factor", factor), ("add_offset", offset)):
+        if not isinstance(value, int | float) or not math.isfinite(value):
+            raise RecordingError(f"{name}: its attribute {kind} is no number: {value!r}")
     if (factor, offset) != (1.0, 0.0):
         values = values * factor + offset
     return values if known[word] == 1.0 else values * known[word]
-
-
-def _packing(attributes: Mapping[str, Any], kind: str, name: str) -> float:
-    value = attributes.get(kind, 1.0 if kind == "scale_factor" else 0.0)
-    if not isinstance(value, int | float) or not math.isfinite(value):
-        raise RecordingError(f"{name}: its attribute {kind} is no number: {value!r}")
-    return float(value)
 
 
 def _even_clock(group: Any, samples: int, name: str) -> Floats:
@@ -384,7 +379,7 @@ def _names(folder: Path) -> list[str]:
     try:
         return [path.name for path in folder.iterdir()]
     except OSError as error:
-        raise RecordingError(f"{folder}: {error.strerror or error}") from None
+        raise RecordingError(f"{printable(folder)}: {error.strerror or error}") from None
 
 
 def manifest_of(folder: Path) -> dict[str, Any]:
@@ -465,69 +460,52 @@ def sources_of(
     found: dict[str, ContactSource] = {}
     for name in names:
         text = os.fspath(name)
-        kind = _remote if "://" in text else _local
-        listed = [(_identity(source.name), source) for source in kind(text, leave_out)]
+        results = "" if leave_out is None else os.path.realpath(leave_out)
+        listed = list(_remote(text) if "://" in text else _local(text, results))
         if not listed:
             raise RecordingError(
                 f"{printable(text)}: there is no recording here; recordings end in "
                 f"{', '.join(_ENDINGS)}"
             )
-        for identity, source in listed:
+        for source in listed:  # a file is one contact however it is named
+            identity = source.name if "://" in text else os.path.realpath(source.name)
             found.setdefault(identity, replace(source, name=printable(source.name)))
     return list(found.values())
 
 
-def _identity(name: str) -> str:
-    """The same for every name of one file, which is one contact however it is named."""
-    return name if "://" in name else os.path.realpath(name)
-
-
-def _local(text: str, leave_out: Path | None) -> Iterator[ContactSource]:
+def _local(text: str, results: str) -> Iterator[ContactSource]:
     path = Path(text)
     if glob.has_magic(text) and not path.exists():
         for each in sorted(glob.glob(text, recursive=True)):  # noqa: PTH207 - ** of absolute paths
-            yield from _at(Path(each), leave_out)
+            yield from _at(Path(each), (results,))
         return
     if not path.exists():
         raise RecordingError(f"{printable(path)}: there is no such file or folder")
-    if leave_out is not None and _same(path, leave_out):
+    if os.path.realpath(path) == results:
         raise RecordingError(f"{printable(path)}: is the folder of the results; choose another")
-    yield from _at(path, leave_out, named=True)
+    yield from _at(path, (results,), named=True)
 
 
-def _at(
-    path: Path, leave_out: Path | None, above: tuple[str, ...] = (), *, named: bool = False
-) -> Iterator[ContactSource]:
+def _at(path: Path, outside: tuple[str, ...], *, named: bool = False) -> Iterator[ContactSource]:
     """What a path holds; a file that was named is one whatever its name ends with.
 
-    What cannot be read is a source too, of which a row will say that, unless it was named.
+    What cannot be read is a source too, of which a row will say that, unless it was named. Folders
+    of results, of whichever run, and those that this one is within hold none.
     """
-    name = str(path)
-    if path.is_dir() and not is_array(name):
-        yield from _in_folder(path, leave_out, above)
-    elif is_array(name):
+    name, here = str(path), os.path.realpath(path)
+    if is_array(name):
         yield described_array(name) if named else _found_array(name)
-    elif named or (path.name.lower().endswith(_ENDINGS) and (path.is_file() or _dangling(path))):
+    elif not path.is_dir():
+        # A pipe would be waited for without end.
+        readable = path.name.lower().endswith(_ENDINGS) and (path.is_file() or not path.exists())
+        if named or readable:
+            yield _file(name, path)
+    elif (path / _BAG).is_file():  # a bag of ROS 2 is a folder
         yield _file(name, path)
-
-
-def _in_folder(
-    path: Path, leave_out: Path | None, above: tuple[str, ...]
-) -> Iterator[ContactSource]:
-    here = os.path.realpath(path)
-    if (path / _BAG).is_file():  # a bag of ROS 2 is a folder
-        yield _file(str(path), path)
-        return
-    results = leave_out is not None and _same(path, leave_out)
-    if results or here in above or (path / MANIFEST).is_file():  # results, of whichever run
-        return
-    try:
-        inside = sorted(path.iterdir())
-    except OSError as error:
-        raise RecordingError(f"{printable(path)}: {error.strerror or error}") from None
-    for each in inside:
-        if not each.name.startswith((".", "_")):
-            yield from _at(each, leave_out, (*above, here))
+    elif here not in outside and not (path / MANIFEST).is_file():
+        for each in sorted(_names(path)):
+            if not each.startswith((".", "_")):
+                yield from _at(path / each, (*outside, here))
 
 
 def _found_array(name: str) -> ContactSource:
@@ -536,11 +514,6 @@ def _found_array(name: str) -> ContactSource:
         return described_array(name)
     except RecordingError:
         return ContactSource(name, "zarr", 1)
-
-
-def _dangling(path: Path) -> bool:
-    """Whether it is a link to what is not there; a pipe would be waited for without end."""
-    return path.is_symlink() and not path.exists()
 
 
 def _file(name: str, path: Path) -> ContactSource:
@@ -565,11 +538,7 @@ def _curves_in(path: Path) -> int | None:
         return None
 
 
-def _same(one: Path, other: Path) -> bool:
-    return os.path.realpath(one) == os.path.realpath(other)
-
-
-def _remote(text: str, leave_out: Path | None) -> Iterator[ContactSource]:
+def _remote(text: str) -> Iterator[ContactSource]:
     """What is at an address; the results are on disk, and never within."""
     if is_array(text):
         yield described_array(text)
