@@ -101,25 +101,6 @@ class Curves:
         velocity = np.array(rows).reshape(self.penetration.shape)
         return replace(self, velocity=velocity)
 
-    def wrong_clocks(self) -> dict[int, str]:
-        """Which rows have times that do not increase from sample to sample, and where."""
-        there = np.isfinite(self.penetration) & np.isfinite(self.force)
-        clocks = np.atleast_2d(self.time)
-        with np.errstate(invalid="ignore"):
-            even = (np.diff(clocks, axis=1) > 0.0).all(axis=1)
-        found = {}
-        for row in np.flatnonzero(~np.broadcast_to(even, len(self))).tolist():
-            time = self.clock(row)[there[row]]
-            wrong = np.flatnonzero(~(np.diff(time) > 0.0))
-            if wrong.size:
-                k = int(wrong[0])
-                sample = int(np.flatnonzero(there[row])[k + 1])
-                found[row] = (
-                    "time must be finite and increase from sample to sample; sample "
-                    f"{sample} is at {time[k + 1]:.6g} s, after {time[k]:.6g} s"
-                )
-        return found
-
     def contact(self, row: int, settings: Settings) -> Contact:
         """One of them as a contact, prepared as the settings say.
 
@@ -372,7 +353,7 @@ def _together(curves: Curves, settings: Settings, threads: int) -> "pa.Table":
         columns["error"][k], columns["error_kind"][k] = error, RecordingError.__name__
     if settings.diagnosis == "input":
         surfaces = enumerate(columns["surface"].tolist())
-        columns["findings"] = [_findings(curves, k, settings, d) for k, d in surfaces]
+        columns["findings"] = [_in_words(_made(curves, k, settings), d) for k, d in surfaces]
     return table_of(columns, len(curves), settings)
 
 
@@ -454,28 +435,29 @@ def _errors(curves: Curves, fits: CurveFits, settings: Settings) -> dict[int, st
                 "from before the touch, or give the penetration from a known surface"
             )
     for k in np.flatnonzero(fits.status == STATUS_WORDS.index("no contact")).tolist():
-        found[k] = _why_nothing(curves, k)
-    return found | {k: f"{where}{words}" for k, words in curves.wrong_clocks().items()}
+        made = _made(curves, k, Settings())
+        found[k] = made if isinstance(made, str) else nothing_taken(made, choose_gate(made))
+    with np.errstate(invalid="ignore"):
+        uneven = ~(np.diff(np.atleast_2d(curves.time), axis=1) > 0.0).all(axis=1)
+    for k in np.flatnonzero(np.broadcast_to(uneven, len(curves))).tolist():
+        made = _made(curves, k, Settings())
+        if isinstance(made, str):
+            found[k] = f"{where}{made}"
+    return found
 
 
-def _why_nothing(curves: Curves, row: int) -> str:
+def _made(curves: Curves, row: int, settings: Settings) -> Contact | str:
+    """A row as a contact, or why it cannot be one."""
     try:
-        contact = curves.contact(row, Settings())
+        return curves.contact(row, settings)
     except Exception as error:
         return str(error)
-    return nothing_taken(contact, choose_gate(contact))
 
 
-def _findings(curves: Curves, row: int, settings: Settings, surface: float) -> list[str]:
-    try:
-        contact = curves.contact(row, settings)
-    except Exception as error:
-        return [f"do-not-trust: file: {error}"]
-    return _in_words(contact, surface)
-
-
-def _in_words(contact: Contact, surface: float) -> list[str]:
+def _in_words(contact: Contact | str, surface: float) -> list[str]:
     """What the checks say of the data, the penetration counted from the surface that was found."""
+    if isinstance(contact, str):
+        return [f"do-not-trust: file: {contact}"]
     if math.isfinite(surface):
         contact = replace(contact, penetration=contact.penetration - surface)
     return [in_words(each) for each in Data(contact).findings]

@@ -64,7 +64,7 @@ def draw_distributions(
         for (name, column, unit), (above, below) in zip(shown, panels, strict=True):
             value = numbers(table, column)
             error = numbers(table, f"{column}_standard_error")
-            scale = scale_of(_typical(value), unit)
+            scale = scale_of(_usual(value, 90.0), unit)
             wide = _spans_decades(value)
             label = scale.label(name)
             _histogram(above, scale.factor * value, label, name, look, logarithmic=wide)
@@ -123,11 +123,6 @@ def _spans_decades(values: Floats) -> bool:
         return False
     low, high = np.percentile(known, _HISTOGRAM_SPAN).tolist()
     return bool(high > _DECADES * low)
-
-
-def _typical(values: Floats) -> float:
-    known = np.abs(values[np.isfinite(values)])
-    return float(np.percentile(known, 90.0)) if known.size else 0.0
 
 
 def _histogram(
@@ -201,10 +196,10 @@ def draw_map(found: Map, *, dark: bool = False, width: float | None = None) -> "
     return figure
 
 
-def _usual(values: Floats) -> float:
+def _usual(values: Floats, percentile: float = _COLOUR_SPAN[1]) -> float:
     """The size that a unit is chosen for: one wild value does not."""
     known = np.abs(values[np.isfinite(values)])
-    return float(np.percentile(known, _COLOUR_SPAN[1])) if known.size else 0.0
+    return float(np.percentile(known, percentile)) if known.size else 0.0
 
 
 def _draw_line(axes: "Axes", found: Map, what: str, unit: AxisScale, look: Look) -> None:

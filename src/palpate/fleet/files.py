@@ -253,14 +253,11 @@ class Results:
     ----------
     folder : Path
         Where they are.
-    settings : Settings
-        They are made by.
     contacts : int
         How many there are to be.
     """
 
     folder: Path
-    settings: Settings
     contacts: int
 
     @classmethod
@@ -292,7 +289,7 @@ class Results:
             _check_empty(folder)
             write_text(path, json.dumps(wanted, ensure_ascii=False, indent=1) + "\n")
         make_folder(folder / TIMES)
-        return cls(folder, settings, wanted["contacts"])
+        return cls(folder, wanted["contacts"])
 
     def done(self) -> list[tuple[int, int]]:
         """The contacts that are there, from the one up to the other of each file."""

@@ -128,13 +128,13 @@ def _identified(
         curves = curves_of(source, first, count)
         table, seconds = identify_curves(curves, settings, threads=threads)
     except Exception as error:
-        return identify_each([(_name(*each), error) for each in named], settings)
+        return identify_each([(_name(each), error) for each in named], settings)
     rows = np.subtract(numbers, first)
     return table.take(rows), seconds[rows]
 
 
-def _name(source: str, index: int | None) -> Row:
-    return {"source": source, "index": index}
+def _name(named: Named) -> Row:
+    return dict(zip(_NAMES, named, strict=True))
 
 
 def _in_files(kind: str, named: list[Named]) -> Iterator[Given]:
@@ -151,13 +151,13 @@ def _in_files(kind: str, named: list[Named]) -> Iterator[Given]:
                 else:
                     found = iter([open_recording(path, curve=some[0][1])])
                 for recording in found:
-                    yield _name(*left.popleft()), recording
+                    yield _name(left.popleft()), recording
         except Exception as error:
             why = error
             if "://" in source and isinstance(error, PalpateError):
                 # The name of a copy would tell a person nothing.
                 why = RecordingError(str(error).replace(printable(path), source))
-            yield from [(_name(*each), why) for each in left]
+            yield from [(_name(each), why) for each in left]
 
 
 def _held(batch: "pa.Table | pa.RecordBatch", settings: Settings) -> Iterator[Given]:
@@ -514,8 +514,8 @@ def _answer(
         return future.result()  # type: ignore[no-any-return]
     except distributed.KilledWorker:
         if alone and table.num_rows == 1:
-            [(source, index)] = zip(*(table[name].to_pylist() for name in _NAMES), strict=True)
-            return identify_each([(_name(source, index), FleetError(_ENDED))], settings)
+            [named] = table.select(_NAMES).to_pylist()
+            return identify_each([(named, FleetError(_ENDED))], settings)
     except FleetError:
         raise
     except Exception as error:
