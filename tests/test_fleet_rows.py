@@ -151,7 +151,7 @@ def test_times_that_do_not_increase_are_an_error_whatever_is_checked(surface):
     time[1, 100] = time[1, 99]
     rows = fitted(x, None, f, surface, time=time)
     assert [row["error"] is None for row in rows] == [True, False, True]
-    assert "sample 100 is at 0.099 s, after 0.099 s" in rows[1]["error"]
+    assert "increase within a segment; sample 100 is 0.099 s after 0.099 s" in rows[1]["error"]
     assert np.isnan(rows[1]["stiffness"])
 
 

@@ -69,16 +69,16 @@ def test_a_folder_of_all_kinds_becomes_a_row_each(run, recordings, tmp_path, mon
 
 
 def begun(recordings, folder, **settings):
-    sources = sources_of([recordings])
-    return Results.begin(folder, Settings(**settings), sources), sources
+    sources, chosen = sources_of([recordings]), Settings(**settings)
+    return Results.begin(folder, chosen, sources), sources, chosen
 
 
 def finished(run, most=None, *, seconds=10.0, workers=1):
     """Identify what is left of a run, or so many batches of it; which contacts these are."""
-    results, sources = run
+    results, sources, settings = run
     waiting = batches(sources, [seconds] * len(sources), workers, results.done())[:most]
     for batch in waiting:
-        results.write(batch, *timed_batch(batch.table, results.settings))
+        results.write(batch, *timed_batch(batch.table, settings))
     return [k for batch in waiting for k in range(batch.first, batch.end)]
 
 

@@ -124,11 +124,9 @@ def design(
         PAPER_MOTION.frequencies if plan.frequencies is None else plan.frequencies,
     )
     result = run(
-        HuntCrossley(guess.stiffness, guess.damping, guess.exponent),
+        HuntCrossley(**vars(guess)),
         motion,
-        noise=sensor.noise,
-        resolution=sensor.resolution,
-        sample_time=sensor.sample_time,
+        **vars(sensor),
         offset=offset,
         surface=surface,
         max_depth=plan.max_depth,

@@ -61,11 +61,9 @@ def command_line(design: Design) -> str | None:
     """Return the command that designs with the better motion in place of the planned one."""
     if design.better is None:
         return None
-    law, motion, limits = design.law, design.better.motion, design.limits
+    motion, limits = design.better.motion, design.limits
     options: dict[str, tuple[float, ...]] = {
-        "stiffness": (law.stiffness,),
-        "damping": (law.damping,),
-        "exponent": (law.exponent,),
+        **{name: (value,) for name, value in design.law.as_dict().items()},
         "noise": (design.noise,),
         "resolution": (design.resolution,) if design.resolution else (),
         "sample-time": (design.sample_time,) if design.sample_time != 1e-3 else (),
@@ -85,8 +83,8 @@ def command_line(design: Design) -> str | None:
 
 
 def _columns(design: Design) -> list[tuple[PredictedPrecision, str]]:
-    better = [] if design.better is None else [(design.better, "better")]
-    return [(design.planned, "planned"), *better]
+    shown = (design.planned, "planned"), (design.better, "better")
+    return [(each, name) for each, name in shown if each is not None]
 
 
 def _sensor(design: Design) -> str:
@@ -104,17 +102,16 @@ def _print_precision(design: Design, console: Console) -> None:
     shown = _columns(design)
     headings = [f">{name}\n{symbol}" for _, name in shown for symbol in design.law.symbols]
     rows: list[list[str]] = []
-    for row, duration in enumerate(design.planned.durations):
-        errors = [e for predicted, _ in shown for e in predicted.relative_errors[row].tolist()]
-        rows.append([f"± after {rounded(duration, 3)} s", *map(_percent, errors)])
-    if design.resolution and not all(
-        np.array_equal(o.expected_errors, o.relative_errors) for o, _ in shown
-    ):
-        errors = [e for predicted, _ in shown for e in predicted.expected_errors[-1].tolist()]
-        rows.append(["  with rounding", *map(_percent, errors)])
-    for row, target in enumerate(design.planned.targets):
-        times = [t for predicted, _ in shown for t in predicted.times[row].tolist()]
-        rows.append([f"within {target:.0%} after", *map(_seconds, times)])
+    errors, rounding, times = (
+        np.hstack([getattr(predicted, name) for predicted, _ in shown])
+        for name in ("relative_errors", "expected_errors", "times")
+    )
+    for duration, row in zip(design.planned.durations, errors.tolist(), strict=True):
+        rows.append([f"± after {rounded(duration, 3)} s", *map(_percent, row)])
+    if design.resolution and not np.array_equal(rounding, errors):
+        rows.append(["  with rounding", *map(_percent, rounding[-1].tolist())])
+    for target, row in zip(design.planned.targets, times.tolist(), strict=True):
+        rows.append([f"within {target:.0%} after", *map(_seconds, row)])
     print_table(console, ["", *headings], rows)
 
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from cyclopts import Group, Parameter
 
 from palpate.cli import complain
-from palpate.cli.options import UNTRUSTED, Depth, Duration, ResultFolder, quantity
+from palpate.cli.options import UNTRUSTED, Depth, Duration, ResultFolder, quantities
 from palpate.cli.printing import AsJson, Terminal, print_json, say, say_path
 from palpate.errors import ExportRefusedError
 
@@ -35,12 +35,7 @@ class Into:
 
     def options(self) -> dict[str, Any]:
         """What is asked for, SI."""
-        found = vars(self).copy()
-        if self.tip_radius is not None:
-            found["tip_radius"] = quantity("--tip-radius", self.tip_radius, "penetration")
-        if self.time_step is not None:
-            found["time_step"] = quantity("--time-step", self.time_step, "time")
-        return found
+        return vars(self) | quantities(self, tip_radius="penetration", time_step="time")
 
 
 def export(

@@ -1,6 +1,6 @@
 """The command ``palpate fleet``."""
 
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal, TypeAlias
 
@@ -85,19 +85,16 @@ def fleet(
         require_figures()
     try:
         with bar("identifying") as progress:
-            found = run_fleet(
-                sources,
-                output,
-                settings,
-                workers=running.workers,
-                scheduler=running.scheduler,
-                dashboard=running.dashboard,
-                progress=progress,
-            )
+            found = run_fleet(sources, output, settings, **vars(running), progress=progress)
     except KeyboardInterrupt:
         complain(f"interrupted; what is done is in {output}, and the same command goes on")
         raise
-    page = _report(output) if report else None
+    page = None
+    if report:
+        from palpate.fleet.report import save_report
+
+        with bar("writing the report"):
+            page = save_report(output)
     _print(found, page, as_json=as_json)
     if not found.identified:
         complain(f"nothing was identified: none of the {found.failures} rows has numbers")
@@ -134,25 +131,16 @@ def require_figures() -> None:
     style(LIGHT)
 
 
-def _report(folder: Path) -> Path:
-    from palpate.fleet.report import save_report
-
-    with bar("writing the report"):
-        return save_report(folder)
-
-
 def _print(found: "Fleet", page: Path | None, *, as_json: bool) -> None:
     if as_json:
-        names = ["contacts", "reused", "rows", "identified", "failures", "reasons", "seconds"]
-        numbers = {name: getattr(found, name) for name in names}
         paths = {"folder": str(found.folder), "report": None if page is None else str(page)}
-        print_json({**paths, **numbers})
+        print_json({**asdict(found), **paths})
         return
     console = Terminal()
     new = found.contacts - found.reused
     if found.reused:
-        of_all = f"{found.reused} of {_counted(found.contacts)}"
-        say(console, f"{of_all} reused from an earlier run")
+        words = f"{found.reused} of {_counted(found.contacts)} reused from an earlier run"
+        say(console, words)
     if new:
         rate = new / found.seconds if found.seconds > 0.0 else 0.0
         words = f"{_counted(new)} in {found.seconds:.3g} s, {rate:.3g} a second"
@@ -172,8 +160,6 @@ def _counted(contacts: int) -> str:
 
 
 # The command ``palpate map``.
-
-_FIGURE = Path("map.svg")
 
 
 def map(
@@ -206,8 +192,7 @@ def map(
     from palpate.fleet.files import read_results
     from palpate.fleet.maps import map_of
 
-    if drawing.figure is None:
-        drawing = replace(drawing, figure=_FIGURE)
+    drawing = replace(drawing, figure=drawing.figure or Path("map.svg"))
     drawing.check()
     depth = None if at is None else quantity("--at", at, "penetration")
     found = map_of(read_results(results), by.split(","), of=of, depth=depth)

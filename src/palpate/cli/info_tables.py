@@ -16,6 +16,7 @@ from palpate.errors import RecordingError, printable
 from palpate.preparation import roles_of
 from palpate.recordings.recording import Recording
 from palpate.recordings.survey import ChannelSurvey, ClockSurvey, Survey
+from palpate.validation import plain
 
 #: Of the JSON; a field that goes, or means another thing, makes it the next.
 SCHEMA_VERSION = 1
@@ -39,10 +40,15 @@ def print_recording(recording: Recording, surveyed: Survey) -> None:
     channels, clocks = len(surveyed.channels), sum(bool(c.name) for c in surveyed.clocks)
     say_path(console, recording.source or "recording", "bold")
     say(console, f"{_count(channels, 'channel')} on {_count(clocks, 'clock')}")
-    _print_section(console, _types_table(recording, surveyed))
-    _print_section(console, _clocks_table(surveyed))
-    _print_section(console, _channels_table(surveyed.channels))
-    _print_section(console, _roles_table(recording))
+    for headings, rows in (
+        _types_table(recording, surveyed),
+        _clocks_table(surveyed),
+        _channels_table(surveyed.channels),
+        (["taken as", "channel", _BECAUSE], [[*map(printable, row)] for row in _roles(recording)]),
+    ):
+        if rows:
+            console.print()
+            print_table(console, headings, rows, prose=[_BECAUSE])
     if channels > _MOST_ROWS:
         say(console, f"and {channels - _MOST_ROWS} more channels: --channel NAME or --json")
     notes = [f"{name}: {words}" for name, words in recording.notes.items()]
@@ -66,8 +72,7 @@ def as_dict(file: Path, recording: Recording, surveyed: Survey) -> dict[str, Any
         "clocks": [_clock_dict(clock) for clock in surveyed.clocks],
         "channels": [_channel_dict(recording, channel) for channel in surveyed.channels],
         "roles": [
-            {"role": role, "channels": names, "because": reason}
-            for role, names, reason in _roles(recording)
+            dict(zip(("role", "channels", _BECAUSE), row, strict=True)) for row in _roles(recording)
         ],
         "notes": dict(recording.notes),
         "omissions": list(recording.omissions),
@@ -76,30 +81,21 @@ def as_dict(file: Path, recording: Recording, surveyed: Survey) -> dict[str, Any
 
 
 def _clock_dict(clock: ClockSurvey) -> dict[str, Any]:
-    known = {name: _known(value) for name, value in asdict(clock).items()}
-    return {**known, "name": clock.name or None, "rate": _known(clock.rate)}
+    return {**plain(asdict(clock)), "name": clock.name or None, "rate": plain(clock.rate)}
 
 
 def _channel_dict(recording: Recording, channel: ChannelSurvey) -> dict[str, Any]:
-    known = {name: _known(value) for name, value in asdict(channel).items()}
     fault = recording.faults.get(channel.name)
     empty = {"unit": channel.unit or None, "frame": channel.frame or None}
-    return {**known, **empty, "faults": fault and asdict(fault)}
-
-
-def _roles_table(recording: Recording) -> Section:
-    """Which channels would be taken for what, and why; or why they cannot be chosen."""
-    return ["taken as", "channel", _BECAUSE], [
-        list(map(printable, role)) for role in _roles(recording)
-    ]
+    return {**plain(asdict(channel)), **empty, "faults": fault and asdict(fault)}
 
 
 def _roles(recording: Recording) -> list[tuple[str, str, str]]:
+    """Which channels would be taken for what, and why; or why they cannot be chosen."""
     try:
         roles = roles_of(recording)
     except RecordingError as error:
-        where = f"{recording.source}: "
-        return [("cannot be chosen", "", str(error).removeprefix(where))]
+        return [("cannot be chosen", "", str(error).removeprefix(f"{recording.source}: "))]
     depth = "penetration" if roles.is_penetration else "position"
     clock = recording.clocks.get(roles.depth[0]), recording.clocks.get(roles.force[0])
     time = [roles.time] if roles.time else sorted({name for name in clock if name})
@@ -120,10 +116,11 @@ def _roles(recording: Recording) -> list[tuple[str, str, str]]:
 
 
 def _types_table(recording: Recording, surveyed: Survey) -> Section:
-    rows: list[list[Cell]] = []
-    for topic, kind in recording.types.items():
-        count = sum(channel.name.startswith(f"{topic}.") for channel in surveyed.channels)
-        rows.append([printable(topic), printable(kind), str(count)])
+    names = [channel.name for channel in surveyed.channels]
+    rows: list[list[Cell]] = [
+        [printable(topic), printable(kind), str(sum(n.startswith(f"{topic}.") for n in names))]
+        for topic, kind in recording.types.items()
+    ]
     return ["topic", "type", ">channels"], rows
 
 
@@ -136,18 +133,9 @@ def _clocks_table(surveyed: Survey) -> Section:
             rows.append([none, str(clock.samples), *("" for _ in headings[2:])])
             continue
         gaps = f"{clock.gaps} (≤ {_quantity(clock.largest_gap, 's')})" if clock.gaps else "–"
-        rows.append(
-            [
-                printable(clock.name),
-                str(clock.samples),
-                _quantity(clock.rate, "Hz"),
-                _moment(clock.start),
-                _quantity(clock.span, "s"),
-                gaps,
-                str(clock.repeated or "–"),
-                str(clock.backward or "–"),
-            ]
-        )
+        times = _quantity(clock.rate, "Hz"), _moment(clock.start), _quantity(clock.span, "s")
+        wrong = (str(count or "–") for count in (clock.repeated, clock.backward))
+        rows.append([printable(clock.name), str(clock.samples), *times, gaps, *wrong])
     return headings, rows
 
 
@@ -159,24 +147,13 @@ def _channels_table(channels: Sequence[ChannelSurvey]) -> Section:
     for channel in shown:
         frame = [channel.frame or "–"] * len(framed)
         words = [channel.name, channel.kind, channel.unit or "–", *frame]
-        unknown = channel.samples - channel.known
-        rows.append(
-            [
-                *map(printable, words),
-                str(channel.samples),
-                str(unknown or "–"),
-                _number(channel.minimum),
-                _number(channel.maximum),
-            ]
+        counts = channel.samples, channel.samples - channel.known or "–"
+        span = (
+            rounded(value, 5) if math.isfinite(value) else "–"
+            for value in (channel.minimum, channel.maximum)
         )
+        rows.append([*map(printable, words), *map(str, counts), *span])
     return headings, rows
-
-
-def _print_section(console: Console, section: Section) -> None:
-    headings, rows = section
-    if rows:
-        console.print()
-        print_table(console, headings, rows, prose=[_BECAUSE])
 
 
 def _print_lines(console: Console, word: str, lines: Sequence[str], style: str) -> None:
@@ -188,14 +165,6 @@ def _print_lines(console: Console, word: str, lines: Sequence[str], style: str) 
 
 def _count(number: int, noun: str) -> str:
     return f"{number or 'no'} {noun}{'' if number == 1 else 's'}"
-
-
-def _known(value: Any) -> Any:
-    return None if isinstance(value, float) and not math.isfinite(value) else value
-
-
-def _number(value: float) -> str:
-    return rounded(value, 5) if math.isfinite(value) else "–"
 
 
 def _quantity(value: float, unit: str) -> str:

@@ -85,18 +85,22 @@ def lab(
     from palpate import lab as laboratory
     from palpate.recordings import write_contact
 
-    bench = laboratory.Bench(
-        _material(material, law),
-        _trajectory(trajectory),
-        _probe(instruments),
-        laboratory.Sensors(
-            force_noise=instruments.noise,
-            force_resolution=instruments.resolution,
-            force_bias=instruments.bias,
-        ),
+    ideal = instruments.probe == "ideal"
+    probe: Probe = laboratory.IdealProbe()
+    if not ideal:
+        probe = laboratory.TwinPantograph(counts_per_turn=instruments.counts)
+    sensors = laboratory.Sensors(
+        force_noise=instruments.noise,
+        force_resolution=instruments.resolution,
+        force_bias=instruments.bias,
     )
+    bench = laboratory.Bench(_material(material, law), _trajectory(trajectory), probe, sensors)
     if picture is not None:
-        _check_picture(picture, instruments)
+        from palpate.figures import check_figure
+
+        check_figure(picture)
+        if ideal:
+            raise InvalidParameterError("--picture shows the robot; an ideal probe has none")
     inputs = [] if trajectory in laboratory.TRAJECTORIES else [Path(trajectory)]
     inputs += [Path(material)] if _is_scene(material) else []
     check_outputs([output, picture] if picture else [output], inputs)
@@ -114,15 +118,6 @@ def lab(
         say_path(console, f"picture, {save_rig(bench, picture)}: {picture}")
 
 
-def _check_picture(picture: Path, instruments: Instruments) -> None:
-    """Say before the work what could not be drawn after it."""
-    from palpate.figures import check_figure
-
-    check_figure(picture)
-    if instruments.probe != "twin-pantograph":
-        raise InvalidParameterError("--picture shows the robot; an ideal probe has none")
-
-
 def _material(name: str, given: dict[str, float]) -> "Material":
     from palpate.force_laws import FORCE_LAWS, law_from
     from palpate.lab import MATERIALS, Homogeneous
@@ -131,8 +126,8 @@ def _material(name: str, given: dict[str, float]) -> "Material":
     if name in MATERIALS:
         if given:
             raise InvalidParameterError(
-                f"--{next(iter(given)).replace('_', '-')} goes with a law of one's own, such as "
-                f"hunt-crossley; {name} has its own parameters"
+                f"{_options([*given][:1])} goes with a law of one's own, such as hunt-crossley; "
+                f"{name} has its own parameters"
             )
         return MATERIALS[name]
     if _is_scene(name):
@@ -172,14 +167,6 @@ def _trajectory(name: str) -> "Trajectory":
     )
 
 
-def _probe(instruments: Instruments) -> "Probe":
-    from palpate.lab import IdealProbe, TwinPantograph
-
-    if instruments.probe == "ideal":
-        return IdealProbe()
-    return TwinPantograph(counts_per_turn=instruments.counts)
-
-
 def _versions(bench: "Bench") -> dict[str, str]:
     from importlib.metadata import version
 
@@ -187,8 +174,8 @@ def _versions(bench: "Bench") -> dict[str, str]:
     from palpate.lab import TwinPantograph
 
     names = ["numpy"] + ["mujoco"] * isinstance(bench.probe, TwinPantograph)
-    words = [f"palpate lab; palpate {__version__}", *(f"{name} {version(name)}" for name in names)]
-    return {"made by": ", ".join(words)}
+    versions = [f"palpate {__version__}", *(f"{name} {version(name)}" for name in names)]
+    return {"made by": f"palpate lab; {', '.join(versions)}"}
 
 
 def _print(measurement: "Measurement", output: Path, console: Terminal) -> None:

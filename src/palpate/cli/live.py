@@ -21,6 +21,7 @@ from palpate.cli.options import (
     Method,
     Unit,
     names_in,
+    quantities,
     quantity,
     units_of,
 )
@@ -28,7 +29,6 @@ from palpate.cli.reading import flipped, kept_exponent
 from palpate.errors import InvalidParameterError, RecordingError
 
 if TYPE_CHECKING:
-    from palpate.estimators import ContactEstimator
     from palpate.live.sinks import Sink
     from palpate.live.sources import Source
     from palpate.preparation import OnlinePreparation
@@ -76,13 +76,11 @@ class Incoming:
         from palpate.preparation import Columns
         from palpate.validation import number_in
 
-        sample_time = None
-        if self.rate is not None:
-            sample_time = 1.0 / number_in("--rate", self.rate, 1e-3, 1e5)
+        rate = None if self.rate is None else number_in("--rate", self.rate, 1e-3, 1e5)
         named = {"position": self.position, "force": self.force}
         columns = Columns(**{name: each for name, each in named.items() if each is not None})
         options = SourceOptions(
-            sample_time=sample_time,
+            sample_time=None if rate is None else 1.0 / rate,
             vectors=self.direction is not None,
             speed=number_in("--speed", self.speed, 0.0, 1e6, open_low=True),
             reading={"columns": columns, "units": units_of("--unit", self.unit)},
@@ -106,16 +104,14 @@ class Incoming:
         """Return what makes samples of what the source delivers."""
         from palpate.preparation import OnlinePreparation
 
-        given: dict[str, Any] = {"velocity_window": self.velocity_window}
+        given: dict[str, Any] = quantities(self, surface="penetration")
         if self.tare is not None:
             given["tare_time"] = quantity("--tare", self.tare, "time")
         elif rest := getattr(source, "rest", 0.0):
             given["tare_time"] = _OF_REST * rest
-        if self.surface is not None:
-            given["surface"] = quantity("--surface", self.surface, "penetration")
         if self.direction is not None:
             given["direction"] = _direction(self.direction)
-        given["flip"] = flipped(self)
+        given |= {"velocity_window": self.velocity_window, "flip": flipped(self)}
         return OnlinePreparation(sample_time=source.sample_time, **given)
 
 
@@ -195,13 +191,16 @@ def live(
     console
         Show a line of figures.
     """
-    from palpate.live.running import run
+    from palpate.live.running import default_estimator, run
     from palpate.validation import number_in
 
     seconds = looping.seconds
     if seconds is not None:
         seconds = number_in("--seconds", seconds, 0.0, 1e9)
-    chosen = _estimator(Choosing(law, method), exponent)
+    choosing = Choosing(law, method)
+    chosen = default_estimator(choosing.kind, **choosing.settings)
+    if exponent is not None:
+        chosen = chosen.replace(exponent=kept_exponent(exponent, type(chosen)))
     taken = incoming.source(source)
     sinks = _sinks(record, publish, page, console=console, diagnosis=looping.diagnosis)
     found = run(
@@ -217,15 +216,6 @@ def live(
             f"{record or 'the recording'}: the recorder failed, and what came after that is not in "
             "it; what was recorded until then can be read"
         )
-
-
-def _estimator(choosing: Choosing, exponent: float | None) -> "ContactEstimator":
-    from palpate.live.running import default_estimator
-
-    found = default_estimator(choosing.kind, **choosing.settings)
-    if exponent is None:
-        return found
-    return found.replace(exponent=kept_exponent(exponent, type(found)))
 
 
 def _sinks(

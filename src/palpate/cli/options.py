@@ -45,12 +45,7 @@ UNTRUSTED = 3  # exit status
 
 _NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(\D*?)\s*$")
 #: In rad/s; a bare number is in Hz.
-_FREQUENCIES = {
-    "Hz": 2.0 * math.pi,
-    "rad/s": 1.0,
-    "mHz": 2e-3 * math.pi,
-    "kHz": 2e3 * math.pi,
-}
+_FREQUENCIES = {"Hz": math.tau, "rad/s": 1.0, "mHz": 1e-3 * math.tau, "kHz": 1e3 * math.tau}
 _FORMS = "sphere:radius=5mm, punch:diameter=4mm or cone:angle=30deg (between axis and side)"
 _ANGLE = re.compile(r"\s*(\d+\.?\d*|\.\d+)\s*(deg|°|rad)\s*$")
 
@@ -165,7 +160,7 @@ class Judging:
     @property
     def depth(self) -> float | None:
         """The working depth, m, where one is asked for."""
-        return None if self.at is None else positive("--at", self.at, "penetration", 1e100)
+        return positive("--at", self.at, "penetration", 1e100)
 
     @property
     def options(self) -> dict[str, str]:
@@ -209,17 +204,15 @@ class Deriving:
         from palpate.quantities.derived import Wanted
         from palpate.validation import number_in
 
-        speed, ratio, omega = None, None, None
-        if self.impact_speed is not None:
-            speed = positive("--impact-speed", self.impact_speed, "velocity", 1e6)
-        if self.poisson is not None:
+        speed, ratio = positive("--impact-speed", self.impact_speed, "velocity", 1e6), self.poisson
+        if ratio is not None:
             if self.tip is None:
                 raise InvalidParameterError(f"--poisson needs --tip, such as {_FORMS}")
-            ratio = number_in("--poisson", self.poisson, -1.0, 0.5, open_low=True)
+            ratio = number_in("--poisson", ratio, -1.0, 0.5, open_low=True)
         tip = None if self.tip is None else tip_of(self.tip)
-        if self.frequency is not None:
-            omega = positive("--frequency", self.frequency, _FREQUENCIES, 1e12)
-        return Wanted(speed, tip, ratio, omega)
+        return Wanted(
+            speed, tip, ratio, positive("--frequency", self.frequency, _FREQUENCIES, 1e12)
+        )
 
 
 def quantity(option: str, text: str, channel: str | Mapping[str, float]) -> float:
@@ -240,11 +233,24 @@ def quantity(option: str, text: str, channel: str | Mapping[str, float]) -> floa
     return float(found[1]) * units[found[2] or si]
 
 
-def positive(option: str, text: str, channel: str | Mapping[str, float], most: float) -> float:
-    """A quantity above zero and at most so much, SI."""
+def positive(
+    option: str, text: str | None, channel: str | Mapping[str, float], most: float
+) -> float | None:
+    """A quantity above zero and at most so much, SI; None where it was not given."""
     from palpate.validation import number_in
 
+    if text is None:
+        return None
     return number_in(option, quantity(option, text, channel), 0.0, most, open_low=True)
+
+
+def quantities(options: Any, **channels: str) -> dict[str, float]:
+    """Those of some options that were given, in SI, each in the units of a channel."""
+    return {
+        name: quantity(f"--{name.replace('_', '-')}", text, channel)
+        for name, channel in channels.items()
+        if (text := getattr(options, name)) is not None
+    }
 
 
 def units_of(option: str, pairs: tuple[str, ...]) -> dict[str, str]:

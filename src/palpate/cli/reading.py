@@ -14,6 +14,7 @@ from palpate.cli.options import (
     Channel,
     Channels,
     Unit,
+    quantities,
     quantity,
     units_of,
 )
@@ -145,25 +146,21 @@ class Reading:
         from palpate.preparation import Columns
 
         names = ("time", "penetration", "force", "velocity", "position", "orientation")
+        as_given = ("velocity_window", "rate", "normal", "force_frame", "strict")
         given: dict[str, Any] = {
             "columns": Columns(**{name: getattr(self, name) for name in names}),
             "units": units_of("--unit", self.unit),
             "flip": flipped(self),
             "surface": self._surface,
             "window": (self.start, self.stop),
+            **{name: getattr(self, name) for name in as_given},
         }
-        for name in ("velocity_window", "rate", "normal", "force_frame", "strict"):
-            given[name] = getattr(self, name)
         if self.tare is not None:
             given["tare"] = self.tare if self.tare == "find" else _span("--tare", self.tare)
-        if self.delay is not None:
-            given["delay"] = quantity("--delay", self.delay, "time")
-        if self.tool_weight is not None:
-            given["tool_weight"] = quantity("--tool-weight", self.tool_weight, "force")
-        if self.spot is not None:
-            wide = self.spot == "inf"
-            given["spot"] = 1e6 if wide else quantity("--spot", self.spot, "penetration")
-        return given
+        given |= quantities(self, delay="time", tool_weight="force")
+        if self.spot == "inf":
+            return {**given, "spot": 1e6}
+        return given | quantities(self, spot="penetration")
 
     @property
     def _surface(self) -> Any:
@@ -195,9 +192,7 @@ class Reading:
 
     def chosen(self, kind: "type[ContactEstimator]") -> dict[str, Any]:
         """Return the settings of an estimator that options ask for, but for its gate."""
-        settings: dict[str, Any] = {}
-        if not self.reject_outliers:
-            settings["outlier_rejection"] = False
+        settings: dict[str, Any] = {} if self.reject_outliers else {"outlier_rejection": False}
         if self.surface == "estimate":
             settings["surface"] = "estimate"
             if "surface" not in kind().settings:

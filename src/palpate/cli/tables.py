@@ -27,6 +27,7 @@ from palpate.results.summary import (
     felt,
     felt_at,
     following,
+    number,
     parameter_rows,
     with_prefix,
 )
@@ -102,11 +103,10 @@ def beside_truth(value: float, truth: float, *errors: float) -> str:
         Of the value; all of them together count.
     """
     known = [error for error in errors if math.isfinite(error)]
-    words = f"truth {rounded(truth, 5)}"
-    error = math.hypot(*known)
+    words, error = f"truth {rounded(truth, 5)}", math.hypot(*known)
     if not (error > 0.0 and math.isfinite(value)):
         return words
-    return f"{words}, {_signed_percent((value - truth) / error)} σ"
+    return f"{words}, {_signed((value - truth) / error, 2)} σ"
 
 
 def _felt_beside(found: Quantity, exact: float, unit: str) -> str:
@@ -123,11 +123,6 @@ def _same_memory(law: GeneralisedHuntCrossley, truth: GeneralisedHuntCrossley) -
     ends = [[each.shortest_time, each.longest_time] for each in (law, truth)]
     # One relaxation time is identified, and so is its difference from the truth.
     return 0.0 in ends[0] or bool(np.ptp(np.log(ends), axis=0).max() < _SAME_TIME)
-
-
-def _signed_percent(distance: float) -> str:
-    size = rounded(abs(distance), 2)
-    return f"{'-' if distance < 0.0 else '+'}{size}"
 
 
 # Identifications as tables that a person reads, or as one JSON object.
@@ -193,11 +188,14 @@ def _print_result(result: Identification, console: Terminal) -> None:
         say(console, words)
     say(console, _quality(result))
     print_places(result, console)
-    _print_surface(result, console)
+    for finding in result.diagnosis.findings:  # an assumption, and no fault of the stiffness
+        if finding.check == "surface" and finding.severity == "note":
+            say(console, f"note: {finding.sentence}")
     for line in following(result):
         say(console, str(line))
-    if result.noticed is not None:
-        say(console, _noticed(result))
+    if result.noticed is not None:  # when a control loop would have known of the changes
+        times = ", ".join(f"{rounded(time, 4)} s" for time in result.changes.tolist())
+        say(console, f"the change detector, in a control loop, alarms at {times or 'no time'}")
 
 
 def _quality(result: Identification) -> str:
@@ -209,12 +207,6 @@ def _quality(result: Identification) -> str:
     if result.law.has_condition_10:
         words += f"; |v| < 0.1 K/B (eq. 10) fails in {share(result.violated_fraction)} of contact"
     return words
-
-
-def _noticed(result: Identification) -> str:
-    """When a control loop would have known of the changes."""
-    times = ", ".join(f"{rounded(time, 4)} s" for time in result.changes.tolist())
-    return f"the change detector, in a control loop, alarms at {times or 'no time'}"
 
 
 def _samples(first: Identification) -> str:
@@ -243,13 +235,6 @@ def _print_remarks(first: Identification, console: Terminal) -> None:
         say(console, words)
 
 
-def _print_surface(result: Identification, console: Terminal) -> None:
-    """That the surface is an assumption, which is no fault of the stiffness at working depth."""
-    for finding in result.diagnosis.findings:
-        if finding.check == "surface" and finding.severity == "note":
-            say(console, f"note: {finding.sentence}")
-
-
 def print_working_depths(result: Identification, console: Console) -> None:
     """Print the three with both error bars, and with the truth where the file states it."""
     truth, depths = truth_at_rest(result), result.working_depths
@@ -264,8 +249,8 @@ def print_working_depths(result: Identification, console: Console) -> None:
     say(console, "; ".join(words), "dim")
 
 
-def whole_error(quantity: Quantity) -> float:
-    """Return what repeats and what the findings would move together; NaN where one is unknown."""
+def _whole_error(quantity: Quantity) -> float:
+    """What repeats and what the findings would move together; NaN where one is unknown."""
     return math.hypot(quantity.standard_error, quantity.systematic)
 
 
@@ -275,23 +260,19 @@ def _cell(there: WorkingDepth, name: str, unit: str, truth: ForceLaw | None) -> 
     if truth is None:
         return words
     real = at_rest(truth, there.depth)[name]
-    return f"{words}\n{beside_truth(found.value, real, whole_error(found))}"
+    return f"{words}\n{beside_truth(found.value, real, _whole_error(found))}"
 
 
 def at_rest(law: ForceLaw, depth: float) -> dict[str, float]:
     """Return force, stiffness and damping of a law at a depth, SI."""
-    return {
-        "force": float(law.force(depth, 0.0)),
-        "stiffness": float(law.stiffness_at(depth)),
-        "damping": float(law.damping_at(depth)),
-    }
+    values = law.force(depth, 0.0), law.stiffness_at(depth), law.damping_at(depth)
+    return {name: float(value) for (name, _), value in zip(_ROWS, values, strict=True)}
 
 
 def print_law(result: Identification, console: Console) -> None:
     """Print each parameter with its standard error, what correlates, and what is known beside."""
-    lines, truths = parameters(result), _truths(result)
-    rows = [list(row) for row in zip(lines, truths, strict=True)]
-    print_table(console, ["contact model", ""], rows)
+    rows = zip(parameters(result), _truths(result), strict=True)
+    print_table(console, ["contact model", ""], [*rows])
     if words := _correlations(result):
         say(console, f"correlation {words}")
     for line in _beside(result):
@@ -373,23 +354,14 @@ def print_standings(results: Sequence[Identification], console: Console) -> None
     if verdict is None or not verdict.known:
         return
     headings = ["which law", ">score", ">rms error", ">numbers", "which means"]
-    rows: list[list[Cell]] = [
-        [
-            Text(str(each.candidate), style="" if row else "bold"),
-            rounded(each.score, 3),
-            in_words(each.rms_error, "N"),
-            str(each.candidate.parameters),
-            each.words,
-        ]
-        for row, each in enumerate(verdict.standings)
-    ]
+    rows: list[list[Cell]] = []
+    for each in verdict.standings:
+        name = Text(str(each.candidate), style="" if rows else "bold")
+        numbers = rounded(each.score, 3), in_words(each.rms_error, "N")
+        rows.append([name, *numbers, str(each.candidate.parameters), each.words])
     print_table(console, headings, rows)
-    say(
-        console,
-        f"{_SCORE}; {rounded(verdict.effective_samples, 3)} independent samples of "
-        f"{rounded(verdict.samples, 4)}",
-        "dim",
-    )
+    samples = rounded(verdict.effective_samples, 3), rounded(verdict.samples, 4)
+    say(console, "{}; {} independent samples of {}".format(_SCORE, *samples), "dim")
     for flag in verdict.flags:
         say(console, f"{verdict.candidate}: {flag}", "dim")
 
@@ -411,15 +383,9 @@ def print_stretches(result: Identification, console: Console) -> None:
     rows = []
     for part in stretches_of(result):
         there = part.diagnosis.working_depth
-        rows.append(
-            [
-                when(part).replace(" s to ", "\nto ").removesuffix(" s"),
-                _number(there.stiffness),
-                _number(there.damping),
-                "\n".join(parameters(part)),
-                percent(part.fit_rmse_percent),
-            ]
-        )
+        times = when(part).replace(" s to ", "\nto ").removesuffix(" s")
+        law, fit = "\n".join(parameters(part)), percent(part.fit_rmse_percent)
+        rows.append([times, number(there.stiffness), number(there.damping), law, fit])
     print_table(console, headings, rows)
 
 
@@ -442,8 +408,8 @@ def _place(part: Identification) -> list[str | Text]:
         f"{time[0]:.1f}–{time[-1]:.1f}",
         ", ".join(f"{1e3 * each:.1f}" for each in place),
         _depth(1e3 * there.depth),
-        _number(there.stiffness),
-        _number(there.damping),
+        number(there.stiffness),
+        number(there.damping),
         *([_modulus(part)] if part.wanted.tip else []),
         Text(verdict, style=_COLOURS[verdict]),
     ]
@@ -458,13 +424,8 @@ def _depth(millimetres: float) -> str:
 def _modulus(part: Identification) -> str:
     """With its whole error; the JSON says why there is none."""
     found = part.elastic_modulus()
-    whole = Quantity(found.value.value, whole_error(found.value), 0.0)
+    whole = Quantity(found.value.value, _whole_error(found.value), 0.0)
     return "refused" if found.refused else with_prefix(whole, "Pa")
-
-
-def _number(quantity: Quantity) -> str:
-    """A number and its whole error: what repeats, and what the findings would move."""
-    return with_error(quantity.value, whole_error(quantity))
 
 
 def print_verdict(result: Identification, console: Console, *, name: str = "") -> None:
@@ -490,15 +451,11 @@ def print_diagnosis(result: Identification) -> None:
     headings = ["check", "what was found", ">z", ">moves S, C"]
     rows: list[list[Cell]] = []
     for finding in found.findings:
-        remedy = f"\n→ {finding.remedy}" if finding.remedy else ""
-        rows.append(
-            [
-                Text(finding.check, style=_COLOURS[finding.severity]),
-                f"{finding.sentence}{remedy}",
-                "–" if math.isnan(finding.z) else rounded(finding.z, 3),
-                _moves(finding.moves_stiffness_percent, finding.moves_damping_percent),
-            ]
-        )
+        check = Text(finding.check, style=_COLOURS[finding.severity])
+        words = "\n→ ".join(filter(None, (finding.sentence, finding.remedy)))
+        z = "–" if math.isnan(finding.z) else rounded(finding.z, 3)
+        moves = _moves(finding.moves_stiffness_percent, finding.moves_damping_percent)
+        rows.append([check, words, z, moves])
     print_table(console, headings, rows, prose=headings[1:2])
     say(console, "z: standard errors; S, C: stiffness and damping at working depth", "dim")
     for episode in found.episodes:
@@ -525,19 +482,20 @@ def _episode(episode: Episode) -> str:
 def _moves(stiffness: float, damping: float) -> str:
     if math.isnan(stiffness) or math.isnan(damping):
         return "–"
-    return f"{_signed(stiffness)} %, {_signed(damping)} %"
+    return ", ".join(
+        f"{value:+.1f} %" if abs(value) < 1000.0 else f"{_signed(value, 3)} %"
+        for value in (stiffness, damping)
+    )
 
 
-def _signed(value: float) -> str:
-    if abs(value) < 1000.0:
-        return f"{value:+.1f}"
-    return f"{'-' if value < 0.0 else '+'}{rounded(abs(value), 3)}"
+def _signed(value: float, digits: int) -> str:
+    return f"{'-' if value < 0.0 else '+'}{rounded(abs(value), digits)}"
 
 
 def print_comparison(results: Sequence[Identification], console: Console) -> None:
     """Print the recommended method, and all of them, the best first."""
-    ranking = rank({result.method: result for result in results})
     by_name = {result.method: result for result in results}
+    ranking = rank(by_name)
     ordered = [by_name[name] for name in ranking.order]
     say(console, f"recommended: {ranking.recommended or 'none of them'}", "bold")
     _print_numbers(ordered, console)
@@ -558,19 +516,12 @@ def _print_numbers(results: Sequence[Identification], console: Console) -> None:
     rows: list[list[str | Text]] = []
     for result in results:
         there, verdict = result.diagnosis.working_depth, result.diagnosis.verdict.overall
-        rows.append(
-            [
-                result.method,
-                Text(verdict, style=_COLOURS[verdict]),
-                rounded(1e3 * there.depth, 4),
-                *(with_error(each.value, whole_error(each)) for each in felt(result)),
-            ]
-        )
+        depth, coloured = rounded(1e3 * there.depth, 4), Text(verdict, style=_COLOURS[verdict])
+        rows.append([result.method, coloured, depth, *map(number, felt(result))])
     if truth := stated_truth(results[0]):
-        depth = results[0].diagnosis.working_depth.depth
-        real = at_rest(truth, depth)
-        numbers = [1e3 * depth, real["stiffness"], real["damping"]]
-        rows.append(["truth", "", *(rounded(each, 4) for each in numbers)])
+        at = results[0].diagnosis.working_depth.depth
+        _, *real = at_rest(truth, at).values()
+        rows.append(["truth", "", *(rounded(each, 4) for each in (1e3 * at, *real))])
     print_table(console, headings, rows)
     say(console, "± all of the error: what repeats, and what the findings would move", "dim")
     if words := felt_at(results):
@@ -579,16 +530,11 @@ def _print_numbers(results: Sequence[Identification], console: Console) -> None:
 
 def _print_laws(results: Sequence[Identification], console: Console) -> None:
     headings = ["method", "contact model", ">predicted", ">fit", ">cond. 10"]
-    rows = [
-        [
-            result.method,
-            "\n".join(parameters(result)),
-            percent(result.prediction_rmse_percent),
-            percent(result.fit_rmse_percent),
-            share(result.violated_fraction),
-        ]
-        for result in results
-    ]
+    rows = []
+    for result in results:
+        errors = result.prediction_rmse_percent, result.fit_rmse_percent
+        law, violated = "\n".join(parameters(result)), share(result.violated_fraction)
+        rows.append([result.method, law, *map(percent, errors), violated])
     if truth := stated_truth(results[0]):
         named = zip(truth.symbols, truth.parameters, truth.units, strict=True)
         lines = [f"{name} = {rounded(value, 5)} {unit}".rstrip() for name, value, unit in named]

@@ -45,11 +45,12 @@ from palpate.identification.identified import (
     NEGATIVE_STIFFNESS,
     nothing_taken,
 )
+from palpate.identification.replaying import estimator_of
 from palpate.preparation.gates import choose_gate, resolutions_of
 from palpate.preparation.preparing import Recorded, prepare
 from palpate.preparation.velocity import spikes_of_rows, step_of, velocity_of
 from palpate.recordings.recording import Recording, printable
-from palpate.validation import Floats, number_in, real_array, shown, whole_in
+from palpate.validation import Floats, number_in, real_array, whole_in
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -98,28 +99,7 @@ class Curves:
         with np.errstate(divide="ignore", invalid="ignore"):  # of times that stand still
             rows = [velocity_of(self.clock(k), x) for k, x in enumerate(self.penetration)]
         velocity = np.array(rows).reshape(self.penetration.shape)
-        return Curves(
-            self.time, self.penetration, self.force, velocity, self.source, self.index, self.places
-        )
-
-    def wrong_clocks(self) -> dict[int, str]:
-        """Which rows have times that do not increase from sample to sample, and where."""
-        there = np.isfinite(self.penetration) & np.isfinite(self.force)
-        clocks = np.atleast_2d(self.time)
-        with np.errstate(invalid="ignore"):
-            even = (np.diff(clocks, axis=1) > 0.0).all(axis=1)
-        found = {}
-        for row in np.flatnonzero(~np.broadcast_to(even, len(self))).tolist():
-            time = self.clock(row)[there[row]]
-            wrong = np.flatnonzero(~(np.diff(time) > 0.0))
-            if wrong.size:
-                k = int(wrong[0])
-                sample = int(np.flatnonzero(there[row])[k + 1])
-                found[row] = (
-                    "time must be finite and increase from sample to sample; sample "
-                    f"{sample} is at {time[k + 1]:.6g} s, after {time[k]:.6g} s"
-                )
-        return found
+        return replace(self, velocity=velocity)
 
     def contact(self, row: int, settings: Settings) -> Contact:
         """One of them as a contact, prepared as the settings say.
@@ -142,7 +122,6 @@ class Curves:
         )
 
 
-Mask = NDArray[np.bool_]
 # Equal forces at the top that are no chance, and by how many of its steps the law's force moves
 # meanwhile, as in include/palpate/outlier_rejection.hpp.
 _FLAT, _FLAT_STEPS = 5, 4.0
@@ -164,80 +143,43 @@ def fitted(
     threads : int
         That share the rows.
     """
-    left_out = np.zeros(len(curves), dtype=np.int64)
+    force, marks = curves.force.copy(), np.zeros(curves.force.shape, dtype=np.bool_)
+    signals: list[Any] = [curves.penetration, curves.velocity, force]
+    if rejects:  # single samples of a channel that leave their neighbours
+        for values in signals:
+            marks |= spikes_of_rows(values, screened=True, threads=threads)
+        force[marks] = np.nan
+    fits = fit_curves(*signals, threads=threads, **chosen)
     if rejects:
-        curves, left_out = _without(curves, _spikes(curves, threads), left_out)
-    fits = _fit(curves, chosen, threads)
-    if rejects:
-        ends = _ends_of_range(curves, fits)
-        curves, left_out = _without(curves, ends, left_out)
-        rows = np.array(sorted(ends), dtype=np.intp)
-        if rows.size:
-            _put(fits, rows, _fit(curves, chosen, threads, rows))
-    return fits, curves, left_out
+        ends = _ends_of_range(signals, fits)
+        force[ends] = np.nan
+        rows = np.flatnonzero(ends.any(axis=1))
+        own: dict[str, Any] = {
+            k: v[rows] if isinstance(v, np.ndarray) else v for k, v in chosen.items()
+        }
+        again = fit_curves(*(values[rows] for values in signals), threads=threads, **own)
+        for each in fields(fits):
+            getattr(fits, each.name)[rows] = getattr(again, each.name)
+        marks |= ends
+    return fits, replace(curves, force=force), np.count_nonzero(marks, axis=1)
 
 
-def _fit(
-    curves: Curves, chosen: dict[str, Any], threads: int, rows: NDArray[np.intp] | None = None
-) -> CurveFits:
-    signals = [curves.penetration, curves.velocity, curves.force]
-    own = chosen
-    if rows is not None:
-        signals = [values[rows] for values in signals if values is not None]
-        own = {k: v[rows] if isinstance(v, np.ndarray) else v for k, v in chosen.items()}
-    return fit_curves(*signals, threads=threads, **own)  # type: ignore[arg-type]  # all are there
-
-
-def _put(fits: CurveFits, rows: NDArray[np.intp], others: CurveFits) -> None:
-    for each in fields(fits):
-        getattr(fits, each.name)[rows] = getattr(others, each.name)
-
-
-def _without(
-    curves: Curves, found: dict[int, Mask], left_out: NDArray[np.int64]
-) -> tuple[Curves, NDArray[np.int64]]:
-    """The same curves without some samples, of which those in hand are left as they are."""
-    if not found:
-        return curves, left_out
-    force, counts = curves.force.copy(), left_out.copy()
-    for row, mask in found.items():
-        force[row, mask] = np.nan
-        counts[row] += np.count_nonzero(mask)
-    return replace(curves, force=force), counts
-
-
-def _spikes(curves: Curves, threads: int) -> dict[int, Mask]:
-    """Single samples of a channel that leave their neighbours, by the rows that have any."""
-    marks = np.zeros(curves.force.shape, dtype=np.bool_)
-    for values in (curves.penetration, curves.velocity, curves.force):
-        assert values is not None
-        marks |= spikes_of_rows(values, screened=True, threads=threads)
-    return {row: marks[row] for row in np.flatnonzero(marks.any(axis=1)).tolist()}
-
-
-def _ends_of_range(curves: Curves, fits: CurveFits) -> dict[int, Mask]:
+def _ends_of_range(signals: list[Floats], fits: CurveFits) -> NDArray[np.bool_]:
     """Forces at the end of the sensor's range: equal ones on top while the law's force moves."""
-    found: dict[int, Mask] = {}
+    found = np.zeros(signals[2].shape, dtype=np.bool_)
     with np.errstate(invalid="ignore"):
-        highest = np.fmax.reduce(curves.force, axis=1, initial=-np.inf)
-        often = (curves.force == highest[:, None]).sum(axis=1) >= _FLAT
+        highest = np.fmax.reduce(signals[2], axis=1, initial=-np.inf)
+        often = (signals[2] == highest[:, None]).sum(axis=1) >= _FLAT
     for row in np.flatnonzero(often & np.isfinite(fits.stiffness)).tolist():
-        force = curves.force[row]
+        penetration, velocity, force = (values[row] for values in signals)
         top = force == highest[row]
         runs = np.flatnonzero(np.diff(top, prepend=False, append=False)).reshape(-1, 2)
-        law = _force_of_law(curves, fits, row)
+        law = fits.law(row).force(penetration - fits.surface[row], velocity)
         least = _FLAT_STEPS * step_of(force[np.isfinite(force)])
         for first, end in runs.tolist():
             if end - first >= _FLAT and np.ptp(law[first:end]) > least:
                 found[row] = top
     return found
-
-
-def _force_of_law(curves: Curves, fits: CurveFits, row: int) -> Floats:
-    assert curves.velocity is not None
-    depth = curves.penetration[row] - fits.surface[row]
-    force: Floats = fits.law(row).force(depth, curves.velocity[row])
-    return force
 
 
 # Contacts of equal length as arrays: through the whole-curve fit, or the recursion one by one.
@@ -247,21 +189,13 @@ _SHARED = (
     "surface", "surface_range", "exponent", "exponent_range", "offset", "offset_deviation",
     "surface_deviation", "noise", "scale",
 )  # fmt: skip
-_NAMES = ("source", "index", "part", "x", "y", "z")
 
 
 def fits_whole_curves(settings: Settings) -> bool:
     """Whether the whole-curve fit answers what these settings ask."""
     plain = set(settings.preparation) <= {"surface"}
-    gated = settings.minimum_penetration is not None or settings.minimum_force is not None
-    return (
-        settings.method == "variable-projection"
-        and settings.diagnosis != "full"
-        and plain
-        and settings.preparation.get("surface") in (None, "estimate")
-        and not gated
-        and set(settings.estimator) <= {*_SHARED, "outlier_rejection"}
-    )
+    surface = settings.preparation.get("surface")
+    return _may_be_whole(settings) and plain and surface in (None, "estimate")
 
 
 def searches_whole_curves(settings: Settings) -> bool:
@@ -269,10 +203,17 @@ def searches_whole_curves(settings: Settings) -> bool:
 
     The recursion answers the same after every sample, and takes a thousand times as long.
     """
-    own = Settings(method=settings.method, estimator=settings.estimator, diagnosis="none")
-    gated = settings.minimum_penetration is not None or settings.minimum_force is not None
-    full = settings.diagnosis == "full"
-    return settings.searches_surface and fits_whole_curves(own) and not (gated or full)
+    return settings.searches_surface and _may_be_whole(settings)
+
+
+def _may_be_whole(settings: Settings) -> bool:
+    return (
+        settings.method == "variable-projection"
+        and settings.diagnosis != "full"
+        and settings.minimum_penetration is None
+        and settings.minimum_force is None
+        and set(settings.estimator) <= {*_SHARED, "outlier_rejection"}
+    )
 
 
 def row_of_curve(contact: Contact, settings: Settings) -> dict[str, Any]:
@@ -288,9 +229,7 @@ def row_of_curve(contact: Contact, settings: Settings) -> dict[str, Any]:
     # from its end, which alone would be called its edge.
     span = low, high + (high - low) / 79.0
     chosen = {"surface_range": span, "offset_deviation": contact.tare_deviation}
-    own = Settings(
-        method=settings.method, estimator={**chosen, **settings.estimator}, diagnosis="none"
-    )
+    own = replace(settings, estimator={**chosen, **settings.estimator}, diagnosis="none")
     curve = Curves(
         contact.sample_time * np.arange(float(len(contact))),  # times of a segment begin anew
         contact.penetration[None],
@@ -303,9 +242,9 @@ def row_of_curve(contact: Contact, settings: Settings) -> dict[str, Any]:
         raise RecordingError(row["error"])
     if settings.diagnosis == "input":
         row["findings"] = _in_words(contact, row["surface"])
-    left_to_others = {*_NAMES, "method", "checked", "version", "settings"}
-    row = {name: value for name, value in row.items() if name not in left_to_others}
-    return {**row, "prepared": json.dumps(dict(contact.provenance), ensure_ascii=False)}
+    prepared = json.dumps(dict(contact.provenance), ensure_ascii=False)
+    made = {"checked": settings.diagnosis, "settings": settings.digest}
+    return {**row, **made, "prepared": prepared}
 
 
 def identify_curves(
@@ -400,7 +339,8 @@ def _together(curves: Curves, settings: Settings, threads: int) -> "pa.Table":
     fits, kept, left_out = fitted(curves, chosen, rejects=rejects, threads=threads)
     columns = {**_named(curves), **_numbers(fits)}
     columns |= _at_depths(kept, fits, threads)
-    columns["samples"] = _samples(curves)
+    there = np.isfinite(curves.penetration) & np.isfinite(curves.force)
+    columns["samples"] = np.count_nonzero(there, axis=1)
     columns["taken"] = fits.taken
     columns["fit"] = ["whole-curve"] * len(curves)
     columns["flags"] = _flags(fits, left_out)
@@ -410,22 +350,11 @@ def _together(curves: Curves, settings: Settings, threads: int) -> "pa.Table":
             if isinstance(values, np.ndarray) and values.dtype == np.float64 and name not in "xyz":
                 values[k] = np.nan
         columns["flags"][k] = columns["fit"][k] = columns["covariance"][k] = None
-        columns["error"][k], columns["error_kind"][k] = str(error), type(error).__name__
+        columns["error"][k], columns["error_kind"][k] = error, RecordingError.__name__
     if settings.diagnosis == "input":
         surfaces = enumerate(columns["surface"].tolist())
-        columns["findings"] = [_findings(curves, k, settings, d) for k, d in surfaces]
+        columns["findings"] = [_in_words(_made(curves, k, settings), d) for k, d in surfaces]
     return table_of(columns, len(curves), settings)
-
-
-def _samples(curves: Curves) -> NDArray[np.int64]:
-    """How many samples of each are there."""
-    whole = np.full(len(curves), curves.penetration.shape[1])
-    with np.errstate(invalid="ignore"):  # a sum is not finite where one of its terms is not
-        gaps = ~np.isfinite(curves.penetration.sum(axis=1) + curves.force.sum(axis=1))
-    for k in np.flatnonzero(gaps).tolist():
-        there = np.isfinite(curves.penetration[k]) & np.isfinite(curves.force[k])
-        whole[k] = np.count_nonzero(there)
-    return whole
 
 
 def _numbers(fits: CurveFits) -> dict[str, Any]:
@@ -480,57 +409,55 @@ def _flags(fits: CurveFits, left_out: NDArray[np.int64]) -> list[Any]:
     unsettled = fits.status == STATUS_WORDS.index("did not settle")
     flags: list[Any] = [ADVICE_OF[bits] for bits in fits.flags.tolist()]
     for k in np.flatnonzero(few | pulling | giving | unsettled | (left_out > 0)).tolist():
-        more = [f"only {fits.taken[k]} samples in contact"] if few[k] else []
-        more += [NEGATIVE_STIFFNESS] if pulling[k] else []
-        more += [NEGATIVE_DAMPING] if giving[k] else []
-        if unsettled[k]:
-            more.append("the search for the least squares did not settle: others may fit better")
-        if left_out[k]:
-            count = int(left_out[k])
-            more.append(count_of_outliers(count, count + int(fits.taken[k])))
-        flags[k] = [*flags[k], *more]
+        taken, count = int(fits.taken[k]), int(left_out[k])
+        more = {
+            f"only {taken} samples in contact": few[k],
+            NEGATIVE_STIFFNESS: pulling[k],
+            NEGATIVE_DAMPING: giving[k],
+            "the search for the least squares did not settle: others may fit better": unsettled[k],
+            count_of_outliers(count, max(count + taken, 1)): count,
+        }
+        flags[k] = [*flags[k], *(words for words, so in more.items() if so)]
     return flags
 
 
-def _errors(curves: Curves, fits: CurveFits, settings: Settings) -> dict[int, RecordingError]:
+def _errors(curves: Curves, fits: CurveFits, settings: Settings) -> dict[int, str]:
     """Why some have no numbers: as :func:`palpate.identify` says it."""
     where = f"{curves.source}: " if curves.source else ""
-    found = {k: RecordingError(f"{where}{words}") for k, words in curves.wrong_clocks().items()}
-    for k in np.flatnonzero(fits.status == STATUS_WORDS.index("no contact")).tolist():
-        found.setdefault(k, RecordingError(_why_nothing(curves, k)))
+    found = {}
     if settings.searches_surface:
         above = (curves.penetration < fits.surface[:, None]).sum(axis=1)
         for k in np.flatnonzero(above < FEWEST_ABOVE).tolist():
-            found.setdefault(
-                k,
-                RecordingError(
-                    f"{where}the search for the surface needs the free approach: {above[k]} of "
-                    f"{curves.penetration.shape[1]} samples lie above the best surface, "
-                    f"{rounded(fits.surface[k], 3)} m, and at least {FEWEST_ABOVE} have to; record "
-                    "from before the touch, or give the penetration from a known surface"
-                ),
+            found[k] = (
+                f"{where}the search for the surface needs the free approach: {above[k]} of "
+                f"{curves.penetration.shape[1]} samples lie above the best surface, "
+                f"{rounded(fits.surface[k], 3)} m, and at least {FEWEST_ABOVE} have to; record "
+                "from before the touch, or give the penetration from a known surface"
             )
+    for k in np.flatnonzero(fits.status == STATUS_WORDS.index("no contact")).tolist():
+        made = _made(curves, k, Settings())
+        found[k] = made if isinstance(made, str) else nothing_taken(made, choose_gate(made))
+    with np.errstate(invalid="ignore"):
+        uneven = ~(np.diff(np.atleast_2d(curves.time), axis=1) > 0.0).all(axis=1)
+    for k in np.flatnonzero(np.broadcast_to(uneven, len(curves))).tolist():
+        made = _made(curves, k, Settings())
+        if isinstance(made, str):
+            found[k] = f"{where}{made}"
     return found
 
 
-def _why_nothing(curves: Curves, row: int) -> str:
+def _made(curves: Curves, row: int, settings: Settings) -> Contact | str:
+    """A row as a contact, or why it cannot be one."""
     try:
-        contact = curves.contact(row, Settings())
+        return curves.contact(row, settings)
     except Exception as error:
         return str(error)
-    return nothing_taken(contact, choose_gate(contact))
 
 
-def _findings(curves: Curves, row: int, settings: Settings, surface: float) -> list[str]:
-    try:
-        contact = curves.contact(row, settings)
-    except Exception as error:
-        return [f"do-not-trust: file: {error}"]
-    return _in_words(contact, surface)
-
-
-def _in_words(contact: Contact, surface: float) -> list[str]:
+def _in_words(contact: Contact | str, surface: float) -> list[str]:
     """What the checks say of the data, the penetration counted from the surface that was found."""
+    if isinstance(contact, str):
+        return [f"do-not-trust: file: {contact}"]
     if math.isfinite(surface):
         contact = replace(contact, penetration=contact.penetration - surface)
     return [in_words(each) for each in Data(contact).findings]
@@ -602,7 +529,14 @@ def identify_many(
     MissingExtraError
         pyarrow is not installed.
     """
-    settings = settings_of(method, diagnosis, preparation)
+    chosen = estimator_of(method)
+    usual = type(chosen)().settings
+    settings = Settings(
+        method=chosen.method,
+        estimator={name: each for name, each in chosen.settings.items() if each != usual[name]},
+        diagnosis=diagnosis,
+        preparation=dict(preparation or {}),
+    )
     arrays = {"penetration": penetration, "force": force}
     given = [name for name, values in arrays.items() if values is not None]
     if contacts is not None and given:
@@ -614,25 +548,6 @@ def identify_many(
     curves = _curves(penetration, force, velocity, time, sample_time, places or {}, source)
     count = cores() if threads is None else whole_in("threads", threads, 1, 1024)
     return identify_curves(curves, settings, threads=count)[0]
-
-
-def settings_of(
-    method: ContactEstimator | str | None,
-    diagnosis: DiagnosisDepth = "input",
-    preparation: Mapping[str, Any] | None = None,
-) -> Settings:
-    """Return the settings of a fleet by an estimator as :func:`palpate.identify` takes it."""
-    prepared = dict(preparation or {})
-    if method is None or isinstance(method, str):
-        name = "variable-projection" if method is None else method
-        return Settings(method=name, diagnosis=diagnosis, preparation=prepared)
-    if not isinstance(method, ContactEstimator):
-        raise InvalidParameterError(
-            f"method must be a ContactEstimator or its name, not {shown(method)}"
-        )
-    usual = type(method)().settings
-    own = {name: value for name, value in method.settings.items() if value != usual[name]}
-    return Settings(method=method.method, estimator=own, diagnosis=diagnosis, preparation=prepared)
 
 
 def _numbered(contacts: "Iterable[Contact | Recorded]") -> Iterator[Given]:

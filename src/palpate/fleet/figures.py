@@ -64,11 +64,10 @@ def draw_distributions(
         for (name, column, unit), (above, below) in zip(shown, panels, strict=True):
             value = numbers(table, column)
             error = numbers(table, f"{column}_standard_error")
-            scale = scale_of(_typical(value), unit)
-            _histogram(
-                above, scale.factor * value, scale.label(name), name, look,
-                logarithmic=_spans_decades(value),
-            )  # fmt: skip
+            scale = scale_of(_usual(value, 90.0), unit)
+            wide = _spans_decades(value)
+            label = scale.label(name)
+            _histogram(above, scale.factor * value, label, name, look, logarithmic=wide)
             with np.errstate(all="ignore"):
                 relative = np.abs(error / value)[np.isfinite(value)]
             _histogram(below, relative, "standard error / value", "", look, logarithmic=True)
@@ -95,15 +94,13 @@ def draw_repeats(
     with style(look.theme, look.sheet) as new_figure:
         figure = new_figure(figsize=look.sheet.size(3.2), layout="constrained")
         axes = figure.subplots()
-        for agree, words, colour in (
-            (True, "agree", look.theme.lines[0]),
-            (False, "do not agree", look.theme.lines[1]),
+        for agree, words, colour in zip(
+            (True, False), ("agree", "do not agree"), look.theme.lines[:2], strict=True
         ):
             some = [each for each in found if each.agree == agree]
-            axes.plot(
-                [each.count for each in some], [max(each.ratio, 1e-3) for each in some], "o",
-                color=colour, label=f"{words}: {len(some)}", markersize=look.points(5.0),
-            )  # fmt: skip
+            ratios = [max(each.ratio, 1e-3) for each in some]
+            [line] = axes.plot([each.count for each in some], ratios, "o", color=colour)
+            line.set(label=f"{words}: {len(some)}", markersize=look.points(5.0))
         axes.axhline(1.0, color=look.theme.ink, linewidth=look.points(0.8), linestyle=":")
         axes.set_yscale("log")
         axes.set(xlabel="repeats", ylabel="scatter / standard errors")
@@ -126,11 +123,6 @@ def _spans_decades(values: Floats) -> bool:
         return False
     low, high = np.percentile(known, _HISTOGRAM_SPAN).tolist()
     return bool(high > _DECADES * low)
-
-
-def _typical(values: Floats) -> float:
-    known = np.abs(values[np.isfinite(values)])
-    return float(np.percentile(known, 90.0)) if known.size else 0.0
 
 
 def _histogram(
@@ -204,15 +196,10 @@ def draw_map(found: Map, *, dark: bool = False, width: float | None = None) -> "
     return figure
 
 
-def _usual(values: Floats) -> float:
+def _usual(values: Floats, percentile: float = _COLOUR_SPAN[1]) -> float:
     """The size that a unit is chosen for: one wild value does not."""
     known = np.abs(values[np.isfinite(values)])
-    return float(np.percentile(known, _COLOUR_SPAN[1])) if known.size else 0.0
-
-
-def _titled(found: Map, what: str, unit: AxisScale) -> str:
-    name = found.quantity if what == "value" else "its standard error"
-    return unit.label(name)
+    return float(np.percentile(known, percentile)) if known.size else 0.0
 
 
 def _draw_line(axes: "Axes", found: Map, what: str, unit: AxisScale, look: Look) -> None:
@@ -225,29 +212,35 @@ def _draw_line(axes: "Axes", found: Map, what: str, unit: AxisScale, look: Look)
     if what == "value":
         bars = np.where(np.isfinite(found.error), unit.factor * found.error, 0.0)
         axes.errorbar(x, y, bars, fmt="o", color=colour, markersize=size, linewidth=size / 4.0)
-        _mark_line(axes, x, y, found, look)
+        at_foot = {"transform": axes.get_xaxis_transform()}
+        known = np.isfinite(y)
+        _mark(axes, x, np.where(known, y, 0.02), known, found, look, **at_foot)
     else:
         axes.plot(x, y, "o", color=colour, markersize=size)
         axes.set_ylim(bottom=0.0)
-    axes.set(xlabel=along.label(found.axes[0]), ylabel=_titled(found, what, unit))
-    head(axes, found.quantity.capitalize() if what == "value" else "Its standard error")
+    name = found.quantity if what == "value" else "its standard error"
+    axes.set(xlabel=along.label(found.axes[0]), ylabel=unit.label(name))
+    head(axes, name.capitalize())
 
 
-def _mark_line(axes: "Axes", x: Floats, y: Floats, found: Map, look: Look) -> None:
-    """Mark what is not to be trusted, and at the foot of the panel what has no number."""
-    options: dict[str, Any] = {"color": look.theme.lines[1], "linestyle": "none"}
-    known = np.isfinite(y)
-    if (marked := known & found.mistrusted).any():
-        axes.plot(
-            x[marked], y[marked], "s", fillstyle="none", markersize=look.points(8.0),
-            label="not to be trusted", **options,
-        )  # fmt: skip
-    if not known.all():
-        foot = axes.get_xaxis_transform()
-        axes.plot(
-            x[~known], np.full(np.count_nonzero(~known), 0.02), "x", transform=foot,
-            markersize=look.points(5.0), label="no number", **options,
-        )  # fmt: skip
+def _mark(
+    axes: "Axes",
+    x: Floats,
+    y: Floats,
+    known: NDArray[np.bool_],
+    found: Map,
+    look: Look,
+    **missing: Any,
+) -> None:
+    """Mark what has no number, and what is not to be trusted."""
+    for there, sign, size, label, options in (
+        (~known, "x", 5.0, "no number", missing),
+        (known & found.mistrusted, "s", 9.0, "not to be trusted", {"fillstyle": "none"}),
+    ):
+        if there.any():
+            options = {"color": look.theme.lines[1], "linestyle": "none", **options}
+            size = look.points(size)
+            axes.plot(x[there], y[there], sign, markersize=size, label=label, **options)
 
 
 def _draw_plane(axes: "Axes", found: Map, what: str, unit: AxisScale, look: Look) -> None:
@@ -273,28 +266,18 @@ def _draw_plane(axes: "Axes", found: Map, what: str, unit: AxisScale, look: Look
             s=look.points(60.0) * min(1.0, 200.0 / max(len(x), 1)) + look.points(8.0),
             edgecolors=look.theme.ink, linewidths=0.4,
         )  # fmt: skip
-    if not known.all():
-        axes.plot(
-            x[~known], y[~known], "x", color=look.theme.lines[1], markersize=look.points(5.0),
-            label="no number",
-        )  # fmt: skip
-    marked = known & found.mistrusted
-    if marked.any():
-        axes.plot(
-            x[marked], y[marked], "s", color=look.theme.lines[1], fillstyle="none",
-            markersize=look.points(9.0), label="not to be trusted",
-        )  # fmt: skip
-    wide, high = np.ptp(x), np.ptp(y)
-    if found.units[0] == found.units[1] == "m" and max(wide, high) < _LONGEST * min(wide, high):
+    _mark(axes, x, y, known, found, look)
+    sides = np.ptp(x), np.ptp(y)
+    if found.units[0] == found.units[1] == "m" and max(sides) < _LONGEST * min(sides):
         axes.set_aspect("equal", adjustable="box")
     axes.grid(False)
     beyond = _beyond(values[known], low, high)
     bar = axes.figure.colorbar(drawn, ax=axes, extend=beyond)
-    bar.set_label(_titled(found, what, unit))
-    names = [f"{name} [{along.unit}]" if along.unit else name for name in found.axes]
-    axes.set(xlabel=names[0], ylabel=names[1])
-    title = found.quantity if what == "value" else "its standard error"
-    head(axes, title.capitalize())
+    name = found.quantity if what == "value" else "its standard error"
+    bar.set_label(unit.label(name))
+    labels = [f"{axis} [{along.unit}]" if along.unit else axis for axis in found.axes]
+    axes.set(xlabel=labels[0], ylabel=labels[1])
+    head(axes, name.capitalize())
 
 
 def _origin(found: Map) -> Floats:

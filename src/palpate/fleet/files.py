@@ -30,15 +30,9 @@ if TYPE_CHECKING:
 
 _ZARR_ENDINGS = (".zarr", ".zarr.zip")
 _MARKS = ("zarr.json", ".zgroup", ".zarray")
-_CHANNELS = {
-    "penetration": "penetration",
-    "force": "force",
-    "velocity": "velocity",
-    "time": "time",
-    "x": "penetration",
-    "y": "penetration",
-    "z": "penetration",
-}
+#: Arrays of a group, and whose units they have.
+_CHANNELS = {name: name for name in ("penetration", "force", "velocity", "time")}
+_CHANNELS |= dict.fromkeys("xyz", "penetration")
 _CLOCK = "sample_time"
 _PIECE = 1 << 20  # bytes of an object that are fetched at once
 
@@ -196,15 +190,14 @@ def _shape(group: Any, name: str) -> tuple[tuple[int, int], tuple[int, int]]:
             f"{tuple(group['penetration'].shape)} and {shape}"
         )
     for channel in known & set(_CHANNELS):
-        if group[channel].dtype.kind not in "fiu":
+        array, wanted = group[channel], shape[:1] if channel in "xyz" else shape
+        if array.dtype.kind not in "fiu":
             raise RecordingError(
-                f"{name}: {channel} is an array of {group[channel].dtype}, not of real numbers"
+                f"{name}: {channel} is an array of {array.dtype}, not of real numbers"
             )
-    for channel in ("velocity", "x", "y", "z"):
-        wanted = shape if channel == "velocity" else shape[:1]
-        if channel in known and tuple(group[channel].shape) != wanted:
+        if channel != "time" and tuple(array.shape) != wanted:
             raise RecordingError(
-                f"{name}: {channel} must be of the shape {wanted}, not {group[channel].shape}"
+                f"{name}: {channel} must be of the shape {wanted}, not {array.shape}"
             )
     return (shape[0], shape[1]), tuple(group["force"].chunks)
 
@@ -222,17 +215,13 @@ def _in_si(array: Any, kind: str, rows: slice, name: str) -> Floats:
     for missing in ("_FillValue", "missing_value"):
         if isinstance(attributes.get(missing), int | float):
             values = np.where(values == attributes[missing], np.nan, values)
-    factor, offset = (_packing(attributes, kind, name) for kind in ("scale_factor", "add_offset"))
+    factor, offset = attributes.get("scale_factor", 1.0), attributes.get("add_offset", 0.0)
+    for kind, value in (("scale_factor", factor), ("add_offset", offset)):
+        if not isinstance(value, int | float) or not math.isfinite(value):
+            raise RecordingError(f"{name}: its attribute {kind} is no number: {value!r}")
     if (factor, offset) != (1.0, 0.0):
         values = values * factor + offset
     return values if known[word] == 1.0 else values * known[word]
-
-
-def _packing(attributes: Mapping[str, Any], kind: str, name: str) -> float:
-    value = attributes.get(kind, 1.0 if kind == "scale_factor" else 0.0)
-    if not isinstance(value, int | float) or not math.isfinite(value):
-        raise RecordingError(f"{name}: its attribute {kind} is no number: {value!r}")
-    return float(value)
 
 
 def _even_clock(group: Any, samples: int, name: str) -> Floats:
@@ -253,7 +242,7 @@ MANIFEST = "_fleet.json"
 TIMES = "_seconds"
 REPORT = "report.html"
 # A file of results is named by its contacts, from the one up to the other.
-_PART = re.compile(r"part-(\d{8,})-(\d{8,})\.parquet")
+_PART = re.compile(r"part-(\d{8,})-(\d{8,})\.parquet$")
 
 
 @dataclass(frozen=True, slots=True)
@@ -264,14 +253,11 @@ class Results:
     ----------
     folder : Path
         Where they are.
-    settings : Settings
-        They are made by.
     contacts : int
         How many there are to be.
     """
 
     folder: Path
-    settings: Settings
     contacts: int
 
     @classmethod
@@ -294,12 +280,16 @@ class Results:
         }
         path = folder / MANIFEST
         if path.exists():
-            _check_same(folder, manifest_of(folder), wanted)
+            if differs := next(_differences(manifest_of(folder), wanted), ""):
+                raise FleetError(
+                    f"{folder}: holds the results of a run with {differs}; choose another folder, "
+                    "or remove this one"
+                )
         else:
             _check_empty(folder)
             write_text(path, json.dumps(wanted, ensure_ascii=False, indent=1) + "\n")
         make_folder(folder / TIMES)
-        return cls(folder, settings, wanted["contacts"])
+        return cls(folder, wanted["contacts"])
 
     def done(self) -> list[tuple[int, int]]:
         """The contacts that are there, from the one up to the other of each file."""
@@ -313,9 +303,9 @@ class Results:
         FleetError
             They cannot be read.
         """
-        kinds: list[str | None] = []
-        if _parts(self.folder):
-            kinds = _joined(self.folder, self.folder, ["error_kind"])["error_kind"].to_pylist()
+        if not _parts(self.folder):
+            return []
+        kinds: list[str | None] = _joined(self.folder, ["error_kind"])["error_kind"].to_pylist()
         return kinds
 
     def write(self, batch: Batch, table: "pa.Table", seconds: Floats) -> None:
@@ -327,18 +317,13 @@ class Results:
             They cannot be written.
         """
         pa = needed("pyarrow", "a table of contacts")
+        parquet = needed("pyarrow.parquet", "a table of contacts")
         times = pa.table({"source": table["source"], "index": table["index"], "seconds": seconds})
-        name = f"part-{batch.first:08d}-{batch.end:08d}.parquet"
-        write_bytes(self.folder / TIMES / name, as_parquet(times))
-        write_bytes(self.folder / name, as_parquet(table))
-
-
-def as_parquet(table: "pa.Table") -> bytes:
-    """Return a table as a file of Parquet: the same table, the same bytes."""
-    parquet = needed("pyarrow.parquet", "a table of contacts")
-    written = io.BytesIO()
-    parquet.write_table(table, written, compression="zstd")
-    return written.getvalue()
+        for folder, each in ((self.folder / TIMES, times), (self.folder, table)):
+            written = io.BytesIO()
+            parquet.write_table(each, written, compression="zstd")
+            name = f"part-{batch.first:08d}-{batch.end:08d}.parquet"
+            write_bytes(folder / name, written.getvalue())
 
 
 def read_results(folder: Path) -> "pa.Table":
@@ -350,7 +335,7 @@ def read_results(folder: Path) -> "pa.Table":
         The folder holds no results, or not all.
     """
     total = manifest_of(folder)["contacts"]
-    table = _joined(folder, folder)
+    table = _joined(folder)
     missing = total - sum(end - first for (first, end), _ in _parts(folder))
     if missing:
         raise FleetError(
@@ -362,34 +347,36 @@ def read_results(folder: Path) -> "pa.Table":
 
 def read_seconds(folder: Path) -> "pa.Table":
     """Read how long each row took: ``source``, ``index`` and ``seconds``."""
-    return _joined(folder, folder / TIMES)
+    return _joined(folder, place=TIMES)
 
 
-def _joined(folder: Path, place: Path, columns: list[str] | None = None) -> "pa.Table":
+def _joined(folder: Path, columns: list[str] | None = None, place: str = ".") -> "pa.Table":
     pa = needed("pyarrow", "a table of contacts")
     parquet = needed("pyarrow.parquet", "a table of contacts")
-    parts = _parts(place)
+    parts = [folder / place / path.name for _, path in _parts(folder)]
     if not parts:
         raise FleetError(f"{folder}: holds no results yet")
     try:
-        return pa.concat_tables([parquet.read_table(part, columns=columns) for _, part in parts])
+        return pa.concat_tables([parquet.read_table(part, columns=columns) for part in parts])
     except (OSError, pa.ArrowException) as error:
-        words = " ".join(str(error).split())
-        raise FleetError(f"{folder}: cannot be read: {words}") from None
+        raise FleetError(f"{folder}: cannot be read: {line_of(error)}") from None
 
 
 def _parts(folder: Path) -> list[tuple[tuple[int, int], Path]]:
-    """The files of results, by their contacts and in the order of these."""
-    found = [(name, folder / name) for name in _names(folder)]
-    matches = [(match, path) for name, path in found if (match := _PART.fullmatch(name))]
-    return sorted(((int(match[1]), int(match[2])), path) for match, path in matches)
+    """The files of results, by their contacts and in the order of these, each contact once."""
+    matches = [(match, folder / name) for name in _names(folder) if (match := _PART.match(name))]
+    found: list[tuple[tuple[int, int], Path]] = []
+    for part, path in sorted(((int(match[1]), int(match[2])), path) for match, path in matches):
+        if not found or part[0] >= found[-1][0][1]:  # of two runs at once the other has it too
+            found.append((part, path))
+    return found
 
 
 def _names(folder: Path) -> list[str]:
     try:
         return [path.name for path in folder.iterdir()]
     except OSError as error:
-        raise RecordingError(f"{folder}: {error.strerror or error}") from None
+        raise RecordingError(f"{printable(folder)}: {error.strerror or error}") from None
 
 
 def manifest_of(folder: Path) -> dict[str, Any]:
@@ -414,31 +401,20 @@ def manifest_of(folder: Path) -> dict[str, Any]:
     return dict(found)
 
 
-def _check_same(folder: Path, there: Mapping[str, Any], wanted: Mapping[str, Any]) -> None:
-    """Refuse a folder of another run, by what differs first."""
-    differs = _difference(there, wanted)
-    if differs:
-        raise FleetError(
-            f"{folder}: holds the results of a run with {differs}; choose another folder, or "
-            "remove this one"
-        )
-
-
-def _difference(there: Mapping[str, Any], wanted: Mapping[str, Any]) -> str:
+def _differences(there: Mapping[str, Any], wanted: Mapping[str, Any]) -> Iterator[str]:
+    """What another run has that this one has not."""
     if there["palpate"] != wanted["palpate"]:
-        return f"palpate {there['palpate']}, and this is {wanted['palpate']}"
-    before, now = there["settings"], wanted["settings"]
+        yield f"palpate {there['palpate']}, and this is {wanted['palpate']}"
+    before, now = (run["settings"] for run in (there, wanted))
     for name in sorted({*before, *now}):
-        if before.get(name) != now.get(name):
-            return f"{name} {_shown(before.get(name))}, and this asks {_shown(now.get(name))}"
+        one, other = (
+            json.dumps(settings.get(name), ensure_ascii=False) for settings in (before, now)
+        )
+        if one != other:
+            yield f"{name} {one}, and this asks {other}"
     if there["sources"] != wanted["sources"]:
         contacts = there["contacts"]
-        return f"{contacts} contacts of other sources, or of these before they were changed"
-    return ""
-
-
-def _shown(value: Any) -> str:
-    return json.dumps(value, ensure_ascii=False)
+        yield f"{contacts} contacts of other sources, or of these before they were changed"
 
 
 def _check_empty(folder: Path) -> None:
@@ -481,69 +457,52 @@ def sources_of(
     found: dict[str, ContactSource] = {}
     for name in names:
         text = os.fspath(name)
-        kind = _remote if "://" in text else _local
-        listed = [(_identity(source.name), source) for source in kind(text, leave_out)]
+        results = "" if leave_out is None else os.path.realpath(leave_out)
+        listed = list(_remote(text) if "://" in text else _local(text, results))
         if not listed:
             raise RecordingError(
                 f"{printable(text)}: there is no recording here; recordings end in "
                 f"{', '.join(_ENDINGS)}"
             )
-        for identity, source in listed:
+        for source in listed:  # a file is one contact however it is named
+            identity = source.name if "://" in text else os.path.realpath(source.name)
             found.setdefault(identity, replace(source, name=printable(source.name)))
     return list(found.values())
 
 
-def _identity(name: str) -> str:
-    """The same for every name of one file, which is one contact however it is named."""
-    return name if "://" in name else os.path.realpath(name)
-
-
-def _local(text: str, leave_out: Path | None) -> Iterator[ContactSource]:
+def _local(text: str, results: str) -> Iterator[ContactSource]:
     path = Path(text)
     if glob.has_magic(text) and not path.exists():
         for each in sorted(glob.glob(text, recursive=True)):  # noqa: PTH207 - ** of absolute paths
-            yield from _at(Path(each), leave_out)
+            yield from _at(Path(each), (results,))
         return
     if not path.exists():
         raise RecordingError(f"{printable(path)}: there is no such file or folder")
-    if leave_out is not None and _same(path, leave_out):
+    if os.path.realpath(path) == results:
         raise RecordingError(f"{printable(path)}: is the folder of the results; choose another")
-    yield from _at(path, leave_out, named=True)
+    yield from _at(path, (results,), named=True)
 
 
-def _at(
-    path: Path, leave_out: Path | None, above: tuple[str, ...] = (), *, named: bool = False
-) -> Iterator[ContactSource]:
+def _at(path: Path, outside: tuple[str, ...], *, named: bool = False) -> Iterator[ContactSource]:
     """What a path holds; a file that was named is one whatever its name ends with.
 
-    What cannot be read is a source too, of which a row will say that, unless it was named.
+    What cannot be read is a source too, of which a row will say that, unless it was named. Folders
+    of results, of whichever run, and those that this one is within hold none.
     """
-    name = str(path)
-    if path.is_dir() and not is_array(name):
-        yield from _in_folder(path, leave_out, above)
-    elif is_array(name):
+    name, here = str(path), os.path.realpath(path)
+    if is_array(name):
         yield described_array(name) if named else _found_array(name)
-    elif named or (path.name.lower().endswith(_ENDINGS) and (path.is_file() or _dangling(path))):
+    elif not path.is_dir():
+        # A pipe would be waited for without end.
+        readable = path.name.lower().endswith(_ENDINGS) and (path.is_file() or not path.exists())
+        if named or readable:
+            yield _file(name, path)
+    elif (path / _BAG).is_file():  # a bag of ROS 2 is a folder
         yield _file(name, path)
-
-
-def _in_folder(
-    path: Path, leave_out: Path | None, above: tuple[str, ...]
-) -> Iterator[ContactSource]:
-    here = os.path.realpath(path)
-    if (path / _BAG).is_file():  # a bag of ROS 2 is a folder
-        yield _file(str(path), path)
-        return
-    results = leave_out is not None and _same(path, leave_out)
-    if results or here in above or (path / MANIFEST).is_file():  # results, of whichever run
-        return
-    try:
-        inside = sorted(path.iterdir())
-    except OSError as error:
-        raise RecordingError(f"{printable(path)}: {error.strerror or error}") from None
-    for each in inside:
-        if not each.name.startswith((".", "_")):
-            yield from _at(each, leave_out, (*above, here))
+    elif here not in outside and not (path / MANIFEST).is_file():
+        for each in sorted(_names(path)):
+            if not each.startswith((".", "_")):
+                yield from _at(path / each, (*outside, here))
 
 
 def _found_array(name: str) -> ContactSource:
@@ -552,11 +511,6 @@ def _found_array(name: str) -> ContactSource:
         return described_array(name)
     except RecordingError:
         return ContactSource(name, "zarr", 1)
-
-
-def _dangling(path: Path) -> bool:
-    """Whether it is a link to what is not there; a pipe would be waited for without end."""
-    return path.is_symlink() and not path.exists()
 
 
 def _file(name: str, path: Path) -> ContactSource:
@@ -581,11 +535,7 @@ def _curves_in(path: Path) -> int | None:
         return None
 
 
-def _same(one: Path, other: Path) -> bool:
-    return os.path.realpath(one) == os.path.realpath(other)
-
-
-def _remote(text: str, leave_out: Path | None) -> Iterator[ContactSource]:
+def _remote(text: str) -> Iterator[ContactSource]:
     """What is at an address; the results are on disk, and never within."""
     if is_array(text):
         yield described_array(text)
@@ -594,12 +544,13 @@ def _remote(text: str, leave_out: Path | None) -> Iterator[ContactSource]:
     try:
         files, root = fsspec.core.url_to_fs(text)
         protocol = text.partition("://")[0]
-        entries = _entries(files, root)
+        listed = (files.glob if glob.has_magic(root) else files.find)(root, detail=True).items()
     except ImportError as error:
         raise MissingExtraError(f"{text}: {error}; it goes beside 'palpate[fleet]'") from None
     except Exception as error:
         raise RecordingError(f"{text}: cannot be listed: {line_of(error)}") from None
-    arrays = _arrays_among(entries)
+    entries = sorted(each for each in listed if each[1].get("type") != "directory")
+    arrays = _arrays_among([name for name, _ in entries])
     for name in sorted(arrays):
         yield _found_array(f"{protocol}://{name}")
     for name, about in entries:
@@ -610,22 +561,11 @@ def _remote(text: str, leave_out: Path | None) -> Iterator[ContactSource]:
             yield ContactSource(address, "file", stamp=_stamp(about), size=size)
 
 
-def _entries(files: Any, root: str) -> list[tuple[str, dict[str, Any]]]:
-    if glob.has_magic(root):
-        found: dict[str, dict[str, Any]] = files.glob(root, detail=True)
-    else:
-        found = files.find(root, detail=True)
-    return sorted(
-        (name, about) for name, about in found.items() if about.get("type") != "directory"
-    )
-
-
-def _arrays_among(entries: Iterable[tuple[str, dict[str, Any]]]) -> set[str]:
+def _arrays_among(names: Iterable[str]) -> set[str]:
     """Folders of objects that are groups of Zarr, and in no other such."""
-    marks = (".zgroup", "zarr.json")
-    found = {name.rpartition("/")[0] for name, _ in entries if name.endswith(marks)}
+    marked = {name.rpartition("/")[0] for name in names if name.endswith(_MARKS[:2])}
     return {
         name
-        for name in found
-        if not any(name.startswith(f"{other}/") for other in found if other != name)
+        for name in marked
+        if not any(name.startswith(f"{other}/") for other in marked if other != name)
     }

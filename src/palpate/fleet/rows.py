@@ -15,7 +15,7 @@ from palpate.estimators.estimate import Estimate
 from palpate.fleet.tasks import Settings, needed
 from palpate.force_laws import ForceLaw
 from palpate.identification.identified import Identified
-from palpate.preparation.along_penetration import Place, at_places
+from palpate.preparation.along_penetration import at_places
 from palpate.validation import Floats
 
 if TYPE_CHECKING:
@@ -134,7 +134,7 @@ def rows_of(contact: Contact, settings: Settings) -> Iterator[Row]:
         yield row_of(contact, settings)
         return
     for part, (place, there) in enumerate(at_places(contact)):
-        row: Row = {"part": part, **_where(place)}
+        row: Row = {"part": part, **dict(zip("xyz", place.position.tolist(), strict=True))}
         try:
             row |= row_of(there, settings)
         except Exception as error:
@@ -154,7 +154,11 @@ def row_of(contact: Contact, settings: Settings) -> Row:
     result = Identified.of(data, settings.estimator_for(contact), trace=False)
     estimate, law = result.estimate, result.law
     row: Row = {"fit": "recursion", "samples": len(contact)}
-    row |= _parameters(law, result.covariance)
+    row["covariance"] = result.covariance.reshape(-1).tolist()
+    with np.errstate(invalid="ignore"):
+        errors = np.sqrt(np.diag(result.covariance)).tolist()
+    for name, value, error in zip(law.names(), law.parameters.tolist(), errors, strict=True):
+        row |= {name: value, f"{name}_standard_error": error}
     if estimate.offset_standard_error > 0.0:
         row |= {"offset": estimate.offset, "offset_standard_error": estimate.offset_standard_error}
     if estimate.surface_standard_error > 0.0:
@@ -205,20 +209,6 @@ def place_in_notes(notes: Mapping[str, str]) -> Row:
             number, *unit = notes[f"position {axis}"].split()
             if unit == ["m"]:
                 row[axis] = float(number)
-    return row
-
-
-def _where(place: Place) -> Row:
-    return dict(zip("xyz", place.position.tolist(), strict=True))
-
-
-def _parameters(law: ForceLaw, covariance: Floats) -> Row:
-    row: Row = {"covariance": covariance.reshape(-1).tolist()}
-    with np.errstate(invalid="ignore"):
-        errors = np.sqrt(np.diag(covariance))
-    parts = zip(law.names(), law.parameters.tolist(), errors.tolist(), strict=True)
-    for name, value, error in parts:
-        row |= {name: value, f"{name}_standard_error": error}
     return row
 
 

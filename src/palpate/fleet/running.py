@@ -42,6 +42,7 @@ if TYPE_CHECKING:
 
 #: A source, and which of its contacts; None where it is one.
 Named = tuple[str, int | None]
+_NAMES = ("source", "index")
 _SAMPLES = ("time", "penetration", "velocity", "force", "segment")
 
 
@@ -106,17 +107,6 @@ def timed_batch(
     return pa.concat_tables([table for table, _ in found]), np.concatenate([s for _, s in found])
 
 
-def lost(batch: "pa.Table", settings: Settings, reason: str) -> "pa.Table":
-    """Return the rows of a batch whose contacts could not be worked on at all."""
-    rows = [
-        {"source": source, "index": index, "error": reason, "error_kind": "FleetError"}
-        for source, index in zip(
-            batch["source"].to_pylist(), batch["index"].to_pylist(), strict=True
-        )
-    ]
-    return table_of_rows(rows, settings)
-
-
 def _runs(batch: "pa.Table | pa.RecordBatch") -> Iterator[tuple[str, list[Named]]]:
     """Rows next to each other that are read together: of one array or map, or any files."""
     columns = (batch.column(name).to_pylist() for name in ("kind", "source", "index"))
@@ -131,48 +121,43 @@ def _identified(
     kind: str, named: list[Named], settings: Settings, threads: int
 ) -> "tuple[pa.Table, Floats]":
     if kind != "zarr":
-        recordings = _in_files(named) if kind == "file" else _in_map(named)
-        return identify_each(recordings, settings, searching=kind == "map")
+        return identify_each(_in_files(kind, named), settings, searching=kind == "map")
     source, numbers = named[0][0], [index or 0 for _, index in named]
     first, count = min(numbers), max(numbers) - min(numbers) + 1
     try:
         curves = curves_of(source, first, count)
         table, seconds = identify_curves(curves, settings, threads=threads)
     except Exception as error:
-        return identify_each([(_name(*each), error) for each in named], settings)
+        return identify_each([(_name(each), error) for each in named], settings)
     rows = np.subtract(numbers, first)
     return table.take(rows), seconds[rows]
 
 
-def _name(source: str, index: int | None) -> Row:
-    return {"source": source, "index": index}
+def _name(named: Named) -> Row:
+    return dict(zip(_NAMES, named, strict=True))
 
 
-def _in_files(named: list[Named]) -> Iterator[Given]:
-    for source, index in named:
+def _in_files(kind: str, named: list[Named]) -> Iterator[Given]:
+    """Contacts of files; of a map, which is opened once, they are all of one."""
+    for some in [named] if kind == "map" else ([each] for each in named):
+        left, source = deque(some), some[0][0]
+        path = Path(source)
         try:
             with on_this_machine(source) as path:
-                try:
-                    yield _name(source, index), open_recording(path, curve=index)
-                except PalpateError as error:
-                    if "://" not in source:
-                        raise  # else the name of a copy would tell a person nothing
-                    raise RecordingError(str(error).replace(printable(path), source)) from None
+                if kind == "map":
+                    from palpate.recordings.afm import read_curves
+
+                    found = read_curves(path, [index or 0 for _, index in some])
+                else:
+                    found = iter([open_recording(path, curve=some[0][1])])
+                for recording in found:
+                    yield _name(left.popleft()), recording
         except Exception as error:
-            yield _name(source, index), error
-
-
-def _in_map(named: list[Named]) -> Iterator[Given]:
-    """Curves of one file, which is opened once."""
-    from palpate.recordings.afm import read_curves
-
-    left = deque(named)
-    try:
-        with on_this_machine(named[0][0]) as path:
-            for read in read_curves(path, [index or 0 for _, index in named]):
-                yield _name(*left.popleft()), read
-    except Exception as error:  # of the file as a whole
-        yield from ((_name(*each), error) for each in left)
+            why = error
+            if "://" in source and isinstance(error, PalpateError):
+                # The name of a copy would tell a person nothing.
+                why = RecordingError(str(error).replace(printable(path), source))
+            yield from [(_name(each), why) for each in left]
 
 
 def _held(batch: "pa.Table | pa.RecordBatch", settings: Settings) -> Iterator[Given]:
@@ -187,7 +172,7 @@ def _held(batch: "pa.Table | pa.RecordBatch", settings: Settings) -> Iterator[Gi
         return prepare(source=source or "", **arrays, **settings.preparation)
 
     for k in range(batch.num_rows):
-        named = {name: columns[name][k].as_py() for name in ("source", "index") if name in columns}
+        named = {name: columns[name][k].as_py() for name in _NAMES if name in columns}
         yield named, partial(contact, k, named.get("source"))
 
 
@@ -198,7 +183,6 @@ PATIENCE = 10.0
 LOOPBACK = "127.0.0.1"
 #: States of a nanny that starts no worker any more.
 _GONE = ("failed", "closed")
-_DASHBOARD = f"{LOOPBACK}:8787"
 #: One thread a worker: arithmetic that starts threads of its own would only wait for them.
 _ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
 
@@ -226,17 +210,10 @@ def client_of(
         Dask is not installed.
     """
     distributed = needed("distributed", "a fleet")
-    if scheduler is not None:
-        with _named(distributed, scheduler) as client:
-            _check_workers(client, scheduler)
+    if scheduler is None:
+        with _local(distributed, workers or cores(), dashboard=dashboard) as client:
             yield client
         return
-    with _local(distributed, workers or cores(), dashboard=dashboard) as client:
-        yield client
-
-
-@contextmanager
-def _named(distributed: Any, scheduler: str) -> Iterator[Any]:
     try:
         _check_address(scheduler)
         client = distributed.Client(scheduler, timeout=PATIENCE, set_as_default=False)
@@ -245,10 +222,9 @@ def _named(distributed: Any, scheduler: str) -> Iterator[Any]:
             f"{scheduler}: no scheduler of Dask answers ({line_of(error)}); start one by dask "
             "scheduler, or leave --scheduler out to use the cores of this machine"
         ) from None
-    try:
+    with client:
+        _check_workers(client, scheduler)
         yield client
-    finally:
-        client.close()
 
 
 def _check_address(scheduler: str) -> None:
@@ -267,7 +243,6 @@ def _check_address(scheduler: str) -> None:
 @contextmanager
 def _local(distributed: Any, workers: int, *, dashboard: bool) -> Iterator[Any]:
     dask = needed("dask", "a fleet")
-    address = _DASHBOARD if dashboard else f"{LOOPBACK}:0"
     # A worker that is stopped from outside is no reason to give its work up at the fourth time:
     # what kills workers is found by giving it to one alone.
     settings = {
@@ -277,7 +252,6 @@ def _local(distributed: Any, workers: int, *, dashboard: bool) -> Iterator[Any]:
         "distributed.deploy.lost-worker-timeout": "2 s",
         "distributed.scheduler.worker-saturation": 2.0,
     }
-    quiet = os.environ.get("PALPATE_DASK_LOGS") is None
     with dask.config.set(settings):
         with ignoring_interrupts():
             cluster = distributed.LocalCluster(
@@ -285,9 +259,9 @@ def _local(distributed: Any, workers: int, *, dashboard: bool) -> Iterator[Any]:
                 threads_per_worker=1,
                 processes=True,
                 host=LOOPBACK,
-                dashboard_address=address,
+                dashboard_address=f"{LOOPBACK}:{8787 if dashboard else 0}",
                 worker_dashboard_address=None,
-                silence_logs=60 if quiet else 30,
+                silence_logs=60,
                 scheduler_kwargs={"dashboard": dashboard},
             )
         try:
@@ -522,42 +496,36 @@ def _worked(
             coming.add(future)
         future = next(coming)
         batch = out.pop(future.key)
-        yield batch, _answer(client, future, batch, settings)
+        yield batch, _answer(client, future, batch.table, settings)
 
 
-def _answer(client: Any, future: Any, batch: Batch, settings: Settings) -> Any:
-    """What a task gave; where it ended its workers, that of its parts."""
-    distributed = needed("distributed", "a fleet")
-    try:
-        return future.result()
-    except distributed.KilledWorker:
-        return _in_parts(client, batch.table, settings)
-    except FleetError:
-        raise
-    except Exception as error:
-        words = " ".join(str(error).split()) or type(error).__name__
-        raise FleetError(f"a worker cannot work: {type(error).__name__}: {words}") from None
+def _answer(
+    client: Any, future: Any, table: "pa.Table", settings: Settings, *, alone: bool = False
+) -> "tuple[pa.Table, Floats]":
+    """What a task gave; where it ended its workers, what its ever smaller parts give.
 
-
-def _in_parts(client: Any, table: "pa.Table", settings: Settings) -> Any:
-    """Find the contact that ends workers, in ever smaller parts: it is a row with its reason.
-
-    Four workers have ended over the whole: by it, or by chance, and then the parts are done.
+    Four workers have ended over the whole: by one of its contacts, or by chance, and then the parts
+    are done. One after another, so that each that ends is known to have done it itself: it is a row
+    with its reason.
     """
     distributed = needed("distributed", "a fleet")
     pa = needed("pyarrow", "a table of contacts")
+    try:
+        return future.result()  # type: ignore[no-any-return]
+    except distributed.KilledWorker:
+        if alone and table.num_rows == 1:
+            [named] = table.select(_NAMES).to_pylist()
+            return identify_each([(named, FleetError(_ENDED))], settings)
+    except FleetError:
+        raise
+    except Exception as error:
+        words = f"{type(error).__name__}: {line_of(error)}"
+        raise FleetError(f"a worker cannot work: {words}") from None
     size = -(-table.num_rows // _PARTS)
-    parts = [table.slice(first, size) for first in range(0, table.num_rows, size)]
-    tables: list[Any] = []
-    seconds: list[Floats] = []
-    for part in parts:  # one after another: each that ends is known to have done it itself
-        try:
-            found, took = client.submit(timed_batch, part, settings, pure=False).result()
-        except distributed.KilledWorker:
-            if part.num_rows > 1:
-                found, took = _in_parts(client, part, settings)
-            else:
-                found, took = lost(part, settings, _ENDED), np.zeros(1)
-        tables.append(found)
-        seconds.append(took)
+    answers = []
+    for first in range(0, table.num_rows, size):
+        part = table.slice(first, size)
+        task = client.submit(timed_batch, part, settings, pure=False)
+        answers.append(_answer(client, task, part, settings, alone=True))
+    tables, seconds = zip(*answers, strict=True)
     return pa.concat_tables(tables), np.concatenate(seconds)

@@ -279,15 +279,15 @@ class Settings:
             raise InvalidParameterError(
                 f"diagnosis must be none, input or full, not {shown(self.diagnosis)}"
             )
-        given = estimator_named(self.method)()
-        unknown = [name for name in self.estimator if name not in given.settings]
-        if unknown:
-            raise InvalidParameterError(f"{self.method} has no setting {unknown[0]}")
-        given.replace(**self.estimator)
-        names = {field.name for field in dataclasses.fields(Preparation)}
-        other = [name for name in self.preparation if name not in names]
-        if other:
-            raise InvalidParameterError(f"a preparation has no setting {other[0]}")
+        usual = estimator_named(self.method)()
+        for whose, given, known in (
+            (self.method, self.estimator, set(usual.settings)),
+            ("a preparation", self.preparation, {f.name for f in dataclasses.fields(Preparation)}),
+        ):
+            for name in given:
+                if name not in known:
+                    raise InvalidParameterError(f"{whose} has no setting {name}")
+        usual.replace(**self.estimator)
         Preparation(**self.preparation)
 
     @property
@@ -332,12 +332,6 @@ class Settings:
 
 def _plain(value: Any) -> Any:
     if isinstance(value, Columns):
-        usual = Columns()
-        return {
-            field.name: getattr(value, field.name)
-            for field in dataclasses.fields(value)
-            if getattr(value, field.name) != getattr(usual, field.name)
-        }
-    if isinstance(value, Mapping):
-        return dict(value)
-    return repr(value)
+        usual = dataclasses.asdict(Columns())
+        return {k: each for k, each in dataclasses.asdict(value).items() if each != usual[k]}
+    return dict(value) if isinstance(value, Mapping) else repr(value)
