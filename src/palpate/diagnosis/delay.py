@@ -6,10 +6,13 @@ from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
+from numpy.typing import NDArray
+
 from palpate.diagnosis.data import in_words
 from palpate.diagnosis.finding import remedy_of_memory
 from palpate.diagnosis.fit import (
     Alike,
+    Band,
     Beside,
     Cause,
     Fit,
@@ -293,13 +296,18 @@ def _residual_delay(fit: Fit, at: Solution, shift: int) -> float:
 def _motion(fit: Fit, shift: int, every: int = 1) -> MovedSamples:
     """The motion that a force later by some samples answers to."""
     band = fit.band if every == 1 else fit.band.thinned(every)
-    # The samples that were some earlier, none across the border of a segment.
+    place = _within_segment(fit, band, shift)
+    x = fit.penetration[place] / fit.units.depth
+    return MovedSamples(x, fit.data.velocity[place] / fit.units.speed, band, fit.force[::every])
+
+
+def _within_segment(fit: Fit, band: Band, shift: int) -> NDArray[np.intp]:
+    """The samples that were some earlier, none across the border of a segment."""
     segment = fit.data.segment
     own = segment[band.samples]
     first, last = np.searchsorted(segment, own), np.searchsorted(segment, own, "right") - 1
-    place = np.clip(band.samples - shift, first, last)
-    x = fit.penetration[place] / fit.units.depth
-    return MovedSamples(x, fit.data.velocity[place] / fit.units.speed, band, fit.force[::every])
+    place: NDArray[np.intp] = np.clip(band.samples - shift, first, last)
+    return place
 
 
 def _best_shift(fit: Fit, reach: int) -> tuple[Solution, int]:

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from datetime import UTC, datetime
+from functools import partial
 from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -134,9 +135,7 @@ def _distributions(table: "pa.Table") -> Iterator[str]:
         "How what was identified is distributed, stiffness and damping at the working depth, and "
         "below each how well it is known: its standard error over its value."
     )
-    yield from drawing(
-        "distributions", lambda **options: draw_distributions(table, **options), words
-    )
+    yield from drawing("distributions", lambda: draw_distributions(table), words)
 
 
 def _map(table: "pa.Table") -> Iterator[str]:
@@ -152,7 +151,7 @@ def _map(table: "pa.Table") -> Iterator[str]:
         return
     found = map_of(table, varying)
     words = f"{found.summary[0].upper()}{found.summary[1:]}."
-    yield from drawing("over-place", lambda **options: draw_map(found, **options), words)
+    yield from drawing("over-place", lambda: draw_map(found), words)
 
 
 def _repeats(table: "pa.Table") -> Iterator[str]:
@@ -171,13 +170,8 @@ def _repeats(table: "pa.Table") -> Iterator[str]:
                 f"Scatter of each group of repeats of the {quantity} over what their standard "
                 "errors say: 1 where the errors are right."
             )
-            yield from drawing(
-                f"repeats-{quantity}",
-                lambda found=found, quantity=quantity, **options: draw_repeats(
-                    found, quantity, **options
-                ),
-                words,
-            )
+            draw = partial(draw_repeats, found, quantity)
+            yield from drawing(f"repeats-{quantity}", draw, words)
         unit = AT_DEPTH[quantity]
         rows = [
             [
