@@ -422,13 +422,14 @@ def _svg_of(figure: "Figure", dots: float) -> bytes:
     """
     from matplotlib.backends.backend_svg import FigureCanvasSVG
 
-    drawn, canvas, before = io.BytesIO(), figure.canvas, figure.dpi
+    drawn, shown, before = io.BytesIO(), figure.canvas, figure.dpi
     try:
         figure.dpi = dots  # of images
-        FigureCanvasSVG(figure).print_svg(drawn, metadata=_FORMATS[".svg"])
+        canvas: Any = FigureCanvasSVG(figure)
+        canvas.print_svg(drawn, metadata=_FORMATS[".svg"])
     finally:
         figure.dpi = before
-        figure.set_canvas(canvas)
+        figure.set_canvas(shown)
     return re.sub(rb' d="[^"]*"', lambda path: _DECIMALS.sub(rb"\1", path[0]), drawn.getvalue())
 
 
