@@ -293,13 +293,6 @@ def _described(
         moved = max((other.stiffness(law) - pooled for law in laws), key=abs)
         return moved / other.sizes[0], 0.0
 
-    return Cause(
-        "change",
-        z,
-        gain,
-        *moves(fit),
-        0.0,
-        f"the material changes at {when}: stiffness at working depth {steps} N/m",
-        "--changes identifies each stretch by itself",
-        moves,
-    )
+    sentence = f"the material changes at {when}: stiffness at working depth {steps} N/m"
+    remedy = "--changes identifies each stretch by itself"
+    return Cause.of(fit, "change", (z, gain, 0.0), sentence, remedy, moves)

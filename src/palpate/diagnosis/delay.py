@@ -1,7 +1,6 @@
 """Causes that are a column beside the fit: drift, friction, another damping or shape, inertia."""
 
 import math
-from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -16,9 +15,9 @@ from palpate.diagnosis.fit import (
     Cause,
     Fit,
     MovedSamples,
+    Moves,
     Solution,
     beside,
-    of_parameter,
 )
 from palpate.digits import rounded, with_error
 from palpate.force_laws import HuntCrossley
@@ -103,21 +102,22 @@ def _explained(fit: Fit, name: str, amount: float) -> tuple[str, str]:
     }[name]
 
 
-def cause_of(fit: Fit, name: str, result: Beside, sentence: str, remedy: str | None) -> Cause:
+def cause_of(
+    fit: Fit,
+    name: str,
+    result: Beside,
+    sentence: str,
+    remedy: str,
+    moves: Moves | None = None,
+) -> Cause:
     """A cause from what its column gave."""
-    change = result.change
-    if not math.isfinite(result.z):
-        result = Beside(result.change, result.amount, 0.0, 0.0)
-    return Cause(
-        name,
-        result.z,
-        result.gain,
-        *fit.moves(change),
-        of_parameter(fit, change),
-        sentence,
-        remedy,
-        lambda other: other.moves(change),
-    )
+    law, change = fit.solution.law, result.change
+    # Relative move of the law's first parameter, SI: Δk/k − Δn ln x_r for a power law.
+    parameter = float(change[0]) / max(abs(float(law.parameters[0])), 1e-300)
+    if isinstance(law, HuntCrossley):
+        parameter -= float(change[2]) * math.log(fit.units.depth)
+    found = result.z, result.gain, parameter
+    return Cause.of(fit, name, found, sentence, remedy, moves or (lambda it: it.moves(change)))
 
 
 # Delay: the force late, or early, against the penetration.
@@ -142,23 +142,16 @@ def delay(fit: Fit) -> list[Cause]:
     if fine is None:
         return []
     moved, shift = _best_shift(fit, reach)
-    late = shift * step + _residual_delay(fit, moved, shift) if shift else fine.amount
+    before, late, result = fit.solution, fine.amount, fine
+    if shift:  # its influence is the refit less the same fit without it
+        left = moved.without(_by_delay(fit, shift))
+        rest = float(left @ moved.residual / max(float(left @ left), 1e-300))
+        late = shift * step + min(max(rest, -step), step)
+        change = np.zeros_like(fine.change)
+        change[: len(before.law.symbols)] = moved.law.parameters - before.law.parameters
+        result = Beside(change, late, fine.z, max(fit.gain(moved.energy), fine.gain))
     if abs(shift) >= reach or abs(late) < LEAST * step:
         return []
-    return [_shifted(fit, late, fine, moved) if shift else _described(fit, late, fine, fine)]
-
-
-def _shifted(fit: Fit, late: float, fine: Beside, moved: Solution) -> Cause:
-    """A delay of a sample or more: its influence is the refit less the same fit without it."""
-    before = fit.solution
-    gain = 1.0 - moved.energy / max(before.energy, np.finfo(float).tiny)
-    change = np.zeros(before.jacobian.shape[1])
-    change[: len(before.law.symbols)] = moved.law.parameters - before.law.parameters
-    cause = _described(fit, late, fine, Beside(change, late, fine.z, max(gain, fine.gain)))
-    return cause.moving(fit, lambda other: other.between(before.law, moved.law))
-
-
-def _described(fit: Fit, late: float, fine: Beside, result: Beside) -> Cause:
     error = abs(fine.amount) / max(fine.z, 1e-300)
     sentence = (
         f"the force is {with_error(abs(late) * 1e3, error * 1e3, unit='ms')} "
@@ -167,7 +160,12 @@ def _described(fit: Fit, late: float, fine: Beside, result: Beside) -> Cause:
     )
     read = f"{late * 1e3:.2g}" if abs(late) < 10e-3 else f"{late * 1e3:.3g}"
     remedy = f"--delay {read}ms, if the sensors can be out of step by that"
-    return cause_of(fit, "delay", result, sentence, remedy)
+
+    def moves(other: Fit) -> tuple[float, float]:
+        after = other.stiffness(moved.law), other.damping(moved.law)
+        return other.apart(after, before.law)
+
+    return [cause_of(fit, "delay", result, sentence, remedy, moves if shift else None)]
 
 
 def skew_matters(fit: Fit) -> str:
@@ -194,17 +192,6 @@ def _by_delay(fit: Fit, shift: int) -> Floats:
     later, earlier = _motion(fit, shift + 1), _motion(fit, shift - 1)
     force = [m.band.mean(law.force(np.maximum(m.x, 0.0), m.v)) for m in (later, earlier)]
     return (force[0] - force[1]) / (2.0 * step)
-
-
-def _residual_delay(fit: Fit, at: Solution, shift: int) -> float:
-    """What is left of the delay after whole samples, s."""
-    column = _by_delay(fit, shift)
-    size = np.linalg.norm(at.jacobian, axis=0)
-    size[size == 0.0] = 1.0
-    own = np.linalg.lstsq(at.jacobian / size, column, rcond=None)[0]
-    left = column - (at.jacobian / size) @ own
-    step = fit.data.sample_time
-    return float(np.clip(left @ at.residual / max(float(left @ left), 1e-300), -step, step))
 
 
 def _motion(fit: Fit, shift: int, every: int = 1) -> MovedSamples:
@@ -278,7 +265,6 @@ def memory(fit: Fit) -> list[Cause]:
             best, time = found, float(tau)
     if best is None:
         return []
-    cause = cause_of(fit, "memory", best, "", "")
     turn = 2.0 * math.pi * time / fit.period
     part, change = best.amount / (1.0 + turn**2) / at_depth, best.change
 
@@ -288,8 +274,7 @@ def memory(fit: Fit) -> list[Cause]:
         by_branch = turn**2 * slope / other.sizes[0], time * slope / other.sizes[1]
         return stiffness + by_branch[0], damping + by_branch[1]
 
-    sentence, remedy = _words(fit, time)
-    return [replace(cause.moving(fit, moves), parameter=0.0, sentence=sentence, remedy=remedy)]
+    return [Cause.of(fit, "memory", (best.z, best.gain, 0.0), *_words(fit, time), moves)]
 
 
 def _words(fit: Fit, time: float) -> tuple[str, str]:

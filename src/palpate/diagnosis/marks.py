@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -187,20 +188,17 @@ def better_law(fit: Fit) -> Cause | None:
     if own is None or not (own.score >= STRONG and best.rms_error <= BETTER * own.rms_error):
         return None
 
-    def moves(other: Fit) -> tuple[float, float]:
-        return _apart(other, laws)
-
     sentence = (
         f"another law is clearly better: {best.candidate} leaves {in_words(best.rms_error, 'N')} "
         f"rms where {own.candidate} leaves {in_words(own.rms_error, 'N')}, by "
         f"{rounded(laws.verdict.effective_samples, 3)} independent samples"
     )
     gain = 1.0 - (best.rms_error / own.rms_error) ** 2
+    moves = partial(_apart, laws=laws)
     remedy = REMEDY
     if laws.open_memory:  # of an approach alone, say: prediction gains, and K alone means little
         remedy += ": K′ and B′ at the motion's frequency, not the relaxed stiffness"
-    cause = Cause("law", math.nan, gain, 0.0, 0.0, math.nan, sentence, remedy, moves)
-    return cause.moving(fit, moves)
+    return Cause.of(fit, "law", (math.nan, gain, math.nan), sentence, remedy, moves)
 
 
 def standing_of(law: ForceLaw, verdict: LawVerdict) -> Standing | None:
@@ -220,9 +218,8 @@ def _apart(fit: Fit, laws: Laws) -> tuple[float, float]:
     with np.errstate(all="ignore"):
         whole = laws.law.dynamic_stiffness(fit.depth, frequency)
     law = fit.units.local(fit.estimate.law)
-    stiffness = (whole.real - fit.stiffness(law)) / fit.sizes[0]
-    damping = (whole.imag / frequency - fit.damping(law)) / fit.sizes[1]
-    return (stiffness, damping) if math.isfinite(stiffness + damping) else (0.0, 0.0)
+    moved = fit.apart((whole.real, whole.imag / frequency), law)
+    return moved if math.isfinite(sum(moved)) else (0.0, 0.0)
 
 
 def finding_of(cause: Cause, *, late: bool) -> Finding:
@@ -305,10 +302,7 @@ def _described(fit: Fit, found: Floats, error: float, gain: float) -> Cause:
     def moves(other: Fit) -> tuple[float, float]:
         at = max(other.depth / reference - depth, 0.05)
         stiffness, damping = n * k * at ** (n - 1.0) / reference, c * at**n / other.speed
-        return (
-            (stiffness - other.stiffness(before)) / other.sizes[0],
-            (damping - other.damping(before)) / other.sizes[1],
-        )
+        return other.apart((stiffness, damping), before)
 
     after = fit.units.restored(HuntCrossley(k, c, n)).parameters / fit.law.parameters - 1.0
     way = "deeper than" if depth > 0.0 else "above where"
@@ -317,16 +311,9 @@ def _described(fit: Fit, found: Floats, error: float, gain: float) -> Cause:
         f"{in_words(error * reference, 'm')} {way} the penetration says: K {after[0]:+.0%}, "
         f"B {after[1]:+.0%}, while stiffness and damping at working depth hardly move"
     )
-    return Cause(
-        "surface",
-        abs(depth) / max(error, 1e-300),
-        gain,
-        *moves(fit),
-        abs((n - before.parameters[2]) * math.log(reference)) + n * abs(depth),
-        sentence,
-        "--surface estimate",
-        moves,
-    )
+    parameter = abs((n - before.parameters[2]) * math.log(reference)) + n * abs(depth)
+    z = abs(depth) / max(error, 1e-300)
+    return Cause.of(fit, "surface", (z, gain, parameter), sentence, "--surface estimate", moves)
 
 
 def _samples(fit: Fit) -> Samples:
@@ -356,10 +343,8 @@ def _thinned(index: NDArray[np.intp], most: int) -> NDArray[np.intp]:
 
 def _band_gain(fit: Fit, found: Floats) -> float:
     """Fraction of the band's residual that a fit below this surface removes."""
-    law = HuntCrossley(*found[:3])
     motion = MovedSamples(np.maximum(fit.x - found[4], 1e-9), fit.v, fit.band, fit.force)
-    moved = fit.solve(law, float(found[3]), motion)
-    return 1.0 - moved.energy / max(fit.solution.energy, np.finfo(float).tiny)
+    return fit.gain(fit.solve(HuntCrossley(*found[:3]), float(found[3]), motion).energy)
 
 
 def offset_against_free(fit: Fit) -> tuple[float, float] | None:
