@@ -244,14 +244,14 @@ def _judged(fit: Fit, cut: Cut) -> Changes | None:
     found = min(wald), fit.gain(float(residual @ residual)), 0.0
     times = tuple(_to_the_sample(fit, cut, laws, k) for k in range(len(cut.borders)))
     when = ", ".join(f"{rounded(time, 3)} s" for time in times)
-    steps = " → ".join(rounded(value, 3) for value in values)
+    levels = " → ".join(rounded(value, 3) for value in values)
 
     def moves(other: Fit) -> tuple[float, float]:
         pooled = other.stiffness(other.solution.law)
         moved = (other.stiffness(other.units.local(law)) - pooled for law in laws)
         return max(moved, key=abs) / other.sizes[0], 0.0
 
-    sentence = f"the material changes at {when}: stiffness at working depth {steps} N/m"
+    sentence = f"the material changes at {when}: stiffness at working depth {levels} N/m"
     remedy = "--changes identifies each stretch by itself"
     return Changes(Cause.of(fit, "change", found, sentence, remedy, moves), times, laws)
 

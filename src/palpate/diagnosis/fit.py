@@ -71,6 +71,7 @@ def as_hunt_crossley(data: Data, estimate: Estimate, depth: float) -> tuple[Data
 MOST_ROWS = 4000
 WINDOWS_A_PERIOD = 20
 FEWEST_ROWS = 60  # below that there is no saying how the residual is correlated
+FEWEST_FREE = 50  # samples above the surface; with fewer an error of the surface does not show
 
 
 @dataclass(frozen=True, eq=False)  # no slots: what rows share is kept in the instance
@@ -269,6 +270,11 @@ class Fit:
         self.inside: NDArray[np.bool_] = trace.taken[data.known] & (self.penetration > 0.0)
         self.rejected: NDArray[np.bool_] = trace.rejected[data.known]  # left out as outliers
         self.outside: NDArray[np.bool_] = ~(self.inside | self.rejected)
+        #: Above the surface, by the penetration.
+        self.free: NDArray[np.bool_] = (self.penetration < 0.0) & ~self.rejected
+        # At whatever penetration is given for them: a probe that rests 0.5 mm above the material
+        # has no samples above a surface that is 0.7 mm off.
+        self.free_air = int(np.count_nonzero(self.outside)) >= FEWEST_FREE
         x, v = self.penetration[self.inside], data.velocity[self.inside]
         self.reference = float(np.median(x)) if x.size else math.nan
         self.depth = self.reference if depth is None else depth
@@ -308,9 +314,10 @@ class Fit:
     @cached_property
     def finite(self) -> bool:
         """Whether a least squares of finite numbers was found, of a law that resists at all."""
-        parts = self.solution.law.parameters, self.solution.residual, self.solution.jacobian
-        known = all(np.isfinite(part).all() for part in parts) and self.period > 0.0
-        return known and all(math.isfinite(size) and size > 0.0 for size in self.sizes)
+        solution, sizes = self.solution, np.array(self.sizes)
+        numbers = [solution.law.parameters, solution.residual, solution.jacobian.reshape(-1), sizes]
+        known = bool(np.isfinite(np.concatenate(numbers)).all())
+        return known and self.period > 0.0 and bool((sizes > 0.0).all())
 
     @cached_property
     def solution(self) -> Solution:
@@ -388,6 +395,10 @@ class Fit:
         """Force at the working depth and at rest of a law in local units, N."""
         return float(law.force(self.depth / self.units.depth, 0.0))
 
+    def felt(self, law: ForceLaw) -> Floats:
+        """Force, stiffness and damping at the working depth of a law in local units, shape (3,)."""
+        return np.array([self.force_at_depth(law), self.stiffness(law), self.damping(law)])
+
     @cached_property
     def gradients(self) -> Floats:
         """Of force, stiffness and damping at the working depth by the solution's parameters."""
@@ -398,12 +409,7 @@ class Fit:
             up, down = law.parameters, law.parameters
             up[k], down[k] = value + step, value - step
             high, low = law.from_parameters(up), law.from_parameters(down)
-            columns.append(
-                [
-                    (quantity(high) - quantity(low)) / (2.0 * step)
-                    for quantity in (self.force_at_depth, self.stiffness, self.damping)
-                ]
-            )
+            columns.append((self.felt(high) - self.felt(low)) / (2.0 * step))
         return np.array(columns).T
 
     @cached_property
