@@ -276,7 +276,9 @@ def test_a_delay_is_sought_within_each_segment():
     moved = {"penetration": x[kept], "velocity": v[kept], "force": force[kept]}
     result = palpate.identify(palpate.Contact(time[kept], **moved, segment=np.repeat(order, 400)))
     fit = Fit(result.data, result.trace, result.estimate)
-    here, *others = (fit.data.segment[_within_segment(fit, shift)] for shift in (0, 20, -20))
+    here, *others = (
+        fit.data.segment[_within_segment(fit, fit.band, shift)] for shift in (0, 20, -20)
+    )
     assert all(np.all(other == here) for other in others)
     [found] = delay(fit)
     assert float(found.remedy.split()[1].removesuffix("ms,")) == pytest.approx(5.0, abs=0.6)

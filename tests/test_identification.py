@@ -2,6 +2,7 @@
 
 import dataclasses
 import math
+from pathlib import Path
 
 import numpy as np
 import pandas
@@ -24,12 +25,15 @@ from palpate import (
     SingleStageRLS,
     Status,
     Trace,
+    ViscoelasticContact,
     compare,
     identify,
 )
+from palpate.estimators.contact_estimator import CompiledEstimator
 from palpate.estimators.estimate import prediction_rmse_percent, rmse_percent, violated_fraction
 from palpate.preparation.gates import suggest_gate, suggest_scale
 
+RECORDED = Path(__file__).parents[1] / "examples" / "recordings" / "ball.csv"
 CONTACT = contact_of(tapping(MATERIALS["ball"], noise=0.02, seed=1))
 
 
@@ -299,3 +303,16 @@ def test_the_violated_fraction_is_of_the_samples_taken():
 def test_taken_is_what_entered_the_estimate(status):
     trace = trace_of([status], [1.0])
     assert trace.taken.tolist() == [status in (Status.UPDATED, Status.GUARDED, Status.RESTARTED)]
+
+
+@pytest.mark.parametrize("law", [None, "auto", "any"])
+def test_identify_replays_the_bank_of_laws_with_memory_once(monkeypatch, law):
+    replayed, real = [], CompiledEstimator.replay
+    monkeypatch.setattr(
+        CompiledEstimator,
+        "replay",
+        lambda self, *given, **more: replayed.append(self.method) or real(self, *given, **more),
+    )
+    assert identify(RECORDED, law=law).diagnosis.verdict.overall == "trust"
+    assert replayed.count(ViscoelasticContact.method) == 1
+    assert len(replayed) == (1 if law else 2)

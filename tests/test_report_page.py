@@ -2,14 +2,17 @@
 
 import html.parser
 import re
+from collections import Counter
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from faults import changed
+from matplotlib.figure import Figure
 
 import palpate
+from palpate.identification import identified
 from palpate.reports import identification
 from palpate.reports.identification import Circumstances, page
 
@@ -113,3 +116,26 @@ def test_a_contact_that_says_nothing_has_no_error_bars():
     assert "do-not-trust" in shown
     assert "± unknown" in shown
     assert Reading(shown).open == []
+
+
+@pytest.mark.parametrize("law", [None, "auto"])
+def test_a_report_diagnoses_each_method_once_and_draws_each_figure_once(
+    run, tmp_path, monkeypatch, law
+):
+    done = Counter()
+
+    def counted(where, name, of=lambda *_: ""):
+        real = getattr(where, name)
+
+        def call(*given, **more):
+            done[f"{name} {of(*given)}".strip()] += 1
+            return real(*given, **more)
+
+        monkeypatch.setattr(where, name, call)
+
+    counted(identified, "diagnose_parts")
+    counted(Figure, "draw", lambda figure, renderer: type(renderer).__name__)
+    words = ["--law", law] if law else []
+    assert run("identify", EXAMPLES / "ball.csv", "-o", tmp_path / "out", *words)[0] == 0
+    assert done["diagnose_parts"] == len(palpate.ESTIMATORS)
+    assert done["draw MixedModeRenderer"] == 2

@@ -71,7 +71,8 @@ def identify(
         options = {**choosing.options, **({"changes": True} if changes else {})}
         options |= {**judging.options, **deriving.options, **reading.options}
         watch = partial(_counted, words="comparing with every method")
-        destination.save(result, options=options, compared=reading.compared(contact, watch=watch))
+        compared = reading.compared(contact, watch=watch, known=result)
+        destination.save(result, options=options, compared=compared)
     print_identifications(files, [result], drawing.figure, as_json=as_json, folder=output)
     return judging.status([result.diagnosis.verdict])
 

@@ -3,9 +3,12 @@
 import itertools
 import math
 from dataclasses import dataclass
+from functools import partial
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from palpate.diagnosis.fit import WINDOWS_A_PERIOD, Cause, Fit
 from palpate.digits import rounded
@@ -22,6 +25,7 @@ SIGNIFICANT = 6.0
 SMALLEST_STEP = 0.03  # relative; below it a slow drift looks like steps
 FEWEST_PERIODS = 2.0  # an episode; one stroke cannot tell a change from memory
 EXPONENTS = (1.0, 1.5, 2.0)  # starts: the exponent pooled over two materials is nonsense
+_ENERGY = attrgetter("energy")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -36,14 +40,11 @@ class Changes:
         The borders, s.
     laws : tuple of ForceLaw
         One for each stretch, SI.
-    step : float
-        Largest relative step of stiffness.
     """
 
     cause: Cause
     times: tuple[float, ...]
     laws: tuple[ForceLaw, ...]
-    step: float
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -75,8 +76,8 @@ def changes(fit: Fit) -> Changes | None:
     for count in range(1, MOST_CHANGES + 1):
         if duration / (count + 1) <= FEWEST_PERIODS * fit.period:
             break
-        cuts = [_least_squares(fit, _rows(fit, _programme(c, count)), n) for n, c in costs.items()]
-        best = _refined(fit, min(cuts, key=_energy), count)
+        cuts = [_least_squares(fit, _programme(fit, c, count), n) for n, c in costs.items()]
+        best = _refined(fit, min(cuts, key=_ENERGY), count)
         if best.energy > (1.0 - WORTH_ANOTHER) * energy and found is not None:
             break
         found, energy = best, best.energy
@@ -93,15 +94,11 @@ def _basis(fit: Fit, exponent: float) -> Floats:
     return fit.powers[exponent]
 
 
-def _energy(cut: Cut) -> float:
-    return cut.energy
-
-
 def _refined(fit: Fit, start: Cut, count: int) -> Cut:
     """The best borders of so many changes, near a start; exponent and borders in turn."""
     cut = _fitted(fit, start.borders, start.exponent)
     for _ in range(2):
-        borders = _rows(fit, _programme(_cost(fit, cut.exponent, cut.offset), count))
+        borders = _programme(fit, _cost(fit, cut.exponent, cut.offset), count)
         if borders == cut.borders:
             break
         again = _fitted(fit, borders, cut.exponent)
@@ -113,10 +110,9 @@ def _refined(fit: Fit, start: Cut, count: int) -> Cut:
 
 def _cost(fit: Fit, exponent: float, offset: float) -> Floats:
     """Energy that own coefficients leave of blocks i … j − 1, shape (49, 49)."""
-    edges = np.linspace(0, len(fit.band), BLOCKS + 1).astype(int)
     basis = _basis(fit, exponent)
     wide = np.column_stack([basis, fit.force - offset])
-    products = np.add.reduceat(wide[:, :, None] * wide[:, None, :], edges[:-1], axis=0)
+    products = np.add.reduceat(wide[:, :, None] * wide[:, None, :], _edges(fit)[:-1], axis=0)
     sums = np.concatenate([np.zeros((1, *products.shape[1:])), np.cumsum(products, axis=0)])
     of = sums[None, :] - sums[:, None]
     own = basis.shape[1]
@@ -129,8 +125,13 @@ def _cost(fit: Fit, exponent: float, offset: float) -> Floats:
     return cost
 
 
-def _programme(cost: Floats, count: int) -> list[int]:
-    """The blocks at which ``count`` changes leave the least."""
+def _edges(fit: Fit) -> NDArray[np.intp]:
+    """The rows at which blocks begin, and the end."""
+    return np.linspace(0, len(fit.band), BLOCKS + 1).astype(np.intp)
+
+
+def _programme(fit: Fit, cost: Floats, count: int) -> list[int]:
+    """The rows at which ``count`` changes leave the least."""
     best, chosen = cost[0].copy(), []
     for _ in range(count):
         total = best[:, None] + cost
@@ -140,32 +141,18 @@ def _programme(cost: Floats, count: int) -> list[int]:
     for back in reversed(chosen):
         at = int(back[at])
         borders.append(at)
-    return sorted(set(borders) - {0, BLOCKS})
+    rows: list[int] = _edges(fit)[sorted(set(borders) - {0, BLOCKS})].tolist()
+    return rows
 
 
-def _rows(fit: Fit, blocks: list[int]) -> list[int]:
-    edges = np.linspace(0, len(fit.band), BLOCKS + 1).astype(int)
-    return [int(edges[block]) for block in blocks]
-
-
-def _columns(fit: Fit, borders: list[int], exponent: float) -> Floats:
-    """Each episode's own basis, zero elsewhere, and the offset."""
-    basis = _basis(fit, exponent)
-    limits = [0, *borders, len(basis)]
-    columns = []
-    for start, stop in itertools.pairwise(limits):
-        own = np.zeros_like(basis)
-        own[start:stop] = basis[start:stop]
-        columns.append(own)
-    if fit.with_offset:
-        columns.append(np.ones((len(basis), 1)))
-    return np.hstack(columns)
+def _episodes(fit: Fit, borders: list[int]) -> list[slice]:
+    """The rows of each episode."""
+    return list(itertools.starmap(slice, itertools.pairwise([0, *borders, len(fit.band)])))
 
 
 def _least_squares(fit: Fit, borders: list[int], exponent: float) -> Cut:
-    """Coefficients and offset of :func:`_columns`, whose products are sums over each episode."""
-    basis = _basis(fit, exponent)
-    parts = [slice(*limits) for limits in itertools.pairwise([0, *borders, len(basis)])]
+    """Coefficients of each episode and a common offset, by sums over each episode."""
+    basis, parts = _basis(fit, exponent), _episodes(fit, borders)
     own, count = basis.shape[1], len(parts)
     normal = np.zeros((count * own + fit.with_offset,) * 2)
     right = np.empty(len(normal))
@@ -192,10 +179,7 @@ def _least_squares(fit: Fit, borders: list[int], exponent: float) -> Cut:
 
 def _fitted(fit: Fit, borders: list[int], exponent: float) -> Cut:
     """Coefficients and offset by least squares; the exponent by golden section around its start."""
-
-    def cut(n: float) -> Cut:
-        return _least_squares(fit, borders, n)
-
+    cut = partial(_least_squares, fit, borders)
     if math.isnan(exponent) or fit.fixed:
         return cut(exponent)
     low, high = max(exponent - 0.4, 0.3), exponent + 0.4
@@ -208,7 +192,7 @@ def _fitted(fit: Fit, borders: list[int], exponent: float) -> Cut:
         else:
             low, a = a.exponent, b
             b = cut(low + golden * (high - low))
-    return min(a, b, key=_energy)
+    return min(a, b, key=_ENERGY)
 
 
 def _sharpened(fit: Fit, cut: Cut) -> Cut:
@@ -233,12 +217,15 @@ def _without_slivers(fit: Fit, cut: Cut) -> Cut:
             return cut
         near = int(np.argmin(np.diff(times)))
         kept = [[b for k, b in enumerate(cut.borders) if k != drop] for drop in (near, near + 1)]
-        cut = min((_fitted(fit, each, cut.exponent) for each in kept), key=_energy)
+        cut = min((_fitted(fit, each, cut.exponent) for each in kept), key=_ENERGY)
 
 
 def _judged(fit: Fit, cut: Cut) -> Changes | None:
-    columns = _columns(fit, cut.borders, cut.exponent)
-    own = cut.coefficients.shape[1]
+    basis, own = _basis(fit, cut.exponent), cut.coefficients.shape[1]
+    columns = np.ones((len(basis), cut.coefficients.size + fit.with_offset))
+    columns[:, : cut.coefficients.size] = 0.0
+    for k, part in enumerate(_episodes(fit, cut.borders)):
+        columns[part, k * own : (k + 1) * own] = basis[part]
     solved = np.concatenate([cut.coefficients.reshape(-1), [cut.offset] * fit.with_offset])
     residual = fit.force - columns @ solved
     covariance = robust_covariance(columns, residual, fit.band.shared)
@@ -254,10 +241,19 @@ def _judged(fit: Fit, cut: Cut) -> Changes | None:
     size = [abs(b / a - 1.0) if a else math.inf for a, b in itertools.pairwise(values)]
     if min(wald, default=0.0) <= SIGNIFICANT or max(size) <= SMALLEST_STEP:
         return None
-    gain = 1.0 - float(residual @ residual) / max(fit.solution.energy, np.finfo(float).tiny)
+    found = min(wald), fit.gain(float(residual @ residual)), 0.0
     times = tuple(_to_the_sample(fit, cut, laws, k) for k in range(len(cut.borders)))
-    local = [fit.units.local(law) for law in laws]
-    return Changes(_described(fit, local, times, min(wald), gain), times, laws, max(size))
+    when = ", ".join(f"{rounded(time, 3)} s" for time in times)
+    levels = " → ".join(rounded(value, 3) for value in values)
+
+    def moves(other: Fit) -> tuple[float, float]:
+        pooled = other.stiffness(other.solution.law)
+        moved = (other.stiffness(other.units.local(law)) - pooled for law in laws)
+        return max(moved, key=abs) / other.sizes[0], 0.0
+
+    sentence = f"the material changes at {when}: stiffness at working depth {levels} N/m"
+    remedy = "--changes identifies each stretch by itself"
+    return Changes(Cause.of(fit, "change", found, sentence, remedy, moves), times, laws)
 
 
 def _to_the_sample(fit: Fit, cut: Cut, laws: tuple[ForceLaw, ...], border: int) -> float:
@@ -280,26 +276,3 @@ def _law(fit: Fit, cut: Cut, row: Floats) -> ForceLaw:
     local = kind(*row) if math.isnan(cut.exponent) else kind(*row, cut.exponent)
     law: ForceLaw = fit.units.restored(local)
     return law
-
-
-def _described(
-    fit: Fit, laws: list[ForceLaw], times: tuple[float, ...], z: float, gain: float
-) -> Cause:
-    when = ", ".join(f"{rounded(time, 3)} s" for time in times)
-    steps = " → ".join(rounded(fit.stiffness(law), 3) for law in laws)
-
-    def moves(other: Fit) -> tuple[float, float]:
-        pooled = other.stiffness(other.solution.law)
-        moved = max((other.stiffness(law) - pooled for law in laws), key=abs)
-        return moved / other.sizes[0], 0.0
-
-    return Cause(
-        "change",
-        z,
-        gain,
-        *moves(fit),
-        0.0,
-        f"the material changes at {when}: stiffness at working depth {steps} N/m",
-        "--changes identifies each stretch by itself",
-        moves,
-    )

@@ -1,207 +1,124 @@
 """Causes that are a column beside the fit: drift, friction, another damping or shape, inertia."""
 
 import math
-from collections.abc import Callable, Iterable
-from dataclasses import dataclass, replace
+from collections.abc import Iterable
 from functools import cache
 
 import numpy as np
+from numpy.typing import NDArray
 
 from palpate.diagnosis.data import in_words
 from palpate.diagnosis.finding import remedy_of_memory
 from palpate.diagnosis.fit import (
     Alike,
+    Band,
     Beside,
     Cause,
     Fit,
     MovedSamples,
+    Moves,
     Solution,
     beside,
-    of_parameter,
 )
 from palpate.digits import rounded, with_error
 from palpate.force_laws import HuntCrossley
 from palpate.validation import Floats
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Shape:
-    """The motion and the law, without units, at every sample of the band.
-
-    Attributes
-    ----------
-    x, v : numpy.ndarray
-        Penetration over the working depth, and velocity over its rms.
-    spring : numpy.ndarray
-        The law's force at rest, 1 at the working depth: ξⁿ for a power law.
-    slope : numpy.ndarray
-        ∂F/∂x at rest, 1 at the working depth: ξⁿ⁻¹ for a power law.
-    force : numpy.ndarray
-        The law's force, N.
-    time : numpy.ndarray
-        From −½ to ½ over the recording.
-    """
-
-    x: Floats
-    v: Floats
-    spring: Floats
-    slope: Floats
-    force: Floats
-    time: Floats
-
-
-def shape_of(fit: Fit) -> Shape:
-    """Return what columns are made of."""
-    law, x = fit.solution.law, np.maximum(fit.x, 1e-12)
-    rest = np.zeros_like(x)
-    spring, slope = law.force(x, rest), law.penetration_gradient(x, rest)
-    time = fit.data.time[fit.band.samples]
-    return Shape(
-        x * fit.units.depth / fit.reference,
-        fit.v * fit.units.speed / fit.speed,
-        spring / _unit(np.median(spring)),
-        slope / _unit(np.median(slope)),
-        law.force(x, fit.v),
-        (time - time.mean()) / _unit(np.ptp(time)),
-    )
-
-
-def _unit(value: float) -> float:
-    return float(value) or 1.0
-
-
-def _other_growth(fit: Fit, shape: Shape) -> Floats:
-    """x^(n−1) v, of a law whose damping grows as xⁿ; nothing of one whose damping does not grow.
-
-    Beside a constant damper, K₁ v + 2 K₂ x v would be that damper but for some rounding of K₂.
-    """
-    grows = isinstance(fit.solution.law, HuntCrossley)
-    return shape.slope * shape.v if grows else np.zeros_like(shape.v)
-
-
-def _other_shape(fit: Fit, shape: Shape) -> Floats:
-    """∂²F/∂n², or where the exponent is fixed ∂F/∂n: xⁿ is the tip's as far as that is known."""
-    logarithm = np.log(np.maximum(shape.x, 1e-12))
-    return shape.spring * (logarithm if fit.fixed else logarithm**2)
-
-
-def _shape(fit: Fit, found: Beside) -> str:
-    if fit.fixed:
-        return "the force does not grow with depth as by the exponent that was given"
-    return "the force grows with depth in another way than the law's"
-
-
-def _acceleration(fit: Fit, _: Shape) -> Floats:
-    """dv/dt, m/s²; times the mass that moves beyond the sensor it is a force."""
-    data = fit.data
-    rate = np.gradient(data.velocity, np.maximum(np.gradient(data.time).cumsum(), data.time))
-    return rate[fit.band.samples]
-
-
-@dataclass(frozen=True, slots=True)
-class AddedColumn:
-    """A cause that is one column.
-
-    Attributes
-    ----------
-    values : callable
-        The column at the samples of the band.
-    sentence : callable
-        What was found, from the fit and the column's coefficient.
-    remedy : str
-        What to do.
-    """
-
-    values: Callable[[Fit, Shape], Floats]
-    sentence: Callable[[Fit, Beside], str]
-    remedy: str
-
-
-def _drift(fit: Fit, found: Beside) -> str:
-    way = "hardens" if found.amount > 0.0 else "softens"
-    return f"the material {way} by {abs(found.amount):.1%} over the recording"
-
-
-def _creep(fit: Fit, found: Beside) -> str:
-    return f"the zero of the force drifts by {in_words(abs(found.amount), 'N')}"
-
-
-def _friction(fit: Fit, found: Beside) -> str:
-    part = abs(found.amount) / max(abs(fit.force_at_depth(fit.solution.law)), 1e-300)
-    return f"a friction of {part:.1%} of the force: it turns with the direction, not with the speed"
-
-
-def _inertia(fit: Fit, found: Beside) -> str:
-    words = f"a mass of {rounded(found.amount, 2)} kg moves with the probe beyond the force sensor"
-    return words if found.amount > 0.0 else "the force follows the acceleration"
-
-
-#: Each cause by its name.
-COLUMNS: dict[str, AddedColumn] = {
-    "gain drift": AddedColumn(
-        lambda fit, s: s.force * s.time,
-        _drift,
-        "identify parts of the recording, with --start and --stop",
-    ),
-    "offset drift": AddedColumn(
-        lambda fit, s: s.time, _creep, "let the sensor warm up, and tare before each touch"
-    ),
-    "friction": AddedColumn(
-        lambda fit, s: s.spring * np.tanh(20.0 * s.v),
-        _friction,
-        "press along the surface's normal; the damping is for this speed only",
-    ),
-    "damping form": AddedColumn(
-        _other_growth,
-        lambda fit, found: "the damping grows with depth in another way than the law's",
-        "the stiffness at working depth holds; take the damping at that depth only",
-    ),
-    "damping with depth": AddedColumn(
-        lambda fit, s: s.spring * s.v,
-        lambda fit, found: "the damping grows with depth, as it does not in the law",
-        "--method variable-projection, which has F = K xⁿ + B xⁿ v",
-    ),
-    "shape": AddedColumn(
-        _other_shape,
-        _shape,
-        "identify a smaller range of depths, with --min-penetration",
-    ),
-    "square speed": AddedColumn(
-        lambda fit, s: s.spring * s.v * np.abs(s.v),
-        lambda fit, found: "the damping is not in proportion to the speed",
-        "the damping is for this speed only; move as fast as the task will",
-    ),
-    "inertia": AddedColumn(
-        _acceleration, _inertia, "weigh what moves beyond the sensor and take m·a off the force"
-    ),
-}
-
-
 def columns(fit: Fit) -> list[Cause]:
     """Fit every column beside the law, one at a time."""
-    shape, found = shape_of(fit), []
-    for name, column in COLUMNS.items():
-        result = beside(fit, fit.band.mean(column.values(fit, shape)))
-        if result is not None:
-            found.append(cause_of(fit, name, result, column.sentence(fit, result), column.remedy))
-    return found
+    law, data, samples = fit.solution.law, fit.data, fit.band.samples
+    x, rest = np.maximum(fit.x, 1e-12), np.zeros_like(fit.x)
+    # Without units: depth over the working depth, speed over its rms, time from −½ to ½.
+    depth, speed = x * fit.units.depth / fit.reference, fit.v * fit.units.speed / fit.speed
+    time = data.time[samples]
+    time = (time - time.mean()) / (float(np.ptp(time)) or 1.0)
+    spring, slope = law.force(x, rest), law.penetration_gradient(x, rest)
+    spring = spring / (float(np.median(spring)) or 1.0)  # ξⁿ of a power law
+    slope = slope / (float(np.median(slope)) or 1.0)  # ξⁿ⁻¹ of a power law
+    logarithm = np.log(np.maximum(depth, 1e-12))
+    rate = np.gradient(data.velocity, np.maximum(np.gradient(data.time).cumsum(), data.time))
+    values = {
+        "gain drift": law.force(x, fit.v) * time,
+        "offset drift": time,
+        "friction": spring * np.tanh(20.0 * speed),
+        # Of a law whose damping grows as xⁿ. Beside a constant damper, K₁ v + 2 K₂ x v would be
+        # that damper but for some rounding of K₂.
+        "damping form": slope * speed if isinstance(law, HuntCrossley) else rest,
+        "damping with depth": spring * speed,
+        # ∂²F/∂n², or where the exponent is fixed ∂F/∂n: xⁿ is the tip's as far as that is known.
+        "shape": spring * (logarithm if fit.fixed else logarithm**2),
+        "square speed": spring * speed * np.abs(speed),
+        "inertia": rate[samples],  # times the mass that moves beyond the sensor it is a force
+    }
+    causes = []
+    for name, column in zip(values, fit.band.mean(np.array([*values.values()]).T).T, strict=True):
+        found = beside(fit, column)
+        if found is not None:
+            causes.append(cause_of(fit, name, found, *_explained(fit, name, found.amount)))
+    return causes
 
 
-def cause_of(fit: Fit, name: str, result: Beside, sentence: str, remedy: str | None) -> Cause:
+def _explained(fit: Fit, name: str, amount: float) -> tuple[str, str]:
+    """What so much of a column means, and what to do."""
+    part = abs(amount) / max(abs(fit.force_at_depth(fit.solution.law)), 1e-300)
+    mass = f"a mass of {rounded(amount, 2)} kg moves with the probe beyond the force sensor"
+    return {
+        "gain drift": (
+            f"the material {'hardens' if amount > 0.0 else 'softens'} by {abs(amount):.1%} over "
+            "the recording",
+            "identify parts of the recording, with --start and --stop",
+        ),
+        "offset drift": (
+            f"the zero of the force drifts by {in_words(abs(amount), 'N')}",
+            "let the sensor warm up, and tare before each touch",
+        ),
+        "friction": (
+            f"a friction of {part:.1%} of the force: it turns with the direction, not with the "
+            "speed",
+            "press along the surface's normal; the damping is for this speed only",
+        ),
+        "damping form": (
+            "the damping grows with depth in another way than the law's",
+            "the stiffness at working depth holds; take the damping at that depth only",
+        ),
+        "damping with depth": (
+            "the damping grows with depth, as it does not in the law",
+            "--method variable-projection, which has F = K xⁿ + B xⁿ v",
+        ),
+        "shape": (
+            "the force does not grow with depth as by the exponent that was given"
+            if fit.fixed
+            else "the force grows with depth in another way than the law's",
+            "identify a smaller range of depths, with --min-penetration",
+        ),
+        "square speed": (
+            "the damping is not in proportion to the speed",
+            "the damping is for this speed only; move as fast as the task will",
+        ),
+        "inertia": (
+            mass if amount > 0.0 else "the force follows the acceleration",
+            "weigh what moves beyond the sensor and take m·a off the force",
+        ),
+    }[name]
+
+
+def cause_of(
+    fit: Fit,
+    name: str,
+    result: Beside,
+    sentence: str,
+    remedy: str,
+    moves: Moves | None = None,
+) -> Cause:
     """A cause from what its column gave."""
-    change = result.change
-    if not math.isfinite(result.z):
-        result = Beside(result.change, result.amount, 0.0, 0.0)
-    return Cause(
-        name,
-        result.z,
-        result.gain,
-        *fit.moves(change),
-        of_parameter(fit, change),
-        sentence,
-        remedy,
-        lambda other: other.moves(change),
-    )
+    law, change = fit.solution.law, result.change
+    # Relative move of the law's first parameter, SI: Δk/k − Δn ln x_r for a power law.
+    parameter = float(change[0]) / max(abs(float(law.parameters[0])), 1e-300)
+    if isinstance(law, HuntCrossley):
+        parameter -= float(change[2]) * math.log(fit.units.depth)
+    found = result.z, result.gain, parameter
+    return Cause.of(fit, name, found, sentence, remedy, moves or (lambda it: it.moves(change)))
 
 
 # Delay: the force late, or early, against the penetration.
@@ -229,23 +146,16 @@ def delay(fit: Fit) -> list[Cause]:
     if fine is None:
         return []
     moved, shift = _best_shift(fit, reach)
-    late = shift * step + _residual_delay(fit, moved, shift) if shift else fine.amount
+    before, late, result = fit.solution, fine.amount, fine
+    if shift:  # its influence is the refit less the same fit without it
+        left = moved.without(_by_delay(fit, shift))
+        rest = float(left @ moved.residual / max(float(left @ left), 1e-300))
+        late = shift * step + min(max(rest, -step), step)
+        change = np.zeros_like(fine.change)
+        change[: len(before.law.symbols)] = moved.law.parameters - before.law.parameters
+        result = Beside(change, late, fine.z, max(fit.gain(moved.energy), fine.gain))
     if abs(shift) >= reach or abs(late) < LEAST * step:
         return []
-    return [_shifted(fit, late, fine, moved) if shift else _described(fit, late, fine, fine)]
-
-
-def _shifted(fit: Fit, late: float, fine: Beside, moved: Solution) -> Cause:
-    """A delay of a sample or more: its influence is the refit less the same fit without it."""
-    before = fit.solution
-    gain = 1.0 - moved.energy / max(before.energy, np.finfo(float).tiny)
-    change = np.zeros(before.jacobian.shape[1])
-    change[: len(before.law.symbols)] = moved.law.parameters - before.law.parameters
-    cause = _described(fit, late, fine, Beside(change, late, fine.z, max(gain, fine.gain)))
-    return cause.moving(fit, lambda other: other.between(before.law, moved.law))
-
-
-def _described(fit: Fit, late: float, fine: Beside, result: Beside) -> Cause:
     error = abs(fine.amount) / max(fine.z, 1e-300)
     sentence = (
         f"the force is {with_error(abs(late) * 1e3, error * 1e3, unit='ms')} "
@@ -254,7 +164,12 @@ def _described(fit: Fit, late: float, fine: Beside, result: Beside) -> Cause:
     )
     read = f"{late * 1e3:.2g}" if abs(late) < 10e-3 else f"{late * 1e3:.3g}"
     remedy = f"--delay {read}ms, if the sensors can be out of step by that"
-    return cause_of(fit, "delay", result, sentence, remedy)
+
+    def moves(other: Fit) -> tuple[float, float]:
+        after = other.stiffness(moved.law), other.damping(moved.law)
+        return other.apart(after, before.law)
+
+    return [cause_of(fit, "delay", result, sentence, remedy, moves if shift else None)]
 
 
 def skew_matters(fit: Fit) -> str:
@@ -283,27 +198,21 @@ def _by_delay(fit: Fit, shift: int) -> Floats:
     return (force[0] - force[1]) / (2.0 * step)
 
 
-def _residual_delay(fit: Fit, at: Solution, shift: int) -> float:
-    """What is left of the delay after whole samples, s."""
-    column = _by_delay(fit, shift)
-    size = np.linalg.norm(at.jacobian, axis=0)
-    size[size == 0.0] = 1.0
-    own = np.linalg.lstsq(at.jacobian / size, column, rcond=None)[0]
-    left = column - (at.jacobian / size) @ own
-    step = fit.data.sample_time
-    return float(np.clip(left @ at.residual / max(float(left @ left), 1e-300), -step, step))
-
-
 def _motion(fit: Fit, shift: int, every: int = 1) -> MovedSamples:
     """The motion that a force later by some samples answers to."""
     band = fit.band if every == 1 else fit.band.thinned(every)
-    # The samples that were some earlier, none across the border of a segment.
+    place = _within_segment(fit, band, shift)
+    x = fit.penetration[place] / fit.units.depth
+    return MovedSamples(x, fit.data.velocity[place] / fit.units.speed, band, fit.force[::every])
+
+
+def _within_segment(fit: Fit, band: Band, shift: int) -> NDArray[np.intp]:
+    """The samples that were some earlier, none across the border of a segment."""
     segment = fit.data.segment
     own = segment[band.samples]
     first, last = np.searchsorted(segment, own), np.searchsorted(segment, own, "right") - 1
-    place = np.clip(band.samples - shift, first, last)
-    x = fit.penetration[place] / fit.units.depth
-    return MovedSamples(x, fit.data.velocity[place] / fit.units.speed, band, fit.force[::every])
+    place: NDArray[np.intp] = np.clip(band.samples - shift, first, last)
+    return place
 
 
 def _best_shift(fit: Fit, reach: int) -> tuple[Solution, int]:
@@ -360,7 +269,6 @@ def memory(fit: Fit) -> list[Cause]:
             best, time = found, float(tau)
     if best is None:
         return []
-    cause = cause_of(fit, "memory", best, "", "")
     turn = 2.0 * math.pi * time / fit.period
     part, change = best.amount / (1.0 + turn**2) / at_depth, best.change
 
@@ -370,8 +278,7 @@ def memory(fit: Fit) -> list[Cause]:
         by_branch = turn**2 * slope / other.sizes[0], time * slope / other.sizes[1]
         return stiffness + by_branch[0], damping + by_branch[1]
 
-    sentence, remedy = _words(fit, time)
-    return [replace(cause.moving(fit, moves), parameter=0.0, sentence=sentence, remedy=remedy)]
+    return [Cause.of(fit, "memory", (best.z, best.gain, 0.0), *_words(fit, time), moves)]
 
 
 def _words(fit: Fit, time: float) -> tuple[str, str]:

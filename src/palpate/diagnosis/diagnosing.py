@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from palpate.diagnosis.change import Changes, changes
-from palpate.diagnosis.data import Data, beat_of
+from palpate.diagnosis.data import Data, beat_of, stop
 from palpate.diagnosis.delay import columns, delay, memory, skew_matters
 from palpate.diagnosis.finding import (
     MARKS,
@@ -32,7 +32,6 @@ from palpate.diagnosis.marks import (
     excitation,
     extrapolation,
     finding_of,
-    has_free_air,
     judge,
     method,
     misfit,
@@ -306,14 +305,8 @@ def _nothing_to_check(fit: Fit) -> Finding:
     count = int(np.count_nonzero(fit.inside))
     few = count < FEWEST_ROWS
     words = f"only {count} samples in contact: too few" if few else "the motion says too little"
-    return Finding(
-        "excitation",
-        f"{words} to check the law",
-        "record longer" if few else "move the probe: palpate design finds a motion",
-        stiffness="do-not-trust",
-        damping="do-not-trust",
-        severity="do-not-trust",
-    )
+    remedy = "record longer" if few else "move the probe: palpate design finds a motion"
+    return stop("excitation", f"{words} to check the law", remedy)
 
 
 def _notes(fit: Fit) -> list[Finding]:
@@ -326,7 +319,9 @@ def _notes(fit: Fit) -> list[Finding]:
             severity="note",
         ),
     ]
-    if not has_free_air(fit) and not _surface_said(fit):
+    contact = fit.data.contact
+    said = any(remark.step == "surface" for remark in contact.remarks)
+    if not (fit.free_air or said or contact.surface_deviation is not None):
         notes.append(
             Finding(
                 "surface",
@@ -337,13 +332,6 @@ def _notes(fit: Fit) -> list[Finding]:
             )
         )
     return notes
-
-
-def _surface_said(fit: Fit) -> bool:
-    """Whether the preparation found a surface, or said that it is an assumption."""
-    contact = fit.data.contact
-    said = any(remark.step == "surface" for remark in contact.remarks)
-    return said or contact.surface_deviation is not None
 
 
 def _episodes(fit: Fit, changed: Changes | None) -> tuple[Episode, ...]:

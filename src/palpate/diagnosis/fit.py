@@ -71,6 +71,7 @@ def as_hunt_crossley(data: Data, estimate: Estimate, depth: float) -> tuple[Data
 MOST_ROWS = 4000
 WINDOWS_A_PERIOD = 20
 FEWEST_ROWS = 60  # below that there is no saying how the residual is correlated
+FEWEST_FREE = 50  # samples above the surface; with fewer an error of the surface does not show
 
 
 @dataclass(frozen=True, eq=False)  # no slots: what rows share is kept in the instance
@@ -185,7 +186,7 @@ class Units:
         return Units(1.0 / self.depth, 1.0 / self.speed).local(law)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)  # no slots: the inverse is kept in the instance
 class Solution:
     """A law in local units and an offset, with what they leave of the force.
 
@@ -210,6 +211,19 @@ class Solution:
     def energy(self) -> float:
         """Sum of squares of the residual, N²."""
         return float(self.residual @ self.residual)
+
+    @cached_property
+    def inverse(self) -> Floats:
+        """Pseudo-inverse of the Jacobian."""
+        size = np.linalg.norm(self.jacobian, axis=0)
+        size[size == 0.0] = 1.0
+        inverse: Floats = np.linalg.pinv(self.jacobian / size) / size[:, None]
+        return inverse
+
+    def without(self, column: Floats) -> Floats:
+        """What is left of a column beside those of the Jacobian."""
+        left: Floats = column - self.jacobian @ (self.inverse @ column)
+        return left
 
     @property
     def left_by_a_step(self) -> float:
@@ -256,6 +270,11 @@ class Fit:
         self.inside: NDArray[np.bool_] = trace.taken[data.known] & (self.penetration > 0.0)
         self.rejected: NDArray[np.bool_] = trace.rejected[data.known]  # left out as outliers
         self.outside: NDArray[np.bool_] = ~(self.inside | self.rejected)
+        #: Above the surface, by the penetration.
+        self.free: NDArray[np.bool_] = (self.penetration < 0.0) & ~self.rejected
+        # At whatever penetration is given for them: a probe that rests 0.5 mm above the material
+        # has no samples above a surface that is 0.7 mm off.
+        self.free_air = int(np.count_nonzero(self.outside)) >= FEWEST_FREE
         x, v = self.penetration[self.inside], data.velocity[self.inside]
         self.reference = float(np.median(x)) if x.size else math.nan
         self.depth = self.reference if depth is None else depth
@@ -295,9 +314,10 @@ class Fit:
     @cached_property
     def finite(self) -> bool:
         """Whether a least squares of finite numbers was found, of a law that resists at all."""
-        parts = self.solution.law.parameters, self.solution.residual, self.solution.jacobian
-        known = all(np.isfinite(part).all() for part in parts) and self.period > 0.0
-        return known and all(math.isfinite(size) and size > 0.0 for size in self.sizes)
+        solution, sizes = self.solution, np.array(self.sizes)
+        numbers = [solution.law.parameters, solution.residual, solution.jacobian.reshape(-1), sizes]
+        known = bool(np.isfinite(np.concatenate(numbers)).all())
+        return known and self.period > 0.0 and bool((sizes > 0.0).all())
 
     @cached_property
     def solution(self) -> Solution:
@@ -309,13 +329,9 @@ class Fit:
         """The law of :attr:`solution`, SI."""
         return self.units.restored(self.solution.law)
 
-    @cached_property
-    def inverse(self) -> Floats:
-        """Pseudo-inverse of the solution's Jacobian."""
-        size = np.linalg.norm(self.solution.jacobian, axis=0)
-        size[size == 0.0] = 1.0
-        inverse: Floats = np.linalg.pinv(self.solution.jacobian / size) / size[:, None]
-        return inverse
+    def gain(self, energy: float) -> float:
+        """Fraction of the solution's energy that is gone where so much is left."""
+        return 1.0 - energy / max(self.solution.energy, np.finfo(float).tiny)
 
     @cached_property
     def covariance(self) -> Floats:
@@ -379,6 +395,10 @@ class Fit:
         """Force at the working depth and at rest of a law in local units, N."""
         return float(law.force(self.depth / self.units.depth, 0.0))
 
+    def felt(self, law: ForceLaw) -> Floats:
+        """Force, stiffness and damping at the working depth of a law in local units, shape (3,)."""
+        return np.array([self.force_at_depth(law), self.stiffness(law), self.damping(law)])
+
     @cached_property
     def gradients(self) -> Floats:
         """Of force, stiffness and damping at the working depth by the solution's parameters."""
@@ -389,12 +409,7 @@ class Fit:
             up, down = law.parameters, law.parameters
             up[k], down[k] = value + step, value - step
             high, low = law.from_parameters(up), law.from_parameters(down)
-            columns.append(
-                [
-                    (quantity(high) - quantity(low)) / (2.0 * step)
-                    for quantity in (self.force_at_depth, self.stiffness, self.damping)
-                ]
-            )
+            columns.append((self.felt(high) - self.felt(low)) / (2.0 * step))
         return np.array(columns).T
 
     @cached_property
@@ -409,11 +424,11 @@ class Fit:
             max(abs(self.damping(law)), 0.1 * force / self.speed),
         )
 
-    def between(self, before: ForceLaw, after: ForceLaw) -> tuple[float, float]:
-        """Relative moves of stiffness and damping from one law in local units to another."""
+    def apart(self, found: tuple[float, float], law: ForceLaw) -> tuple[float, float]:
+        """How far stiffness and damping are off those of a law in local units, of their sizes."""
         return (
-            (self.stiffness(after) - self.stiffness(before)) / self.sizes[0],
-            (self.damping(after) - self.damping(before)) / self.sizes[1],
+            (found[0] - self.stiffness(law)) / self.sizes[0],
+            (found[1] - self.damping(law)) / self.sizes[1],
         )
 
     def moves(self, change: Floats) -> tuple[float, float]:
@@ -501,10 +516,19 @@ class Cause:
     remedy: str | None
     moves: "Moves"
 
-    def moving(self, fit: Fit, moves: "Moves") -> "Cause":
-        """Return the same that moves stiffness and damping otherwise."""
-        stiffness, damping = moves(fit)
-        return replace(self, stiffness=stiffness, damping=damping, moves=moves)
+    @classmethod
+    def of(
+        cls,
+        fit: Fit,
+        name: str,
+        found: "tuple[float, float, float]",
+        sentence: str,
+        remedy: str | None,
+        moves: "Moves",
+    ) -> "Cause":
+        """A cause by its z, gain and parameter, with what it moves at the fit's depth."""
+        z, gain, parameter = found
+        return cls(name, z, gain, *moves(fit), parameter, sentence, remedy, moves)
 
     @property
     def family(self) -> str:
@@ -545,8 +569,7 @@ class Beside:
 def beside(fit: Fit, column: Floats) -> Beside | None:
     """Fit a column beside the law's Jacobian; None where the law has it already."""
     jacobian, residual = fit.solution.jacobian, fit.solution.residual
-    own = fit.inverse @ column
-    left = column - jacobian @ own
+    own, left = fit.solution.inverse @ column, fit.solution.without(column)
     if not np.isfinite(left).all() or float(left @ left) <= COLLINEAR**2 * float(column @ column):
         return None
     amount = float(left @ residual / (left @ left))
@@ -554,19 +577,8 @@ def beside(fit: Fit, column: Floats) -> Beside | None:
     # What is left of the column is orthogonal to the others: its own error needs none of them.
     others = jacobian.shape[1]
     error = math.sqrt(robust_covariance(left[:, None], after, fit.band.shared, others)[0, 0])
-    before = max(fit.solution.energy, np.finfo(float).tiny)
-    gain = 1.0 - float(after @ after) / before
-    return Beside(-amount * own, amount, abs(amount) / max(error, 1e-300), gain)
-
-
-def of_parameter(fit: Fit, change: Floats) -> float:
-    """Relative move of the law's first parameter, SI: Δk/k − Δn ln x_r for a power law."""
-    law = fit.solution.law
-    size = max(abs(float(law.parameters[0])), 1e-300)
-    moved = float(change[0]) / size
-    if hasattr(law, "exponent"):
-        moved -= float(change[2]) * math.log(fit.units.depth)
-    return moved
+    z, gain = abs(amount) / max(error, 1e-300), fit.gain(float(after @ after))
+    return Beside(-amount * own, amount, *((z, gain) if math.isfinite(z) else (0.0, 0.0)))
 
 
 #: How far something moves stiffness and damping at a fit's working depth, of their size.

@@ -2,11 +2,11 @@
 
 import math
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
-from palpate.diagnosis.data import in_words
+from palpate.diagnosis.data import in_words, stop
 from palpate.diagnosis.finding import (
     REMEDY,
     Finding,
@@ -17,7 +17,16 @@ from palpate.diagnosis.finding import (
     severity_of,
     worst,
 )
-from palpate.diagnosis.fit import FEWEST_ROWS, SIGNIFICANT, Alike, Cause, Fit, MovedSamples, beside
+from palpate.diagnosis.fit import (
+    FEWEST_FREE,
+    FEWEST_ROWS,
+    SIGNIFICANT,
+    Alike,
+    Cause,
+    Fit,
+    MovedSamples,
+    beside,
+)
 from palpate.digits import rounded, with_error
 from palpate.estimators import LawVerdict
 from palpate.estimators.law_verdicts import STRONG, Standing
@@ -187,20 +196,17 @@ def better_law(fit: Fit) -> Cause | None:
     if own is None or not (own.score >= STRONG and best.rms_error <= BETTER * own.rms_error):
         return None
 
-    def moves(other: Fit) -> tuple[float, float]:
-        return _apart(other, laws)
-
     sentence = (
         f"another law is clearly better: {best.candidate} leaves {in_words(best.rms_error, 'N')} "
         f"rms where {own.candidate} leaves {in_words(own.rms_error, 'N')}, by "
         f"{rounded(laws.verdict.effective_samples, 3)} independent samples"
     )
     gain = 1.0 - (best.rms_error / own.rms_error) ** 2
+    moves = partial(_apart, laws=laws)
     remedy = REMEDY
     if laws.open_memory:  # of an approach alone, say: prediction gains, and K alone means little
         remedy += ": K′ and B′ at the motion's frequency, not the relaxed stiffness"
-    cause = Cause("law", math.nan, gain, 0.0, 0.0, math.nan, sentence, remedy, moves)
-    return cause.moving(fit, moves)
+    return Cause.of(fit, "law", (math.nan, gain, math.nan), sentence, remedy, moves)
 
 
 def standing_of(law: ForceLaw, verdict: LawVerdict) -> Standing | None:
@@ -220,9 +226,8 @@ def _apart(fit: Fit, laws: Laws) -> tuple[float, float]:
     with np.errstate(all="ignore"):
         whole = laws.law.dynamic_stiffness(fit.depth, frequency)
     law = fit.units.local(fit.estimate.law)
-    stiffness = (whole.real - fit.stiffness(law)) / fit.sizes[0]
-    damping = (whole.imag / frequency - fit.damping(law)) / fit.sizes[1]
-    return (stiffness, damping) if math.isfinite(stiffness + damping) else (0.0, 0.0)
+    moved = fit.apart((whole.real, whole.imag / frequency), law)
+    return moved if math.isfinite(sum(moved)) else (0.0, 0.0)
 
 
 def finding_of(cause: Cause, *, late: bool) -> Finding:
@@ -253,7 +258,6 @@ def finding_of(cause: Cause, *, late: bool) -> Finding:
 
 # Surface: where the material begins, against where the penetration says that it does.
 
-FEWEST_FREE = 50  # samples above the surface; with fewer an error of the surface does not show
 MOST_IN_CONTACT, MOST_FREE = 3000, 1500
 STARTS = (-1.0, -0.3, -0.1, 0.0, 0.1)  # of the working depth
 FEWEST_MOVED = 0.005  # of the working depth; less moves no number by more than noise does
@@ -261,26 +265,12 @@ FEWEST_MOVED = 0.005  # of the working depth; less moves no number by more than 
 RESOLVED = 5.0
 
 
-def free_samples(fit: Fit) -> NDArray[np.bool_]:
-    """Samples above the surface, by the penetration."""
-    free: NDArray[np.bool_] = (fit.penetration < 0.0) & ~fit.rejected
-    return free
-
-
-def has_free_air(fit: Fit) -> bool:
-    """Whether 50 samples or more are out of contact, at whatever penetration is given for them.
-
-    A probe that rests 0.5 mm above the material has none above a surface that is 0.7 mm off.
-    """
-    return int(np.count_nonzero(fit.outside)) >= FEWEST_FREE
-
-
 def surface(fit: Fit) -> list[Cause]:
     """Levenberg–Marquardt on (k, c, n, F₀, d), the free approach included; Hunt–Crossley only."""
     law = fit.solution.law
     if not isinstance(law, HuntCrossley) or not fit.with_offset:
         return []
-    if not has_free_air(fit) or fit.estimate.surface_standard_error:
+    if not fit.free_air or fit.estimate.surface_standard_error:
         return []
     samples = _samples(fit)
     given = np.array([*law.parameters, fit.solution.offset, 0.0])
@@ -295,7 +285,11 @@ def surface(fit: Fit) -> list[Cause]:
     if abs(depth) < max(FEWEST_MOVED, RESOLVED * fit.data.penetration_noise / fit.reference):
         return []
     error = math.sqrt(robust_covariance(after.jacobian, after.residual)[-1, -1])
-    return [_described(fit, after.parameters, error, max(_band_gain(fit, after.parameters), 0.0))]
+    # Of the band's residual, by a fit below this surface.
+    motion = MovedSamples(np.maximum(fit.x - depth, 1e-9), fit.v, fit.band, fit.force)
+    law, zero = HuntCrossley(*after.parameters[:3]), float(after.parameters[3])
+    gain = max(fit.gain(fit.solve(law, zero, motion).energy), 0.0)
+    return [_described(fit, after.parameters, error, gain)]
 
 
 def _described(fit: Fit, found: Floats, error: float, gain: float) -> Cause:
@@ -305,10 +299,7 @@ def _described(fit: Fit, found: Floats, error: float, gain: float) -> Cause:
     def moves(other: Fit) -> tuple[float, float]:
         at = max(other.depth / reference - depth, 0.05)
         stiffness, damping = n * k * at ** (n - 1.0) / reference, c * at**n / other.speed
-        return (
-            (stiffness - other.stiffness(before)) / other.sizes[0],
-            (damping - other.damping(before)) / other.sizes[1],
-        )
+        return other.apart((stiffness, damping), before)
 
     after = fit.units.restored(HuntCrossley(k, c, n)).parameters / fit.law.parameters - 1.0
     way = "deeper than" if depth > 0.0 else "above where"
@@ -317,61 +308,20 @@ def _described(fit: Fit, found: Floats, error: float, gain: float) -> Cause:
         f"{in_words(error * reference, 'm')} {way} the penetration says: K {after[0]:+.0%}, "
         f"B {after[1]:+.0%}, while stiffness and damping at working depth hardly move"
     )
-    return Cause(
-        "surface",
-        abs(depth) / max(error, 1e-300),
-        gain,
-        *moves(fit),
-        abs((n - before.parameters[2]) * math.log(reference)) + n * abs(depth),
-        sentence,
-        "--surface estimate",
-        moves,
-    )
+    parameter = abs((n - before.parameters[2]) * math.log(reference)) + n * abs(depth)
+    z = abs(depth) / max(error, 1e-300)
+    return Cause.of(fit, "surface", (z, gain, parameter), sentence, "--surface estimate", moves)
 
 
 def _samples(fit: Fit) -> Samples:
-    free = np.flatnonzero(free_samples(fit))
-    inside = np.flatnonzero(fit.inside)
-    between = np.flatnonzero(fit.outside & (fit.penetration >= 0.0))
-    chosen = np.sort(
-        np.concatenate(
-            [
-                _thinned(inside, MOST_IN_CONTACT),
-                _thinned(free, MOST_FREE),
-                _thinned(between, MOST_FREE),
-            ]
-        )
-    )
-    data = fit.data
-    return Samples(
-        fit.penetration[chosen] / fit.units.depth,
-        data.velocity[chosen] / fit.units.speed,
-        data.force[chosen],
-    )
-
-
-def _thinned(index: NDArray[np.intp], most: int) -> NDArray[np.intp]:
-    return index[:: -(-index.size // most) or 1]
-
-
-def _band_gain(fit: Fit, found: Floats) -> float:
-    """Fraction of the band's residual that a fit below this surface removes."""
-    law = HuntCrossley(*found[:3])
-    motion = MovedSamples(np.maximum(fit.x - found[4], 1e-9), fit.v, fit.band, fit.force)
-    moved = fit.solve(law, float(found[3]), motion)
-    return 1.0 - moved.energy / max(fit.solution.energy, np.finfo(float).tiny)
-
-
-def offset_against_free(fit: Fit) -> tuple[float, float] | None:
-    """Significance and size [N] of the offset of the fit against the force in free air."""
-    free = np.flatnonzero(free_samples(fit))
-    if free.size < FEWEST_FREE or not fit.with_offset:
-        return None
-    x = fit.penetration[free]
-    force = fit.data.force[free[x <= np.median(x)]]
-    difference = fit.solution.offset - float(force.mean())
-    error = math.hypot(math.sqrt(fit.covariance[-1, -1]), mean_error(force))
-    return abs(difference) / max(error, 1e-300), difference
+    """Contact, free approach and what lies between, thinned."""
+    between, chosen = fit.outside & (fit.penetration >= 0.0), []
+    for kept, most in ((fit.inside, MOST_IN_CONTACT), (fit.free, MOST_FREE), (between, MOST_FREE)):
+        index = np.flatnonzero(kept)
+        chosen.append(index[:: -(-index.size // most) or 1])
+    at, data = np.sort(np.concatenate(chosen)), fit.data
+    x, v = fit.penetration[at] / fit.units.depth, data.velocity[at] / fit.units.speed
+    return Samples(x, v, data.force[at])
 
 
 # Misfit, offset, excitation and the method's own error: checks of the fit as a whole.
@@ -382,8 +332,7 @@ OFFSET_Z, OFFSET_PART = 5.0, 0.01
 FEWEST_SAMPLES = 60
 # Standard errors, relative, that are too wide to build on.
 WIDE_STIFFNESS, WIDEST_STIFFNESS, WIDE_DAMPING = 0.10, 0.25, 0.20
-METHOD_Z = 5.0
-FAILS = 0.05  # of stiffness or damping, that a method is off; less is a note
+METHOD_Z = 5.0  # a method that is off by more, but by no more than calls for care, gets a note
 
 
 def ratio(fit: Fit) -> float:
@@ -426,10 +375,14 @@ def misfit(fit: Fit) -> Finding | None:
 
 def offset(fit: Fit) -> Finding | None:
     """The offset that the fit wants is not the force in free air."""
-    found = offset_against_free(fit)
-    if found is None:
+    free = np.flatnonzero(fit.free)
+    if free.size < FEWEST_FREE or not fit.with_offset:
         return None
-    z, difference = found
+    x = fit.penetration[free]
+    force = fit.data.force[free[x <= np.median(x)]]
+    difference = fit.solution.offset - float(force.mean())
+    error = math.hypot(math.sqrt(fit.covariance[-1, -1]), mean_error(force))
+    z = abs(difference) / max(error, 1e-300)
     if z <= OFFSET_Z or abs(difference) <= OFFSET_PART * fit.data.peak_force:
         return None
     return Finding(
@@ -446,14 +399,7 @@ def excitation(fit: Fit) -> Finding | None:
     """The motion says too little of stiffness or damping at working depth."""
     count = int(np.count_nonzero(fit.inside))
     if count < FEWEST_SAMPLES or len(fit.band) < FEWEST_ROWS // 2:
-        return Finding(
-            "excitation",
-            f"only {count} samples in contact",
-            "record longer",
-            stiffness="do-not-trust",
-            damping="do-not-trust",
-            severity="do-not-trust",
-        )
+        return stop("excitation", f"only {count} samples in contact", "record longer")
     _, stiffness, damping = standard_errors(fit)
     of_stiffness, of_damping = stiffness / fit.sizes[0], damping / fit.sizes[1]
     mark: Mark = "trust"
@@ -487,35 +433,33 @@ def extrapolation(fit: Fit) -> Finding | None:
     )
 
 
-def standard_errors(fit: Fit) -> tuple[float, float, float]:
-    """Of force, stiffness and damping at the working depth, SI."""
+def standard_errors(fit: Fit) -> Floats:
+    """Of force, stiffness and damping at the working depth, SI, shape (3,)."""
     names = len(fit.solution.law.symbols)
     spread = fit.gradients @ fit.covariance[:names, :names] @ fit.gradients.T
-    force, stiffness, damping = np.sqrt(np.maximum(np.diag(spread), 0.0)).tolist()
-    return force, stiffness, damping
+    errors: Floats = np.sqrt(np.maximum(np.diag(spread), 0.0))
+    return errors
 
 
-def off_least_squares(fit: Fit) -> tuple[float, float, float]:
-    """How far the method's stiffness and damping are off the least squares of its law, and z.
+def off_least_squares(fit: Fit) -> Floats:
+    """How far the method's force, stiffness and damping are off its law's least squares, SI, (3,).
 
-    Relative to their sizes; 0 where z is no more than 5.
+    A method that forgets, or weighs light touch as much as firm, has an answer of its own, and no
+    error bar of the least squares is about it.
     """
     own, best = fit.units.local(fit.estimate.law), fit.solution.law
-    _, stiffness, damping = standard_errors(fit)
-    apart = fit.stiffness(own) - fit.stiffness(best), fit.damping(own) - fit.damping(best)
-    z = max(abs(apart[0]) / max(stiffness, 1e-300), abs(apart[1]) / max(damping, 1e-300))
-    if z <= METHOD_Z:
-        return 0.0, 0.0, z
-    return apart[0] / fit.sizes[0], apart[1] / fit.sizes[1], z
+    return fit.felt(own) - fit.felt(best)
 
 
 def method(fit: Fit) -> Finding | None:
     """The method's own answer is not the least squares of its law on these samples."""
-    off_s, off_c, z = off_least_squares(fit)
+    apart = off_least_squares(fit)[1:]
+    z = float(np.max(np.abs(apart) / np.maximum(standard_errors(fit)[1:], 1e-300)))
     if z <= METHOD_Z:
         return None
-    large = max(abs(off_s), abs(off_c)) > FAILS
-    mark_s, mark_c = _grade(abs(off_s), STOP_STIFFNESS), _grade(abs(off_c), STOP_DAMPING)
+    off_s, off_c = (apart / fit.sizes).tolist()
+    large = max(abs(off_s), abs(off_c)) > CARE
+    mark_s, mark_c = mark_of(abs(off_s), STOP_STIFFNESS), mark_of(abs(off_c), STOP_DAMPING)
     words = "the method fails here: its" if large else "the method's"
     return Finding(
         "method",
@@ -529,12 +473,6 @@ def method(fit: Fit) -> Finding | None:
         moves_stiffness_percent=-100.0 * off_s,
         moves_damping_percent=-100.0 * off_c,
     )
-
-
-def _grade(moved: float, stop: float) -> Mark:
-    if moved > stop:
-        return "do-not-trust"
-    return "with-care" if moved > FAILS else "trust"
 
 
 # Force, stiffness and damping at a depth, with what they may be wrong by.
@@ -553,11 +491,18 @@ def working_depth(fit: Fit, judged: Judged) -> WorkingDepth:
     judged : Judged
         The causes that may move them.
     """
-    own = standard_errors(fit)
-    found = (0.0, *(a * b for a, b in zip(judged.systematic(fit), fit.sizes, strict=True)))
-    others = (_off_least_squares(fit, own), _without_offset(fit))
-    moved = tuple(max(parts) for parts in zip(found, *others, strict=True))
-    return _numbers(fit, _with_surface(fit, _with_memory(fit, own)), moved)
+    errors = standard_errors(fit)
+    moved = np.zeros(3)
+    moved[1:] = np.multiply(judged.systematic(fit), fit.sizes)
+    apart = np.abs(off_least_squares(fit))
+    moved = np.maximum(moved, np.where(apart > OFF * errors, apart, 0.0))
+    if not fit.with_offset:
+        moved = np.maximum(moved, _without_offset(fit))
+    if isinstance(fit.estimate, Alike):
+        # Where memory was taken out of the force, its least squares take it for known.
+        own = np.array(fit.estimate.own_errors)
+        errors = np.where(own > errors, own, errors)
+    return _numbers(fit, _with_surface(fit, errors), moved)
 
 
 def sign(fit: Fit, at: WorkingDepth, others: list[Finding]) -> list[Finding]:
@@ -590,61 +535,33 @@ def sign(fit: Fit, at: WorkingDepth, others: list[Finding]) -> list[Finding]:
     return [said] if parts else []
 
 
-def _with_memory(fit: Fit, errors: tuple[float, float, float]) -> tuple[float, float, float]:
-    """The wider of these and the method's own, where memory was taken out of the force.
-
-    The least squares beside it takes what the material remembers for known.
-    """
-    if not isinstance(fit.estimate, Alike):
-        return errors
-    force, stiffness, damping = (
-        max(error, own) for error, own in zip(errors, fit.estimate.own_errors, strict=True)
-    )
-    return force, stiffness, damping
-
-
 def nothing_known(fit: Fit) -> WorkingDepth:
     """Return the numbers at the working depth of a fit that could not be checked."""
-    unknown = (math.nan, math.nan, math.nan)
-    return _numbers(fit, unknown, (0.0, 0.0, 0.0) if math.isfinite(fit.depth) else unknown)
+    unknown = np.full(3, math.nan)
+    return _numbers(fit, unknown, np.zeros(3) if math.isfinite(fit.depth) else unknown)
 
 
-def _off_least_squares(fit: Fit, errors: tuple[float, ...]) -> tuple[float, ...]:
-    """How far the method's own force, stiffness and damping are off the least squares of its law.
-
-    The errors are those of the least squares. A method that forgets, or weighs light touch as much
-    as firm, has an answer of its own, and no error bar of these is about it.
-    """
-    own, best = fit.units.local(fit.estimate.law), fit.solution.law
-    quantities = (fit.force_at_depth, fit.stiffness, fit.damping)
-    apart = (abs(quantity(own) - quantity(best)) for quantity in quantities)
-    return tuple(a if a > OFF * error else 0.0 for a, error in zip(apart, errors, strict=True))
-
-
-def _without_offset(fit: Fit) -> tuple[float, ...]:
+def _without_offset(fit: Fit) -> Floats:
     """How far the numbers of a method that knows no offset move when one is fitted beside its law.
 
     No tare is exact; what it leaves is in no residual that a stiffness can take up.
     """
-    if fit.with_offset:
-        return (0.0, 0.0, 0.0)
     found = beside(fit, np.ones(len(fit.band)))
     if found is None:
-        return (0.0, 0.0, 0.0)
+        return np.zeros(3)
     moved = np.abs(fit.gradients @ found.change[: len(fit.solution.law.symbols)])
-    return tuple(each if math.isfinite(each) else 0.0 for each in moved.tolist())
+    return np.where(np.isfinite(moved), moved, 0.0)
 
 
-def _numbers(fit: Fit, errors: tuple[float, ...], moved: tuple[float, ...]) -> WorkingDepth:
-    law, depth = fit.estimate.law, fit.depth
-    values = (math.nan, math.nan, math.nan)
+def _numbers(fit: Fit, errors: Floats, moved: Floats) -> WorkingDepth:
+    law, depth, values = fit.estimate.law, fit.depth, [math.nan] * 3
     if math.isfinite(depth):
-        values = float(law.force(depth, 0.0)), law.stiffness_at(depth), law.damping_at(depth)
-    quantities = (Quantity(*each) for each in zip(values, errors, moved, strict=True))
+        values = [float(law.force(depth, 0.0)), law.stiffness_at(depth), law.damping_at(depth)]
+    quantities = map(Quantity, values, errors.tolist(), moved.tolist())
     return WorkingDepth(depth, *quantities)
 
 
-def _with_surface(fit: Fit, errors: tuple[float, float, float]) -> tuple[float, float, float]:
+def _with_surface(fit: Fit, errors: Floats) -> Floats:
     """With how far the numbers move as the depth does, by the deviation of the surface.
 
     The law holds at the place where the probe was; how deep that is, no fit knows better than it
@@ -660,7 +577,5 @@ def _with_surface(fit: Fit, errors: tuple[float, float, float]) -> tuple[float, 
         law.stiffness_at(high) - law.stiffness_at(low),
         law.damping_at(high) - law.damping_at(low),
     )
-    force, stiffness, damping = (
-        math.hypot(error, 0.5 * move) for error, move in zip(errors, moves, strict=True)
-    )
-    return force, stiffness, damping
+    wider: Floats = np.hypot(errors, 0.5 * np.array(moves))
+    return wider

@@ -190,7 +190,8 @@ def head(axes: "Axes", title: str, *, legend: bool = True) -> None:
     # 1.4 letters a row of the legend: the 1.16 of a line of DejaVu Sans and what is between.
     pad = 0.4 * size + 1.4 * rows * size
     words = wrapped(title, room, size, 3)
-    axes.set_title(words, loc="left", pad=pad, fontsize=size, parse_math=False)
+    # Where it stands: matplotlib would measure all ticks to find that it is above none.
+    axes.set_title(words, loc="left", pad=pad, y=1.0, fontsize=size, parse_math=False)
 
 
 def _write_numbers_out(axes: "Axes") -> None:
@@ -401,19 +402,35 @@ def _as_bytes(figure: "Figure", ending: str) -> bytes:
         warnings.filterwarnings("ignore", "Glyph .* missing from")
         warnings.filterwarnings("ignore", "overflow encountered", RuntimeWarning)
         dots = matplotlib.rcParams["savefig.dpi"]
+        dots = _DOTS_AN_INCH if dots == "figure" else dots
+        if ending == ".svg":
+            return _svg_of(figure, dots)
         figure.savefig(
             drawn,
             format=ending[1:],
-            dpi=_DOTS_AN_INCH if dots == "figure" else dots,
+            dpi=dots,
             facecolor=figure.get_facecolor(),
             metadata=_FORMATS[ending],
         )
-    return _rounded(drawn.getvalue()) if ending == ".svg" else drawn.getvalue()
+    return drawn.getvalue()
 
 
-def _rounded(svg: bytes) -> bytes:
-    """Paths to a hundredth of a point, which nobody sees: matplotlib writes a millionth."""
-    return re.sub(rb' d="[^"]*"', lambda path: _DECIMALS.sub(rb"\1", path[0]), svg)
+def _svg_of(figure: "Figure", dots: float) -> bytes:
+    """An SVG, drawn once: ``savefig`` draws a figure first to lay it out, and then again.
+
+    Paths to a hundredth of a point, which nobody sees: matplotlib writes a millionth.
+    """
+    from matplotlib.backends.backend_svg import FigureCanvasSVG
+
+    drawn, shown, before = io.BytesIO(), figure.canvas, figure.dpi
+    try:
+        figure.dpi = dots  # of images
+        canvas: Any = FigureCanvasSVG(figure)
+        canvas.print_svg(drawn, metadata=_FORMATS[".svg"])
+    finally:
+        figure.dpi = before
+        figure.set_canvas(shown)
+    return re.sub(rb' d="[^"]*"', lambda path: _DECIMALS.sub(rb"\1", path[0]), drawn.getvalue())
 
 
 def _format_of(path: Path) -> str:

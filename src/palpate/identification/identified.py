@@ -465,6 +465,14 @@ class Identified:
         """An estimator of the same settings, but for those that were chosen from these data."""
         return self.estimator.replace(**dict.fromkeys(self.chosen))
 
+    def answers(self, estimator: ContactEstimator, trace: Traced) -> bool:
+        """Whether it is what :meth:`of` would make of its contact by an estimator, as a whole."""
+        if self.stretches or self.depth is not None or self.traced != trace:
+            return False
+        own, asked = self.estimator.settings, estimator.settings
+        left = {name: own[name] for name in self.chosen if asked.get(name) is None}
+        return self.method == estimator.method and repr(own) == repr({**asked, **left})
+
     def stretch(self, episode: Episode) -> Self | None:
         """Identify an episode of the diagnosis by itself; None where that cannot be."""
         smear = window_samples(self.contact.sample_time) * self.contact.sample_time

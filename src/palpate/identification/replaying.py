@@ -305,13 +305,13 @@ def laws_beside(data: Data, estimator: ContactEstimator, chosen: Sequence[str]) 
     names = ("gate", "outlier_rejection", "exponent")
     key = repr([*(given.get(name) for name in names), estimate.surface])
     if key not in data.laws:
-        data.laws[key] = Laws.of(_compared(data.contact, given, estimate.surface))
+        data.laws[key] = _compared(data, given, estimate.surface)
     return data.laws[key]
 
 
 @timed("laws")
-def _compared(contact: Contact, given: dict[str, Any], surface: float) -> ViscoelasticContact:
-    kept = given.get("exponent")
+def _compared(data: Data, given: dict[str, Any], surface: float) -> Laws:
+    contact, kept = data.contact, given.get("exponent")
     low, high = ViscoelasticContact.exponents
     bank = ViscoelasticContact(
         gate=given.get("gate"),
@@ -319,4 +319,8 @@ def _compared(contact: Contact, given: dict[str, Any], surface: float) -> Viscoe
         exponent=kept if kept is not None and low <= kept <= high else None,
     )
     below = replace(contact, penetration=contact.penetration - surface) if surface else contact
-    return placed(below, bank.replace(**choices(below, bank)))[0]
+    bank = bank.replace(**choices(below, bank))
+    key = repr([bank.settings, surface])  # what one method was given another may have chosen
+    if key not in data.laws:
+        data.laws[key] = Laws.of(placed(below, bank)[0])
+    return data.laws[key]

@@ -426,7 +426,19 @@ def _as_parquet(
         raise MissingExtraError(
             "Parquet needs pyarrow: pip install 'palpate[recordings]', or write .csv"
         ) from None
-    arrays = [pa.array(values) for values in columns.values()]
+    # Not by pa.array, which imports pandas to ask it whether the values are its own.
+    arrays = []
+    for values in columns.values():
+        if values.dtype.kind == "U":
+            words = [word.encode() for word in values.tolist()]
+            ends = np.cumsum([0, *map(len, words)], dtype=np.int32)
+            text = pa.py_buffer(ends), pa.py_buffer(b"".join(words))
+            arrays.append(pa.StringArray.from_buffers(len(words), *text))
+            continue
+        numbers = [None, pa.py_buffer(np.ascontiguousarray(values))]
+        arrays.append(
+            pa.Array.from_buffers(pa.from_numpy_dtype(values.dtype), len(values), numbers)
+        )
     fields = [
         pa.field(name, array.type, metadata={"unit": units[name]} if name in units else None)
         for name, array in zip(columns, arrays, strict=True)

@@ -33,7 +33,9 @@ h1 { font-size: 1.9rem; line-height: 1.2; margin: 0.5rem 0 1rem; overflow-wrap: 
 h2 { font-size: 1.35rem; line-height: 1.3; margin: 2.5rem 0 0.75rem; }
 p, li { max-width: 46rem; }
 a { color: var(--link); }
-a:focus-visible, .wide:focus-visible { outline: 3px solid var(--link); outline-offset: 2px; }
+a:focus-visible, .wide:focus-visible, .drawing:focus-visible {
+  outline: 3px solid var(--link); outline-offset: 2px;
+}
 section { border-top: 1px solid var(--line); margin-top: 2.5rem; }
 .made { margin: 1rem 0; color: var(--soft); font-size: 0.92rem; }
 .made div { display: flex; gap: 0.75rem; }
@@ -69,12 +71,11 @@ DRAWINGS = "\n".join(
         *(f"    {name}: {colour};" for name, colour in DARK.variables().items()),
         "  }",
         "}",
-        ".drawing svg { display: block; width: 100%; height: auto; max-width: 62rem; }",
-        ".drawing.narrow { display: none; }",
-        "@media (max-width: 40rem) {",
-        "  .drawing.narrow { display: block; }",
-        "  .drawing.spread { display: none; }",
-        "}",
+        # A phone shows a part of it, in letters that can be read, and scrolls to the rest.
+        ".drawing { overflow-x: auto; }",
+        ".drawing svg { display: block; width: 100%; height: auto; }",
+        ".drawing svg { min-width: 46rem; max-width: 62rem; }",
+        "@media print { .drawing svg { min-width: 0; } }",
         "",
     ]
 )
@@ -204,28 +205,22 @@ def section(name: str, title: str, parts: Iterable[str]) -> Iterator[str]:
 
 # Figures that stand in a page itself, and take its colours.
 
-NARROW = 88e-3  # m: a journal's column, and a phone
 
-Draw = Callable[..., "Figure"]
-
-
-def drawing(name: str, draw: Draw, caption: str) -> Iterator[str]:
-    """A figure twice: as wide as a page, and as narrow as a phone; the page shows one of them.
+def drawing(name: str, draw: Callable[[], "Figure"], caption: str) -> Iterator[str]:
+    """A figure and its caption; where the page is too narrow it scrolls by itself.
 
     Parameters
     ----------
     name : str
         Of the figure within the page, in letters: drawings must not share names.
     draw : callable
-        Gives the figure, and with ``width`` in m one of that width.
+        Gives the figure.
     caption : str
         Below it, and what a screen reader says.
     """
-    yield "<figure>"
-    for look, options in (("spread", {}), ("narrow", {"width": NARROW})):
-        inside = inline(slim(as_svg(draw(**options))), f"{name}-{look}", caption)
-        yield f'<div class="drawing {look}">{inside}</div>'
-    yield f"<figcaption>{escape(caption)}</figcaption></figure>"
+    inside = inline(slim(as_svg(draw())), f"{name}-drawing", caption)
+    yield f'<figure><div class="drawing" role="region" tabindex="0" aria-label="{name}">{inside}'
+    yield f"</div><figcaption>{escape(caption)}</figcaption></figure>"
 
 
 def inline(svg: str, name: str, caption: str) -> str:

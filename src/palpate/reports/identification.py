@@ -396,9 +396,7 @@ def _oscillations(results: list[Identified]) -> Iterator[str]:
         f"from {low} to {high} Hz, which this motion contained. Laws of any kind have them in "
         "common."
     )
-    yield from drawing(
-        "oscillations", lambda **options: figures.draw_oscillations(results, **options), words
-    )
+    yield from drawing("oscillations", lambda: figures.draw_oscillations(results), words)
 
 
 # The report of an identification: one page that says what was found, and how far to trust it.
@@ -478,7 +476,7 @@ def _figure(result: Identified) -> Iterator[str]:
         "Force measured and predicted, the force–penetration loop, and the law's parameters as "
         "they were estimated, with their error bands."
     )
-    yield from drawing("figure", lambda **options: figures.draw(result, **options), words)
+    yield from drawing("figure", lambda: figures.draw(result), words)
 
 
 def _residuals(result: Identified) -> Iterator[str]:
@@ -486,9 +484,7 @@ def _residuals(result: Identified) -> Iterator[str]:
         "Measured less final law, over time, depth and velocity: the median, and the band that "
         "holds most of it. Dotted: the noise of the sensors. Beyond them the law lacks something."
     )
-    yield from drawing(
-        "residuals", lambda **options: figures.draw_residuals(result, **options), words
-    )
+    yield from drawing("residuals", lambda: figures.draw_residuals(result), words)
 
 
 def _again(circumstances: Circumstances) -> Iterator[str]:
