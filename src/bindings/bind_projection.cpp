@@ -4,36 +4,32 @@
 namespace palpate::bindings {
 namespace {
 
+constexpr const char* name = "VariableProjection";
 // Its search for the surface holds forty-one banks of sums, which an estimator without it does not.
 using Plain = VariableProjection;
 using Searching = VariableProjectionWithSurface;
-using ProjectionFace = Handle<Plain, WithChangeDetector<Plain>, WithOutlierRejection<Plain>,
-                              WithOutlierRejection<WithChangeDetector<Plain>>, Searching,
-                              WithChangeDetector<Searching>, WithOutlierRejection<Searching>,
-                              WithOutlierRejection<WithChangeDetector<Searching>>>;
 
-void make_projection(ProjectionFace* self, double noise, const Pair& exponents, double exponent,
+void make_projection(FaceOf<Plain>* self, double noise, const Pair& exponents, double exponent,
                      bool offset, double offset_deviation, const std::optional<Pair>& surfaces,
                      double surface_deviation, const Pair& forgetting,
                      const std::optional<Detector>& changes, const std::optional<double>& outliers,
                      const Triple& gate, const Triple& scale, double sample_time) {
-  new (self) ProjectionFace();
   auto projection =
       projection_settings(noise, exponents, exponent, offset, offset_deviation, scale[2]);
   projection.surface_deviation = surface_deviation / scale[0];
   const Loop loop{forgetting, not_perturbed, changes, outliers, gate, scale, sample_time};
   if (surfaces) {
     const SurfaceSettings surface{projection, (*surfaces)[0] / scale[0], (*surfaces)[1] / scale[0]};
-    construct<Searching>(*self, surface, loop);
+    new (self) FaceOf<Plain>(core_of<Searching>(name, 1, surface, loop));
   } else {
-    construct<Plain>(*self, projection, loop);
+    new (self) FaceOf<Plain>(core_of<Plain>(name, 0, projection, loop));
   }
 }
 
 }  // namespace
 
 void bind_projection(nb::module_& module) {
-  bind_face<ProjectionFace>(module, "VariableProjection")
+  bind_face<Plain>(module, name)
       .def("__init__", &make_projection, nb::arg(), nb::arg(), nb::arg(), nb::arg(), nb::arg(),
            nb::arg().none(), nb::arg(), nb::arg(), nb::arg().none(), nb::arg().none(), nb::arg(),
            nb::arg(), nb::arg());

@@ -26,6 +26,7 @@ inline nb::object copied_array(const double* data, std::initializer_list<std::si
 void bind_force_laws(nb::module_& module);
 void bind_estimate(nb::module_& module);
 void bind_error_bars(nb::module_& module);
+void bind_face(nb::module_& module);
 void bind_estimators(nb::module_& module);
 void bind_projection(nb::module_& module);
 void bind_drift_tracking(nb::module_& module);

@@ -10,6 +10,7 @@ NB_MODULE(_core, module) {
   palpate::bindings::bind_error_bars(module);
   palpate::bindings::bind_least_squares(module);
   palpate::bindings::bind_curves(module);
+  palpate::bindings::bind_face(module);
   palpate::bindings::bind_estimators(module);
   palpate::bindings::bind_projection(module);
   palpate::bindings::bind_drift_tracking(module);

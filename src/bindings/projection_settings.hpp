@@ -1,7 +1,8 @@
 // Settings that variable projection and what stands on it share.
 #pragma once
 
-#include "bind_face.hpp"
+#include "face.hpp"
+#include "palpate/estimators.hpp"
 
 namespace palpate::bindings {
 
