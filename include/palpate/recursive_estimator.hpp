@@ -57,12 +57,6 @@ constexpr const char* validate(const EstimatorSettings<M, Detector, Rejection>& 
   return nullptr;
 }
 
-// What looks at the samples beside the method; null where nothing does.
-struct Watchers {
-  ChangeDetector* changes = nullptr;
-  OutlierRejection* outliers = nullptr;
-};
-
 // The loop but for its watchers, which each call brings: compiled once a method, not once for each
 // way of watching.
 template <Method M>
@@ -80,8 +74,7 @@ class Recursion {
       : units_(settings.scale),
         method_(settings.method, units_),
         gate_(method_.gate(settings.gate, units_)),
-        forgetting_(settings.forgetting, settings.sample_time),
-        perturbation_(settings.perturbation) {}
+        forgetting_(settings.forgetting, settings.sample_time) {}
 
   // Brings an answer up to date that is worked out a little at every sample.
   void settle() noexcept
@@ -121,8 +114,10 @@ class Recursion {
     double predicted_force;  // N; NaN where none was asked for
   };
 
-  [[gnu::always_inline]] Outcome step(const Sample& sample, double dt, Watchers watchers,
-                                      bool predict_force) noexcept {
+  // `changes` and `outliers` are null where nobody watches for them.
+  [[gnu::always_inline]] Outcome step(const Sample& sample, double dt,
+                                      const SelfPerturbation& perturbation, ChangeDetector* changes,
+                                      OutlierRejection* outliers, bool predict_force) noexcept {
     constexpr double unknown = std::numeric_limits<double>::quiet_NaN();
     const bool valid_step = dt > 0.0 && std::isfinite(dt);
     if (!detail::finite(sample)) {
@@ -133,19 +128,18 @@ class Recursion {
     const ContactGate::Phase phase = gate_.next(sample.penetration, sample.force);
     const bool touching = phase == ContactGate::Phase::contact;
     const bool in_range = touching && method_.in_range(inner);
-    if (watchers.outliers) {
+    if (outliers) {
       const auto law = [this](double x, double v) noexcept { return predict(x, v); };
-      if (valid_step && in_range == touching &&
-          watchers.outliers->rejects(sample, dt, touching, law)) {
+      if (valid_step && in_range == touching && outliers->rejects(sample, dt, touching, law)) {
         if constexpr (requires { method_.withdraw(std::size_t{}); }) {
-          if (const std::size_t count = watchers.outliers->withdrawn()) method_.withdraw(count);
+          if (const std::size_t count = outliers->withdrawn()) method_.withdraw(count);
         }
         pass(dt);
         return {Status::rejected, predict_force ? expected_force(sample) : unknown};
       }
     }
     if (valid_step && in_range) [[likely]] {
-      return take(sample, inner, dt, watchers.changes, predict_force);
+      return take(sample, inner, dt, perturbation, changes, predict_force);
     }
     const double predicted = predict_force ? expected_force(sample) : unknown;
     if (!valid_step) return {Status::invalid_step, predicted};
@@ -199,7 +193,8 @@ class Recursion {
   }
 
   // A sample in contact and in range. Nothing of the loop changes before the method has learned it.
-  Outcome take(const Sample& sample, const Sample& inner, double dt, ChangeDetector* changes,
+  Outcome take(const Sample& sample, const Sample& inner, double dt,
+               const SelfPerturbation& self_perturbation, ChangeDetector* changes,
                bool predict_force) noexcept {
     Forgetting forgetting = forgetting_;
     if (gate_.phase() == ContactGate::Phase::contact) {
@@ -210,13 +205,13 @@ class Recursion {
 
     double predicted = std::numeric_limits<double>::quiet_NaN(), error = 0.0;
     const typename M::Row row = prepared(inner, dt);
-    if (predict_force || changes || perturbation_.active()) {
+    if (predict_force || changes || self_perturbation.active()) {
       predicted = method_.predict(row) * units_.force;
       error = detail::saturate(sample.force - predicted);
     }
 
     // Choose λ and the perturbation: an abrupt change perturbs P and takes λ back to λ₀.
-    const double perturbation = perturbation_(error);
+    const double perturbation = self_perturbation(error);
     if (perturbation > 0.0) forgetting.rearm();
 
     Status status = method_.learn(row, dt, forgetting.factor(), perturbation);
@@ -291,7 +286,6 @@ class Recursion {
   M method_;
   ContactGate gate_;
   Forgetting forgetting_;
-  SelfPerturbation perturbation_;
   double velocity_ = 0.0;
   Status status_ = Status::waiting;
   std::uint64_t samples_ = 0;
@@ -319,20 +313,20 @@ class RecursiveEstimator : public Recursion<M> {
 
   // dt: time since the previous sample, s. The sample is taken whole or not at all.
   Status update(double penetration, double velocity, double force, double dt) noexcept {
-    return this->step({penetration, velocity, force}, dt, watchers(), false).status;
+    return step({penetration, velocity, force}, dt, false).status;
   }
 
   // update(), which also gives the a-priori force [N] that the sample is compared with; NaN where
   // the sample is not finite.
   Status update(const Sample& sample, double dt, double& predicted_force) noexcept {
-    const auto outcome = this->step(sample, dt, watchers(), true);
+    const auto outcome = step(sample, dt, true);
     predicted_force = outcome.predicted_force;
     return outcome.status;
   }
 
   // Contact ends here, as where a recording breaks off or a tool is changed: what was learned is
   // held until contact is made again.
-  void leave_contact() noexcept { Recursion<M>::leave_contact(watchers().outliers); }
+  void leave_contact() noexcept { Recursion<M>::leave_contact(outliers()); }
 
   Estimate<M::Law::size> estimate() const noexcept {
     const OutlierRejection* outliers = outliers_.watcher();
@@ -340,7 +334,9 @@ class RecursiveEstimator : public Recursion<M> {
   }
 
   const Settings& settings() const noexcept { return settings_; }
-  Watchers watchers() noexcept { return {changes_.watcher(), outliers_.watcher()}; }
+  // Null where nobody watches.
+  ChangeDetector* changes() noexcept { return changes_.watcher(); }
+  OutlierRejection* outliers() noexcept { return outliers_.watcher(); }
 
   void reset() noexcept(in_place) { *this = RecursiveEstimator(settings_); }
 
@@ -348,6 +344,11 @@ class RecursiveEstimator : public Recursion<M> {
   // Whether all memory is its own, as a controller needs it.
   static constexpr bool in_place =
       std::is_trivially_copyable_v<Detector> && std::is_trivially_copyable_v<Rejection>;
+
+  [[gnu::always_inline]] auto step(const Sample& sample, double dt, bool predict_force) noexcept {
+    return Recursion<M>::step(sample, dt, settings_.perturbation, changes(), outliers(),
+                              predict_force);
+  }
 
   Settings settings_;
   [[no_unique_address]] Detector changes_;

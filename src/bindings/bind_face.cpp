@@ -101,7 +101,7 @@ std::string checksum_of(Memory bytes) {
   return text;
 }
 
-std::size_t size_of(std::initializer_list<Memory> parts) noexcept {
+std::size_t size_of(std::span<const Memory> parts) noexcept {
   std::size_t size = 0;
   for (const Memory& part : parts) size += part.size();
   return size;
@@ -120,7 +120,7 @@ void* Zeroed::operator new(std::size_t size) {
 
 void Zeroed::operator delete(void* memory) noexcept { std::free(memory); }
 
-nb::bytes saved(const std::string& name, std::initializer_list<Memory> parts) {
+nb::bytes saved(const std::string& name, std::span<const Memory> parts) {
   std::string memory;
   memory.reserve(size_of(parts));
   for (const Memory& part : parts) memory += part;
@@ -128,8 +128,7 @@ nb::bytes saved(const std::string& name, std::initializer_list<Memory> parts) {
   return nb::bytes(state.data(), state.size());
 }
 
-Memory opened(const std::string& name, const nb::bytes& bytes,
-              std::initializer_list<Memory> present) {
+Memory opened(const std::string& name, const nb::bytes& bytes, std::span<const Memory> present) {
   const Memory state(bytes.c_str(), bytes.size());
   const std::size_t size = size_of(present);
   const std::string heading = heading_of(name, size);

@@ -121,26 +121,24 @@ class CoreOf final : public Core, public Zeroed {
   EstimateValue estimate() const override { return value_of(estimator.estimate()); }
   void leave_contact() override { estimator.leave_contact(); }
   void reset() override { estimator.reset(); }
-  nb::bytes state() override {
-    const auto [changes, outliers] = estimator.watchers();
-    return saved(name_, {memory_of(&estimator.settings()), memory_of(&recursion()),
-                         memory_of(changes), memory_of(outliers)});
-  }
+  nb::bytes state() override { return saved(name_, parts()); }
   void restore(const nb::bytes& state) override {
-    const auto [changes, outliers] = estimator.watchers();
-    Memory memory = opened(name_, state,
-                           {memory_of(&estimator.settings()), memory_of(&recursion()),
-                            memory_of(changes), memory_of(outliers)});
+    Memory memory = opened(name_, state, parts());
     check_settings(taken<Settings>(memory) == estimator.settings());
     recursion() = taken<Recursion<typename Usual::Method>>(memory);
-    if (changes) *changes = taken<ChangeDetector>(memory);
-    if (outliers) *outliers = taken<OutlierRejection>(memory);
+    if (auto* changes = estimator.changes()) *changes = taken<ChangeDetector>(memory);
+    if (auto* outliers = estimator.outliers()) *outliers = taken<OutlierRejection>(memory);
   }
 
   Estimator estimator;
 
  private:
   Recursion<typename Usual::Method>& recursion() noexcept { return estimator; }
+
+  std::array<Memory, 4> parts() noexcept {
+    return {memory_of(&estimator.settings()), memory_of(&recursion()),
+            memory_of(estimator.changes()), memory_of(estimator.outliers())};
+  }
 
   std::string name_;
 };

@@ -11,7 +11,7 @@
 #include <bit>
 #include <cstddef>
 #include <cstring>
-#include <initializer_list>
+#include <span>
 #include <string>
 #include <string_view>
 #include <type_traits>
@@ -23,11 +23,10 @@ namespace palpate::bindings {
 using Memory = std::string_view;
 
 // `name` distinguishes what has the same size.
-nb::bytes saved(const std::string& name, std::initializer_list<Memory> parts);
+nb::bytes saved(const std::string& name, std::span<const Memory> parts);
 
 // The bytes of the parts one after the other, as they are in a state of the like of `present`.
-Memory opened(const std::string& name, const nb::bytes& state,
-              std::initializer_list<Memory> present);
+Memory opened(const std::string& name, const nb::bytes& state, std::span<const Memory> present);
 
 void check_settings(bool same);
 
@@ -49,12 +48,12 @@ Part taken(Memory& memory) noexcept {
 
 template <class Core>
 nb::bytes saved(const Core& core, const std::string& name) {
-  return saved(name, {memory_of(&core)});
+  return saved(name, std::array{memory_of(&core)});
 }
 
 template <class Core>
 void restore(Core& core, const std::string& name, const nb::bytes& state) {
-  Memory memory = opened(name, state, {memory_of(&core)});
+  Memory memory = opened(name, state, std::array{memory_of(&core)});
   const Core candidate = taken<Core>(memory);
   check_settings(candidate.settings() == core.settings());
   core = candidate;
