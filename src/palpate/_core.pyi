@@ -103,11 +103,6 @@ class EstimateValue:
     @property
     def rejected(self) -> int: ...
 
-def correlated_variances(slopes: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], residual: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], influence: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], result: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu')]) -> None:
-    """
-    Fills the variances of influence · Σ J e, where the residual e is correlated: J by rows, influence too.
-    """
-
 class LeastSquares:
     def __init__(self, arg0: int, arg1: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], arg2: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], /) -> None: ...
 
@@ -142,6 +137,11 @@ class LeastSquares:
     def _state(self) -> bytes: ...
 
     def _restore(self, arg: bytes, /) -> None: ...
+
+def correlated_variances(slopes: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], residual: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], influence: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], result: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu')]) -> None:
+    """
+    Fills the variances of influence · Σ J e, where the residual e is correlated: J by rows, influence too.
+    """
 
 def fit_curves(arg0: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], arg1: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], arg2: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], arg3: Sequence[float], arg4: bool, arg5: float, arg6: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], arg7: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], arg8: Sequence[float] | None, arg9: Sequence[float], arg10: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu')], arg11: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu')], arg12: Annotated[NDArray[numpy.int64], dict(order='C', device='cpu')], arg13: Annotated[NDArray[numpy.uint8], dict(order='C', device='cpu')], arg14: Annotated[NDArray[numpy.uint8], dict(order='C', device='cpu')] | None, arg15: int, arg16: str = '', /) -> None:
     """What palpate.estimators.curves.fit_curves calls, a row a curve."""
