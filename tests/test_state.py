@@ -9,7 +9,7 @@ import pytest
 from cases import KINDS, MATERIALS, exciting, knowledge, tapping
 
 import palpate
-from palpate import ChangeDetector, InvalidParameterError
+from palpate import ChangeDetector, InvalidParameterError, OutlierRejection
 
 SIGNALS = tapping(MATERIALS["pvc"], noise=0.02, seed=11)
 
@@ -25,9 +25,11 @@ def test_neither_settings_nor_a_copy_change_an_estimator(kind):
     assert estimator._state() == before
 
 
+@pytest.mark.parametrize("watched", [False, True])
 @pytest.mark.parametrize("name", KINDS)
-def test_update_takes_its_arguments_by_name_too(name):
-    by_place, by_name = KINDS[name](), KINDS[name]()
+def test_update_takes_its_arguments_by_name_too(name, watched):
+    watching = {"change_detector": ChangeDetector(), "outlier_rejection": OutlierRejection()}
+    by_place, by_name = (KINDS[name](**watching if watched else {}) for _ in range(2))
     for x, v, force in SIGNALS.rows[:200]:
         by_place.update(x, v, force, 2e-3)
         by_name.update(force=force, dt=2e-3, velocity=v, penetration=x)

@@ -32,6 +32,8 @@ struct TakenSample {
   double dt;      // s since the one before it
 };
 
+class ChangeDetector;
+
 // In place of a detector where no change is looked for: it costs no memory and no time.
 class NoChangeDetector {
  public:
@@ -42,6 +44,8 @@ class NoChangeDetector {
   };
 
   constexpr explicit NoChangeDetector(const Settings&) noexcept {}
+
+  static constexpr ChangeDetector* watcher() noexcept { return nullptr; }
 };
 
 constexpr const char* validate(const NoChangeDetector::Settings&) noexcept { return nullptr; }
@@ -76,6 +80,8 @@ class ChangeDetector {
   static constexpr std::size_t memory = 256;
 
   explicit ChangeDetector(const Settings& settings) noexcept : settings_(settings) {}
+
+  ChangeDetector* watcher() noexcept { return this; }
 
   // Contact was lost: the next error does not follow the last one.
   void interrupt() noexcept { correlation_.interrupt(); }

@@ -72,14 +72,10 @@ class LeastSquares {
     // Rounding alone can make φᵀPφ negative, and only where cancellation has eaten every digit.
     const double spread = std::max(detail::dot(regressor, g), 0.0);
     const double error = output - predict(regressor);
-    Step step = renewed(g, forgetting_factor + spread, forgetting_factor, perturbation);
+    const Step step = renewed(g, forgetting_factor + spread, forgetting_factor, perturbation);
     if (sound(step.covariance)) [[likely]]
       return commit(step, error, Status::updated);
-    const double noise = std::max(spread / detail::largest_gain, 1.0);
-    if (forgetting_factor != 1.0 || perturbation != 0.0) step = renewed(g, 1.0 + spread, 1.0, 0.0);
-    if (noise > 1.0 && !sound(step.covariance)) step = renewed(g, noise + spread, 1.0, 0.0);
-    if (!sound(step.covariance)) step.covariance = state_.covariance;
-    return commit(step, error, Status::guarded);
+    return guarded(g, spread, error);
   }
 
   // Variance of y about φᵀθ: the weighted residual sum of the data alone (the initial values' part
@@ -149,6 +145,17 @@ class LeastSquares {
       }
     }
     return step;
+  }
+
+  // Nothing is forgotten where P would not stay sound, and the gain is kept small where even that
+  // does not do. Apart, so that what happens every millisecond keeps its step in registers.
+  [[gnu::cold, gnu::noinline]] constexpr Status guarded(const Vector<Order>& g, double spread,
+                                                        double error) noexcept {
+    const double noise = std::max(spread / detail::largest_gain, 1.0);
+    Step step = renewed(g, 1.0 + spread, 1.0, 0.0);
+    if (noise > 1.0 && !sound(step.covariance)) step = renewed(g, noise + spread, 1.0, 0.0);
+    if (!sound(step.covariance)) step.covariance = state_.covariance;
+    return commit(step, error, Status::guarded);
   }
 
   constexpr bool sound(const Matrix<Order>& p) const noexcept {

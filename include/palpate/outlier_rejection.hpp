@@ -24,6 +24,8 @@
 
 namespace palpate {
 
+class OutlierRejection;
+
 // In place of a rejection where nothing is left out: it costs no memory and no time.
 class NoOutlierRejection {
  public:
@@ -35,7 +37,7 @@ class NoOutlierRejection {
 
   constexpr explicit NoOutlierRejection(const Settings&) noexcept {}
 
-  constexpr std::uint64_t rejected() const noexcept { return 0; }
+  static constexpr OutlierRejection* watcher() noexcept { return nullptr; }
 };
 
 constexpr const char* validate(const NoOutlierRejection::Settings&) noexcept { return nullptr; }
@@ -53,6 +55,9 @@ class OutlierRejection {
   explicit OutlierRejection(const Settings& settings) noexcept
       : factor_(settings.threshold / normal_median) {}
 
+  OutlierRejection* watcher() noexcept { return this; }
+  const OutlierRejection* watcher() const noexcept { return this; }
+
   // Contact ends here: the next sample does not follow the last one.
   void interrupt() noexcept { following_ = false; }
 
@@ -60,7 +65,8 @@ class OutlierRejection {
   // contact gate says of it, and law(x, v) the force by the present estimate, which is seldom
   // asked.
   template <class Law>
-  bool rejects(const Sample& sample, double dt, bool touching, const Law& law) noexcept {
+  [[gnu::noinline]] bool rejects(const Sample& sample, double dt, bool touching,
+                                 const Law& law) noexcept {
     step_.learn(dt);
     const bool free = !touching && !touched_;
     if (!following_ || free || dt > longest_gap * step_.value()) return follow(sample, touching);

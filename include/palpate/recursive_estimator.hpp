@@ -7,6 +7,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <limits>
+#include <type_traits>
 
 #include "palpate/change_detection.hpp"
 #include "palpate/contact_gate.hpp"
@@ -56,52 +57,24 @@ constexpr const char* validate(const EstimatorSettings<M, Detector, Rejection>& 
   return nullptr;
 }
 
-template <Method M, class Detector = NoChangeDetector, class Rejection = NoOutlierRejection>
-class RecursiveEstimator {
+// The loop but for its watchers, which each call brings: compiled once a method, not once for each
+// way of watching.
+template <Method M>
+class Recursion {
  public:
   using Method = M;
-  using Changes = Detector;
-  using Outliers = Rejection;
   using Law = typename M::Law;
-  using Settings = EstimatorSettings<M, Detector, Rejection>;
 
   // Whether the present answer costs a solution, so that a-priori errors are measured against the
   // latest one.
   static constexpr bool solves = requires(const M& m, const Units& units) { m.latest(units); };
 
-  explicit RecursiveEstimator(const Settings& settings = {}) noexcept
-      : settings_(settings),
-        units_(settings.scale),
+  template <class Settings>
+  explicit Recursion(const Settings& settings) noexcept
+      : units_(settings.scale),
         method_(settings.method, units_),
         gate_(method_.gate(settings.gate, units_)),
-        forgetting_(settings.forgetting, settings.sample_time),
-        changes_(settings.changes),
-        outliers_(settings.outliers) {}
-
-  Status update(double penetration, double velocity, double force) noexcept {
-    return update(penetration, velocity, force, settings_.sample_time);
-  }
-
-  // dt: time since the previous sample, s. The sample is taken whole or not at all.
-  Status update(double penetration, double velocity, double force, double dt) noexcept {
-    return step<false>({penetration, velocity, force}, dt).status;
-  }
-
-  // update(), which also gives the a-priori force [N] that the sample is compared with; NaN where
-  // the sample is not finite.
-  Status update(const Sample& sample, double dt, double& predicted_force) noexcept {
-    const Outcome outcome = step<true>(sample, dt);
-    predicted_force = outcome.predicted_force;
-    return outcome.status;
-  }
-
-  // Contact ends here, as where a recording breaks off or a tool is changed: what was learned is
-  // held until contact is made again.
-  void leave_contact() noexcept {
-    if constexpr (requires { method_.interrupt(); }) method_.interrupt();
-    if constexpr (Rejection::active) outliers_.interrupt();
-    enter(gate_.without_contact());
-  }
+        forgetting_(settings.forgetting, settings.sample_time) {}
 
   // Brings an answer up to date that is worked out a little at every sample.
   void settle() noexcept
@@ -126,41 +99,25 @@ class RecursiveEstimator {
     }
   }
 
-  Estimate<Law::size> estimate() const noexcept {
-    const Fit<Law> fit = method_.fit(units_);
-    return {fit.law.parameters(),
-            fit.covariance,
-            fit.offset,
-            fit.surface,
-            fit.flags,
-            validity_margin(fit.law, velocity_),
-            status_,
-            samples_,
-            guarded_,
-            restarts_,
-            outliers_.rejected()};
-  }
-
   // The part of an estimate that a trace writes down at every sample.
   Snapshot<Law> snapshot() const noexcept { return method_.snapshot(units_); }
 
   double last_velocity() const noexcept { return velocity_; }
-  const Settings& settings() const noexcept { return settings_; }
   const Units& units() const noexcept { return units_; }
 
   // The recursion inside, for θ and P as they are, in scaled units.
   const M& method() const noexcept { return method_; }
 
-  void reset() noexcept { *this = RecursiveEstimator(settings_); }
-
- private:
+ protected:
   struct Outcome {
     Status status;
     double predicted_force;  // N; NaN where none was asked for
   };
 
-  template <bool Predicted>
-  Outcome step(const Sample& sample, double dt) noexcept {
+  // `changes` and `outliers` are null where nobody watches for them.
+  [[gnu::always_inline]] Outcome step(const Sample& sample, double dt,
+                                      const SelfPerturbation& perturbation, ChangeDetector* changes,
+                                      OutlierRejection* outliers, bool predict_force) noexcept {
     constexpr double unknown = std::numeric_limits<double>::quiet_NaN();
     const bool valid_step = dt > 0.0 && std::isfinite(dt);
     if (!detail::finite(sample)) {
@@ -171,20 +128,20 @@ class RecursiveEstimator {
     const ContactGate::Phase phase = gate_.next(sample.penetration, sample.force);
     const bool touching = phase == ContactGate::Phase::contact;
     const bool in_range = touching && method_.in_range(inner);
-    if constexpr (Rejection::active) {
+    if (outliers) {
       const auto law = [this](double x, double v) noexcept { return predict(x, v); };
-      if (valid_step && in_range == touching && outliers_.rejects(sample, dt, touching, law)) {
+      if (valid_step && in_range == touching && outliers->rejects(sample, dt, touching, law)) {
         if constexpr (requires { method_.withdraw(std::size_t{}); }) {
-          if (const std::size_t count = outliers_.withdrawn()) method_.withdraw(count);
+          if (const std::size_t count = outliers->withdrawn()) method_.withdraw(count);
         }
         pass(dt);
-        return {Status::rejected, Predicted ? expected_force(sample) : unknown};
+        return {Status::rejected, predict_force ? expected_force(sample) : unknown};
       }
     }
     if (valid_step && in_range) [[likely]] {
-      return take<Predicted>(sample, inner, dt);
+      return take(sample, inner, dt, perturbation, changes, predict_force);
     }
-    const double predicted = Predicted ? expected_force(sample) : unknown;
+    const double predicted = predict_force ? expected_force(sample) : unknown;
     if (!valid_step) return {Status::invalid_step, predicted};
     if (touching) {
       pass(dt);
@@ -199,6 +156,28 @@ class RecursiveEstimator {
     return {status_, predicted};
   }
 
+  void leave_contact(OutlierRejection* outliers) noexcept {
+    if constexpr (requires { method_.interrupt(); }) method_.interrupt();
+    if (outliers) outliers->interrupt();
+    enter(gate_.without_contact());
+  }
+
+  Estimate<Law::size> estimate(std::uint64_t rejected) const noexcept {
+    const Fit<Law> fit = method_.fit(units_);
+    return {fit.law.parameters(),
+            fit.covariance,
+            fit.offset,
+            fit.surface,
+            fit.flags,
+            validity_margin(fit.law, velocity_),
+            status_,
+            samples_,
+            guarded_,
+            restarts_,
+            rejected};
+  }
+
+ private:
   // Time goes by with a sample that is not taken.
   void pass(double dt) noexcept {
     if constexpr (requires { method_.pass(dt); }) method_.pass(dt);
@@ -214,8 +193,9 @@ class RecursiveEstimator {
   }
 
   // A sample in contact and in range. Nothing of the loop changes before the method has learned it.
-  template <bool Predicted>
-  Outcome take(const Sample& sample, const Sample& inner, double dt) noexcept {
+  Outcome take(const Sample& sample, const Sample& inner, double dt,
+               const SelfPerturbation& self_perturbation, ChangeDetector* changes,
+               bool predict_force) noexcept {
     Forgetting forgetting = forgetting_;
     if (gate_.phase() == ContactGate::Phase::contact) {
       forgetting.advance(dt);
@@ -225,13 +205,13 @@ class RecursiveEstimator {
 
     double predicted = std::numeric_limits<double>::quiet_NaN(), error = 0.0;
     const typename M::Row row = prepared(inner, dt);
-    if (Predicted || Detector::active || settings_.perturbation.active()) {
+    if (predict_force || changes || self_perturbation.active()) {
       predicted = method_.predict(row) * units_.force;
       error = detail::saturate(sample.force - predicted);
     }
 
     // Choose λ and the perturbation: an abrupt change perturbs P and takes λ back to λ₀.
-    const double perturbation = settings_.perturbation(error);
+    const double perturbation = self_perturbation(error);
     if (perturbation > 0.0) forgetting.rearm();
 
     Status status = method_.learn(row, dt, forgetting.factor(), perturbation);
@@ -241,9 +221,9 @@ class RecursiveEstimator {
     }
     if (!taken(status)) return {status, predicted};
 
-    if constexpr (Detector::active) {
+    if (changes) {
       const double expected = sample.force - error;
-      if (watch(inner, dt, expected, error, forgetting)) status = Status::restarted;
+      if (watch(*changes, inner, dt, expected, error, forgetting)) status = Status::restarted;
     }
     commit(sample, status, forgetting);
     return {status, predicted};
@@ -273,46 +253,106 @@ class RecursiveEstimator {
   }
 
   // True when a change is detected. The method then starts again with the samples after it.
-  bool watch(const Sample& inner, double dt, double predicted, double error,
-             Forgetting& forgetting) noexcept {
-    if (gate_.phase() != ContactGate::Phase::contact) changes_.interrupt();
-    if (changes_.observe(inner, dt, predicted, error)) {
+  bool watch(ChangeDetector& changes, const Sample& inner, double dt, double predicted,
+             double error, Forgetting& forgetting) noexcept {
+    if (gate_.phase() != ContactGate::Phase::contact) changes.interrupt();
+    if (changes.observe(inner, dt, predicted, error)) {
       method_.reinitialise();
-      relearn(changes_.post_change_samples(), forgetting);
-      changes_.rearm();
+      relearn(changes, changes.post_change_samples(), forgetting);
+      changes.rearm();
       ++restarts_;
       return true;
     }
-    if (changes_.transient_over()) {
+    if (changes.transient_over()) {
       method_.reinitialise_after_transient();
-      relearn(changes_.settled_samples(), forgetting);
+      relearn(changes, changes.settled_samples(), forgetting);
     }
     return false;
   }
 
   // Learns this many of the latest samples again, with their own time steps, as if contact had been
   // made with the first of them. Rare, and kept out of the way of what happens every millisecond.
-  [[gnu::cold, gnu::noinline]] void relearn(std::size_t samples, Forgetting& forgetting) noexcept {
+  [[gnu::cold, gnu::noinline]] void relearn(const ChangeDetector& changes, std::size_t samples,
+                                            Forgetting& forgetting) noexcept {
     forgetting.rearm();
     for (std::size_t age = samples; age-- > 0;) {
-      const TakenSample& past = changes_.recent(age);
+      const TakenSample& past = changes.recent(age);
       if (age + 1 < samples) forgetting.advance(past.dt);
       method_.learn(prepared(past.sample, past.dt), past.dt, forgetting.factor(), 0.0);
     }
   }
 
-  Settings settings_;
   Units units_;
   M method_;
   ContactGate gate_;
   Forgetting forgetting_;
-  [[no_unique_address]] Detector changes_;
-  [[no_unique_address]] Rejection outliers_;
   double velocity_ = 0.0;
   Status status_ = Status::waiting;
   std::uint64_t samples_ = 0;
   std::uint64_t guarded_ = 0;
   std::uint64_t restarts_ = 0;
+};
+
+// The loop with its settings and with memory for what watches it.
+template <Method M, class Detector = NoChangeDetector, class Rejection = NoOutlierRejection>
+class RecursiveEstimator : public Recursion<M> {
+ public:
+  using Changes = Detector;
+  using Outliers = Rejection;
+  using Settings = EstimatorSettings<M, Detector, Rejection>;
+
+  explicit RecursiveEstimator(const Settings& settings = {}) noexcept(in_place)
+      : Recursion<M>(settings),
+        settings_(settings),
+        changes_(settings.changes),
+        outliers_(settings.outliers) {}
+
+  Status update(double penetration, double velocity, double force) noexcept {
+    return update(penetration, velocity, force, settings_.sample_time);
+  }
+
+  // dt: time since the previous sample, s. The sample is taken whole or not at all.
+  Status update(double penetration, double velocity, double force, double dt) noexcept {
+    return step({penetration, velocity, force}, dt, false).status;
+  }
+
+  // update(), which also gives the a-priori force [N] that the sample is compared with; NaN where
+  // the sample is not finite.
+  Status update(const Sample& sample, double dt, double& predicted_force) noexcept {
+    const auto outcome = step(sample, dt, true);
+    predicted_force = outcome.predicted_force;
+    return outcome.status;
+  }
+
+  // Contact ends here, as where a recording breaks off or a tool is changed: what was learned is
+  // held until contact is made again.
+  void leave_contact() noexcept { Recursion<M>::leave_contact(outliers()); }
+
+  Estimate<M::Law::size> estimate() const noexcept {
+    const OutlierRejection* outliers = outliers_.watcher();
+    return Recursion<M>::estimate(outliers ? outliers->rejected() : 0);
+  }
+
+  const Settings& settings() const noexcept { return settings_; }
+  // Null where nobody watches.
+  ChangeDetector* changes() noexcept { return changes_.watcher(); }
+  OutlierRejection* outliers() noexcept { return outliers_.watcher(); }
+
+  void reset() noexcept(in_place) { *this = RecursiveEstimator(settings_); }
+
+ private:
+  // Whether all memory is its own, as a controller needs it.
+  static constexpr bool in_place =
+      std::is_trivially_copyable_v<Detector> && std::is_trivially_copyable_v<Rejection>;
+
+  [[gnu::always_inline]] auto step(const Sample& sample, double dt, bool predict_force) noexcept {
+    return Recursion<M>::step(sample, dt, settings_.perturbation, changes(), outliers(),
+                              predict_force);
+  }
+
+  Settings settings_;
+  [[no_unique_address]] Detector changes_;
+  [[no_unique_address]] Rejection outliers_;
 };
 
 }  // namespace palpate

@@ -1,7 +1,8 @@
 // The recursive least squares estimators, and the defaults of the settings that all have.
 #include <vector>
 
-#include "bind_face.hpp"
+#include "face.hpp"
+#include "palpate/estimators.hpp"
 
 namespace palpate::bindings {
 namespace {
@@ -62,77 +63,61 @@ void add_defaults(nb::module_& module, const char* name) {
 }
 
 // An estimator whose law has an exponent, which may be known; the start has it then.
-template <class Face, class Make>
+template <class Usual, class Make>
 void bind_with_exponent(nb::module_& module, const char* name, Make make) {
-  bind_face<Face>(module, name)
+  bind_face<Usual>(module, name)
       .def(
           "__init__",
-          [make](Face* self, const Vector<3>& initial, const Matrix<3>& initial_covariance,
+          [make](FaceOf<Usual>* self, const Vector<3>& initial, const Matrix<3>& initial_covariance,
                  bool exponent_known, const Pair& forgetting, const Pair& perturbation,
                  const std::optional<Detector>& changes, const std::optional<double>& outliers,
                  const Triple& gate, const Triple& scale, double sample_time) {
-            new (self) Face();
-            make(*self, Start<HuntCrossley>{initial, initial_covariance}, exponent_known,
-                 Loop{forgetting, perturbation, changes, outliers, gate, scale, sample_time});
+            new (self) FaceOf<Usual>(
+                make({initial, initial_covariance}, exponent_known,
+                     {forgetting, perturbation, changes, outliers, gate, scale, sample_time}));
           },
           nb::arg(), nb::arg(), nb::arg(), nb::arg(), nb::arg(), nb::arg().none(), nb::arg().none(),
           nb::arg(), nb::arg(), nb::arg());
+  add_defaults<Usual>(module, name);
 }
 
-void bind_single_stage(nb::module_& module) {
-  using Free = SingleStageRLS;
-  using Known = SingleStageKnownExponentRLS;
-  using Face =
-      Handle<Free, WithChangeDetector<Free>, WithOutlierRejection<Free>,
-             WithOutlierRejection<WithChangeDetector<Free>>, Known, WithChangeDetector<Known>,
-             WithOutlierRejection<Known>, WithOutlierRejection<WithChangeDetector<Known>>>;
-  bind_with_exponent<Face>(
-      module, "SingleStageRLS",
-      [](Face& face, const Start<HuntCrossley>& start, bool exponent_known, const Loop& loop) {
-        if (!exponent_known) {
-          construct<Free>(face, method_settings<Free::Method>(start), loop);
-          return;
-        }
-        const auto& p = start.covariance;  // of [ln K, B/K] it is the first two
-        const HuntCrossley initial = law_of<HuntCrossley>(start.parameters, three);
-        construct<Known>(face, {initial, {{{p[0][0], p[0][1]}, {p[1][0], p[1][1]}}}}, loop);
-      });
-  add_defaults<Free>(module, "SingleStageRLS");
+std::unique_ptr<Core> single_stage(const Start<HuntCrossley>& start, bool exponent_known,
+                                   const Loop& loop) {
+  constexpr const char* name = "SingleStageRLS";
+  if (!exponent_known) {
+    return core_of<SingleStageRLS>(name, 0, method_settings<SingleStageRLS::Method>(start), loop);
+  }
+  const auto& p = start.covariance;  // of [ln K, B/K] it is the first two
+  const HuntCrossley initial = law_of<HuntCrossley>(start.parameters, three);
+  return core_of<SingleStageKnownExponentRLS>(
+      name, 1, {initial, {{{p[0][0], p[0][1]}, {p[1][0], p[1][1]}}}}, loop);
 }
 
-void bind_double_stage(nb::module_& module) {
-  using Face = AllKinds<DoubleStageRLS>;
-  bind_with_exponent<Face>(
-      module, "DoubleStageRLS",
-      [](Face& face, const Start<HuntCrossley>& start, bool exponent_known, const Loop& loop) {
-        DoubleStageMethod::Settings settings = method_settings<DoubleStageMethod>(start);
-        settings.exponent_known = exponent_known;
-        construct<DoubleStageRLS>(face, settings, loop);
-      });
-  add_defaults<DoubleStageRLS>(module, "DoubleStageRLS");
+std::unique_ptr<Core> double_stage(const Start<HuntCrossley>& start, bool exponent_known,
+                                   const Loop& loop) {
+  DoubleStageMethod::Settings settings = method_settings<DoubleStageMethod>(start);
+  settings.exponent_known = exponent_known;
+  return core_of<DoubleStageRLS>("DoubleStageRLS", 0, settings, loop);
 }
 
-template <class Estimator>
+template <class Usual>
 void bind_estimator(nb::module_& module, const char* name) {
-  using Method = typename Estimator::Method;
-  using Law = typename Method::Law;
-  using Face = AllKinds<Estimator>;
-  bind_face<Face>(module, name)
+  using Law = typename Usual::Law;
+  bind_face<Usual>(module, name)
       .def(
           "__init__",
-          [](Face* self, const Vector<Law::size>& initial,
-             const Matrix<Law::size>& initial_covariance, const Pair& forgetting,
-             const Pair& perturbation, const std::optional<Detector>& changes,
-             const std::optional<double>& outliers, const Triple& gate, const Triple& scale,
-             double sample_time) {
-            new (self) Face();
-            construct<Estimator>(
-                *self, method_settings<Method>({initial, initial_covariance}),
-                {forgetting, perturbation, changes, outliers, gate, scale, sample_time});
+          [name](FaceOf<Usual>* self, const Vector<Law::size>& initial,
+                 const Matrix<Law::size>& initial_covariance, const Pair& forgetting,
+                 const Pair& perturbation, const std::optional<Detector>& changes,
+                 const std::optional<double>& outliers, const Triple& gate, const Triple& scale,
+                 double sample_time) {
+            new (self) FaceOf<Usual>(core_of<Usual>(
+                name, 0, method_settings<typename Usual::Method>({initial, initial_covariance}),
+                {forgetting, perturbation, changes, outliers, gate, scale, sample_time}));
           },
           nb::arg(), nb::arg(), nb::arg(), nb::arg(), nb::arg().none(), nb::arg().none(), nb::arg(),
           nb::arg(), nb::arg());
-  add_defaults<Estimator>(module, name);
+  add_defaults<Usual>(module, name);
 }
 
 void bind_shared_defaults(nb::module_& module) {
@@ -163,8 +148,8 @@ void bind_estimators(nb::module_& module) {
   bind_shared_defaults(module);
   bind_estimator<KelvinVoigtRLS>(module, "KelvinVoigtRLS");
   bind_estimator<ExtendedKelvinVoigtRLS>(module, "ExtendedKelvinVoigtRLS");
-  bind_single_stage(module);
-  bind_double_stage(module);
+  bind_with_exponent<SingleStageRLS>(module, "SingleStageRLS", &single_stage);
+  bind_with_exponent<DoubleStageRLS>(module, "DoubleStageRLS", &double_stage);
 }
 
 }  // namespace palpate::bindings

@@ -1,11 +1,14 @@
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstddef>
+#include <cstdint>
 #include <string>
 #include <utility>
 #include <variant>
 
 #include "conversions.hpp"
+#include "palpate/error_widening.hpp"
 #include "palpate/least_squares.hpp"
 #include "state.hpp"
 
@@ -51,14 +54,38 @@ Engine make_engine(std::size_t order, const InputArray& initial, const InputArra
   return make[order - 1](initial, covariance);
 }
 
-// Reads a sequence of exactly `Order` numbers without allocating.
-template <std::size_t Order>
-Vector<Order> regressor_of(const nb::sequence& sequence) {
-  if (nb::len(sequence) != Order) {
-    throw nb::value_error(("regressor must have " + std::to_string(Order) + " entries").c_str());
+// What it knows, whatever its order.
+struct Knowledge {
+  std::size_t order;
+  const double* parameters;
+  const double* covariance;
+  double noise_variance;
+  std::uint64_t samples;
+  Memory memory;
+};
+
+Knowledge known(const Engine& engine) {
+  return std::visit(
+      []<std::size_t Order>(const LeastSquares<Order>& recursion) {
+        return Knowledge{Order,
+                         recursion.parameters().data(),
+                         recursion.covariance()[0].data(),
+                         recursion.noise_variance(),
+                         recursion.samples(),
+                         memory_of(&recursion)};
+      },
+      engine.recursion);
+}
+
+using Regressor = std::array<double, largest_order>;
+
+// Reads a sequence of exactly `order` numbers without allocating.
+Regressor regressor_of(const nb::sequence& sequence, std::size_t order) {
+  if (nb::len(sequence) != order) {
+    throw nb::value_error(("regressor must have " + std::to_string(order) + " entries").c_str());
   }
-  Vector<Order> regressor{};
-  for (std::size_t i = 0; i < Order; ++i) {
+  Regressor regressor{};
+  for (std::size_t i = 0; i < order; ++i) {
     if (!nb::try_cast(sequence[i], regressor[i])) {
       throw nb::type_error(
           ("regressor must hold numbers, and its entry " + std::to_string(i) + " is not one")
@@ -68,10 +95,9 @@ Vector<Order> regressor_of(const nb::sequence& sequence) {
   return regressor;
 }
 
-template <std::size_t Order>
-Status update(LeastSquares<Order>& recursion, const nb::sequence& sequence, double output,
-              double forgetting_factor, double perturbation) {
-  const Vector<Order> regressor = regressor_of<Order>(sequence);
+Status update(Engine& engine, const nb::sequence& sequence, double output, double forgetting_factor,
+              double perturbation) {
+  const Regressor regressor = regressor_of(sequence, engine.recursion.index() + 1);
   const auto finite = [](double number) { return std::isfinite(number); };
   if (!finite(output) || !finite(perturbation) || !std::ranges::all_of(regressor, finite)) {
     return Status::not_finite;
@@ -79,12 +105,53 @@ Status update(LeastSquares<Order>& recursion, const nb::sequence& sequence, doub
   if (!(forgetting_factor > 0.0 && forgetting_factor <= 1.0) || perturbation < 0.0) {
     return Status::out_of_range;
   }
-  return recursion.update(regressor, output, forgetting_factor, perturbation);
+  return std::visit(
+      [&]<std::size_t Order>(LeastSquares<Order>& recursion) {
+        Vector<Order> own;
+        std::copy_n(regressor.begin(), Order, own.begin());
+        return recursion.update(own, output, forgetting_factor, perturbation);
+      },
+      engine.recursion);
 }
 
-template <std::size_t Order>
-nb::object covariance_array(const LeastSquares<Order>& recursion) {
-  return copied_array(recursion.covariance()[0].data(), {Order, Order});
+double predict(const Engine& engine, const nb::sequence& sequence) {
+  const Knowledge now = known(engine);
+  const Regressor regressor = regressor_of(sequence, now.order);
+  double sum = regressor[0] * now.parameters[0];
+  for (std::size_t i = 1; i < now.order; ++i) sum += regressor[i] * now.parameters[i];
+  return sum;
+}
+
+// Variances of influence · Σ J e over all samples, J and e of this order in time.
+template <std::size_t Size>
+void variances(const InputRows& slopes, const InputArray& residual, const InputRows& influence,
+               const OutputArray& result) {
+  detail::HaarLevels<Size> levels;
+  double energy = 0.0;
+  for (std::size_t i = 0; i < residual.size(); ++i) {
+    Vector<Size> slope{};
+    std::copy_n(slopes.data() + i * Size, Size, slope.begin());
+    levels.add(slope, residual.data()[i], 1.0);
+    energy += residual.data()[i] * residual.data()[i];
+  }
+  const double count = static_cast<double>(residual.size()), size = static_cast<double>(Size);
+  const double variance = std::max(energy / std::max(count - size, 1.0), 1e-300);
+  const detail::ErrorWidening<Size, 1> widening(levels, {}, variance);
+  for (std::size_t i = 0; i < Size; ++i) {
+    Vector<Size> row{};
+    std::copy_n(influence.data() + i * Size, Size, row.begin());
+    result.data()[i] = widening.variance(row);
+  }
+}
+
+void correlated_variances(const InputRows& slopes, const InputArray& residual,
+                          const InputRows& influence, const OutputArray& result) {
+  const std::size_t size = slopes.shape(1);
+  if ((size != 2 && size != 3) || slopes.shape(0) != residual.size() ||
+      influence.shape(0) != size || influence.shape(1) != size || result.size() != size) {
+    throw nb::value_error("slopes must have two or three columns, influence as many squared");
+  }
+  (size == 2 ? variances<2> : variances<3>)(slopes, residual, influence, result);
 }
 
 }  // namespace
@@ -97,80 +164,48 @@ void bind_least_squares(nb::module_& module) {
              new (self) Engine(make_engine(order, initial, covariance,
                                            std::make_index_sequence<largest_order>{}));
            })
-      .def(
-          "update",
-          [](Engine& self, const nb::sequence& regressor, double output, double forgetting_factor,
-             double perturbation) {
-            return std::visit(
-                [&](auto& recursion) {
-                  return update(recursion, regressor, output, forgetting_factor, perturbation);
-                },
-                self.recursion);
-          },
-          nb::arg("regressor"), nb::arg("output"), nb::arg("forgetting_factor") = 1.0,
-          nb::arg("perturbation") = 0.0,
-          nb::sig("def update(self, regressor: collections.abc.Sequence[float] | "
-                  "numpy.typing.NDArray[numpy.float64], output: float, forgetting_factor: float = "
-                  "1.0, perturbation: float = 0.0) -> Status"),
-          R"(Take one row y = φᵀθ (eq. 13): the regressor φ, a sequence of ``order`` numbers, the
+      .def("update", &update, nb::arg("regressor"), nb::arg("output"),
+           nb::arg("forgetting_factor") = 1.0, nb::arg("perturbation") = 0.0,
+           nb::sig("def update(self, regressor: collections.abc.Sequence[float] | "
+                   "numpy.typing.NDArray[numpy.float64], output: float, forgetting_factor: float = "
+                   "1.0, perturbation: float = 0.0) -> Status"),
+           R"(Take one row y = φᵀθ (eq. 13): the regressor φ, a sequence of ``order`` numbers, the
 output y, the forgetting factor λ in (0, 1] of this sample and what is added to the diagonal of P
 before it is divided by λ. Numbers out of their range are refused with a :class:`Status`.)")
-      .def(
-          "predict",
-          [](const Engine& self, const nb::sequence& regressor) {
-            return std::visit(
-                [&]<std::size_t Order>(const LeastSquares<Order>& recursion) {
-                  return recursion.predict(regressor_of<Order>(regressor));
-                },
-                self.recursion);
-          },
-          nb::arg("regressor"),
-          nb::sig("def predict(self, regressor: collections.abc.Sequence[float] | "
-                  "numpy.typing.NDArray[numpy.float64]) -> float"),
-          "φᵀθ.")
+      .def("predict", &predict, nb::arg("regressor"),
+           nb::sig("def predict(self, regressor: collections.abc.Sequence[float] | "
+                   "numpy.typing.NDArray[numpy.float64]) -> float"),
+           "φᵀθ.")
       .def_prop_ro(
           "parameters",
           [](const Engine& self) {
-            return std::visit(
-                [](const auto& recursion) {
-                  return copied_array(recursion.parameters().data(),
-                                      {recursion.parameters().size()});
-                },
-                self.recursion);
+            const Knowledge now = known(self);
+            return copied_array(now.parameters, {now.order});
           },
           nb::sig("def parameters(self) -> numpy.typing.NDArray[numpy.float64]"), "θ.")
       .def_prop_ro(
           "covariance",
           [](const Engine& self) {
-            return std::visit([](const auto& recursion) { return covariance_array(recursion); },
-                              self.recursion);
+            const Knowledge now = known(self);
+            return copied_array(now.covariance, {now.order, now.order});
           },
           nb::sig("def covariance(self) -> numpy.typing.NDArray[numpy.float64]"),
           "P. The covariance of θ is ``noise_variance`` times it.")
       .def_prop_ro(
-          "noise_variance",
-          [](const Engine& self) {
-            return std::visit([](const auto& recursion) { return recursion.noise_variance(); },
-                              self.recursion);
-          },
+          "noise_variance", [](const Engine& self) { return known(self).noise_variance; },
           "Variance of y about φᵀθ; 1 until there are more samples than coefficients.")
       .def_prop_ro(
-          "samples",
-          [](const Engine& self) {
-            return std::visit([](const auto& recursion) { return recursion.samples(); },
-                              self.recursion);
-          },
-          "Rows taken.")
+          "samples", [](const Engine& self) { return known(self).samples; }, "Rows taken.")
       .def("_state",
-           [](const Engine& self) {
-             return std::visit(
-                 [&](const auto& recursion) { return saved(recursion, name_of(self)); },
-                 self.recursion);
-           })
+           [](const Engine& self) { return saved(name_of(self), std::array{known(self).memory}); })
       .def("_restore", [](Engine& self, const nb::bytes& state) {
         std::visit([&](auto& recursion) { restore(recursion, name_of(self), state); },
                    self.recursion);
       });
+  module.def("correlated_variances", &correlated_variances, nb::arg("slopes"), nb::arg("residual"),
+             nb::arg("influence"), nb::arg("result"),
+             "Fills the variances of influence · Σ J e, where the residual e is correlated: J by "
+             "rows, influence too.");
 }
 
 }  // namespace palpate::bindings

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <limits>
 
-#include "bind_face.hpp"
+#include "face.hpp"
 #include "palpate/viscoelastic/relaxation.hpp"
 #include "palpate/viscoelastic_estimators.hpp"
 
@@ -60,17 +60,14 @@ void force_along(const InputArray& parameters, const InputArray& time_steps,
 
 using Plain = ViscoelasticContact;
 using Full = FullViscoelasticContact;
-using ViscoelasticFace =
-    Handle<Plain, WithChangeDetector<Plain>, WithOutlierRejection<Plain>,
-           WithOutlierRejection<WithChangeDetector<Plain>>, Full, WithChangeDetector<Full>,
-           WithOutlierRejection<Full>, WithOutlierRejection<WithChangeDetector<Full>>>;
+using ViscoelasticFace = FaceOf<Plain>;
+constexpr const char* name = "ViscoelasticContact";
 
 void make_viscoelastic(ViscoelasticFace* self, std::uint32_t offered, double exponent, bool offset,
                        double offset_deviation, double surface_deviation, const Pair& forgetting,
                        const std::optional<Detector>& changes,
                        const std::optional<double>& outliers, const Triple& gate,
                        const Triple& scale, double sample_time) {
-  new (self) ViscoelasticFace();
   const ViscoelasticSettings method{.offered = static_cast<viscoelastic::Offered>(offered),
                                     .exponent = exponent,
                                     .offset = offset,
@@ -82,9 +79,9 @@ void make_viscoelastic(ViscoelasticFace* self, std::uint32_t offered, double exp
                   gate,       scale,
                   sample_time};
   if ((offered >> viscoelastic::everyday_candidates) != 0) {
-    construct<Full>(*self, method, loop);
+    new (self) ViscoelasticFace(core_of<Full>(name, 1, method, loop));
   } else {
-    construct<Plain>(*self, method, loop);
+    new (self) ViscoelasticFace(core_of<Plain>(name, 0, method, loop));
   }
 }
 
@@ -109,6 +106,14 @@ nb::tuple evidence_of(const Estimator& core) {
                         core.method().began_in_contact(), motion.one_way);
 }
 
+// Calls `act` with the estimator, whichever of the two it is.
+template <class Act>
+decltype(auto) with(ViscoelasticFace& face, const Act& act) {
+  Core& core = face.core();
+  if (auto* plain = dynamic_cast<CoreOf<Plain>*>(&core)) return act(plain->estimator);
+  return act(static_cast<CoreOf<Full>&>(core).estimator);
+}
+
 }  // namespace
 
 void bind_viscoelastic(nb::module_& module) {
@@ -117,18 +122,18 @@ void bind_viscoelastic(nb::module_& module) {
                      "tuple[numpy.typing.NDArray[numpy.float64], "
                      "numpy.typing.NDArray[numpy.float64]]"));
   module.def("generalised_force_along", &force_along);
-  bind_face<ViscoelasticFace>(module, "ViscoelasticContact")
+  bind_face<Plain>(module, name)
       .def("__init__", &make_viscoelastic, nb::arg(), nb::arg(), nb::arg(), nb::arg(), nb::arg(),
            nb::arg(), nb::arg().none(), nb::arg().none(), nb::arg(), nb::arg(), nb::arg())
-      .def("settle", alone<ViscoelasticFace>([](auto& core) { core.settle(); }),
-           "Work out verdict and estimate by all samples so far, at once, in 0.1 ms or, of all "
-           "laws, "
-           "1 ms: what is spread over the next samples otherwise.")
+      .def(
+          "settle", [](ViscoelasticFace& self) { with(self, [](auto& core) { core.settle(); }); },
+          "Work out verdict and estimate by all samples so far, at once, in 0.1 ms or, of all "
+          "laws, "
+          "1 ms: what is spread over the next samples otherwise.")
       .def(
           "_evidence",
           [](ViscoelasticFace& self) {
-            self.wait_until_free();
-            return self.with([](auto& core) { return evidence_of(core); });
+            return with(self, [](const auto& core) { return evidence_of(core); });
           },
           nb::sig("def _evidence(self) -> tuple[list[tuple[int, float, float]], float, float, int, "
                   "float, float, bool, float]"));

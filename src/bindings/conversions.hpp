@@ -23,12 +23,9 @@ inline nb::object copied_array(const double* data, std::initializer_list<std::si
   return nb::ndarray<nb::numpy, const double>(data, shape).cast(nb::rv_policy::copy);
 }
 
-void bind_force_laws(nb::module_& module);
-void bind_estimate(nb::module_& module);
-void bind_error_bars(nb::module_& module);
+void bind_face(nb::module_& module);
 void bind_estimators(nb::module_& module);
 void bind_projection(nb::module_& module);
-void bind_drift_tracking(nb::module_& module);
 void bind_curves(nb::module_& module);
 void bind_least_squares(nb::module_& module);
 void bind_online_preparation(nb::module_& module);

@@ -1,19 +1,164 @@
+// The module, and its values: forces of laws, and estimates.
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstddef>
+#include <string>
+#include <utility>
+
 #include "conversions.hpp"
+#include "estimate.hpp"
+#include "palpate/force_laws.hpp"
+#include "update_method.hpp"
+
+namespace palpate::bindings {
+namespace {
+
+// law(parameters, penetration, velocity, force): fills `force`.
+template <class Law>
+void bind_force(nb::module_& module, const char* name) {
+  module.def(name, [](const InputArray& parameters, const InputArray& penetration,
+                      const InputArray& velocity, const OutputArray& force) {
+    if (parameters.size() != Law::size || velocity.size() != penetration.size() ||
+        force.size() != penetration.size()) {
+      throw nb::value_error("the arrays must have the law's size and the samples' number");
+    }
+    const Law law = [own = parameters.data()]<std::size_t... I>(std::index_sequence<I...>) {
+      return Law{own[I]...};
+    }(std::make_index_sequence<Law::size>{});
+    for (std::size_t k = 0; k < penetration.size(); ++k) {
+      force.data()[k] = law.force(penetration.data()[k], velocity.data()[k]);
+    }
+  });
+}
+
+void bind_force_laws(nb::module_& module) {
+  bind_force<KelvinVoigt>(module, "kelvin_voigt_force");
+  bind_force<ExtendedKelvinVoigt>(module, "extended_kelvin_voigt_force");
+  bind_force<HuntCrossley>(module, "hunt_crossley_force");
+  bind_force<GeneralisedHuntCrossley>(module, "generalised_hunt_crossley_force");
+}
+
+// An estimate of a method that is not compiled.
+void make_estimate(EstimateValue* self, const InputArray& parameters, const InputArray& covariance,
+                   Status status, std::uint64_t samples, double margin, std::uint64_t guarded,
+                   std::uint64_t restarts, std::uint64_t rejected) {
+  const std::size_t size = parameters.size();
+  if (size == 0 || size > EstimateValue::capacity || covariance.size() != size * size) {
+    throw nb::value_error(("parameters must be 1 to " + std::to_string(EstimateValue::capacity) +
+                           " numbers, and covariance their square matrix")
+                              .c_str());
+  }
+  new (self) EstimateValue{};
+  self->size = size;
+  std::copy_n(parameters.data(), size, self->parameters.begin());
+  std::copy_n(covariance.data(), size * size, self->covariance.begin());
+  self->status = status;
+  self->samples = samples;
+  self->validity_margin = margin;
+  self->guarded = guarded;
+  self->restarts = restarts;
+  self->rejected = rejected;
+}
+
+nb::object standard_errors_of(const EstimateValue& e) {
+  std::array<double, EstimateValue::capacity> errors{};
+  for (std::size_t i = 0; i < e.size; ++i) {
+    errors[i] = std::sqrt(std::fmax(e.covariance[i * e.size + i], 0.0));
+  }
+  return copied_array(errors.data(), {e.size});
+}
+
+// Of the law's parameters and, last, the force offset.
+nb::object joint_covariance_of(const EstimateValue& e) {
+  constexpr std::size_t most = EstimateValue::capacity + 1;
+  std::array<double, most * most> joint{};
+  const std::size_t size = e.size + 1;
+  for (std::size_t i = 0; i < e.size; ++i) {
+    for (std::size_t j = 0; j < e.size; ++j) joint[i * size + j] = e.covariance[i * e.size + j];
+    joint[i * size + e.size] = joint[e.size * size + i] = e.offset_covariance[i];
+  }
+  joint[e.size * size + e.size] = e.offset_variance;
+  return copied_array(joint.data(), {size, size});
+}
+
+void bind_status(nb::module_& module) {
+  nb::enum_<Status>(module, "Status", nb::is_arithmetic(),
+                    "What one ``update`` did with its sample.")
+      .value("WAITING", Status::waiting, "No contact so far; nothing was learned.")
+      .value("UPDATED", Status::updated, "In contact; the sample was taken.")
+      .value("GUARDED", Status::guarded,
+             "Taken, but forgetting was withheld so that the covariance stays sound.")
+      .value("HELD", Status::held, "Contact is lost; the estimate is held.")
+      .value("RESTARTED", Status::restarted,
+             "Taken; the material has changed, and the estimate was reinitialised with the latest "
+             "samples.")
+      .value("NOT_FINITE", Status::not_finite,
+             "Refused: penetration, velocity or force is NaN or infinite.")
+      .value("INVALID_STEP", Status::invalid_step,
+             "Refused: ``dt`` is not a positive, finite time.")
+      .value("OUT_OF_RANGE", Status::out_of_range,
+             "Refused: finite, but too large for the arithmetic.")
+      .value("REJECTED", Status::rejected, "Left out as an outlier.");
+  for (std::size_t value = 0; value < status_count; ++value) {
+    status_members[value] = nb::cast(static_cast<Status>(value)).release().ptr();
+  }
+}
+
+void bind_estimate(nb::module_& module) {
+  bind_status(module);
+  nb::class_<EstimateValue>(module, "EstimateValue", "The numbers of an estimate, SI.")
+      .def("__init__", &make_estimate, nb::arg("parameters"), nb::arg("covariance"),
+           nb::arg("status"), nb::arg("samples"), nb::arg("validity_margin") = 1.0,
+           nb::arg("guarded") = 0, nb::arg("restarts") = 0, nb::arg("rejected") = 0,
+           nb::sig("def __init__(self, parameters: numpy.typing.NDArray[numpy.float64], "
+                   "covariance: numpy.typing.NDArray[numpy.float64], status: Status, samples: int, "
+                   "validity_margin: float = 1.0, guarded: int = 0, restarts: int = 0, "
+                   "rejected: int = 0) -> None"))
+      .def_prop_ro(
+          "parameters",
+          [](const EstimateValue& e) { return copied_array(e.parameters.data(), {e.size}); },
+          nb::sig("def parameters(self) -> numpy.typing.NDArray[numpy.float64]"))
+      .def_prop_ro(
+          "covariance",
+          [](const EstimateValue& e) {
+            return copied_array(e.covariance.data(), {e.size, e.size});
+          },
+          nb::sig("def covariance(self) -> numpy.typing.NDArray[numpy.float64]"))
+      .def_prop_ro("standard_errors", &standard_errors_of,
+                   nb::sig("def standard_errors(self) -> numpy.typing.NDArray[numpy.float64]"))
+      .def_prop_ro("joint_covariance", &joint_covariance_of,
+                   nb::sig("def joint_covariance(self) -> numpy.typing.NDArray[numpy.float64]"))
+      .def_ro("offset", &EstimateValue::offset)
+      .def_ro("offset_variance", &EstimateValue::offset_variance)
+      .def_ro("surface", &EstimateValue::surface)
+      .def_ro("surface_variance", &EstimateValue::surface_variance)
+      .def_ro("flags", &EstimateValue::flags)
+      .def_ro("validity_margin", &EstimateValue::validity_margin)
+      .def_ro("status", &EstimateValue::status)
+      .def_ro("samples", &EstimateValue::samples)
+      .def_ro("guarded", &EstimateValue::guarded)
+      .def_ro("restarts", &EstimateValue::restarts)
+      .def_ro("rejected", &EstimateValue::rejected);
+}
+
+}  // namespace
+}  // namespace palpate::bindings
 
 NB_MODULE(_core, module) {
+  using namespace palpate::bindings;
   module.doc() = "The compiled recursion of palpate.";
   module.attr("__version__") = PALPATE_VERSION;
   // The settings' defaults, by class and name, so that they stand once: in the headers.
-  module.attr("defaults") = palpate::bindings::nb::dict();
-  palpate::bindings::bind_force_laws(module);
-  palpate::bindings::bind_estimate(module);
-  palpate::bindings::bind_error_bars(module);
-  palpate::bindings::bind_least_squares(module);
-  palpate::bindings::bind_curves(module);
-  palpate::bindings::bind_estimators(module);
-  palpate::bindings::bind_projection(module);
-  palpate::bindings::bind_drift_tracking(module);
-  palpate::bindings::bind_viscoelastic(module);
-  palpate::bindings::bind_online_preparation(module);
-  palpate::bindings::bind_rows(module);
+  module.attr("defaults") = nb::dict();
+  bind_force_laws(module);
+  bind_estimate(module);
+  bind_least_squares(module);
+  bind_curves(module);
+  bind_face(module);
+  bind_estimators(module);
+  bind_projection(module);
+  bind_viscoelastic(module);
+  bind_online_preparation(module);
+  bind_rows(module);
 }

@@ -1,10 +1,9 @@
-// update(penetration, velocity, force, dt=None) as a plain C method: a call costs about half of one
-// through the binding library's dispatcher, and it is made a thousand times a second.
+// What an update() as a plain C method needs: a call costs about half of one through the binding
+// library's dispatcher, and it is made a thousand times a second.
 #pragma once
 
 #include <array>
 #include <cstddef>
-#include <stdexcept>
 
 #include "conversions.hpp"
 #include "palpate/status.hpp"
@@ -19,25 +18,6 @@ inline PyObject* member_of(Status status) noexcept {
   Py_INCREF(member);
   return member;
 }
-
-inline constexpr const char* update_doc =
-    R"(update(self, penetration, velocity, force, dt=None)
---
-
-Take one sample, and say with a :class:`Status` what was done with it.
-
-Never raises on data and never allocates; the sample is taken whole or not at all.
-
-Parameters
-----------
-penetration : float
-    m, positive inside the material.
-velocity : float
-    m/s, positive while penetrating.
-force : float
-    N, compression positive.
-dt : float, optional
-    Time since the previous sample, s; ``sample_time`` unless given.)";
 
 // Puts positional and keyword arguments into their places; false, with a Python error set, where
 // they are not so many by these names. The last may be left out.
@@ -78,46 +58,5 @@ inline bool number_of(PyObject* object, double& number) noexcept {
   number = PyFloat_AsDouble(object);
   return number != -1.0 || !PyErr_Occurred();
 }
-
-template <class Handle>
-PyObject* update_method(PyObject* self, PyObject* const* args, Py_ssize_t positional,
-                        PyObject* names) noexcept {
-  static constexpr std::array<const char*, 4> parameters{"penetration", "velocity", "force", "dt"};
-  std::array<PyObject*, 4> placed{};
-  if (positional == 3 && !names) [[likely]] {
-    placed = {args[0], args[1], args[2], nullptr};
-  } else if (!place_arguments(args, positional, names, parameters, placed)) {
-    return nullptr;
-  }
-  const bool default_step = !placed[3] || placed[3] == Py_None;
-  std::array<double, 4> numbers{};
-  for (std::size_t i = 0; i < (default_step ? 3U : 4U); ++i) {
-    if (!number_of(placed[i], numbers[i])) return nullptr;
-  }
-  if (!nb::inst_ready(self)) {
-    PyErr_SetString(PyExc_TypeError, "update() of an estimator that was never initialised");
-    return nullptr;
-  }
-  Handle& handle = *nb::inst_ptr<Handle>(self);
-  try {
-    handle.wait_until_free();
-  } catch (const std::runtime_error& fault) {
-    PyErr_SetString(PyExc_RuntimeError, fault.what());
-    return nullptr;
-  }
-  return member_of(handle.with([&](auto& core) {
-    const double dt = default_step ? core.settings().sample_time : numbers[3];
-    return core.update(numbers[0], numbers[1], numbers[2], dt);
-  }));
-}
-
-template <class Handle>
-inline PyMethodDef update_methods[] = {
-    {"update", reinterpret_cast<PyCFunction>(reinterpret_cast<void (*)()>(&update_method<Handle>)),
-     METH_FASTCALL | METH_KEYWORDS, update_doc},
-    {nullptr, nullptr, 0, nullptr}};
-
-template <class Handle>
-inline PyType_Slot update_slots[] = {{Py_tp_methods, update_methods<Handle>}, {0, nullptr}};
 
 }  // namespace palpate::bindings

@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 import enum
-import types
 from typing import Annotated, Any
 
 import numpy
@@ -104,11 +103,6 @@ class EstimateValue:
     @property
     def rejected(self) -> int: ...
 
-def correlated_variances(slopes: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], residual: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], influence: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], result: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu')]) -> None:
-    """
-    Fills the variances of influence · Σ J e, where the residual e is correlated: J by rows, influence too.
-    """
-
 class LeastSquares:
     def __init__(self, arg0: int, arg1: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], arg2: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], /) -> None: ...
 
@@ -144,290 +138,78 @@ class LeastSquares:
 
     def _restore(self, arg: bytes, /) -> None: ...
 
+def correlated_variances(slopes: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], residual: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], influence: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], result: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu')]) -> None:
+    """
+    Fills the variances of influence · Σ J e, where the residual e is correlated: J by rows, influence too.
+    """
+
 def fit_curves(arg0: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], arg1: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], arg2: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], arg3: Sequence[float], arg4: bool, arg5: float, arg6: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], arg7: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], arg8: Sequence[float] | None, arg9: Sequence[float], arg10: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu')], arg11: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu')], arg12: Annotated[NDArray[numpy.int64], dict(order='C', device='cpu')], arg13: Annotated[NDArray[numpy.uint8], dict(order='C', device='cpu')], arg14: Annotated[NDArray[numpy.uint8], dict(order='C', device='cpu')] | None, arg15: int, arg16: str = '', /) -> None:
     """What palpate.estimators.curves.fit_curves calls, a row a curve."""
 
-class KelvinVoigtRLS:
+class RecursiveEstimator:
+    def update(self, penetration: float, velocity: float, force: float, dt: float | None = None) -> Status:
+        """
+        Take one sample, and say with a :class:`Status` what was done with it.
+
+        Never raises on data and never allocates; the sample is taken whole or not at all.
+
+        Parameters
+        ----------
+        penetration : float
+            m, positive inside the material.
+        velocity : float
+            m/s, positive while penetrating.
+        force : float
+            N, compression positive.
+        dt : float, optional
+            Time since the previous sample, s; ``sample_time`` unless given.
+        """
+
+    def predict(self, penetration: float, velocity: float) -> float:
+        """
+        Force [N] that the sensor would show at a penetration [m] and velocity [m/s] by the present estimate; no law acts out of contact.
+        """
+
+    def _estimate(self) -> EstimateValue: ...
+
+    def reset(self) -> None:
+        """Forget everything but the settings."""
+
+    def leave_contact(self) -> None:
+        """
+        End the contact, as where a recording breaks off: the estimate is held until contact is made again.
+        """
+
+    def _replay(self, arg0: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], arg1: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], arg2: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], arg3: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)] | None, arg4: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu')], arg5: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu')], arg6: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu')], arg7: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu')], arg8: Annotated[NDArray[numpy.uint8], dict(order='C', device='cpu')], arg9: Annotated[NDArray[numpy.int64], dict(shape=(None,), order='C', device='cpu', writable=False)] | None, /) -> None: ...
+
+    def _state(self) -> bytes: ...
+
+    def _restore(self, arg: bytes, /) -> None: ...
+
+class KelvinVoigtRLS(RecursiveEstimator):
     def __init__(self, arg0: Sequence[float], arg1: Sequence[Sequence[float]], arg2: Sequence[float], arg3: Sequence[float], arg4: Sequence[float] | None, arg5: float | None, arg6: Sequence[float], arg7: Sequence[float], arg8: float, /) -> None: ...
 
-    def update(self, penetration: float, velocity: float, force: float, dt: float | None = None) -> Status:
-        """
-        Take one sample, and say with a :class:`Status` what was done with it.
-
-        Never raises on data and never allocates; the sample is taken whole or not at all.
-
-        Parameters
-        ----------
-        penetration : float
-            m, positive inside the material.
-        velocity : float
-            m/s, positive while penetrating.
-        force : float
-            N, compression positive.
-        dt : float, optional
-            Time since the previous sample, s; ``sample_time`` unless given.
-        """
-
-    def predict(self, penetration: float, velocity: float) -> float:
-        """
-        Force [N] that the sensor would show at a penetration [m] and velocity [m/s] by the present estimate; no law acts out of contact.
-        """
-
-    def _estimate(self) -> EstimateValue: ...
-
-    def reset(self) -> None:
-        """Forget everything but the settings."""
-
-    def leave_contact(self) -> None:
-        """
-        End the contact, as where a recording breaks off: the estimate is held until contact is made again.
-        """
-
-    def _replay(self, arg0: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], arg1: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], arg2: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], arg3: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)] | None, arg4: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu')], arg5: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu')], arg6: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu')], arg7: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu')], arg8: Annotated[NDArray[numpy.uint8], dict(order='C', device='cpu')], arg9: Annotated[NDArray[numpy.int64], dict(shape=(None,), order='C', device='cpu', writable=False)] | None, /) -> None: ...
-
-    def _state(self) -> bytes: ...
-
-    def _restore(self, arg: bytes, /) -> None: ...
-
-class ExtendedKelvinVoigtRLS:
+class ExtendedKelvinVoigtRLS(RecursiveEstimator):
     def __init__(self, arg0: Sequence[float], arg1: Sequence[Sequence[float]], arg2: Sequence[float], arg3: Sequence[float], arg4: Sequence[float] | None, arg5: float | None, arg6: Sequence[float], arg7: Sequence[float], arg8: float, /) -> None: ...
 
-    def update(self, penetration: float, velocity: float, force: float, dt: float | None = None) -> Status:
-        """
-        Take one sample, and say with a :class:`Status` what was done with it.
-
-        Never raises on data and never allocates; the sample is taken whole or not at all.
-
-        Parameters
-        ----------
-        penetration : float
-            m, positive inside the material.
-        velocity : float
-            m/s, positive while penetrating.
-        force : float
-            N, compression positive.
-        dt : float, optional
-            Time since the previous sample, s; ``sample_time`` unless given.
-        """
-
-    def predict(self, penetration: float, velocity: float) -> float:
-        """
-        Force [N] that the sensor would show at a penetration [m] and velocity [m/s] by the present estimate; no law acts out of contact.
-        """
-
-    def _estimate(self) -> EstimateValue: ...
-
-    def reset(self) -> None:
-        """Forget everything but the settings."""
-
-    def leave_contact(self) -> None:
-        """
-        End the contact, as where a recording breaks off: the estimate is held until contact is made again.
-        """
-
-    def _replay(self, arg0: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], arg1: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], arg2: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], arg3: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)] | None, arg4: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu')], arg5: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu')], arg6: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu')], arg7: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu')], arg8: Annotated[NDArray[numpy.uint8], dict(order='C', device='cpu')], arg9: Annotated[NDArray[numpy.int64], dict(shape=(None,), order='C', device='cpu', writable=False)] | None, /) -> None: ...
-
-    def _state(self) -> bytes: ...
-
-    def _restore(self, arg: bytes, /) -> None: ...
-
-class SingleStageRLS:
+class SingleStageRLS(RecursiveEstimator):
     def __init__(self, arg0: Sequence[float], arg1: Sequence[Sequence[float]], arg2: bool, arg3: Sequence[float], arg4: Sequence[float], arg5: Sequence[float] | None, arg6: float | None, arg7: Sequence[float], arg8: Sequence[float], arg9: float, /) -> None: ...
 
-    def update(self, penetration: float, velocity: float, force: float, dt: float | None = None) -> Status:
-        """
-        Take one sample, and say with a :class:`Status` what was done with it.
-
-        Never raises on data and never allocates; the sample is taken whole or not at all.
-
-        Parameters
-        ----------
-        penetration : float
-            m, positive inside the material.
-        velocity : float
-            m/s, positive while penetrating.
-        force : float
-            N, compression positive.
-        dt : float, optional
-            Time since the previous sample, s; ``sample_time`` unless given.
-        """
-
-    def predict(self, penetration: float, velocity: float) -> float:
-        """
-        Force [N] that the sensor would show at a penetration [m] and velocity [m/s] by the present estimate; no law acts out of contact.
-        """
-
-    def _estimate(self) -> EstimateValue: ...
-
-    def reset(self) -> None:
-        """Forget everything but the settings."""
-
-    def leave_contact(self) -> None:
-        """
-        End the contact, as where a recording breaks off: the estimate is held until contact is made again.
-        """
-
-    def _replay(self, arg0: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], arg1: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], arg2: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], arg3: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)] | None, arg4: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu')], arg5: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu')], arg6: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu')], arg7: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu')], arg8: Annotated[NDArray[numpy.uint8], dict(order='C', device='cpu')], arg9: Annotated[NDArray[numpy.int64], dict(shape=(None,), order='C', device='cpu', writable=False)] | None, /) -> None: ...
-
-    def _state(self) -> bytes: ...
-
-    def _restore(self, arg: bytes, /) -> None: ...
-
-class DoubleStageRLS:
+class DoubleStageRLS(RecursiveEstimator):
     def __init__(self, arg0: Sequence[float], arg1: Sequence[Sequence[float]], arg2: bool, arg3: Sequence[float], arg4: Sequence[float], arg5: Sequence[float] | None, arg6: float | None, arg7: Sequence[float], arg8: Sequence[float], arg9: float, /) -> None: ...
 
-    def update(self, penetration: float, velocity: float, force: float, dt: float | None = None) -> Status:
-        """
-        Take one sample, and say with a :class:`Status` what was done with it.
-
-        Never raises on data and never allocates; the sample is taken whole or not at all.
-
-        Parameters
-        ----------
-        penetration : float
-            m, positive inside the material.
-        velocity : float
-            m/s, positive while penetrating.
-        force : float
-            N, compression positive.
-        dt : float, optional
-            Time since the previous sample, s; ``sample_time`` unless given.
-        """
-
-    def predict(self, penetration: float, velocity: float) -> float:
-        """
-        Force [N] that the sensor would show at a penetration [m] and velocity [m/s] by the present estimate; no law acts out of contact.
-        """
-
-    def _estimate(self) -> EstimateValue: ...
-
-    def reset(self) -> None:
-        """Forget everything but the settings."""
-
-    def leave_contact(self) -> None:
-        """
-        End the contact, as where a recording breaks off: the estimate is held until contact is made again.
-        """
-
-    def _replay(self, arg0: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], arg1: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], arg2: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], arg3: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)] | None, arg4: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu')], arg5: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu')], arg6: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu')], arg7: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu')], arg8: Annotated[NDArray[numpy.uint8], dict(order='C', device='cpu')], arg9: Annotated[NDArray[numpy.int64], dict(shape=(None,), order='C', device='cpu', writable=False)] | None, /) -> None: ...
-
-    def _state(self) -> bytes: ...
-
-    def _restore(self, arg: bytes, /) -> None: ...
-
-class VariableProjection:
+class VariableProjection(RecursiveEstimator):
     def __init__(self, arg0: float, arg1: Sequence[float], arg2: float, arg3: bool, arg4: float, arg5: Sequence[float] | None, arg6: float, arg7: Sequence[float], arg8: Sequence[float] | None, arg9: float | None, arg10: Sequence[float], arg11: Sequence[float], arg12: float, /) -> None: ...
 
-    def update(self, penetration: float, velocity: float, force: float, dt: float | None = None) -> Status:
-        """
-        Take one sample, and say with a :class:`Status` what was done with it.
-
-        Never raises on data and never allocates; the sample is taken whole or not at all.
-
-        Parameters
-        ----------
-        penetration : float
-            m, positive inside the material.
-        velocity : float
-            m/s, positive while penetrating.
-        force : float
-            N, compression positive.
-        dt : float, optional
-            Time since the previous sample, s; ``sample_time`` unless given.
-        """
-
-    def predict(self, penetration: float, velocity: float) -> float:
-        """
-        Force [N] that the sensor would show at a penetration [m] and velocity [m/s] by the present estimate; no law acts out of contact.
-        """
-
-    def _estimate(self) -> EstimateValue: ...
-
-    def reset(self) -> None:
-        """Forget everything but the settings."""
-
-    def leave_contact(self) -> None:
-        """
-        End the contact, as where a recording breaks off: the estimate is held until contact is made again.
-        """
-
-    def _replay(self, arg0: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], arg1: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], arg2: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], arg3: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)] | None, arg4: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu')], arg5: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu')], arg6: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu')], arg7: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu')], arg8: Annotated[NDArray[numpy.uint8], dict(order='C', device='cpu')], arg9: Annotated[NDArray[numpy.int64], dict(shape=(None,), order='C', device='cpu', writable=False)] | None, /) -> None: ...
-
-    def _state(self) -> bytes: ...
-
-    def _restore(self, arg: bytes, /) -> None: ...
-
-class DriftTracking:
+class DriftTracking(RecursiveEstimator):
     def __init__(self, arg0: float, arg1: Sequence[float], arg2: float, arg3: bool, arg4: float, arg5: Sequence[float], arg6: Sequence[float] | None, arg7: float | None, arg8: Sequence[float], arg9: Sequence[float], arg10: float, /) -> None: ...
-
-    def update(self, penetration: float, velocity: float, force: float, dt: float | None = None) -> Status:
-        """
-        Take one sample, and say with a :class:`Status` what was done with it.
-
-        Never raises on data and never allocates; the sample is taken whole or not at all.
-
-        Parameters
-        ----------
-        penetration : float
-            m, positive inside the material.
-        velocity : float
-            m/s, positive while penetrating.
-        force : float
-            N, compression positive.
-        dt : float, optional
-            Time since the previous sample, s; ``sample_time`` unless given.
-        """
-
-    def predict(self, penetration: float, velocity: float) -> float:
-        """
-        Force [N] that the sensor would show at a penetration [m] and velocity [m/s] by the present estimate; no law acts out of contact.
-        """
-
-    def _estimate(self) -> EstimateValue: ...
-
-    def reset(self) -> None:
-        """Forget everything but the settings."""
-
-    def leave_contact(self) -> None:
-        """
-        End the contact, as where a recording breaks off: the estimate is held until contact is made again.
-        """
-
-    def _replay(self, arg0: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], arg1: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], arg2: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], arg3: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)] | None, arg4: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu')], arg5: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu')], arg6: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu')], arg7: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu')], arg8: Annotated[NDArray[numpy.uint8], dict(order='C', device='cpu')], arg9: Annotated[NDArray[numpy.int64], dict(shape=(None,), order='C', device='cpu', writable=False)] | None, /) -> None: ...
-
-    def _state(self) -> bytes: ...
-
-    def _restore(self, arg: bytes, /) -> None: ...
 
 def relaxation_branches(parameters: numpy.typing.NDArray[numpy.float64]) -> tuple[numpy.typing.NDArray[numpy.float64], numpy.typing.NDArray[numpy.float64]]: ...
 
 def generalised_force_along(arg0: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], arg1: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], arg2: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], arg3: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], arg4: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu')], arg5: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu')], /) -> None: ...
 
-class ViscoelasticContact:
+class ViscoelasticContact(RecursiveEstimator):
     def __init__(self, arg0: int, arg1: float, arg2: bool, arg3: float, arg4: float, arg5: Sequence[float], arg6: Sequence[float] | None, arg7: float | None, arg8: Sequence[float], arg9: Sequence[float], arg10: float, /) -> None: ...
-
-    update: types.MethodDescriptorType = ...
-
-    def predict(self, penetration: float, velocity: float) -> float:
-        """
-        Force [N] that the sensor would show at a penetration [m] and velocity [m/s] by the present estimate; no law acts out of contact.
-        """
-
-    def _estimate(self) -> EstimateValue: ...
-
-    def reset(self) -> None:
-        """Forget everything but the settings."""
-
-    def leave_contact(self) -> None:
-        """
-        End the contact, as where a recording breaks off: the estimate is held until contact is made again.
-        """
-
-    def _replay(self, arg0: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], arg1: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], arg2: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], arg3: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)] | None, arg4: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu')], arg5: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu')], arg6: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu')], arg7: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu')], arg8: Annotated[NDArray[numpy.uint8], dict(order='C', device='cpu')], arg9: Annotated[NDArray[numpy.int64], dict(shape=(None,), order='C', device='cpu', writable=False)] | None, /) -> None: ...
-
-    def _state(self) -> bytes: ...
-
-    def _restore(self, arg: bytes, /) -> None: ...
 
     def settle(self) -> None:
         """

@@ -22,6 +22,34 @@
 
 namespace palpate {
 
+namespace detail {
+
+// What widens the root of a solution's covariance, as the levels of its errors tell: by how sure K,
+// B and n are, in SI but for their units. The surface, whose slope is not kept, is as much wider as
+// the widest of the others.
+[[gnu::noinline]] inline Matrix<5> projection_widening(const HaarLevels<4>& levels,
+                                                       const Vector<4>& prior_fractions,
+                                                       const ProjectionSolution& p,
+                                                       double log_penetration) noexcept {
+  std::array<Vector<4>, 3> rows{};
+  for (std::size_t j = 0; j < 4; ++j) {
+    rows[0][j] = p.root[0][j] - p.k * log_penetration * p.root[2][j];
+    rows[1][j] = p.root[1][j] - p.c * log_penetration * p.root[2][j];
+    rows[2][j] = p.root[2][j];
+  }
+  const Matrix<4> root = ErrorWidening<4, 3>(levels, prior_fractions, p.root_variance).root(rows);
+  Matrix<5> widening = diagonal<5>({1.0, 1.0, 1.0, 1.0, 1.0});
+  double widest = 1.0;
+  for (std::size_t i = 0; i < 4; ++i) {
+    std::copy_n(root[i].begin(), 4, widening[i].begin());
+    widest = std::max(widest, dot(root[i], root[i]));
+  }
+  widening[4][4] = std::sqrt(widest);
+  return widening;
+}
+
+}  // namespace detail
+
 // `Solver` is ContactSolver, which chooses the samples; ProjectionSolver, which takes what it is
 // given; or SurfaceSolver where the surface is unknown.
 template <class Solver>
@@ -202,7 +230,11 @@ class VariableProjectionMethod {
     last_solution_ = kept_.solve(solver_);
     samples_since_solve_ = 0;
     // A tenth of the samples more moves an error bar by a twentieth.
-    if (static_cast<double>(samples_since_widening_) > 0.1 * solver_.weight()) widen();
+    if (static_cast<double>(samples_since_widening_) > 0.1 * solver_.weight()) {
+      samples_since_widening_ = 0;
+      const Vector<4> prior = solver_.prior_fractions(last_solution_);
+      widening_ = detail::projection_widening(levels_, prior, last_solution_, log_penetration_);
+    }
   }
 
   // F = ξⁿ (k + c w) + F₀ by k, c, n/k and F₀, at n = 1 and c = 0 whatever they are: slopes that
@@ -211,28 +243,6 @@ class VariableProjectionMethod {
     const double depth = s.penetration;
     if (!(depth > 0.0)) return {0.0, 0.0, 0.0, 1.0};
     return {depth, depth * s.velocity, depth * std::log(depth), 1.0};
-  }
-
-  // By how sure K, B and n are, in SI but for their units. The surface, whose slope is not kept, is
-  // as much wider as the widest of the others.
-  [[gnu::noinline]] void widen() noexcept {
-    samples_since_widening_ = 0;
-    const Solution& p = last_solution_;
-    std::array<Vector<4>, order> rows{};
-    for (std::size_t j = 0; j < 4; ++j) {
-      rows[0][j] = p.root[0][j] - p.k * log_penetration_ * p.root[2][j];
-      rows[1][j] = p.root[1][j] - p.c * log_penetration_ * p.root[2][j];
-      rows[2][j] = p.root[2][j];
-    }
-    const Matrix<4> root =
-        detail::ErrorWidening<4, order>(levels_, solver_.prior_fractions(p), p.root_variance)
-            .root(rows);
-    double widest = 1.0;
-    for (std::size_t i = 0; i < 4; ++i) {
-      std::copy_n(root[i].begin(), 4, widening_[i].begin());
-      widest = std::max(widest, detail::dot(root[i], root[i]));
-    }
-    widening_[4][4] = std::sqrt(widest);
   }
 
   // The root of the covariance that is printed.

@@ -1,0 +1,207 @@
+// What every estimator shows to Python, and its saved states.
+#include "face.hpp"
+
+#ifndef _WIN32
+#include <unistd.h>
+#endif
+
+#include <algorithm>
+#include <cstdio>
+#include <cstdlib>
+#include <new>
+#include <stdexcept>
+
+#include "update_method.hpp"
+
+namespace palpate::bindings {
+namespace {
+
+int this_process() noexcept {
+#ifdef _WIN32
+  return 1;  // which cannot be forked
+#else
+  return static_cast<int>(::getpid());
+#endif
+}
+
+void replay_arrays(Face& face, const InputArray& penetration, const InputArray& velocity,
+                   const InputArray& force, const std::optional<InputArray>& time_steps,
+                   const OutputArray& parameters, const OutputArray& standard_errors,
+                   const OutputArray& predicted_force, const OutputArray& validity_margin,
+                   const StatusArray& status, const std::optional<RowArray>& samples) {
+  const Signals in{penetration.data(), velocity.data(),
+                   force.data(),       time_steps ? time_steps->data() : nullptr,
+                   penetration.size(), time_steps && time_steps->size() == 1};
+  const TraceColumns out{parameters.data(), standard_errors.data(), predicted_force.data(),
+                         validity_margin.data(), status.data()};
+  face.replay(in, out, samples ? TraceRows{samples->data(), samples->size()} : TraceRows{});
+}
+
+constexpr const char* update_doc =
+    R"(update(self, penetration, velocity, force, dt=None)
+--
+
+Take one sample, and say with a :class:`Status` what was done with it.
+
+Never raises on data and never allocates; the sample is taken whole or not at all.
+
+Parameters
+----------
+penetration : float
+    m, positive inside the material.
+velocity : float
+    m/s, positive while penetrating.
+force : float
+    N, compression positive.
+dt : float, optional
+    Time since the previous sample, s; ``sample_time`` unless given.)";
+
+PyObject* update(PyObject* self, PyObject* const* args, Py_ssize_t positional,
+                 PyObject* names) noexcept {
+  static constexpr std::array<const char*, 4> parameters{"penetration", "velocity", "force", "dt"};
+  std::array<PyObject*, 4> placed{};
+  if (positional != 3 || names) [[unlikely]] {
+    if (!place_arguments(args, positional, names, parameters, placed)) return nullptr;
+    args = placed.data();
+  }
+  double penetration, velocity, force, dt = 0.0;
+  if (!number_of(args[0], penetration) || !number_of(args[1], velocity) ||
+      !number_of(args[2], force)) {
+    return nullptr;
+  }
+  const bool own_step = placed[3] && placed[3] != Py_None;
+  if (own_step && !number_of(placed[3], dt)) return nullptr;
+  if (!nb::inst_ready(self)) {
+    PyErr_SetString(PyExc_TypeError, "update() of an estimator that was never initialised");
+    return nullptr;
+  }
+  try {
+    Core& core = nb::inst_ptr<Face>(self)->core();
+    return member_of(core.update(penetration, velocity, force, own_step ? dt : core.sample_time));
+  } catch (const std::runtime_error& fault) {
+    PyErr_SetString(PyExc_RuntimeError, fault.what());
+    return nullptr;
+  }
+}
+
+PyMethodDef update_methods[] = {
+    {"update", reinterpret_cast<PyCFunction>(reinterpret_cast<void (*)()>(&update)),
+     METH_FASTCALL | METH_KEYWORDS, update_doc},
+    {nullptr, nullptr, 0, nullptr}};
+PyType_Slot update_slots[] = {{Py_tp_methods, update_methods}, {0, nullptr}};
+
+// FNV-1a, 64 bits, in hex and with the end of the line.
+std::string checksum_of(Memory bytes) {
+  std::uint64_t hash = 14695981039346656037u;
+  for (const char byte : bytes) {
+    hash = (hash ^ static_cast<unsigned char>(byte)) * 1099511628211u;
+  }
+  char text[18];
+  std::snprintf(text, sizeof text, "%016llx\n", static_cast<unsigned long long>(hash));
+  return text;
+}
+
+std::size_t size_of(std::span<const Memory> parts) noexcept {
+  std::size_t size = 0;
+  for (const Memory& part : parts) size += part.size();
+  return size;
+}
+
+std::string heading_of(const std::string& name, std::size_t size) {
+  return "palpate-state 3;" PALPATE_VERSION ";" + name + ";" + std::to_string(size) + ";";
+}
+
+}  // namespace
+
+void* Zeroed::operator new(std::size_t size) {
+  if (void* memory = std::calloc(1, size)) return memory;
+  throw std::bad_alloc();
+}
+
+void Zeroed::operator delete(void* memory) noexcept { std::free(memory); }
+
+nb::bytes saved(const std::string& name, std::span<const Memory> parts) {
+  std::string memory;
+  memory.reserve(size_of(parts));
+  for (const Memory& part : parts) memory += part;
+  const std::string state = heading_of(name, memory.size()) + checksum_of(memory) + memory;
+  return nb::bytes(state.data(), state.size());
+}
+
+Memory opened(const std::string& name, const nb::bytes& bytes, std::span<const Memory> present) {
+  const Memory state(bytes.c_str(), bytes.size());
+  const std::size_t size = size_of(present);
+  const std::string heading = heading_of(name, size);
+  if (!state.starts_with("palpate-state ")) {
+    throw nb::value_error("state must be what an estimator saved: these bytes are something else");
+  }
+  if (!state.starts_with(heading)) {
+    const std::string found(state.substr(0, std::min<std::size_t>(state.find('\n'), 80)));
+    std::string words = "state must be of this version and class, " + heading + " not ";
+    for (const char c : found) words += c >= ' ' && c <= '~' ? c : '?';
+    throw nb::value_error(words.c_str());
+  }
+  constexpr std::size_t checksum_size = 17;  // and the end of the line
+  const Memory memory = state.substr(std::min(heading.size() + checksum_size, state.size()));
+  if (memory.size() != size || !state.starts_with(heading + checksum_of(memory))) {
+    throw nb::value_error("state must be whole: its checksum says that bytes of it were changed");
+  }
+  return memory;
+}
+
+void check_settings(bool same) {
+  if (same) return;
+  throw nb::value_error("state must be of an estimator with these settings: others learned it");
+}
+
+void Face::wait_until_free() {
+  int process;
+  while ((process = replaying_.load(std::memory_order_acquire)) != 0) {
+    if (process != this_process()) {
+      throw std::runtime_error(
+          "the process was forked while another thread replayed this estimator: it is half "
+          "replayed here; call reset(), or make a new one with replace()");
+    }
+    nb::gil_scoped_release release;
+    replaying_.wait(process, std::memory_order_acquire);
+  }
+}
+
+void Face::reset() {
+  if (replaying_.load() == this_process()) wait_until_free();
+  replaying_.store(0);
+  core_->reset();
+}
+
+void Face::replay(const Signals& in, const TraceColumns& out, const TraceRows& rows) {
+  wait_until_free();
+  replaying_.store(this_process(), std::memory_order_relaxed);
+  nb::gil_scoped_release release;
+  core_->replay(in, out, rows);
+  replaying_.store(0, std::memory_order_release);
+  replaying_.notify_all();
+}
+
+void bind_face(nb::module_& module) {
+  nb::class_<Face>(module, "RecursiveEstimator", nb::is_weak_referenceable(),
+                   nb::type_slots(update_slots))
+      .def(
+          "predict",
+          [](Face& self, double penetration, double velocity) {
+            return self.core().predict(penetration, velocity);
+          },
+          nb::arg("penetration"), nb::arg("velocity"),
+          "Force [N] that the sensor would show at a penetration [m] and velocity [m/s] by the "
+          "present estimate; no law acts out of contact.")
+      .def("_estimate", [](Face& self) { return self.core().estimate(); })
+      .def("reset", &Face::reset, "Forget everything but the settings.")
+      .def(
+          "leave_contact", [](Face& self) { self.core().leave_contact(); },
+          "End the contact, as where a recording breaks off: the estimate is held until contact "
+          "is made again.")
+      .def("_replay", &replay_arrays)
+      .def("_state", [](Face& self) { return self.core().state(); })
+      .def("_restore", [](Face& self, const nb::bytes& state) { self.core().restore(state); });
+}
+
+}  // namespace palpate::bindings

@@ -1,0 +1,209 @@
+// What a Python object holds: one compiled estimator, whichever it is, behind one face. The face is
+// bound once, in bind_face.cpp; an estimator adds its constructor.
+//
+// Threads: a replay runs without the interpreter's lock, and is taken whole; whatever else is
+// called on the same estimator meanwhile waits for its end. All other calls hold that lock, so
+// they are taken one after the other.
+//
+// Forks: a child has no copy of the thread that replays, so no replay ever ends there, and its copy
+// of the estimator is half replayed. Who replays is therefore known by its process: a child raises
+// RuntimeError, until it resets the estimator.
+#pragma once
+
+#include <nanobind/stl/array.h>
+#include <nanobind/stl/optional.h>
+
+#include <array>
+#include <atomic>
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <string>
+#include <utility>
+
+#include "conversions.hpp"
+#include "estimate.hpp"
+#include "palpate/recursive_estimator.hpp"
+#include "palpate/replay.hpp"
+#include "state.hpp"
+
+namespace palpate::bindings {
+
+using Pair = std::array<double, 2>;
+using Triple = std::array<double, 3>;
+// drift, threshold, noise, adaptation, warm-up, transition
+using Detector = std::array<double, 6>;
+
+// What the settings of every estimator have in common; an absent detector or rejection is none.
+struct Loop {
+  Pair forgetting;
+  Pair perturbation;
+  std::optional<Detector> changes;
+  std::optional<double> outliers;  // the threshold of their rejection
+  Triple gate;
+  Triple scale;
+  double sample_time;
+};
+
+// Memory of what is saved: zeros between the members, so that equal estimators have equal states.
+struct Zeroed {
+  static void* operator new(std::size_t size);
+  static void operator delete(void* memory) noexcept;
+};
+
+// What only a run may tell whether it watches. It lies apart, as most estimators have none and a
+// detector is ten times as large as they are.
+template <class Watcher>
+class Optional {
+ public:
+  struct Settings {
+    bool present = false;
+    typename Watcher::Settings watcher{};
+
+    bool operator==(const Settings&) const = default;
+
+    friend const char* validate(const Settings& settings) noexcept {
+      return settings.present ? validate(settings.watcher) : nullptr;
+    }
+  };
+
+  explicit Optional(const Settings& settings)
+      : held_(settings.present ? new Held{{}, Watcher(settings.watcher)} : nullptr) {}
+
+  Watcher* watcher() const noexcept { return held_ ? &held_->watcher : nullptr; }
+
+ private:
+  struct Held : Zeroed {
+    Watcher watcher;
+  };
+  std::unique_ptr<Held> held_;
+};
+
+// An estimator that has forgotten which it is.
+class Core {
+ public:
+  explicit Core(double step) noexcept : sample_time(step) {}
+  virtual ~Core() = default;
+
+  virtual Status update(double penetration, double velocity, double force, double dt) noexcept = 0;
+  virtual void replay(const Signals& in, const TraceColumns& out, const TraceRows& rows) = 0;
+  virtual double predict(double penetration, double velocity) const = 0;
+  virtual EstimateValue estimate() const = 0;
+  virtual void leave_contact() = 0;
+  virtual void reset() = 0;
+  virtual nb::bytes state() = 0;
+  virtual void restore(const nb::bytes& state) = 0;
+
+  const double sample_time;
+};
+
+template <class Usual>
+class CoreOf final : public Core, public Zeroed {
+ public:
+  using Estimator = RecursiveEstimator<typename Usual::Method, Optional<ChangeDetector>,
+                                       Optional<OutlierRejection>>;
+  using Settings = typename Estimator::Settings;
+
+  // `name`: what tells its states from those of others.
+  CoreOf(std::string name, const Settings& settings)
+      : Core(settings.sample_time), estimator(settings), name_(std::move(name)) {}
+
+  Status update(double penetration, double velocity, double force, double dt) noexcept override {
+    return estimator.update(penetration, velocity, force, dt);
+  }
+  void replay(const Signals& in, const TraceColumns& out, const TraceRows& rows) override {
+    palpate::replay(estimator, in, out, rows);
+  }
+  double predict(double penetration, double velocity) const override {
+    return estimator.predict(penetration, velocity);
+  }
+  EstimateValue estimate() const override { return value_of(estimator.estimate()); }
+  void leave_contact() override { estimator.leave_contact(); }
+  void reset() override { estimator.reset(); }
+  nb::bytes state() override { return saved(name_, parts()); }
+  void restore(const nb::bytes& state) override {
+    Memory memory = opened(name_, state, parts());
+    check_settings(taken<Settings>(memory) == estimator.settings());
+    recursion() = taken<Recursion<typename Usual::Method>>(memory);
+    if (auto* changes = estimator.changes()) *changes = taken<ChangeDetector>(memory);
+    if (auto* outliers = estimator.outliers()) *outliers = taken<OutlierRejection>(memory);
+  }
+
+  Estimator estimator;
+
+ private:
+  Recursion<typename Usual::Method>& recursion() noexcept { return estimator; }
+
+  std::array<Memory, 4> parts() noexcept {
+    return {memory_of(&estimator.settings()), memory_of(&recursion()),
+            memory_of(estimator.changes()), memory_of(estimator.outliers())};
+  }
+
+  std::string name_;
+};
+
+// Builds it, with a change detector and a rejection of outliers where they are asked for, from what
+// Python has checked. `kind` tells apart what has one name.
+template <class Usual>
+std::unique_ptr<Core> core_of(const char* name, int kind,
+                              const typename Usual::Method::Settings& method, const Loop& loop) {
+  typename CoreOf<Usual>::Settings settings{
+      .method = method,
+      .forgetting = {loop.forgetting[0], loop.forgetting[1]},
+      .perturbation = {loop.perturbation[0], loop.perturbation[1]},
+      .changes = {},
+      .outliers = {},
+      .gate = {loop.gate[0], loop.gate[1], loop.gate[2]},
+      .scale = {loop.scale[0], loop.scale[1], loop.scale[2]},
+      .sample_time = loop.sample_time};
+  if (loop.outliers) settings.outliers = {true, {*loop.outliers}};
+  if (loop.changes) {
+    const Detector& d = *loop.changes;
+    const auto warm_up = static_cast<std::uint32_t>(d[4]);
+    const auto transition = static_cast<std::uint32_t>(d[5]);
+    settings.changes = {true, {d[0], d[1], d[2], d[3], warm_up, transition}};
+  }
+  if (const char* fault = validate(settings)) throw nb::value_error(fault);
+  kind = 4 * kind + 2 * settings.outliers.present + settings.changes.present;
+  return std::make_unique<CoreOf<Usual>>(std::string(name) + "." + std::to_string(kind), settings);
+}
+
+class Face {
+ public:
+  explicit Face(std::unique_ptr<Core> core) noexcept : core_(std::move(core)) {}
+
+  // The estimator, once no other thread replays it; throws where that thread is in the process that
+  // this one was forked from.
+  Core& core() {
+    if (replaying_.load(std::memory_order_acquire) != 0) [[unlikely]]
+      wait_until_free();
+    return *core_;
+  }
+
+  // Forgets everything but the settings, what a fork left half replayed too.
+  void reset();
+
+  // Without the interpreter's lock.
+  void replay(const Signals& in, const TraceColumns& out, const TraceRows& rows);
+
+ private:
+  void wait_until_free();
+
+  std::unique_ptr<Core> core_;
+  std::atomic<int> replaying_ = 0;  // the process whose thread replays, or 0
+};
+
+// The face of one Python class.
+template <class Usual>
+class FaceOf : public Face {
+ public:
+  using Face::Face;
+};
+
+template <class Usual>
+nb::class_<FaceOf<Usual>, Face> bind_face(nb::module_& module, const char* name) {
+  return {module, name};
+}
+
+}  // namespace palpate::bindings
