@@ -9,6 +9,7 @@ reads the ring, in another process.
 import math
 import time
 from base64 import b64encode
+from bisect import bisect_left
 from collections import deque
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, field
@@ -27,8 +28,8 @@ from palpate.preparation import OnlinePreparation
 from palpate.preparation.velocity import window_samples
 from palpate.validation import defined, number_in
 
-# From 0.1 µs to 100 s, a twentieth of a decade apart: a percentile is known to 6 %.
-_LOWEST, _DECADES, _PER_DECADE = 1e-7, 9, 20
+# Ends of the bins, s: a twentieth of a decade apart, so that a percentile is known to 12 %.
+_ENDS: list[float] = [1e-7 * 10.0 ** (k / 20.0) for k in range(181)]
 
 
 class Histogram:
@@ -43,7 +44,7 @@ class Histogram:
     __slots__ = ("_bins", "count", "largest", "limit", "over")
 
     def __init__(self, limit: float) -> None:
-        self._bins = [0] * (_DECADES * _PER_DECADE + 2)
+        self._bins = [0] * (len(_ENDS) + 1)
         self.limit, self.count, self.over, self.largest = limit, 0, 0, 0.0
 
     def add(self, seconds: float) -> None:
@@ -53,19 +54,14 @@ class Histogram:
             self.largest = seconds
         if seconds > self.limit:
             self.over += 1
-        if seconds <= _LOWEST:
-            self._bins[0] += 1
-            return
-        place = 1 + int(_PER_DECADE * math.log10(seconds / _LOWEST))
-        self._bins[min(place, len(self._bins) - 1)] += 1
+        self._bins[bisect_left(_ENDS, seconds)] += 1
 
     def percentile(self, percent: float) -> float:
         """The upper end of the bin that holds a percentile, s; NaN of none."""
         if not self.count:
             return math.nan
         reached = np.cumsum(self._bins) >= percent / 100.0 * self.count
-        end = _LOWEST * 10.0 ** (int(np.argmax(reached)) / _PER_DECADE)
-        return float(min(end, self.largest))
+        return min([*_ENDS, math.inf][int(np.argmax(reached))], self.largest)
 
     def as_dict(self) -> dict[str, Any]:
         """Return p50, p99, p99.9 and the maximum, s, and what is within the limit."""
@@ -339,11 +335,12 @@ SHOWN_FOR = 1.0  # s: how long a change is a state
 SILENT = 20  # sample times without a sample, but at least SILENT_TIME, are a silence
 SILENT_TIME = 0.2  # s
 PATIENCE = 1.0  # s: of a slow source too, a person who asks for something is heard meanwhile
+#: s of the samples' clock between estimates, where nobody asks for one at every sample.
+ESTIMATED_EVERY = 0.02
 _NONE = (math.nan,) * 4
 #: Of a sample that was learned.
 TAKEN = frozenset({Status.UPDATED, Status.GUARDED, Status.RESTARTED})
 _REFUSED = frozenset({Status.NOT_FINITE, Status.INVALID_STEP, Status.OUT_OF_RANGE})
-_EMPTY_PARAMETERS = (math.nan,) * MOST_PARAMETERS
 _NO_NUMBER = "samples come that are no numbers, or too large: they are refused"
 _STARVING = "samples come too seldom for the velocity's window: say their --rate"
 
@@ -360,17 +357,22 @@ class Loop:
         Makes the velocity, and what else the estimator takes.
     estimator : ContactEstimator
         Learns.
-    ring : Writer
-        Where each sample is written down.
+    samples, estimates : Writer
+        Where each sample is written down, and the estimates.
     commands : callable
         Returns the next command that waits, or None; asked between samples.
+    every_sample : bool
+        Whether the estimate is computed at every sample; else every 20 ms of the samples' clock,
+        and at once where the state, the law, the material or the estimator is another.
     """
 
     source: Source
     preparation: OnlinePreparation
     estimator: ContactEstimator
-    ring: Writer
+    samples: Writer
+    estimates: Writer
     commands: Callable[[], LiveCommand | None] = field(default=lambda: None)
+    every_sample: bool = False
     counts: LoopCounts = field(default_factory=LoopCounts)
     cycle: Histogram = field(default_factory=lambda: Histogram(20e-6))
     lateness: Histogram = field(default_factory=lambda: Histogram(IN_TIME))
@@ -384,6 +386,7 @@ class Loop:
     watchdog: Watchdog = field(init=False)
     generation: int = 0
     _changed: float = -math.inf
+    _estimated: tuple[Any, ...] = ()  # what was known of the moment of the newest estimate
     _direction: tuple[float, ...] = (0.0, 0.0, 0.0)
 
     def __post_init__(self) -> None:
@@ -411,7 +414,7 @@ class Loop:
             except EndOfSourceError as end:
                 if str(end):
                     self.say(str(end))
-                return
+                break
             if arrival is None:
                 waited += patience
                 if waited >= silent:
@@ -420,6 +423,7 @@ class Loop:
                 waited = 0.0
                 self.step(arrival)
             self._obey()
+        self._estimate()
 
     def step(self, arrival: Arrival) -> None:
         """Take one sample through preparation and estimator, and write it down."""
@@ -429,8 +433,8 @@ class Loop:
         counts.taken += 1
         fault = self.watchdog.see(arrival)
         sample = self.preparation.update(arrival.position, arrival.force, arrival.time)
-        began = time.perf_counter()
         status, predicted, prepared = Status.WAITING, math.nan, _NONE
+        began = time.perf_counter()
         if sample is not None:
             prepared = (sample.time, sample[0], sample[1], sample[2])
             if not self.held:
@@ -439,14 +443,52 @@ class Loop:
                 status = estimator.update(*sample)
         elif self.preparation.status is Status.RESTARTED:
             estimator.leave_contact()
-        estimate = estimator.estimate()
         took = time.perf_counter() - began
         self.laws.see(arrival.time, estimator)
         self._judge(arrival, status, fault, sampled=sample is not None)
-        self._write(arrival, prepared, predicted, status, estimate, took)
+        tick = arrival.time // ESTIMATED_EVERY
+        moment = (tick, self.state, self.laws.now, counts.changes, self.generation)
+        if self.every_sample or moment != self._estimated:
+            self._estimated = moment
+            took += self._estimate()
+        position, force = self._axes(arrival.position), self._axes(arrival.force)
+        late = time.monotonic() - arrival.there
+        self.samples.write(
+            prepared[0],
+            arrival.time,
+            position[0],
+            force[0],
+            *prepared[1:],
+            predicted,
+            status,
+            self.preparation.status,
+            self.state,
+            took,
+            late,
+            self.estimates.count - 1,
+            *position[1:],
+            *force[1:],
+        )
         if sample is not None and not self.held:
             self.cycle.add(took)
-        self.lateness.add(time.monotonic() - arrival.there)
+        self.lateness.add(late)
+
+    def _estimate(self) -> float:
+        """Write down what the estimator knows now; how long it took to say so, s."""
+        began = time.perf_counter()
+        estimate = self.estimator.estimate()
+        took = time.perf_counter() - began
+        known = np.full(MOST_PARAMETERS * (1 + MOST_PARAMETERS), math.nan)
+        if estimate.samples:  # where an estimator starts is nothing that it knows
+            parameters = estimate.parameters
+            size = len(parameters)
+            known[:size], known[MOST_PARAMETERS:] = parameters, 0.0
+            known[MOST_PARAMETERS:].reshape(MOST_PARAMETERS, -1)[:size, :size] = estimate.covariance
+        margin = estimate.validity_margin
+        self.estimates.write(
+            self.generation, estimate.offset, estimate.surface, margin, *known.tolist()
+        )
+        return took
 
     def _check(self, first: Arrival) -> None:
         """Refuse a source whose samples are of another form than is prepared."""
@@ -493,48 +535,6 @@ class Loop:
     @property
     def _taring(self) -> bool:
         return self.preparation.settings["tare_time"] > 0.0 and math.isnan(self.preparation.tare)
-
-    def _write(
-        self,
-        arrival: Arrival,
-        prepared: tuple[float, ...],
-        predicted: float,
-        status: Status,
-        estimate: Any,
-        took: float,
-    ) -> None:
-        size, flat = len(estimate.parameters), [0.0] * MOST_PARAMETERS**2
-        if estimate.samples:
-            parameters, covariance = estimate.parameters.tolist(), estimate.covariance.tolist()
-            for i in range(size):
-                flat[i * MOST_PARAMETERS : i * MOST_PARAMETERS + size] = covariance[i]
-        else:  # where an estimator starts is nothing that it knows
-            parameters, flat = [math.nan] * size, [math.nan] * MOST_PARAMETERS**2
-        position, force = self._axes(arrival.position), self._axes(arrival.force)
-        self.ring.write(
-            prepared[0],
-            arrival.time,
-            position[0],
-            force[0],
-            prepared[1],
-            prepared[2],
-            prepared[3],
-            predicted,
-            status,
-            self.preparation.status,
-            self.state,
-            estimate.offset,
-            estimate.surface,
-            estimate.validity_margin,
-            took,
-            time.monotonic() - arrival.there,
-            self.generation,
-            *parameters,
-            *_EMPTY_PARAMETERS[size:],
-            *flat,
-            *position[1:],
-            *force[1:],
-        )
 
     def _axes(self, value: Value) -> tuple[float, float, float, float]:
         """Its part along the contact normal, into the material; and what came."""
@@ -587,7 +587,9 @@ class Loop:
         elif command.name == "record":
             path = options.get("path")
             on = bool(options.get("on", path is not None))
-            wish, since = self.record["wish"] + 1, self.ring.count
+            wish, since = self.record["wish"] + 1, self.samples.count
+            # From here on: the recorder hears a little later that it is to end.
+            self.every_sample = self.every_sample or on
             self.record = {"wish": wish, "on": on, "path": path, "since": since}
 
     def _check_size(self, estimator: ContactEstimator) -> None:

@@ -213,6 +213,7 @@ class Publisher:
     """
 
     gently = False  # a robot may act on what is published
+    every_sample = True
 
     def __init__(self, wire: Wire) -> None:
         self._wire = wire

@@ -210,7 +210,7 @@ class Recorder:
         except ImportError:
             raise MissingExtraError("a recording needs mcap: pip install 'palpate[live]'") from None
         del mcap
-        self._path = path
+        self._path, self.every_sample = path, path is not None
         self._folder = Path() if folder is None else folder
 
     def run(self, session: Session, commands: Connection) -> None:
@@ -232,7 +232,7 @@ class Recorder:
             if asked.get("wish", 0) != wish:
                 wish = asked["wish"]
                 recording, said = self._obey(recording, asked)
-                watching.go_back(asked["since"])  # when it was asked for
+                watching.reader.samples.go_back(asked["since"])  # when it was asked for
             if recording is not None and recording.failed:
                 recording, failed = None, True
             watching.tell(_page(recording, said))

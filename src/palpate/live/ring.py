@@ -1,7 +1,8 @@
-"""A ring of rows in shared memory: one loop writes, any number of processes read.
+"""Rings of rows in shared memory: one loop writes, any number of processes read.
 
 The writer never waits. A reader that falls behind by more than the ring holds loses rows, and knows
-how many.
+how many. One ring holds every sample; another the estimates, which are more than a sample and cost
+more: the loop computes them 50 times a second, or at every sample where somebody asks for that.
 """
 
 import json
@@ -18,23 +19,29 @@ from palpate.validation import Floats
 #: The most parameters that a law may have to be shown live.
 MOST_PARAMETERS = 8
 
-#: Columns of a row, in their order.
-COLUMNS = (
+#: Columns of a sample, in their order.
+SAMPLE = (
     "time",  # of the sample that was prepared, s, by the source's clock
     "arrived",  # time of the newest measurement, s, by the same clock
     "position", "raw_force",  # of the newest measurement, along the contact normal; m, N
     "penetration", "velocity", "force",  # as they were given to the estimator; NaN where none was
     "predicted_force",  # a priori, N
     "status", "preparation", "state",  # numbers of Status, Status and State
-    "offset", "surface", "margin",  # N, m, and of condition 10
     "cycle", "lateness",  # s
-    "method",  # number of the estimator's generation: another means that it was changed
-    *(f"parameter_{k}" for k in range(MOST_PARAMETERS)),
-    *(f"covariance_{k}" for k in range(MOST_PARAMETERS**2)),  # row by row
+    "estimate",  # number of the newest estimate after this sample
     # As the newest measurement came, before signs and direction: a number is the first of three.
     *(f"input_{what}_{axis}" for what in ("position", "force") for axis in "xyz"),
 )  # fmt: skip
-WIDTH = len(COLUMNS)
+#: Columns of an estimate.
+ESTIMATE = (
+    "method",  # number of the estimator's generation: another means that it was changed
+    "offset", "surface", "margin",  # N, m, and of condition 10
+    *(f"parameter_{k}" for k in range(MOST_PARAMETERS)),
+    *(f"covariance_{k}" for k in range(MOST_PARAMETERS**2)),  # row by row
+)  # fmt: skip
+#: Columns of a row as readers get it: a sample, and the newest estimate that there was after it.
+COLUMNS = (*SAMPLE, *ESTIMATE)
+_NUMBER = SAMPLE.index("estimate")
 _HEADER = 64  # bytes: a cache line of its own
 #: 16 s at 1 kHz: what a page shows, and a reader may stall for.
 CAPACITY = 1 << 14
@@ -45,7 +52,7 @@ class Taken(NamedTuple):
 
     Attributes
     ----------
-    rows : numpy.ndarray, shape (k, WIDTH)
+    rows : numpy.ndarray, shape (k, columns)
         In the order of time.
     dropped : int
         Rows between the last ones taken and these, which the ring no longer held.
@@ -67,7 +74,7 @@ class Writer:
     """
 
     def __init__(
-        self, capacity: int = CAPACITY, width: int = WIDTH, *, made: "Address | None" = None
+        self, capacity: int = CAPACITY, width: int = len(SAMPLE), *, made: "Address | None" = None
     ) -> None:
         self._own = made is None
         self._row = struct.Struct(f"@{width if made is None else made.width}d")
@@ -93,7 +100,7 @@ class Writer:
         return self._count
 
     def write(self, *row: float) -> None:
-        """Write one row, such as of :data:`COLUMNS`."""
+        """Write one row, such as of :data:`SAMPLE`."""
         at = _HEADER + (self._count % self._capacity) * self._row.size
         self._row.pack_into(self._buffer, at, *row)
         self._count += 1
@@ -115,7 +122,7 @@ class Address:
 
     name: str
     capacity: int
-    width: int = WIDTH
+    width: int
 
 
 def whole_numbers(buffer: memoryview, count: int) -> "memoryview[int]":
@@ -159,17 +166,17 @@ class Reader:
         """Take the rows from a count on again, as far as the ring still holds them."""
         self._next = max(min(to, self._next), self.count - self._capacity // 2, 0)
 
-    def take(self, most: int | None = None) -> Taken:
-        """Return the rows written since the last call, at most so many of the newest."""
-        until = self.count
-        oldest = max(until - self._capacity, 0 if most is None else until - most)
-        start = max(self._next, oldest)
-        rows = self._rows[np.arange(start, until) % self._capacity]
+    def take(self) -> Taken:
+        """Return the rows written since the last call."""
+        begin, self._next = self._next, self.count
+        rows = self.at(np.arange(max(begin, self._next - self._capacity), self._next))
+        return Taken(rows, self._next - begin - len(rows))
+
+    def at(self, numbers: NDArray[np.int64]) -> Floats:
+        """Return the rows of rising numbers, without the first ones that the ring holds no more."""
+        rows: Floats = self._rows[numbers % self._capacity]
         # Rows that were written over while they were copied are no rows.
-        spoilt = min(max(self.count + 1 - self._capacity - start, 0), len(rows))
-        dropped = start - self._next + spoilt
-        self._next = until
-        return Taken(rows[spoilt:], dropped)
+        return rows[numbers > self.count - self._capacity]
 
     def close(self) -> None:
         """Let go of the memory."""
@@ -177,6 +184,34 @@ class Reader:
         self._written.release()
         self._buffer.release()
         self._memory.close()
+
+
+class RowReader:
+    """Reads samples, each with the newest estimate that there was after it: :data:`COLUMNS`."""
+
+    def __init__(self, samples: Address, estimates: Address) -> None:
+        self.samples, self._estimates = Reader(samples), Reader(estimates)
+        self._last: Floats = np.empty((0, len(SAMPLE)))
+
+    def take(self) -> Taken:
+        """Return the samples written since the last call."""
+        samples, dropped = self.samples.take()
+        estimates = self._estimates.at(samples[:, _NUMBER].astype(np.int64))
+        spoilt = len(samples) - len(estimates)
+        rows = np.hstack([samples[spoilt:], estimates])
+        if len(rows):
+            self._last = samples[-1:].copy()
+        return Taken(rows, dropped + spoilt)
+
+    def now(self) -> Floats:
+        """The last sample that was taken, with the newest estimate; shape (0 or 1, columns)."""
+        newest = np.full(len(self._last), self._estimates.count - 1)
+        return np.hstack([self._last, self._estimates.at(newest)])
+
+    def close(self) -> None:
+        """Let go of the memory."""
+        self.samples.close()
+        self._estimates.close()
 
 
 # A page of words in shared memory: one process writes it now and then, any number read it.

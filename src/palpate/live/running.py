@@ -16,7 +16,7 @@ from palpate.estimators import ContactEstimator, VariableProjection, Viscoelasti
 from palpate.live.choices import LiveCommand
 from palpate.live.loop import Loop
 from palpate.live.realtime import ask_for_realtime, end, give_way, show_name, start, undisturbed
-from palpate.live.ring import Board, Writer
+from palpate.live.ring import ESTIMATE, Board, Writer
 from palpate.live.sinks import Session, Sink
 from palpate.live.sources import Source, news_of
 from palpate.preparation import OnlinePreparation
@@ -100,15 +100,18 @@ def run(
         preparation = OnlinePreparation(sample_time=source.sample_time)
     # From here on Ctrl-C only leaves word: whatever is begun is known, and ended in order.
     with _interruptible() as interruption, ExitStack() as kept:
-        ring, board = kept.enter_context(closing(Writer())), kept.enter_context(closing(Board()))
+        samples = kept.enter_context(closing(Writer()))
+        estimates = kept.enter_context(closing(Writer(width=len(ESTIMATE))))
+        board = kept.enter_context(closing(Board()))
         boards = {sink.name: kept.enter_context(closing(Board())) for sink in sinks}
         addresses = {name: each.name for name, each in boards.items()}
-        session = Session(ring.address, board.name, addresses, "")
+        session = Session(samples.address, estimates.address, board.name, addresses, "")
         kept.callback(source.close)
         chosen = estimator or default_estimator()
         if chosen.settings.get("sample_time", source.sample_time) is None:
             chosen = chosen.replace(sample_time=source.sample_time)
-        loop = Loop(source, preparation, chosen, ring)
+        every = any(getattr(sink, "every_sample", False) for sink in sinks)
+        loop = Loop(source, preparation, chosen, samples, estimates, every_sample=every)
         interruption.stops(loop)
         failed: dict[str, int] = {}
         with _started(sinks, session, loop, board, failed) as started, undisturbed():

@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 from palpate._core import Status
 from palpate.force_laws import FORCE_LAWS, ForceLaw, GeneralisedHuntCrossley
 from palpate.live.choices import State
-from palpate.live.law_numbers import told, verdict_on
-from palpate.live.ring import COLUMNS, MOST_PARAMETERS, WIDTH
+from palpate.live.console import ShownDepth
+from palpate.live.law_numbers import told
+from palpate.live.ring import COLUMNS, MOST_PARAMETERS
 from palpate.live.sinks import Session, Watching
 from palpate.validation import Floats, plain
 
@@ -105,8 +106,10 @@ def channels_of(rows: Floats, law: type[ForceLaw] | None, depth: float) -> NDArr
     if law is GeneralisedHuntCrossley:  # what one of its laws has not is no curve
         found[_NUMBERS][found[_ERRORS] == 0.0] = np.nan
     if law is not None and math.isfinite(depth):
-        parameters, covariance = parameters_of(rows, len(law.symbols))
-        found[4:8] = at_depth(law, parameters, covariance, depth)
+        number, first = column(rows, "estimate"), np.ones(len(rows), dtype=bool)
+        first[1:] = number[1:] != number[:-1]  # rows of one estimate share what follows from it
+        parameters, covariance = parameters_of(rows[first], len(law.symbols))
+        found[4:8] = at_depth(law, parameters, covariance, depth)[:, np.cumsum(first) - 1]
     found[-3:] = rows[:, _LAST].T
     found[~(np.abs(found) < _LARGEST)] = np.nan
     return found.astype("<f4")
@@ -140,7 +143,7 @@ class History:
         # With room for a source that is a fifth faster than it says.
         wanted = math.ceil(1.2 * SHOWN / max(sample_time, 1e-6))
         self._most = min(max(wanted, _LEAST_KEPT), _MOST_KEPT)
-        self._rows = np.empty((2 * self._most, WIDTH))
+        self._rows = np.empty((2 * self._most, len(COLUMNS)))
         self._times = np.empty(2 * self._most)
         self._values = np.empty((len(CHANNELS), 2 * self._most), dtype="<f4")
         self._end = 0
@@ -251,11 +254,8 @@ class History:
 
 ALIVE = 2.0  # s: the loop writes its board four times a second
 MOST_CHANGES = 20
-_IN_CONTACT = (float(State.CONTACT), float(State.CHANGED))
-_MOVED = 0.15  # of the working depth: by so much the median moves before another is taken
 _CURVE = 33  # points of the law at rest
 _NOTICED = 0.1  # s: a change is noticed within some tens of samples
-_SETTLED = 50  # rows in contact before a median is one
 
 
 class Watch:
@@ -285,7 +285,7 @@ class Watch:
         self.depth, self.chosen_depth = math.nan, math.nan
         self.changes: deque[dict[str, Any]] = deque(maxlen=MOST_CHANGES)
         self._law: type[ForceLaw] | None = None
-        self._last: Floats | None = None
+        self._shown = ShownDepth()
         # Number of the estimator that noticed the last change, and what it identified.
         self._changed_in = math.nan
         self._changed_law: type[ForceLaw] | None = None
@@ -299,8 +299,8 @@ class Watch:
         if len(rows):
             first = self.history.total
             self.history.add(rows, float(self.loop.get("delay") or 0.0))
+            self._shown.see(rows)
             self._note_changes(rows, first)
-            self._last = rows[-1:]
 
     def _begin(self) -> bool:
         """Make room for the source's rate, as soon as the loop has said it; the rows wait."""
@@ -316,7 +316,8 @@ class Watch:
         self._read()
         if (sign := self.run.sign) != self._sign:
             self._sign, self._moved = sign, time.monotonic()
-        self._choose_depth()
+        chosen = math.isfinite(self.chosen_depth)
+        self.depth = self.chosen_depth if chosen else self._shown.value
         generation = float(self.loop.get("generation", math.nan))
         if self.history.show(self._law, self.depth, generation):
             self.recast += 1
@@ -330,19 +331,6 @@ class Watch:
     def alive(self) -> bool:
         """Whether the loop has written anything lately, or its source is still being opened."""
         return not self._begun or time.monotonic() - self._moved < ALIVE
-
-    def _choose_depth(self) -> None:
-        """The median penetration in contact, or what a person chose, to two digits."""
-        if math.isfinite(self.chosen_depth):
-            self.depth = self.chosen_depth
-            return
-        rows = self.history.rows()
-        inside = np.isin(column(rows, "state"), _IN_CONTACT) & (column(rows, "penetration") > 0.0)
-        if np.count_nonzero(inside) >= _SETTLED:
-            median = float(np.median(column(rows, "penetration")[inside]))
-            # So that the curve is of one depth as long as it can be, and says of which.
-            if not abs(median / self.depth - 1.0) < _MOVED:
-                self.depth = float(f"{median:.1e}")
 
     def _note_changes(self, rows: Floats, first: int) -> None:
         """Remember where the material changed, and the laws before and after."""
@@ -404,11 +392,6 @@ class Watch:
             )
         return {"penetration": depth.tolist(), "force": force.tolist()}
 
-    def _verdict(self) -> dict[str, Any] | None:
-        """Which law it is, with what follows from it."""
-        verdict = verdict_on(self.loop)
-        return told(verdict) if verdict else None
-
     def page(self, served: Mapping[str, Any]) -> dict[str, Any]:
         """All that is said in words, as JSON takes it.
 
@@ -418,15 +401,17 @@ class Watch:
             What the server counted.
         """
         now: dict[str, Any] = {}
-        if self._last is not None:
-            row = self._last
+        row, arrived = self.run.reader.now(), math.nan
+        if len(row):
+            arrived = float(column(row, "arrived")[0])
             if self._knows(float(column(row, "method")[0])):
                 now = {**self._of(row, self._law), "curve": self._curve(row)}
             for name in ("offset", "surface", "force", "penetration", "velocity"):
                 now[name] = float(column(row, name)[0])
+        verdict = self._shown.verdict(self.loop, arrived)
         said: dict[str, Any] = plain(
             {
-                "loop": {**self.loop, "verdict": self._verdict()},
+                "loop": {**self.loop, "verdict": told(verdict) if verdict else None},
                 "others": self.run.others(),
                 "alive": self.alive,
                 "shown": SHOWN,
