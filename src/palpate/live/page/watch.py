@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from palpate._core import Status
 from palpate.force_laws import FORCE_LAWS, ForceLaw, GeneralisedHuntCrossley
-from palpate.live.choices import State
 from palpate.live.console import ShownDepth
 from palpate.live.law_numbers import told
 from palpate.live.ring import COLUMNS, MOST_PARAMETERS
