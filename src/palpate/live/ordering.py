@@ -1,10 +1,13 @@
 """What the wires have in common: addresses, the order of samples, messages of ROS, estimates."""
 
+import re
 import time
 from collections import deque
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from enum import Enum
+from statistics import median_high
 from typing import NamedTuple
 from urllib.parse import parse_qsl
 
@@ -33,40 +36,29 @@ class WireAddress:
     target: str
     options: Mapping[str, str]
 
-    def text(self, name: str, default: str) -> str:
-        """Return an option as it was written."""
-        return self.options.get(name, default)
-
     def one_of(self, name: str, choices: Sequence[str]) -> str:
         """Return an option that has a few possible values, of which the first is the default."""
         value = self.options.get(name, choices[0])
         if value not in choices:
+            known = ", ".join(choices)
             raise InvalidParameterError(
-                f"{self._words(name)} must be one of {', '.join(choices)}, not {shown(value)}"
+                f"{self.scheme}: {name} must be one of {known}, not {shown(value)}"
             )
         return value
 
     def number(self, name: str, default: float, low: float, high: float) -> float:
         """Return an option that is a number in [low, high]."""
-        return number_in(self._words(name), self._numeric(name, default), low, high)
+        return number_in(f"{self.scheme}: {name}", self._numeric(name, default), low, high)
 
     def whole(self, name: str, default: int, low: int, high: int) -> int:
         """Return an option that is a whole number in [low, high]."""
-        return whole_in(self._words(name), self._numeric(name, default), low, high)
+        return whole_in(f"{self.scheme}: {name}", self._numeric(name, default), low, high)
 
     def _numeric(self, name: str, default: float) -> float:
-        text = self.options.get(name)
-        if text is None:
-            return default
-        try:
+        text = self.options.get(name, str(default))
+        with suppress(ValueError):
             return int(text) if text.isdecimal() else float(text)
-        except ValueError:
-            raise InvalidParameterError(
-                f"{self._words(name)} must be a number, not {shown(text)}"
-            ) from None
-
-    def _words(self, name: str) -> str:
-        return f"{self.scheme}: {name}"
+        raise InvalidParameterError(f"{self.scheme}: {name} must be a number, not {shown(text)}")
 
 
 def parsed(scheme: str, address: str, allowed: Sequence[str]) -> WireAddress:
@@ -90,6 +82,10 @@ def parsed(scheme: str, address: str, allowed: Sequence[str]) -> WireAddress:
     return WireAddress(scheme, target, options)
 
 
+# ROS's names have letters, digits and underscores; what else there is would be a pattern.
+_NAME = re.compile(r"/?[A-Za-z_]\w*(/[A-Za-z_]\w*)*", re.ASCII)
+
+
 def topics_of(address: WireAddress, most: int) -> tuple[str, ...]:
     """Return the names of the topics of an address of ROS, each with its slash.
 
@@ -101,15 +97,12 @@ def topics_of(address: WireAddress, most: int) -> tuple[str, ...]:
     names = tuple(address.target.split(",")) if address.target else ()
     if not 1 <= len(names) <= most or len(set(names)) != len(names):
         form = "/pose,/wrench: the position's topic and the force's, or one that has both"
+        form = form if most == 2 else "/palpate, one name"
         raise InvalidParameterError(
-            f"{address.scheme}: topics must be such as "
-            f"{form if most == 2 else '/palpate, one name'}; not {shown(address.target)}"
+            f"{address.scheme}: topics must be such as {form}; not {shown(address.target)}"
         )
     for name in names:
-        parts = name.removeprefix("/").split("/")
-        # ROS's names have letters, digits and underscores; what else there is would be a pattern.
-        if not all(p.replace("_", "a").isalnum() and p.isascii() and not p[0].isdigit()
-                   for p in parts):  # fmt: skip
+        if not _NAME.fullmatch(name):
             raise InvalidParameterError(
                 f"{address.scheme}: {shown(name)} is no name of a topic, such as /robot/pose"
             )
@@ -176,32 +169,18 @@ class Order:
         """
         if self._stamp is None:
             return self._begin(stamp, number)
-        step = stamp - self._stamp
-        before = self._number
-        if number is not None and before is not None and number != before:
-            if number > before:
-                missing = number - before - 1
-                if missing > MOST_LOST:
-                    return self._begin(stamp, number)
-                self._counts.lost += missing
-                self._number, self._stamp = number, stamp
-                return Succession.NEXT if step > -LONGEST_OVERTAKING else Succession.ANEW
-            if step > 0:  # an earlier number with a later time: a sender that was restarted
-                return self._begin(stamp, number)
-        return self._by_time(stamp, step, number)
-
-    def _by_time(self, stamp: int, step: int, number: int | None) -> Succession:
-        if step == 0:
-            self._counts.repeated += 1
+        step, counts = stamp - self._stamp, self._counts
+        ahead = 0 if number is None or self._number is None else number - self._number
+        # An earlier number with a later time: a sender that was restarted.
+        if ahead > MOST_LOST + 1 or ahead < 0 < step or (ahead <= 0 and step < -LONGEST_OVERTAKING):
+            return self._begin(stamp, number)
+        if ahead <= 0 and step <= 0:
+            counts.repeated += step == 0
+            counts.disordered += step < 0
             return Succession.REFUSED
-        if step < 0:
-            if step < -LONGEST_OVERTAKING:
-                return self._begin(stamp, number)
-            self._counts.disordered += 1
-            return Succession.REFUSED
+        counts.lost += ahead - 1 if ahead else self._gaps.see(step)
         self._number, self._stamp = number, stamp
-        self._counts.lost += self._gaps.see(step)
-        return Succession.NEXT
+        return Succession.NEXT if step > -LONGEST_OVERTAKING else Succession.ANEW
 
     def _begin(self, stamp: int, number: int | None) -> Succession:
         self.settle()
@@ -237,8 +216,8 @@ class Gaps:
 
     def _judge(self) -> int:
         if len(self._steps) >= _QUIET or not self._medians:
-            self._medians.append(_median(self._steps))
-        usual, missing = _median(self._medians), 0
+            self._medians.append(median_high(self._steps))
+        usual, missing = median_high(self._medians), 0
         for step in self._steps:
             apart = step / usual - 1.0
             if self._quiet >= _QUIET:
@@ -261,10 +240,6 @@ class Gaps:
         """Judge what there is, as nothing more comes; return how many samples are missing."""
         known = self._judge() if len(self._steps) >= 3 or (self._medians and self._steps) else 0
         return known + self._whole()
-
-
-def _median(values: Collection[int]) -> int:
-    return sorted(values)[len(values) // 2]
 
 
 class Receipt:

@@ -1,10 +1,10 @@
 """Messages of a recording made live: what came, and what was found; in CDR, as ROS 2 has it."""
 
+import math
 import os
 import struct
 import sys
 import time
-from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import suppress
 from datetime import datetime
@@ -14,6 +14,7 @@ from typing import IO, TYPE_CHECKING, Any
 
 from palpate.errors import MissingExtraError
 from palpate.live.law_numbers import verdict_on
+from palpate.live.ordering import NANO
 from palpate.live.ring import MOST_PARAMETERS
 from palpate.live.sinks import PLACE, Session, Watching
 from palpate.writing import opened_new
@@ -80,18 +81,19 @@ _LATEST = 2**31  # s: what a time in ROS 2 can hold
 Row = list[float]
 
 
-def _slice(first: str, count: int) -> slice:
-    return slice(PLACE[first], PLACE[first] + count)
+def _places(*names: str) -> list[int]:
+    return [PLACE[name] for name in names]
 
 
-_POSITION, _FORCE = PLACE["input_position_x"], PLACE["input_force_x"]
-_IN_SPACE = _slice("input_position_x", 6)
-_SAMPLE = _slice("penetration", 4)
-_FOUND = _slice("parameter_0", MOST_PARAMETERS + _MATRIX)
-_REST = [PLACE[name] for name in ("offset", "surface", "margin", "cycle", "lateness")]
-_WHOLE = [PLACE[name] for name in ("status", "preparation", "state")]
-_METHOD = PLACE["method"]
-_ARRIVED, _TIME_OF = PLACE["arrived"], PLACE["time"]
+_NUMBER = _places("input_position_x", "input_force_x")
+_IN_SPACE = _places(*(f"input_{what}_{axis}" for what in ("position", "force") for axis in "xyz"))
+_FOUND = _places(
+    "penetration", "velocity", "force", "predicted_force",
+    *(f"parameter_{k}" for k in range(MOST_PARAMETERS)),
+    *(f"covariance_{k}" for k in range(_MATRIX)),
+    "offset", "surface", "margin", "cycle", "lateness",
+)  # fmt: skip
+_WHOLE = _places("status", "preparation", "state")
 
 
 class Encoder:
@@ -107,44 +109,31 @@ class Encoder:
 
     def __init__(self, origin: int, *, vectors: bool) -> None:
         self._origin = origin
-        self.measured: Callable[[Row], tuple[int, bytes] | None] = (
-            self._in_space if vectors else self._number
-        )
+        self._measured = (_VECTORS_CDR, _IN_SPACE) if vectors else (_NUMBERS_CDR, _NUMBER)
 
-    def _number(self, row: Row) -> tuple[int, bytes] | None:
-        stamp = self._stamp(row[_ARRIVED])
+    def measured(self, row: Row) -> tuple[int, bytes] | None:
+        """Stamp and message of what came at a row; None where it has no time."""
+        stamp, (form, places) = self._stamp(row[PLACE["arrived"]]), self._measured
         if stamp is None:
             return None
-        split = divmod(stamp, 1_000_000_000)
-        return stamp, _NUMBERS_CDR.pack(_HEAD, *split, row[_POSITION], row[_FORCE])
-
-    def _in_space(self, row: Row) -> tuple[int, bytes] | None:
-        stamp = self._stamp(row[_ARRIVED])
-        if stamp is None:
-            return None
-        return stamp, _VECTORS_CDR.pack(_HEAD, *divmod(stamp, 1_000_000_000), *row[_IN_SPACE])
+        return stamp, form.pack(_HEAD, *divmod(stamp, NANO), *[row[k] for k in places])
 
     def found(self, row: Row) -> bytes | None:
         """What was found at a row; None where no sample was prepared."""
-        stamp = self._stamp(row[_TIME_OF])
+        stamp = self._stamp(row[PLACE["time"]])
         if stamp is None:
             return None
-        return _ESTIMATE_CDR.pack(
-            _HEAD,
-            *divmod(stamp, 1_000_000_000),
-            *row[_SAMPLE],
-            *row[_FOUND],
-            *[row[k] for k in _REST],
-            *[int(row[k]) & 0xFF for k in _WHOLE],
-            int(row[_METHOD]) & 0xFFFF,
-        )
+        whole = [int(row[k]) & 0xFF for k in _WHOLE]
+        method = int(row[PLACE["method"]]) & 0xFFFF
+        found = [row[k] for k in _FOUND]
+        return _ESTIMATE_CDR.pack(_HEAD, *divmod(stamp, NANO), *found, *whole, method)
 
     def _stamp(self, time: float) -> int | None:
         """A time of the source's clock, ns; None where it is none."""
         if not -_LATEST < time < _LATEST:
             return None
         stamp = self._origin + round(1e9 * time)
-        return stamp if -_LATEST < stamp // 1_000_000_000 < _LATEST else None
+        return stamp if -_LATEST < stamp // NANO < _LATEST else None
 
 
 def described(status: dict[str, Any]) -> dict[str, str]:
@@ -175,7 +164,6 @@ def described(status: dict[str, Any]) -> dict[str, str]:
 
 #: s: what a process that is killed has not yet written.
 FLUSHED_EVERY = 0.25
-_SECOND_AXIS = PLACE["input_position_y"]
 # A clock that was set is no longer followed by the times of the log, ns.
 _SET = 5_000_000_000
 
@@ -235,11 +223,11 @@ class Recorder:
                 watching.reader.samples.go_back(asked["since"])  # when it was asked for
             if recording is not None and recording.failed:
                 recording, failed = None, True
-            watching.tell(_page(recording, said))
+            watching.tell({"on": recording is not None, "said": said, **_page(recording)})
         if recording is not None:
             said = recording.finish()
             failed = failed or recording.failed
-        watching.tell({**_page(recording, said), "on": False})
+        watching.tell({"on": False, "said": said, **_page(recording)})
         watching.close()
         if failed:
             sys.exit(1)  # by which the loop's process knows
@@ -247,28 +235,19 @@ class Recorder:
     def _obey(
         self, recording: "RunFile | None", asked: dict[str, Any]
     ) -> "tuple[RunFile | None, str]":
-        if recording is not None:
-            said = recording.finish()
-            if not asked["on"]:
-                return None, said
-        elif not asked["on"]:
-            return None, "nothing is being recorded"
+        said = "nothing is being recorded" if recording is None else recording.finish()
+        if not asked["on"]:
+            return None, said
         path = asked.get("path")
         named = datetime.now().strftime("palpate-%Y-%m-%d-%H%M%S.mcap")
         return _begun(Path(path) if path else self._folder / named)
 
 
-def _page(recording: "RunFile | None", said: str) -> dict[str, Any]:
+def _page(recording: "RunFile | None") -> dict[str, Any]:
     if recording is None:
-        return {"on": False, "said": said}
-    return {
-        "on": True,
-        "path": str(recording.path),
-        "rows": recording.rows,
-        "bytes": recording.bytes,
-        "unstamped": recording.unstamped,
-        "said": said,
-    }
+        return {}
+    counted = {name: getattr(recording, name) for name in ("rows", "bytes", "unstamped")}
+    return {"path": str(recording.path), **counted}
 
 
 def _begun(path: Path) -> "tuple[RunFile | None, str]":
@@ -276,10 +255,8 @@ def _begun(path: Path) -> "tuple[RunFile | None, str]":
         file, taken = opened_new(path)
     except OSError as error:
         return None, f"{path} cannot be recorded to: {error.strerror or error}"
-    words = f"recording to {taken}"
-    if taken != path:
-        words += f", as {path} is there already"
-    return RunFile(taken, file), words
+    words = "" if taken == path else f", as {path} is there already"
+    return RunFile(taken, file), f"recording to {taken}{words}"
 
 
 class RunFile:
@@ -345,7 +322,7 @@ class RunFile:
         # which a reader would be without where the process is killed.
         writer = Writer(self._file, use_chunking=False, index_types=IndexType.METADATA)
         writer.start(profile="ros2", library="palpate")
-        vectors = rows[0][_SECOND_AXIS] == rows[0][_SECOND_AXIS]
+        vectors = not math.isnan(rows[0][PLACE["input_position_y"]])
         self._encoder = Encoder(int(status.get("origin", 0)), vectors=vectors)
         schemas = [
             writer.register_schema(name, "ros2msg", text.encode())

@@ -5,11 +5,12 @@ A message is walked once by its definition, as those of a recording are
 message goes on has its numbers in the same places, and costs a few comparisons.
 """
 
-import struct
 from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
+
+import numpy as np
 
 from palpate.errors import InvalidParameterError, MissingExtraError, PalpateError
 from palpate.live.ordering import (
@@ -83,29 +84,29 @@ class RosReading(NamedTuple):
     values: tuple[Value, ...]
 
 
-@dataclass(frozen=True, slots=True)
 class _Places:
-    """A layout, as comparisons and struct's formats."""
+    """A layout, as comparisons and as one structure of numbers."""
 
-    checks: tuple[tuple[int, int, bytes], ...]
-    stamp: tuple[struct.Struct, int, struct.Struct, int] | None
-    numbers: tuple[tuple[tuple[struct.Struct, int], ...], ...]
+    def __init__(self, layout: Layout, stamp: TimeAt | None, values: list[list[NumberAt]]) -> None:
+        self._checks = [(start, start + len(want), want.tobytes()) for start, want in layout.checks]
+        self._stamped, self._sizes = stamp is not None, [len(each) for each in values]
+        found = [] if stamp is None else [stamp.seconds, stamp.nanoseconds]
+        found += [number for each in values for number in each]
+        self._numbers = np.dtype({
+            "names": [f"f{k}" for k in range(len(found))],
+            "formats": [number.dtype for number in found],
+            "offsets": [number.offset for number in found],
+        })  # fmt: skip
 
     def fits(self, message: bytes) -> bool:
-        return all(message[start:stop] == want for start, stop, want in self.checks)
+        return all(message[start:stop] == want for start, stop, want in self._checks)
 
     def read(self, message: bytes) -> RosReading:
-        stamp = None
-        if self.stamp is not None:
-            seconds, at, nanoseconds, after = self.stamp
-            whole: int = seconds.unpack_from(message, at)[0]
-            rest: int = nanoseconds.unpack_from(message, after)[0]
-            stamp = whole * NANO + rest or None
-        found = [
-            [float(form.unpack_from(message, at)[0]) for form, at in each] for each in self.numbers
-        ]
+        numbers = iter(np.frombuffer(message, self._numbers, 1).item())
+        stamp = next(numbers) * NANO + next(numbers) if self._stamped else 0
+        found = [[float(next(numbers)) for _ in range(size)] for size in self._sizes]
         values: tuple[Any, ...] = tuple(e[0] if len(e) == 1 else tuple(e) for e in found)
-        return RosReading(stamp, values)
+        return RosReading(stamp or None, values)
 
 
 class MessageReader:
@@ -172,7 +173,7 @@ class MessageReader:
                 return places.read(message)
         if len(message) > LONGEST:
             raise InvalidParameterError(f"a message of {len(message)} bytes")
-        places = self._places(message, self._walk(message))
+        places = self._places(self._walk(message))
         if self._kept >= _MOST_LAYOUTS:
             self._known.clear()
             self._kept = 0
@@ -180,21 +181,11 @@ class MessageReader:
         self._kept += 1
         return places.read(message)
 
-    def _places(self, message: bytes, layout: Layout) -> _Places:
+    def _places(self, layout: Layout) -> _Places:
         leaves = layout.entities[0].leaves
-        checks = []
-        for start, want in layout.checks:
-            checks.append((start, start + len(want), want.tobytes()))
         stamp = leaves.get(_STAMP)
-        return _Places(
-            tuple(checks),
-            (*_form(stamp.seconds), *_form(stamp.nanoseconds))
-            if isinstance(stamp, TimeAt)
-            else None,
-            tuple(
-                tuple(_form(leaf) for leaf in self._leaves(leaves, path)) for path in self._paths
-            ),
-        )
+        values: list[Any] = [self._leaves(leaves, path) for path in self._paths]
+        return _Places(layout, stamp if isinstance(stamp, TimeAt) else None, values)
 
     def _leaves(self, leaves: dict[str, MessageNumber], path: str) -> list[MessageNumber]:
         if path in leaves:
@@ -234,17 +225,6 @@ def _walk_of(topic: str, type_name: str) -> tuple[Group, Callable[[bytes], Layou
             f"topic {topic} is of the type {type_name}, which ROS itself does not define"
         ) from None
     return fields, lambda message: walk_cdr(message, fields)
-
-
-def _form(leaf: MessageNumber) -> tuple[struct.Struct, int]:
-    assert isinstance(leaf, NumberAt)  # the others are protobuf's
-    order = "<" if leaf.dtype[0] not in "<>" else leaf.dtype[0]
-    kind = {"f4": "f", "f8": "d", "b1": "B"}.get(leaf.dtype.lstrip("<>"))
-    if kind is None:
-        sign, size = leaf.dtype.lstrip("<>")[0], leaf.dtype[-1]
-        kind = {"1": "b", "2": "h", "4": "i", "8": "q"}[size]
-        kind = kind.upper() if sign == "u" else kind
-    return struct.Struct(order + kind), leaf.offset
 
 
 # Topics of ROS, on whatever wire they come: from their messages to positions with forces.

@@ -112,7 +112,7 @@ def opened(address: WireAddress) -> "zenoh.Session":
 
 
 def _endpoints(address: WireAddress, name: str, default: str) -> list[str]:
-    given = address.text(name, default)
+    given = address.options.get(name, default)
     endpoints = given.split(",") if given else []
     for endpoint in endpoints:
         if "/" not in endpoint:

@@ -87,10 +87,11 @@ def _of_json(data: bytes, vectors: bool) -> Packet:
     number = given.get("number")
     if number is not None and (type(number) is not int or not 0 <= number < 1 << 64):
         raise PacketError("a number that is no whole number of 64 bits")
-    time = _number(given, "time")
-    return Packet(
-        number, _stamp(time), _value(given, "position", vectors), _value(given, "force", vectors)
-    )
+    for name in ("time", "position", "force"):
+        if name not in given:
+            raise PacketError(f"JSON without {name}")
+    position, force = (_value(given[name], name, vectors) for name in ("position", "force"))
+    return Packet(number, _stamp(_float(given["time"], "time")), position, force)
 
 
 def _stamp(time: float) -> int:
@@ -99,18 +100,11 @@ def _stamp(time: float) -> int:
     return round(time * 1e9)
 
 
-def _number(given: dict[str, Any], name: str) -> float:
-    if name not in given:
-        raise PacketError(f"JSON without {name}")
-    return _float(given[name], name)
-
-
-def _value(given: dict[str, Any], name: str, vectors: bool) -> Value:
-    value = given.get(name)
+def _value(value: Any, name: str, vectors: bool) -> Value:
     if isinstance(value, list) is not vectors and value is not None:
         raise _other_kind(vectors)
     if not isinstance(value, list):
-        return _number(given, name)
+        return _float(value, name)
     if len(value) != 3:
         raise PacketError(f"a {name} of {len(value)} numbers, not 3")
     x, y, z = (_float(each, name) for each in value)
@@ -129,9 +123,9 @@ def _float(value: Any, name: str) -> float:
 
 
 def _other_kind(vectors: bool) -> PacketError:
-    if vectors:
-        return PacketError("position and force are numbers, where a direction asks for vectors")
-    return PacketError("position and force are vectors: say --direction, such as 0,0,-1")
+    numbers = "numbers, where a direction asks for vectors"
+    other = numbers if vectors else "vectors: say --direction, such as 0,0,-1"
+    return PacketError(f"position and force are {other}")
 
 
 class Endpoint:
@@ -215,7 +209,7 @@ class ZeroMQ(Endpoint):
 
     def __init__(self, address: WireAddress, options: SourceOptions) -> None:
         self._pull = address.one_of("socket", ("sub", "pull")) == "pull"
-        self._topic = address.text("topic", "")
+        self._topic = address.options.get("topic", "")
         if self._pull and self._topic:
             raise InvalidParameterError("zmq: topic is for socket=sub; a PULL socket takes all")
         super().__init__(address, "tcp://127.0.0.1:5555 or ipc:///tmp/robot", binds=False)
