@@ -225,13 +225,8 @@ class DDS(RosTopics):
 
     def _meet(self, index: int, found: "DcpsEndpoint") -> None:
         type_name = ros.ros2_type(found.type_name)
-        topic = self.topics[index]
-        if index in self._readers:
-            if type_name != topic.type_name:
-                self.refuse(f"{topic.name}: a publisher of the type {type_name} is not followed")
-            return
-        self.accept(index, type_name)
-        self._readers[index] = self._reader(topic.name, type_name, found.qos)
+        if self.accept(index, type_name) and index not in self._readers:
+            self._readers[index] = self._reader(self.names[index], type_name, found.qos)
 
     def _reader(self, name: str, type_name: str, offered: Any) -> "DataReader[Any]":
         from cyclonedds.core import Policy, Qos

@@ -4,7 +4,7 @@ import multiprocessing
 import time
 from collections import deque
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from typing import Any
 
@@ -40,7 +40,7 @@ class Setup:
     def bench(self) -> tuple[OngoingBench, str, str]:
         """Return the bench, its probe's name, and what is to be said of it."""
         sensors = Sensors(sample_time=self.sample_time)
-        material, motion = MATERIALS[self.material], TRAJECTORIES[self.motion]
+        material, motion, words = MATERIALS[self.material], TRAJECTORIES[self.motion], ""
         if self.probe != "ideal":
             from palpate.lab import TwinPantograph
 
@@ -49,8 +49,6 @@ class Setup:
                 return OngoingBench(bench, self.seed), "twin pantograph", ""
             except MissingExtraError as error:
                 words = f"an ideal probe in place of the twin pantograph: {error}"
-        else:
-            words = ""
         bench = Bench(material, motion, IdealProbe(), sensors)
         return OngoingBench(bench, self.seed), "ideal probe", words
 
@@ -61,7 +59,7 @@ class Word:
 
     sentence: str
     probe: str
-    chosen: dict[str, str] = field(default_factory=dict)
+    chosen: dict[str, str]
 
 
 def press(setup: Setup, ring: Address, connection: Connection) -> None:
@@ -70,23 +68,15 @@ def press(setup: Setup, ring: Address, connection: Connection) -> None:
     give_way(gently=False)
     writer = Writer(made=ring)
     with suppress(BrokenPipeError, ConnectionResetError, EOFError):
-        bench, probe, words = setup.bench()
-        connection.send(Word(words, probe))
-        _Pressing(setup, bench, probe, writer, connection).run()
+        _Pressing(setup, writer, connection).run()
     writer.close()
 
 
 class _Pressing:
-    def __init__(
-        self,
-        setup: Setup,
-        bench: OngoingBench,
-        probe: str,
-        writer: Writer,
-        connection: Connection,
-    ) -> None:
-        self._setup, self._bench, self._probe = setup, bench, probe
-        self._writer, self._connection = writer, connection
+    def __init__(self, setup: Setup, writer: Writer, connection: Connection) -> None:
+        self._setup, self._writer, self._connection = setup, writer, connection
+        self._bench, self._probe, words = setup.bench()
+        self._say(words)
         self._began = time.monotonic() + _BLOCK  # all the rest of the lead is gained in a moment
         self._block = max(round(_BLOCK / setup.sample_time), 1)
 
@@ -106,8 +96,8 @@ class _Pressing:
         try:
             rows = self._bench.advance(self._block)
         except InvalidParameterError as error:
-            chosen = {"material": self._setup.material, "motion": self._setup.motion}
-            self._say(f"{error}; the first material is back", chosen)
+            first = {"material": self._setup.material, "motion": self._setup.motion}
+            self._say(f"{error}; the first material is back", **first)
             return
         dues = rows[:, 0] + self._began
         now = time.monotonic()
@@ -118,13 +108,11 @@ class _Pressing:
         name, value = self._connection.recv()
         if name == "motion":
             self._bench.move(TRAJECTORIES[value])
-        elif name == "change":
-            self._bench.change(MATERIALS[value])
         else:
-            self._bench.place(MATERIALS[value])
+            (self._bench.change if name == "change" else self._bench.place)(MATERIALS[value])
 
-    def _say(self, sentence: str, chosen: dict[str, str] | None = None) -> None:
-        self._connection.send(Word(sentence, self._probe, chosen or {}))
+    def _say(self, sentence: str, **chosen: str) -> None:
+        self._connection.send(Word(sentence, self._probe, chosen))
 
 
 # The laboratory at its own pace, in a process of its own: MuJoCo never holds the loop.
@@ -233,10 +221,8 @@ class Laboratory:
         theirs.close()
         if not self._connection.poll(_STARTING):
             raise RecordingError("the laboratory did not begin within a minute")
-        with suppress(EOFError, OSError):
-            self._hear(self._connection.recv())
-            return
-        raise RecordingError("the laboratory's process ended before it began")
+        if not self._listen():
+            raise RecordingError("the laboratory's process ended before it began")
 
     def take(self, timeout: float) -> Arrival | None:
         """Wait until the next sample is due, and return it."""
@@ -266,8 +252,7 @@ class Laboratory:
             raise InvalidParameterError(
                 f"the laboratory can be asked for {', '.join(ASKED)}, not {shown(options)}"
             )
-        words = [self._asked(name, value) for name, value in options.items()]
-        return "; ".join(words)
+        return "; ".join(self._asked(name, value) for name, value in options.items())
 
     def _asked(self, name: str, value: Any) -> str:
         kind = "motion" if name == "motion" else "material"
@@ -289,16 +274,16 @@ class Laboratory:
         said, self._said = self._said, []
         return said
 
-    def _listen(self) -> None:
+    def _listen(self) -> bool:
+        """Take the words that wait; whether the process is there to say more."""
         with suppress(EOFError, OSError):
             while self._connection.poll():
-                self._hear(self._connection.recv())
-
-    def _hear(self, word: Word) -> None:
-        if word.sentence:
-            self._said.append(word.sentence)
-        self._probe = word.probe
-        self._chosen |= word.chosen
+                word = self._connection.recv()
+                self._said += [word.sentence] if word.sentence else []
+                self._probe = word.probe
+                self._chosen |= word.chosen
+            return True
+        return False
 
     def close(self) -> None:
         """End the process; the memory is given back."""

@@ -21,7 +21,7 @@ from palpate._core import Status
 from palpate.errors import InvalidParameterError, PalpateError
 from palpate.estimators import ContactEstimator, ViscoelasticContact
 from palpate.estimators.law_verdicts import Candidate
-from palpate.live.choices import LiveCommand, LoopCounts, State, chosen, main_settings, summed
+from palpate.live.choices import LiveCommand, LoopCounts, State, chosen, main_settings
 from palpate.live.ring import MOST_PARAMETERS, Writer
 from palpate.live.sources import Arrival, EndOfSourceError, Source, Value
 from palpate.preparation import OnlinePreparation
@@ -171,28 +171,6 @@ _SAID_EVERY = 1.0  # s
 
 
 @dataclass(slots=True)
-class ClockFaults:
-    """What was wrong with the samples' times.
-
-    Attributes
-    ----------
-    repeated : int
-        Samples of the same time as the one before; refused.
-    disordered : int
-        Samples that are earlier than the one before, by less than a window; refused.
-    jumps : int
-        How often the source's clock was set: back, or further ahead than time went.
-    gaps : int
-        How often samples were missing for longer than a window.
-    """
-
-    repeated: int = 0
-    disordered: int = 0
-    jumps: int = 0
-    gaps: int = 0
-
-
-@dataclass(slots=True)
 class Watchdog:
     """Compares the source's clock with this machine's, a sample at a time.
 
@@ -200,13 +178,15 @@ class Watchdog:
     ----------
     longest_gap : float
         s; a longer time between samples begins a new window.
+    counts : LoopCounts
+        Where it counts what is wrong.
     pace : float
         How fast the source's clock goes: that of a recording may be replayed faster.
     """
 
     longest_gap: float
-    pace: float = 1.0
-    faults: ClockFaults = field(default_factory=ClockFaults)
+    counts: LoopCounts
+    pace: float
     #: In words, what was wrong last.
     words: str = ""
     _time: float = math.nan
@@ -214,16 +194,6 @@ class Watchdog:
     _unprepared: int = 0
     _shown_until: float = -math.inf
     _said: dict[str, float] = field(default_factory=dict)
-
-    @classmethod
-    def of(cls, preparation: OnlinePreparation, pace: float = 1.0) -> "Watchdog":
-        """Return one that knows how long the windows are."""
-        settings = preparation.settings
-        gap = settings["longest_gap"]
-        if gap is None:
-            step = settings["sample_time"]
-            gap = step * window_samples(step, settings["velocity_window"])
-        return cls(gap, pace)
 
     def see(self, arrival: Arrival) -> str:
         """Return what is wrong with a sample's time, in words; or nothing."""
@@ -234,27 +204,27 @@ class Watchdog:
         return self._judge(arrival, step, elapsed * self.pace)
 
     def _judge(self, arrival: Arrival, step: float, elapsed: float) -> str:
-        faults = self.faults
+        counts = self.counts
         if not math.isfinite(arrival.time):
             return "a sample has no time"
         if step == 0.0:
-            faults.repeated += 1
+            counts.repeated += 1
             return "samples come repeatedly: they are refused"
         if -self.longest_gap <= step < 0.0:
-            faults.disordered += 1
+            counts.disordered += 1
             return "samples come out of order: the late ones are refused"
         self._time, self._there = arrival.time, arrival.there
         if step < 0.0:
-            faults.jumps += 1
+            counts.jumps += 1
             return f"the source's clock went back by {-step:.3g} s"
         if step > 2.0 * elapsed + self.longest_gap:
-            faults.jumps += 1
+            counts.jumps += 1
             return f"the source's clock went ahead by {step:.3g} s in {elapsed:.3g} s"
         # Of the first sample of all the step is not a number.
-        faults.gaps += not math.isnan(step)
+        counts.gaps += not math.isnan(step)
         return ""
 
-    def starving(self, arrival: Arrival, *, prepared: bool) -> bool:
+    def starving(self, *, prepared: bool) -> bool:
         """Whether samples come, but too seldom for any to be prepared."""
         self._unprepared = 0 if prepared else self._unprepared + 1
         return self._unprepared > STARVED
@@ -263,73 +233,17 @@ class Watchdog:
         """Note a fault, which is shown for a while; whether it is to be said, not too often."""
         self.words, self._shown_until = words, there + FAULT_SHOWN_FOR
         kind = words.partition(" by ")[0]
-        said = there - self._said.get(kind, -math.inf) < _SAID_EVERY
-        if not said:
-            self._said[kind] = there
-        return not said
+        if there - self._said.get(kind, -math.inf) < _SAID_EVERY:
+            return False
+        self._said[kind] = there
+        return True
 
     def shows(self, there: float) -> bool:
         """Whether the last fault is still to be seen."""
         return there < self._shown_until
 
 
-# What a loop says of itself, beside the samples: for its board, and at its end.
-
 _USUAL = OnlinePreparation().settings
-
-
-def status_of(loop: "Loop") -> dict[str, Any]:
-    """Return it as plain numbers and words, as JSON takes them."""
-    law, counts = loop.estimator.law_type, loop.source.counts
-    return {
-        "source": loop.source.name,
-        "sample_time": loop.source.sample_time,
-        "delay": loop.preparation.delay,
-        "tare": defined(loop.preparation.tare),
-        "preparation": _in_words(loop.preparation),
-        "method": loop.estimator.method,
-        "settings": main_settings(loop.estimator),
-        "generation": loop.generation,
-        "law": {
-            "kind": law.kind,
-            "names": law.names(),
-            "symbols": law.symbols,
-            "units": law.units,
-            # Places of those that are shown: some law on offer has them as its own.
-            "shown": loop.laws.shown,
-            "remembers": loop.laws.remembers,
-        },
-        "verdict": loop.laws.page(loop.estimator),
-        "flags": loop.estimator.estimate().flags,
-        "needs_condition_10": loop.estimator.needs_condition_10,
-        "state": loop.state.name.lower(),
-        "held": loop.held,
-        # What is wrong now; one that is past was said.
-        "fault": loop.watchdog.words if loop.state is State.INVALID else "",
-        # What a person may choose of the source itself: {"material": [...], ...}.
-        "offers": getattr(loop.source, "offers", {}),
-        "chosen": getattr(loop.source, "chosen", {}),
-        "origin": getattr(loop.source, "origin", 0),
-        "record": loop.record,
-        "counts": summed(
-            {"late": loop.lateness.over},
-            asdict(loop.counts),
-            asdict(loop.watchdog.faults),
-            asdict(counts),
-        ),
-        "cycle": loop.cycle.as_dict(),
-        "lateness": loop.lateness.as_dict(),
-        "said": loop.said,
-    }
-
-
-def _in_words(preparation: OnlinePreparation) -> str:
-    """The settings that are not the usual ones."""
-    usual = {name: repr(value) for name, value in _USUAL.items()}
-    given = {name: repr(value) for name, value in preparation.settings.items()}
-    return ", ".join(f"{name}={value}" for name, value in given.items() if value != usual[name])
-
-
 IN_TIME = 1e-3  # s: a cycle is in time when it is done so long after its sample was there
 SHOWN_FOR = 1.0  # s: how long a change is a state
 SILENT = 20  # sample times without a sample, but at least SILENT_TIME, are a silence
@@ -390,13 +304,14 @@ class Loop:
     _direction: tuple[float, ...] = (0.0, 0.0, 0.0)
 
     def __post_init__(self) -> None:
-        given = self.preparation.settings["direction"]
-        if given is not None:
-            size = math.hypot(*given)
-            self._direction = tuple(float(each) / size for each in given)
-        self._check_size(self.estimator)
-        self.laws = LawsInForce.of(self.estimator)
-        self.watchdog = Watchdog.of(self.preparation, getattr(self.source, "pace", 1.0))
+        settings = self.preparation.settings
+        if (given := settings["direction"]) is not None:
+            self._direction = tuple(float(each) / math.hypot(*given) for each in given)
+        if (gap := settings["longest_gap"]) is None:
+            step = settings["sample_time"]
+            gap = step * window_samples(step, settings["velocity_window"])
+        self.watchdog = Watchdog(gap, self.counts, getattr(self.source, "pace", 1.0))
+        self._begin(self.estimator)
 
     def run(self) -> None:
         """Go on until the source ends, or somebody says stop.
@@ -508,9 +423,11 @@ class Loop:
         counts = self.counts
         preparing = self.preparation.status
         refused = status in _REFUSED or preparing in _REFUSED
-        starving = self.watchdog.starving(arrival, prepared=sampled or self._taring)
+        starving = self.watchdog.starving(prepared=sampled or self._taring)
         if refused or fault or starving:
-            self._complain(fault or ("" if refused else _STARVING), arrival)
+            words = fault or (_NO_NUMBER if refused else _STARVING)
+            if self.watchdog.fault(words, arrival.there):
+                self.say(words)
         if status in TAKEN:
             counts.learned += 1
         if status is Status.RESTARTED:
@@ -527,10 +444,6 @@ class Loop:
             self.state = State.CHANGED
         elif sampled:
             self.state = State.CONTACT if status in TAKEN else State.FREE
-
-    def _complain(self, words: str, arrival: Arrival) -> None:
-        if self.watchdog.fault(words or _NO_NUMBER, arrival.there):
-            self.say(self.watchdog.words)
 
     @property
     def _taring(self) -> bool:
@@ -592,21 +505,59 @@ class Loop:
             self.every_sample = self.every_sample or on
             self.record = {"wish": wish, "on": on, "path": path, "since": since}
 
-    def _check_size(self, estimator: ContactEstimator) -> None:
+    def _begin(self, estimator: ContactEstimator) -> None:
         if len(estimator.law_type.symbols) > MOST_PARAMETERS:
             raise InvalidParameterError(
                 f"{estimator.method} has a law of more than {MOST_PARAMETERS} parameters: the loop "
                 "has no room for it"
             )
+        self.estimator, self.laws = estimator, LawsInForce.of(estimator)
 
     def _exchange(self, estimator: ContactEstimator, words: str) -> None:
-        self._check_size(estimator)
-        self.estimator = estimator
-        self.laws = LawsInForce.of(estimator)
+        self._begin(estimator)
         self.generation += 1
         self._changed = -math.inf
         self.say(words)
 
     def status(self) -> dict[str, Any]:
-        """What is to be known beside the samples, as plain numbers and words."""
-        return status_of(self)
+        """What is to be known beside the samples, in numbers and words, as JSON takes it."""
+        source, estimator, law = self.source, self.estimator, self.estimator.law_type
+        settings = self.preparation.settings
+        unusual = [name for name in settings if repr(settings[name]) != repr(_USUAL[name])]
+        came, own = asdict(source.counts), {"late": self.lateness.over, **asdict(self.counts)}
+        return {
+            "source": source.name,
+            "sample_time": source.sample_time,
+            "delay": self.preparation.delay,
+            "tare": defined(self.preparation.tare),
+            "preparation": ", ".join(f"{name}={settings[name]!r}" for name in unusual),
+            "method": estimator.method,
+            "settings": main_settings(estimator),
+            "generation": self.generation,
+            "law": {
+                "kind": law.kind,
+                "names": law.names(),
+                "symbols": law.symbols,
+                "units": law.units,
+                # Places of those that are shown: some law on offer has them as its own.
+                "shown": self.laws.shown,
+                "remembers": self.laws.remembers,
+            },
+            "verdict": self.laws.page(estimator),
+            "flags": estimator.estimate().flags,
+            "needs_condition_10": estimator.needs_condition_10,
+            "state": self.state.name.lower(),
+            "held": self.held,
+            # What is wrong now; one that is past was said.
+            "fault": self.watchdog.words if self.state is State.INVALID else "",
+            # What a person may choose of the source itself: {"material": [...], ...}.
+            "offers": getattr(source, "offers", {}),
+            "chosen": getattr(source, "chosen", {}),
+            "origin": getattr(source, "origin", 0),
+            "record": self.record,
+            # What both the source and the loop count is added.
+            "counts": came | own | {name: came[name] + own[name] for name in came.keys() & own},
+            "cycle": self.cycle.as_dict(),
+            "lateness": self.lateness.as_dict(),
+            "said": self.said,
+        }

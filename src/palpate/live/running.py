@@ -7,7 +7,7 @@ import time
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, closing, contextmanager, suppress
 from dataclasses import replace
-from multiprocessing.connection import Connection
+from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
 from typing import Any
 
@@ -184,12 +184,13 @@ def _started(
             processes.append(process)
             connections[sink.name] = ours
         until = time.monotonic() + _IMPORTING
-        for connection in connections.values():
-            while not loop.stopped and time.monotonic() < until:
-                if connection.poll(_LOOKED_EVERY):
-                    with suppress(EOFError):  # it has ended: the loop says so
-                        connection.recv()
-                    break
+        waiting = list(connections.values())
+        while waiting and not loop.stopped and time.monotonic() < until:
+            ready: list[Any] = wait(waiting, _LOOKED_EVERY)
+            for connection in ready:
+                with suppress(EOFError):  # it has ended: the loop says so
+                    connection.recv()
+                waiting.remove(connection)
         yield connections
     finally:
         board.write({"stopped": True, **loop.status()})
@@ -223,29 +224,27 @@ class _Interruption:
     def stops(self, loop: Loop) -> None:
         """Say which loop it is."""
         self._loop = loop
-        if self._came:
-            loop.stopped = True
+        loop.stopped = self._came
 
 
 @contextmanager
 def _interruptible() -> Iterator[_Interruption]:
     """Ctrl-C, or a request to terminate, stops the loop in order; a second one as ever."""
-    interruption = _Interruption()
-    if threading.current_thread() is not threading.main_thread():
-        yield interruption
-        return
-    asked = (signal.SIGINT, signal.SIGTERM)
-    before = {number: signal.getsignal(number) or signal.SIG_DFL for number in asked}
+    interruption, before = _Interruption(), dict[signal.Signals, Any]()
+
+    def restore() -> None:
+        for number, handler in before.items():
+            signal.signal(number, handler)
 
     def stop(*_: Any) -> None:
         interruption.come()
-        for number in asked:
-            signal.signal(number, before[number])
+        restore()
 
     try:
-        for number in asked:
-            signal.signal(number, stop)
+        if threading.current_thread() is threading.main_thread():
+            for number in (signal.SIGINT, signal.SIGTERM):
+                before[number] = signal.getsignal(number) or signal.SIG_DFL
+                signal.signal(number, stop)
         yield interruption
     finally:
-        for number in asked:
-            signal.signal(number, before[number])
+        restore()

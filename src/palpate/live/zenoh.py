@@ -220,11 +220,8 @@ class Zenoh(RosTopics):
 
     def _receive(self, came: _Came, *, waited: bool) -> None:
         topic = self.topics[came.topic]
-        type_name = ros.ros2_type(came.key.split("/")[-2])
-        if topic.type_name and type_name != topic.type_name:
-            self.refuse(f"{topic.name}: a publisher of the type {type_name} is not followed")
+        if not self.accept(came.topic, ros.ros2_type(came.key.split("/")[-2])):
             return
-        self.accept(came.topic, type_name)
         if came.payload is None:
             self.refuse(f"{topic.name}: a message of {came.length} bytes")
             return

@@ -143,10 +143,7 @@ class History:
         wanted = math.ceil(1.2 * SHOWN / max(sample_time, 1e-6))
         self._most = min(max(wanted, _LEAST_KEPT), _MOST_KEPT)
         self._rows = np.empty((2 * self._most, len(COLUMNS)))
-        self._times = np.empty(2 * self._most)
-        self._values = np.empty((len(CHANNELS), 2 * self._most), dtype="<f4")
-        self._end = 0
-        self.total = self.begins = 0
+        self._end = self.total = self.begins = 0
         self._law: type[ForceLaw] | None = None
         self._generations: list[float] = []
         self._depth = math.nan
@@ -157,11 +154,11 @@ class History:
         return max(self.total - min(self._end, self._most), self.begins)
 
     def rows(self) -> Floats:
-        """What is kept, as the loop wrote it."""
+        """What is kept, as the loop wrote it, with times that never go back."""
         return self._rows[self._end - (self.total - self.oldest) : self._end]
 
     def show(self, law: type[ForceLaw] | None, depth: float, generation: float) -> bool:
-        """Work out stiffness and damping by another law or at another depth; whether it did.
+        """Show stiffness and damping by another law or at another depth; whether it is another.
 
         Parameters
         ----------
@@ -180,18 +177,7 @@ class History:
             self._generations.clear()
         self._generations = [*self._generations[-_MOST_GENERATIONS:], generation]
         self._law, self._depth = law, depth
-        start = self._end - (self.total - self.oldest)
-        self._values[:, start : self._end] = self._worked_out(self.rows())
         return True
-
-    def _worked_out(self, rows: Floats) -> NDArray[np.float32]:
-        """Of rows that an estimator of another law wrote only what needs no law."""
-        found = channels_of(rows, self._law, self._depth)
-        wrote = column(rows, "method")
-        void = ~np.isin(wrote, self._generations)
-        void[1:] |= wrote[1:] != wrote[:-1]  # no line leads from one to the next
-        found[4:-3, void] = np.nan
-        return found
 
     def add(self, rows: Floats, delay: float) -> None:
         """Take rows of the ring; times that go back by more than a second void what was before.
@@ -210,7 +196,7 @@ class History:
         times = column(rows, "time").copy()
         missing = ~np.isfinite(times)
         times[missing] = column(rows, "arrived")[missing] - delay
-        before = self._times[self._end - 1] if self._end else -math.inf
+        before = self._rows[self._end - 1, _AT["time"]] if self._end else -math.inf
         times[~np.isfinite(times)] = -math.inf  # then that of the row before
         steps = np.diff(times, prepend=before)
         back = np.flatnonzero((steps < -_BACKWARD) & np.isfinite(times))
@@ -221,19 +207,12 @@ class History:
         times = np.maximum.accumulate(np.concatenate([[before], times]))[1:]
         if not np.isfinite(times[0]):  # of a start without any time
             times[~np.isfinite(times)] = 0.0
-        self._append(rows, times)
-
-    def _append(self, rows: Floats, times: Floats) -> None:
-        if self._end + len(rows) > len(self._times):
-            kept = slice(self._end - self._most, self._end)
-            self._rows[: self._most] = self._rows[kept]
-            self._times[: self._most] = self._times[kept]
-            self._values[:, : self._most] = self._values[:, kept]
+        if self._end + len(rows) > len(self._rows):
+            self._rows[: self._most] = self._rows[self._end - self._most : self._end]
             self._end = self._most
-        new = slice(self._end, self._end + len(rows))
-        self._rows[new], self._times[new] = rows, times
-        self._values[:, new] = self._worked_out(rows)
-        self._end = new.stop
+        new = self._rows[self._end : self._end + len(rows)]
+        new[:], new[:, _AT["time"]] = rows, times
+        self._end += len(rows)
 
     def frame(self, first: int, until: int, *, every: int, dropped: int, void: bool) -> bytes:
         """Rows first to until, without the last, as one binary message.
@@ -243,10 +222,14 @@ class History:
         """
         offset = self._end - self.total
         first = first + (-first) % every
-        part = slice(offset + first, offset + until, every)
-        times = self._times[part]
-        head = HEADER.pack(every, len(times), first, dropped, void)
-        return head + times.tobytes() + self._values[:, part].tobytes()
+        rows = self._rows[offset + first : offset + until : every]
+        found, wrote = channels_of(rows, self._law, self._depth), column(rows, "method")
+        # Of rows that an estimator of another law wrote there is only what needs no law.
+        void_rows = ~np.isin(wrote, self._generations)
+        void_rows[1:] |= wrote[1:] != wrote[:-1]  # no line leads from one to the next
+        found[4:-3, void_rows] = np.nan
+        head = HEADER.pack(every, len(rows), first, dropped, void)
+        return head + column(rows, "time").tobytes() + found.tobytes()
 
 
 # What the page knows of a run: the rows of the ring, the boards, and what follows from them.
