@@ -2,7 +2,6 @@
 
 import os
 import time
-from collections.abc import Sequence
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
@@ -331,18 +330,10 @@ class DDSWire(RosWire):
             topic: Any = Topic(member, f"rt{name}", kind)
             self._writers.append((DataWriter(member, topic, qos=qos), kind))
 
-    def send(self, names: tuple[str, ...], values: Sequence[Sequence[float]]) -> int:
-        """Send estimates; return how many no reader took in time."""
-        return sum(not self._write(0, each) for each in self.estimates(names, values))
-
-    def tell(self, state: str, source: str, stamp: int, values: dict[str, str | float]) -> None:
-        """Send what is said in words."""
-        self._write(1, self.encoder.status(state, source, stamp, values))
-
-    def _write(self, index: int, data: bytes) -> bool:
+    def _put(self, topic: int, data: bytes) -> bool:
         from cyclonedds.core import DDSException
 
-        writer, kind = self._writers[index]
+        writer, kind = self._writers[topic]
         try:
             writer.write(kind.of(data))
         except DDSException:

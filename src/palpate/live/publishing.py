@@ -399,9 +399,17 @@ class RosWire:
         """Names and types of the topics."""
         return [(f"{self._prefix}/{end}", kind) for end, kind in TOPICS]
 
-    def estimates(self, names: tuple[str, ...], values: Sequence[Sequence[float]]) -> list[bytes]:
-        """Return messages of estimates."""
-        return [self.encoder.estimate(names, each) for each in values]
+    def send(self, names: tuple[str, ...], values: Sequence[Sequence[float]]) -> int:
+        """Send estimates; return how many nobody took in time."""
+        return sum(not self._put(0, self.encoder.estimate(names, each)) for each in values)
+
+    def tell(self, state: str, source: str, stamp: int, values: dict[str, str | float]) -> None:
+        """Send what is said in words."""
+        self._put(1, self.encoder.status(state, source, stamp, values))
+
+    def _put(self, topic: int, data: bytes) -> bool:
+        """Send a message; whether it was taken."""
+        raise NotImplementedError
 
 
 # From the options of the command line to sinks.

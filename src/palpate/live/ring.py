@@ -62,58 +62,44 @@ class Taken(NamedTuple):
     dropped: int
 
 
-class Writer:
-    """The loop's end; it owns the memory, unless another process made it.
+class _Shared:
+    """Memory that one process makes and gives back, and others find by its name.
 
-    Parameters
-    ----------
-    capacity, width : int
-        Rows that it holds, and numbers in each.
-    made : Address, optional
-        Of a ring that another process made, and gives back; nobody else may write it.
+    It begins with 64-bit numbers, which are stored and read whole: ``struct.pack_into`` clears the
+    bytes before it writes them, and another process would see zeros.
     """
 
-    def __init__(
-        self, capacity: int = CAPACITY, width: int = len(SAMPLE), *, made: "Address | None" = None
-    ) -> None:
-        self._own = made is None
-        self._row = struct.Struct(f"@{width if made is None else made.width}d")
+    def __init__(self, size: int, name: str | None = None) -> None:
+        self._own = name is None
         self._memory = (
-            shared_memory.SharedMemory(create=True, size=_HEADER + capacity * self._row.size)
-            if made is None
-            else attached(made.name)
+            shared_memory.SharedMemory(create=True, size=size) if name is None else _attached(name)
         )
         assert self._memory.buf is not None  # it is open
         self._buffer: memoryview = self._memory.buf
-        self._capacity, self._count = capacity if made is None else made.capacity, 0
-        self._written = whole_numbers(self._buffer, 1)
-        self._written[0] = 0
+        self._header = self._buffer[:16].cast("q")
 
     @property
-    def address(self) -> "Address":
-        """How a reader in another process finds it."""
-        return Address(self._memory.name, self._capacity, self._row.size // 8)
-
-    @property
-    def count(self) -> int:
-        """Rows written so far."""
-        return self._count
-
-    def write(self, *row: float) -> None:
-        """Write one row, such as of :data:`SAMPLE`."""
-        at = _HEADER + (self._count % self._capacity) * self._row.size
-        self._row.pack_into(self._buffer, at, *row)
-        self._count += 1
-        # The row first, then the count: on x86 and, by the interpreter's own locks, elsewhere too.
-        self._written[0] = self._count
+    def name(self) -> str:
+        """By which another process finds it."""
+        return self._memory.name
 
     def close(self) -> None:
-        """Give the memory back, whether every reader has gone or not."""
-        self._written.release()
+        """Let go of the memory; who made it gives it back, whether every reader has gone or not."""
+        self._header.release()
         self._buffer.release()
         self._memory.close()
         if self._own:
             self._memory.unlink()
+
+
+def _attached(name: str) -> shared_memory.SharedMemory:
+    # Python before 3.13 gives it back when the first reader ends, unless it is not told of it.
+    register = resource_tracker.register
+    resource_tracker.register = lambda *_: None
+    try:
+        return shared_memory.SharedMemory(name=name)
+    finally:
+        resource_tracker.register = register
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,42 +111,49 @@ class Address:
     width: int
 
 
-def whole_numbers(buffer: memoryview, count: int) -> "memoryview[int]":
-    """The first 64-bit numbers of shared memory, which are stored and read whole.
+class Writer(_Shared):
+    """The loop's end; it owns the memory, unless another process made it.
 
-    ``struct.pack_into`` clears the bytes before it writes them: another process would see zeros.
+    Parameters
+    ----------
+    capacity, width : int
+        Rows that it holds, and numbers in each.
+    made : Address, optional
+        Of a ring that another process made, and gives back; nobody else may write it.
     """
-    return buffer[: 8 * count].cast("q")
+
+    def __init__(
+        self, capacity: int = CAPACITY, width: int = len(SAMPLE), *, made: Address | None = None
+    ) -> None:
+        super().__init__(_HEADER + 8 * capacity * width, None if made is None else made.name)
+        self.address = made or Address(self.name, capacity, width)
+        self._row, self._capacity = struct.Struct(f"@{self.address.width}d"), self.address.capacity
+        #: Rows written so far.
+        self.count = 0
+
+    def write(self, *row: float) -> None:
+        """Write one row, such as of :data:`SAMPLE`."""
+        at = _HEADER + (self.count % self._capacity) * self._row.size
+        self._row.pack_into(self._buffer, at, *row)
+        self.count += 1
+        # The row first, then the count: on x86 and, by the interpreter's own locks, elsewhere too.
+        self._header[0] = self.count
 
 
-def attached(name: str) -> shared_memory.SharedMemory:
-    """Shared memory that another process made, and will give back."""
-    # Python before 3.13 gives it back when the first reader ends, unless it is not told of it.
-    register = resource_tracker.register
-    resource_tracker.register = lambda *_: None
-    try:
-        return shared_memory.SharedMemory(name=name)
-    finally:
-        resource_tracker.register = register
-
-
-class Reader:
+class Reader(_Shared):
     """One reader's end; it begins with the first row of all, and counts those that are gone."""
 
     def __init__(self, address: Address) -> None:
-        self._memory = attached(address.name)
-        assert self._memory.buf is not None  # it is open
-        self._buffer: memoryview = self._memory.buf
-        self._capacity, self._written = address.capacity, whole_numbers(self._buffer, 1)
+        super().__init__(0, address.name)
+        self._capacity, self._next = address.capacity, 0
         self._rows: NDArray[np.float64] = np.ndarray(
             (address.capacity, address.width), dtype="=f8", buffer=self._buffer, offset=_HEADER
         )
-        self._next = 0
 
     @property
     def count(self) -> int:
         """Rows written so far."""
-        return self._written[0]
+        return self._header[0]
 
     def go_back(self, to: int) -> None:
         """Take the rows from a count on again, as far as the ring still holds them."""
@@ -181,9 +174,7 @@ class Reader:
     def close(self) -> None:
         """Let go of the memory."""
         del self._rows
-        self._written.release()
-        self._buffer.release()
-        self._memory.close()
+        super().close()
 
 
 class RowReader:
@@ -220,7 +211,7 @@ SIZE = 1 << 16  # bytes: the loop's statistics, and what it said last, are some 
 _TEXT = 16  # byte where it begins: behind how often it was written, odd while it is, and its length
 
 
-class Board:
+class Board(_Shared):
     """JSON that is always whole: a reader sees the last page or the one before.
 
     Parameters
@@ -230,21 +221,8 @@ class Board:
     """
 
     def __init__(self, name: str | None = None) -> None:
-        self._own = name is None
-        self._memory = (
-            shared_memory.SharedMemory(create=True, size=SIZE) if name is None else attached(name)
-        )
-        assert self._memory.buf is not None  # it is open
-        self._buffer: memoryview = self._memory.buf
-        self._header = whole_numbers(self._buffer, 2)
-        if self._own:
-            self._header[0] = self._header[1] = 0
+        super().__init__(SIZE, name)
         self._seen, self._last = -1, dict[str, Any]()
-
-    @property
-    def name(self) -> str:
-        """By which another process finds it."""
-        return self._memory.name
 
     @property
     def version(self) -> int:
@@ -273,11 +251,3 @@ class Board:
                 self._seen, self._last = version, json.loads(text)
                 break
         return dict(self._last)
-
-    def close(self) -> None:
-        """Let go of the memory; who made it gives it back."""
-        self._header.release()
-        self._buffer.release()
-        self._memory.close()
-        if self._own:
-            self._memory.unlink()

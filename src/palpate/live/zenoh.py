@@ -4,7 +4,6 @@ import json
 import struct
 import time
 import uuid
-from collections.abc import Sequence
 from queue import Empty, SimpleQueue
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -295,25 +294,17 @@ class ZenohWire(RosWire):
         assert self._session is not None  # it is open
         self._tokens.append(self._session.liveliness().declare_token(key))
 
-    def send(self, names: tuple[str, ...], values: Sequence[Sequence[float]]) -> int:
-        """Send estimates; it waits where there is no room."""
-        for each in self.estimates(names, values):
-            self._put(0, each)
-        return 0
-
-    def tell(self, state: str, source: str, stamp: int, values: dict[str, str | float]) -> None:
-        """Send what is said in words."""
-        self._put(1, self.encoder.status(state, source, stamp, values))
-
-    def _put(self, index: int, data: bytes) -> None:
+    def _put(self, topic: int, data: bytes) -> bool:
+        """It waits where there is no room."""
         import zenoh
 
-        self._numbers[index] += 1
-        attached = attachment(self._numbers[index], time.time_ns(), self._sender)
+        self._numbers[topic] += 1
+        attached = attachment(self._numbers[topic], time.time_ns(), self._sender)
         try:
-            self._publishers[index].put(data, attachment=attached)
+            self._publishers[topic].put(data, attachment=attached)
         except zenoh.ZError as error:
             raise PalpateError(f"{self.name}: {str(error).partition(' at /')[0]}") from None
+        return True
 
     def close(self) -> None:
         """Close the session."""

@@ -227,8 +227,8 @@ COMMAND_TIME = 0.1  # s
 
 #: Of the page itself rather than of the loop.
 VIEWS = ("depth", "every")
-_SIMPLE = ("hold", "resume", "reset")
-_SETTINGS = frozenset({*SWITCHES, *NUMBERS, *CHOICES, "forgetting_factor"})
+_OPTIONS = {"hold": (), "resume": (), "reset": (), "tare": ("seconds",), "record": ("on",)}
+_SETTINGS = frozenset({*SWITCHES, *NUMBERS, *CHOICES, "forgetting_factor", "method"})
 
 
 def request_of(text: str | bytes) -> tuple[str, dict[str, Any]]:
@@ -270,49 +270,31 @@ def command_of(name: str, options: dict[str, Any], loop: Mapping[str, Any]) -> L
     InvalidParameterError
         There is no such command, or its options are out of range.
     """
-    if name in _SIMPLE:
-        _only(options)
-        return LiveCommand(name)  # type: ignore[arg-type]  # one of them
-    if name == "tare":
-        _only(options, "seconds")
-        return LiveCommand(
-            "tare", {"seconds": number_in("seconds", options["seconds"], 0.01, 60.0)}
-        )
-    if name == "record":
-        _only(options, "on")
-        # Where a recording goes is said where it runs, never from a browser.
-        return LiveCommand("record", {"on": bool(options["on"])})
-    if name == "estimator":
-        return _estimator(options)
-    if name == "source":
-        return _source(options, loop.get("offers") or {})
-    raise InvalidParameterError(f"nothing is called {shown(name)}")
+    if name in _OPTIONS:
+        _only(options, *_OPTIONS[name])
+        if name == "tare":
+            options = {"seconds": number_in("seconds", options["seconds"], 0.01, 60.0)}
+        if name == "record":  # where it goes is said where it runs, never from a browser
+            options = {"on": bool(options["on"])}
+    elif name == "estimator":
+        if set(options) - _SETTINGS or "method" not in options:
+            raise InvalidParameterError("an estimator needs a method, and its main settings only")
+        # Made here once, so that the loop is asked for nothing that cannot be made.
+        chosen(estimator_named(options["method"])(), options)
+    elif name == "source":  # {"material": …}, {"motion": …} or {"change": …}
+        if len(options) != 1:
+            raise InvalidParameterError("a source is asked for one thing at a time")
+        ((what, value),) = options.items()
+        if not isinstance(value, str) or value not in (loop.get("offers") or {}).get(what, ()):
+            raise InvalidParameterError(f"the source offers no such {shown(what)}")
+    else:
+        raise InvalidParameterError(f"nothing is called {shown(name)}")
+    return LiveCommand(name, options)  # type: ignore[arg-type]  # one of them
 
 
 def _only(options: dict[str, Any], *names: str) -> None:
     if set(options) != set(names):
         raise InvalidParameterError(f"options must be {', '.join(names) or 'none'}")
-
-
-def _estimator(options: dict[str, Any]) -> LiveCommand:
-    unknown = set(options) - _SETTINGS - {"method"}
-    if unknown or "method" not in options:
-        raise InvalidParameterError("an estimator needs a method, and its main settings only")
-    # Made here once, so that the loop is asked for nothing that cannot be made.
-    method = options["method"]
-    chosen(estimator_named(method)(), options)
-    return LiveCommand("estimator", options)
-
-
-def _source(options: dict[str, Any], offers: Mapping[str, Any]) -> LiveCommand:
-    """One of what the source offers: ``{"material": …}``, ``{"motion": …}``, ``{"change": …}``."""
-    if len(options) != 1:
-        raise InvalidParameterError("a source is asked for one thing at a time")
-    ((name, value),) = options.items()
-    listed = offers.get(name) or ()
-    if not isinstance(value, str) or value not in listed:
-        raise InvalidParameterError(f"the source offers no such {shown(name)}")
-    return LiveCommand("source", options)
 
 
 def depth_of(options: dict[str, Any]) -> float:
