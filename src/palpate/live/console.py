@@ -173,19 +173,10 @@ class Console:
         """Print until the loop stops, and then the summary."""
         if isinstance(sys.stdout, TextIOWrapper) and sys.stdout.errors == "strict":
             sys.stdout.reconfigure(errors="replace")
-        watching = Watching(session)
-        terminal = sys.stdout is not None and sys.stdout.isatty()
-        _Printing(watching, terminal=terminal, quiet=self._quiet).run()
-        watching.close()
-
-
-class _Printing:
-    def __init__(self, watching: Watching, *, terminal: bool, quiet: bool) -> None:
-        self._watching, self._terminal, self._quiet = watching, terminal, quiet
+        self._watching = Watching(session)
+        self._terminal = sys.stdout is not None and sys.stdout.isatty()
         self._depth, self._said = ShownDepth(), list[str]()
         self._next, self._heard = 0.0, True
-
-    def run(self) -> None:
         while self._watching.wait(_REFRESHED_EVERY) and self._heard:
             self._look()
         self._watching.wait(_OTHERS_END)
@@ -196,6 +187,7 @@ class _Printing:
             self._print("the loop has ended without a word; this is what it counted last:")
         for line in summary(status, self._watching.others()):
             self._print(printable(line))
+        self._watching.close()
 
     def _print(self, words: str, end: str = "\n") -> None:
         self._heard = self._heard and printed(words, end)
@@ -214,15 +206,11 @@ class _Printing:
 
     def _new(self, status: dict[str, Any]) -> Iterator[str]:
         """What was said since the last look: of the last sentences those that were not there."""
+        others = self._watching.others().items()
         said = [*status.get("said", ())]
-        said += [f"{name}: {page['said']}" for name, page in self._others_saying()]
-        for sentence in said:
-            if sentence not in self._said:
-                yield sentence
+        said += [f"{name}: {page['said']}" for name, page in others if page.get("said")]
+        yield from (sentence for sentence in said if sentence not in self._said)
         self._said = said
-
-    def _others_saying(self) -> list[tuple[str, dict[str, Any]]]:
-        return [(name, page) for name, page in self._watching.others().items() if page.get("said")]
 
     def _show(self, line: str) -> None:
         if self._terminal:

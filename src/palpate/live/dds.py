@@ -315,6 +315,7 @@ class DDSWire(RosWire):
 
     def open(self) -> None:
         """Join the domain."""
+        super().open()
         member = participant(self._domain, self._interface)
         from cyclonedds.core import Policy, Qos
         from cyclonedds.pub import DataWriter

@@ -173,7 +173,7 @@ class Laboratory:
                 f"samples a second, not {1.0 / sample_time:g}"
             )
         self._setup = Setup(material, motion, sample_time, seed, probe)
-        self.counts = Counts()
+        self.sample_time, self.counts = sample_time, Counts()
         self._rows: deque[list[float]] = deque()
         self._open = False
         self._said: list[str] = []
@@ -184,11 +184,6 @@ class Laboratory:
         """What is touched by what."""
         material = MATERIALS[self._chosen["material"]].name
         return f"laboratory: {material}, {self._probe.replace('-', ' ')}"
-
-    @property
-    def sample_time(self) -> float:
-        """Time between samples, s."""
-        return self._setup.sample_time
 
     @property
     def rest(self) -> float:

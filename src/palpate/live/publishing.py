@@ -217,11 +217,8 @@ class Publisher:
 
     def __init__(self, wire: Wire) -> None:
         self._wire = wire
-
-    @property
-    def name(self) -> str:
-        """Scheme and address, for instance ``publish zmq:tcp://127.0.0.1:5556``."""
-        return f"publish {self._wire.name}"
+        #: For instance ``publish zmq:tcp://127.0.0.1:5556``.
+        self.name = f"publish {wire.name}"
 
     def check(self) -> None:
         """Begin and end, so that an address in use is known before the loop begins.
@@ -375,29 +372,17 @@ class RosWire:
     """
 
     def __init__(self, scheme: str, prefix: str) -> None:
-        self._scheme, self._prefix = scheme, prefix
-        self._encoder: RosEncoder | None = None
+        self.name = f"{scheme}:{prefix}"
+        #: Names and types of the topics.
+        self.topics = [(f"{prefix}/{end}", kind) for end, kind in TOPICS]
 
-    @property
-    def name(self) -> str:
-        """Scheme and prefix."""
-        return f"{self._scheme}:{self._prefix}"
-
-    @property
-    def encoder(self) -> RosEncoder:
-        """Made when it is first needed, in the process that needs it."""
-        if self._encoder is None:
-            self._encoder = RosEncoder()
-        return self._encoder
+    def open(self) -> None:
+        """Make what only the process can have that publishes."""
+        self.encoder = RosEncoder()
 
     def close(self) -> None:
-        """Forget what only this process can have."""
-        self._encoder = None
-
-    @property
-    def topics(self) -> list[tuple[str, str]]:
-        """Names and types of the topics."""
-        return [(f"{self._prefix}/{end}", kind) for end, kind in TOPICS]
+        """Forget it."""
+        self.__dict__.pop("encoder", None)
 
     def send(self, names: tuple[str, ...], values: Sequence[Sequence[float]]) -> int:
         """Send estimates; return how many nobody took in time."""

@@ -279,7 +279,9 @@ class RosTopics:
     """
 
     def __init__(self, address: WireAddress, options: SourceOptions) -> None:
-        names = topics_of(address, 2)
+        #: The topics, and with the scheme before them.
+        self.names = names = topics_of(address, 2)
+        self.name = f"{address.scheme}:{','.join(names)}"
         self.sample_time = options.sample_time or 1e-3
         self.counts, self._origin = Counts(), Origin()
         self.ready: deque[Arrival] = deque()
@@ -296,16 +298,6 @@ class RosTopics:
         self._leads = ("position", "force").index(address.one_of("at", ("position", "force")))
         tolerance = address.number("tolerance", 2.0 * self.sample_time, 0.0, 10.0)
         self._pairing = Pairing(round(tolerance * NANO), self.counts)
-
-    @property
-    def names(self) -> list[str]:
-        """The topics' names."""
-        return [topic.name for topic in self.topics]
-
-    @property
-    def name(self) -> str:
-        """Scheme and topics."""
-        return f"{self._scheme}:{','.join(self.names)}"
 
     @property
     def origin(self) -> int:

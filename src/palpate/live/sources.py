@@ -146,31 +146,18 @@ class Replay:
     """
 
     def __init__(self, contact: Contact, *, speed: float = 1.0) -> None:
-        self._speed = (
-            speed if speed == float("inf") else number_in("speed", speed, 0.0, 1e6, open_low=True)
-        )
-        self._contact, self.counts = contact, Counts()
+        if speed != float("inf"):
+            speed = number_in("speed", speed, 0.0, 1e6, open_low=True)
+        self.name, self.sample_time = contact.source or "recording", contact.sample_time
+        #: How fast its clock goes.
+        self.pace = speed
+        self.counts = Counts()
         self._rows = zip(
             contact.time.tolist(), contact.penetration.tolist(), contact.force.tolist(), strict=True
         )
         self._news = _hindsight(contact)
         self._waiting: tuple[float, float, float] | None = None
         self._began, self._first = 0.0, float(contact.time[0]) if len(contact) else 0.0
-
-    @property
-    def name(self) -> str:
-        """Name of the recording."""
-        return self._contact.source or "recording"
-
-    @property
-    def sample_time(self) -> float:
-        """Median step of the recording, s."""
-        return self._contact.sample_time
-
-    @property
-    def pace(self) -> float:
-        """How fast its clock goes."""
-        return self._speed
 
     def open(self) -> None:
         """Begin now."""
@@ -182,7 +169,7 @@ class Replay:
         if row is None:
             raise EndOfSourceError
         now = time.monotonic()
-        due = self._began + (row[0] - self._first) / self._speed if self._speed < 1e300 else now
+        due = self._began + (row[0] - self._first) / self.pace if self.pace < 1e300 else now
         if due > now + timeout:
             self._waiting = row
             time.sleep(timeout)

@@ -270,6 +270,7 @@ class ZenohWire(RosWire):
 
     def open(self) -> None:
         """Open the session, and become a node that ``ros2 topic list`` finds."""
+        super().open()
         self._session = opened(self._address)
         import zenoh
 

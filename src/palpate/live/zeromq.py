@@ -148,13 +148,9 @@ class Endpoint:
             raise InvalidParameterError(
                 f"zmq: an endpoint must be such as {example}, not {shown(self._endpoint)}"
             )
+        self.name = f"zmq:{self._endpoint}"
         self._context: zmq.Context[zmq.Socket[bytes]] | None = None
         self._socket: zmq.Socket[bytes] | None = None
-
-    @property
-    def name(self) -> str:
-        """Scheme and endpoint."""
-        return f"zmq:{self._endpoint}"
 
     def _open(self, kind: str, options: Mapping[str, int | bytes]) -> "zmq.Socket[bytes]":
         """Bind or connect; a peer that is not there yet is waited for in the background."""
