@@ -20,11 +20,9 @@ from palpate.estimators.estimate import Estimate
 from palpate.force_laws import FORCE_LAWS
 from palpate.live.choices import State
 from palpate.live.law_numbers import in_words, law_lines, numbers_of, verdict_on
-from palpate.live.ring import MOST_PARAMETERS
-from palpate.live.sinks import PLACE, Session, Watching, printed
+from palpate.live.sinks import PLACE, Session, Watching, parameters_of, printed
 from palpate.validation import Floats
 
-_FIRST, _COVARIANCE = PLACE["parameter_0"], PLACE["covariance_0"]
 _IN_CONTACT = (State.CONTACT, State.CHANGED)
 _LOOKED_AT_EVERY = 0.04  # s of the samples' clock between penetrations that count
 _KEPT, _LEAST = 250, 5  # of them: ten seconds in contact; so many make a median
@@ -100,16 +98,13 @@ def at_depth(
         return "no contact yet"
     if row[PLACE["method"]] != status.get("generation"):
         return "another estimator begins"  # of which the board has not said yet what it identifies
-    size = len(kind.symbols)
-    parameters = row[_FIRST : _FIRST + size]
-    covariance = row[_COVARIANCE:].reshape(-1)[: MOST_PARAMETERS**2]
-    square = covariance.reshape(MOST_PARAMETERS, MOST_PARAMETERS)[:size, :size]
+    (parameters,), (covariance,) = parameters_of(row[None], len(kind.symbols))
     if not np.isfinite(parameters).all():
         return "nothing known yet"
     if verdict:
         return in_words(verdict, numbers_of(verdict))
-    law = kind.from_parameters(parameters)
-    estimate = Estimate.from_law(law, square, status=Status(int(row[PLACE["status"]])), samples=1)
+    law, taken = kind.from_parameters(parameters), Status(int(row[PLACE["status"]]))
+    estimate = Estimate.from_law(law, covariance, status=taken, samples=1)
     stiffness = with_error(*estimate.stiffness_at(depth), unit="N/m")
     damping = with_error(*estimate.damping_at(depth), unit="N·s/m")
     return f"{stiffness}, {damping} at {rounded(1e3 * depth, 2)} mm"

@@ -13,7 +13,7 @@ from bisect import bisect_left
 from collections import deque
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, field
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -40,8 +40,6 @@ class Histogram:
     limit : float
         s.
     """
-
-    __slots__ = ("_bins", "count", "largest", "limit", "over")
 
     def __init__(self, limit: float) -> None:
         self._bins = [0] * (len(_ENDS) + 1)
@@ -83,14 +81,6 @@ class Histogram:
 _REMEMBERED = 6
 
 
-class Turn(NamedTuple):
-    """Another law is in force, from a time on [s], by so many samples; None: none is."""
-
-    time: float
-    law: str | None
-    samples: float
-
-
 @dataclass(slots=True)
 class LawsInForce:
     """The law in force, since when, and which were before it.
@@ -109,14 +99,14 @@ class LawsInForce:
     changes : int
         How often it changed since the evidence began.
     turns : deque
-        What was in force from then on, and of how many samples.
+        A time, s; what was in force from then on, None of none; and of how many samples.
     """
 
     shown: list[int]
     remembers: bool
     now: Candidate | None = None
     changes: int = 0
-    turns: deque[Turn] = field(default_factory=lambda: deque(maxlen=_REMEMBERED))
+    turns: deque[Any] = field(default_factory=lambda: deque(maxlen=_REMEMBERED))
 
     @classmethod
     def of(cls, estimator: ContactEstimator) -> "LawsInForce":
@@ -137,7 +127,7 @@ class LawsInForce:
             return
         self.changes = 0 if now is None or self.now is None else self.changes + 1
         self.now, samples = now, estimator.evidence().samples
-        self.turns.append(Turn(time, None if now is None else str(now), samples))
+        self.turns.append((time, None if now is None else str(now), samples))
 
     def page(self, estimator: ContactEstimator) -> dict[str, Any] | None:
         """Return what a verdict is worked out from, as JSON takes it; None where there is none.

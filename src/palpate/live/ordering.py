@@ -149,8 +149,6 @@ class Order:
         Where it counts.
     """
 
-    __slots__ = ("_counts", "_gaps", "_number", "_stamp")
-
     def __init__(self, counts: Counts) -> None:
         self._counts = counts
         self._number: int | None = None
@@ -201,8 +199,6 @@ class Gaps:
     more than 1 s is a pause of the robot.
     """
 
-    __slots__ = ("_balance", "_medians", "_quiet", "_steps")
-
     def __init__(self) -> None:
         self._steps: list[int] = []
         self._medians: deque[int] = deque(maxlen=99)
@@ -249,8 +245,6 @@ class Receipt:
     taken to have come after the one before it by as much as its stamp is later.
     """
 
-    __slots__ = ("_stamp", "_there")
-
     def __init__(self) -> None:
         self._stamp, self._there = 0, 0.0
 
@@ -266,8 +260,6 @@ class Receipt:
 class Origin:
     """What times are counted from, ns, so that no digits are lost: the first, if since 1970."""
 
-    __slots__ = ("value",)
-
     def __init__(self) -> None:
         self.value: int | None = None
 
@@ -281,8 +273,6 @@ class Origin:
 
 class Followed:
     """One publisher of a topic: numbers of two that are mixed would belong to nothing."""
-
-    __slots__ = ("_heard", "_who")
 
     def __init__(self) -> None:
         self._who: object = None

@@ -9,7 +9,6 @@ its name and unit.
 """
 
 import math
-import struct
 import sys
 import time
 from collections.abc import Mapping, Sequence
@@ -26,8 +25,7 @@ from palpate.live.choices import State
 from palpate.live.law_numbers import fields_of, verdict_on
 from palpate.live.loop import TAKEN
 from palpate.live.ordering import NANO
-from palpate.live.ring import COLUMNS, MOST_PARAMETERS
-from palpate.live.sinks import PLACE, Session, Sink, Watching
+from palpate.live.sinks import PLACE, Session, Sink, Watching, parameters_of
 from palpate.live.sources import NO_ROS1
 from palpate.validation import Floats, shown
 
@@ -50,10 +48,8 @@ AFTER = ("verdict", "age")
 #: next.
 SCHEMA = 2
 _TIMES = (0, 1)
-_COLUMNS = [COLUMNS.index(column) for _, column in BEFORE]
-_PARAMETER = COLUMNS.index("parameter_0")
-_COVARIANCE = COLUMNS.index("covariance_0")
-GENERATION = COLUMNS.index("method")
+_COLUMNS = [PLACE[column] for _, column in BEFORE]
+GENERATION = PLACE["method"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,13 +83,12 @@ class Fields:
 
     def values(self, rows: Floats, after: Floats) -> Floats:
         """Return the numbers of rows of the ring, shape (k, len(names)); those after are given."""
-        size = len(self.parameters)
         fixed = rows[:, _COLUMNS]
         fixed[:, _TIMES] += 1e-9 * self.origin
-        variances = rows[:, _COVARIANCE : _COVARIANCE + MOST_PARAMETERS**2 : MOST_PARAMETERS + 1]
+        parameters, covariance = parameters_of(rows, len(self.parameters))
         with np.errstate(invalid="ignore"):
-            errors = np.sqrt(variances[:, :size])
-        return np.hstack([fixed, rows[:, _PARAMETER : _PARAMETER + size], errors, after])
+            errors = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
+        return np.hstack([fixed, parameters, errors, after])
 
 
 ESTIMATE, STATUS = "std_msgs/msg/Float64MultiArray", "diagnostic_msgs/msg/DiagnosticArray"
@@ -114,8 +109,7 @@ class RosEncoder:
                 "messages of ROS need rosbags: pip install 'palpate[live]'"
             ) from None
         self._store = get_typestore(Stores.LATEST)
-        self._names: tuple[str, ...] = ()
-        self._template, self._at, self._form = bytearray(), 0, struct.Struct("")
+        self._names, self._head = tuple[str, ...](), b""
 
     def hash_of(self, type_name: str) -> str:
         """Return the hash of a type's description, by which ROS 2 distinguishes versions of it."""
@@ -124,20 +118,13 @@ class RosEncoder:
     def estimate(self, names: tuple[str, ...], values: Sequence[float]) -> bytes:
         """Return the message of one sample; only its numbers are written anew."""
         if names != self._names:
-            self._prepare(names)
-        self._form.pack_into(self._template, self._at, *values)
-        return bytes(self._template)
-
-    def _prepare(self, names: tuple[str, ...]) -> None:
-        types, size = self._store.types, len(names)
-        dimension = types["std_msgs/msg/MultiArrayDimension"](",".join(names), size, size)
-        layout = types["std_msgs/msg/MultiArrayLayout"]([dimension], 0)
-        message = types[ESTIMATE](layout, np.zeros(size))
-        # The numbers are the last of it.
-        self._template = bytearray(self._bytes(message, ESTIMATE))
-        self._form = struct.Struct(f"<{size}d")
-        self._at = len(self._template) - self._form.size
-        self._names = names
+            types, size = self._store.types, len(names)
+            dimension = types["std_msgs/msg/MultiArrayDimension"](",".join(names), size, size)
+            layout = types["std_msgs/msg/MultiArrayLayout"]([dimension], 0)
+            message = types[ESTIMATE](layout, np.zeros(size))
+            # The numbers are the last of it.
+            self._head, self._names = self._bytes(message, ESTIMATE)[: -8 * size], names
+        return self._head + np.array(values, dtype="<f8").tobytes()
 
     def status(self, state: str, source: str, stamp: int, values: dict[str, str | float]) -> bytes:
         """Return the message that says the state in words.
@@ -271,17 +258,13 @@ class _Publishing:
                 self._tell(page, silent=not len(rows))
             if not over:
                 time.sleep(_PAUSE)
-        self._report()
+        self._watching.tell({"published": self._sent})
 
     def _publish(self, page: dict[str, Any], rows: Floats) -> Floats:
         """Send rows whose estimator the board knows by now; return the others."""
-        fields = self._fields
-        if fields is None or (fields.generation, fields.origin) != (
-            page["generation"],
-            page["origin"],
-        ):
-            fields = self._fields = Fields.of(page)
-            self._last, self._learned = {}, math.nan
+        fields = Fields.of(page)
+        if fields != self._fields:
+            self._fields, self._last, self._learned = fields, {}, math.nan
         mine = rows[:, GENERATION] == fields.generation
         # Rows of the estimator before, which the board does not know any more, are not published.
         self._watching.dropped += int(np.count_nonzero(rows[:, GENERATION] < fields.generation))
@@ -318,9 +301,6 @@ class _Publishing:
         said = words_of(page, self._fields, {**last, "age": last["age"] + now - self._seen})
         said |= self._watching.diagnosis(page)
         self._wire.tell(state, page["source"], stamp, said)
-        self._report()
-
-    def _report(self) -> None:
         self._watching.tell({"published": self._sent})
 
 

@@ -10,7 +10,8 @@ from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from typing import Any, Protocol
 
-from palpate.live.ring import COLUMNS, Address, Board, RowReader, Taken
+from palpate.live.ring import COLUMNS, MOST_PARAMETERS, Address, Board, RowReader, Taken
+from palpate.validation import Floats
 
 # Printing where the loop was started, which nobody may hear any more.
 
@@ -82,6 +83,16 @@ class Sink(Protocol):
 
 #: Place of each column in a row.
 PLACE = {name: k for k, name in enumerate(COLUMNS)}
+_FIRST, _COVARIANCE = PLACE["parameter_0"], PLACE["covariance_0"]
+
+
+def parameters_of(rows: Floats, count: int) -> tuple[Floats, Floats]:
+    """The parameters (k, p) of a law, and their covariances (k, p, p)."""
+    square = rows[:, _COVARIANCE : _COVARIANCE + MOST_PARAMETERS**2]
+    square = square.reshape(-1, MOST_PARAMETERS, MOST_PARAMETERS)
+    return rows[:, _FIRST : _FIRST + count], square[:, :count, :count]
+
+
 #: In place of a verdict, until there is one of what the loop does now.
 NOT_DIAGNOSED = "not diagnosed yet"
 _SINCE = {

@@ -3,6 +3,7 @@
 import asyncio
 import hmac
 import json
+import math
 import mimetypes
 import time
 from collections.abc import Callable, Mapping
@@ -297,22 +298,6 @@ def _only(options: dict[str, Any], *names: str) -> None:
         raise InvalidParameterError(f"options must be {', '.join(names) or 'none'}")
 
 
-def depth_of(options: dict[str, Any]) -> float:
-    """Return the depth that a person chose, m; NaN for the median."""
-    _only(options, "value")
-    if options["value"] is None:
-        return float("nan")
-    return number_in("value", options["value"], 0.0, 10.0, open_low=True)
-
-
-def thinning_of(options: dict[str, Any]) -> int:
-    """Return how many-th row a client wants."""
-    _only(options, "value")
-    if options["value"] not in THINNINGS or isinstance(options["value"], bool):
-        raise InvalidParameterError(f"value must be one of {THINNINGS}")
-    return int(options["value"])
-
-
 class Allowance:
     """Commands are a person's: some at once, then ten a second."""
 
@@ -342,8 +327,10 @@ STATIC = Path(__file__).parent / "static"
 
 def style_sheet() -> str:
     """Return it, with the colours of figures as variables, light and dark."""
-    light = "".join(f"{name}: {colour}; " for name, colour in LIGHT.variables().items())
-    dark = "".join(f"{name}: {colour}; " for name, colour in DARK.variables().items())
+    light, dark = (
+        "".join(f"{name}: {colour}; " for name, colour in look.variables().items())
+        for look in (LIGHT, DARK)
+    )
     return "\n".join(
         [
             STYLE,
@@ -571,13 +558,19 @@ class Server:
             client.answers.append(json.dumps({"kind": "refused", "words": words[:300]}))
 
     def _view(self, client: Client, name: str, options: dict[str, Any]) -> None:
+        _only(options, "value")
+        value = options["value"]
         if name == "depth":
-            depth = depth_of(options)
+            depth = math.nan  # that of the motion
+            if value is not None:
+                depth = number_in("value", value, 0.0, 10.0, open_low=True)
             self._allowance.spend()  # all of the history is worked out anew
             self.watch.chosen_depth = depth
-        else:
-            client.every = thinning_of(options)
-            self._start_again(client)
+            return
+        if value not in THINNINGS or isinstance(value, bool):
+            raise InvalidParameterError(f"value must be one of {THINNINGS}")
+        client.every = int(value)
+        self._start_again(client)
 
     def _start_again(self, client: Client) -> None:
         history = self.watch.history

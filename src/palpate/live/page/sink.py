@@ -9,6 +9,7 @@ import socket
 import webbrowser
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from importlib.util import find_spec
 from multiprocessing.connection import Connection
 from typing import TYPE_CHECKING, Any
 
@@ -212,12 +213,6 @@ def token_for(address: str, token: str | None) -> str | None:
 
 
 def _check_installed() -> None:
-    try:
-        import starlette
-        import uvicorn
-        import websockets
-    except ImportError as error:
-        raise MissingExtraError(
-            f"the page needs {error.name}: pip install 'palpate[live]'"
-        ) from None
-    del starlette, uvicorn, websockets
+    for name in ("starlette", "uvicorn", "websockets"):
+        if find_spec(name) is None:
+            raise MissingExtraError(f"the page needs {name}: pip install 'palpate[live]'")

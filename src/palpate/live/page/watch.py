@@ -15,7 +15,7 @@ from palpate.force_laws import FORCE_LAWS, ForceLaw, GeneralisedHuntCrossley
 from palpate.live.console import ShownDepth
 from palpate.live.law_numbers import told
 from palpate.live.ring import COLUMNS, MOST_PARAMETERS
-from palpate.live.sinks import Session, Watching
+from palpate.live.sinks import PLACE, Session, Watching, parameters_of
 from palpate.validation import Floats, plain
 
 #: In their order in a frame, beside the time.
@@ -29,23 +29,14 @@ CHANNELS = (
 
 _NUMBERS = slice(8, 8 + MOST_PARAMETERS)
 _ERRORS = slice(8 + MOST_PARAMETERS, 8 + 2 * MOST_PARAMETERS)
-_AT = {name: place for place, name in enumerate(COLUMNS)}
-_PARAMETERS = slice(_AT["parameter_0"], _AT["parameter_0"] + MOST_PARAMETERS)
-_COVARIANCES = slice(_AT["covariance_0"], _AT["covariance_0"] + MOST_PARAMETERS**2)
-_AS_THEY_ARE = [_AT[name] for name in ("penetration", "velocity", "force", "predicted_force")]
-_LAST = [_AT[name] for name in ("margin", "state", "lateness")]
+_AS_THEY_ARE = [PLACE[name] for name in ("penetration", "velocity", "force", "predicted_force")]
+_LAST = [PLACE[name] for name in ("margin", "state", "lateness")]
 _LARGEST = 3.4e38  # of a float32: what is beyond is not drawn
 
 
 def column(rows: Floats, name: str) -> Floats:
     """One column of the ring's rows."""
-    return rows[:, _AT[name]]
-
-
-def parameters_of(rows: Floats, count: int) -> tuple[Floats, Floats]:
-    """The parameters (k, p) of a law, and their covariances (k, p, p)."""
-    square = rows[:, _COVARIANCES].reshape(-1, MOST_PARAMETERS, MOST_PARAMETERS)
-    return rows[:, _PARAMETERS][:, :count], square[:, :count, :count]
+    return rows[:, PLACE[name]]
 
 
 def at_depth(law: type[ForceLaw], parameters: Floats, covariance: Floats, depth: float) -> Floats:
@@ -98,10 +89,10 @@ def channels_of(rows: Floats, law: type[ForceLaw] | None, depth: float) -> NDArr
     """
     found = np.full((len(CHANNELS), len(rows)), np.nan)
     found[0:4] = rows[:, _AS_THEY_ARE].T
-    found[_NUMBERS] = rows[:, _PARAMETERS].T
-    places = _COVARIANCES.start + np.arange(MOST_PARAMETERS) * (MOST_PARAMETERS + 1)
+    parameters, covariance = parameters_of(rows, MOST_PARAMETERS)
+    found[_NUMBERS] = parameters.T
     with np.errstate(invalid="ignore"):
-        found[_ERRORS] = np.sqrt(rows[:, places].T)
+        found[_ERRORS] = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2).T)
     if law is GeneralisedHuntCrossley:  # what one of its laws has not is no curve
         found[_NUMBERS][found[_ERRORS] == 0.0] = np.nan
     if law is not None and math.isfinite(depth):
@@ -196,7 +187,7 @@ class History:
         times = column(rows, "time").copy()
         missing = ~np.isfinite(times)
         times[missing] = column(rows, "arrived")[missing] - delay
-        before = self._rows[self._end - 1, _AT["time"]] if self._end else -math.inf
+        before = self._rows[self._end - 1, PLACE["time"]] if self._end else -math.inf
         times[~np.isfinite(times)] = -math.inf  # then that of the row before
         steps = np.diff(times, prepend=before)
         back = np.flatnonzero((steps < -_BACKWARD) & np.isfinite(times))
@@ -211,7 +202,7 @@ class History:
             self._rows[: self._most] = self._rows[self._end - self._most : self._end]
             self._end = self._most
         new = self._rows[self._end : self._end + len(rows)]
-        new[:], new[:, _AT["time"]] = rows, times
+        new[:], new[:, PLACE["time"]] = rows, times
         self._end += len(rows)
 
     def frame(self, first: int, until: int, *, every: int, dropped: int, void: bool) -> bytes:
@@ -327,7 +318,9 @@ class Watch:
             # The samples between a change and its alarm have moved the estimate already.
             settled = kept[column(kept, "time") <= moment - _NOTICED][-1:]
             before = self._of(settled if len(settled) else kept[:1], self._changed_law)
-            self.changes.append({"time": moment, "law": self._described(), "before": before})
+            self.changes.append(
+                {"time": moment, "law": dict(self.loop.get("law") or {}), "before": before}
+            )
         same = rows[column(rows, "method") == self._changed_in]
         if self.changes and len(same):
             self.changes[-1]["after"] = self._of(same[-1:], self._changed_law)
@@ -335,9 +328,6 @@ class Watch:
     def _knows(self, generation: float) -> bool:
         """Whether the law is that of an estimator, which the board says a little later."""
         return generation == self.loop.get("generation")
-
-    def _described(self) -> dict[str, Any]:
-        return dict(self.loop.get("law") or {})
 
     def _of(self, row: Floats, law: type[ForceLaw] | None) -> dict[str, Any]:
         """Parameters of one row, their standard errors, and what follows at the depth."""
