@@ -157,7 +157,7 @@ def watched(monkeypatch):
     addresses = [each.address for each in writers]
     seen = watch.Watch(Session(*addresses, board.name, {"page": own.name}, own.name))
     yield writers, board, seen
-    seen.close()
+    seen.run.close()
     for each in (own, board, *writers):
         each.close()
 

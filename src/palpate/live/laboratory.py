@@ -53,15 +53,6 @@ class Setup:
         return OngoingBench(bench, self.seed), "ideal probe", words
 
 
-@dataclass(frozen=True, slots=True)
-class Word:
-    """What the process says."""
-
-    sentence: str
-    probe: str
-    chosen: dict[str, str]
-
-
 def press(setup: Setup, ring: Address, connection: Connection) -> None:
     """Write samples until the other end of the connection is closed."""
     show_name("lab")
@@ -112,7 +103,7 @@ class _Pressing:
             (self._bench.change if name == "change" else self._bench.place)(MATERIALS[value])
 
     def _say(self, sentence: str, **chosen: str) -> None:
-        self._connection.send(Word(sentence, self._probe, chosen))
+        self._connection.send((sentence, self._probe, chosen))
 
 
 # The laboratory at its own pace, in a process of its own: MuJoCo never holds the loop.
@@ -273,10 +264,9 @@ class Laboratory:
         """Take the words that wait; whether the process is there to say more."""
         with suppress(EOFError, OSError):
             while self._connection.poll():
-                word = self._connection.recv()
-                self._said += [word.sentence] if word.sentence else []
-                self._probe = word.probe
-                self._chosen |= word.chosen
+                sentence, self._probe, chosen = self._connection.recv()
+                self._said += [sentence] if sentence else []
+                self._chosen |= chosen
             return True
         return False
 

@@ -486,7 +486,10 @@ class Loop:
             made = chosen(self.estimator, options)
             self._exchange(made, f"estimator: {made.method}")
         elif command.name == "source":
-            self.say(self.source.ask(options))
+            ask = getattr(self.source, "ask", None)
+            if ask is None:
+                raise InvalidParameterError(f"of {self.source.name} nothing can be chosen")
+            self.say(ask(options))
         elif command.name == "record":
             path = options.get("path")
             on = bool(options.get("on", path is not None))

@@ -222,10 +222,10 @@ class Publisher:
 
     def run(self, session: Session, commands: Connection) -> None:
         """Publish what the loop finds until it stops."""
-        watching = Watching(session)
+        watching = self._begin(Watching(session))
         try:
             self._wire.open()
-            _Publishing(self._wire, watching).run()
+            self._go_on()
         except PalpateError as error:
             watching.tell({"fault": str(error)})
             print(f"palpate: {error}", file=sys.stderr)
@@ -233,17 +233,15 @@ class Publisher:
             self._wire.close()
             watching.close()
 
-
-class _Publishing:
-    def __init__(self, wire: Wire, watching: Watching) -> None:
-        self._wire, self._watching = wire, watching
-        self._sent = 0
+    def _begin(self, watching: Watching) -> Watching:
+        self._watching, self._sent = watching, 0
         self._fields: Fields | None = None
         self._last: dict[str, float] = {}  # of what was published
         self._seen = self._learned = math.nan  # when; and when a sample was, by the robot's clock
         self._told = 0.0
+        return watching
 
-    def run(self) -> None:
+    def _go_on(self) -> None:
         waiting = self._watching.take().rows
         over, asked = False, 0.0
         while not over:

@@ -96,46 +96,6 @@ _FOUND = _places(
 _WHOLE = _places("status", "preparation", "state")
 
 
-class Encoder:
-    """From rows to messages.
-
-    Parameters
-    ----------
-    origin : int
-        What the source counts its times from, ns.
-    vectors : bool
-        Whether the source has vectors.
-    """
-
-    def __init__(self, origin: int, *, vectors: bool) -> None:
-        self._origin = origin
-        self._measured = (_VECTORS_CDR, _IN_SPACE) if vectors else (_NUMBERS_CDR, _NUMBER)
-
-    def measured(self, row: Row) -> tuple[int, bytes] | None:
-        """Stamp and message of what came at a row; None where it has no time."""
-        stamp, (form, places) = self._stamp(row[PLACE["arrived"]]), self._measured
-        if stamp is None:
-            return None
-        return stamp, form.pack(_HEAD, *divmod(stamp, NANO), *[row[k] for k in places])
-
-    def found(self, row: Row) -> bytes | None:
-        """What was found at a row; None where no sample was prepared."""
-        stamp = self._stamp(row[PLACE["time"]])
-        if stamp is None:
-            return None
-        whole = [int(row[k]) & 0xFF for k in _WHOLE]
-        method = int(row[PLACE["method"]]) & 0xFFFF
-        found = [row[k] for k in _FOUND]
-        return _ESTIMATE_CDR.pack(_HEAD, *divmod(stamp, NANO), *found, *whole, method)
-
-    def _stamp(self, time: float) -> int | None:
-        """A time of the source's clock, ns; None where it is none."""
-        if not -_LATEST < time < _LATEST:
-            return None
-        stamp = self._origin + round(1e9 * time)
-        return stamp if -_LATEST < stamp // NANO < _LATEST else None
-
-
 def described(status: dict[str, Any]) -> dict[str, str]:
     """What is to be known of a recording beside its messages, in words."""
     law = status.get("law", {})
@@ -323,7 +283,8 @@ class RunFile:
         writer = Writer(self._file, use_chunking=False, index_types=IndexType.METADATA)
         writer.start(profile="ros2", library="palpate")
         vectors = not math.isnan(rows[0][PLACE["input_position_y"]])
-        self._encoder = Encoder(int(status.get("origin", 0)), vectors=vectors)
+        self._measured = (_VECTORS_CDR, _IN_SPACE) if vectors else (_NUMBERS_CDR, _NUMBER)
+        self._origin = int(status.get("origin", 0))  # what the source counts its times from, ns
         schemas = [
             writer.register_schema(name, "ros2msg", text.encode())
             for name, text in (TYPES["vectors" if vectors else "numbers"], TYPES["estimate"])
@@ -337,19 +298,31 @@ class RunFile:
         self._writer = writer
 
     def _add(self, row: Row) -> None:
-        measured = self._encoder.measured(row)
-        if measured is None:
+        stamp = self._stamp(row[PLACE["arrived"]])
+        if stamp is None:
             self.unstamped += 1
             return
-        stamp, message = measured
-        log = self._log_time(stamp)
-        assert self._writer is not None  # it has begun
-        number = self.rows & 0xFFFFFFFF
-        self._writer.add_message(self._channels[0], log, message, log, number)
-        found = self._encoder.found(row)
-        if found is not None:
-            self._writer.add_message(self._channels[1], log, found, log, number)
+        form, places = self._measured
+        measured = form.pack(_HEAD, *divmod(stamp, NANO), *[row[k] for k in places])
+        self._put(0, stamp, measured)
+        taken = self._stamp(row[PLACE["time"]])
+        if taken is not None:  # else no sample was prepared
+            whole = [*(int(row[k]) & 0xFF for k in _WHOLE), int(row[PLACE["method"]]) & 0xFFFF]
+            found = [row[k] for k in _FOUND]
+            self._put(1, stamp, _ESTIMATE_CDR.pack(_HEAD, *divmod(taken, NANO), *found, *whole))
         self.rows += 1
+
+    def _put(self, channel: int, stamp: int, message: bytes) -> None:
+        assert self._writer is not None  # it has begun
+        log, number = self._log_time(stamp), self.rows & 0xFFFFFFFF
+        self._writer.add_message(self._channels[channel], log, message, log, number)
+
+    def _stamp(self, time: float) -> int | None:
+        """A time of the source's clock, ns; None where it is none."""
+        if not -_LATEST < time < _LATEST:
+            return None
+        stamp = self._origin + round(1e9 * time)
+        return stamp if -_LATEST < stamp // NANO < _LATEST else None
 
     def _log_time(self, stamp: int) -> int:
         """When a measurement came by this machine's clock, ns: from the source's steps."""

@@ -376,10 +376,6 @@ class RosTopics:
         self.counts.malformed += count
         self.counts.last_fault = words[:LONGEST_WORDS]  # a peer's own may be in it
 
-    def ask(self, options: dict[str, Any]) -> str:
-        """A robot cannot be asked for anything."""
-        raise InvalidParameterError("a robot on the wire moves as it does: nothing can be chosen")
-
     def settle(self) -> None:
         """Count what is missing so far."""
         for topic in self.topics:

@@ -77,9 +77,10 @@ class Source(Protocol):
     The loop's own thread calls all of it. ``take`` is the only place where the loop waits.
 
     A source may have more: ``offers``, a mapping of what it can be asked for to the choices;
-    ``chosen``, what is chosen now; ``news()``, sentences since the last call; ``rest``, the time at
-    its start in which nothing is touched, s; ``pace``, how fast its clock goes; and ``origin``,
-    what its times are counted from, ns since 1970.
+    ``chosen``, what is chosen now; ``ask(options)``, which does what a person asks of it and says
+    so, or raises InvalidParameterError; ``news()``, sentences since the last call; ``rest``, the
+    time at its start in which nothing is touched, s; ``pace``, how fast its clock goes; and
+    ``origin``, what its times are counted from, ns since 1970.
     """
 
     @property
@@ -110,15 +111,6 @@ class Source(Protocol):
         ------
         EndOfSourceError
             There will be none.
-        """
-
-    def ask(self, options: dict[str, Any]) -> str:
-        """Do what a person asks of the source itself; return what was done, in words.
-
-        Raises
-        ------
-        InvalidParameterError
-            It cannot do that.
         """
 
     def close(self) -> None:
@@ -178,10 +170,6 @@ class Replay:
         if due > now:
             time.sleep(due - now)
         return Arrival(row[0], row[1], row[2], due)
-
-    def ask(self, options: dict[str, Any]) -> str:
-        """A recording cannot be asked for anything."""
-        raise InvalidParameterError("a recording is as it is: nothing of it can be chosen")
 
     def news(self) -> list[str]:
         """What was found with hindsight, once."""

@@ -273,10 +273,6 @@ class ZeroMQ(Endpoint):
         there = self._receipt.there(packet.stamp, waited=waited)
         return Arrival(self._origin.seconds(packet.stamp), packet.position, packet.force, there)
 
-    def ask(self, options: dict[str, Any]) -> str:
-        """A robot cannot be asked for anything."""
-        raise InvalidParameterError("a robot on the wire moves as it does: nothing can be chosen")
-
     def close(self) -> None:
         """Close the socket."""
         self._order.settle()

@@ -177,7 +177,8 @@ class Gate:
         socket = scope["type"] == "websocket"
         given = asked.query_params.get("token", "")
         answer: ASGIApp = self.app
-        if not self._is_token(given or asked.cookies.get(_cookie_name(asked), "")):
+        key = given or asked.cookies.get(_cookie_name(asked), "")
+        if self.token and not hmac.compare_digest(key.encode(), self.token.encode()):
             self.counted.refused += 1
             answer = WebSocketClose(1008) if socket else PlainTextResponse(_WITHOUT_TOKEN, 403)
         elif socket and not _same_origin(asked):
@@ -188,9 +189,6 @@ class Gate:
             answer = RedirectResponse("/", 303)
             answer.set_cookie(_cookie_name(asked), given, httponly=True, samesite="strict")
         await answer(scope, receive, send)
-
-    def _is_token(self, given: str) -> bool:
-        return self.token is None or hmac.compare_digest(given.encode(), self.token.encode())
 
 
 def _with_headers(send: Send) -> Send:
@@ -417,9 +415,9 @@ class Server:
             if now - looked >= WORDS_TIME or last:
                 looked = now
                 self.watch.look()
-                self.watch.run.tell(self.counts())
+                self.watch.run.tell(asdict(self.served))
                 if self.served.clients or last:
-                    page = self.watch.page(self.counts())
+                    page = self.watch.page(asdict(self.served))
                     self._text = json.dumps({"kind": "page", **page, "ended": last})
                     self._version, self._over = self._version + 1, last
             self._cached.clear()
@@ -430,10 +428,6 @@ class Server:
                 return
             # Nobody watches: what the ring holds is soon enough.
             await asyncio.sleep(FRAME_TIME if self.served.clients else WORDS_TIME)
-
-    def counts(self) -> dict[str, Any]:
-        """Return what was counted, as plain numbers."""
-        return asdict(self.served)
 
     async def _serve(self, socket: WebSocket) -> None:
         if self.served.clients >= MOST_CLIENTS:

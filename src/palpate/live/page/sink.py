@@ -84,9 +84,8 @@ class Page:
         """Let go of the port, in this process."""
         self._socket.close()
 
-    def handed_over(self) -> None:
-        """The port is the other process's own now: when that ends, nobody answers in its place."""
-        self.close()
+    #: The port is the other process's own then: when that ends, nobody answers in its place.
+    handed_over = close
 
     def __getstate__(self) -> dict[str, Any]:
         if self._socket.fileno() < 0:
@@ -131,7 +130,7 @@ class Page:
             serving.cancel()
             with suppress(asyncio.CancelledError):
                 await serving
-            watch.close()
+            watch.run.close()
 
 
 async def _quietly(config: "Config", listening: socket.socket) -> None:

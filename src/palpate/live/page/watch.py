@@ -394,7 +394,3 @@ class Watch:
             }
         )
         return said
-
-    def close(self) -> None:
-        """Let go of the memory."""
-        self.run.close()
