@@ -64,15 +64,9 @@ class Histogram:
     def as_dict(self) -> dict[str, Any]:
         """Return p50, p99, p99.9 and the maximum, s, and what is within the limit."""
         within = 1.0 - self.over / self.count if self.count else math.nan
-        return {
-            "count": self.count,
-            "p50": self.percentile(50.0),
-            "p99": self.percentile(99.0),
-            "p99.9": self.percentile(99.9),
-            "max": self.largest,
-            "limit": self.limit,
-            "within": within,
-        }
+        percentiles = {f"p{each:g}": self.percentile(each) for each in (50.0, 99.0, 99.9)}
+        whole = {"max": self.largest, "limit": self.limit, "within": within}
+        return {"count": self.count, **percentiles, **whole}
 
 
 # Which law it is, as the loop sees it: the law in force after each sample, and when it changed.

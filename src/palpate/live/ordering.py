@@ -8,7 +8,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from enum import Enum
 from statistics import median_high
-from typing import NamedTuple
+from typing import Any, NamedTuple
 from urllib.parse import parse_qsl
 
 from palpate.errors import InvalidParameterError
@@ -367,10 +367,9 @@ class Pairing:
             leader = leaders.popleft()
             value = self._value_at(stamp)
             if value is not None:
-                there = max(leader.there, followers[min(1, len(followers) - 1)].there)
-                if followers[0].stamp == stamp:
-                    there = max(leader.there, followers[0].there)
-                pairs.append(Pair(stamp, leader.value, value, there))
+                alone = len(followers) == 1 or followers[0].stamp == stamp
+                other = followers[0] if alone else followers[1]
+                pairs.append(Pair(stamp, leader.value, value, max(leader.there, other.there)))
         return pairs
 
     def _value_at(self, stamp: int) -> Value | None:
@@ -382,7 +381,9 @@ class Pairing:
         after = self._followers[1]
         span = after.stamp - before.stamp
         if span <= 2 * self._tolerance:
-            return _between(before.value, after.value, (stamp - before.stamp) / span)
+            part = (stamp - before.stamp) / span
+            between: Value = _between(before.value, after.value, part)
+            return between
         nearer = before if 2 * (stamp - before.stamp) <= span else after
         return self._near(nearer, stamp)
 
@@ -403,10 +404,7 @@ class Pairing:
             self._counts.last_fault = words
 
 
-def _between(before: Value, after: Value, part: float) -> Value:
-    if isinstance(before, tuple) and isinstance(after, tuple):
-        x, y, z = (a + part * (b - a) for a, b in zip(before, after, strict=True))
-        return x, y, z
-    assert isinstance(before, float)  # both are of one topic
-    assert isinstance(after, float)
+def _between(before: Any, after: Any, part: float) -> Any:
+    if isinstance(before, tuple):
+        return tuple(a + part * (b - a) for a, b in zip(before, after, strict=True))
     return before + part * (after - before)

@@ -8,6 +8,7 @@ import time
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import suppress
 from datetime import datetime
+from importlib.util import find_spec
 from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
@@ -153,11 +154,8 @@ class Recorder:
     gently = False
 
     def __init__(self, path: Path | None = None, folder: Path | None = None) -> None:
-        try:
-            import mcap.writer
-        except ImportError:
-            raise MissingExtraError("a recording needs mcap: pip install 'palpate[live]'") from None
-        del mcap
+        if find_spec("mcap") is None:
+            raise MissingExtraError("a recording needs mcap: pip install 'palpate[live]'")
         self._path, self.every_sample = path, path is not None
         self._folder = Path() if folder is None else folder
 

@@ -43,6 +43,12 @@ LONGEST = 16_384
 _MOST_LAYOUTS = 64  # kept to compare messages with; a robot's topic has one
 _STAMP = "header.stamp"
 
+_EITHER = {
+    "geometry_msgs/msg/Vector3Stamped": "vector",
+    "geometry_msgs/msg/Vector3": "",
+    "std_msgs/msg/Float64": "data",
+    "std_msgs/msg/Float32": "data",
+}
 #: Where in a message the position is, by its type.
 POSITIONS = {
     "geometry_msgs/msg/PoseStamped": "pose.position",
@@ -51,21 +57,13 @@ POSITIONS = {
     "geometry_msgs/msg/PointStamped": "point",
     "geometry_msgs/msg/Point": "",
     "geometry_msgs/msg/TransformStamped": "transform.translation",
-    "geometry_msgs/msg/Vector3Stamped": "vector",
-    "geometry_msgs/msg/Vector3": "",
     "nav_msgs/msg/Odometry": "pose.pose.position",
-    "std_msgs/msg/Float64": "data",
-    "std_msgs/msg/Float32": "data",
-}
+} | _EITHER
 #: Where in a message the force is, by its type.
 FORCES = {
     "geometry_msgs/msg/WrenchStamped": "wrench.force",
     "geometry_msgs/msg/Wrench": "force",
-    "geometry_msgs/msg/Vector3Stamped": "vector",
-    "geometry_msgs/msg/Vector3": "",
-    "std_msgs/msg/Float64": "data",
-    "std_msgs/msg/Float32": "data",
-}
+} | _EITHER
 
 
 class RosReading(NamedTuple):

@@ -4,7 +4,7 @@ import multiprocessing
 import signal
 import threading
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, closing, contextmanager, suppress
 from dataclasses import replace
 from multiprocessing.connection import Connection, wait
@@ -99,7 +99,7 @@ def run(
     if preparation is None:
         preparation = OnlinePreparation(sample_time=source.sample_time)
     # From here on Ctrl-C only leaves word: whatever is begun is known, and ended in order.
-    with _interruptible() as interruption, ExitStack() as kept:
+    with _interruptible() as stops, ExitStack() as kept:
         samples = kept.enter_context(closing(Writer()))
         estimates = kept.enter_context(closing(Writer(width=len(ESTIMATE))))
         board = kept.enter_context(closing(Board()))
@@ -112,7 +112,7 @@ def run(
             chosen = chosen.replace(sample_time=source.sample_time)
         every = any(getattr(sink, "every_sample", False) for sink in sinks)
         loop = Loop(source, preparation, chosen, samples, estimates, every_sample=every)
-        interruption.stops(loop)
+        stops(loop)
         failed: dict[str, int] = {}
         with _started(sinks, session, loop, board, failed) as started, undisturbed():
             # All is there before the first sample: none waits while others begin.
@@ -208,36 +208,27 @@ def _serve(sink: Sink, session: Session, commands: Connection) -> None:
         sink.run(session, commands)
 
 
-class _Interruption:
-    """Whether Ctrl-C has come, which stops the loop even if it comes before there is one."""
-
-    def __init__(self) -> None:
-        self._came = False
-        self._loop: Loop | None = None
-
-    def come(self) -> None:
-        """Stop the loop."""
-        self._came = True
-        if self._loop is not None:
-            self._loop.stopped = True
-
-    def stops(self, loop: Loop) -> None:
-        """Say which loop it is."""
-        self._loop = loop
-        loop.stopped = self._came
-
-
 @contextmanager
-def _interruptible() -> Iterator[_Interruption]:
-    """Ctrl-C, or a request to terminate, stops the loop in order; a second one as ever."""
-    interruption, before = _Interruption(), dict[signal.Signals, Any]()
+def _interruptible() -> Iterator[Callable[[Loop], None]]:
+    """Ctrl-C, or a request to terminate, stops a loop in order; a second one as ever.
+
+    It stops the loop, which is said by what is yielded, even if it comes before there is one.
+    """
+    loops, before, came = list[Loop](), dict[signal.Signals, Any](), False
+
+    def stops(loop: Loop) -> None:
+        loops.append(loop)
+        loop.stopped = came
 
     def restore() -> None:
         for number, handler in before.items():
             signal.signal(number, handler)
 
     def stop(*_: Any) -> None:
-        interruption.come()
+        nonlocal came
+        came = True
+        for loop in loops:
+            loop.stopped = True
         restore()
 
     try:
@@ -245,6 +236,6 @@ def _interruptible() -> Iterator[_Interruption]:
             for number in (signal.SIGINT, signal.SIGTERM):
                 before[number] = signal.getsignal(number) or signal.SIG_DFL
                 signal.signal(number, stop)
-        yield interruption
+        yield stops
     finally:
         restore()

@@ -14,6 +14,7 @@ from typing import Any, cast
 from urllib.parse import urlsplit
 
 from starlette.applications import Starlette
+from starlette.datastructures import MutableHeaders
 from starlette.middleware.trustedhost import TrustedHostMiddleware
 from starlette.requests import HTTPConnection
 from starlette.responses import FileResponse, PlainTextResponse, RedirectResponse, Response
@@ -192,12 +193,9 @@ class Gate:
 
 
 def _with_headers(send: Send) -> Send:
-    more = [(name.encode(), value.encode()) for name, value in HEADERS.items()]
-
     async def sending(message: Message) -> None:
         if message["type"] == "http.response.start":
-            own = [each for each in message.get("headers", ()) if each[0] != b"cache-control"]
-            message = {**message, "headers": [*own, *more]}
+            MutableHeaders(scope=message).update(HEADERS)
         await send(message)
 
     return sending
