@@ -98,7 +98,7 @@ def at_depth(
         return "no contact yet"
     if row[PLACE["method"]] != status.get("generation"):
         return "another estimator begins"  # of which the board has not said yet what it identifies
-    (parameters,), (covariance,) = parameters_of(row[None], len(kind.symbols))
+    (parameters,), _, (covariance,) = parameters_of(row[None], len(kind.symbols))
     if not np.isfinite(parameters).all():
         return "nothing known yet"
     if verdict:
@@ -251,9 +251,8 @@ def summary(status: dict[str, Any], others: dict[str, dict[str, Any]]) -> Iterat
     if verdict := verdict_on(status):
         yield from law_lines(verdict)
     taken, learned = counts.get("taken", 0), counts.get("learned", 0)
-    yield f"{status.get('source', '')}: {taken} samples, {learned} learned, " + _many(
-        counts.get("changes", 0), "change"
-    )
+    changes = f"{(count := counts.get('changes', 0))} change{'' if count == 1 else 's'}"
+    yield f"{status.get('source', '')}: {taken} samples, {learned} learned, {changes}"
     yield "                     p50      p99    p99.9      max   in time"
     for name, words in (("cycle", "update, estimate"), ("lateness", "after its sample")):
         figures = status.get(name, {})
@@ -267,7 +266,3 @@ def summary(status: dict[str, Any], others: dict[str, dict[str, Any]]) -> Iterat
         yield f"rows dropped: {', '.join(dropped)}"
     if recorded := others.get("recorder", {}).get("said"):
         yield str(recorded)
-
-
-def _many(count: int, noun: str) -> str:
-    return f"{count} {noun}{'' if count == 1 else 's'}"

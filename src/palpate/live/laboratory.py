@@ -119,12 +119,8 @@ ASKED = ("material", "motion", "change")
 def open_source(address: str, options: SourceOptions) -> "Laboratory":
     """Return the laboratory of ``lab:MATERIAL`` or ``lab:MATERIAL,MOTION``."""
     material, _, motion = address.partition(",")
-    return Laboratory(
-        material or "ball",
-        motion or "three-sines",
-        sample_time=options.sample_time or 1e-3,
-        seed=options.seed,
-    )
+    chosen, step = (material or "ball", motion or "three-sines"), options.sample_time or 1e-3
+    return Laboratory(*chosen, sample_time=step, seed=options.seed)
 
 
 class Laboratory:
@@ -154,10 +150,8 @@ class Laboratory:
         seed: int = 0,
         probe: str = "twin-pantograph",
     ) -> None:
-        self._chosen = {
-            "material": _known("material", material),
-            "motion": _known("motion", motion),
-        }
+        given = {"material": material, "motion": motion}
+        self._chosen = {kind: _known(kind, name) for kind, name in given.items()}
         if not _SHORTEST <= sample_time <= _LONGEST:
             raise InvalidParameterError(
                 f"the laboratory's --rate must be from {1.0 / _LONGEST:g} to {1.0 / _SHORTEST:g} "

@@ -392,15 +392,12 @@ class Loop:
     def _check(self, first: Arrival) -> None:
         """Refuse a source whose samples are of another form than is prepared."""
         vectors = not isinstance(first.position, float)
-        if vectors and self._direction == (0.0, 0.0, 0.0):
-            raise InvalidParameterError(
-                f"{self.source.name} delivers vectors: say --direction, into the material, such as "
-                "0,0,-1"
-            )
-        if not vectors and self._direction != (0.0, 0.0, 0.0):
-            raise InvalidParameterError(
-                f"{self.source.name} delivers numbers, of which --direction cannot be taken"
-            )
+        if vectors is not (self._direction == (0.0, 0.0, 0.0)):
+            return
+        advice = "numbers, of which --direction cannot be taken"
+        if vectors:
+            advice = "vectors: say --direction, into the material, such as 0,0,-1"
+        raise InvalidParameterError(f"{self.source.name} delivers {advice}")
 
     def _judge(self, arrival: Arrival, status: Status, fault: str, *, sampled: bool) -> None:
         """The state that a person sees."""

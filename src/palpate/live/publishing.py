@@ -85,9 +85,7 @@ class Fields:
         """Return the numbers of rows of the ring, shape (k, len(names)); those after are given."""
         fixed = rows[:, _COLUMNS]
         fixed[:, _TIMES] += 1e-9 * self.origin
-        parameters, covariance = parameters_of(rows, len(self.parameters))
-        with np.errstate(invalid="ignore"):
-            errors = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
+        parameters, errors, _ = parameters_of(rows, len(self.parameters))
         return np.hstack([fixed, parameters, errors, after])
 
 

@@ -46,11 +46,8 @@ def default_estimator(
         Of it, beside these.
     """
     if kind in (VariableProjection, ViscoelasticContact):
-        settings = {
-            "outlier_rejection": OutlierRejection(),
-            "change_detector": ChangeDetector(),
-            **settings,
-        }
+        usual = {"outlier_rejection": OutlierRejection(), "change_detector": ChangeDetector()}
+        settings = usual | settings
     return kind(**settings)
 
 

@@ -10,6 +10,8 @@ from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from typing import Any, Protocol
 
+import numpy as np
+
 from palpate.live.ring import COLUMNS, MOST_PARAMETERS, Address, Board, RowReader, Taken
 from palpate.validation import Floats
 
@@ -86,11 +88,13 @@ PLACE = {name: k for k, name in enumerate(COLUMNS)}
 _FIRST, _COVARIANCE = PLACE["parameter_0"], PLACE["covariance_0"]
 
 
-def parameters_of(rows: Floats, count: int) -> tuple[Floats, Floats]:
-    """The parameters (k, p) of a law, and their covariances (k, p, p)."""
+def parameters_of(rows: Floats, count: int) -> tuple[Floats, Floats, Floats]:
+    """The parameters (k, p) of a law, their standard errors, and their covariances (k, p, p)."""
     square = rows[:, _COVARIANCE : _COVARIANCE + MOST_PARAMETERS**2]
-    square = square.reshape(-1, MOST_PARAMETERS, MOST_PARAMETERS)
-    return rows[:, _FIRST : _FIRST + count], square[:, :count, :count]
+    square = square.reshape(-1, MOST_PARAMETERS, MOST_PARAMETERS)[:, :count, :count]
+    with np.errstate(invalid="ignore"):
+        errors = np.sqrt(np.diagonal(square, axis1=1, axis2=2))
+    return rows[:, _FIRST : _FIRST + count], errors, square
 
 
 #: In place of a verdict, until there is one of what the loop does now.

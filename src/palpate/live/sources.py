@@ -193,10 +193,8 @@ def _hindsight(contact: Contact) -> list[str]:
     if not names:
         return said
     words = " and ".join([", ".join(names[:-1]), names[-1]] if names[1:] else names)
-    return [
-        f"{words} of the recording are those of all of it, as palpate identify finds them",
-        *said,
-    ]
+    found_there = f"{words} of the recording are those of all of it, as palpate identify finds them"
+    return [found_there, *said]
 
 
 # From what a person writes, such as ``lab:ball`` or a file's name, to a source.
@@ -291,13 +289,9 @@ def open_source(address: str, options: SourceOptions | None = None) -> Source:
         raise InvalidParameterError(
             f"SOURCE must be a recording's path, or one of {known}; not {shown(address)}"
         )
-    return _replayed(Path(address), given)
-
-
-def _replayed(path: Path, options: SourceOptions) -> Source:
     from palpate.preparation import prepare
 
-    return Replay(prepare(path, **(options.reading or {})), speed=options.speed)
+    return Replay(prepare(Path(address), **(given.reading or {})), speed=given.speed)
 
 
 # Where live samples come from: a recording, the laboratory, or a robot on the wire.

@@ -32,28 +32,20 @@ _NAMED = struct.Struct("<16sq17sq11sB16s")
 _NAMES = (b"\x0fsequence_number", b"\x10source_timestamp", b"\x0asource_gid")
 
 
-class Attached(NamedTuple):
-    """What rmw_zenoh attaches to a message."""
-
-    number: int
-    written: int  # ns since 1970
-    sender: bytes
-
-
 def attachment(number: int, written: int, sender: bytes) -> bytes:
     """Return what is attached to a message: its number, when it is sent, and by whom (16 bytes)."""
     return _ATTACHED.pack(number, written, 16, sender)
 
 
-def attached(data: bytes) -> Attached | None:
-    """Return what is attached, or None where it is not what rmw_zenoh attaches."""
+def attached(data: bytes) -> tuple[int, int, bytes] | None:
+    """Return number, time [ns since 1970] and sender, or None of what is not rmw_zenoh's."""
     if len(data) == _ATTACHED.size and data[16] == 16:
         number, written, _, sender = _ATTACHED.unpack(data)
-        return Attached(number, written, sender)
+        return number, written, sender
     if len(data) == _NAMED.size:
         first, number, second, written, third, size, sender = _NAMED.unpack(data)
         if (first, second, third) == _NAMES and size == 16:
-            return Attached(number, written, sender)
+            return number, written, sender
     return None
 
 
@@ -79,12 +71,13 @@ def opened(address: WireAddress) -> "zenoh.Session":
         ) from None
     listen = _endpoints(address, "listen", "")
     connect = _endpoints(address, "connect", "" if listen else ROUTER)
+    scouting = address.one_of("scouting", ("no", "yes")) == "yes"
     settings = {
         "mode": "peer" if listen else "client",
         "listen/endpoints": listen,
         "connect/endpoints": connect,
-        "scouting/multicast/enabled": address.one_of("scouting", ("no", "yes")) == "yes",
-        "scouting/gossip/enabled": address.one_of("scouting", ("no", "yes")) == "yes",
+        "scouting/multicast/enabled": scouting,
+        "scouting/gossip/enabled": scouting,
         "transport/link/rx/max_message_size": _LONGEST,
     }
     config = zenoh.Config()
@@ -228,10 +221,8 @@ class Zenoh(RosTopics):
         if came.attachment is not None:
             known = attached(came.attachment)
             if known is None:
-                self.refuse(
-                    f"{topic.name}: an attachment of {len(came.attachment)} bytes that is not "
-                    "rmw_zenoh's"
-                )
+                size = len(came.attachment)
+                self.refuse(f"{topic.name}: an attachment of {size} bytes that is not rmw_zenoh's")
                 return
             number, written, sender = known
         message = Message(came.topic, came.payload, written, number, sender)

@@ -64,12 +64,10 @@ def unpacked(data: bytes, *, vectors: bool) -> Packet:
         if (size == VECTORS.size) is not vectors:
             raise _other_kind(vectors)
         if vectors:
-            number, time, *six = VECTORS.unpack(data)
-            position: Value = (six[0], six[1], six[2])
-            force: Value = (six[3], six[4], six[5])
-        else:
-            number, time, position, force = NUMBERS.unpack(data)
-        return Packet(number, _stamp(time), position, force)
+            number, time, x, y, z, *force = VECTORS.unpack(data)
+            return Packet(number, _stamp(time), (x, y, z), (force[0], force[1], force[2]))
+        number, time, position, push = NUMBERS.unpack(data)
+        return Packet(number, _stamp(time), position, push)
     if size > LONGEST:
         raise PacketError(f"a packet of {size} bytes")
     return _of_json(data, vectors)
@@ -255,15 +253,11 @@ class ZeroMQ(Endpoint):
     def _next(self, socket: "zmq.Socket[bytes]", *, waited: bool) -> Arrival | None:
         """The sample of the packet that is there, or None where it holds none."""
         counts = self.counts
-        data = socket.recv()
+        frames = socket.recv_multipart()  # the topic may be the first
         try:
-            if socket.rcvmore:
-                first, data = data, socket.recv()
-                if socket.rcvmore:
-                    frames = 2 + len(socket.recv_multipart())
-                    raise PacketError(f"a message of {frames} frames, not 1 or 2")
-                del first  # the topic
-            packet = unpacked(data, vectors=self._vectors)
+            if len(frames) > 2:
+                raise PacketError(f"a message of {len(frames)} frames, not 1 or 2")
+            packet = unpacked(frames[-1], vectors=self._vectors)
         except PacketError as fault:
             counts.malformed += 1
             counts.last_fault = str(fault)

@@ -327,14 +327,8 @@ def style_sheet() -> str:
         "".join(f"{name}: {colour}; " for name, colour in look.variables().items())
         for look in (LIGHT, DARK)
     )
-    return "\n".join(
-        [
-            STYLE,
-            f":root {{ {light}}}",
-            f"@media (prefers-color-scheme: dark) {{ :root {{ {dark}}} }}",
-            (STATIC / "live.css").read_text(encoding="utf-8"),
-        ]
-    )
+    colours = f":root {{ {light}}}\n@media (prefers-color-scheme: dark) {{ :root {{ {dark}}} }}"
+    return "\n".join([STYLE, colours, (STATIC / "live.css").read_text(encoding="utf-8")])
 
 
 # One page, and a WebSocket to each browser that shows it.
@@ -381,7 +375,6 @@ class Server:
         self._cached: dict[tuple[int, int, int, int, bool], bytes] = {}
         self._allowance = Allowance()
         self._tick = asyncio.Event()
-        self._methods = offered()
 
     def app(self, token: str | None) -> Gate:
         """Return the ASGI application."""
@@ -437,13 +430,10 @@ class Server:
         self.served.clients += 1
         history = self.watch.history
         client = Client(socket, history.oldest, self.watch.recast, history.total)
-        hello = {
-            "kind": "hello",
-            "channels": CHANNELS,
-            "methods": self._methods,
-            "choices": CHOICES,
-        }
-        sending = asyncio.create_task(self._send_all(client, json.dumps(hello)))
+        known = {"channels": CHANNELS, "methods": offered(), "choices": CHOICES}
+        sending = asyncio.create_task(
+            self._send_all(client, json.dumps({"kind": "hello", **known}))
+        )
         receiving = asyncio.create_task(self._receive_all(client))
         try:
             await asyncio.wait({sending, receiving}, return_when=asyncio.FIRST_COMPLETED)

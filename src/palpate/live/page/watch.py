@@ -58,13 +58,8 @@ def at_depth(law: type[ForceLaw], parameters: Floats, covariance: Floats, depth:
         steps = np.where((errors > 0.0) & np.isfinite(errors), 0.01 * errors, 1.0)
         moves = steps[:, None, :] * np.eye(size)
         # Once all of them in a row: the estimates, and each with one parameter up and down.
-        every = np.concatenate(
-            [
-                parameters,
-                (parameters[:, None, :] + moves).reshape(-1, size),
-                (parameters[:, None, :] - moves).reshape(-1, size),
-            ]
-        )
+        moved = parameters[:, None, :] + np.stack([moves, -moves])
+        every = np.concatenate([parameters, moved.reshape(-1, size)])
         found = np.empty((4, count))
         for place, values in enumerate(law.many_at(every, depth)):
             up, down = values[count:].reshape(2, count, size)
@@ -89,16 +84,14 @@ def channels_of(rows: Floats, law: type[ForceLaw] | None, depth: float) -> NDArr
     """
     found = np.full((len(CHANNELS), len(rows)), np.nan)
     found[0:4] = rows[:, _AS_THEY_ARE].T
-    parameters, covariance = parameters_of(rows, MOST_PARAMETERS)
-    found[_NUMBERS] = parameters.T
-    with np.errstate(invalid="ignore"):
-        found[_ERRORS] = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2).T)
+    parameters, errors, _ = parameters_of(rows, MOST_PARAMETERS)
+    found[_NUMBERS], found[_ERRORS] = parameters.T, errors.T
     if law is GeneralisedHuntCrossley:  # what one of its laws has not is no curve
         found[_NUMBERS][found[_ERRORS] == 0.0] = np.nan
     if law is not None and math.isfinite(depth):
         number, first = column(rows, "estimate"), np.ones(len(rows), dtype=bool)
         first[1:] = number[1:] != number[:-1]  # rows of one estimate share what follows from it
-        parameters, covariance = parameters_of(rows[first], len(law.symbols))
+        parameters, _, covariance = parameters_of(rows[first], len(law.symbols))
         found[4:8] = at_depth(law, parameters, covariance, depth)[:, np.cumsum(first) - 1]
     found[-3:] = rows[:, _LAST].T
     found[~(np.abs(found) < _LARGEST)] = np.nan
@@ -333,16 +326,13 @@ class Watch:
         """Parameters of one row, their standard errors, and what follows at the depth."""
         if law is None or not len(row):
             return {}
-        parameters, covariance = parameters_of(row, len(law.symbols))
+        parameters, errors, covariance = parameters_of(row, len(law.symbols))
         stiffness = at_depth(law, parameters, covariance, self.depth)[:, 0].tolist()
-        with np.errstate(invalid="ignore"):
-            errors = np.sqrt(np.diagonal(covariance[0]))
-        values = parameters[0].copy()
-        if law is GeneralisedHuntCrossley:  # what one of its laws has not is no number
-            values[errors == 0.0] = np.nan
+        # What one of its laws has not is no number.
+        void = (errors == 0.0) & (law is GeneralisedHuntCrossley)
         return {
-            "parameters": values.tolist(),
-            "errors": errors.tolist(),
+            "parameters": np.where(void, np.nan, parameters)[0].tolist(),
+            "errors": errors[0].tolist(),
             "stiffness": stiffness[:2],
             "damping": stiffness[2:],
         }
@@ -353,15 +343,13 @@ class Watch:
         deepest = float(np.nanmax(reached, initial=0.0))
         if self._law is None or not deepest > 0.0:
             return {}
-        parameters, _ = parameters_of(row, len(self._law.symbols))
+        parameters, _, _ = parameters_of(row, len(self._law.symbols))
         if not np.isfinite(parameters).all():
             return {}
         depth = np.linspace(0.0, deepest, _CURVE)
         law = self._law.from_parameters(parameters[0])
         with np.errstate(all="ignore"):  # a start may have a negative exponent
-            force = law.force(depth, np.zeros(_CURVE)) + float(
-                np.nan_to_num(column(row, "offset")[0])
-            )
+            force = law.force(depth, np.zeros(_CURVE)) + np.nan_to_num(column(row, "offset"))
         return {"penetration": depth.tolist(), "force": force.tolist()}
 
     def page(self, served: Mapping[str, Any]) -> dict[str, Any]:
