@@ -18,7 +18,7 @@ import palpate
 from palpate.live.loop import Loop
 from palpate.live.page import Page
 from palpate.live.page.watch import CHANNELS, HEADER
-from palpate.live.ring import Board, Writer
+from palpate.live.ring import ESTIMATE, Board, Writer
 from palpate.live.sinks import Session
 from palpate.live.sources import Replay
 
@@ -31,6 +31,7 @@ class Served:
 
     page: Page
     writer: Writer
+    estimates: Writer
     board: Board
     own: Board
     commands: object
@@ -84,10 +85,12 @@ class Served:
 def served(recording="tapping.csv", *, seconds=3.0, estimator=None, **options):
     """Serve the page of a recording that the loop has gone through already."""
     contact = palpate.prepare(EXAMPLES / recording)
-    writer, board, own = Writer(), Board(), Board()
+    writer, estimates = Writer(), Writer(width=len(ESTIMATE))
+    board, own = Board(), Board()
     source = Replay(contact, speed=float("inf"))
     preparation = palpate.OnlinePreparation(sample_time=contact.sample_time)
-    loop = Loop(source, preparation, estimator or palpate.VariableProjection(), writer)
+    estimator = estimator or palpate.VariableProjection()
+    loop = Loop(source, preparation, estimator, writer, estimates, every_sample=True)
     written = []
     write = writer.write
     writer.write = lambda *row: (written.append(row), write(*row))
@@ -97,17 +100,18 @@ def served(recording="tapping.csv", *, seconds=3.0, estimator=None, **options):
     board.write(loop.status())
     page = Page(port=0, **options)
     ours, theirs = Pipe()
-    session = Session(writer.address, board.name, {"page": own.name}, own.name)
+    addresses = writer.address, estimates.address
+    session = Session(*addresses, board.name, {"page": own.name}, own.name)
     thread = threading.Thread(target=page.run, args=(session, theirs))
     thread.start()
     try:
-        yield Served(page, writer, board, own, ours, loop, list(written[-1]))
+        yield Served(page, writer, estimates, board, own, ours, loop, list(written[-1]))
     finally:
         board.write({**loop.status(), "stopped": True})
         thread.join(20.0)
         assert not thread.is_alive()
         page.close()
-        for each in (board, own, writer):
+        for each in (board, own, writer, estimates):
             each.close()
 
 

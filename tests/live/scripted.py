@@ -7,13 +7,14 @@ import signal
 import subprocess
 import sys
 import time
+from contextlib import contextmanager
 from pathlib import Path
 
 from cases import MATERIALS, exciting
 
 from palpate import OnlinePreparation
 from palpate.live.loop import Loop
-from palpate.live.ring import COLUMNS, Reader, Writer
+from palpate.live.ring import CAPACITY, COLUMNS, ESTIMATE, RowReader, Writer
 from palpate.live.running import default_estimator
 from palpate.live.sinks import Watching
 from palpate.live.sources import Arrival, Counts, EndOfSourceError
@@ -79,10 +80,22 @@ def arrivals(times, positions, forces, *, there=None):
     return [Arrival(*row) for row in rows]
 
 
-def looped(script, preparation=None, estimator=None, commands=(), *, source=None):
+@contextmanager
+def rings(capacity=CAPACITY):
+    """Where a loop writes samples and estimates, and who reads them."""
+    samples, estimates = Writer(capacity), Writer(capacity, len(ESTIMATE))
+    reader = RowReader(samples.address, estimates.address)
+    try:
+        yield samples, estimates, reader
+    finally:
+        for each in (reader, samples, estimates):
+            each.close()
+
+
+def looped(
+    script, preparation=None, estimator=None, commands=(), *, source=None, every_sample=True
+):
     """The loop and the rows that it wrote; ``commands`` are taken after so many samples each."""
-    ring = Writer(1 << 15)
-    reader = Reader(ring.address)
     source = source or Scripted(script)
     waiting = sorted(commands, key=lambda each: each[0])
 
@@ -91,15 +104,12 @@ def looped(script, preparation=None, estimator=None, commands=(), *, source=None
             return waiting.pop(0)[1]
         return None
 
-    try:
+    with rings(1 << 15) as (samples, estimates, reader):
         estimator = estimator or default_estimator()
-        loop = Loop(source, preparation or OnlinePreparation(), estimator, ring)
-        loop.commands = asked
+        loop = Loop(source, preparation or OnlinePreparation(), estimator, samples, estimates)
+        loop.commands, loop.every_sample = asked, every_sample
         loop.run()
-        return loop, reader.take().rows.copy()
-    finally:
-        reader.close()
-        ring.close()
+        return loop, reader.take().rows
 
 
 def column(rows, name):
@@ -144,7 +154,12 @@ class Looking:
     def run(self, session, commands):
         watching = Watching(session)
         rows = 0
-        names = session.ring.name, session.board, *session.boards.values()
+        names = (
+            session.samples.name,
+            session.estimates.name,
+            session.board,
+            *session.boards.values(),
+        )
         self.path.with_suffix(".began").write_text(" ".join(names))
         while watching.wait(0.02):
             rows += len(watching.take().rows)
@@ -162,7 +177,9 @@ class Slow(Looking):
         while not watching.over:
             time.sleep(0.05)
         taken = watching.take()
-        self.path.write_text(f"{len(taken.rows)} {watching.dropped} {watching._reader.count}")
+        self.path.write_text(
+            f"{len(taken.rows)} {watching.dropped} {watching.reader.samples.count}"
+        )
         watching.tell({})
         watching.close()
 

@@ -5,7 +5,7 @@ import math
 
 import numpy as np
 import pytest
-from scripted import Scripted, Silence, T, arrivals
+from scripted import Scripted, Silence, T, arrivals, rings
 
 from palpate import (
     FlatSpectrum,
@@ -29,7 +29,6 @@ from palpate.live.loop import Loop
 from palpate.live.page.watch import plain
 from palpate.live.publishing import Fields, words_of
 from palpate.live.recorder import described
-from palpate.live.ring import Writer
 from palpate.live.running import default_estimator
 
 BOX = FlatSpectrum(2e-3, 2.048)
@@ -64,20 +63,18 @@ def read(loop):
 def watched(script, law="auto", at=(), commands=None, **known):
     """Run a loop; return it, and its verdicts after so many samples each and at the end."""
     kind, settings = estimator_by_law(law)
-    ring, said, commands = Writer(1 << 13), {}, dict(commands or {})
+    said, commands = {}, dict(commands or {})
     estimator = default_estimator(kind, **settings, **known)
-    loop = Loop(Scripted(script), OnlinePreparation(sample_time=T), estimator, ring)
 
     def asked():
         if loop.counts.taken in at:
             said.setdefault(loop.counts.taken, read(loop))
         return commands.pop(loop.counts.taken, None)
 
-    try:
-        loop.commands = asked
+    with rings() as (samples, estimates, _):
+        preparation = OnlinePreparation(sample_time=T)
+        loop = Loop(Scripted(script), preparation, estimator, samples, estimates, asked)
         loop.run()
-    finally:
-        ring.close()
     return loop, said, read(loop)
 
 

@@ -5,15 +5,28 @@ import math
 
 import numpy as np
 import pytest
-from scripted import Scripted, Silence, T, arrivals, column, looped, measured, pressed
+from scripted import (
+    PLACE,
+    Scripted,
+    Silence,
+    T,
+    arrivals,
+    column,
+    looped,
+    measured,
+    pressed,
+    rings,
+)
 
 import palpate
-from palpate import ESTIMATORS, OnlinePreparation, Status
+from palpate import ESTIMATORS, OnlinePreparation, Status, ViscoelasticContact
 from palpate.contact import Remark
 from palpate.estimators.estimate import Trace
 from palpate.live.choices import LiveCommand, State
-from palpate.live.console import at_depth
-from palpate.live.ring import Writer
+from palpate.live.console import ShownDepth, at_depth
+from palpate.live.law_numbers import verdict_on
+from palpate.live.loop import Loop
+from palpate.live.ring import COLUMNS, SAMPLE
 from palpate.live.running import default_estimator
 from palpate.live.sources import Arrival, EndOfSourceError, Replay
 
@@ -78,6 +91,81 @@ def test_the_loop_over_a_recording_is_the_replay_to_the_last_bit(method):
     assert loop.counts.taken == len(TIMES) == len(rows)
     assert loop.status()["counts"]["jumps"] == 0
     assert "N/m" in at_depth(loop.status(), rows[-1], 8e-3)  # in the terminal's line
+
+
+def test_the_estimate_is_there_50_times_a_second_at_each_change_and_at_the_end():
+    commands = [(605, LiveCommand("reset")), (1333, LiveCommand("hold"))]
+    _, each = looped(SCRIPT, commands=commands)
+    _, rows = looped(SCRIPT, commands=commands, every_sample=False)
+    size = len(SAMPLE)
+    number = column(rows, "estimate")
+    first = np.append(True, np.diff(number) > 0.0)
+    # All that is of the sample is the same, and each estimate that of the sample it came with.
+    differ = [SAMPLE.index(name) for name in ("cycle", "lateness", "estimate")]
+    np.testing.assert_array_equal(*(np.delete(a[:, :size], differ, axis=1) for a in (each, rows)))
+    np.testing.assert_array_equal(rows[first, size:], each[first, size:])
+    assert np.diff(np.flatnonzero(first)).max() <= 21
+    assert 100 <= number[-1] <= 108
+    state = np.flatnonzero(np.diff(column(rows, "state"))) + 1
+    assert first[[605, 1333, *state]].all()
+    assert not any(name.startswith(("parameter", "covariance")) for name in SAMPLE)
+
+
+def test_the_end_of_a_run_has_the_last_estimate():
+    source = Replay(touch(), speed=math.inf)
+    with rings() as (*rows, reader):
+        loop = Loop(source, OnlinePreparation(), default_estimator(), *rows)
+        loop.run()
+        last = reader.take().rows[-1:]
+        end = reader.now()
+    parameters = loop.estimator.estimate().parameters
+    assert column(end, "parameter_0") == parameters[0] != column(last, "parameter_0")
+    np.testing.assert_array_equal(end[:, : len(SAMPLE)], last[:, : len(SAMPLE)])
+
+
+def depths_shown(depths, every=0.2):
+    """What is shown of a motion, at each look."""
+    shown, found = ShownDepth(), []
+    rows = np.zeros((len(depths), len(COLUMNS)))
+    rows[:, PLACE["time"]] = T * np.arange(len(depths))
+    rows[:, PLACE["penetration"]], rows[:, PLACE["state"]] = depths, State.CONTACT
+    for look in np.split(rows, range(0, len(rows), round(every / T))[1:]):
+        shown.see(look)
+        found.append(shown.value)
+    return np.array(found)
+
+
+@pytest.mark.parametrize("every", [0.033, 0.2], ids=["the page", "the console"])
+def test_the_shown_depth_stays_while_the_motion_repeats_and_follows_another(every):
+    time = T * np.arange(60_000)
+    # Its median lies between 8.8 and 8.9 mm, on either side in turns.
+    swing = 8.85e-3 + 3e-3 * np.sin(2.0 * np.pi * 0.7 * time) + 2e-4 * np.sin(0.3 * time)
+    found = depths_shown(swing, every)[round(10.0 / every) :]
+    assert found[0] == pytest.approx(8.85e-3, rel=0.06)
+    assert (found == found[0]).all()
+    deeper = np.where(time < 20.0, swing, 1.3 * swing)
+    found = depths_shown(deeper, every)
+    assert len(set(found[round(40.0 / every) :])) == 1
+    assert found[-1] == pytest.approx(1.3 * 8.85e-3, rel=0.06)
+
+
+def test_a_law_is_shown_at_a_depth_that_stays():
+    """Of a loop that compares laws: the motion's own depth and frequency are a running mean."""
+    shown, depths, own = ShownDepth(), [], []
+
+    def look():
+        taken = loop.counts.taken
+        if taken % 250 == 0 and (verdict := shown.verdict(loop.status(), taken * T)):
+            depths.append(verdict["depth"])
+            own.append(verdict_on(loop.status())["depth"])
+
+    with rings() as (*rows, _):
+        estimator, script = ViscoelasticContact(), arrivals(*measured(8.0))
+        loop = Loop(Scripted(script), OnlinePreparation(), estimator, *rows, look)
+        loop.run()
+    assert len(set(own[8:])) > 1
+    assert len(set(depths[8:])) == 1
+    assert depths[-1] == pytest.approx(own[-1], rel=0.1)
 
 
 @pytest.mark.parametrize(
@@ -297,14 +385,13 @@ def test_a_recording_says_once_what_its_preparation_said_and_what_it_knows_with_
 def test_the_loop_makes_no_cycles_so_that_it_needs_no_collector():
     bad = SCRIPT[100]._replace(force=math.nan)
     loop, _ = looped([*SCRIPT[:100], bad, *SCRIPT[101:300], SCRIPT[299], *SCRIPT[300:500]])
-    loop.ring = ring = Writer()
-    gc.collect()
-    gc.disable()
-    try:
-        for arrival in SCRIPT[500:]:
-            loop.step(arrival)
-            loop.status()
-        assert gc.collect() == 0
-    finally:
-        gc.enable()
-        ring.close()
+    with rings() as (loop.samples, loop.estimates, _):
+        gc.collect()
+        gc.disable()
+        try:
+            for arrival in SCRIPT[500:]:
+                loop.step(arrival)
+                loop.status()
+            assert gc.collect() == 0
+        finally:
+            gc.enable()

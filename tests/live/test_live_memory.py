@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from palpate.live.loop import Histogram
-from palpate.live.ring import SIZE, WIDTH, Board, Reader, Writer
+from palpate.live.ring import SAMPLE, SIZE, Board, Reader, Writer
 
 SPAWN = multiprocessing.get_context("spawn")
 
@@ -20,7 +20,7 @@ def writing(kind, address, seconds, gate):
     until, k = time.monotonic() + seconds, 0
     while time.monotonic() < until:
         if kind == "ring":
-            made.write(*[float(k)] * WIDTH)
+            made.write(*[float(k)] * len(SAMPLE))
         else:
             made.write({"k": k, "words": "x" * (k % 3000), "again": k})
         k += 1
@@ -73,7 +73,7 @@ def ring():
 
 def written(ring, *numbers):
     for k in numbers:
-        ring.write(*[float(k)] * WIDTH)
+        ring.write(*[float(k)] * len(SAMPLE))
 
 
 def test_a_reader_that_falls_behind_gets_the_newest_and_knows_how_many_it_lost(ring):

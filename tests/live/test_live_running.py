@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 import time
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -29,13 +30,13 @@ def test_sinks_see_every_row_and_end_in_order_and_the_memory_is_given_back(tmp_p
     assert taken == 500
     assert status["counts"]["lost"] == 0
     names = (tmp_path / "one.began").read_text().split()
-    assert len(names) == 4
+    assert len(names) == 5
     assert not any((SHM / name.lstrip("/")).exists() for name in names)
 
 
 @pytest.mark.slow
 def test_a_slow_sink_drops_rows_and_says_how_many_and_holds_nothing(tmp_path, monkeypatch):
-    monkeypatch.setattr(running, "Writer", lambda: Writer(200))
+    monkeypatch.setattr(running, "Writer", partial(Writer, 200))
     status = run(Endless(600), None, [Slow(tmp_path / "slow", "slow")])
     seen, dropped, written = map(int, (tmp_path / "slow").read_text().split())
     assert written == status["counts"]["taken"] == seen + dropped

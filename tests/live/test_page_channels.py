@@ -14,7 +14,7 @@ from palpate.force_laws import ForceLaw, HuntCrossley
 from palpate.lab import MATERIALS
 from palpate.live.page import watch
 from palpate.live.page.watch import CHANNELS, HEADER, History, at_depth, channels_of
-from palpate.live.ring import COLUMNS, MOST_PARAMETERS, Board, Writer
+from palpate.live.ring import COLUMNS, ESTIMATE, MOST_PARAMETERS, SAMPLE, Board, Writer
 from palpate.live.sinks import Session
 
 AT = {name: place for place, name in enumerate(COLUMNS)}
@@ -153,11 +153,12 @@ def test_no_line_leads_from_one_estimator_to_the_next(history):
 def watched(monkeypatch):
     """A ring, the loop's board, and what a page sees of them at once."""
     monkeypatch.setattr(watch, "ALIVE", 0.0)
-    writer, board, own = Writer(64), Board(), Board()
-    seen = watch.Watch(Session(writer.address, board.name, {"page": own.name}, own.name))
-    yield writer, board, seen
-    seen.close()
-    for each in (own, board, writer):
+    writers, board, own = (Writer(64), Writer(64, len(ESTIMATE))), Board(), Board()
+    addresses = [each.address for each in writers]
+    seen = watch.Watch(Session(*addresses, board.name, {"page": own.name}, own.name))
+    yield writers, board, seen
+    seen.run.close()
+    for each in (own, board, *writers):
         each.close()
 
 
@@ -171,11 +172,12 @@ def test_a_loop_whose_source_is_still_being_opened_is_not_dead(watched):
 
 
 def test_an_estimate_is_never_shown_by_the_law_of_another_estimator(watched):
-    writer, board, seen = watched
+    (samples, estimates), board, seen = watched
 
     def write(*times, **columns):
-        for row in rows_of(times, **columns):
-            writer.write(*row)
+        for row in rows_of(times, estimate=estimates.count, **columns):
+            estimates.write(*row[len(SAMPLE) :])
+            samples.write(*row[: len(SAMPLE)])
         seen.take()
 
     board.write({"sample_time": 1e-3, "generation": 0, "law": {"kind": "hunt-crossley"}})

@@ -20,7 +20,7 @@ from palpate.errors import InvalidParameterError, PalpateError
 from palpate.live import run
 from palpate.live.choices import State
 from palpate.live.diagnosing import diagnosed, recent
-from palpate.live.publishing import _Publishing, open_publisher
+from palpate.live.publishing import Publisher, open_publisher
 from palpate.live.sinks import PLACE, diagnosis_of
 from palpate.live.sources import Replay
 
@@ -248,8 +248,11 @@ def watching(diagnosis):
 def test_of_a_source_that_is_silent_the_wire_says_that_it_is_lost() -> None:
     loop, rows = looped(arrivals(*measured(0.3)))
     told = []
-    full = SimpleNamespace(send=lambda *_: 7, tell=lambda state, *_: told.append(state))
-    publishing = _Publishing(full, watching(partial(diagnosis_of, None)))
+    full = SimpleNamespace(
+        name="full", send=lambda *_: 7, tell=lambda state, *_: told.append(state)
+    )
+    publishing = Publisher(full)
+    publishing._begin(watching(partial(diagnosis_of, None)))
     page = loop.status()
     publishing._publish(page, rows)
     assert publishing._watching.dropped == 7  # what could not be sent is counted with the rest
@@ -266,9 +269,10 @@ def test_a_verdict_is_published_until_it_is_not_of_what_the_loop_does():
     samples = rows[:, [PLACE[n] for n in ("time", "penetration", "velocity", "force", "status")]]
     pages = {"now": {"dropped": 0}}  # as the diagnosis' board is before the first
     listener = ZeroMQListener()
-    publisher = open_publisher(listener.address)._wire
+    publishing = open_publisher(listener.address)
+    publisher = publishing._wire
     publisher.open()
-    publishing = _Publishing(publisher, watching(lambda page: diagnosis_of(pages["now"], page)))
+    publishing._begin(watching(lambda page: diagnosis_of(pages["now"], page)))
 
     def heard(first, **columns):
         part = rows[first : first + 100].copy()

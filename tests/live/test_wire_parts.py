@@ -326,7 +326,7 @@ def test_layouts_that_a_hostile_sender_invents_are_not_kept_for_ever():
     reader = MessageReader("/t", kind, ["point"], vectors=True)
     for k in range(1000):
         reader.read(sent(kind, header=made("std_msgs/msg/Header", frame_id=f"frame {k}")))
-    assert sum(map(len, reader._known.values())) <= 64
+    assert len(reader._known) <= 64
 
 
 def test_attachments_are_those_of_rmw_zenoh_old_and_new():

@@ -150,6 +150,14 @@ class LoopCounts:
         How often the source went silent.
     changes : int
         How often the material changed.
+    repeated : int
+        Samples of the same time as the one before; refused.
+    disordered : int
+        Samples that are earlier than the one before, by less than a window; refused.
+    jumps : int
+        How often the source's clock was set: back, or further ahead than time went.
+    gaps : int
+        How often samples were missing for longer than a window.
     """
 
     taken: int = 0
@@ -157,11 +165,7 @@ class LoopCounts:
     refused: int = 0
     silences: int = 0
     changes: int = 0
-
-
-def summed(*counts: dict[str, Any]) -> dict[str, Any]:
-    """One of each name: what both the source and the loop count is added."""
-    whole: dict[str, Any] = {}
-    for name, value in (item for each in counts for item in each.items()):
-        whole[name] = value + whole[name] if name in whole else value
-    return whole
+    repeated: int = 0
+    disordered: int = 0
+    jumps: int = 0
+    gaps: int = 0

@@ -20,36 +20,75 @@ from palpate.estimators.estimate import Estimate
 from palpate.force_laws import FORCE_LAWS
 from palpate.live.choices import State
 from palpate.live.law_numbers import in_words, law_lines, numbers_of, verdict_on
-from palpate.live.ring import MOST_PARAMETERS
-from palpate.live.sinks import PLACE, Session, Watching, printed
+from palpate.live.sinks import PLACE, Session, Watching, parameters_of, printed
 from palpate.validation import Floats
 
-_FIRST, _COVARIANCE = PLACE["parameter_0"], PLACE["covariance_0"]
-_KEPT = 200  # penetrations in contact, a few a look: of the last minute or so
-_AT_ONCE = 5
 _IN_CONTACT = (State.CONTACT, State.CHANGED)
+_LOOKED_AT_EVERY = 0.04  # s of the samples' clock between penetrations that count
+_KEPT, _LEAST = 250, 5  # of them: ten seconds in contact; so many make a median
+# Another number is shown where that is so far off, for so long [s]; and until s after that it is
+# taken anew, more and more rarely.
+_MOVED, _FOR, _SETTLED = 0.1, 1.0, 10.0
+
+
+class _Steady:
+    """A number to two digits, which stays while what is measured is about the same."""
+
+    def __init__(self) -> None:
+        self.value = self._since = self._began = math.nan
+        self._wait = 0.0
+
+    def see(self, measured: float, time: float) -> float:
+        """Take what is measured at a time, s; return what is shown."""
+        if abs(measured / self.value - 1.0) <= _MOVED:
+            self._since = time
+        if not 0.0 <= time - self._since < _FOR:
+            self._began, self._wait = time, _FOR
+        elif time - self._began >= self._wait <= _SETTLED:
+            self._wait *= 3.0  # what is measured at first is of too little of the motion
+        else:
+            return self.value
+        self.value, self._since = float(f"{measured:.1e}"), time
+        return self.value
 
 
 class ShownDepth:
-    """The median penetration of late, in contact."""
+    """The median penetration of late in contact, which stays while the motion repeats."""
 
     def __init__(self) -> None:
         self._seen: deque[float] = deque(maxlen=_KEPT)
-
-    def see(self, rows: Floats) -> None:
-        """Take rows of the ring, of which a few are enough."""
-        touching = np.isin(rows[:, PLACE["state"]], _IN_CONTACT)
-        depths = rows[touching, PLACE["penetration"]]
-        depths = depths[depths > 0.0]
-        self._seen.extend(depths[:: max(len(depths) // _AT_ONCE, 1)].tolist())
+        self._tick, self._shown = math.nan, _Steady()
+        self._of_law = {"depth": _Steady(), "frequency": _Steady()}
 
     @property
     def value(self) -> float:
         """In m, to two digits; NaN before a contact."""
-        return float(f"{np.median(self._seen):.1e}") if self._seen else math.nan
+        return self._shown.value
+
+    def see(self, rows: Floats) -> None:
+        """Take rows of the ring, of which a few are enough."""
+        depths, times = rows[:, PLACE["penetration"]], rows[:, PLACE["time"]]
+        touching = np.isin(rows[:, PLACE["state"]], _IN_CONTACT) & (depths > 0.0)
+        depths, times = depths[touching], times[touching]
+        ticks = times // _LOOKED_AT_EVERY
+        for place in np.flatnonzero(np.diff(ticks, prepend=self._tick)).tolist():
+            self._seen.append(depths[place])
+            self._tick = ticks[place]
+            if len(self._seen) >= _LEAST:
+                self._shown.see(float(np.median(self._seen)), times[place])
+
+    def verdict(self, status: dict[str, Any], time: float) -> dict[str, Any] | None:
+        """Return the verdict of a board, at a depth and a frequency that stay too."""
+        verdict = verdict_on(status)
+        if verdict is None:
+            return None
+        known = [name for name in self._of_law if verdict[name]]
+        return verdict | {name: self._of_law[name].see(verdict[name], time) for name in known}
 
 
-def at_depth(status: dict[str, Any], row: Floats, depth: float) -> str:
+def at_depth(
+    status: dict[str, Any], row: Floats, depth: float, verdict: dict[str, Any] | None = None
+) -> str:
     """Stiffness and damping at a depth [m], with error bars, of a row of the ring.
 
     Of an estimator that compares laws which it is, and what a small oscillation feels.
@@ -59,16 +98,13 @@ def at_depth(status: dict[str, Any], row: Floats, depth: float) -> str:
         return "no contact yet"
     if row[PLACE["method"]] != status.get("generation"):
         return "another estimator begins"  # of which the board has not said yet what it identifies
-    size = len(kind.symbols)
-    parameters = row[_FIRST : _FIRST + size]
-    covariance = row[_COVARIANCE:].reshape(-1)[: MOST_PARAMETERS**2]
-    square = covariance.reshape(MOST_PARAMETERS, MOST_PARAMETERS)[:size, :size]
+    (parameters,), _, (covariance,) = parameters_of(row[None], len(kind.symbols))
     if not np.isfinite(parameters).all():
         return "nothing known yet"
-    if verdict := verdict_on(status):
+    if verdict:
         return in_words(verdict, numbers_of(verdict))
-    law = kind.from_parameters(parameters)
-    estimate = Estimate.from_law(law, square, status=Status(int(row[PLACE["status"]])), samples=1)
+    law, taken = kind.from_parameters(parameters), Status(int(row[PLACE["status"]]))
+    estimate = Estimate.from_law(law, covariance, status=taken, samples=1)
     stiffness = with_error(*estimate.stiffness_at(depth), unit="N/m")
     damping = with_error(*estimate.damping_at(depth), unit="N·s/m")
     return f"{stiffness}, {damping} at {rounded(1e3 * depth, 2)} mm"
@@ -132,19 +168,10 @@ class Console:
         """Print until the loop stops, and then the summary."""
         if isinstance(sys.stdout, TextIOWrapper) and sys.stdout.errors == "strict":
             sys.stdout.reconfigure(errors="replace")
-        watching = Watching(session)
-        terminal = sys.stdout is not None and sys.stdout.isatty()
-        _Printing(watching, terminal=terminal, quiet=self._quiet).run()
-        watching.close()
-
-
-class _Printing:
-    def __init__(self, watching: Watching, *, terminal: bool, quiet: bool) -> None:
-        self._watching, self._terminal, self._quiet = watching, terminal, quiet
+        self._watching = Watching(session)
+        self._terminal = sys.stdout is not None and sys.stdout.isatty()
         self._depth, self._said = ShownDepth(), list[str]()
-        self._row, self._next, self._heard = np.empty(0), 0.0, True
-
-    def run(self) -> None:
+        self._next, self._heard = 0.0, True
         while self._watching.wait(_REFRESHED_EVERY) and self._heard:
             self._look()
         self._watching.wait(_OTHERS_END)
@@ -157,6 +184,7 @@ class _Printing:
             self._print("the loop has ended without a word; this is what it counted last:")
         for line in summary(status, self._watching.others()):
             self._print(printable(line))
+        self._watching.close()
 
     def _print(self, words: str, end: str = "\n") -> None:
         self._heard = self._heard and printed(words, end)
@@ -164,27 +192,22 @@ class _Printing:
     def _look(self) -> None:
         rows = self._watching.take().rows
         status = self._watching.status()
-        if len(rows):
-            self._row = rows[-1]
-            self._depth.see(rows)
+        self._depth.see(rows)
         for sentence in self._new(status):
             self._clear()
             self._print(printable(sentence))
-        if not self._quiet and len(self._row) and not status.get("stopped"):
-            self._show(printable(_line(status, self._row, self._depth.value)))
+        now = self._watching.reader.now()
+        if not self._quiet and len(now) and not status.get("stopped"):
+            self._show(printable(_line(status, now[0], self._depth)))
         self._watching.tell({})
 
     def _new(self, status: dict[str, Any]) -> Iterator[str]:
         """What was said since the last look: of the last sentences those that were not there."""
+        others = self._watching.others().items()
         said = [*status.get("said", ())]
-        said += [f"{name}: {page['said']}" for name, page in self._others_saying()]
-        for sentence in said:
-            if sentence not in self._said:
-                yield sentence
+        said += [f"{name}: {page['said']}" for name, page in others if page.get("said")]
+        yield from (sentence for sentence in said if sentence not in self._said)
         self._said = said
-
-    def _others_saying(self) -> list[tuple[str, dict[str, Any]]]:
-        return [(name, page) for name, page in self._watching.others().items() if page.get("said")]
 
     def _show(self, line: str) -> None:
         if self._terminal:
@@ -200,7 +223,7 @@ class _Printing:
             self._print("\r\x1b[K", end="")
 
 
-def _line(status: dict[str, Any], row: Any, depth: float) -> str:
+def _line(status: dict[str, Any], row: Floats, shown: ShownDepth) -> str:
     counts = status.get("counts", {})
     wrong = [f"{counts[key]} {words}" for key, words in COUNTED if counts.get(key)]
     lateness = status.get("lateness", {})
@@ -209,7 +232,7 @@ def _line(status: dict[str, Any], row: Any, depth: float) -> str:
         state = "lost"
     parts = [
         state.ljust(7),
-        at_depth(status, row, depth),
+        at_depth(status, row, shown.value, shown.verdict(status, row[PLACE["arrived"]])),
         *(wrong or ["none lost or late"]),  # of a long line a narrow terminal has only the first
         f"{counts.get('taken', 0)} samples, 99 % within {seconds(lateness.get('p99'))}",
     ]
@@ -230,9 +253,8 @@ def summary(status: dict[str, Any], others: dict[str, dict[str, Any]]) -> Iterat
     if verdict := verdict_on(status):
         yield from law_lines(verdict)
     taken, learned = counts.get("taken", 0), counts.get("learned", 0)
-    yield f"{status.get('source', '')}: {taken} samples, {learned} learned, " + _many(
-        counts.get("changes", 0), "change"
-    )
+    changes = f"{(count := counts.get('changes', 0))} change{'' if count == 1 else 's'}"
+    yield f"{status.get('source', '')}: {taken} samples, {learned} learned, {changes}"
     yield "                     p50      p99    p99.9      max   in time"
     for name, words in (("cycle", "update, estimate"), ("lateness", "after its sample")):
         figures = status.get(name, {})
@@ -246,7 +268,3 @@ def summary(status: dict[str, Any], others: dict[str, dict[str, Any]]) -> Iterat
         yield f"rows dropped: {', '.join(dropped)}"
     if recorded := others.get("recorder", {}).get("said"):
         yield str(recorded)
-
-
-def _many(count: int, noun: str) -> str:
-    return f"{count} {noun}{'' if count == 1 else 's'}"

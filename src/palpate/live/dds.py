@@ -2,7 +2,6 @@
 
 import os
 import time
-from collections.abc import Sequence
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
@@ -225,13 +224,8 @@ class DDS(RosTopics):
 
     def _meet(self, index: int, found: "DcpsEndpoint") -> None:
         type_name = ros.ros2_type(found.type_name)
-        topic = self.topics[index]
-        if index in self._readers:
-            if type_name != topic.type_name:
-                self.refuse(f"{topic.name}: a publisher of the type {type_name} is not followed")
-            return
-        self.accept(index, type_name)
-        self._readers[index] = self._reader(topic.name, type_name, found.qos)
+        if self.accept(index, type_name) and index not in self._readers:
+            self._readers[index] = self._reader(self.names[index], type_name, found.qos)
 
     def _reader(self, name: str, type_name: str, offered: Any) -> "DataReader[Any]":
         from cyclonedds.core import Policy, Qos
@@ -321,6 +315,7 @@ class DDSWire(RosWire):
 
     def open(self) -> None:
         """Join the domain."""
+        super().open()
         member = participant(self._domain, self._interface)
         from cyclonedds.core import Policy, Qos
         from cyclonedds.pub import DataWriter
@@ -336,18 +331,10 @@ class DDSWire(RosWire):
             topic: Any = Topic(member, f"rt{name}", kind)
             self._writers.append((DataWriter(member, topic, qos=qos), kind))
 
-    def send(self, names: tuple[str, ...], values: Sequence[Sequence[float]]) -> int:
-        """Send estimates; return how many no reader took in time."""
-        return sum(not self._write(0, each) for each in self.estimates(names, values))
-
-    def tell(self, state: str, source: str, stamp: int, values: dict[str, str | float]) -> None:
-        """Send what is said in words."""
-        self._write(1, self.encoder.status(state, source, stamp, values))
-
-    def _write(self, index: int, data: bytes) -> bool:
+    def _put(self, topic: int, data: bytes) -> bool:
         from cyclonedds.core import DDSException
 
-        writer, kind = self._writers[index]
+        writer, kind = self._writers[topic]
         try:
             writer.write(kind.of(data))
         except DDSException:

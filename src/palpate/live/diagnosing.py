@@ -82,16 +82,11 @@ def recent(samples: Floats, window: float, delay: float) -> Floats:
     samples = samples[np.isfinite(samples).all(axis=1)][-_MOST_ROWS:]
     if not len(samples):
         return samples
-    time = samples[:, 0]
-    back = np.flatnonzero(np.diff(time) <= 0.0)
+    back = np.flatnonzero(np.diff(samples[:, 0]) <= 0.0)
     samples = samples[back[-1] + 1 :] if len(back) else samples
-    changed = np.flatnonzero(samples[:, 4] == Status.RESTARTED)
-    if len(changed):
-        settled = samples[changed[-1], 0] + _SMEARED * delay
-        samples = samples[samples[:, 0] > settled]
-    if not len(samples):
-        return samples
-    recent: Floats = samples[samples[:, 0] >= samples[-1, 0] - window]
+    time, changed = samples[:, 0], np.flatnonzero(samples[:, 4] == Status.RESTARTED)
+    settled = time[changed[-1]] + _SMEARED * delay if len(changed) else -np.inf
+    recent: Floats = samples[(time > settled) & (time >= time[-1] - window)]
     return recent
 
 

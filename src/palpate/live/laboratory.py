@@ -4,7 +4,7 @@ import multiprocessing
 import time
 from collections import deque
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from typing import Any
 
@@ -40,7 +40,7 @@ class Setup:
     def bench(self) -> tuple[OngoingBench, str, str]:
         """Return the bench, its probe's name, and what is to be said of it."""
         sensors = Sensors(sample_time=self.sample_time)
-        material, motion = MATERIALS[self.material], TRAJECTORIES[self.motion]
+        material, motion, words = MATERIALS[self.material], TRAJECTORIES[self.motion], ""
         if self.probe != "ideal":
             from palpate.lab import TwinPantograph
 
@@ -49,19 +49,8 @@ class Setup:
                 return OngoingBench(bench, self.seed), "twin pantograph", ""
             except MissingExtraError as error:
                 words = f"an ideal probe in place of the twin pantograph: {error}"
-        else:
-            words = ""
         bench = Bench(material, motion, IdealProbe(), sensors)
         return OngoingBench(bench, self.seed), "ideal probe", words
-
-
-@dataclass(frozen=True, slots=True)
-class Word:
-    """What the process says."""
-
-    sentence: str
-    probe: str
-    chosen: dict[str, str] = field(default_factory=dict)
 
 
 def press(setup: Setup, ring: Address, connection: Connection) -> None:
@@ -70,23 +59,15 @@ def press(setup: Setup, ring: Address, connection: Connection) -> None:
     give_way(gently=False)
     writer = Writer(made=ring)
     with suppress(BrokenPipeError, ConnectionResetError, EOFError):
-        bench, probe, words = setup.bench()
-        connection.send(Word(words, probe))
-        _Pressing(setup, bench, probe, writer, connection).run()
+        _Pressing(setup, writer, connection).run()
     writer.close()
 
 
 class _Pressing:
-    def __init__(
-        self,
-        setup: Setup,
-        bench: OngoingBench,
-        probe: str,
-        writer: Writer,
-        connection: Connection,
-    ) -> None:
-        self._setup, self._bench, self._probe = setup, bench, probe
-        self._writer, self._connection = writer, connection
+    def __init__(self, setup: Setup, writer: Writer, connection: Connection) -> None:
+        self._setup, self._writer, self._connection = setup, writer, connection
+        self._bench, self._probe, words = setup.bench()
+        self._say(words)
         self._began = time.monotonic() + _BLOCK  # all the rest of the lead is gained in a moment
         self._block = max(round(_BLOCK / setup.sample_time), 1)
 
@@ -106,8 +87,8 @@ class _Pressing:
         try:
             rows = self._bench.advance(self._block)
         except InvalidParameterError as error:
-            chosen = {"material": self._setup.material, "motion": self._setup.motion}
-            self._say(f"{error}; the first material is back", chosen)
+            first = {"material": self._setup.material, "motion": self._setup.motion}
+            self._say(f"{error}; the first material is back", **first)
             return
         dues = rows[:, 0] + self._began
         now = time.monotonic()
@@ -118,13 +99,11 @@ class _Pressing:
         name, value = self._connection.recv()
         if name == "motion":
             self._bench.move(TRAJECTORIES[value])
-        elif name == "change":
-            self._bench.change(MATERIALS[value])
         else:
-            self._bench.place(MATERIALS[value])
+            (self._bench.change if name == "change" else self._bench.place)(MATERIALS[value])
 
-    def _say(self, sentence: str, chosen: dict[str, str] | None = None) -> None:
-        self._connection.send(Word(sentence, self._probe, chosen or {}))
+    def _say(self, sentence: str, **chosen: str) -> None:
+        self._connection.send((sentence, self._probe, chosen))
 
 
 # The laboratory at its own pace, in a process of its own: MuJoCo never holds the loop.
@@ -140,12 +119,8 @@ ASKED = ("material", "motion", "change")
 def open_source(address: str, options: SourceOptions) -> "Laboratory":
     """Return the laboratory of ``lab:MATERIAL`` or ``lab:MATERIAL,MOTION``."""
     material, _, motion = address.partition(",")
-    return Laboratory(
-        material or "ball",
-        motion or "three-sines",
-        sample_time=options.sample_time or 1e-3,
-        seed=options.seed,
-    )
+    chosen, step = (material or "ball", motion or "three-sines"), options.sample_time or 1e-3
+    return Laboratory(*chosen, sample_time=step, seed=options.seed)
 
 
 class Laboratory:
@@ -175,17 +150,15 @@ class Laboratory:
         seed: int = 0,
         probe: str = "twin-pantograph",
     ) -> None:
-        self._chosen = {
-            "material": _known("material", material),
-            "motion": _known("motion", motion),
-        }
+        given = {"material": material, "motion": motion}
+        self._chosen = {kind: _known(kind, name) for kind, name in given.items()}
         if not _SHORTEST <= sample_time <= _LONGEST:
             raise InvalidParameterError(
                 f"the laboratory's --rate must be from {1.0 / _LONGEST:g} to {1.0 / _SHORTEST:g} "
                 f"samples a second, not {1.0 / sample_time:g}"
             )
         self._setup = Setup(material, motion, sample_time, seed, probe)
-        self.counts = Counts()
+        self.sample_time, self.counts = sample_time, Counts()
         self._rows: deque[list[float]] = deque()
         self._open = False
         self._said: list[str] = []
@@ -196,11 +169,6 @@ class Laboratory:
         """What is touched by what."""
         material = MATERIALS[self._chosen["material"]].name
         return f"laboratory: {material}, {self._probe.replace('-', ' ')}"
-
-    @property
-    def sample_time(self) -> float:
-        """Time between samples, s."""
-        return self._setup.sample_time
 
     @property
     def rest(self) -> float:
@@ -233,10 +201,8 @@ class Laboratory:
         theirs.close()
         if not self._connection.poll(_STARTING):
             raise RecordingError("the laboratory did not begin within a minute")
-        with suppress(EOFError, OSError):
-            self._hear(self._connection.recv())
-            return
-        raise RecordingError("the laboratory's process ended before it began")
+        if not self._listen():
+            raise RecordingError("the laboratory's process ended before it began")
 
     def take(self, timeout: float) -> Arrival | None:
         """Wait until the next sample is due, and return it."""
@@ -266,8 +232,7 @@ class Laboratory:
             raise InvalidParameterError(
                 f"the laboratory can be asked for {', '.join(ASKED)}, not {shown(options)}"
             )
-        words = [self._asked(name, value) for name, value in options.items()]
-        return "; ".join(words)
+        return "; ".join(self._asked(name, value) for name, value in options.items())
 
     def _asked(self, name: str, value: Any) -> str:
         kind = "motion" if name == "motion" else "material"
@@ -289,16 +254,15 @@ class Laboratory:
         said, self._said = self._said, []
         return said
 
-    def _listen(self) -> None:
+    def _listen(self) -> bool:
+        """Take the words that wait; whether the process is there to say more."""
         with suppress(EOFError, OSError):
             while self._connection.poll():
-                self._hear(self._connection.recv())
-
-    def _hear(self, word: Word) -> None:
-        if word.sentence:
-            self._said.append(word.sentence)
-        self._probe = word.probe
-        self._chosen |= word.chosen
+                sentence, self._probe, chosen = self._connection.recv()
+                self._said += [sentence] if sentence else []
+                self._chosen |= chosen
+            return True
+        return False
 
     def close(self) -> None:
         """End the process; the memory is given back."""

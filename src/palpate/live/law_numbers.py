@@ -208,21 +208,17 @@ def law_lines(verdict: Mapping[str, Any]) -> Iterator[str]:
         As for :func:`numbers_of`.
     """
     numbers = numbers_of(verdict)
-    yield f"law: {in_words(verdict, {})}" + _evidence(verdict)
+    evidence, changes = "", int(verdict["changes"])
+    if verdict["known"]:
+        effective, of = rounded(verdict["effective_samples"], 3), rounded(verdict["samples"], 4)
+        turned = f", changed {changes} times" if changes else ""
+        evidence = f"; {effective} independent samples of {of}{turned}"
+    yield f"law: {in_words(verdict, {})}{evidence}"
     if numbers:
         depth, often = rounded(1e3 * verdict["depth"], 3), in_hertz(verdict["frequency"])
         named = [f"{NUMBERS[name][1]} {written(numbers, name)}" for name in numbers]
         yield f"a small oscillation of {often} about {depth} mm: {', '.join(named)}"
     yield from verdict["flags"]
-
-
-def _evidence(verdict: Mapping[str, Any]) -> str:
-    if not verdict["known"]:
-        return ""
-    changes = int(verdict["changes"])
-    turned = f", changed {changes} times" if changes else ""
-    effective, samples = rounded(verdict["effective_samples"], 3), rounded(verdict["samples"], 4)
-    return f"; {effective} independent samples of {samples}{turned}"
 
 
 def written(numbers: Numbers, name: str) -> str:

@@ -9,10 +9,11 @@ reads the ring, in another process.
 import math
 import time
 from base64 import b64encode
+from bisect import bisect_left
 from collections import deque
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, field
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -20,15 +21,15 @@ from palpate._core import Status
 from palpate.errors import InvalidParameterError, PalpateError
 from palpate.estimators import ContactEstimator, ViscoelasticContact
 from palpate.estimators.law_verdicts import Candidate
-from palpate.live.choices import LiveCommand, LoopCounts, State, chosen, main_settings, summed
+from palpate.live.choices import LiveCommand, LoopCounts, State, chosen, main_settings
 from palpate.live.ring import MOST_PARAMETERS, Writer
 from palpate.live.sources import Arrival, EndOfSourceError, Source, Value
 from palpate.preparation import OnlinePreparation
 from palpate.preparation.velocity import window_samples
 from palpate.validation import defined, number_in
 
-# From 0.1 µs to 100 s, a twentieth of a decade apart: a percentile is known to 6 %.
-_LOWEST, _DECADES, _PER_DECADE = 1e-7, 9, 20
+# Ends of the bins, s: a twentieth of a decade apart, so that a percentile is known to 12 %.
+_ENDS: list[float] = [1e-7 * 10.0 ** (k / 20.0) for k in range(181)]
 
 
 class Histogram:
@@ -40,10 +41,8 @@ class Histogram:
         s.
     """
 
-    __slots__ = ("_bins", "count", "largest", "limit", "over")
-
     def __init__(self, limit: float) -> None:
-        self._bins = [0] * (_DECADES * _PER_DECADE + 2)
+        self._bins = [0] * (len(_ENDS) + 1)
         self.limit, self.count, self.over, self.largest = limit, 0, 0, 0.0
 
     def add(self, seconds: float) -> None:
@@ -53,46 +52,27 @@ class Histogram:
             self.largest = seconds
         if seconds > self.limit:
             self.over += 1
-        if seconds <= _LOWEST:
-            self._bins[0] += 1
-            return
-        place = 1 + int(_PER_DECADE * math.log10(seconds / _LOWEST))
-        self._bins[min(place, len(self._bins) - 1)] += 1
+        self._bins[bisect_left(_ENDS, seconds)] += 1
 
     def percentile(self, percent: float) -> float:
         """The upper end of the bin that holds a percentile, s; NaN of none."""
         if not self.count:
             return math.nan
         reached = np.cumsum(self._bins) >= percent / 100.0 * self.count
-        end = _LOWEST * 10.0 ** (int(np.argmax(reached)) / _PER_DECADE)
-        return float(min(end, self.largest))
+        return min([*_ENDS, math.inf][int(np.argmax(reached))], self.largest)
 
     def as_dict(self) -> dict[str, Any]:
         """Return p50, p99, p99.9 and the maximum, s, and what is within the limit."""
         within = 1.0 - self.over / self.count if self.count else math.nan
-        return {
-            "count": self.count,
-            "p50": self.percentile(50.0),
-            "p99": self.percentile(99.0),
-            "p99.9": self.percentile(99.9),
-            "max": self.largest,
-            "limit": self.limit,
-            "within": within,
-        }
+        percentiles = {f"p{each:g}": self.percentile(each) for each in (50.0, 99.0, 99.9)}
+        whole = {"max": self.largest, "limit": self.limit, "within": within}
+        return {"count": self.count, **percentiles, **whole}
 
 
 # Which law it is, as the loop sees it: the law in force after each sample, and when it changed.
 
 # Turns of the verdict that are remembered: more than that in a few seconds is one that flickers.
 _REMEMBERED = 6
-
-
-class Turn(NamedTuple):
-    """Another law is in force, from a time on [s], by so many samples; None: none is."""
-
-    time: float
-    law: str | None
-    samples: float
 
 
 @dataclass(slots=True)
@@ -113,14 +93,14 @@ class LawsInForce:
     changes : int
         How often it changed since the evidence began.
     turns : deque
-        What was in force from then on, and of how many samples.
+        A time, s; what was in force from then on, None of none; and of how many samples.
     """
 
     shown: list[int]
     remembers: bool
     now: Candidate | None = None
     changes: int = 0
-    turns: deque[Turn] = field(default_factory=lambda: deque(maxlen=_REMEMBERED))
+    turns: deque[Any] = field(default_factory=lambda: deque(maxlen=_REMEMBERED))
 
     @classmethod
     def of(cls, estimator: ContactEstimator) -> "LawsInForce":
@@ -141,7 +121,7 @@ class LawsInForce:
             return
         self.changes = 0 if now is None or self.now is None else self.changes + 1
         self.now, samples = now, estimator.evidence().samples
-        self.turns.append(Turn(time, None if now is None else str(now), samples))
+        self.turns.append((time, None if now is None else str(now), samples))
 
     def page(self, estimator: ContactEstimator) -> dict[str, Any] | None:
         """Return what a verdict is worked out from, as JSON takes it; None where there is none.
@@ -175,28 +155,6 @@ _SAID_EVERY = 1.0  # s
 
 
 @dataclass(slots=True)
-class ClockFaults:
-    """What was wrong with the samples' times.
-
-    Attributes
-    ----------
-    repeated : int
-        Samples of the same time as the one before; refused.
-    disordered : int
-        Samples that are earlier than the one before, by less than a window; refused.
-    jumps : int
-        How often the source's clock was set: back, or further ahead than time went.
-    gaps : int
-        How often samples were missing for longer than a window.
-    """
-
-    repeated: int = 0
-    disordered: int = 0
-    jumps: int = 0
-    gaps: int = 0
-
-
-@dataclass(slots=True)
 class Watchdog:
     """Compares the source's clock with this machine's, a sample at a time.
 
@@ -204,13 +162,15 @@ class Watchdog:
     ----------
     longest_gap : float
         s; a longer time between samples begins a new window.
+    counts : LoopCounts
+        Where it counts what is wrong.
     pace : float
         How fast the source's clock goes: that of a recording may be replayed faster.
     """
 
     longest_gap: float
-    pace: float = 1.0
-    faults: ClockFaults = field(default_factory=ClockFaults)
+    counts: LoopCounts
+    pace: float
     #: In words, what was wrong last.
     words: str = ""
     _time: float = math.nan
@@ -218,16 +178,6 @@ class Watchdog:
     _unprepared: int = 0
     _shown_until: float = -math.inf
     _said: dict[str, float] = field(default_factory=dict)
-
-    @classmethod
-    def of(cls, preparation: OnlinePreparation, pace: float = 1.0) -> "Watchdog":
-        """Return one that knows how long the windows are."""
-        settings = preparation.settings
-        gap = settings["longest_gap"]
-        if gap is None:
-            step = settings["sample_time"]
-            gap = step * window_samples(step, settings["velocity_window"])
-        return cls(gap, pace)
 
     def see(self, arrival: Arrival) -> str:
         """Return what is wrong with a sample's time, in words; or nothing."""
@@ -238,27 +188,27 @@ class Watchdog:
         return self._judge(arrival, step, elapsed * self.pace)
 
     def _judge(self, arrival: Arrival, step: float, elapsed: float) -> str:
-        faults = self.faults
+        counts = self.counts
         if not math.isfinite(arrival.time):
             return "a sample has no time"
         if step == 0.0:
-            faults.repeated += 1
+            counts.repeated += 1
             return "samples come repeatedly: they are refused"
         if -self.longest_gap <= step < 0.0:
-            faults.disordered += 1
+            counts.disordered += 1
             return "samples come out of order: the late ones are refused"
         self._time, self._there = arrival.time, arrival.there
         if step < 0.0:
-            faults.jumps += 1
+            counts.jumps += 1
             return f"the source's clock went back by {-step:.3g} s"
         if step > 2.0 * elapsed + self.longest_gap:
-            faults.jumps += 1
+            counts.jumps += 1
             return f"the source's clock went ahead by {step:.3g} s in {elapsed:.3g} s"
         # Of the first sample of all the step is not a number.
-        faults.gaps += not math.isnan(step)
+        counts.gaps += not math.isnan(step)
         return ""
 
-    def starving(self, arrival: Arrival, *, prepared: bool) -> bool:
+    def starving(self, *, prepared: bool) -> bool:
         """Whether samples come, but too seldom for any to be prepared."""
         self._unprepared = 0 if prepared else self._unprepared + 1
         return self._unprepared > STARVED
@@ -267,83 +217,28 @@ class Watchdog:
         """Note a fault, which is shown for a while; whether it is to be said, not too often."""
         self.words, self._shown_until = words, there + FAULT_SHOWN_FOR
         kind = words.partition(" by ")[0]
-        said = there - self._said.get(kind, -math.inf) < _SAID_EVERY
-        if not said:
-            self._said[kind] = there
-        return not said
+        if there - self._said.get(kind, -math.inf) < _SAID_EVERY:
+            return False
+        self._said[kind] = there
+        return True
 
     def shows(self, there: float) -> bool:
         """Whether the last fault is still to be seen."""
         return there < self._shown_until
 
 
-# What a loop says of itself, beside the samples: for its board, and at its end.
-
 _USUAL = OnlinePreparation().settings
-
-
-def status_of(loop: "Loop") -> dict[str, Any]:
-    """Return it as plain numbers and words, as JSON takes them."""
-    law, counts = loop.estimator.law_type, loop.source.counts
-    return {
-        "source": loop.source.name,
-        "sample_time": loop.source.sample_time,
-        "delay": loop.preparation.delay,
-        "tare": defined(loop.preparation.tare),
-        "preparation": _in_words(loop.preparation),
-        "method": loop.estimator.method,
-        "settings": main_settings(loop.estimator),
-        "generation": loop.generation,
-        "law": {
-            "kind": law.kind,
-            "names": law.names(),
-            "symbols": law.symbols,
-            "units": law.units,
-            # Places of those that are shown: some law on offer has them as its own.
-            "shown": loop.laws.shown,
-            "remembers": loop.laws.remembers,
-        },
-        "verdict": loop.laws.page(loop.estimator),
-        "flags": loop.estimator.estimate().flags,
-        "needs_condition_10": loop.estimator.needs_condition_10,
-        "state": loop.state.name.lower(),
-        "held": loop.held,
-        # What is wrong now; one that is past was said.
-        "fault": loop.watchdog.words if loop.state is State.INVALID else "",
-        # What a person may choose of the source itself: {"material": [...], ...}.
-        "offers": getattr(loop.source, "offers", {}),
-        "chosen": getattr(loop.source, "chosen", {}),
-        "origin": getattr(loop.source, "origin", 0),
-        "record": loop.record,
-        "counts": summed(
-            {"late": loop.lateness.over},
-            asdict(loop.counts),
-            asdict(loop.watchdog.faults),
-            asdict(counts),
-        ),
-        "cycle": loop.cycle.as_dict(),
-        "lateness": loop.lateness.as_dict(),
-        "said": loop.said,
-    }
-
-
-def _in_words(preparation: OnlinePreparation) -> str:
-    """The settings that are not the usual ones."""
-    usual = {name: repr(value) for name, value in _USUAL.items()}
-    given = {name: repr(value) for name, value in preparation.settings.items()}
-    return ", ".join(f"{name}={value}" for name, value in given.items() if value != usual[name])
-
-
 IN_TIME = 1e-3  # s: a cycle is in time when it is done so long after its sample was there
 SHOWN_FOR = 1.0  # s: how long a change is a state
 SILENT = 20  # sample times without a sample, but at least SILENT_TIME, are a silence
 SILENT_TIME = 0.2  # s
 PATIENCE = 1.0  # s: of a slow source too, a person who asks for something is heard meanwhile
+#: s of the samples' clock between estimates, where nobody asks for one at every sample.
+ESTIMATED_EVERY = 0.02
 _NONE = (math.nan,) * 4
 #: Of a sample that was learned.
 TAKEN = frozenset({Status.UPDATED, Status.GUARDED, Status.RESTARTED})
 _REFUSED = frozenset({Status.NOT_FINITE, Status.INVALID_STEP, Status.OUT_OF_RANGE})
-_EMPTY_PARAMETERS = (math.nan,) * MOST_PARAMETERS
 _NO_NUMBER = "samples come that are no numbers, or too large: they are refused"
 _STARVING = "samples come too seldom for the velocity's window: say their --rate"
 
@@ -360,17 +255,22 @@ class Loop:
         Makes the velocity, and what else the estimator takes.
     estimator : ContactEstimator
         Learns.
-    ring : Writer
-        Where each sample is written down.
+    samples, estimates : Writer
+        Where each sample is written down, and the estimates.
     commands : callable
         Returns the next command that waits, or None; asked between samples.
+    every_sample : bool
+        Whether the estimate is computed at every sample; else every 20 ms of the samples' clock,
+        and at once where the state, the law, the material or the estimator is another.
     """
 
     source: Source
     preparation: OnlinePreparation
     estimator: ContactEstimator
-    ring: Writer
+    samples: Writer
+    estimates: Writer
     commands: Callable[[], LiveCommand | None] = field(default=lambda: None)
+    every_sample: bool = False
     counts: LoopCounts = field(default_factory=LoopCounts)
     cycle: Histogram = field(default_factory=lambda: Histogram(20e-6))
     lateness: Histogram = field(default_factory=lambda: Histogram(IN_TIME))
@@ -384,16 +284,18 @@ class Loop:
     watchdog: Watchdog = field(init=False)
     generation: int = 0
     _changed: float = -math.inf
+    _estimated: tuple[Any, ...] = ()  # what was known of the moment of the newest estimate
     _direction: tuple[float, ...] = (0.0, 0.0, 0.0)
 
     def __post_init__(self) -> None:
-        given = self.preparation.settings["direction"]
-        if given is not None:
-            size = math.hypot(*given)
-            self._direction = tuple(float(each) / size for each in given)
-        self._check_size(self.estimator)
-        self.laws = LawsInForce.of(self.estimator)
-        self.watchdog = Watchdog.of(self.preparation, getattr(self.source, "pace", 1.0))
+        settings = self.preparation.settings
+        if (given := settings["direction"]) is not None:
+            self._direction = tuple(float(each) / math.hypot(*given) for each in given)
+        if (gap := settings["longest_gap"]) is None:
+            step = settings["sample_time"]
+            gap = step * window_samples(step, settings["velocity_window"])
+        self.watchdog = Watchdog(gap, self.counts, getattr(self.source, "pace", 1.0))
+        self._begin(self.estimator)
 
     def run(self) -> None:
         """Go on until the source ends, or somebody says stop.
@@ -411,7 +313,7 @@ class Loop:
             except EndOfSourceError as end:
                 if str(end):
                     self.say(str(end))
-                return
+                break
             if arrival is None:
                 waited += patience
                 if waited >= silent:
@@ -420,6 +322,7 @@ class Loop:
                 waited = 0.0
                 self.step(arrival)
             self._obey()
+        self._estimate()
 
     def step(self, arrival: Arrival) -> None:
         """Take one sample through preparation and estimator, and write it down."""
@@ -429,8 +332,8 @@ class Loop:
         counts.taken += 1
         fault = self.watchdog.see(arrival)
         sample = self.preparation.update(arrival.position, arrival.force, arrival.time)
-        began = time.perf_counter()
         status, predicted, prepared = Status.WAITING, math.nan, _NONE
+        began = time.perf_counter()
         if sample is not None:
             prepared = (sample.time, sample[0], sample[1], sample[2])
             if not self.held:
@@ -439,36 +342,73 @@ class Loop:
                 status = estimator.update(*sample)
         elif self.preparation.status is Status.RESTARTED:
             estimator.leave_contact()
-        estimate = estimator.estimate()
         took = time.perf_counter() - began
         self.laws.see(arrival.time, estimator)
         self._judge(arrival, status, fault, sampled=sample is not None)
-        self._write(arrival, prepared, predicted, status, estimate, took)
+        tick = arrival.time // ESTIMATED_EVERY
+        moment = (tick, self.state, self.laws.now, counts.changes, self.generation)
+        if self.every_sample or moment != self._estimated:
+            self._estimated = moment
+            took += self._estimate()
+        position, force = self._axes(arrival.position), self._axes(arrival.force)
+        late = time.monotonic() - arrival.there
+        self.samples.write(
+            prepared[0],
+            arrival.time,
+            position[0],
+            force[0],
+            *prepared[1:],
+            predicted,
+            status,
+            self.preparation.status,
+            self.state,
+            took,
+            late,
+            self.estimates.count - 1,
+            *position[1:],
+            *force[1:],
+        )
         if sample is not None and not self.held:
             self.cycle.add(took)
-        self.lateness.add(time.monotonic() - arrival.there)
+        self.lateness.add(late)
+
+    def _estimate(self) -> float:
+        """Write down what the estimator knows now; how long it took to say so, s."""
+        began = time.perf_counter()
+        estimate = self.estimator.estimate()
+        took = time.perf_counter() - began
+        known = np.full(MOST_PARAMETERS * (1 + MOST_PARAMETERS), math.nan)
+        if estimate.samples:  # where an estimator starts is nothing that it knows
+            parameters = estimate.parameters
+            size = len(parameters)
+            known[:size], known[MOST_PARAMETERS:] = parameters, 0.0
+            known[MOST_PARAMETERS:].reshape(MOST_PARAMETERS, -1)[:size, :size] = estimate.covariance
+        margin = estimate.validity_margin
+        self.estimates.write(
+            self.generation, estimate.offset, estimate.surface, margin, *known.tolist()
+        )
+        return took
 
     def _check(self, first: Arrival) -> None:
         """Refuse a source whose samples are of another form than is prepared."""
         vectors = not isinstance(first.position, float)
-        if vectors and self._direction == (0.0, 0.0, 0.0):
-            raise InvalidParameterError(
-                f"{self.source.name} delivers vectors: say --direction, into the material, such as "
-                "0,0,-1"
-            )
-        if not vectors and self._direction != (0.0, 0.0, 0.0):
-            raise InvalidParameterError(
-                f"{self.source.name} delivers numbers, of which --direction cannot be taken"
-            )
+        if vectors is not (self._direction == (0.0, 0.0, 0.0)):
+            return
+        advice = "numbers, of which --direction cannot be taken"
+        if vectors:
+            advice = "vectors: say --direction, into the material, such as 0,0,-1"
+        raise InvalidParameterError(f"{self.source.name} delivers {advice}")
 
     def _judge(self, arrival: Arrival, status: Status, fault: str, *, sampled: bool) -> None:
         """The state that a person sees."""
         counts = self.counts
         preparing = self.preparation.status
         refused = status in _REFUSED or preparing in _REFUSED
-        starving = self.watchdog.starving(arrival, prepared=sampled or self._taring)
+        starving = self.watchdog.starving(prepared=sampled or self._taring)
         if refused or fault or starving:
-            self._complain(fault or ("" if refused else _STARVING), arrival)
+            words = fault or (_NO_NUMBER if refused else _STARVING)
+            if self.watchdog.fault(words, arrival.there):
+                self.say(words)
         if status in TAKEN:
             counts.learned += 1
         if status is Status.RESTARTED:
@@ -486,55 +426,9 @@ class Loop:
         elif sampled:
             self.state = State.CONTACT if status in TAKEN else State.FREE
 
-    def _complain(self, words: str, arrival: Arrival) -> None:
-        if self.watchdog.fault(words or _NO_NUMBER, arrival.there):
-            self.say(self.watchdog.words)
-
     @property
     def _taring(self) -> bool:
         return self.preparation.settings["tare_time"] > 0.0 and math.isnan(self.preparation.tare)
-
-    def _write(
-        self,
-        arrival: Arrival,
-        prepared: tuple[float, ...],
-        predicted: float,
-        status: Status,
-        estimate: Any,
-        took: float,
-    ) -> None:
-        size, flat = len(estimate.parameters), [0.0] * MOST_PARAMETERS**2
-        if estimate.samples:
-            parameters, covariance = estimate.parameters.tolist(), estimate.covariance.tolist()
-            for i in range(size):
-                flat[i * MOST_PARAMETERS : i * MOST_PARAMETERS + size] = covariance[i]
-        else:  # where an estimator starts is nothing that it knows
-            parameters, flat = [math.nan] * size, [math.nan] * MOST_PARAMETERS**2
-        position, force = self._axes(arrival.position), self._axes(arrival.force)
-        self.ring.write(
-            prepared[0],
-            arrival.time,
-            position[0],
-            force[0],
-            prepared[1],
-            prepared[2],
-            prepared[3],
-            predicted,
-            status,
-            self.preparation.status,
-            self.state,
-            estimate.offset,
-            estimate.surface,
-            estimate.validity_margin,
-            took,
-            time.monotonic() - arrival.there,
-            self.generation,
-            *parameters,
-            *_EMPTY_PARAMETERS[size:],
-            *flat,
-            *position[1:],
-            *force[1:],
-        )
 
     def _axes(self, value: Value) -> tuple[float, float, float, float]:
         """Its part along the contact normal, into the material; and what came."""
@@ -583,28 +477,71 @@ class Loop:
             made = chosen(self.estimator, options)
             self._exchange(made, f"estimator: {made.method}")
         elif command.name == "source":
-            self.say(self.source.ask(options))
+            ask = getattr(self.source, "ask", None)
+            if ask is None:
+                raise InvalidParameterError(f"of {self.source.name} nothing can be chosen")
+            self.say(ask(options))
         elif command.name == "record":
             path = options.get("path")
             on = bool(options.get("on", path is not None))
-            wish, since = self.record["wish"] + 1, self.ring.count
+            wish, since = self.record["wish"] + 1, self.samples.count
+            # From here on: the recorder hears a little later that it is to end.
+            self.every_sample = self.every_sample or on
             self.record = {"wish": wish, "on": on, "path": path, "since": since}
 
-    def _check_size(self, estimator: ContactEstimator) -> None:
+    def _begin(self, estimator: ContactEstimator) -> None:
         if len(estimator.law_type.symbols) > MOST_PARAMETERS:
             raise InvalidParameterError(
                 f"{estimator.method} has a law of more than {MOST_PARAMETERS} parameters: the loop "
                 "has no room for it"
             )
+        self.estimator, self.laws = estimator, LawsInForce.of(estimator)
 
     def _exchange(self, estimator: ContactEstimator, words: str) -> None:
-        self._check_size(estimator)
-        self.estimator = estimator
-        self.laws = LawsInForce.of(estimator)
+        self._begin(estimator)
         self.generation += 1
         self._changed = -math.inf
         self.say(words)
 
     def status(self) -> dict[str, Any]:
-        """What is to be known beside the samples, as plain numbers and words."""
-        return status_of(self)
+        """What is to be known beside the samples, in numbers and words, as JSON takes it."""
+        source, estimator, law = self.source, self.estimator, self.estimator.law_type
+        settings = self.preparation.settings
+        unusual = [name for name in settings if repr(settings[name]) != repr(_USUAL[name])]
+        came, own = asdict(source.counts), {"late": self.lateness.over, **asdict(self.counts)}
+        return {
+            "source": source.name,
+            "sample_time": source.sample_time,
+            "delay": self.preparation.delay,
+            "tare": defined(self.preparation.tare),
+            "preparation": ", ".join(f"{name}={settings[name]!r}" for name in unusual),
+            "method": estimator.method,
+            "settings": main_settings(estimator),
+            "generation": self.generation,
+            "law": {
+                "kind": law.kind,
+                "names": law.names(),
+                "symbols": law.symbols,
+                "units": law.units,
+                # Places of those that are shown: some law on offer has them as its own.
+                "shown": self.laws.shown,
+                "remembers": self.laws.remembers,
+            },
+            "verdict": self.laws.page(estimator),
+            "flags": estimator.estimate().flags,
+            "needs_condition_10": estimator.needs_condition_10,
+            "state": self.state.name.lower(),
+            "held": self.held,
+            # What is wrong now; one that is past was said.
+            "fault": self.watchdog.words if self.state is State.INVALID else "",
+            # What a person may choose of the source itself: {"material": [...], ...}.
+            "offers": getattr(source, "offers", {}),
+            "chosen": getattr(source, "chosen", {}),
+            "origin": getattr(source, "origin", 0),
+            "record": self.record,
+            # What both the source and the loop count is added.
+            "counts": came | own | {name: came[name] + own[name] for name in came.keys() & own},
+            "cycle": self.cycle.as_dict(),
+            "lateness": self.lateness.as_dict(),
+            "said": self.said,
+        }

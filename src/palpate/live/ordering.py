@@ -1,11 +1,14 @@
 """What the wires have in common: addresses, the order of samples, messages of ROS, estimates."""
 
+import re
 import time
 from collections import deque
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from enum import Enum
-from typing import NamedTuple
+from statistics import median_high
+from typing import Any, NamedTuple
 from urllib.parse import parse_qsl
 
 from palpate.errors import InvalidParameterError
@@ -33,40 +36,29 @@ class WireAddress:
     target: str
     options: Mapping[str, str]
 
-    def text(self, name: str, default: str) -> str:
-        """Return an option as it was written."""
-        return self.options.get(name, default)
-
     def one_of(self, name: str, choices: Sequence[str]) -> str:
         """Return an option that has a few possible values, of which the first is the default."""
         value = self.options.get(name, choices[0])
         if value not in choices:
+            known = ", ".join(choices)
             raise InvalidParameterError(
-                f"{self._words(name)} must be one of {', '.join(choices)}, not {shown(value)}"
+                f"{self.scheme}: {name} must be one of {known}, not {shown(value)}"
             )
         return value
 
     def number(self, name: str, default: float, low: float, high: float) -> float:
         """Return an option that is a number in [low, high]."""
-        return number_in(self._words(name), self._numeric(name, default), low, high)
+        return number_in(f"{self.scheme}: {name}", self._numeric(name, default), low, high)
 
     def whole(self, name: str, default: int, low: int, high: int) -> int:
         """Return an option that is a whole number in [low, high]."""
-        return whole_in(self._words(name), self._numeric(name, default), low, high)
+        return whole_in(f"{self.scheme}: {name}", self._numeric(name, default), low, high)
 
     def _numeric(self, name: str, default: float) -> float:
-        text = self.options.get(name)
-        if text is None:
-            return default
-        try:
+        text = self.options.get(name, str(default))
+        with suppress(ValueError):
             return int(text) if text.isdecimal() else float(text)
-        except ValueError:
-            raise InvalidParameterError(
-                f"{self._words(name)} must be a number, not {shown(text)}"
-            ) from None
-
-    def _words(self, name: str) -> str:
-        return f"{self.scheme}: {name}"
+        raise InvalidParameterError(f"{self.scheme}: {name} must be a number, not {shown(text)}")
 
 
 def parsed(scheme: str, address: str, allowed: Sequence[str]) -> WireAddress:
@@ -90,6 +82,10 @@ def parsed(scheme: str, address: str, allowed: Sequence[str]) -> WireAddress:
     return WireAddress(scheme, target, options)
 
 
+# ROS's names have letters, digits and underscores; what else there is would be a pattern.
+_NAME = re.compile(r"/?[A-Za-z_]\w*(/[A-Za-z_]\w*)*", re.ASCII)
+
+
 def topics_of(address: WireAddress, most: int) -> tuple[str, ...]:
     """Return the names of the topics of an address of ROS, each with its slash.
 
@@ -101,15 +97,12 @@ def topics_of(address: WireAddress, most: int) -> tuple[str, ...]:
     names = tuple(address.target.split(",")) if address.target else ()
     if not 1 <= len(names) <= most or len(set(names)) != len(names):
         form = "/pose,/wrench: the position's topic and the force's, or one that has both"
+        form = form if most == 2 else "/palpate, one name"
         raise InvalidParameterError(
-            f"{address.scheme}: topics must be such as "
-            f"{form if most == 2 else '/palpate, one name'}; not {shown(address.target)}"
+            f"{address.scheme}: topics must be such as {form}; not {shown(address.target)}"
         )
     for name in names:
-        parts = name.removeprefix("/").split("/")
-        # ROS's names have letters, digits and underscores; what else there is would be a pattern.
-        if not all(p.replace("_", "a").isalnum() and p.isascii() and not p[0].isdigit()
-                   for p in parts):  # fmt: skip
+        if not _NAME.fullmatch(name):
             raise InvalidParameterError(
                 f"{address.scheme}: {shown(name)} is no name of a topic, such as /robot/pose"
             )
@@ -156,8 +149,6 @@ class Order:
         Where it counts.
     """
 
-    __slots__ = ("_counts", "_gaps", "_number", "_stamp")
-
     def __init__(self, counts: Counts) -> None:
         self._counts = counts
         self._number: int | None = None
@@ -176,32 +167,18 @@ class Order:
         """
         if self._stamp is None:
             return self._begin(stamp, number)
-        step = stamp - self._stamp
-        before = self._number
-        if number is not None and before is not None and number != before:
-            if number > before:
-                missing = number - before - 1
-                if missing > MOST_LOST:
-                    return self._begin(stamp, number)
-                self._counts.lost += missing
-                self._number, self._stamp = number, stamp
-                return Succession.NEXT if step > -LONGEST_OVERTAKING else Succession.ANEW
-            if step > 0:  # an earlier number with a later time: a sender that was restarted
-                return self._begin(stamp, number)
-        return self._by_time(stamp, step, number)
-
-    def _by_time(self, stamp: int, step: int, number: int | None) -> Succession:
-        if step == 0:
-            self._counts.repeated += 1
+        step, counts = stamp - self._stamp, self._counts
+        ahead = 0 if number is None or self._number is None else number - self._number
+        # An earlier number with a later time: a sender that was restarted.
+        if ahead > MOST_LOST + 1 or ahead < 0 < step or (ahead <= 0 and step < -LONGEST_OVERTAKING):
+            return self._begin(stamp, number)
+        if ahead <= 0 and step <= 0:
+            counts.repeated += step == 0
+            counts.disordered += step < 0
             return Succession.REFUSED
-        if step < 0:
-            if step < -LONGEST_OVERTAKING:
-                return self._begin(stamp, number)
-            self._counts.disordered += 1
-            return Succession.REFUSED
+        counts.lost += ahead - 1 if ahead else self._gaps.see(step)
         self._number, self._stamp = number, stamp
-        self._counts.lost += self._gaps.see(step)
-        return Succession.NEXT
+        return Succession.NEXT if step > -LONGEST_OVERTAKING else Succession.ANEW
 
     def _begin(self, stamp: int, number: int | None) -> Succession:
         self.settle()
@@ -222,8 +199,6 @@ class Gaps:
     more than 1 s is a pause of the robot.
     """
 
-    __slots__ = ("_balance", "_medians", "_quiet", "_steps")
-
     def __init__(self) -> None:
         self._steps: list[int] = []
         self._medians: deque[int] = deque(maxlen=99)
@@ -237,8 +212,8 @@ class Gaps:
 
     def _judge(self) -> int:
         if len(self._steps) >= _QUIET or not self._medians:
-            self._medians.append(_median(self._steps))
-        usual, missing = _median(self._medians), 0
+            self._medians.append(median_high(self._steps))
+        usual, missing = median_high(self._medians), 0
         for step in self._steps:
             apart = step / usual - 1.0
             if self._quiet >= _QUIET:
@@ -263,18 +238,12 @@ class Gaps:
         return known + self._whole()
 
 
-def _median(values: Collection[int]) -> int:
-    return sorted(values)[len(values) // 2]
-
-
 class Receipt:
     """Since when a sample was there to be taken, by this machine's monotonic clock.
 
     One that was waited for is there now. One that had been waiting came some time before; it is
     taken to have come after the one before it by as much as its stamp is later.
     """
-
-    __slots__ = ("_stamp", "_there")
 
     def __init__(self) -> None:
         self._stamp, self._there = 0, 0.0
@@ -291,8 +260,6 @@ class Receipt:
 class Origin:
     """What times are counted from, ns, so that no digits are lost: the first, if since 1970."""
 
-    __slots__ = ("value",)
-
     def __init__(self) -> None:
         self.value: int | None = None
 
@@ -306,8 +273,6 @@ class Origin:
 
 class Followed:
     """One publisher of a topic: numbers of two that are mixed would belong to nothing."""
-
-    __slots__ = ("_heard", "_who")
 
     def __init__(self) -> None:
         self._who: object = None
@@ -402,10 +367,9 @@ class Pairing:
             leader = leaders.popleft()
             value = self._value_at(stamp)
             if value is not None:
-                there = max(leader.there, followers[min(1, len(followers) - 1)].there)
-                if followers[0].stamp == stamp:
-                    there = max(leader.there, followers[0].there)
-                pairs.append(Pair(stamp, leader.value, value, there))
+                alone = len(followers) == 1 or followers[0].stamp == stamp
+                other = followers[0] if alone else followers[1]
+                pairs.append(Pair(stamp, leader.value, value, max(leader.there, other.there)))
         return pairs
 
     def _value_at(self, stamp: int) -> Value | None:
@@ -417,7 +381,9 @@ class Pairing:
         after = self._followers[1]
         span = after.stamp - before.stamp
         if span <= 2 * self._tolerance:
-            return _between(before.value, after.value, (stamp - before.stamp) / span)
+            part = (stamp - before.stamp) / span
+            between: Value = _between(before.value, after.value, part)
+            return between
         nearer = before if 2 * (stamp - before.stamp) <= span else after
         return self._near(nearer, stamp)
 
@@ -438,10 +404,7 @@ class Pairing:
             self._counts.last_fault = words
 
 
-def _between(before: Value, after: Value, part: float) -> Value:
-    if isinstance(before, tuple) and isinstance(after, tuple):
-        x, y, z = (a + part * (b - a) for a, b in zip(before, after, strict=True))
-        return x, y, z
-    assert isinstance(before, float)  # both are of one topic
-    assert isinstance(after, float)
+def _between(before: Any, after: Any, part: float) -> Any:
+    if isinstance(before, tuple):
+        return tuple(a + part * (b - a) for a, b in zip(before, after, strict=True))
     return before + part * (after - before)

@@ -9,7 +9,6 @@ its name and unit.
 """
 
 import math
-import struct
 import sys
 import time
 from collections.abc import Mapping, Sequence
@@ -26,8 +25,7 @@ from palpate.live.choices import State
 from palpate.live.law_numbers import fields_of, verdict_on
 from palpate.live.loop import TAKEN
 from palpate.live.ordering import NANO
-from palpate.live.ring import COLUMNS, MOST_PARAMETERS
-from palpate.live.sinks import PLACE, Session, Sink, Watching
+from palpate.live.sinks import PLACE, Session, Sink, Watching, parameters_of
 from palpate.live.sources import NO_ROS1
 from palpate.validation import Floats, shown
 
@@ -50,10 +48,8 @@ AFTER = ("verdict", "age")
 #: next.
 SCHEMA = 2
 _TIMES = (0, 1)
-_COLUMNS = [COLUMNS.index(column) for _, column in BEFORE]
-_PARAMETER = COLUMNS.index("parameter_0")
-_COVARIANCE = COLUMNS.index("covariance_0")
-GENERATION = COLUMNS.index("method")
+_COLUMNS = [PLACE[column] for _, column in BEFORE]
+GENERATION = PLACE["method"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,13 +83,10 @@ class Fields:
 
     def values(self, rows: Floats, after: Floats) -> Floats:
         """Return the numbers of rows of the ring, shape (k, len(names)); those after are given."""
-        size = len(self.parameters)
         fixed = rows[:, _COLUMNS]
         fixed[:, _TIMES] += 1e-9 * self.origin
-        variances = rows[:, _COVARIANCE : _COVARIANCE + MOST_PARAMETERS**2 : MOST_PARAMETERS + 1]
-        with np.errstate(invalid="ignore"):
-            errors = np.sqrt(variances[:, :size])
-        return np.hstack([fixed, rows[:, _PARAMETER : _PARAMETER + size], errors, after])
+        parameters, errors, _ = parameters_of(rows, len(self.parameters))
+        return np.hstack([fixed, parameters, errors, after])
 
 
 ESTIMATE, STATUS = "std_msgs/msg/Float64MultiArray", "diagnostic_msgs/msg/DiagnosticArray"
@@ -114,8 +107,7 @@ class RosEncoder:
                 "messages of ROS need rosbags: pip install 'palpate[live]'"
             ) from None
         self._store = get_typestore(Stores.LATEST)
-        self._names: tuple[str, ...] = ()
-        self._template, self._at, self._form = bytearray(), 0, struct.Struct("")
+        self._names, self._head = tuple[str, ...](), b""
 
     def hash_of(self, type_name: str) -> str:
         """Return the hash of a type's description, by which ROS 2 distinguishes versions of it."""
@@ -124,20 +116,13 @@ class RosEncoder:
     def estimate(self, names: tuple[str, ...], values: Sequence[float]) -> bytes:
         """Return the message of one sample; only its numbers are written anew."""
         if names != self._names:
-            self._prepare(names)
-        self._form.pack_into(self._template, self._at, *values)
-        return bytes(self._template)
-
-    def _prepare(self, names: tuple[str, ...]) -> None:
-        types, size = self._store.types, len(names)
-        dimension = types["std_msgs/msg/MultiArrayDimension"](",".join(names), size, size)
-        layout = types["std_msgs/msg/MultiArrayLayout"]([dimension], 0)
-        message = types[ESTIMATE](layout, np.zeros(size))
-        # The numbers are the last of it.
-        self._template = bytearray(self._bytes(message, ESTIMATE))
-        self._form = struct.Struct(f"<{size}d")
-        self._at = len(self._template) - self._form.size
-        self._names = names
+            types, size = self._store.types, len(names)
+            dimension = types["std_msgs/msg/MultiArrayDimension"](",".join(names), size, size)
+            layout = types["std_msgs/msg/MultiArrayLayout"]([dimension], 0)
+            message = types[ESTIMATE](layout, np.zeros(size))
+            # The numbers are the last of it.
+            self._head, self._names = self._bytes(message, ESTIMATE)[: -8 * size], names
+        return self._head + np.array(values, dtype="<f8").tobytes()
 
     def status(self, state: str, source: str, stamp: int, values: dict[str, str | float]) -> bytes:
         """Return the message that says the state in words.
@@ -213,14 +198,12 @@ class Publisher:
     """
 
     gently = False  # a robot may act on what is published
+    every_sample = True
 
     def __init__(self, wire: Wire) -> None:
         self._wire = wire
-
-    @property
-    def name(self) -> str:
-        """Scheme and address, for instance ``publish zmq:tcp://127.0.0.1:5556``."""
-        return f"publish {self._wire.name}"
+        #: For instance ``publish zmq:tcp://127.0.0.1:5556``.
+        self.name = f"publish {wire.name}"
 
     def check(self) -> None:
         """Begin and end, so that an address in use is known before the loop begins.
@@ -237,10 +220,10 @@ class Publisher:
 
     def run(self, session: Session, commands: Connection) -> None:
         """Publish what the loop finds until it stops."""
-        watching = Watching(session)
+        watching = self._begin(Watching(session))
         try:
             self._wire.open()
-            _Publishing(self._wire, watching).run()
+            self._go_on()
         except PalpateError as error:
             watching.tell({"fault": str(error)})
             print(f"palpate: {error}", file=sys.stderr)
@@ -248,17 +231,15 @@ class Publisher:
             self._wire.close()
             watching.close()
 
-
-class _Publishing:
-    def __init__(self, wire: Wire, watching: Watching) -> None:
-        self._wire, self._watching = wire, watching
-        self._sent = 0
+    def _begin(self, watching: Watching) -> Watching:
+        self._watching, self._sent = watching, 0
         self._fields: Fields | None = None
         self._last: dict[str, float] = {}  # of what was published
         self._seen = self._learned = math.nan  # when; and when a sample was, by the robot's clock
         self._told = 0.0
+        return watching
 
-    def run(self) -> None:
+    def _go_on(self) -> None:
         waiting = self._watching.take().rows
         over, asked = False, 0.0
         while not over:
@@ -273,17 +254,13 @@ class _Publishing:
                 self._tell(page, silent=not len(rows))
             if not over:
                 time.sleep(_PAUSE)
-        self._report()
+        self._watching.tell({"published": self._sent})
 
     def _publish(self, page: dict[str, Any], rows: Floats) -> Floats:
         """Send rows whose estimator the board knows by now; return the others."""
-        fields = self._fields
-        if fields is None or (fields.generation, fields.origin) != (
-            page["generation"],
-            page["origin"],
-        ):
-            fields = self._fields = Fields.of(page)
-            self._last, self._learned = {}, math.nan
+        fields = Fields.of(page)
+        if fields != self._fields:
+            self._fields, self._last, self._learned = fields, {}, math.nan
         mine = rows[:, GENERATION] == fields.generation
         # Rows of the estimator before, which the board does not know any more, are not published.
         self._watching.dropped += int(np.count_nonzero(rows[:, GENERATION] < fields.generation))
@@ -320,9 +297,6 @@ class _Publishing:
         said = words_of(page, self._fields, {**last, "age": last["age"] + now - self._seen})
         said |= self._watching.diagnosis(page)
         self._wire.tell(state, page["source"], stamp, said)
-        self._report()
-
-    def _report(self) -> None:
         self._watching.tell({"published": self._sent})
 
 
@@ -374,33 +348,29 @@ class RosWire:
     """
 
     def __init__(self, scheme: str, prefix: str) -> None:
-        self._scheme, self._prefix = scheme, prefix
-        self._encoder: RosEncoder | None = None
+        self.name = f"{scheme}:{prefix}"
+        #: Names and types of the topics.
+        self.topics = [(f"{prefix}/{end}", kind) for end, kind in TOPICS]
 
-    @property
-    def name(self) -> str:
-        """Scheme and prefix."""
-        return f"{self._scheme}:{self._prefix}"
-
-    @property
-    def encoder(self) -> RosEncoder:
-        """Made when it is first needed, in the process that needs it."""
-        if self._encoder is None:
-            self._encoder = RosEncoder()
-        return self._encoder
+    def open(self) -> None:
+        """Make what only the process can have that publishes."""
+        self.encoder = RosEncoder()
 
     def close(self) -> None:
-        """Forget what only this process can have."""
-        self._encoder = None
+        """Forget it."""
+        self.__dict__.pop("encoder", None)
 
-    @property
-    def topics(self) -> list[tuple[str, str]]:
-        """Names and types of the topics."""
-        return [(f"{self._prefix}/{end}", kind) for end, kind in TOPICS]
+    def send(self, names: tuple[str, ...], values: Sequence[Sequence[float]]) -> int:
+        """Send estimates; return how many nobody took in time."""
+        return sum(not self._put(0, self.encoder.estimate(names, each)) for each in values)
 
-    def estimates(self, names: tuple[str, ...], values: Sequence[Sequence[float]]) -> list[bytes]:
-        """Return messages of estimates."""
-        return [self.encoder.estimate(names, each) for each in values]
+    def tell(self, state: str, source: str, stamp: int, values: dict[str, str | float]) -> None:
+        """Send what is said in words."""
+        self._put(1, self.encoder.status(state, source, stamp, values))
+
+    def _put(self, topic: int, data: bytes) -> bool:
+        """Send a message; whether it was taken."""
+        raise NotImplementedError
 
 
 # From the options of the command line to sinks.

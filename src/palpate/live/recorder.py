@@ -1,19 +1,21 @@
 """Messages of a recording made live: what came, and what was found; in CDR, as ROS 2 has it."""
 
+import math
 import os
 import struct
 import sys
 import time
-from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import suppress
 from datetime import datetime
+from importlib.util import find_spec
 from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
 
 from palpate.errors import MissingExtraError
 from palpate.live.law_numbers import verdict_on
+from palpate.live.ordering import NANO
 from palpate.live.ring import MOST_PARAMETERS
 from palpate.live.sinks import PLACE, Session, Watching
 from palpate.writing import opened_new
@@ -80,71 +82,19 @@ _LATEST = 2**31  # s: what a time in ROS 2 can hold
 Row = list[float]
 
 
-def _slice(first: str, count: int) -> slice:
-    return slice(PLACE[first], PLACE[first] + count)
+def _places(*names: str) -> list[int]:
+    return [PLACE[name] for name in names]
 
 
-_POSITION, _FORCE = PLACE["input_position_x"], PLACE["input_force_x"]
-_IN_SPACE = _slice("input_position_x", 6)
-_SAMPLE = _slice("penetration", 4)
-_FOUND = _slice("parameter_0", MOST_PARAMETERS + _MATRIX)
-_REST = [PLACE[name] for name in ("offset", "surface", "margin", "cycle", "lateness")]
-_WHOLE = [PLACE[name] for name in ("status", "preparation", "state")]
-_METHOD = PLACE["method"]
-_ARRIVED, _TIME_OF = PLACE["arrived"], PLACE["time"]
-
-
-class Encoder:
-    """From rows to messages.
-
-    Parameters
-    ----------
-    origin : int
-        What the source counts its times from, ns.
-    vectors : bool
-        Whether the source has vectors.
-    """
-
-    def __init__(self, origin: int, *, vectors: bool) -> None:
-        self._origin = origin
-        self.measured: Callable[[Row], tuple[int, bytes] | None] = (
-            self._in_space if vectors else self._number
-        )
-
-    def _number(self, row: Row) -> tuple[int, bytes] | None:
-        stamp = self._stamp(row[_ARRIVED])
-        if stamp is None:
-            return None
-        split = divmod(stamp, 1_000_000_000)
-        return stamp, _NUMBERS_CDR.pack(_HEAD, *split, row[_POSITION], row[_FORCE])
-
-    def _in_space(self, row: Row) -> tuple[int, bytes] | None:
-        stamp = self._stamp(row[_ARRIVED])
-        if stamp is None:
-            return None
-        return stamp, _VECTORS_CDR.pack(_HEAD, *divmod(stamp, 1_000_000_000), *row[_IN_SPACE])
-
-    def found(self, row: Row) -> bytes | None:
-        """What was found at a row; None where no sample was prepared."""
-        stamp = self._stamp(row[_TIME_OF])
-        if stamp is None:
-            return None
-        return _ESTIMATE_CDR.pack(
-            _HEAD,
-            *divmod(stamp, 1_000_000_000),
-            *row[_SAMPLE],
-            *row[_FOUND],
-            *[row[k] for k in _REST],
-            *[int(row[k]) & 0xFF for k in _WHOLE],
-            int(row[_METHOD]) & 0xFFFF,
-        )
-
-    def _stamp(self, time: float) -> int | None:
-        """A time of the source's clock, ns; None where it is none."""
-        if not -_LATEST < time < _LATEST:
-            return None
-        stamp = self._origin + round(1e9 * time)
-        return stamp if -_LATEST < stamp // 1_000_000_000 < _LATEST else None
+_NUMBER = _places("input_position_x", "input_force_x")
+_IN_SPACE = _places(*(f"input_{what}_{axis}" for what in ("position", "force") for axis in "xyz"))
+_FOUND = _places(
+    "penetration", "velocity", "force", "predicted_force",
+    *(f"parameter_{k}" for k in range(MOST_PARAMETERS)),
+    *(f"covariance_{k}" for k in range(_MATRIX)),
+    "offset", "surface", "margin", "cycle", "lateness",
+)  # fmt: skip
+_WHOLE = _places("status", "preparation", "state")
 
 
 def described(status: dict[str, Any]) -> dict[str, str]:
@@ -175,7 +125,6 @@ def described(status: dict[str, Any]) -> dict[str, str]:
 
 #: s: what a process that is killed has not yet written.
 FLUSHED_EVERY = 0.25
-_SECOND_AXIS = PLACE["input_position_y"]
 # A clock that was set is no longer followed by the times of the log, ns.
 _SET = 5_000_000_000
 
@@ -205,12 +154,9 @@ class Recorder:
     gently = False
 
     def __init__(self, path: Path | None = None, folder: Path | None = None) -> None:
-        try:
-            import mcap.writer
-        except ImportError:
-            raise MissingExtraError("a recording needs mcap: pip install 'palpate[live]'") from None
-        del mcap
-        self._path = path
+        if find_spec("mcap") is None:
+            raise MissingExtraError("a recording needs mcap: pip install 'palpate[live]'")
+        self._path, self.every_sample = path, path is not None
         self._folder = Path() if folder is None else folder
 
     def run(self, session: Session, commands: Connection) -> None:
@@ -232,14 +178,14 @@ class Recorder:
             if asked.get("wish", 0) != wish:
                 wish = asked["wish"]
                 recording, said = self._obey(recording, asked)
-                watching.go_back(asked["since"])  # when it was asked for
+                watching.reader.samples.go_back(asked["since"])  # when it was asked for
             if recording is not None and recording.failed:
                 recording, failed = None, True
-            watching.tell(_page(recording, said))
+            watching.tell({"on": recording is not None, "said": said, **_page(recording)})
         if recording is not None:
             said = recording.finish()
             failed = failed or recording.failed
-        watching.tell({**_page(recording, said), "on": False})
+        watching.tell({"on": False, "said": said, **_page(recording)})
         watching.close()
         if failed:
             sys.exit(1)  # by which the loop's process knows
@@ -247,28 +193,19 @@ class Recorder:
     def _obey(
         self, recording: "RunFile | None", asked: dict[str, Any]
     ) -> "tuple[RunFile | None, str]":
-        if recording is not None:
-            said = recording.finish()
-            if not asked["on"]:
-                return None, said
-        elif not asked["on"]:
-            return None, "nothing is being recorded"
+        said = "nothing is being recorded" if recording is None else recording.finish()
+        if not asked["on"]:
+            return None, said
         path = asked.get("path")
         named = datetime.now().strftime("palpate-%Y-%m-%d-%H%M%S.mcap")
         return _begun(Path(path) if path else self._folder / named)
 
 
-def _page(recording: "RunFile | None", said: str) -> dict[str, Any]:
+def _page(recording: "RunFile | None") -> dict[str, Any]:
     if recording is None:
-        return {"on": False, "said": said}
-    return {
-        "on": True,
-        "path": str(recording.path),
-        "rows": recording.rows,
-        "bytes": recording.bytes,
-        "unstamped": recording.unstamped,
-        "said": said,
-    }
+        return {}
+    counted = {name: getattr(recording, name) for name in ("rows", "bytes", "unstamped")}
+    return {"path": str(recording.path), **counted}
 
 
 def _begun(path: Path) -> "tuple[RunFile | None, str]":
@@ -276,10 +213,8 @@ def _begun(path: Path) -> "tuple[RunFile | None, str]":
         file, taken = opened_new(path)
     except OSError as error:
         return None, f"{path} cannot be recorded to: {error.strerror or error}"
-    words = f"recording to {taken}"
-    if taken != path:
-        words += f", as {path} is there already"
-    return RunFile(taken, file), words
+    words = "" if taken == path else f", as {path} is there already"
+    return RunFile(taken, file), f"recording to {taken}{words}"
 
 
 class RunFile:
@@ -345,8 +280,9 @@ class RunFile:
         # which a reader would be without where the process is killed.
         writer = Writer(self._file, use_chunking=False, index_types=IndexType.METADATA)
         writer.start(profile="ros2", library="palpate")
-        vectors = rows[0][_SECOND_AXIS] == rows[0][_SECOND_AXIS]
-        self._encoder = Encoder(int(status.get("origin", 0)), vectors=vectors)
+        vectors = not math.isnan(rows[0][PLACE["input_position_y"]])
+        self._measured = (_VECTORS_CDR, _IN_SPACE) if vectors else (_NUMBERS_CDR, _NUMBER)
+        self._origin = int(status.get("origin", 0))  # what the source counts its times from, ns
         schemas = [
             writer.register_schema(name, "ros2msg", text.encode())
             for name, text in (TYPES["vectors" if vectors else "numbers"], TYPES["estimate"])
@@ -360,19 +296,31 @@ class RunFile:
         self._writer = writer
 
     def _add(self, row: Row) -> None:
-        measured = self._encoder.measured(row)
-        if measured is None:
+        stamp = self._stamp(row[PLACE["arrived"]])
+        if stamp is None:
             self.unstamped += 1
             return
-        stamp, message = measured
-        log = self._log_time(stamp)
-        assert self._writer is not None  # it has begun
-        number = self.rows & 0xFFFFFFFF
-        self._writer.add_message(self._channels[0], log, message, log, number)
-        found = self._encoder.found(row)
-        if found is not None:
-            self._writer.add_message(self._channels[1], log, found, log, number)
+        form, places = self._measured
+        measured = form.pack(_HEAD, *divmod(stamp, NANO), *[row[k] for k in places])
+        self._put(0, stamp, measured)
+        taken = self._stamp(row[PLACE["time"]])
+        if taken is not None:  # else no sample was prepared
+            whole = [*(int(row[k]) & 0xFF for k in _WHOLE), int(row[PLACE["method"]]) & 0xFFFF]
+            found = [row[k] for k in _FOUND]
+            self._put(1, stamp, _ESTIMATE_CDR.pack(_HEAD, *divmod(taken, NANO), *found, *whole))
         self.rows += 1
+
+    def _put(self, channel: int, stamp: int, message: bytes) -> None:
+        assert self._writer is not None  # it has begun
+        log, number = self._log_time(stamp), self.rows & 0xFFFFFFFF
+        self._writer.add_message(self._channels[channel], log, message, log, number)
+
+    def _stamp(self, time: float) -> int | None:
+        """A time of the source's clock, ns; None where it is none."""
+        if not -_LATEST < time < _LATEST:
+            return None
+        stamp = self._origin + round(1e9 * time)
+        return stamp if -_LATEST < stamp // NANO < _LATEST else None
 
     def _log_time(self, stamp: int) -> int:
         """When a measurement came by this machine's clock, ns: from the source's steps."""

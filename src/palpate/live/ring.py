@@ -1,7 +1,8 @@
-"""A ring of rows in shared memory: one loop writes, any number of processes read.
+"""Rings of rows in shared memory: one loop writes, any number of processes read.
 
 The writer never waits. A reader that falls behind by more than the ring holds loses rows, and knows
-how many.
+how many. One ring holds every sample; another the estimates, which are more than a sample and cost
+more: the loop computes them 50 times a second, or at every sample where somebody asks for that.
 """
 
 import json
@@ -18,23 +19,29 @@ from palpate.validation import Floats
 #: The most parameters that a law may have to be shown live.
 MOST_PARAMETERS = 8
 
-#: Columns of a row, in their order.
-COLUMNS = (
+#: Columns of a sample, in their order.
+SAMPLE = (
     "time",  # of the sample that was prepared, s, by the source's clock
     "arrived",  # time of the newest measurement, s, by the same clock
     "position", "raw_force",  # of the newest measurement, along the contact normal; m, N
     "penetration", "velocity", "force",  # as they were given to the estimator; NaN where none was
     "predicted_force",  # a priori, N
     "status", "preparation", "state",  # numbers of Status, Status and State
-    "offset", "surface", "margin",  # N, m, and of condition 10
     "cycle", "lateness",  # s
-    "method",  # number of the estimator's generation: another means that it was changed
-    *(f"parameter_{k}" for k in range(MOST_PARAMETERS)),
-    *(f"covariance_{k}" for k in range(MOST_PARAMETERS**2)),  # row by row
+    "estimate",  # number of the newest estimate after this sample
     # As the newest measurement came, before signs and direction: a number is the first of three.
     *(f"input_{what}_{axis}" for what in ("position", "force") for axis in "xyz"),
 )  # fmt: skip
-WIDTH = len(COLUMNS)
+#: Columns of an estimate.
+ESTIMATE = (
+    "method",  # number of the estimator's generation: another means that it was changed
+    "offset", "surface", "margin",  # N, m, and of condition 10
+    *(f"parameter_{k}" for k in range(MOST_PARAMETERS)),
+    *(f"covariance_{k}" for k in range(MOST_PARAMETERS**2)),  # row by row
+)  # fmt: skip
+#: Columns of a row as readers get it: a sample, and the newest estimate that there was after it.
+COLUMNS = (*SAMPLE, *ESTIMATE)
+_NUMBER = SAMPLE.index("estimate")
 _HEADER = 64  # bytes: a cache line of its own
 #: 16 s at 1 kHz: what a page shows, and a reader may stall for.
 CAPACITY = 1 << 14
@@ -45,7 +52,7 @@ class Taken(NamedTuple):
 
     Attributes
     ----------
-    rows : numpy.ndarray, shape (k, WIDTH)
+    rows : numpy.ndarray, shape (k, columns)
         In the order of time.
     dropped : int
         Rows between the last ones taken and these, which the ring no longer held.
@@ -55,7 +62,56 @@ class Taken(NamedTuple):
     dropped: int
 
 
-class Writer:
+class _Shared:
+    """Memory that one process makes and gives back, and others find by its name.
+
+    It begins with 64-bit numbers, which are stored and read whole: ``struct.pack_into`` clears the
+    bytes before it writes them, and another process would see zeros.
+    """
+
+    def __init__(self, size: int, name: str | None = None) -> None:
+        self._own = name is None
+        self._memory = (
+            shared_memory.SharedMemory(create=True, size=size) if name is None else _attached(name)
+        )
+        assert self._memory.buf is not None  # it is open
+        self._buffer: memoryview = self._memory.buf
+        self._header = self._buffer[:16].cast("q")
+
+    @property
+    def name(self) -> str:
+        """By which another process finds it."""
+        return self._memory.name
+
+    def close(self) -> None:
+        """Let go of the memory; who made it gives it back, whether every reader has gone or not."""
+        self._header.release()
+        self._buffer.release()
+        self._memory.close()
+        if self._own:
+            self._memory.unlink()
+
+
+def _attached(name: str) -> shared_memory.SharedMemory:
+    # Python before 3.13 gives it back when the first reader ends, unless it is not told of it.
+    register = resource_tracker.register
+    resource_tracker.register = lambda *_: None
+    try:
+        return shared_memory.SharedMemory(name=name)
+    finally:
+        resource_tracker.register = register
+
+
+@dataclass(frozen=True, slots=True)
+class Address:
+    """Name and size of a ring: how many rows it holds, and how many numbers are in each."""
+
+    name: str
+    capacity: int
+    width: int
+
+
+class Writer(_Shared):
     """The loop's end; it owns the memory, unless another process made it.
 
     Parameters
@@ -67,116 +123,86 @@ class Writer:
     """
 
     def __init__(
-        self, capacity: int = CAPACITY, width: int = WIDTH, *, made: "Address | None" = None
+        self, capacity: int = CAPACITY, width: int = len(SAMPLE), *, made: Address | None = None
     ) -> None:
-        self._own = made is None
-        self._row = struct.Struct(f"@{width if made is None else made.width}d")
-        self._memory = (
-            shared_memory.SharedMemory(create=True, size=_HEADER + capacity * self._row.size)
-            if made is None
-            else attached(made.name)
-        )
-        assert self._memory.buf is not None  # it is open
-        self._buffer: memoryview = self._memory.buf
-        self._capacity, self._count = capacity if made is None else made.capacity, 0
-        self._written = whole_numbers(self._buffer, 1)
-        self._written[0] = 0
-
-    @property
-    def address(self) -> "Address":
-        """How a reader in another process finds it."""
-        return Address(self._memory.name, self._capacity, self._row.size // 8)
-
-    @property
-    def count(self) -> int:
-        """Rows written so far."""
-        return self._count
+        super().__init__(_HEADER + 8 * capacity * width, None if made is None else made.name)
+        self.address = made or Address(self.name, capacity, width)
+        self._row, self._capacity = struct.Struct(f"@{self.address.width}d"), self.address.capacity
+        #: Rows written so far.
+        self.count = 0
 
     def write(self, *row: float) -> None:
-        """Write one row, such as of :data:`COLUMNS`."""
-        at = _HEADER + (self._count % self._capacity) * self._row.size
+        """Write one row, such as of :data:`SAMPLE`."""
+        at = _HEADER + (self.count % self._capacity) * self._row.size
         self._row.pack_into(self._buffer, at, *row)
-        self._count += 1
+        self.count += 1
         # The row first, then the count: on x86 and, by the interpreter's own locks, elsewhere too.
-        self._written[0] = self._count
-
-    def close(self) -> None:
-        """Give the memory back, whether every reader has gone or not."""
-        self._written.release()
-        self._buffer.release()
-        self._memory.close()
-        if self._own:
-            self._memory.unlink()
+        self._header[0] = self.count
 
 
-@dataclass(frozen=True, slots=True)
-class Address:
-    """Name and size of a ring: how many rows it holds, and how many numbers are in each."""
-
-    name: str
-    capacity: int
-    width: int = WIDTH
-
-
-def whole_numbers(buffer: memoryview, count: int) -> "memoryview[int]":
-    """The first 64-bit numbers of shared memory, which are stored and read whole.
-
-    ``struct.pack_into`` clears the bytes before it writes them: another process would see zeros.
-    """
-    return buffer[: 8 * count].cast("q")
-
-
-def attached(name: str) -> shared_memory.SharedMemory:
-    """Shared memory that another process made, and will give back."""
-    # Python before 3.13 gives it back when the first reader ends, unless it is not told of it.
-    register = resource_tracker.register
-    resource_tracker.register = lambda *_: None
-    try:
-        return shared_memory.SharedMemory(name=name)
-    finally:
-        resource_tracker.register = register
-
-
-class Reader:
+class Reader(_Shared):
     """One reader's end; it begins with the first row of all, and counts those that are gone."""
 
     def __init__(self, address: Address) -> None:
-        self._memory = attached(address.name)
-        assert self._memory.buf is not None  # it is open
-        self._buffer: memoryview = self._memory.buf
-        self._capacity, self._written = address.capacity, whole_numbers(self._buffer, 1)
+        super().__init__(0, address.name)
+        self._capacity, self._next = address.capacity, 0
         self._rows: NDArray[np.float64] = np.ndarray(
             (address.capacity, address.width), dtype="=f8", buffer=self._buffer, offset=_HEADER
         )
-        self._next = 0
 
     @property
     def count(self) -> int:
         """Rows written so far."""
-        return self._written[0]
+        return self._header[0]
 
     def go_back(self, to: int) -> None:
         """Take the rows from a count on again, as far as the ring still holds them."""
         self._next = max(min(to, self._next), self.count - self._capacity // 2, 0)
 
-    def take(self, most: int | None = None) -> Taken:
-        """Return the rows written since the last call, at most so many of the newest."""
-        until = self.count
-        oldest = max(until - self._capacity, 0 if most is None else until - most)
-        start = max(self._next, oldest)
-        rows = self._rows[np.arange(start, until) % self._capacity]
+    def take(self) -> Taken:
+        """Return the rows written since the last call."""
+        begin, self._next = self._next, self.count
+        rows = self.at(np.arange(max(begin, self._next - self._capacity), self._next))
+        return Taken(rows, self._next - begin - len(rows))
+
+    def at(self, numbers: NDArray[np.int64]) -> Floats:
+        """Return the rows of rising numbers, without the first ones that the ring holds no more."""
+        rows: Floats = self._rows[numbers % self._capacity]
         # Rows that were written over while they were copied are no rows.
-        spoilt = min(max(self.count + 1 - self._capacity - start, 0), len(rows))
-        dropped = start - self._next + spoilt
-        self._next = until
-        return Taken(rows[spoilt:], dropped)
+        return rows[numbers > self.count - self._capacity]
 
     def close(self) -> None:
         """Let go of the memory."""
         del self._rows
-        self._written.release()
-        self._buffer.release()
-        self._memory.close()
+        super().close()
+
+
+class RowReader:
+    """Reads samples, each with the newest estimate that there was after it: :data:`COLUMNS`."""
+
+    def __init__(self, samples: Address, estimates: Address) -> None:
+        self.samples, self._estimates = Reader(samples), Reader(estimates)
+        self._last: Floats = np.empty((0, len(SAMPLE)))
+
+    def take(self) -> Taken:
+        """Return the samples written since the last call."""
+        samples, dropped = self.samples.take()
+        estimates = self._estimates.at(samples[:, _NUMBER].astype(np.int64))
+        spoilt = len(samples) - len(estimates)
+        rows = np.hstack([samples[spoilt:], estimates])
+        if len(rows):
+            self._last = samples[-1:].copy()
+        return Taken(rows, dropped + spoilt)
+
+    def now(self) -> Floats:
+        """The last sample that was taken, with the newest estimate; shape (0 or 1, columns)."""
+        newest = np.full(len(self._last), self._estimates.count - 1)
+        return np.hstack([self._last, self._estimates.at(newest)])
+
+    def close(self) -> None:
+        """Let go of the memory."""
+        self.samples.close()
+        self._estimates.close()
 
 
 # A page of words in shared memory: one process writes it now and then, any number read it.
@@ -185,7 +211,7 @@ SIZE = 1 << 16  # bytes: the loop's statistics, and what it said last, are some 
 _TEXT = 16  # byte where it begins: behind how often it was written, odd while it is, and its length
 
 
-class Board:
+class Board(_Shared):
     """JSON that is always whole: a reader sees the last page or the one before.
 
     Parameters
@@ -195,21 +221,8 @@ class Board:
     """
 
     def __init__(self, name: str | None = None) -> None:
-        self._own = name is None
-        self._memory = (
-            shared_memory.SharedMemory(create=True, size=SIZE) if name is None else attached(name)
-        )
-        assert self._memory.buf is not None  # it is open
-        self._buffer: memoryview = self._memory.buf
-        self._header = whole_numbers(self._buffer, 2)
-        if self._own:
-            self._header[0] = self._header[1] = 0
+        super().__init__(SIZE, name)
         self._seen, self._last = -1, dict[str, Any]()
-
-    @property
-    def name(self) -> str:
-        """By which another process finds it."""
-        return self._memory.name
 
     @property
     def version(self) -> int:
@@ -238,11 +251,3 @@ class Board:
                 self._seen, self._last = version, json.loads(text)
                 break
         return dict(self._last)
-
-    def close(self) -> None:
-        """Let go of the memory; who made it gives it back."""
-        self._header.release()
-        self._buffer.release()
-        self._memory.close()
-        if self._own:
-            self._memory.unlink()

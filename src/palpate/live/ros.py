@@ -5,11 +5,13 @@ A message is walked once by its definition, as those of a recording are
 message goes on has its numbers in the same places, and costs a few comparisons.
 """
 
-import struct
+import re
 from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
+
+import numpy as np
 
 from palpate.errors import InvalidParameterError, MissingExtraError, PalpateError
 from palpate.live.ordering import (
@@ -17,7 +19,6 @@ from palpate.live.ordering import (
     Followed,
     Order,
     Origin,
-    Pair,
     Pairing,
     Receipt,
     Stamped,
@@ -32,7 +33,6 @@ from palpate.recordings.messages.layout import (
     Layout,
     MessageNumber,
     Number,
-    NumberAt,
     TimeAt,
     UndecodableError,
 )
@@ -43,6 +43,12 @@ LONGEST = 16_384
 _MOST_LAYOUTS = 64  # kept to compare messages with; a robot's topic has one
 _STAMP = "header.stamp"
 
+_EITHER = {
+    "geometry_msgs/msg/Vector3Stamped": "vector",
+    "geometry_msgs/msg/Vector3": "",
+    "std_msgs/msg/Float64": "data",
+    "std_msgs/msg/Float32": "data",
+}
 #: Where in a message the position is, by its type.
 POSITIONS = {
     "geometry_msgs/msg/PoseStamped": "pose.position",
@@ -51,21 +57,13 @@ POSITIONS = {
     "geometry_msgs/msg/PointStamped": "point",
     "geometry_msgs/msg/Point": "",
     "geometry_msgs/msg/TransformStamped": "transform.translation",
-    "geometry_msgs/msg/Vector3Stamped": "vector",
-    "geometry_msgs/msg/Vector3": "",
     "nav_msgs/msg/Odometry": "pose.pose.position",
-    "std_msgs/msg/Float64": "data",
-    "std_msgs/msg/Float32": "data",
-}
+} | _EITHER
 #: Where in a message the force is, by its type.
 FORCES = {
     "geometry_msgs/msg/WrenchStamped": "wrench.force",
     "geometry_msgs/msg/Wrench": "force",
-    "geometry_msgs/msg/Vector3Stamped": "vector",
-    "geometry_msgs/msg/Vector3": "",
-    "std_msgs/msg/Float64": "data",
-    "std_msgs/msg/Float32": "data",
-}
+} | _EITHER
 
 
 class RosReading(NamedTuple):
@@ -83,29 +81,30 @@ class RosReading(NamedTuple):
     values: tuple[Value, ...]
 
 
-@dataclass(frozen=True, slots=True)
 class _Places:
-    """A layout, as comparisons and struct's formats."""
+    """A layout, as comparisons and as one structure of numbers."""
 
-    checks: tuple[tuple[int, int, bytes], ...]
-    stamp: tuple[struct.Struct, int, struct.Struct, int] | None
-    numbers: tuple[tuple[tuple[struct.Struct, int], ...], ...]
+    def __init__(self, size: int, layout: Layout, stamp: Any, values: list[list[Any]]) -> None:
+        self._size = size
+        self._checks = [(start, start + len(want), want.tobytes()) for start, want in layout.checks]
+        self._stamped, self._sizes = isinstance(stamp, TimeAt), [len(each) for each in values]
+        found = [stamp.seconds, stamp.nanoseconds] if self._stamped else []
+        found += [number for each in values for number in each]
+        names, formats = [f"f{k}" for k in range(len(found))], [each.dtype for each in found]
+        offsets = [each.offset for each in found]
+        self._numbers = np.dtype({"names": names, "formats": formats, "offsets": offsets})
 
     def fits(self, message: bytes) -> bool:
-        return all(message[start:stop] == want for start, stop, want in self.checks)
+        return len(message) == self._size and all(
+            message[start:stop] == want for start, stop, want in self._checks
+        )
 
     def read(self, message: bytes) -> RosReading:
-        stamp = None
-        if self.stamp is not None:
-            seconds, at, nanoseconds, after = self.stamp
-            whole: int = seconds.unpack_from(message, at)[0]
-            rest: int = nanoseconds.unpack_from(message, after)[0]
-            stamp = whole * NANO + rest or None
-        found = [
-            [float(form.unpack_from(message, at)[0]) for form, at in each] for each in self.numbers
-        ]
+        numbers = iter(np.frombuffer(message, self._numbers, 1).item())
+        stamp = next(numbers) * NANO + next(numbers) if self._stamped else 0
+        found = [[float(next(numbers)) for _ in range(size)] for size in self._sizes]
         values: tuple[Any, ...] = tuple(e[0] if len(e) == 1 else tuple(e) for e in found)
-        return RosReading(stamp, values)
+        return RosReading(stamp or None, values)
 
 
 class MessageReader:
@@ -131,8 +130,7 @@ class MessageReader:
 
     def __init__(self, topic: str, type_name: str, paths: Sequence[str], *, vectors: bool) -> None:
         self._paths, self._vectors = tuple(paths), vectors
-        self._known: dict[int, list[_Places]] = {}
-        self._kept = 0
+        self._known: deque[_Places] = deque(maxlen=_MOST_LAYOUTS)
         fields, self._walk = _walk_of(topic, type_name)
         for path in paths:
             self._check(f"topic {topic} of the type {type_name}", fields, path)
@@ -167,34 +165,17 @@ class MessageReader:
         PalpateError
             It is damaged, or has not the fields that are wanted; the message says which.
         """
-        for places in self._known.get(len(message), ()):
+        for places in self._known:
             if places.fits(message):
                 return places.read(message)
         if len(message) > LONGEST:
             raise InvalidParameterError(f"a message of {len(message)} bytes")
-        places = self._places(message, self._walk(message))
-        if self._kept >= _MOST_LAYOUTS:
-            self._known.clear()
-            self._kept = 0
-        self._known.setdefault(len(message), []).append(places)
-        self._kept += 1
-        return places.read(message)
-
-    def _places(self, message: bytes, layout: Layout) -> _Places:
+        layout = self._walk(message)
         leaves = layout.entities[0].leaves
-        checks = []
-        for start, want in layout.checks:
-            checks.append((start, start + len(want), want.tobytes()))
-        stamp = leaves.get(_STAMP)
-        return _Places(
-            tuple(checks),
-            (*_form(stamp.seconds), *_form(stamp.nanoseconds))
-            if isinstance(stamp, TimeAt)
-            else None,
-            tuple(
-                tuple(_form(leaf) for leaf in self._leaves(leaves, path)) for path in self._paths
-            ),
-        )
+        values = [self._leaves(leaves, path) for path in self._paths]
+        places = _Places(len(message), layout, leaves.get(_STAMP), values)
+        self._known.append(places)
+        return places.read(message)
 
     def _leaves(self, leaves: dict[str, MessageNumber], path: str) -> list[MessageNumber]:
         if path in leaves:
@@ -236,17 +217,6 @@ def _walk_of(topic: str, type_name: str) -> tuple[Group, Callable[[bytes], Layou
     return fields, lambda message: walk_cdr(message, fields)
 
 
-def _form(leaf: MessageNumber) -> tuple[struct.Struct, int]:
-    assert isinstance(leaf, NumberAt)  # the others are protobuf's
-    order = "<" if leaf.dtype[0] not in "<>" else leaf.dtype[0]
-    kind = {"f4": "f", "f8": "d", "b1": "B"}.get(leaf.dtype.lstrip("<>"))
-    if kind is None:
-        sign, size = leaf.dtype.lstrip("<>")[0], leaf.dtype[-1]
-        kind = {"1": "b", "2": "h", "4": "i", "8": "q"}[size]
-        kind = kind.upper() if sign == "u" else kind
-    return struct.Struct(order + kind), leaf.offset
-
-
 # Topics of ROS, on whatever wire they come: from their messages to positions with forces.
 
 #: Options of an address that all wires of ROS know.
@@ -283,8 +253,8 @@ class Message:
 @dataclass(slots=True)
 class _Topic:
     name: str
-    paths: tuple[str | None, ...]  # of position and force, or one of them; None is by the type
-    roles: tuple[dict[str, str], ...]
+    #: Of position and force, or one of them: what it is, where it is, and where by the type.
+    read: list[tuple[str, str | None, dict[str, str]]]
     order: Order
     followed: Followed = field(default_factory=Followed)
     receipt: Receipt = field(default_factory=Receipt)
@@ -307,42 +277,33 @@ class RosTopics:
     """
 
     def __init__(self, address: WireAddress, options: SourceOptions) -> None:
-        names = topics_of(address, 2)
+        #: The topics, and with the scheme before them.
+        self.names = names = topics_of(address, 2)
+        self.name = f"{address.scheme}:{','.join(names)}"
         self.sample_time = options.sample_time or 1e-3
         self.counts, self._origin = Counts(), Origin()
         self.ready: deque[Arrival] = deque()
         self._news: list[str] = []
         self._vectors, self._scheme = options.vectors, address.scheme
-        given = (address.options.get("position"), address.options.get("force"))
-        roles = (POSITIONS, FORCES)
-        if len(names) == 1:
-            self.topics = [_Topic(names[0], given, roles, Order(self.counts))]
-        else:
-            self.topics = [
-                _Topic(name, (path,), (role,), Order(self.counts))
-                for name, path, role in zip(names, given, roles, strict=True)
-            ]
+        read = [
+            ("position", address.options.get("position"), POSITIONS),
+            ("force", address.options.get("force"), FORCES),
+        ]
+        parts = [read] if len(names) == 1 else [[each] for each in read]
+        self.topics = [
+            _Topic(name, part, Order(self.counts)) for name, part in zip(names, parts, strict=True)
+        ]
         self._leads = ("position", "force").index(address.one_of("at", ("position", "force")))
         tolerance = address.number("tolerance", 2.0 * self.sample_time, 0.0, 10.0)
         self._pairing = Pairing(round(tolerance * NANO), self.counts)
-
-    @property
-    def names(self) -> list[str]:
-        """The topics' names."""
-        return [topic.name for topic in self.topics]
-
-    @property
-    def name(self) -> str:
-        """Scheme and topics."""
-        return f"{self._scheme}:{','.join(self.names)}"
 
     @property
     def origin(self) -> int:
         """What times are counted from, ns by the sender's clock."""
         return self._origin.value or 0
 
-    def accept(self, index: int, type_name: str) -> None:
-        """Learn the type of a topic.
+    def accept(self, index: int, type_name: str) -> bool:
+        """Learn the type of a topic; whether it is the one that is followed.
 
         Raises
         ------
@@ -350,10 +311,12 @@ class RosTopics:
             Positions or forces cannot be read from it.
         """
         topic = self.topics[index]
-        if topic.type_name == type_name:
-            return
+        if topic.type_name:
+            if topic.type_name != type_name:
+                self.refuse(f"{topic.name}: a publisher of the type {type_name} is not followed")
+            return topic.type_name == type_name
         paths = []
-        for path, role, word in zip(topic.paths, topic.roles, self._words(topic), strict=True):
+        for word, path, role in topic.read:
             if path is None and type_name not in role:
                 raise InvalidParameterError(
                     f"{self._scheme}: topic {topic.name} is of the type {type_name}, of which the "
@@ -363,6 +326,7 @@ class RosTopics:
         topic.reader = MessageReader(topic.name, type_name, paths, vectors=self._vectors)
         topic.type_name = type_name
         self._news.append(f"topic {topic.name} is there, of the type {type_name}")
+        return True
 
     def news(self) -> list[str]:
         """What is to be said since the last call."""
@@ -374,11 +338,6 @@ class RosTopics:
         waiting = [topic.name for topic in self.topics if not topic.type_name]
         if waiting:
             self._news.append(f"nobody publishes {' or '.join(waiting)} yet: waiting")
-
-    def _words(self, topic: _Topic) -> Sequence[str]:
-        if len(topic.paths) == 2:
-            return "position", "force"
-        return ("position",) if topic is self.topics[0] else ("force",)
 
     def receive(self, message: Message, *, waited: bool) -> None:
         """Take a message; what comes of it is in ``ready``."""
@@ -403,13 +362,9 @@ class RosTopics:
         sample, anew = Stamped(stamp, reading.values[0], there), verdict is Succession.ANEW
         leads = message.topic == self._leads
         for pair in (self._pairing.lead if leads else self._pairing.follow)(sample, anew=anew):
-            self._give_pair(pair)
-
-    def _give_pair(self, pair: Pair) -> None:
-        first, second = pair.leader, pair.follower
-        if self._leads == 1:
-            first, second = second, first
-        self._give(pair.stamp, first, second, pair.there)
+            first, second = pair.leader, pair.follower
+            position, force = (second, first) if self._leads else (first, second)
+            self._give(pair.stamp, position, force, pair.there)
 
     def _give(self, stamp: int, position: Value, force: Value, there: float) -> None:
         self.ready.append(Arrival(self._origin.seconds(stamp), position, force, there))
@@ -418,10 +373,6 @@ class RosTopics:
         """Count messages that hold no sample."""
         self.counts.malformed += count
         self.counts.last_fault = words[:LONGEST_WORDS]  # a peer's own may be in it
-
-    def ask(self, options: dict[str, Any]) -> str:
-        """A robot cannot be asked for anything."""
-        raise InvalidParameterError("a robot on the wire moves as it does: nothing can be chosen")
 
     def settle(self) -> None:
         """Count what is missing so far."""
@@ -436,10 +387,7 @@ def _advice(word: str, role: dict[str, str]) -> str:
 
 def ros2_type(dds_name: str) -> str:
     """``geometry_msgs/msg/WrenchStamped`` of ``geometry_msgs::msg::dds_::WrenchStamped_``."""
-    parts = dds_name.split("::")
-    if len(parts) == 4 and parts[2] == "dds_" and parts[3].endswith("_"):
-        return f"{parts[0]}/{parts[1]}/{parts[3][:-1]}"
-    return dds_name
+    return re.sub(r"^(\w+)::(\w+)::dds_::(\w+)_$", r"\1/\2/\3", dds_name)
 
 
 def dds_type(ros2_name: str) -> str:

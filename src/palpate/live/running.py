@@ -4,10 +4,10 @@ import multiprocessing
 import signal
 import threading
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, closing, contextmanager, suppress
 from dataclasses import replace
-from multiprocessing.connection import Connection
+from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
 from typing import Any
 
@@ -16,7 +16,7 @@ from palpate.estimators import ContactEstimator, VariableProjection, Viscoelasti
 from palpate.live.choices import LiveCommand
 from palpate.live.loop import Loop
 from palpate.live.realtime import ask_for_realtime, end, give_way, show_name, start, undisturbed
-from palpate.live.ring import Board, Writer
+from palpate.live.ring import ESTIMATE, Board, Writer
 from palpate.live.sinks import Session, Sink
 from palpate.live.sources import Source, news_of
 from palpate.preparation import OnlinePreparation
@@ -46,11 +46,8 @@ def default_estimator(
         Of it, beside these.
     """
     if kind in (VariableProjection, ViscoelasticContact):
-        settings = {
-            "outlier_rejection": OutlierRejection(),
-            "change_detector": ChangeDetector(),
-            **settings,
-        }
+        usual = {"outlier_rejection": OutlierRejection(), "change_detector": ChangeDetector()}
+        settings = usual | settings
     return kind(**settings)
 
 
@@ -99,17 +96,20 @@ def run(
     if preparation is None:
         preparation = OnlinePreparation(sample_time=source.sample_time)
     # From here on Ctrl-C only leaves word: whatever is begun is known, and ended in order.
-    with _interruptible() as interruption, ExitStack() as kept:
-        ring, board = kept.enter_context(closing(Writer())), kept.enter_context(closing(Board()))
+    with _interruptible() as stops, ExitStack() as kept:
+        samples = kept.enter_context(closing(Writer()))
+        estimates = kept.enter_context(closing(Writer(width=len(ESTIMATE))))
+        board = kept.enter_context(closing(Board()))
         boards = {sink.name: kept.enter_context(closing(Board())) for sink in sinks}
         addresses = {name: each.name for name, each in boards.items()}
-        session = Session(ring.address, board.name, addresses, "")
+        session = Session(samples.address, estimates.address, board.name, addresses, "")
         kept.callback(source.close)
         chosen = estimator or default_estimator()
         if chosen.settings.get("sample_time", source.sample_time) is None:
             chosen = chosen.replace(sample_time=source.sample_time)
-        loop = Loop(source, preparation, chosen, ring)
-        interruption.stops(loop)
+        every = any(getattr(sink, "every_sample", False) for sink in sinks)
+        loop = Loop(source, preparation, chosen, samples, estimates, every_sample=every)
+        stops(loop)
         failed: dict[str, int] = {}
         with _started(sinks, session, loop, board, failed) as started, undisturbed():
             # All is there before the first sample: none waits while others begin.
@@ -181,12 +181,13 @@ def _started(
             processes.append(process)
             connections[sink.name] = ours
         until = time.monotonic() + _IMPORTING
-        for connection in connections.values():
-            while not loop.stopped and time.monotonic() < until:
-                if connection.poll(_LOOKED_EVERY):
-                    with suppress(EOFError):  # it has ended: the loop says so
-                        connection.recv()
-                    break
+        waiting = list(connections.values())
+        while waiting and not loop.stopped and time.monotonic() < until:
+            ready: list[Any] = wait(waiting, _LOOKED_EVERY)
+            for connection in ready:
+                with suppress(EOFError):  # it has ended: the loop says so
+                    connection.recv()
+                waiting.remove(connection)
         yield connections
     finally:
         board.write({"stopped": True, **loop.status()})
@@ -204,45 +205,34 @@ def _serve(sink: Sink, session: Session, commands: Connection) -> None:
         sink.run(session, commands)
 
 
-class _Interruption:
-    """Whether Ctrl-C has come, which stops the loop even if it comes before there is one."""
-
-    def __init__(self) -> None:
-        self._came = False
-        self._loop: Loop | None = None
-
-    def come(self) -> None:
-        """Stop the loop."""
-        self._came = True
-        if self._loop is not None:
-            self._loop.stopped = True
-
-    def stops(self, loop: Loop) -> None:
-        """Say which loop it is."""
-        self._loop = loop
-        if self._came:
-            loop.stopped = True
-
-
 @contextmanager
-def _interruptible() -> Iterator[_Interruption]:
-    """Ctrl-C, or a request to terminate, stops the loop in order; a second one as ever."""
-    interruption = _Interruption()
-    if threading.current_thread() is not threading.main_thread():
-        yield interruption
-        return
-    asked = (signal.SIGINT, signal.SIGTERM)
-    before = {number: signal.getsignal(number) or signal.SIG_DFL for number in asked}
+def _interruptible() -> Iterator[Callable[[Loop], None]]:
+    """Ctrl-C, or a request to terminate, stops a loop in order; a second one as ever.
+
+    It stops the loop, which is said by what is yielded, even if it comes before there is one.
+    """
+    loops, before, came = list[Loop](), dict[signal.Signals, Any](), False
+
+    def stops(loop: Loop) -> None:
+        loops.append(loop)
+        loop.stopped = came
+
+    def restore() -> None:
+        for number, handler in before.items():
+            signal.signal(number, handler)
 
     def stop(*_: Any) -> None:
-        interruption.come()
-        for number in asked:
-            signal.signal(number, before[number])
+        nonlocal came
+        came = True
+        for loop in loops:
+            loop.stopped = True
+        restore()
 
     try:
-        for number in asked:
-            signal.signal(number, stop)
-        yield interruption
+        if threading.current_thread() is threading.main_thread():
+            for number in (signal.SIGINT, signal.SIGTERM):
+                before[number] = signal.getsignal(number) or signal.SIG_DFL
+                signal.signal(number, stop)
+        yield stops
     finally:
-        for number in asked:
-            signal.signal(number, before[number])
+        restore()

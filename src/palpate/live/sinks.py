@@ -10,7 +10,10 @@ from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from typing import Any, Protocol
 
-from palpate.live.ring import COLUMNS, Address, Board, Reader, Taken
+import numpy as np
+
+from palpate.live.ring import COLUMNS, MOST_PARAMETERS, Address, Board, RowReader, Taken
+from palpate.validation import Floats
 
 # Printing where the loop was started, which nobody may hear any more.
 
@@ -41,8 +44,8 @@ class Session:
 
     Attributes
     ----------
-    ring : Address
-        Every sample: :class:`palpate.live.ring.Reader`.
+    samples, estimates : Address
+        Every sample, and the estimates: :class:`palpate.live.ring.RowReader`.
     board : str
         The loop's own words and statistics: :class:`palpate.live.ring.Board`; ``"stopped": true``
         at the end.
@@ -52,7 +55,8 @@ class Session:
         The board that this sink may write.
     """
 
-    ring: Address
+    samples: Address
+    estimates: Address
     board: str
     boards: dict[str, str]
     own: str
@@ -62,7 +66,8 @@ class Sink(Protocol):
     """Consumes what the loop found; a slow one loses rows, and says how many, and holds nothing.
 
     It gives way to the programs of others too, unless it has ``gently = False``: where what it does
-    must not wait.
+    must not wait. The loop computes the estimate 50 times a second, unless a sink has
+    ``every_sample = True``.
     """
 
     @property
@@ -80,6 +85,18 @@ class Sink(Protocol):
 
 #: Place of each column in a row.
 PLACE = {name: k for k, name in enumerate(COLUMNS)}
+_FIRST, _COVARIANCE = PLACE["parameter_0"], PLACE["covariance_0"]
+
+
+def parameters_of(rows: Floats, count: int) -> tuple[Floats, Floats, Floats]:
+    """The parameters (k, p) of a law, their standard errors, and their covariances (k, p, p)."""
+    square = rows[:, _COVARIANCE : _COVARIANCE + MOST_PARAMETERS**2]
+    square = square.reshape(-1, MOST_PARAMETERS, MOST_PARAMETERS)[:, :count, :count]
+    with np.errstate(invalid="ignore"):
+        errors = np.sqrt(np.diagonal(square, axis1=1, axis2=2))
+    return rows[:, _FIRST : _FIRST + count], errors, square
+
+
 #: In place of a verdict, until there is one of what the loop does now.
 NOT_DIAGNOSED = "not diagnosed yet"
 _SINCE = {
@@ -123,7 +140,7 @@ def diagnosis_of(page: dict[str, Any] | None, status: dict[str, Any]) -> dict[st
 
 
 class Watching:
-    """Ring and boards of a session, and whether the loop still runs.
+    """Rows and boards of a session, and whether the loop still runs.
 
     The first rows are those that the loop wrote first, however long this process took to begin.
 
@@ -134,7 +151,8 @@ class Watching:
     """
 
     def __init__(self, session: Session) -> None:
-        self._reader, self._board = Reader(session.ring), Board(session.board)
+        self.reader = RowReader(session.samples, session.estimates)
+        self._board = Board(session.board)
         self._own = Board(session.own)
         self._others = {
             name: Board(each) for name, each in session.boards.items() if each != session.own
@@ -143,18 +161,14 @@ class Watching:
 
     def take(self) -> Taken:
         """Return the rows since the last call; what was lost of them is counted."""
-        taken = self._reader.take()
+        taken = self.reader.take()
         self.dropped += taken.dropped
         return taken
 
     @property
     def sign(self) -> tuple[int, int]:
         """What is another one as soon as the loop has written anything."""
-        return self._board.version, self._reader.count
-
-    def go_back(self, to: int) -> None:
-        """Take the rows from a count on again."""
-        self._reader.go_back(to)
+        return self._board.version, self.reader.samples.count
 
     def status(self) -> dict[str, Any]:
         """What the loop said last."""
@@ -186,6 +200,6 @@ class Watching:
 
     def close(self) -> None:
         """Let go of the memory."""
-        self._reader.close()
+        self.reader.close()
         for each in (self._board, self._own, *self._others.values()):
             each.close()

@@ -77,9 +77,10 @@ class Source(Protocol):
     The loop's own thread calls all of it. ``take`` is the only place where the loop waits.
 
     A source may have more: ``offers``, a mapping of what it can be asked for to the choices;
-    ``chosen``, what is chosen now; ``news()``, sentences since the last call; ``rest``, the time at
-    its start in which nothing is touched, s; ``pace``, how fast its clock goes; and ``origin``,
-    what its times are counted from, ns since 1970.
+    ``chosen``, what is chosen now; ``ask(options)``, which does what a person asks of it and says
+    so, or raises InvalidParameterError; ``news()``, sentences since the last call; ``rest``, the
+    time at its start in which nothing is touched, s; ``pace``, how fast its clock goes; and
+    ``origin``, what its times are counted from, ns since 1970.
     """
 
     @property
@@ -112,15 +113,6 @@ class Source(Protocol):
             There will be none.
         """
 
-    def ask(self, options: dict[str, Any]) -> str:
-        """Do what a person asks of the source itself; return what was done, in words.
-
-        Raises
-        ------
-        InvalidParameterError
-            It cannot do that.
-        """
-
     def close(self) -> None:
         """Let go of files and sockets; may be called twice."""
 
@@ -146,31 +138,18 @@ class Replay:
     """
 
     def __init__(self, contact: Contact, *, speed: float = 1.0) -> None:
-        self._speed = (
-            speed if speed == float("inf") else number_in("speed", speed, 0.0, 1e6, open_low=True)
-        )
-        self._contact, self.counts = contact, Counts()
+        if speed != float("inf"):
+            speed = number_in("speed", speed, 0.0, 1e6, open_low=True)
+        self.name, self.sample_time = contact.source or "recording", contact.sample_time
+        #: How fast its clock goes.
+        self.pace = speed
+        self.counts = Counts()
         self._rows = zip(
             contact.time.tolist(), contact.penetration.tolist(), contact.force.tolist(), strict=True
         )
         self._news = _hindsight(contact)
         self._waiting: tuple[float, float, float] | None = None
         self._began, self._first = 0.0, float(contact.time[0]) if len(contact) else 0.0
-
-    @property
-    def name(self) -> str:
-        """Name of the recording."""
-        return self._contact.source or "recording"
-
-    @property
-    def sample_time(self) -> float:
-        """Median step of the recording, s."""
-        return self._contact.sample_time
-
-    @property
-    def pace(self) -> float:
-        """How fast its clock goes."""
-        return self._speed
 
     def open(self) -> None:
         """Begin now."""
@@ -182,7 +161,7 @@ class Replay:
         if row is None:
             raise EndOfSourceError
         now = time.monotonic()
-        due = self._began + (row[0] - self._first) / self._speed if self._speed < 1e300 else now
+        due = self._began + (row[0] - self._first) / self.pace if self.pace < 1e300 else now
         if due > now + timeout:
             self._waiting = row
             time.sleep(timeout)
@@ -191,10 +170,6 @@ class Replay:
         if due > now:
             time.sleep(due - now)
         return Arrival(row[0], row[1], row[2], due)
-
-    def ask(self, options: dict[str, Any]) -> str:
-        """A recording cannot be asked for anything."""
-        raise InvalidParameterError("a recording is as it is: nothing of it can be chosen")
 
     def news(self) -> list[str]:
         """What was found with hindsight, once."""
@@ -218,10 +193,8 @@ def _hindsight(contact: Contact) -> list[str]:
     if not names:
         return said
     words = " and ".join([", ".join(names[:-1]), names[-1]] if names[1:] else names)
-    return [
-        f"{words} of the recording are those of all of it, as palpate identify finds them",
-        *said,
-    ]
+    found_there = f"{words} of the recording are those of all of it, as palpate identify finds them"
+    return [found_there, *said]
 
 
 # From what a person writes, such as ``lab:ball`` or a file's name, to a source.
@@ -316,13 +289,9 @@ def open_source(address: str, options: SourceOptions | None = None) -> Source:
         raise InvalidParameterError(
             f"SOURCE must be a recording's path, or one of {known}; not {shown(address)}"
         )
-    return _replayed(Path(address), given)
-
-
-def _replayed(path: Path, options: SourceOptions) -> Source:
     from palpate.preparation import prepare
 
-    return Replay(prepare(path, **(options.reading or {})), speed=options.speed)
+    return Replay(prepare(Path(address), **(given.reading or {})), speed=given.speed)
 
 
 # Where live samples come from: a recording, the laboratory, or a robot on the wire.

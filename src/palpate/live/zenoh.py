@@ -4,7 +4,6 @@ import json
 import struct
 import time
 import uuid
-from collections.abc import Sequence
 from queue import Empty, SimpleQueue
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -33,28 +32,20 @@ _NAMED = struct.Struct("<16sq17sq11sB16s")
 _NAMES = (b"\x0fsequence_number", b"\x10source_timestamp", b"\x0asource_gid")
 
 
-class Attached(NamedTuple):
-    """What rmw_zenoh attaches to a message."""
-
-    number: int
-    written: int  # ns since 1970
-    sender: bytes
-
-
 def attachment(number: int, written: int, sender: bytes) -> bytes:
     """Return what is attached to a message: its number, when it is sent, and by whom (16 bytes)."""
     return _ATTACHED.pack(number, written, 16, sender)
 
 
-def attached(data: bytes) -> Attached | None:
-    """Return what is attached, or None where it is not what rmw_zenoh attaches."""
+def attached(data: bytes) -> tuple[int, int, bytes] | None:
+    """Return number, time [ns since 1970] and sender, or None of what is not rmw_zenoh's."""
     if len(data) == _ATTACHED.size and data[16] == 16:
         number, written, _, sender = _ATTACHED.unpack(data)
-        return Attached(number, written, sender)
+        return number, written, sender
     if len(data) == _NAMED.size:
         first, number, second, written, third, size, sender = _NAMED.unpack(data)
         if (first, second, third) == _NAMES and size == 16:
-            return Attached(number, written, sender)
+            return number, written, sender
     return None
 
 
@@ -80,12 +71,13 @@ def opened(address: WireAddress) -> "zenoh.Session":
         ) from None
     listen = _endpoints(address, "listen", "")
     connect = _endpoints(address, "connect", "" if listen else ROUTER)
+    scouting = address.one_of("scouting", ("no", "yes")) == "yes"
     settings = {
         "mode": "peer" if listen else "client",
         "listen/endpoints": listen,
         "connect/endpoints": connect,
-        "scouting/multicast/enabled": address.one_of("scouting", ("no", "yes")) == "yes",
-        "scouting/gossip/enabled": address.one_of("scouting", ("no", "yes")) == "yes",
+        "scouting/multicast/enabled": scouting,
+        "scouting/gossip/enabled": scouting,
         "transport/link/rx/max_message_size": _LONGEST,
     }
     config = zenoh.Config()
@@ -112,7 +104,7 @@ def opened(address: WireAddress) -> "zenoh.Session":
 
 
 def _endpoints(address: WireAddress, name: str, default: str) -> list[str]:
-    given = address.text(name, default)
+    given = address.options.get(name, default)
     endpoints = given.split(",") if given else []
     for endpoint in endpoints:
         if "/" not in endpoint:
@@ -220,11 +212,8 @@ class Zenoh(RosTopics):
 
     def _receive(self, came: _Came, *, waited: bool) -> None:
         topic = self.topics[came.topic]
-        type_name = ros.ros2_type(came.key.split("/")[-2])
-        if topic.type_name and type_name != topic.type_name:
-            self.refuse(f"{topic.name}: a publisher of the type {type_name} is not followed")
+        if not self.accept(came.topic, ros.ros2_type(came.key.split("/")[-2])):
             return
-        self.accept(came.topic, type_name)
         if came.payload is None:
             self.refuse(f"{topic.name}: a message of {came.length} bytes")
             return
@@ -232,10 +221,8 @@ class Zenoh(RosTopics):
         if came.attachment is not None:
             known = attached(came.attachment)
             if known is None:
-                self.refuse(
-                    f"{topic.name}: an attachment of {len(came.attachment)} bytes that is not "
-                    "rmw_zenoh's"
-                )
+                size = len(came.attachment)
+                self.refuse(f"{topic.name}: an attachment of {size} bytes that is not rmw_zenoh's")
                 return
             number, written, sender = known
         message = Message(came.topic, came.payload, written, number, sender)
@@ -274,6 +261,7 @@ class ZenohWire(RosWire):
 
     def open(self) -> None:
         """Open the session, and become a node that ``ros2 topic list`` finds."""
+        super().open()
         self._session = opened(self._address)
         import zenoh
 
@@ -298,25 +286,17 @@ class ZenohWire(RosWire):
         assert self._session is not None  # it is open
         self._tokens.append(self._session.liveliness().declare_token(key))
 
-    def send(self, names: tuple[str, ...], values: Sequence[Sequence[float]]) -> int:
-        """Send estimates; it waits where there is no room."""
-        for each in self.estimates(names, values):
-            self._put(0, each)
-        return 0
-
-    def tell(self, state: str, source: str, stamp: int, values: dict[str, str | float]) -> None:
-        """Send what is said in words."""
-        self._put(1, self.encoder.status(state, source, stamp, values))
-
-    def _put(self, index: int, data: bytes) -> None:
+    def _put(self, topic: int, data: bytes) -> bool:
+        """It waits where there is no room."""
         import zenoh
 
-        self._numbers[index] += 1
-        attached = attachment(self._numbers[index], time.time_ns(), self._sender)
+        self._numbers[topic] += 1
+        attached = attachment(self._numbers[topic], time.time_ns(), self._sender)
         try:
-            self._publishers[index].put(data, attachment=attached)
+            self._publishers[topic].put(data, attachment=attached)
         except zenoh.ZError as error:
             raise PalpateError(f"{self.name}: {str(error).partition(' at /')[0]}") from None
+        return True
 
     def close(self) -> None:
         """Close the session."""

@@ -64,12 +64,10 @@ def unpacked(data: bytes, *, vectors: bool) -> Packet:
         if (size == VECTORS.size) is not vectors:
             raise _other_kind(vectors)
         if vectors:
-            number, time, *six = VECTORS.unpack(data)
-            position: Value = (six[0], six[1], six[2])
-            force: Value = (six[3], six[4], six[5])
-        else:
-            number, time, position, force = NUMBERS.unpack(data)
-        return Packet(number, _stamp(time), position, force)
+            number, time, x, y, z, *force = VECTORS.unpack(data)
+            return Packet(number, _stamp(time), (x, y, z), (force[0], force[1], force[2]))
+        number, time, position, push = NUMBERS.unpack(data)
+        return Packet(number, _stamp(time), position, push)
     if size > LONGEST:
         raise PacketError(f"a packet of {size} bytes")
     return _of_json(data, vectors)
@@ -87,10 +85,11 @@ def _of_json(data: bytes, vectors: bool) -> Packet:
     number = given.get("number")
     if number is not None and (type(number) is not int or not 0 <= number < 1 << 64):
         raise PacketError("a number that is no whole number of 64 bits")
-    time = _number(given, "time")
-    return Packet(
-        number, _stamp(time), _value(given, "position", vectors), _value(given, "force", vectors)
-    )
+    for name in ("time", "position", "force"):
+        if name not in given:
+            raise PacketError(f"JSON without {name}")
+    position, force = (_value(given[name], name, vectors) for name in ("position", "force"))
+    return Packet(number, _stamp(_float(given["time"], "time")), position, force)
 
 
 def _stamp(time: float) -> int:
@@ -99,18 +98,11 @@ def _stamp(time: float) -> int:
     return round(time * 1e9)
 
 
-def _number(given: dict[str, Any], name: str) -> float:
-    if name not in given:
-        raise PacketError(f"JSON without {name}")
-    return _float(given[name], name)
-
-
-def _value(given: dict[str, Any], name: str, vectors: bool) -> Value:
-    value = given.get(name)
+def _value(value: Any, name: str, vectors: bool) -> Value:
     if isinstance(value, list) is not vectors and value is not None:
         raise _other_kind(vectors)
     if not isinstance(value, list):
-        return _number(given, name)
+        return _float(value, name)
     if len(value) != 3:
         raise PacketError(f"a {name} of {len(value)} numbers, not 3")
     x, y, z = (_float(each, name) for each in value)
@@ -129,9 +121,9 @@ def _float(value: Any, name: str) -> float:
 
 
 def _other_kind(vectors: bool) -> PacketError:
-    if vectors:
-        return PacketError("position and force are numbers, where a direction asks for vectors")
-    return PacketError("position and force are vectors: say --direction, such as 0,0,-1")
+    numbers = "numbers, where a direction asks for vectors"
+    other = numbers if vectors else "vectors: say --direction, such as 0,0,-1"
+    return PacketError(f"position and force are {other}")
 
 
 class Endpoint:
@@ -154,13 +146,9 @@ class Endpoint:
             raise InvalidParameterError(
                 f"zmq: an endpoint must be such as {example}, not {shown(self._endpoint)}"
             )
+        self.name = f"zmq:{self._endpoint}"
         self._context: zmq.Context[zmq.Socket[bytes]] | None = None
         self._socket: zmq.Socket[bytes] | None = None
-
-    @property
-    def name(self) -> str:
-        """Scheme and endpoint."""
-        return f"zmq:{self._endpoint}"
 
     def _open(self, kind: str, options: Mapping[str, int | bytes]) -> "zmq.Socket[bytes]":
         """Bind or connect; a peer that is not there yet is waited for in the background."""
@@ -215,7 +203,7 @@ class ZeroMQ(Endpoint):
 
     def __init__(self, address: WireAddress, options: SourceOptions) -> None:
         self._pull = address.one_of("socket", ("sub", "pull")) == "pull"
-        self._topic = address.text("topic", "")
+        self._topic = address.options.get("topic", "")
         if self._pull and self._topic:
             raise InvalidParameterError("zmq: topic is for socket=sub; a PULL socket takes all")
         super().__init__(address, "tcp://127.0.0.1:5555 or ipc:///tmp/robot", binds=False)
@@ -265,15 +253,11 @@ class ZeroMQ(Endpoint):
     def _next(self, socket: "zmq.Socket[bytes]", *, waited: bool) -> Arrival | None:
         """The sample of the packet that is there, or None where it holds none."""
         counts = self.counts
-        data = socket.recv()
+        frames = socket.recv_multipart()  # the topic may be the first
         try:
-            if socket.rcvmore:
-                first, data = data, socket.recv()
-                if socket.rcvmore:
-                    frames = 2 + len(socket.recv_multipart())
-                    raise PacketError(f"a message of {frames} frames, not 1 or 2")
-                del first  # the topic
-            packet = unpacked(data, vectors=self._vectors)
+            if len(frames) > 2:
+                raise PacketError(f"a message of {len(frames)} frames, not 1 or 2")
+            packet = unpacked(frames[-1], vectors=self._vectors)
         except PacketError as fault:
             counts.malformed += 1
             counts.last_fault = str(fault)
@@ -282,10 +266,6 @@ class ZeroMQ(Endpoint):
             return None
         there = self._receipt.there(packet.stamp, waited=waited)
         return Arrival(self._origin.seconds(packet.stamp), packet.position, packet.force, there)
-
-    def ask(self, options: dict[str, Any]) -> str:
-        """A robot cannot be asked for anything."""
-        raise InvalidParameterError("a robot on the wire moves as it does: nothing can be chosen")
 
     def close(self) -> None:
         """Close the socket."""

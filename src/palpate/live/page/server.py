@@ -3,6 +3,7 @@
 import asyncio
 import hmac
 import json
+import math
 import mimetypes
 import time
 from collections.abc import Callable, Mapping
@@ -13,6 +14,7 @@ from typing import Any, cast
 from urllib.parse import urlsplit
 
 from starlette.applications import Starlette
+from starlette.datastructures import MutableHeaders
 from starlette.middleware.trustedhost import TrustedHostMiddleware
 from starlette.requests import HTTPConnection
 from starlette.responses import FileResponse, PlainTextResponse, RedirectResponse, Response
@@ -176,7 +178,8 @@ class Gate:
         socket = scope["type"] == "websocket"
         given = asked.query_params.get("token", "")
         answer: ASGIApp = self.app
-        if not self._is_token(given or asked.cookies.get(_cookie_name(asked), "")):
+        key = given or asked.cookies.get(_cookie_name(asked), "")
+        if self.token and not hmac.compare_digest(key.encode(), self.token.encode()):
             self.counted.refused += 1
             answer = WebSocketClose(1008) if socket else PlainTextResponse(_WITHOUT_TOKEN, 403)
         elif socket and not _same_origin(asked):
@@ -188,17 +191,11 @@ class Gate:
             answer.set_cookie(_cookie_name(asked), given, httponly=True, samesite="strict")
         await answer(scope, receive, send)
 
-    def _is_token(self, given: str) -> bool:
-        return self.token is None or hmac.compare_digest(given.encode(), self.token.encode())
-
 
 def _with_headers(send: Send) -> Send:
-    more = [(name.encode(), value.encode()) for name, value in HEADERS.items()]
-
     async def sending(message: Message) -> None:
         if message["type"] == "http.response.start":
-            own = [each for each in message.get("headers", ()) if each[0] != b"cache-control"]
-            message = {**message, "headers": [*own, *more]}
+            MutableHeaders(scope=message).update(HEADERS)
         await send(message)
 
     return sending
@@ -227,8 +224,8 @@ COMMAND_TIME = 0.1  # s
 
 #: Of the page itself rather than of the loop.
 VIEWS = ("depth", "every")
-_SIMPLE = ("hold", "resume", "reset")
-_SETTINGS = frozenset({*SWITCHES, *NUMBERS, *CHOICES, "forgetting_factor"})
+_OPTIONS = {"hold": (), "resume": (), "reset": (), "tare": ("seconds",), "record": ("on",)}
+_SETTINGS = frozenset({*SWITCHES, *NUMBERS, *CHOICES, "forgetting_factor", "method"})
 
 
 def request_of(text: str | bytes) -> tuple[str, dict[str, Any]]:
@@ -270,65 +267,31 @@ def command_of(name: str, options: dict[str, Any], loop: Mapping[str, Any]) -> L
     InvalidParameterError
         There is no such command, or its options are out of range.
     """
-    if name in _SIMPLE:
-        _only(options)
-        return LiveCommand(name)  # type: ignore[arg-type]  # one of them
-    if name == "tare":
-        _only(options, "seconds")
-        return LiveCommand(
-            "tare", {"seconds": number_in("seconds", options["seconds"], 0.01, 60.0)}
-        )
-    if name == "record":
-        _only(options, "on")
-        # Where a recording goes is said where it runs, never from a browser.
-        return LiveCommand("record", {"on": bool(options["on"])})
-    if name == "estimator":
-        return _estimator(options)
-    if name == "source":
-        return _source(options, loop.get("offers") or {})
-    raise InvalidParameterError(f"nothing is called {shown(name)}")
+    if name in _OPTIONS:
+        _only(options, *_OPTIONS[name])
+        if name == "tare":
+            options = {"seconds": number_in("seconds", options["seconds"], 0.01, 60.0)}
+        if name == "record":  # where it goes is said where it runs, never from a browser
+            options = {"on": bool(options["on"])}
+    elif name == "estimator":
+        if set(options) - _SETTINGS or "method" not in options:
+            raise InvalidParameterError("an estimator needs a method, and its main settings only")
+        # Made here once, so that the loop is asked for nothing that cannot be made.
+        chosen(estimator_named(options["method"])(), options)
+    elif name == "source":  # {"material": …}, {"motion": …} or {"change": …}
+        if len(options) != 1:
+            raise InvalidParameterError("a source is asked for one thing at a time")
+        ((what, value),) = options.items()
+        if not isinstance(value, str) or value not in (loop.get("offers") or {}).get(what, ()):
+            raise InvalidParameterError(f"the source offers no such {shown(what)}")
+    else:
+        raise InvalidParameterError(f"nothing is called {shown(name)}")
+    return LiveCommand(name, options)  # type: ignore[arg-type]  # one of them
 
 
 def _only(options: dict[str, Any], *names: str) -> None:
     if set(options) != set(names):
         raise InvalidParameterError(f"options must be {', '.join(names) or 'none'}")
-
-
-def _estimator(options: dict[str, Any]) -> LiveCommand:
-    unknown = set(options) - _SETTINGS - {"method"}
-    if unknown or "method" not in options:
-        raise InvalidParameterError("an estimator needs a method, and its main settings only")
-    # Made here once, so that the loop is asked for nothing that cannot be made.
-    method = options["method"]
-    chosen(estimator_named(method)(), options)
-    return LiveCommand("estimator", options)
-
-
-def _source(options: dict[str, Any], offers: Mapping[str, Any]) -> LiveCommand:
-    """One of what the source offers: ``{"material": …}``, ``{"motion": …}``, ``{"change": …}``."""
-    if len(options) != 1:
-        raise InvalidParameterError("a source is asked for one thing at a time")
-    ((name, value),) = options.items()
-    listed = offers.get(name) or ()
-    if not isinstance(value, str) or value not in listed:
-        raise InvalidParameterError(f"the source offers no such {shown(name)}")
-    return LiveCommand("source", options)
-
-
-def depth_of(options: dict[str, Any]) -> float:
-    """Return the depth that a person chose, m; NaN for the median."""
-    _only(options, "value")
-    if options["value"] is None:
-        return float("nan")
-    return number_in("value", options["value"], 0.0, 10.0, open_low=True)
-
-
-def thinning_of(options: dict[str, Any]) -> int:
-    """Return how many-th row a client wants."""
-    _only(options, "value")
-    if options["value"] not in THINNINGS or isinstance(options["value"], bool):
-        raise InvalidParameterError(f"value must be one of {THINNINGS}")
-    return int(options["value"])
 
 
 class Allowance:
@@ -360,16 +323,12 @@ STATIC = Path(__file__).parent / "static"
 
 def style_sheet() -> str:
     """Return it, with the colours of figures as variables, light and dark."""
-    light = "".join(f"{name}: {colour}; " for name, colour in LIGHT.variables().items())
-    dark = "".join(f"{name}: {colour}; " for name, colour in DARK.variables().items())
-    return "\n".join(
-        [
-            STYLE,
-            f":root {{ {light}}}",
-            f"@media (prefers-color-scheme: dark) {{ :root {{ {dark}}} }}",
-            (STATIC / "live.css").read_text(encoding="utf-8"),
-        ]
+    light, dark = (
+        "".join(f"{name}: {colour}; " for name, colour in look.variables().items())
+        for look in (LIGHT, DARK)
     )
+    colours = f":root {{ {light}}}\n@media (prefers-color-scheme: dark) {{ :root {{ {dark}}} }}"
+    return "\n".join([STYLE, colours, (STATIC / "live.css").read_text(encoding="utf-8")])
 
 
 # One page, and a WebSocket to each browser that shows it.
@@ -416,7 +375,6 @@ class Server:
         self._cached: dict[tuple[int, int, int, int, bool], bytes] = {}
         self._allowance = Allowance()
         self._tick = asyncio.Event()
-        self._methods = offered()
 
     def app(self, token: str | None) -> Gate:
         """Return the ASGI application."""
@@ -448,9 +406,9 @@ class Server:
             if now - looked >= WORDS_TIME or last:
                 looked = now
                 self.watch.look()
-                self.watch.run.tell(self.counts())
+                self.watch.run.tell(asdict(self.served))
                 if self.served.clients or last:
-                    page = self.watch.page(self.counts())
+                    page = self.watch.page(asdict(self.served))
                     self._text = json.dumps({"kind": "page", **page, "ended": last})
                     self._version, self._over = self._version + 1, last
             self._cached.clear()
@@ -462,10 +420,6 @@ class Server:
             # Nobody watches: what the ring holds is soon enough.
             await asyncio.sleep(FRAME_TIME if self.served.clients else WORDS_TIME)
 
-    def counts(self) -> dict[str, Any]:
-        """Return what was counted, as plain numbers."""
-        return asdict(self.served)
-
     async def _serve(self, socket: WebSocket) -> None:
         if self.served.clients >= MOST_CLIENTS:
             self.served.turned_away += 1
@@ -476,13 +430,10 @@ class Server:
         self.served.clients += 1
         history = self.watch.history
         client = Client(socket, history.oldest, self.watch.recast, history.total)
-        hello = {
-            "kind": "hello",
-            "channels": CHANNELS,
-            "methods": self._methods,
-            "choices": CHOICES,
-        }
-        sending = asyncio.create_task(self._send_all(client, json.dumps(hello)))
+        known = {"channels": CHANNELS, "methods": offered(), "choices": CHOICES}
+        sending = asyncio.create_task(
+            self._send_all(client, json.dumps({"kind": "hello", **known}))
+        )
         receiving = asyncio.create_task(self._receive_all(client))
         try:
             await asyncio.wait({sending, receiving}, return_when=asyncio.FIRST_COMPLETED)
@@ -589,13 +540,19 @@ class Server:
             client.answers.append(json.dumps({"kind": "refused", "words": words[:300]}))
 
     def _view(self, client: Client, name: str, options: dict[str, Any]) -> None:
+        _only(options, "value")
+        value = options["value"]
         if name == "depth":
-            depth = depth_of(options)
+            depth = math.nan  # that of the motion
+            if value is not None:
+                depth = number_in("value", value, 0.0, 10.0, open_low=True)
             self._allowance.spend()  # all of the history is worked out anew
             self.watch.chosen_depth = depth
-        else:
-            client.every = thinning_of(options)
-            self._start_again(client)
+            return
+        if value not in THINNINGS or isinstance(value, bool):
+            raise InvalidParameterError(f"value must be one of {THINNINGS}")
+        client.every = int(value)
+        self._start_again(client)
 
     def _start_again(self, client: Client) -> None:
         history = self.watch.history

@@ -9,6 +9,7 @@ import socket
 import webbrowser
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from importlib.util import find_spec
 from multiprocessing.connection import Connection
 from typing import TYPE_CHECKING, Any
 
@@ -83,9 +84,8 @@ class Page:
         """Let go of the port, in this process."""
         self._socket.close()
 
-    def handed_over(self) -> None:
-        """The port is the other process's own now: when that ends, nobody answers in its place."""
-        self.close()
+    #: The port is the other process's own then: when that ends, nobody answers in its place.
+    handed_over = close
 
     def __getstate__(self) -> dict[str, Any]:
         if self._socket.fileno() < 0:
@@ -130,7 +130,7 @@ class Page:
             serving.cancel()
             with suppress(asyncio.CancelledError):
                 await serving
-            watch.close()
+            watch.run.close()
 
 
 async def _quietly(config: "Config", listening: socket.socket) -> None:
@@ -212,12 +212,6 @@ def token_for(address: str, token: str | None) -> str | None:
 
 
 def _check_installed() -> None:
-    try:
-        import starlette
-        import uvicorn
-        import websockets
-    except ImportError as error:
-        raise MissingExtraError(
-            f"the page needs {error.name}: pip install 'palpate[live]'"
-        ) from None
-    del starlette, uvicorn, websockets
+    for name in ("starlette", "uvicorn", "websockets"):
+        if find_spec(name) is None:
+            raise MissingExtraError(f"the page needs {name}: pip install 'palpate[live]'")

@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 
 from palpate._core import Status
 from palpate.force_laws import FORCE_LAWS, ForceLaw, GeneralisedHuntCrossley
-from palpate.live.choices import State
-from palpate.live.law_numbers import told, verdict_on
-from palpate.live.ring import COLUMNS, MOST_PARAMETERS, WIDTH
-from palpate.live.sinks import Session, Watching
+from palpate.live.console import ShownDepth
+from palpate.live.law_numbers import told
+from palpate.live.ring import COLUMNS, MOST_PARAMETERS
+from palpate.live.sinks import PLACE, Session, Watching, parameters_of
 from palpate.validation import Floats, plain
 
 #: In their order in a frame, beside the time.
@@ -29,23 +29,14 @@ CHANNELS = (
 
 _NUMBERS = slice(8, 8 + MOST_PARAMETERS)
 _ERRORS = slice(8 + MOST_PARAMETERS, 8 + 2 * MOST_PARAMETERS)
-_AT = {name: place for place, name in enumerate(COLUMNS)}
-_PARAMETERS = slice(_AT["parameter_0"], _AT["parameter_0"] + MOST_PARAMETERS)
-_COVARIANCES = slice(_AT["covariance_0"], _AT["covariance_0"] + MOST_PARAMETERS**2)
-_AS_THEY_ARE = [_AT[name] for name in ("penetration", "velocity", "force", "predicted_force")]
-_LAST = [_AT[name] for name in ("margin", "state", "lateness")]
+_AS_THEY_ARE = [PLACE[name] for name in ("penetration", "velocity", "force", "predicted_force")]
+_LAST = [PLACE[name] for name in ("margin", "state", "lateness")]
 _LARGEST = 3.4e38  # of a float32: what is beyond is not drawn
 
 
 def column(rows: Floats, name: str) -> Floats:
     """One column of the ring's rows."""
-    return rows[:, _AT[name]]
-
-
-def parameters_of(rows: Floats, count: int) -> tuple[Floats, Floats]:
-    """The parameters (k, p) of a law, and their covariances (k, p, p)."""
-    square = rows[:, _COVARIANCES].reshape(-1, MOST_PARAMETERS, MOST_PARAMETERS)
-    return rows[:, _PARAMETERS][:, :count], square[:, :count, :count]
+    return rows[:, PLACE[name]]
 
 
 def at_depth(law: type[ForceLaw], parameters: Floats, covariance: Floats, depth: float) -> Floats:
@@ -67,13 +58,8 @@ def at_depth(law: type[ForceLaw], parameters: Floats, covariance: Floats, depth:
         steps = np.where((errors > 0.0) & np.isfinite(errors), 0.01 * errors, 1.0)
         moves = steps[:, None, :] * np.eye(size)
         # Once all of them in a row: the estimates, and each with one parameter up and down.
-        every = np.concatenate(
-            [
-                parameters,
-                (parameters[:, None, :] + moves).reshape(-1, size),
-                (parameters[:, None, :] - moves).reshape(-1, size),
-            ]
-        )
+        moved = parameters[:, None, :] + np.stack([moves, -moves])
+        every = np.concatenate([parameters, moved.reshape(-1, size)])
         found = np.empty((4, count))
         for place, values in enumerate(law.many_at(every, depth)):
             up, down = values[count:].reshape(2, count, size)
@@ -98,15 +84,15 @@ def channels_of(rows: Floats, law: type[ForceLaw] | None, depth: float) -> NDArr
     """
     found = np.full((len(CHANNELS), len(rows)), np.nan)
     found[0:4] = rows[:, _AS_THEY_ARE].T
-    found[_NUMBERS] = rows[:, _PARAMETERS].T
-    places = _COVARIANCES.start + np.arange(MOST_PARAMETERS) * (MOST_PARAMETERS + 1)
-    with np.errstate(invalid="ignore"):
-        found[_ERRORS] = np.sqrt(rows[:, places].T)
+    parameters, errors, _ = parameters_of(rows, MOST_PARAMETERS)
+    found[_NUMBERS], found[_ERRORS] = parameters.T, errors.T
     if law is GeneralisedHuntCrossley:  # what one of its laws has not is no curve
         found[_NUMBERS][found[_ERRORS] == 0.0] = np.nan
     if law is not None and math.isfinite(depth):
-        parameters, covariance = parameters_of(rows, len(law.symbols))
-        found[4:8] = at_depth(law, parameters, covariance, depth)
+        number, first = column(rows, "estimate"), np.ones(len(rows), dtype=bool)
+        first[1:] = number[1:] != number[:-1]  # rows of one estimate share what follows from it
+        parameters, _, covariance = parameters_of(rows[first], len(law.symbols))
+        found[4:8] = at_depth(law, parameters, covariance, depth)[:, np.cumsum(first) - 1]
     found[-3:] = rows[:, _LAST].T
     found[~(np.abs(found) < _LARGEST)] = np.nan
     return found.astype("<f4")
@@ -140,11 +126,8 @@ class History:
         # With room for a source that is a fifth faster than it says.
         wanted = math.ceil(1.2 * SHOWN / max(sample_time, 1e-6))
         self._most = min(max(wanted, _LEAST_KEPT), _MOST_KEPT)
-        self._rows = np.empty((2 * self._most, WIDTH))
-        self._times = np.empty(2 * self._most)
-        self._values = np.empty((len(CHANNELS), 2 * self._most), dtype="<f4")
-        self._end = 0
-        self.total = self.begins = 0
+        self._rows = np.empty((2 * self._most, len(COLUMNS)))
+        self._end = self.total = self.begins = 0
         self._law: type[ForceLaw] | None = None
         self._generations: list[float] = []
         self._depth = math.nan
@@ -155,11 +138,11 @@ class History:
         return max(self.total - min(self._end, self._most), self.begins)
 
     def rows(self) -> Floats:
-        """What is kept, as the loop wrote it."""
+        """What is kept, as the loop wrote it, with times that never go back."""
         return self._rows[self._end - (self.total - self.oldest) : self._end]
 
     def show(self, law: type[ForceLaw] | None, depth: float, generation: float) -> bool:
-        """Work out stiffness and damping by another law or at another depth; whether it did.
+        """Show stiffness and damping by another law or at another depth; whether it is another.
 
         Parameters
         ----------
@@ -178,18 +161,7 @@ class History:
             self._generations.clear()
         self._generations = [*self._generations[-_MOST_GENERATIONS:], generation]
         self._law, self._depth = law, depth
-        start = self._end - (self.total - self.oldest)
-        self._values[:, start : self._end] = self._worked_out(self.rows())
         return True
-
-    def _worked_out(self, rows: Floats) -> NDArray[np.float32]:
-        """Of rows that an estimator of another law wrote only what needs no law."""
-        found = channels_of(rows, self._law, self._depth)
-        wrote = column(rows, "method")
-        void = ~np.isin(wrote, self._generations)
-        void[1:] |= wrote[1:] != wrote[:-1]  # no line leads from one to the next
-        found[4:-3, void] = np.nan
-        return found
 
     def add(self, rows: Floats, delay: float) -> None:
         """Take rows of the ring; times that go back by more than a second void what was before.
@@ -208,7 +180,7 @@ class History:
         times = column(rows, "time").copy()
         missing = ~np.isfinite(times)
         times[missing] = column(rows, "arrived")[missing] - delay
-        before = self._times[self._end - 1] if self._end else -math.inf
+        before = self._rows[self._end - 1, PLACE["time"]] if self._end else -math.inf
         times[~np.isfinite(times)] = -math.inf  # then that of the row before
         steps = np.diff(times, prepend=before)
         back = np.flatnonzero((steps < -_BACKWARD) & np.isfinite(times))
@@ -219,19 +191,12 @@ class History:
         times = np.maximum.accumulate(np.concatenate([[before], times]))[1:]
         if not np.isfinite(times[0]):  # of a start without any time
             times[~np.isfinite(times)] = 0.0
-        self._append(rows, times)
-
-    def _append(self, rows: Floats, times: Floats) -> None:
-        if self._end + len(rows) > len(self._times):
-            kept = slice(self._end - self._most, self._end)
-            self._rows[: self._most] = self._rows[kept]
-            self._times[: self._most] = self._times[kept]
-            self._values[:, : self._most] = self._values[:, kept]
+        if self._end + len(rows) > len(self._rows):
+            self._rows[: self._most] = self._rows[self._end - self._most : self._end]
             self._end = self._most
-        new = slice(self._end, self._end + len(rows))
-        self._rows[new], self._times[new] = rows, times
-        self._values[:, new] = self._worked_out(rows)
-        self._end = new.stop
+        new = self._rows[self._end : self._end + len(rows)]
+        new[:], new[:, PLACE["time"]] = rows, times
+        self._end += len(rows)
 
     def frame(self, first: int, until: int, *, every: int, dropped: int, void: bool) -> bytes:
         """Rows first to until, without the last, as one binary message.
@@ -241,21 +206,22 @@ class History:
         """
         offset = self._end - self.total
         first = first + (-first) % every
-        part = slice(offset + first, offset + until, every)
-        times = self._times[part]
-        head = HEADER.pack(every, len(times), first, dropped, void)
-        return head + times.tobytes() + self._values[:, part].tobytes()
+        rows = self._rows[offset + first : offset + until : every]
+        found, wrote = channels_of(rows, self._law, self._depth), column(rows, "method")
+        # Of rows that an estimator of another law wrote there is only what needs no law.
+        void_rows = ~np.isin(wrote, self._generations)
+        void_rows[1:] |= wrote[1:] != wrote[:-1]  # no line leads from one to the next
+        found[4:-3, void_rows] = np.nan
+        head = HEADER.pack(every, len(rows), first, dropped, void)
+        return head + column(rows, "time").tobytes() + found.tobytes()
 
 
 # What the page knows of a run: the rows of the ring, the boards, and what follows from them.
 
 ALIVE = 2.0  # s: the loop writes its board four times a second
 MOST_CHANGES = 20
-_IN_CONTACT = (float(State.CONTACT), float(State.CHANGED))
-_MOVED = 0.15  # of the working depth: by so much the median moves before another is taken
 _CURVE = 33  # points of the law at rest
 _NOTICED = 0.1  # s: a change is noticed within some tens of samples
-_SETTLED = 50  # rows in contact before a median is one
 
 
 class Watch:
@@ -285,7 +251,7 @@ class Watch:
         self.depth, self.chosen_depth = math.nan, math.nan
         self.changes: deque[dict[str, Any]] = deque(maxlen=MOST_CHANGES)
         self._law: type[ForceLaw] | None = None
-        self._last: Floats | None = None
+        self._shown = ShownDepth()
         # Number of the estimator that noticed the last change, and what it identified.
         self._changed_in = math.nan
         self._changed_law: type[ForceLaw] | None = None
@@ -299,8 +265,8 @@ class Watch:
         if len(rows):
             first = self.history.total
             self.history.add(rows, float(self.loop.get("delay") or 0.0))
+            self._shown.see(rows)
             self._note_changes(rows, first)
-            self._last = rows[-1:]
 
     def _begin(self) -> bool:
         """Make room for the source's rate, as soon as the loop has said it; the rows wait."""
@@ -316,7 +282,8 @@ class Watch:
         self._read()
         if (sign := self.run.sign) != self._sign:
             self._sign, self._moved = sign, time.monotonic()
-        self._choose_depth()
+        chosen = math.isfinite(self.chosen_depth)
+        self.depth = self.chosen_depth if chosen else self._shown.value
         generation = float(self.loop.get("generation", math.nan))
         if self.history.show(self._law, self.depth, generation):
             self.recast += 1
@@ -331,19 +298,6 @@ class Watch:
         """Whether the loop has written anything lately, or its source is still being opened."""
         return not self._begun or time.monotonic() - self._moved < ALIVE
 
-    def _choose_depth(self) -> None:
-        """The median penetration in contact, or what a person chose, to two digits."""
-        if math.isfinite(self.chosen_depth):
-            self.depth = self.chosen_depth
-            return
-        rows = self.history.rows()
-        inside = np.isin(column(rows, "state"), _IN_CONTACT) & (column(rows, "penetration") > 0.0)
-        if np.count_nonzero(inside) >= _SETTLED:
-            median = float(np.median(column(rows, "penetration")[inside]))
-            # So that the curve is of one depth as long as it can be, and says of which.
-            if not abs(median / self.depth - 1.0) < _MOVED:
-                self.depth = float(f"{median:.1e}")
-
     def _note_changes(self, rows: Floats, first: int) -> None:
         """Remember where the material changed, and the laws before and after."""
         if self.history.begins > first:  # another clock: the old marks are nowhere
@@ -357,7 +311,9 @@ class Watch:
             # The samples between a change and its alarm have moved the estimate already.
             settled = kept[column(kept, "time") <= moment - _NOTICED][-1:]
             before = self._of(settled if len(settled) else kept[:1], self._changed_law)
-            self.changes.append({"time": moment, "law": self._described(), "before": before})
+            self.changes.append(
+                {"time": moment, "law": dict(self.loop.get("law") or {}), "before": before}
+            )
         same = rows[column(rows, "method") == self._changed_in]
         if self.changes and len(same):
             self.changes[-1]["after"] = self._of(same[-1:], self._changed_law)
@@ -366,23 +322,17 @@ class Watch:
         """Whether the law is that of an estimator, which the board says a little later."""
         return generation == self.loop.get("generation")
 
-    def _described(self) -> dict[str, Any]:
-        return dict(self.loop.get("law") or {})
-
     def _of(self, row: Floats, law: type[ForceLaw] | None) -> dict[str, Any]:
         """Parameters of one row, their standard errors, and what follows at the depth."""
         if law is None or not len(row):
             return {}
-        parameters, covariance = parameters_of(row, len(law.symbols))
+        parameters, errors, covariance = parameters_of(row, len(law.symbols))
         stiffness = at_depth(law, parameters, covariance, self.depth)[:, 0].tolist()
-        with np.errstate(invalid="ignore"):
-            errors = np.sqrt(np.diagonal(covariance[0]))
-        values = parameters[0].copy()
-        if law is GeneralisedHuntCrossley:  # what one of its laws has not is no number
-            values[errors == 0.0] = np.nan
+        # What one of its laws has not is no number.
+        void = (errors == 0.0) & (law is GeneralisedHuntCrossley)
         return {
-            "parameters": values.tolist(),
-            "errors": errors.tolist(),
+            "parameters": np.where(void, np.nan, parameters)[0].tolist(),
+            "errors": errors[0].tolist(),
             "stiffness": stiffness[:2],
             "damping": stiffness[2:],
         }
@@ -393,21 +343,14 @@ class Watch:
         deepest = float(np.nanmax(reached, initial=0.0))
         if self._law is None or not deepest > 0.0:
             return {}
-        parameters, _ = parameters_of(row, len(self._law.symbols))
+        parameters, _, _ = parameters_of(row, len(self._law.symbols))
         if not np.isfinite(parameters).all():
             return {}
         depth = np.linspace(0.0, deepest, _CURVE)
         law = self._law.from_parameters(parameters[0])
         with np.errstate(all="ignore"):  # a start may have a negative exponent
-            force = law.force(depth, np.zeros(_CURVE)) + float(
-                np.nan_to_num(column(row, "offset")[0])
-            )
+            force = law.force(depth, np.zeros(_CURVE)) + np.nan_to_num(column(row, "offset"))
         return {"penetration": depth.tolist(), "force": force.tolist()}
-
-    def _verdict(self) -> dict[str, Any] | None:
-        """Which law it is, with what follows from it."""
-        verdict = verdict_on(self.loop)
-        return told(verdict) if verdict else None
 
     def page(self, served: Mapping[str, Any]) -> dict[str, Any]:
         """All that is said in words, as JSON takes it.
@@ -418,15 +361,17 @@ class Watch:
             What the server counted.
         """
         now: dict[str, Any] = {}
-        if self._last is not None:
-            row = self._last
+        row, arrived = self.run.reader.now(), math.nan
+        if len(row):
+            arrived = float(column(row, "arrived")[0])
             if self._knows(float(column(row, "method")[0])):
                 now = {**self._of(row, self._law), "curve": self._curve(row)}
             for name in ("offset", "surface", "force", "penetration", "velocity"):
                 now[name] = float(column(row, name)[0])
+        verdict = self._shown.verdict(self.loop, arrived)
         said: dict[str, Any] = plain(
             {
-                "loop": {**self.loop, "verdict": self._verdict()},
+                "loop": {**self.loop, "verdict": told(verdict) if verdict else None},
                 "others": self.run.others(),
                 "alive": self.alive,
                 "shown": SHOWN,
@@ -437,7 +382,3 @@ class Watch:
             }
         )
         return said
-
-    def close(self) -> None:
-        """Let go of the memory."""
-        self.run.close()
