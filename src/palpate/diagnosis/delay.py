@@ -126,8 +126,8 @@ def cause_of(
 LONGEST = 25e-3  # s; beyond that a recording is out of step, not late
 LEAST = 0.3  # samples; less is the sampling itself
 MOST_ROWS = 700  # on which whole shifts are tried
-# Coarse shifts that are fitted: those of which a linear step leaves the least. With one of them four
-# of 106 recordings got another delay than with all fitted, with four none.
+# Coarse shifts that are fitted: those of which a linear step leaves the least. With one of them
+# four of 106 recordings got another delay than with all fitted, with four none.
 FINALISTS = 4
 ROUGHLY = 1e-3  # of the energy, to which a shift is tried: one sample more changes it by more
 

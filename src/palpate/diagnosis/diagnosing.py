@@ -339,12 +339,12 @@ def _episodes(fit: Fit, changed: Changes | None) -> tuple[Episode, ...]:
         return ()
     borders = [float(fit.data.time[0]), *changed.times, float(fit.data.time[-1])]
     episodes = []
-    for start, stop, law in zip(borders[:-1], borders[1:], changed.laws, strict=True):
+    for begin, end, law in zip(borders[:-1], borders[1:], changed.laws, strict=True):
         numbers = (
             law.force(fit.depth, 0.0),
             law.stiffness_at(fit.depth),
             law.damping_at(fit.depth),
         )
         quantities = [Quantity(float(value), math.nan, 0.0) for value in numbers]
-        episodes.append(Episode(start, stop, law, WorkingDepth(fit.depth, *quantities)))
+        episodes.append(Episode(begin, end, law, WorkingDepth(fit.depth, *quantities)))
     return tuple(episodes)

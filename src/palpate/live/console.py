@@ -178,8 +178,9 @@ class Console:
         self._look()
         self._clear()
         status = self._watching.status()
-        if len(self._row) and not self._quiet:  # a short run may end between two looks
-            self._print(printable(_line(status, self._row, self._depth.value)))
+        if len(now := self._watching.reader.now()) and not self._quiet:
+            # A short run may end between two looks.
+            self._print(printable(_line(status, now[0], self._depth)))
         if status and not status.get("stopped"):
             self._print("the loop has ended without a word; this is what it counted last:")
         for line in summary(status, self._watching.others()):
