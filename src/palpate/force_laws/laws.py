@@ -218,6 +218,16 @@ class CompiledLaw(ForceLaw):
         type(self)._compiled(self.parameters, x, v, force.reshape(-1))
         return float(force) if force.ndim == 0 else force
 
+    @classmethod
+    def many_at(cls, parameters: Floats, depth: float | Floats) -> tuple[Floats, Floats]:
+        """∂F/∂x and ∂F/∂v of many laws at rest, a row each, once they have relaxed."""
+        laws = object.__new__(cls)  # of columns, which the gradients take as they take numbers
+        for own, column in zip(fields(cls), parameters.T, strict=False):  # type: ignore[arg-type]
+            object.__setattr__(laws, own.name, column)
+        x = np.broadcast_to(np.asarray(depth, dtype=np.float64), len(parameters))
+        with np.errstate(all="ignore"):  # a start may be anything
+            return laws.penetration_gradient(x, np.zeros_like(x)), laws.velocity_gradient(x)
+
     def in_a_loop(self) -> Callable[[float, float], float]:
         """Return :meth:`force` of plain numbers, in arrays of its own: not for several threads."""
         compiled, parameters = type(self)._compiled, self.parameters
@@ -267,11 +277,6 @@ class KelvinVoigt(CompiledLaw):
         """∂F/∂v = B."""
         return np.full_like(penetration, self.damping)
 
-    @classmethod
-    def many_at(cls, parameters: Floats, depth: float | Floats) -> tuple[Floats, Floats]:
-        """K and B of many laws, a row each."""
-        return parameters[:, 0].copy(), parameters[:, 1].copy()
-
 
 @register
 @dataclass(frozen=True, slots=True)
@@ -310,11 +315,6 @@ class ExtendedKelvinVoigt(CompiledLaw):
     def velocity_gradient(self, penetration: Floats) -> Floats:
         """∂F/∂v = B."""
         return np.full_like(penetration, self.damping)
-
-    @classmethod
-    def many_at(cls, parameters: Floats, depth: float | Floats) -> tuple[Floats, Floats]:
-        """K₁ + 2 K₂ x and B of many laws, a row each."""
-        return parameters[:, 0] + 2.0 * depth * parameters[:, 1], parameters[:, 2].copy()
 
 
 @register
@@ -364,11 +364,3 @@ class HuntCrossley(CompiledLaw):
         """∂F/∂v = B xⁿ."""
         slope: Floats = self.damping * penetration**self.exponent
         return slope
-
-    @classmethod
-    def many_at(cls, parameters: Floats, depth: float | Floats) -> tuple[Floats, Floats]:
-        """K n xⁿ⁻¹ and B xⁿ of many laws, a row each."""
-        stiffness, damping, exponent = parameters.T
-        with np.errstate(over="ignore", invalid="ignore"):  # a start may be anything
-            power = depth ** (exponent - 1.0)
-            return stiffness * exponent * power, damping * power * depth

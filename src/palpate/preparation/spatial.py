@@ -221,55 +221,49 @@ def pressed(signals: Signals, settings: Preparation, source: str) -> AlongNormal
     """
     position, force = signals.depth, signals.force
     given = None if settings.normal is None else normal_given(settings.normal)
-    signed = "force" in settings.flip
+    if force.ndim == position.ndim == 2:
+        return _in_space(position, force, given, settings, source)
     if force.ndim == 2:
-        if position.ndim == 2:
-            return _in_space(position, force, given, signed=signed, source=source)
         normal = given or normal_found(force, np.column_stack([position] * 3) * 0.0, source)
-        along = force @ normal.vector
-        return _along_axis(position, along, normal, settings)
-    if position.ndim == 2:
-        normal = given or _by_motion(position, force, source)
-        depth = -(position @ normal.vector)
-        result = _along_axis(depth, force, normal, settings, turn_depth=False)
-        if given is None:
-            words = "the contact normal was taken from the motion in which the force grows"
-            result.remarks.append(Remark("direction", words, "--normal, where it is known"))
-        return result
-    return _along_axis(position, force, None, settings)
+        return _along_axis(position, force @ normal.vector, normal, settings)
+    if position.ndim == 1:
+        return _along_axis(position, force, None, settings)
+    normal = given or _by_motion(position, force, source)
+    depth = -(position @ normal.vector)
+    result = _along_axis(depth, force, normal, settings, turn_depth=False)
+    if given is None:
+        words = "the contact normal was taken from the motion in which the force grows"
+        result.remarks.append(Remark("direction", words, "--normal, where it is known"))
+    return result
 
 
 def _in_space(
-    position: Floats, force: Floats, given: Normal | None, *, signed: bool, source: str
+    position: Floats, force: Floats, given: Normal | None, settings: Preparation, source: str
 ) -> AlongNormal:
-    found = given or normal_found(force, position, source)
-    n, remarks = found.vector, []
-    along = force @ n
-    if given is None and found.turned and not signed:
+    found, remarks = given or normal_found(force, position, source), list[Remark]()
+    along = force @ found.vector
+    if given is None and found.turned:
         along = -along
-        words = "the force falls as the probe goes along it: it is that of the probe on the "
-        words += "material, and its sign was turned"
-        remarks.append(Remark("direction", words, "--flip-force says so beforehand"))
-    elif given is None and found.turned:
-        n = -n  # what was asked for has the last word
-        found = Normal(n, found.spread)
-        along = force @ n
-    if given is not None:
-        remarks += _against(-(position @ n), along)
-    remarks += misdirected(position, force, n, given=given is not None)
-    return AlongNormal(-(position @ n), along, found, remarks)
+        if "force" in settings.flip:  # what was asked for has the last word
+            found = Normal(-found.vector, found.spread)
+        else:
+            words = "the force falls as the probe goes along it: it is that of the probe on the "
+            words += "material, and its sign was turned"
+            remarks.append(Remark("direction", words, "--flip-force says so beforehand"))
+    depth = -(position @ found.vector)
+    known = np.isfinite(along)
+    pulls = _is_negative(along)
+    if given is not None and (pulls or not grows(depth[known], along[known])):
+        how = "is mostly negative" if pulls else "falls as the probe goes in"
+        words, remedy = f"along the given normal the force {how}", "--normal with the other sign"
+        remarks.append(Remark("direction", words, f"{remedy}, or --flip-force", "do-not-trust"))
+    remarks += misdirected(position, force, found.vector, given=given is not None)
+    return AlongNormal(depth, along, found, remarks)
 
 
-def _against(depth: Floats, force: Floats) -> list[Remark]:
-    """Say that a given normal does not fit: compression is negative, or falls with the depth."""
-    known = np.isfinite(force)
-    f = force[known]
-    pulls = float(np.sum(f * np.abs(f))) < 0.0
-    if not pulls and grows(depth[known], f):
-        return []
-    how = "is mostly negative" if pulls else "falls as the probe goes in"
-    words, remedy = f"along the given normal the force {how}", "--normal with the other sign"
-    return [Remark("direction", words, f"{remedy}, or --flip-force", "do-not-trust")]
+def _is_negative(force: Floats) -> bool:
+    """Whether a force is mostly negative, weighted by its size."""
+    return float(np.nansum(force * np.abs(force))) < 0.0
 
 
 def _by_motion(position: Floats, force: Floats, source: str) -> Normal:
@@ -293,13 +287,11 @@ def _along_axis(
 ) -> AlongNormal:
     """Signs of a position and a force that are along one axis."""
     remarks = []
-    known = np.isfinite(force)
-    f = force[known]
-    if "force" not in settings.flip and f.size and float(np.sum(f * np.abs(f))) < 0.0:
+    if "force" not in settings.flip and _is_negative(force):
         force = -force
         words = "the force is mostly negative, and its sign was turned: compression is positive"
         remarks.append(Remark("direction", words, "--flip-force says so beforehand"))
-    both = known & np.isfinite(depth)
+    both = np.isfinite(force) & np.isfinite(depth)
     asked = "penetration" in settings.flip
     if turn_depth and not asked and not grows(depth[both], force[both]):
         depth = -depth
@@ -402,20 +394,14 @@ def _free(signals: Signals, along: Floats) -> NDArray[np.bool_] | None:
     The normal is that of ``along``, the force in the frame of the position.
     """
     height = signals.depth
-    if height.ndim == 2:
-        axis = _axis(along) if along.ndim == 2 else _by_motion(height, along, "").vector
-        height = height @ axis
+    if height.ndim == 2 and along.ndim == 1:
+        height = height @ _by_motion(height, along, "").vector
+    elif height.ndim == 2:  # in which a force varies most, whatever its zero is
+        known = along[np.isfinite(along).all(axis=1)]
+        height = height @ np.linalg.svd(known - known.mean(axis=0), full_matrices=False)[2][0]
     ends = [free_samples(side * height, signals.force) for side in (1.0, -1.0)]
     found = [end for end in ends if end is not None]
     return max(found, key=np.count_nonzero, default=None)
-
-
-def _axis(force: Floats) -> Floats:
-    """The direction in which a force varies most, whatever its zero is."""
-    known = force[np.isfinite(force).all(axis=1)]
-    _, _, rows = np.linalg.svd(known - known.mean(axis=0), full_matrices=False)
-    axis: Floats = rows[0]
-    return axis
 
 
 # A recording of positions and forces, in space or along an axis: tared, projected, counted.
