@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 import palpate._core as _core
 from palpate.errors import InvalidParameterError
-from palpate.validation import in_contact, number, shown, together
+from palpate.validation import in_contact, number, one_of, shown, together
 
 Floats = NDArray[np.float64]
 
@@ -185,11 +185,8 @@ def law_from(description: dict[str, Any]) -> ForceLaw:
         The kind is unknown, or the parameters are not its own.
     """
     given = dict(description)
-    kind = given.pop("kind", None)
-    if not isinstance(kind, str) or kind not in FORCE_LAWS:
-        raise InvalidParameterError(
-            f"kind must be one of {', '.join(FORCE_LAWS)}, not {shown(kind)}"
-        )
+    kind: Any = given.pop("kind", None)
+    one_of("kind", kind, FORCE_LAWS)
     law = FORCE_LAWS[kind]
     needed = [name for name in law.names() if name not in law.optional]
     if not set(needed) <= set(given) <= set(law.names()):

@@ -416,12 +416,8 @@ def surface_of(depth: Floats, velocity: Floats, force: Floats, rule: SurfaceRule
 
 
 def _assumed(x: Floats) -> Surface:
-    lowest = float(x.min(initial=math.inf))
-    return Surface(
-        lowest if math.isfinite(lowest) else 0.0,
-        None,
-        "the shallowest sample: the probe is never seen out of contact",
-    )
+    words = "the shallowest sample: the probe is never seen out of contact"
+    return Surface(float(x.min()) if x.size else 0.0, None, words)
 
 
 def _crossings(x: Floats, f: Floats, least: float) -> Surface | None:
@@ -433,16 +429,12 @@ def _crossings(x: Floats, f: Floats, least: float) -> Surface | None:
     fraction = (least - f[entered]) / np.maximum(f[entered + 1] - f[entered], 1e-300)
     at = x[entered] + np.clip(fraction, 0.0, 1.0) * (x[entered + 1] - x[entered])
     position = float(np.median(at))
-    late = _late(x, f, least, position)
+    # How far below the surface a force is passed, by F ∝ x^1.5 to the deepest sample.
+    deepest, peak = float(np.percentile(x, 99.0)), float(np.percentile(f, 99.0))
+    part = (least / peak) ** (1.0 / 1.5) if peak > least else 0.0
+    late = max(deepest - position, 0.0) * part / max(1.0 - part, 1e-3)
     scatter = float(np.std(at)) / math.sqrt(at.size)
     return Surface(position, math.hypot(scatter, late), f"where the force passes {least:.2g} N")
-
-
-def _late(x: Floats, f: Floats, least: float, position: float) -> float:
-    """How far below the surface a force is passed, by F ∝ x^1.5 to the deepest sample."""
-    deepest, peak = float(np.percentile(x, 99.0)), float(np.percentile(f, 99.0))
-    fraction = (least / peak) ** (1.0 / 1.5) if peak > least else 0.0
-    return max(deepest - position, 0.0) * fraction / max(1.0 - fraction, 1e-3)
 
 
 def _departure(x: Floats, f: Floats, least: float, peak: float) -> Surface | None:

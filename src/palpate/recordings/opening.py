@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, field, replace
 from importlib import import_module
+from importlib.util import find_spec
 from pathlib import Path
 from typing import IO, Any
 
@@ -416,11 +417,7 @@ def write_columns(
 
 def has_parquet() -> bool:
     """Whether pyarrow, which writes Parquet, is installed."""
-    try:
-        import pyarrow.parquet  # noqa: F401 - whether it can be imported is the question
-    except ImportError:
-        return False
-    return True
+    return find_spec("pyarrow") is not None
 
 
 def _as_parquet(
