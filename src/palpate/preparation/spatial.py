@@ -53,131 +53,9 @@ from palpate.recordings import Recording
 from palpate.stages import stage, timed
 from palpate.validation import Floats
 
-# Turned by 5° a depth is 0.4 % short, and the stiffness of a law with an exponent of 2 is 1 % off;
-# by 30° it is 14 % and 30 %. A tool is aligned with its sensor to better than 3°.
-LARGE_ANGLE, TOO_LARGE_ANGLE = math.radians(5.0), math.radians(30.0)
-BLOCKS_OF_DIRECTION = 8  # of a recording, whose scatter says how well the direction is known
-ERRORS_OF_DIRECTION = 3.0  # standard errors of it
-STRIDE = 5  # samples over which changes are taken: over fewer they are noise
+_LOGGER = logging.getLogger(__name__)
 
-SHORTEST = 5  # samples in a row
-MOVES, STEPS = 8.0, 3.0  # σ and steps that the other axes move meanwhile
-SOME, MANY = 0.002, 0.02  # of the recording
-
-
-def misdirected(position: Floats, force: Floats, normal: Floats, *, given: bool) -> list[Remark]:
-    """Say that forces do not point along the motion in which they grow.
-
-    The motion, −Σ ΔF Δp, owes nothing to the axes of the force: one of them turned or swapped, the
-    tool's taken for the base's, a zero that is off, or friction set the two apart; so does a probe
-    that slides down a slope without friction, of which the normal is right.
-
-    Parameters
-    ----------
-    position, force : numpy.ndarray, shape (k, 3)
-        m and N, in one frame as far as is known.
-    normal : numpy.ndarray, shape (3,)
-        What both are projected on.
-    given : bool
-        It was: then it is enough that the motion or the forces agree with it.
-    """
-    motion, error = _direction(position, force @ normal)
-    if motion is None:
-        return []
-    angle, other = _angle(motion, normal), "motion in which it grows"
-    of = "the force points"
-    if given:
-        of, other = "the given normal points", "force and from the motion in which it grows"
-        try:
-            angle = min(angle, _angle(normal_found(force, 0.0 * position).vector, normal))
-        except RecordingError:
-            return []
-    if angle <= LARGE_ANGLE + ERRORS_OF_DIRECTION * error:
-        return []
-    return [
-        Remark(
-            "direction",
-            f"{of} {math.degrees(angle):.0f}° away from the {other}: axes of another frame, turned "
-            "or swapped, a zero that is off, friction, or a slope that the probe slides down",
-            "compare the axes of force and position; --force-frame tool, --tare or --normal",
-            "do-not-trust" if angle > TOO_LARGE_ANGLE else "with-care",
-            numbers=True,
-        )
-    ]
-
-
-def _direction(position: Floats, along: Floats) -> tuple[Floats | None, float]:
-    """The direction in which the probe moves as the force grows, and its standard error, rad."""
-    known = np.isfinite(position).all(axis=1) & np.isfinite(along)
-    p, f = position[known], along[known]
-    if len(f) < 2 * BLOCKS_OF_DIRECTION * STRIDE:
-        return None, math.inf
-    products = _products(p, f, STRIDE)
-    sums = np.array([part.sum(axis=0) for part in np.array_split(products, BLOCKS_OF_DIRECTION)])
-    total = sums.sum(axis=0)
-    length = float(np.linalg.norm(total))
-    if not 0.0 < length < math.inf:
-        return None, math.inf
-    direction: Floats = total / length
-    across = sums - np.outer(sums @ direction, direction)
-    # The blocks' sums vary about a share of the total; what is across of it adds to nothing.
-    scatter = float((across**2).sum()) * BLOCKS_OF_DIRECTION / (BLOCKS_OF_DIRECTION - 1)
-    return direction, math.sqrt(scatter) / length
-
-
-def _products(position: Floats, force: Floats, stride: int) -> Floats:
-    """ΔF Δp over a stride, which point along the motion in which a force grows."""
-    return (force[stride:] - force[:-stride])[:, None] * (position[stride:] - position[:-stride])
-
-
-def _angle(one: Floats, other: Floats) -> float:
-    """Between two axes, whichever way they point."""
-    across = float(np.linalg.norm(np.cross(one, other)))
-    return math.atan2(across, abs(float(one @ other)))
-
-
-def saturated(force: Floats) -> list[Remark]:
-    """Say that an axis of the sensor stands at its largest value while the others go on.
-
-    One that never changes is not saturated but not measured, as those of a load cell of one axis.
-
-    Parameters
-    ----------
-    force : numpy.ndarray, shape (k, 3)
-        N, as the sensor shows it: once turned or tared nothing stands still.
-    """
-    moves = [bool(np.isfinite(c).any() and np.nanmin(c) < np.nanmax(c)) for c in force.T]
-    axes = " and ".join(axis for axis, moving in zip("xyz", moves, strict=True) if not moving)
-    words = f"the force along {axes} is constant from first to last: it is not measured"
-    found = [Remark("force axes", words)] if axes else []
-    beyond = [MOVES * noise_of(column) + STEPS * step_of(column) for column in force.T]
-    for k, column in enumerate(force.T):
-        others = [each for each in range(force.shape[1]) if each != k]
-        for edge in (np.nanmax(column), np.nanmin(column)) if moves[k] else ():
-            held = (run for run in slices_of(column == edge) if column[run.start] == edge)
-            count = sum(
-                run.stop - run.start
-                for run in held
-                if run.stop - run.start >= SHORTEST
-                and any(np.ptp(force[run, each]) > beyond[each] for each in others)
-            )
-            part = count / len(column)
-            if part > SOME:
-                words = f"the force along {'xyz'[k]} stays at {edge:.3g} N for {part:.1%} of the "
-                words += "recording while the others change: saturated?"
-                remedy = "press less deep, or take a sensor of a larger range"
-                severity: Severity = "do-not-trust" if part > MANY else "with-care"
-                found.append(Remark("saturation", words, remedy, severity, numbers=True))
-    return found
-
-
-# From a position and a force in space to a depth and a compression along the contact normal.
-
-WEIGHT_DIRECTION = (0.0, 0.0, -1.0)  # in the frame of the position
-INVERSE = (-1.0, -1.0, -1.0, 1.0)  # of a quaternion x, y, z, w
-NOTHING = 1e-3  # of the largest force: no sensor is linear to better
-SMALL_WEIGHT, LARGE_WEIGHT = 0.01, 0.10  # of the largest force, that a weight is off
-ERRORS_OF_WEIGHT, BLOCKS_OF_WEIGHT = 5.0, 8  # standard errors, by the scatter of blocks
+FIRM = 0.1  # of the largest force: an episode without as much is free air
 
 
 @dataclass(slots=True, eq=False)
@@ -200,6 +78,189 @@ class AlongNormal:
     force: Floats
     normal: Normal | None = None
     remarks: list[Remark] = field(default_factory=list)
+
+
+#: A time at one place, what of the probe it is, and what that is along its normal.
+Piece = tuple[Signals, Stay | None, AlongNormal]
+
+
+def along_normal(
+    recording: Recording, roles: Roles, signals: Signals, settings: Preparation
+) -> Contact:
+    """Make a contact of a position and a force, tared and projected on the contact normal."""
+    made, remarks = dict(signals.made), list[Remark]()
+    if "force" in settings.flip:
+        signals = replace(signals, force=-signals.force)
+    if "penetration" in settings.flip:
+        signals = replace(signals, depth=-signals.depth)
+    low, high = settings.window or (None, None)
+    ends = -math.inf if low is None else low, math.inf if high is None else high
+    signals = signals.taken(between(signals.time, *ends, recording.source))
+    signals = _framed(recording, roles, signals, settings, remarks)
+    if settings.tool_weight is not None and signals.force.ndim == signals.depth.ndim == 2:
+        add(made, "force", f"less the tool's weight of {settings.tool_weight:g} N")
+    with stage(_LOGGER, "zero of the force"):
+        signals, zero, said = tared(signals, settings, recording.source)
+    remarks += said
+    if zero is not None:
+        zero.say(made, remarks)
+    if signals.orientation is not None:
+        add(made, "force", "turned by the orientation")
+    with stage(_LOGGER, "contact normal"):
+        whole = pressed(signals, settings, recording.source)
+    pieces = _pieces(signals, whole, settings)
+    if len(pieces) > 1 or pieces[0][1] is not None:
+        remarks += _travelled(pieces, signals)
+    remarks += whole.remarks
+    contact, places = _joined(pieces, settings, made, remarks)
+    done = Prepared(
+        recording,
+        settings,
+        zero=None if zero is None else zero.mean,
+        drift=0.0 if zero is None else zero.drift,
+        normal=whole.normal,
+        surface=places[0].surface if places else None,
+        window=velocity_filter(contact, settings.velocity_window),
+        places=tuple(places) if pieces[0][1] is not None else (),
+    )
+    left = None if zero is None else deviation_left(whole.force, zero.free)
+    contact = replace(contact, tare_deviation=left, prepared=done, source=recording.source)
+    return in_step(contact, settings.delay)
+
+
+@timed("frame of the force")
+def _framed(
+    recording: Recording,
+    roles: Roles,
+    signals: Signals,
+    settings: Preparation,
+    remarks: list[Remark],
+) -> Signals:
+    """With an orientation only where it turns the force, which is then in the tool's frame."""
+    if signals.force.ndim == 1 or signals.depth.ndim == 1:
+        return replace(signals, orientation=None)
+    remarks += saturated(signals.force)
+    frame = frame_of(recording, roles, settings.force_frame, remarks)
+    orientation = signals.orientation
+    if orientation is not None:
+        remarks += turn_remark(orientation, settings.tool_weight)
+    if frame == "tool" and orientation is None:
+        raise RecordingError(
+            f"{recording.source}: a force in the tool's frame needs the orientation to turn "
+            "it; name its channels with --orientation x,y,z,w"
+        )
+    return signals if frame == "tool" else replace(signals, orientation=None)
+
+
+@timed("episodes")
+def _pieces(signals: Signals, whole: AlongNormal, settings: Preparation) -> list[Piece]:
+    """The whole; or its episodes, where the probe travels over the material."""
+    position, force = signals.depth, signals.force
+    if position.ndim == 1 or not math.isfinite(settings.spot):
+        return [(signals, None, whole)]
+    if force.ndim == 1 and whole.normal is not None:
+        force = force[:, None] * whole.normal.vector
+    if travel(position, force) <= settings.spot:
+        return [(signals, None, whole)]
+    peak = float(np.nanpercentile(whole.force, 99.0))
+    found: list[Piece] = []
+    for part in slices_of(signals.part):
+        for each in episodes_of(signals.time[part], position[part], force[part], settings.spot):
+            there = np.arange(part.start + each.start, part.start + each.stop)
+            if float(np.nanpercentile(whole.force[there], 99.0)) > FIRM * peak:
+                own = signals.taken(there)
+                found.append((own, each, _pressed_there(own, whole, settings)))
+    return found or [(signals, None, whole)]
+
+
+def _pressed_there(own: Signals, whole: AlongNormal, settings: Preparation) -> AlongNormal:
+    """Depth and compression at one place, with the signs that the whole recording told."""
+    if own.force.ndim == 1:  # its sign is that of the largest of it, there as everywhere
+        return pressed(own, settings, "")
+    if whole.normal is not None and whole.normal.turned and "force" not in settings.flip:
+        own = replace(own, force=-own.force)
+    return pressed(own, replace(settings, flip=(*settings.flip, "force")), "")
+
+
+def _travelled(pieces: list[Piece], signals: Signals) -> list[Remark]:
+    left = 1.0 - sum(len(piece[0].time) for piece in pieces) / len(signals.time)
+    words, elsewhere, end = (
+        f"the probe travels over the material: {len(pieces)} places, each by itself",
+        "between them, or at none for a second",
+        "; one law of all of them is an average",
+    )
+    if len(pieces) == 1:
+        words = "the probe travels over the material, and stays at one place of it for a second"
+        elsewhere, end = "elsewhere, and are left out", ""
+    words += f"; {left:.0%} of the samples were {elsewhere}{end}" if left > 0.0 else end
+    return [Remark("episodes", words, "--spot inf, where all of it is one material", "with-care")]
+
+
+@timed("surface and velocity of each place")
+def _joined(
+    pieces: list[Piece], settings: Preparation, made: dict[str, str], remarks: list[Remark]
+) -> tuple[Contact, list[Place]]:
+    """The pieces one after another, each from its own surface."""
+    rule: SurfaceRule = settings.surface if isinstance(settings.surface, str) else "fit"
+    depths, velocities, labels, places = [], [], [], []
+    lost = 0
+    for number, (signals, episode, own) in enumerate(pieces):
+        runs = list(slices_of(signals.part))
+        # A depth from anywhere has the velocity of one from the surface.
+        velocity, left_out = velocities_of(signals.time, own.depth, runs, settings.velocity_window)
+        if isinstance(settings.surface, float | int):
+            surface = Surface(float(settings.surface), 0.0, "as it was given")
+        else:
+            surface = surface_of(own.depth, velocity, own.force, rule)
+        depths.append(own.depth - surface.position)
+        velocities.append(velocity)
+        labels.append(signals.part if episode is None else np.full(len(signals.time), number))
+        position = np.atleast_1d(np.nanmedian(signals.depth, axis=0))
+        position = position if episode is None else episode.place
+        times = float(signals.time[0]), float(signals.time[-1])
+        places.append(Place(*times, position, own.normal, surface))
+        lost += left_out
+    _say_surface(places, made, remarks)
+    normal = pieces[0][2].normal
+    if normal is not None and len(pieces) == 1:
+        add(made, "penetration", f"against the contact normal {normal}")
+        add(made, "force", f"along the contact normal {normal}")
+    made["velocity"] = filter_words(lost)
+    # How well the surfaces are known, as the one number that an estimator takes.
+    known = [place.surface.deviation for place in places if place.surface.deviation]
+    one = rule != "estimate" and len(known) == len(places)
+    contact = Contact(
+        np.concatenate([signals.time for signals, _, _ in pieces]),
+        penetration=np.concatenate(depths),
+        velocity=np.concatenate(velocities),
+        force=np.concatenate([own.force for _, _, own in pieces]),
+        segment=np.concatenate(labels),
+        provenance=made,
+        surface_deviation=float(np.median(known)) if one else None,
+        remarks=remarks,
+    )
+    return contact, places
+
+
+def _say_surface(places: list[Place], made: dict[str, str], remarks: list[Remark]) -> None:
+    if len(places) == 1:
+        places[0].surface.say(made, remarks)
+        return
+    add(made, "penetration", "at each place along its own normal, from its own surface")
+    assumed = sum(place.surface.assumed for place in places)
+    if assumed:
+        words = f"at {assumed} of {len(places)} places the probe is never seen out of contact: "
+        remedy = "lift the probe between places"
+        remarks.append(Remark("surface", words + ASSUMPTION, remedy, "with-care"))
+
+
+# From a position and a force in space to a depth and a compression along the contact normal.
+
+WEIGHT_DIRECTION = (0.0, 0.0, -1.0)  # in the frame of the position
+INVERSE = (-1.0, -1.0, -1.0, 1.0)  # of a quaternion x, y, z, w
+NOTHING = 1e-3  # of the largest force: no sensor is linear to better
+SMALL_WEIGHT, LARGE_WEIGHT = 0.01, 0.10  # of the largest force, that a weight is off
+ERRORS_OF_WEIGHT, BLOCKS_OF_WEIGHT = 5.0, 8  # standard errors, by the scatter of blocks
 
 
 def pressed(signals: Signals, settings: Preparation, source: str) -> AlongNormal:
@@ -404,181 +465,121 @@ def _free(signals: Signals, along: Floats) -> NDArray[np.bool_] | None:
     return max(found, key=np.count_nonzero, default=None)
 
 
-# A recording of positions and forces, in space or along an axis: tared, projected, counted.
+# Doubts about forces in space: one that misses the probe's motion, and an axis that is full.
 
-_LOGGER = logging.getLogger(__name__)
+# Turned by 5° a depth is 0.4 % short, and the stiffness of a law with an exponent of 2 is 1 % off;
+# by 30° it is 14 % and 30 %. A tool is aligned with its sensor to better than 3°.
+LARGE_ANGLE, TOO_LARGE_ANGLE = math.radians(5.0), math.radians(30.0)
+BLOCKS_OF_DIRECTION = 8  # of a recording, whose scatter says how well the direction is known
+ERRORS_OF_DIRECTION = 3.0  # standard errors of it
+STRIDE = 5  # samples over which changes are taken: over fewer they are noise
 
-FIRM = 0.1  # of the largest force: an episode without as much is free air
-
-
-def along_normal(
-    recording: Recording, roles: Roles, signals: Signals, settings: Preparation
-) -> Contact:
-    """Make a contact of a position and a force, tared and projected on the contact normal."""
-    made, remarks = dict(signals.made), list[Remark]()
-    if "force" in settings.flip:
-        signals = replace(signals, force=-signals.force)
-    if "penetration" in settings.flip:
-        signals = replace(signals, depth=-signals.depth)
-    low, high = settings.window or (None, None)
-    ends = -math.inf if low is None else low, math.inf if high is None else high
-    signals = signals.taken(between(signals.time, *ends, recording.source))
-    signals = _framed(recording, roles, signals, settings, remarks)
-    if settings.tool_weight is not None and signals.force.ndim == signals.depth.ndim == 2:
-        add(made, "force", f"less the tool's weight of {settings.tool_weight:g} N")
-    with stage(_LOGGER, "zero of the force"):
-        signals, zero, said = tared(signals, settings, recording.source)
-    remarks += said
-    if zero is not None:
-        zero.say(made, remarks)
-    if signals.orientation is not None:
-        add(made, "force", "turned by the orientation")
-    with stage(_LOGGER, "contact normal"):
-        whole = pressed(signals, settings, recording.source)
-    pieces = _pieces(signals, whole, settings)
-    if len(pieces) > 1 or pieces[0][1] is not None:
-        remarks += _travelled(pieces, signals)
-    remarks += whole.remarks
-    contact, places = _joined(pieces, settings, made, remarks)
-    done = Prepared(
-        recording,
-        settings,
-        zero=None if zero is None else zero.mean,
-        drift=0.0 if zero is None else zero.drift,
-        normal=whole.normal,
-        surface=places[0].surface if places else None,
-        window=velocity_filter(contact, settings.velocity_window),
-        places=tuple(places) if pieces[0][1] is not None else (),
-    )
-    left = None if zero is None else deviation_left(whole.force, zero.free)
-    contact = replace(contact, tare_deviation=left, prepared=done, source=recording.source)
-    return in_step(contact, settings.delay)
+SHORTEST = 5  # samples in a row
+MOVES, STEPS = 8.0, 3.0  # σ and steps that the other axes move meanwhile
+SOME, MANY = 0.002, 0.02  # of the recording
 
 
-Piece = tuple[Signals, Stay | None, AlongNormal]
+def misdirected(position: Floats, force: Floats, normal: Floats, *, given: bool) -> list[Remark]:
+    """Say that forces do not point along the motion in which they grow.
 
+    The motion, −Σ ΔF Δp, owes nothing to the axes of the force: one of them turned or swapped, the
+    tool's taken for the base's, a zero that is off, or friction set the two apart; so does a probe
+    that slides down a slope without friction, of which the normal is right.
 
-@timed("frame of the force")
-def _framed(
-    recording: Recording,
-    roles: Roles,
-    signals: Signals,
-    settings: Preparation,
-    remarks: list[Remark],
-) -> Signals:
-    """With an orientation only where it turns the force, which is then in the tool's frame."""
-    if signals.force.ndim == 1 or signals.depth.ndim == 1:
-        return replace(signals, orientation=None)
-    remarks += saturated(signals.force)
-    frame = frame_of(recording, roles, settings.force_frame, remarks)
-    orientation = signals.orientation
-    if orientation is not None:
-        remarks += turn_remark(orientation, settings.tool_weight)
-    if frame == "tool" and orientation is None:
-        raise RecordingError(
-            f"{recording.source}: a force in the tool's frame needs the orientation to turn "
-            "it; name its channels with --orientation x,y,z,w"
+    Parameters
+    ----------
+    position, force : numpy.ndarray, shape (k, 3)
+        m and N, in one frame as far as is known.
+    normal : numpy.ndarray, shape (3,)
+        What both are projected on.
+    given : bool
+        It was: then it is enough that the motion or the forces agree with it.
+    """
+    motion, error = _direction(position, force @ normal)
+    if motion is None:
+        return []
+    angle, other = _angle(motion, normal), "motion in which it grows"
+    of = "the force points"
+    if given:
+        of, other = "the given normal points", "force and from the motion in which it grows"
+        try:
+            angle = min(angle, _angle(normal_found(force, 0.0 * position).vector, normal))
+        except RecordingError:
+            return []
+    if angle <= LARGE_ANGLE + ERRORS_OF_DIRECTION * error:
+        return []
+    return [
+        Remark(
+            "direction",
+            f"{of} {math.degrees(angle):.0f}° away from the {other}: axes of another frame, turned "
+            "or swapped, a zero that is off, friction, or a slope that the probe slides down",
+            "compare the axes of force and position; --force-frame tool, --tare or --normal",
+            "do-not-trust" if angle > TOO_LARGE_ANGLE else "with-care",
+            numbers=True,
         )
-    return signals if frame == "tool" else replace(signals, orientation=None)
+    ]
 
 
-@timed("episodes")
-def _pieces(signals: Signals, whole: AlongNormal, settings: Preparation) -> list[Piece]:
-    """The whole; or its episodes, where the probe travels over the material."""
-    position, force = signals.depth, signals.force
-    if position.ndim == 1 or not math.isfinite(settings.spot):
-        return [(signals, None, whole)]
-    if force.ndim == 1 and whole.normal is not None:
-        force = force[:, None] * whole.normal.vector
-    if travel(position, force) <= settings.spot:
-        return [(signals, None, whole)]
-    peak = float(np.nanpercentile(whole.force, 99.0))
-    found: list[Piece] = []
-    for part in slices_of(signals.part):
-        for each in episodes_of(signals.time[part], position[part], force[part], settings.spot):
-            there = np.arange(part.start + each.start, part.start + each.stop)
-            if float(np.nanpercentile(whole.force[there], 99.0)) > FIRM * peak:
-                own = signals.taken(there)
-                found.append((own, each, _pressed_there(own, whole, settings)))
-    return found or [(signals, None, whole)]
+def _direction(position: Floats, along: Floats) -> tuple[Floats | None, float]:
+    """The direction in which the probe moves as the force grows, and its standard error, rad."""
+    known = np.isfinite(position).all(axis=1) & np.isfinite(along)
+    p, f = position[known], along[known]
+    if len(f) < 2 * BLOCKS_OF_DIRECTION * STRIDE:
+        return None, math.inf
+    products = _products(p, f, STRIDE)
+    sums = np.array([part.sum(axis=0) for part in np.array_split(products, BLOCKS_OF_DIRECTION)])
+    total = sums.sum(axis=0)
+    length = float(np.linalg.norm(total))
+    if not 0.0 < length < math.inf:
+        return None, math.inf
+    direction: Floats = total / length
+    across = sums - np.outer(sums @ direction, direction)
+    # The blocks' sums vary about a share of the total; what is across of it adds to nothing.
+    scatter = float((across**2).sum()) * BLOCKS_OF_DIRECTION / (BLOCKS_OF_DIRECTION - 1)
+    return direction, math.sqrt(scatter) / length
 
 
-def _pressed_there(own: Signals, whole: AlongNormal, settings: Preparation) -> AlongNormal:
-    """Depth and compression at one place, with the signs that the whole recording told."""
-    if own.force.ndim == 1:  # its sign is that of the largest of it, there as everywhere
-        return pressed(own, settings, "")
-    if whole.normal is not None and whole.normal.turned and "force" not in settings.flip:
-        own = replace(own, force=-own.force)
-    return pressed(own, replace(settings, flip=(*settings.flip, "force")), "")
+def _products(position: Floats, force: Floats, stride: int) -> Floats:
+    """ΔF Δp over a stride, which point along the motion in which a force grows."""
+    return (force[stride:] - force[:-stride])[:, None] * (position[stride:] - position[:-stride])
 
 
-def _travelled(pieces: list[Piece], signals: Signals) -> list[Remark]:
-    left = 1.0 - sum(len(piece[0].time) for piece in pieces) / len(signals.time)
-    words, elsewhere, end = (
-        f"the probe travels over the material: {len(pieces)} places, each by itself",
-        "between them, or at none for a second",
-        "; one law of all of them is an average",
-    )
-    if len(pieces) == 1:
-        words = "the probe travels over the material, and stays at one place of it for a second"
-        elsewhere, end = "elsewhere, and are left out", ""
-    words += f"; {left:.0%} of the samples were {elsewhere}{end}" if left > 0.0 else end
-    return [Remark("episodes", words, "--spot inf, where all of it is one material", "with-care")]
+def _angle(one: Floats, other: Floats) -> float:
+    """Between two axes, whichever way they point."""
+    across = float(np.linalg.norm(np.cross(one, other)))
+    return math.atan2(across, abs(float(one @ other)))
 
 
-@timed("surface and velocity of each place")
-def _joined(
-    pieces: list[Piece], settings: Preparation, made: dict[str, str], remarks: list[Remark]
-) -> tuple[Contact, list[Place]]:
-    """The pieces one after another, each from its own surface."""
-    rule: SurfaceRule = settings.surface if isinstance(settings.surface, str) else "fit"
-    depths, velocities, labels, places = [], [], [], []
-    lost = 0
-    for number, (signals, episode, own) in enumerate(pieces):
-        runs = list(slices_of(signals.part))
-        # A depth from anywhere has the velocity of one from the surface.
-        velocity, left_out = velocities_of(signals.time, own.depth, runs, settings.velocity_window)
-        if isinstance(settings.surface, float | int):
-            surface = Surface(float(settings.surface), 0.0, "as it was given")
-        else:
-            surface = surface_of(own.depth, velocity, own.force, rule)
-        depths.append(own.depth - surface.position)
-        velocities.append(velocity)
-        labels.append(signals.part if episode is None else np.full(len(signals.time), number))
-        position = np.atleast_1d(np.nanmedian(signals.depth, axis=0))
-        position = position if episode is None else episode.place
-        times = float(signals.time[0]), float(signals.time[-1])
-        places.append(Place(*times, position, own.normal, surface))
-        lost += left_out
-    _say_surface(places, made, remarks)
-    normal = pieces[0][2].normal
-    if normal is not None and len(pieces) == 1:
-        add(made, "penetration", f"against the contact normal {normal}")
-        add(made, "force", f"along the contact normal {normal}")
-    made["velocity"] = filter_words(lost)
-    # How well the surfaces are known, as the one number that an estimator takes.
-    known = [place.surface.deviation for place in places if place.surface.deviation]
-    one = rule != "estimate" and len(known) == len(places)
-    contact = Contact(
-        np.concatenate([signals.time for signals, _, _ in pieces]),
-        penetration=np.concatenate(depths),
-        velocity=np.concatenate(velocities),
-        force=np.concatenate([own.force for _, _, own in pieces]),
-        segment=np.concatenate(labels),
-        provenance=made,
-        surface_deviation=float(np.median(known)) if one else None,
-        remarks=remarks,
-    )
-    return contact, places
+def saturated(force: Floats) -> list[Remark]:
+    """Say that an axis of the sensor stands at its largest value while the others go on.
 
+    One that never changes is not saturated but not measured, as those of a load cell of one axis.
 
-def _say_surface(places: list[Place], made: dict[str, str], remarks: list[Remark]) -> None:
-    if len(places) == 1:
-        places[0].surface.say(made, remarks)
-        return
-    add(made, "penetration", "at each place along its own normal, from its own surface")
-    assumed = sum(place.surface.assumed for place in places)
-    if assumed:
-        words = f"at {assumed} of {len(places)} places the probe is never seen out of contact: "
-        remedy = "lift the probe between places"
-        remarks.append(Remark("surface", words + ASSUMPTION, remedy, "with-care"))
+    Parameters
+    ----------
+    force : numpy.ndarray, shape (k, 3)
+        N, as the sensor shows it: once turned or tared nothing stands still.
+    """
+    moves = [bool(np.isfinite(c).any() and np.nanmin(c) < np.nanmax(c)) for c in force.T]
+    axes = " and ".join(axis for axis, moving in zip("xyz", moves, strict=True) if not moving)
+    words = f"the force along {axes} is constant from first to last: it is not measured"
+    found = [Remark("force axes", words)] if axes else []
+    beyond = [MOVES * noise_of(column) + STEPS * step_of(column) for column in force.T]
+    for k, column in enumerate(force.T):
+        others = [each for each in range(force.shape[1]) if each != k]
+        for edge in (np.nanmax(column), np.nanmin(column)) if moves[k] else ():
+            held = (run for run in slices_of(column == edge) if column[run.start] == edge)
+            count = sum(
+                run.stop - run.start
+                for run in held
+                if run.stop - run.start >= SHORTEST
+                and any(np.ptp(force[run, each]) > beyond[each] for each in others)
+            )
+            part = count / len(column)
+            if part > SOME:
+                words = f"the force along {'xyz'[k]} stays at {edge:.3g} N for {part:.1%} of the "
+                words += "recording while the others change: saturated?"
+                remedy = "press less deep, or take a sensor of a larger range"
+                severity: Severity = "do-not-trust" if part > MANY else "with-care"
+                found.append(Remark("saturation", words, remedy, severity, numbers=True))
+    return found

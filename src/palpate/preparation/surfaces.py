@@ -15,128 +15,6 @@ from palpate.estimators.least_squares import robust_covariance
 from palpate.preparation.gates import noise_of
 from palpate.validation import Floats
 
-# What a tare leaves of the force's offset.
-
-LEAST_DEVIATION = 1e-6  # of the largest force: no force sensor is better than 1e-5
-
-
-def deviation_left(force: Floats, free: NDArray[np.bool_]) -> float:
-    """Return the standard deviation of the offset once a mean was taken off, N.
-
-    s² = σ²/N (1 + r)/(1 − r) + δ²,  δ = (Δ/π) exp(−2π²σ²/Δ²)
-
-    the error of a mean of noise whose neighbours correlate by r, and what rounding to steps Δ
-    leaves beside it however long it is.
-
-    Parameters
-    ----------
-    force : numpy.ndarray, shape (k,)
-        All of it, N: its smallest step is that of its resolution.
-    free : numpy.ndarray of bool, shape (k,)
-        The samples that the mean is of, at least one.
-    """
-    known = force[np.isfinite(force)]
-    rest = force[free & np.isfinite(force)]
-    rest = rest - rest.mean()
-    variance = float(np.mean(rest**2))
-    largest = float(np.abs(known).max(initial=0.0))
-    if rest.size < 2:
-        return max(largest, 1e-30)  # one sample says nothing of its noise
-    of_mean = variance / rest.size * float(_inflation(rest))
-    left = math.hypot(math.sqrt(of_mean), _rounding(known, variance))
-    return max(left, LEAST_DEVIATION * largest, 1e-30)
-
-
-def _rounding(force: Floats, variance: float) -> float:
-    steps = np.abs(np.diff(force))
-    step = float(steps[steps > 0.0].min(initial=np.inf))
-    if not math.isfinite(step):
-        return 0.0
-    before = max(variance / step**2 - 1.0 / 12.0, 0.0)  # what rounding itself adds taken off
-    return step / math.pi * math.exp(-2.0 * math.pi**2 * before)
-
-
-# Least squares of a Hunt–Crossley law, an offset and the surface, together.
-
-EXPONENT_RANGE = (0.2, 6.0)  # beyond what any material shows; keeps powers finite
-STEPS = 15
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Samples:
-    """Contact, free approach and what lies between, thinned."""
-
-    x: Floats  # over the working depth
-    v: Floats  # over its rms
-    force: Floats  # N
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Placed:
-    """Least squares with the surface free: (k, c, n, F₀, d), what it leaves, and its Jacobian."""
-
-    parameters: Floats
-    residual: Floats
-    jacobian: Floats
-
-    @property
-    def energy(self) -> float:
-        """Sum of squares, N²."""
-        return float(self.residual @ self.residual)
-
-
-def _model(samples: Samples, parameters: Floats) -> tuple[Floats, Floats]:
-    """Force [N] and its gradient by (k, c, n, F₀, d)."""
-    k, c, n, offset, depth = parameters
-    below = samples.x - depth
-    touching = below > 1e-9
-    below = np.where(touching, below, 1.0)
-    power = np.where(touching, below**n, 0.0)
-    force = power * (k + c * samples.v)
-    gradient = np.column_stack(
-        [power, power * samples.v, np.log(below) * force, np.ones_like(force), -n * force / below]
-    )
-    return force + offset, gradient
-
-
-def placed(samples: Samples, start: Floats, *, exponent_fixed: bool = False) -> Placed:
-    """Levenberg–Marquardt on (k, c, n, F₀, d), from a start.
-
-    Parameters
-    ----------
-    samples : Samples
-        Contact and free approach, without units.
-    start : numpy.ndarray, shape (5,)
-        N, N, 1, N, and depths.
-    exponent_fixed : bool
-        Whether n stays what it is in the start.
-    """
-    parameters, damping = start.copy(), 1e-4
-    model, gradient = _model(samples, parameters)
-    gradient[:, 2] *= not exponent_fixed
-    residual = samples.force - model
-    for _ in range(STEPS):
-        size = np.linalg.norm(gradient, axis=0)
-        size[size == 0.0] = 1.0
-        unit = gradient / size
-        normal = unit.T @ unit + damping * np.eye(len(size))
-        trial = parameters + np.linalg.solve(normal, unit.T @ residual) / size
-        trial[2] = np.clip(trial[2], *EXPONENT_RANGE)
-        trial[4] = np.clip(trial[4], -3.0, 0.9)
-        model, new_gradient = _model(samples, trial)
-        new_gradient[:, 2] *= not exponent_fixed
-        new = samples.force - model
-        if float(new @ new) < float(residual @ residual):
-            ended = float(residual @ residual - new @ new) < 1e-7 * float(new @ new)
-            parameters, residual, gradient = trial, new, new_gradient
-            damping = max(damping / 10.0, 1e-9)
-            if ended:
-                break
-        else:
-            damping *= 10.0
-    return Placed(parameters, residual, gradient)
-
-
 # The force out of contact: where it is felt, its mean and its drift.
 
 FEWEST_FREE_SAMPLES = 50  # samples out of contact
@@ -317,6 +195,47 @@ def _inflation(left: Floats) -> Floats:
     return inflation
 
 
+# What a tare leaves of the force's offset.
+
+LEAST_DEVIATION = 1e-6  # of the largest force: no force sensor is better than 1e-5
+
+
+def deviation_left(force: Floats, free: NDArray[np.bool_]) -> float:
+    """Return the standard deviation of the offset once a mean was taken off, N.
+
+    s² = σ²/N (1 + r)/(1 − r) + δ²,  δ = (Δ/π) exp(−2π²σ²/Δ²)
+
+    the error of a mean of noise whose neighbours correlate by r, and what rounding to steps Δ
+    leaves beside it however long it is.
+
+    Parameters
+    ----------
+    force : numpy.ndarray, shape (k,)
+        All of it, N: its smallest step is that of its resolution.
+    free : numpy.ndarray of bool, shape (k,)
+        The samples that the mean is of, at least one.
+    """
+    known = force[np.isfinite(force)]
+    rest = force[free & np.isfinite(force)]
+    rest = rest - rest.mean()
+    variance = float(np.mean(rest**2))
+    largest = float(np.abs(known).max(initial=0.0))
+    if rest.size < 2:
+        return max(largest, 1e-30)  # one sample says nothing of its noise
+    of_mean = variance / rest.size * float(_inflation(rest))
+    left = math.hypot(math.sqrt(of_mean), _rounding(known, variance))
+    return max(left, LEAST_DEVIATION * largest, 1e-30)
+
+
+def _rounding(force: Floats, variance: float) -> float:
+    steps = np.abs(np.diff(force))
+    step = float(steps[steps > 0.0].min(initial=np.inf))
+    if not math.isfinite(step):
+        return 0.0
+    before = max(variance / step**2 - 1.0 / 12.0, 0.0)  # what rounding itself adds taken off
+    return step / math.pi * math.exp(-2.0 * math.pi**2 * before)
+
+
 # Where the material begins: where the force begins; and an assumption where that is not seen.
 
 SurfaceRule = Literal["threshold", "baseline", "fit", "estimate"]
@@ -491,6 +410,87 @@ def _fitted(x: Floats, v: Floats, f: Floats, start: Surface) -> Surface | None:
         return None
     words = "by the least squares of law and surface together"
     return Surface(start.position + away, error, words)
+
+
+# Least squares of a Hunt–Crossley law, an offset and the surface, together.
+
+EXPONENT_RANGE = (0.2, 6.0)  # beyond what any material shows; keeps powers finite
+STEPS = 15
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Samples:
+    """Contact, free approach and what lies between, thinned."""
+
+    x: Floats  # over the working depth
+    v: Floats  # over its rms
+    force: Floats  # N
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Placed:
+    """Least squares with the surface free: (k, c, n, F₀, d), what it leaves, and its Jacobian."""
+
+    parameters: Floats
+    residual: Floats
+    jacobian: Floats
+
+    @property
+    def energy(self) -> float:
+        """Sum of squares, N²."""
+        return float(self.residual @ self.residual)
+
+
+def _model(samples: Samples, parameters: Floats) -> tuple[Floats, Floats]:
+    """Force [N] and its gradient by (k, c, n, F₀, d)."""
+    k, c, n, offset, depth = parameters
+    below = samples.x - depth
+    touching = below > 1e-9
+    below = np.where(touching, below, 1.0)
+    power = np.where(touching, below**n, 0.0)
+    force = power * (k + c * samples.v)
+    gradient = np.column_stack(
+        [power, power * samples.v, np.log(below) * force, np.ones_like(force), -n * force / below]
+    )
+    return force + offset, gradient
+
+
+def placed(samples: Samples, start: Floats, *, exponent_fixed: bool = False) -> Placed:
+    """Levenberg–Marquardt on (k, c, n, F₀, d), from a start.
+
+    Parameters
+    ----------
+    samples : Samples
+        Contact and free approach, without units.
+    start : numpy.ndarray, shape (5,)
+        N, N, 1, N, and depths.
+    exponent_fixed : bool
+        Whether n stays what it is in the start.
+    """
+    parameters, damping = start.copy(), 1e-4
+    model, gradient = _model(samples, parameters)
+    gradient[:, 2] *= not exponent_fixed
+    residual = samples.force - model
+    for _ in range(STEPS):
+        size = np.linalg.norm(gradient, axis=0)
+        size[size == 0.0] = 1.0
+        unit = gradient / size
+        normal = unit.T @ unit + damping * np.eye(len(size))
+        trial = parameters + np.linalg.solve(normal, unit.T @ residual) / size
+        trial[2] = np.clip(trial[2], *EXPONENT_RANGE)
+        trial[4] = np.clip(trial[4], -3.0, 0.9)
+        model, new_gradient = _model(samples, trial)
+        new_gradient[:, 2] *= not exponent_fixed
+        new = samples.force - model
+        if float(new @ new) < float(residual @ residual):
+            ended = float(residual @ residual - new @ new) < 1e-7 * float(new @ new)
+            parameters, residual, gradient = trial, new, new_gradient
+            damping = max(damping / 10.0, 1e-9)
+            if ended:
+                break
+        else:
+            damping *= 10.0
+    return Placed(parameters, residual, gradient)
 
 
 # Episodes of a probe that travels: times in which it stays at one place of the material.
