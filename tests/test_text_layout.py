@@ -120,7 +120,7 @@ def test_only_the_channels_that_are_asked_for_are_read(tmp_path):
     path = written(tmp_path / "c.csv", "t,a.x,a.y,b\n0,1,2,3\n1,2,3,4\n")
     read = open_recording(path, ["t", "a"])
     assert list(read.channels) == ["t", "a.x", "a.y"]
-    assert read.omissions == ["columns that were not asked for: b"]
+    assert read.omissions == ("columns that were not asked for: b",)
     with pytest.raises(ValueError, match=r"no column 'c'; there are t, a\.x, a\.y, b"):
         open_recording(path, ["c"])
 

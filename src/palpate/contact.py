@@ -141,9 +141,7 @@ class Contact:
     @property
     def sample_time(self) -> float:
         """Median time between samples within a segment, s."""
-        steps = np.concatenate(
-            [np.diff(self.time[part]) for part in self.segments()] or [np.empty(0)]
-        )
+        steps = np.concatenate([np.empty(0), *(np.diff(self.time[p]) for p in self.segments())])
         return float(np.median(steps)) if steps.size else 1e-3
 
     @property

@@ -2,7 +2,7 @@
 
 import math
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import fields
 from typing import Any
 
@@ -132,6 +132,13 @@ def pair_in(name: str, pair: Any, low: float, high: float) -> tuple[float, float
             f"{name} must be (lowest, highest) within [{low:g}, {high:g}], not {shown(pair)}"
         ) from None
     return number_in(name, first, low, high), number_in(name, second, low, high)
+
+
+def one_of(name: str, value: Any, allowed: Iterable[str]) -> None:
+    """Refuse ``value`` unless it is one of some words."""
+    words = list(allowed)
+    if not isinstance(value, str) or value not in words:
+        raise InvalidParameterError(f"{name} must be one of {', '.join(words)}, not {shown(value)}")
 
 
 def instance(name: str, value: Any, kinds: type | tuple[type, ...]) -> None:

@@ -8,7 +8,7 @@ from palpate.estimators.law_verdicts import CANDIDATES
 from palpate.estimators.variable_projection import VariableProjection
 from palpate.estimators.viscoelastic import ViscoelasticContact
 from palpate.force_laws import FORCE_LAWS, GeneralisedHuntCrossley
-from palpate.validation import shown
+from palpate.validation import one_of
 
 USUAL = "hunt-crossley"
 _DAMPERS = {"none": "spring", "hunt-crossley": "hunt-crossley", "half-space": "half-space"}
@@ -18,13 +18,10 @@ def _by_name() -> dict[str, dict[str, str]]:
     """Settings of :class:`ViscoelasticContact` by the law that is asked for."""
     settings: dict[str, dict[str, str]] = {"auto": {}, "any": {"memory": "any"}}
     settings["half-space"] = {"damping": "half-space", "memory": "none"}
-    remembering = [each for each in CANDIDATES if each.memory != "none"]
-    for each in remembering:
-        settings.setdefault(each.memory, {"memory": each.memory})
-    for each in remembering:
-        name = f"{_DAMPERS[each.damping]}+{each.memory}"
-        settings[name] = {"damping": each.damping, "memory": each.memory}
-    return settings
+    both = [(each.damping, each.memory) for each in CANDIDATES if each.memory != "none"]
+    settings |= {memory: {"memory": memory} for _, memory in both}
+    named = ((f"{_DAMPERS[each]}+{memory}", each, memory) for each, memory in both)
+    return settings | {name: {"damping": each, "memory": memory} for name, each, memory in named}
 
 
 _SETTINGS = _by_name()
@@ -60,10 +57,7 @@ def estimator_by_law(
     given = None if method is None else estimator_named(method)
     if law is None:
         return given or VariableProjection, {}
-    if not isinstance(law, str) or law not in law_names():
-        raise InvalidParameterError(
-            f"law must be one of {', '.join(law_names())}, not {shown(law)}"
-        )
+    one_of("law", law, law_names())
     settings = _SETTINGS.get(law)
     if given is ViscoelasticContact and law == USUAL:
         settings = {"damping": law, "memory": "none"}

@@ -14,6 +14,7 @@ import math
 import pickle
 from collections.abc import Callable, Iterator
 from functools import cache
+from operator import methodcaller
 from typing import Any
 
 import numpy as np
@@ -78,10 +79,6 @@ def _tapping(seconds: float = 0.7) -> Signals:
     return x, v, HuntCrossley(2000.0, 2000.0, 1.0).force(x, v) + 0.02 * noise
 
 
-def _rows(signals: Signals) -> list[tuple[float, float, float]]:
-    return list(zip(*(channel.tolist() for channel in signals), strict=True))
-
-
 def _knowledge(estimator: ContactEstimator) -> tuple[Any, ...]:
     """Everything that an estimator says it knows, to be compared bit for bit."""
     now = estimator.estimate()
@@ -118,7 +115,7 @@ def replay_is_update(kind: Kind, settings: dict[str, Any]) -> None:
     joined = Trace.joined(parts, trace.parameters.shape[1])
     _hold(_bits(joined) == _bits(trace), "pieces differ")
     largest = float(np.abs(signals[2]).max())
-    for k, row in enumerate(_rows(signals)):
+    for k, row in enumerate(np.transpose(signals).tolist()):
         before = looped.predict(*row[:2])
         _hold(looped.update(*row) == trace.status[k], f"status of sample {k}")
         # Once a law is known an answer of a few samples before predicts as the present one does.
@@ -201,12 +198,8 @@ def reset_is_a_fresh_start(kind: Kind, settings: dict[str, Any]) -> None:
 
 def saved_and_restored_is_never_stopped(kind: Kind, settings: dict[str, Any]) -> None:
     """A copy, a deep copy and a pickle go on as if nothing had been, each on its own."""
-    copies: tuple[Callable[[ContactEstimator], ContactEstimator], ...] = (
-        lambda estimator: estimator.copy(),
-        copy.deepcopy,
-        lambda estimator: pickle.loads(pickle.dumps(estimator)),
-    )
-    for copied in copies:
+    pickled: Callable[[ContactEstimator], Any] = lambda one: pickle.loads(pickle.dumps(one))  # noqa: E731
+    for copied in (methodcaller("copy"), copy.deepcopy, pickled):
         estimator = _halfway(kind, settings)
         before = _knowledge(estimator)
         other = copied(estimator)
@@ -225,11 +218,7 @@ def _lift(estimator: ContactEstimator) -> None:
 
 def out_of_contact_it_is_held(kind: Kind, settings: dict[str, Any]) -> None:
     """Above the surface, and after leave_contact, the estimate is held and never erased."""
-    ends: tuple[Callable[[ContactEstimator], object], ...] = (
-        _lift,
-        lambda estimator: estimator.leave_contact(),
-    )
-    for end in ends:
+    for end in (_lift, methodcaller("leave_contact")):
         fresh, estimator = kind(**settings), _halfway(kind, settings)
         end(fresh)
         _hold(fresh.estimate().status == Status.WAITING, "a fresh one is not waiting")

@@ -14,7 +14,16 @@ from palpate.errors import InvalidParameterError
 from palpate.estimators.estimate import Estimate, Trace
 from palpate.force_laws import ForceLaw
 from palpate.settings import ChangeDetector, Configured, ContactGate, OutlierRejection, Scale
-from palpate.validation import Floats, instance, number_in, same_length, shown, signal, signals
+from palpate.validation import (
+    Floats,
+    instance,
+    number_in,
+    one_of,
+    same_length,
+    shown,
+    signal,
+    signals,
+)
 
 
 class ContactEstimator(Configured):
@@ -225,10 +234,7 @@ def estimator_named(name: str) -> type[ContactEstimator]:
     InvalidParameterError
         There is none; the message lists them.
     """
-    if not isinstance(name, str) or name not in ESTIMATORS:
-        raise InvalidParameterError(
-            f"method must be one of {', '.join(ESTIMATORS)}, not {shown(name)}"
-        )
+    one_of("method", name, ESTIMATORS)
     return ESTIMATORS[name]
 
 

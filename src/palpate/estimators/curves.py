@@ -153,9 +153,8 @@ class CurveFits:
 
     def law(self, curve: int) -> HuntCrossley:
         """The law of one curve."""
-        return HuntCrossley(
-            float(self.stiffness[curve]), float(self.damping[curve]), float(self.exponent[curve])
-        )
+        columns = self.stiffness, self.damping, self.exponent
+        return HuntCrossley(*(float(column[curve]) for column in columns))
 
     def flag_words(self, curve: int) -> tuple[str, ...]:
         """What is not identifiable from the motion of one curve, and what motion would help."""

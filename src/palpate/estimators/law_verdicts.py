@@ -9,7 +9,7 @@ import palpate._core as _core
 from palpate.digits import rounded
 from palpate.estimators.estimate import Estimate
 from palpate.force_laws import GeneralisedHuntCrossley, SingleRelaxation
-from palpate.validation import defined, or_nan
+from palpate.validation import Plain, defined, or_nan
 
 # By the values of the compiled enumerations.
 DAMPINGS = ("none", "hunt-crossley", "half-space")
@@ -23,7 +23,7 @@ _WITH = {
 
 
 @dataclass(frozen=True, slots=True)
-class Candidate:
+class Candidate(Plain):
     """A law that may be offered.
 
     Attributes
@@ -62,10 +62,6 @@ class Candidate:
     def parameters(self) -> int:
         """Numbers that are looked for, the offset among them."""
         return len(self.own) + 1
-
-    def as_dict(self) -> dict[str, Any]:
-        """Return it as plain words."""
-        return {"damping": self.damping, "memory": self.memory, "linear": self.linear}
 
 
 #: Every law that can be offered; the first five are distinguished by the everyday bank.

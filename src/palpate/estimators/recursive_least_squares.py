@@ -83,11 +83,8 @@ class RecursiveLeastSquaresEstimator(CompiledEstimator):
 
     def _begin(self, settings: dict[str, Any]) -> None:
         """Keep the settings, with what was left to the method, and make the recursion."""
-        usual = {
-            "initial": self.default_initial,
-            "initial_covariance": self.default_covariance,
-            "forgetting": FadingForgetting(),
-        }
+        usual = {"initial": self.default_initial, "forgetting": FadingForgetting()}
+        usual["initial_covariance"] = self.default_covariance
         self._settings = {  # type: ignore[misc]  # a slot of each subclass: two bases with slots would clash
             name: usual.get(name) if value is None else value for name, value in settings.items()
         }

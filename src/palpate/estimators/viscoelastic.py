@@ -1,6 +1,5 @@
 """Laws whose damper has an exponent of its own, and that may remember; and which of them it is."""
 
-from collections.abc import Iterable
 from typing import Any, Literal
 
 import palpate._core as _core
@@ -26,7 +25,7 @@ from palpate.settings import (
     Forgetting,
     Scale,
 )
-from palpate.validation import arguments, instance, number, number_in, shown
+from palpate.validation import arguments, instance, number, number_in, one_of, shown
 
 _DEFAULTS = _core.defaults["ViscoelasticContact"]
 
@@ -200,8 +199,8 @@ class ViscoelasticContact(CompiledEstimator, _core.ViscoelasticContact):
 
 def _offered(damping: str, memory: str) -> int:
     """Which candidates compete, a bit each."""
-    _one_of("damping", damping, ("auto", *DAMPINGS))
-    _one_of("memory", memory, ("auto", "any", *MEMORIES))
+    one_of("damping", damping, ("auto", *DAMPINGS))
+    one_of("memory", memory, ("auto", "any", *MEMORIES))
     bits = 0
     for index, law in enumerate(CANDIDATES):
         known = index < EVERYDAY if memory == "auto" else memory in ("any", law.memory)
@@ -213,10 +212,3 @@ def _offered(damping: str, memory: str) -> int:
             f"memory={memory!r}"
         )
     return bits
-
-
-def _one_of(name: str, value: Any, allowed: Iterable[str]) -> None:
-    if not isinstance(value, str) or value not in allowed:
-        raise InvalidParameterError(
-            f"{name} must be one of {', '.join(map(repr, allowed))}, not {shown(value)}"
-        )

@@ -334,13 +334,6 @@ class GeneralisedHuntCrossley(CompiledLaw):
         slope: Floats = self.damping * penetration**self.damping_exponent
         return slope
 
-    @classmethod
-    def many_at(cls, parameters: Floats, depth: float | Floats) -> tuple[Floats, Floats]:
-        """K n xⁿ⁻¹ and B xᵖ of many laws, a row each, once they have relaxed."""
-        stiffness, exponent, damping, growth = parameters.T[:4]
-        with np.errstate(over="ignore", invalid="ignore"):  # a start may be anything
-            return stiffness * exponent * depth ** (exponent - 1.0), damping * depth**growth
-
     def _numbers_of(self, state: RelaxationState) -> Floats:
         instance("state", state, RelaxationState)
         if len(state.branches) != len(self.branches()[0]):

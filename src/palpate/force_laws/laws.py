@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 import palpate._core as _core
 from palpate.errors import InvalidParameterError
-from palpate.validation import in_contact, number, shown, together
+from palpate.validation import in_contact, number, one_of, shown, together
 
 Floats = NDArray[np.float64]
 
@@ -185,11 +185,8 @@ def law_from(description: dict[str, Any]) -> ForceLaw:
         The kind is unknown, or the parameters are not its own.
     """
     given = dict(description)
-    kind = given.pop("kind", None)
-    if not isinstance(kind, str) or kind not in FORCE_LAWS:
-        raise InvalidParameterError(
-            f"kind must be one of {', '.join(FORCE_LAWS)}, not {shown(kind)}"
-        )
+    kind: Any = given.pop("kind", None)
+    one_of("kind", kind, FORCE_LAWS)
     law = FORCE_LAWS[kind]
     needed = [name for name in law.names() if name not in law.optional]
     if not set(needed) <= set(given) <= set(law.names()):
@@ -217,6 +214,16 @@ class CompiledLaw(ForceLaw):
         x, v = (np.ascontiguousarray(array).reshape(-1) for array in given)
         type(self)._compiled(self.parameters, x, v, force.reshape(-1))
         return float(force) if force.ndim == 0 else force
+
+    @classmethod
+    def many_at(cls, parameters: Floats, depth: float | Floats) -> tuple[Floats, Floats]:
+        """∂F/∂x and ∂F/∂v of many laws at rest, a row each, once they have relaxed."""
+        laws = object.__new__(cls)  # of columns, which the gradients take as they take numbers
+        for own, column in zip(fields(cls), parameters.T, strict=False):  # type: ignore[arg-type]
+            object.__setattr__(laws, own.name, column)
+        x = np.broadcast_to(np.asarray(depth, dtype=np.float64), len(parameters))
+        with np.errstate(all="ignore"):  # a start may be anything
+            return laws.penetration_gradient(x, np.zeros_like(x)), laws.velocity_gradient(x)
 
     def in_a_loop(self) -> Callable[[float, float], float]:
         """Return :meth:`force` of plain numbers, in arrays of its own: not for several threads."""
@@ -267,11 +274,6 @@ class KelvinVoigt(CompiledLaw):
         """∂F/∂v = B."""
         return np.full_like(penetration, self.damping)
 
-    @classmethod
-    def many_at(cls, parameters: Floats, depth: float | Floats) -> tuple[Floats, Floats]:
-        """K and B of many laws, a row each."""
-        return parameters[:, 0].copy(), parameters[:, 1].copy()
-
 
 @register
 @dataclass(frozen=True, slots=True)
@@ -310,11 +312,6 @@ class ExtendedKelvinVoigt(CompiledLaw):
     def velocity_gradient(self, penetration: Floats) -> Floats:
         """∂F/∂v = B."""
         return np.full_like(penetration, self.damping)
-
-    @classmethod
-    def many_at(cls, parameters: Floats, depth: float | Floats) -> tuple[Floats, Floats]:
-        """K₁ + 2 K₂ x and B of many laws, a row each."""
-        return parameters[:, 0] + 2.0 * depth * parameters[:, 1], parameters[:, 2].copy()
 
 
 @register
@@ -364,11 +361,3 @@ class HuntCrossley(CompiledLaw):
         """∂F/∂v = B xⁿ."""
         slope: Floats = self.damping * penetration**self.exponent
         return slope
-
-    @classmethod
-    def many_at(cls, parameters: Floats, depth: float | Floats) -> tuple[Floats, Floats]:
-        """K n xⁿ⁻¹ and B xⁿ of many laws, a row each."""
-        stiffness, damping, exponent = parameters.T
-        with np.errstate(over="ignore", invalid="ignore"):  # a start may be anything
-            power = depth ** (exponent - 1.0)
-            return stiffness * exponent * power, damping * power * depth

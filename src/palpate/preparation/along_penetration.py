@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from palpate.contact import Contact
 from palpate.errors import InvalidParameterError, RecordingError
 from palpate.preparation.clocks import Signals, measurable
-from palpate.preparation.roles import Roles
+from palpate.preparation.roles import Columns, Roles
 from palpate.preparation.settings import Normal, Preparation
 from palpate.preparation.surfaces import (
     Surface,
@@ -151,9 +151,8 @@ def contact_of_arrays(given: Mapping[str, ArrayLike], settings: Preparation) -> 
             values[channel] = np.asarray(values[channel], dtype=float) * size_of(channel, unit)
             add(made, channel, f"in {unit}")
     contact = _prepared(None, values, made, settings)
-    names = {"time": "time_s", "penetration": "penetration_m", "force": "force_N"}
-    names |= {"velocity": "velocity_m_s", "segment": "segment"}
-    raw = Recording({names[name]: np.asarray(values) for name, values in given.items()})
+    usual = Columns()
+    raw = Recording({getattr(usual, name): np.asarray(each) for name, each in given.items()})
     return replace(contact, prepared=replace(contact.prepared, recording=raw))
 
 

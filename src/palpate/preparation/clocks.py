@@ -416,15 +416,14 @@ class _Taking:
         time, clock = stream.time, stream.clock or "time"
         if stream.clock is not None:
             self.recording.numbers(stream.clock, strict=True)  # a cell of text says it better
-        what = "is not finite"
-        if np.isfinite(time[sample]) and sample == 0:
+        before = time[max(sample - 1, 0)]
+        what = "repeats the time before it" if time[sample] == before else "is hardly later"
+        if not np.isfinite(time[sample]):
+            what = "is not finite"
+        elif sample == 0:
             what = "is no time"
-        elif np.isfinite(time[sample]):
-            before = time[sample - 1]
+        elif time[sample] < before:
             what = f"runs back from {before:g} {stream.unit}"
-            if time[sample] >= before:
-                same = time[sample] == before
-                what = "repeats the time before it" if same else "is hardly later"
         raise RecordingError(
             f"{self.recording.place(clock, sample)}: {time[sample]:g} {stream.unit} {what}; time "
             "must increase within a segment"

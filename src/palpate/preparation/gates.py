@@ -3,14 +3,13 @@
 import dataclasses
 import math
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 import palpate._core as _core
 from palpate.contact import Contact, slices_of
 from palpate.settings import ContactGate, Scale
-from palpate.validation import Floats, number_in
+from palpate.validation import Floats, Plain, number_in
 
 LARGEST = 1e100  # m, m/s or N; beyond it no estimator takes a sample
 
@@ -34,8 +33,7 @@ def choose_gate(
     """
     gate = suggest_gate(contact)
     if minimum_penetration is not None:
-        depth = number_in("minimum_penetration", minimum_penetration, 0.0, LARGEST)
-        gate = dataclasses.replace(gate, minimum_penetration=depth)
+        gate = dataclasses.replace(gate, minimum_penetration=minimum_penetration)
     if minimum_force is not None:
         force = number_in("minimum_force", minimum_force, 0.0, LARGEST)
         gate = dataclasses.replace(gate, make_force=force, break_force=force)
@@ -77,7 +75,7 @@ SHORTEST_LIFT = 0.05
 
 
 @dataclass(frozen=True, slots=True)
-class Touch:
+class Touch(Plain):
     """One time in contact.
 
     Attributes
@@ -97,10 +95,6 @@ class Touch:
     stop: float
     peak_force: float
     peak_penetration: float
-
-    def as_dict(self) -> dict[str, Any]:
-        """Return it as plain numbers."""
-        return {name: getattr(self, name) for name in self.__slots__}
 
 
 def touches_of(contact: Contact, gate: ContactGate | None = None) -> list[Touch]:

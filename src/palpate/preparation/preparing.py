@@ -255,8 +255,7 @@ def as_recording(recorded: Recorded, *, strict: bool = False) -> Recording:
     if isinstance(recorded, str | os.PathLike):
         return open_recording(recorded, strict=strict)
     try:
-        names = list(recorded.columns)
-        channels = {str(name): _array(recorded[name]) for name in names}
+        channels = {str(name): _array(recorded[name]) for name in list(recorded.columns)}
     except (AttributeError, TypeError, KeyError, ValueError):
         raise InvalidParameterError(
             "recording must be a Recording, a path, or a pandas or polars DataFrame, not "

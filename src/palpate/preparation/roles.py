@@ -148,11 +148,6 @@ def is_wanted(name: str) -> bool:
     return not WANTED.isdisjoint(words_of(name))
 
 
-def is_tip(name: str) -> bool:
-    """Whether a name says that it is the part of the robot that touches."""
-    return not TIP.isdisjoint(words_of(name))
-
-
 def words_of(name: str) -> list[str]:
     """The words of a name in lower case, its unit left out: ``Fz [mN]`` is fz."""
     unit = stated_unit(name)
@@ -374,7 +369,8 @@ class _Choosing:
             ]
         measured = [names for names in found if not is_wanted(names[0])]
         if kind == "position":  # of several bodies the tip is what touches
-            measured = [names for names in measured if is_tip(names[0])] or measured
+            tips = [names for names in measured if not TIP.isdisjoint(words_of(names[0]))]
+            measured = tips or measured
         if measured and kind == "time":
             plain = [n for n in measured if n[0].lower() in ("time", "t", "timestamp", "stamp")]
             return plain[:1] if plain else measured[:1]

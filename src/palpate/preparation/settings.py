@@ -211,7 +211,11 @@ def turn_remark(orientation: Floats, weight: float | None) -> list[Remark]:
 
 # The contact normal: given, an axis, or found from the forces.
 
-AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
+AXES = {
+    f"{sign}{axis}": float(f"{sign}1") * row
+    for axis, row in zip("xyz", np.eye(3), strict=True)
+    for sign in ("", "+", "-")
+}
 NOISES = 10.0  # σ of the force's size, above which it has a direction
 
 
@@ -247,11 +251,8 @@ def normal_given(given: str | Sequence[float]) -> Normal:
     InvalidParameterError
         It is none of these, or has no length.
     """
-    if isinstance(given, str):
-        name = given.strip().lower()
-        axis = AXES.get(name.lstrip("+-"))
-        if axis is not None and len(name) <= 2:
-            return Normal(np.array(axis) * (-1.0 if name[0] == "-" else 1.0))
+    if isinstance(given, str) and (axis := AXES.get(given.strip().lower())) is not None:
+        return Normal(axis)
     try:
         parts = given.split(",") if isinstance(given, str) else given
         vector = np.array([float(part) for part in parts])

@@ -53,131 +53,9 @@ from palpate.recordings import Recording
 from palpate.stages import stage, timed
 from palpate.validation import Floats
 
-# Turned by 5° a depth is 0.4 % short, and the stiffness of a law with an exponent of 2 is 1 % off;
-# by 30° it is 14 % and 30 %. A tool is aligned with its sensor to better than 3°.
-LARGE_ANGLE, TOO_LARGE_ANGLE = math.radians(5.0), math.radians(30.0)
-BLOCKS_OF_DIRECTION = 8  # of a recording, whose scatter says how well the direction is known
-ERRORS_OF_DIRECTION = 3.0  # standard errors of it
-STRIDE = 5  # samples over which changes are taken: over fewer they are noise
+_LOGGER = logging.getLogger(__name__)
 
-SHORTEST = 5  # samples in a row
-MOVES, STEPS = 8.0, 3.0  # σ and steps that the other axes move meanwhile
-SOME, MANY = 0.002, 0.02  # of the recording
-
-
-def misdirected(position: Floats, force: Floats, normal: Floats, *, given: bool) -> list[Remark]:
-    """Say that forces do not point along the motion in which they grow.
-
-    The motion, −Σ ΔF Δp, owes nothing to the axes of the force: one of them turned or swapped, the
-    tool's taken for the base's, a zero that is off, or friction set the two apart; so does a probe
-    that slides down a slope without friction, of which the normal is right.
-
-    Parameters
-    ----------
-    position, force : numpy.ndarray, shape (k, 3)
-        m and N, in one frame as far as is known.
-    normal : numpy.ndarray, shape (3,)
-        What both are projected on.
-    given : bool
-        It was: then it is enough that the motion or the forces agree with it.
-    """
-    motion, error = _direction(position, force @ normal)
-    if motion is None:
-        return []
-    angle, other = _angle(motion, normal), "motion in which it grows"
-    of = "the force points"
-    if given:
-        of, other = "the given normal points", "force and from the motion in which it grows"
-        try:
-            angle = min(angle, _angle(normal_found(force, 0.0 * position).vector, normal))
-        except RecordingError:
-            return []
-    if angle <= LARGE_ANGLE + ERRORS_OF_DIRECTION * error:
-        return []
-    return [
-        Remark(
-            "direction",
-            f"{of} {math.degrees(angle):.0f}° away from the {other}: axes of another frame, turned "
-            "or swapped, a zero that is off, friction, or a slope that the probe slides down",
-            "compare the axes of force and position; --force-frame tool, --tare or --normal",
-            "do-not-trust" if angle > TOO_LARGE_ANGLE else "with-care",
-            numbers=True,
-        )
-    ]
-
-
-def _direction(position: Floats, along: Floats) -> tuple[Floats | None, float]:
-    """The direction in which the probe moves as the force grows, and its standard error, rad."""
-    known = np.isfinite(position).all(axis=1) & np.isfinite(along)
-    p, f = position[known], along[known]
-    if len(f) < 2 * BLOCKS_OF_DIRECTION * STRIDE:
-        return None, math.inf
-    products = _products(p, f, STRIDE)
-    sums = np.array([part.sum(axis=0) for part in np.array_split(products, BLOCKS_OF_DIRECTION)])
-    total = sums.sum(axis=0)
-    length = float(np.linalg.norm(total))
-    if not 0.0 < length < math.inf:
-        return None, math.inf
-    direction: Floats = total / length
-    across = sums - np.outer(sums @ direction, direction)
-    # The blocks' sums vary about a share of the total; what is across of it adds to nothing.
-    scatter = float((across**2).sum()) * BLOCKS_OF_DIRECTION / (BLOCKS_OF_DIRECTION - 1)
-    return direction, math.sqrt(scatter) / length
-
-
-def _products(position: Floats, force: Floats, stride: int) -> Floats:
-    """ΔF Δp over a stride, which point along the motion in which a force grows."""
-    return (force[stride:] - force[:-stride])[:, None] * (position[stride:] - position[:-stride])
-
-
-def _angle(one: Floats, other: Floats) -> float:
-    """Between two axes, whichever way they point."""
-    across = float(np.linalg.norm(np.cross(one, other)))
-    return math.atan2(across, abs(float(one @ other)))
-
-
-def saturated(force: Floats) -> list[Remark]:
-    """Say that an axis of the sensor stands at its largest value while the others go on.
-
-    One that never changes is not saturated but not measured, as those of a load cell of one axis.
-
-    Parameters
-    ----------
-    force : numpy.ndarray, shape (k, 3)
-        N, as the sensor shows it: once turned or tared nothing stands still.
-    """
-    moves = [bool(np.isfinite(c).any() and np.nanmin(c) < np.nanmax(c)) for c in force.T]
-    axes = " and ".join(axis for axis, moving in zip("xyz", moves, strict=True) if not moving)
-    words = f"the force along {axes} is constant from first to last: it is not measured"
-    found = [Remark("force axes", words)] if axes else []
-    beyond = [MOVES * noise_of(column) + STEPS * step_of(column) for column in force.T]
-    for k, column in enumerate(force.T):
-        others = [each for each in range(force.shape[1]) if each != k]
-        for edge in (np.nanmax(column), np.nanmin(column)) if moves[k] else ():
-            held = (run for run in slices_of(column == edge) if column[run.start] == edge)
-            count = sum(
-                run.stop - run.start
-                for run in held
-                if run.stop - run.start >= SHORTEST
-                and any(np.ptp(force[run, each]) > beyond[each] for each in others)
-            )
-            part = count / len(column)
-            if part > SOME:
-                words = f"the force along {'xyz'[k]} stays at {edge:.3g} N for {part:.1%} of the "
-                words += "recording while the others change: saturated?"
-                remedy = "press less deep, or take a sensor of a larger range"
-                severity: Severity = "do-not-trust" if part > MANY else "with-care"
-                found.append(Remark("saturation", words, remedy, severity, numbers=True))
-    return found
-
-
-# From a position and a force in space to a depth and a compression along the contact normal.
-
-WEIGHT_DIRECTION = (0.0, 0.0, -1.0)  # in the frame of the position
-INVERSE = (-1.0, -1.0, -1.0, 1.0)  # of a quaternion x, y, z, w
-NOTHING = 1e-3  # of the largest force: no sensor is linear to better
-SMALL_WEIGHT, LARGE_WEIGHT = 0.01, 0.10  # of the largest force, that a weight is off
-ERRORS_OF_WEIGHT, BLOCKS_OF_WEIGHT = 5.0, 8  # standard errors, by the scatter of blocks
+FIRM = 0.1  # of the largest force: an episode without as much is free air
 
 
 @dataclass(slots=True, eq=False)
@@ -202,227 +80,8 @@ class AlongNormal:
     remarks: list[Remark] = field(default_factory=list)
 
 
-def pressed(signals: Signals, settings: Preparation, source: str) -> AlongNormal:
-    """Project position and force on the contact normal.
-
-    Either may be along one axis already. What is not given is found: the normal by
-    :func:`~palpate.preparation.settings.normal_found`, or for a force along one axis as the
-    direction in which the probe moves when that grows; signs so that compression is positive, and
-    grows with the depth.
-
-    Parameters
-    ----------
-    signals : Signals
-        On one clock, the force tared.
-    settings : Preparation
-        Of which ``normal`` and ``flip`` count.
-    source : str
-        For messages.
-    """
-    position, force = signals.depth, signals.force
-    given = None if settings.normal is None else normal_given(settings.normal)
-    signed = "force" in settings.flip
-    if force.ndim == 2:
-        if position.ndim == 2:
-            return _in_space(position, force, given, signed=signed, source=source)
-        normal = given or normal_found(force, np.column_stack([position] * 3) * 0.0, source)
-        along = force @ normal.vector
-        return _along_axis(position, along, normal, settings)
-    if position.ndim == 2:
-        normal = given or _by_motion(position, force, source)
-        depth = -(position @ normal.vector)
-        result = _along_axis(depth, force, normal, settings, turn_depth=False)
-        if given is None:
-            words = "the contact normal was taken from the motion in which the force grows"
-            result.remarks.append(Remark("direction", words, "--normal, where it is known"))
-        return result
-    return _along_axis(position, force, None, settings)
-
-
-def _in_space(
-    position: Floats, force: Floats, given: Normal | None, *, signed: bool, source: str
-) -> AlongNormal:
-    found = given or normal_found(force, position, source)
-    n, remarks = found.vector, []
-    along = force @ n
-    if given is None and found.turned and not signed:
-        along = -along
-        words = "the force falls as the probe goes along it: it is that of the probe on the "
-        words += "material, and its sign was turned"
-        remarks.append(Remark("direction", words, "--flip-force says so beforehand"))
-    elif given is None and found.turned:
-        n = -n  # what was asked for has the last word
-        found = Normal(n, found.spread)
-        along = force @ n
-    if given is not None:
-        remarks += _against(-(position @ n), along)
-    remarks += misdirected(position, force, n, given=given is not None)
-    return AlongNormal(-(position @ n), along, found, remarks)
-
-
-def _against(depth: Floats, force: Floats) -> list[Remark]:
-    """Say that a given normal does not fit: compression is negative, or falls with the depth."""
-    known = np.isfinite(force)
-    f = force[known]
-    pulls = float(np.sum(f * np.abs(f))) < 0.0
-    if not pulls and grows(depth[known], f):
-        return []
-    how = "is mostly negative" if pulls else "falls as the probe goes in"
-    words, remedy = f"along the given normal the force {how}", "--normal with the other sign"
-    return [Remark("direction", words, f"{remedy}, or --flip-force", "do-not-trust")]
-
-
-def _by_motion(position: Floats, force: Floats, source: str) -> Normal:
-    """The direction against which the probe moves when the force grows: −Σ ΔF Δp."""
-    known = np.isfinite(position).all(axis=1) & np.isfinite(force)
-    p, f = position[known], np.abs(force[known])
-    total = -_products(p, f, min(STRIDE, max(len(f) // 4, 1))).sum(axis=0)
-    length = float(np.linalg.norm(total))
-    if not length > 0.0:
-        raise no_normal(source, "the force does not change with the position")
-    return Normal(total / length)
-
-
-def _along_axis(
-    depth: Floats,
-    force: Floats,
-    normal: Normal | None,
-    settings: Preparation,
-    *,
-    turn_depth: bool = True,
-) -> AlongNormal:
-    """Signs of a position and a force that are along one axis."""
-    remarks = []
-    known = np.isfinite(force)
-    f = force[known]
-    if "force" not in settings.flip and f.size and float(np.sum(f * np.abs(f))) < 0.0:
-        force = -force
-        words = "the force is mostly negative, and its sign was turned: compression is positive"
-        remarks.append(Remark("direction", words, "--flip-force says so beforehand"))
-    both = known & np.isfinite(depth)
-    asked = "penetration" in settings.flip
-    if turn_depth and not asked and not grows(depth[both], force[both]):
-        depth = -depth
-        words = "the force grows as the position falls, so that its sign was turned"
-        remarks.append(Remark("direction", words, "--flip-penetration says so beforehand"))
-    return AlongNormal(depth, force, normal, remarks)
-
-
-def tared(
-    signals: Signals, settings: Preparation, source: str
-) -> tuple[Signals, Baseline | None, list[Remark]]:
-    """Take off the tool's weight, and what the sensor shows out of contact; turn the force.
-
-    Out of contact is between two times, or where that is found. A sensor with an orientation has
-    its offset in its own axes, in which the weight turns: both are taken off there, before the
-    force is turned into the position's frame.
-    """
-    force, weight, down = signals.force, settings.tool_weight, None
-    if signals.orientation is not None:
-        down = turned(np.array(WEIGHT_DIRECTION), signals.orientation * INVERSE, source)
-    elif weight is not None and force.ndim == signals.depth.ndim == 2:
-        down = np.broadcast_to(WEIGHT_DIRECTION, force.shape)
-    if down is not None:
-        force = force - (weight or 0.0) * down
-    found = _zero(replace(signals, force=force), settings, source)
-    words = "no time out of contact was found: the zero of the force is the sensor's own"
-    remarks = [Remark("tare", words, "record a second in free air, or --tare 0:2")]
-    if found is not None:
-        signals, remarks = replace(signals, force=force - found.zero), []
-        if down is not None:
-            remarks = _weight_left(signals, down, found, weight, source)
-        force = signals.force
-    if signals.orientation is not None:
-        force = turned(force, signals.orientation, source)
-    return replace(signals, force=force), found, remarks
-
-
-def _zero(signals: Signals, settings: Preparation, source: str) -> Baseline | None:
-    """What the sensor shows out of contact, in its own axes; None where that is never seen."""
-    tare, force = settings.tare, signals.force
-    if isinstance(tare, tuple):
-        return baseline_between(signals.time, force, tare, source)
-    if signals.orientation is not None:
-        # An offset that turns hides the axis of the contact: twice, the second time without it.
-        along = force - np.nanmedian(force, axis=0)
-        for _ in range(2):
-            mask = _free(signals, turned(along, signals.orientation, source))
-            if mask is not None:
-                along = force - baseline_of(signals.time, force, mask).mean
-    else:
-        mask = _free(signals, force)
-    if mask is not None:
-        return baseline_of(signals.time, force, mask)
-    if tare == "find":
-        raise never_free(source)
-    return None
-
-
-def _weight_left(
-    signals: Signals, down: Floats, found: Baseline, weight: float | None, source: str
-) -> list[Remark]:
-    """Say by how much the weight is off, by the force in free air; refuse one without effect."""
-    time, force = signals.time, signals.force
-    free = found.free & np.isfinite(force).all(axis=1) & np.isfinite(down).all(axis=1)
-    moved = down - down[free].mean(axis=0)
-    peak = float(np.nanpercentile(np.linalg.norm(force, axis=1), 99.0))
-    reach = float(np.nanmax(np.linalg.norm(moved, axis=1)))
-    if weight and weight * reach <= NOTHING * peak:
-        raise RecordingError(
-            f"{source}: --tool-weight {weight:g} N changes nothing: in the frame of the force the "
-            "weight is constant, and the tare removes it with the sensor's offset; leave it out, "
-            "or give --force-frame tool where the sensor turns with the tool"
-        )
-    m, f = moved[free], force[free]
-    if found.drift:  # what of the weight goes with time is in the drift
-        t = time[free] - time[free].mean()
-        m = m - np.outer(t, t @ m / (t @ t))
-    energy = max(float((m**2).sum()), 1e-300)
-    left = float((m * f).sum()) / energy
-    # The scatter of blocks: neighbouring samples of a force correlate.
-    rest = np.array_split((m * (f - left * m)).sum(axis=1), BLOCKS_OF_WEIGHT)
-    error = float(np.linalg.norm([each.sum() for each in rest])) / energy
-    off, whole = abs(left) * reach / peak, (weight or 0.0) + left
-    if abs(left) <= ERRORS_OF_WEIGHT * error or off <= SMALL_WEIGHT:
-        return []
-    words = f"in free air the force turns as a weight of {with_error(whole, error, unit='N')} does"
-    remedy = f"--tool-weight {whole:.3g}N, if the tool can weigh that"
-    if whole < 0.0:
-        remedy = "--flip-force, if the sensor shows the force of the probe on the material"
-    if weight is not None:
-        words += f", not of {weight:g} N"
-    severity: Severity = "do-not-trust" if off > LARGE_WEIGHT else "with-care"
-    return [Remark("tool weight", words, remedy, severity, numbers=True)]
-
-
-def _free(signals: Signals, along: Floats) -> NDArray[np.bool_] | None:
-    """Samples out of contact: at one end of the way along the normal, where the force is constant.
-
-    At which end follows from nothing that is known yet: the sensor may feel either side's force.
-    The normal is that of ``along``, the force in the frame of the position.
-    """
-    height = signals.depth
-    if height.ndim == 2:
-        axis = _axis(along) if along.ndim == 2 else _by_motion(height, along, "").vector
-        height = height @ axis
-    ends = [free_samples(side * height, signals.force) for side in (1.0, -1.0)]
-    found = [end for end in ends if end is not None]
-    return max(found, key=np.count_nonzero, default=None)
-
-
-def _axis(force: Floats) -> Floats:
-    """The direction in which a force varies most, whatever its zero is."""
-    known = force[np.isfinite(force).all(axis=1)]
-    _, _, rows = np.linalg.svd(known - known.mean(axis=0), full_matrices=False)
-    axis: Floats = rows[0]
-    return axis
-
-
-# A recording of positions and forces, in space or along an axis: tared, projected, counted.
-
-_LOGGER = logging.getLogger(__name__)
-
-FIRM = 0.1  # of the largest force: an episode without as much is free air
+#: A time at one place, what of the probe it is, and what that is along its normal.
+Piece = tuple[Signals, Stay | None, AlongNormal]
 
 
 def along_normal(
@@ -467,9 +126,6 @@ def along_normal(
     left = None if zero is None else deviation_left(whole.force, zero.free)
     contact = replace(contact, tare_deviation=left, prepared=done, source=recording.source)
     return in_step(contact, settings.delay)
-
-
-Piece = tuple[Signals, Stay | None, AlongNormal]
 
 
 @timed("frame of the force")
@@ -596,3 +252,334 @@ def _say_surface(places: list[Place], made: dict[str, str], remarks: list[Remark
         words = f"at {assumed} of {len(places)} places the probe is never seen out of contact: "
         remedy = "lift the probe between places"
         remarks.append(Remark("surface", words + ASSUMPTION, remedy, "with-care"))
+
+
+# From a position and a force in space to a depth and a compression along the contact normal.
+
+WEIGHT_DIRECTION = (0.0, 0.0, -1.0)  # in the frame of the position
+INVERSE = (-1.0, -1.0, -1.0, 1.0)  # of a quaternion x, y, z, w
+NOTHING = 1e-3  # of the largest force: no sensor is linear to better
+SMALL_WEIGHT, LARGE_WEIGHT = 0.01, 0.10  # of the largest force, that a weight is off
+ERRORS_OF_WEIGHT, BLOCKS_OF_WEIGHT = 5.0, 8  # standard errors, by the scatter of blocks
+
+
+def pressed(signals: Signals, settings: Preparation, source: str) -> AlongNormal:
+    """Project position and force on the contact normal.
+
+    Either may be along one axis already. What is not given is found: the normal by
+    :func:`~palpate.preparation.settings.normal_found`, or for a force along one axis as the
+    direction in which the probe moves when that grows; signs so that compression is positive, and
+    grows with the depth.
+
+    Parameters
+    ----------
+    signals : Signals
+        On one clock, the force tared.
+    settings : Preparation
+        Of which ``normal`` and ``flip`` count.
+    source : str
+        For messages.
+    """
+    position, force = signals.depth, signals.force
+    given = None if settings.normal is None else normal_given(settings.normal)
+    if force.ndim == position.ndim == 2:
+        return _in_space(position, force, given, settings, source)
+    if force.ndim == 2:
+        normal = given or normal_found(force, np.column_stack([position] * 3) * 0.0, source)
+        return _along_axis(position, force @ normal.vector, normal, settings)
+    if position.ndim == 1:
+        return _along_axis(position, force, None, settings)
+    normal = given or _by_motion(position, force, source)
+    depth = -(position @ normal.vector)
+    result = _along_axis(depth, force, normal, settings, turn_depth=False)
+    if given is None:
+        words = "the contact normal was taken from the motion in which the force grows"
+        result.remarks.append(Remark("direction", words, "--normal, where it is known"))
+    return result
+
+
+def _in_space(
+    position: Floats, force: Floats, given: Normal | None, settings: Preparation, source: str
+) -> AlongNormal:
+    found, remarks = given or normal_found(force, position, source), list[Remark]()
+    along = force @ found.vector
+    if given is None and found.turned:
+        along = -along
+        if "force" in settings.flip:  # what was asked for has the last word
+            found = Normal(-found.vector, found.spread)
+        else:
+            words = "the force falls as the probe goes along it: it is that of the probe on the "
+            words += "material, and its sign was turned"
+            remarks.append(Remark("direction", words, "--flip-force says so beforehand"))
+    depth = -(position @ found.vector)
+    known = np.isfinite(along)
+    pulls = _is_negative(along)
+    if given is not None and (pulls or not grows(depth[known], along[known])):
+        how = "is mostly negative" if pulls else "falls as the probe goes in"
+        words, remedy = f"along the given normal the force {how}", "--normal with the other sign"
+        remarks.append(Remark("direction", words, f"{remedy}, or --flip-force", "do-not-trust"))
+    remarks += misdirected(position, force, found.vector, given=given is not None)
+    return AlongNormal(depth, along, found, remarks)
+
+
+def _is_negative(force: Floats) -> bool:
+    """Whether a force is mostly negative, weighted by its size."""
+    return float(np.nansum(force * np.abs(force))) < 0.0
+
+
+def _by_motion(position: Floats, force: Floats, source: str) -> Normal:
+    """The direction against which the probe moves when the force grows: −Σ ΔF Δp."""
+    known = np.isfinite(position).all(axis=1) & np.isfinite(force)
+    p, f = position[known], np.abs(force[known])
+    total = -_products(p, f, min(STRIDE, max(len(f) // 4, 1))).sum(axis=0)
+    length = float(np.linalg.norm(total))
+    if not length > 0.0:
+        raise no_normal(source, "the force does not change with the position")
+    return Normal(total / length)
+
+
+def _along_axis(
+    depth: Floats,
+    force: Floats,
+    normal: Normal | None,
+    settings: Preparation,
+    *,
+    turn_depth: bool = True,
+) -> AlongNormal:
+    """Signs of a position and a force that are along one axis."""
+    remarks = []
+    if "force" not in settings.flip and _is_negative(force):
+        force = -force
+        words = "the force is mostly negative, and its sign was turned: compression is positive"
+        remarks.append(Remark("direction", words, "--flip-force says so beforehand"))
+    both = np.isfinite(force) & np.isfinite(depth)
+    asked = "penetration" in settings.flip
+    if turn_depth and not asked and not grows(depth[both], force[both]):
+        depth = -depth
+        words = "the force grows as the position falls, so that its sign was turned"
+        remarks.append(Remark("direction", words, "--flip-penetration says so beforehand"))
+    return AlongNormal(depth, force, normal, remarks)
+
+
+def tared(
+    signals: Signals, settings: Preparation, source: str
+) -> tuple[Signals, Baseline | None, list[Remark]]:
+    """Take off the tool's weight, and what the sensor shows out of contact; turn the force.
+
+    Out of contact is between two times, or where that is found. A sensor with an orientation has
+    its offset in its own axes, in which the weight turns: both are taken off there, before the
+    force is turned into the position's frame.
+    """
+    force, weight, down = signals.force, settings.tool_weight, None
+    if signals.orientation is not None:
+        down = turned(np.array(WEIGHT_DIRECTION), signals.orientation * INVERSE, source)
+    elif weight is not None and force.ndim == signals.depth.ndim == 2:
+        down = np.broadcast_to(WEIGHT_DIRECTION, force.shape)
+    if down is not None:
+        force = force - (weight or 0.0) * down
+    found = _zero(replace(signals, force=force), settings, source)
+    words = "no time out of contact was found: the zero of the force is the sensor's own"
+    remarks = [Remark("tare", words, "record a second in free air, or --tare 0:2")]
+    if found is not None:
+        signals, remarks = replace(signals, force=force - found.zero), []
+        if down is not None:
+            remarks = _weight_left(signals, down, found, weight, source)
+        force = signals.force
+    if signals.orientation is not None:
+        force = turned(force, signals.orientation, source)
+    return replace(signals, force=force), found, remarks
+
+
+def _zero(signals: Signals, settings: Preparation, source: str) -> Baseline | None:
+    """What the sensor shows out of contact, in its own axes; None where that is never seen."""
+    tare, force = settings.tare, signals.force
+    if isinstance(tare, tuple):
+        return baseline_between(signals.time, force, tare, source)
+    if signals.orientation is not None:
+        # An offset that turns hides the axis of the contact: twice, the second time without it.
+        along = force - np.nanmedian(force, axis=0)
+        for _ in range(2):
+            mask = _free(signals, turned(along, signals.orientation, source))
+            if mask is not None:
+                along = force - baseline_of(signals.time, force, mask).mean
+    else:
+        mask = _free(signals, force)
+    if mask is not None:
+        return baseline_of(signals.time, force, mask)
+    if tare == "find":
+        raise never_free(source)
+    return None
+
+
+def _weight_left(
+    signals: Signals, down: Floats, found: Baseline, weight: float | None, source: str
+) -> list[Remark]:
+    """Say by how much the weight is off, by the force in free air; refuse one without effect."""
+    time, force = signals.time, signals.force
+    free = found.free & np.isfinite(force).all(axis=1) & np.isfinite(down).all(axis=1)
+    moved = down - down[free].mean(axis=0)
+    peak = float(np.nanpercentile(np.linalg.norm(force, axis=1), 99.0))
+    reach = float(np.nanmax(np.linalg.norm(moved, axis=1)))
+    if weight and weight * reach <= NOTHING * peak:
+        raise RecordingError(
+            f"{source}: --tool-weight {weight:g} N changes nothing: in the frame of the force the "
+            "weight is constant, and the tare removes it with the sensor's offset; leave it out, "
+            "or give --force-frame tool where the sensor turns with the tool"
+        )
+    m, f = moved[free], force[free]
+    if found.drift:  # what of the weight goes with time is in the drift
+        t = time[free] - time[free].mean()
+        m = m - np.outer(t, t @ m / (t @ t))
+    energy = max(float((m**2).sum()), 1e-300)
+    left = float((m * f).sum()) / energy
+    # The scatter of blocks: neighbouring samples of a force correlate.
+    rest = np.array_split((m * (f - left * m)).sum(axis=1), BLOCKS_OF_WEIGHT)
+    error = float(np.linalg.norm([each.sum() for each in rest])) / energy
+    off, whole = abs(left) * reach / peak, (weight or 0.0) + left
+    if abs(left) <= ERRORS_OF_WEIGHT * error or off <= SMALL_WEIGHT:
+        return []
+    words = f"in free air the force turns as a weight of {with_error(whole, error, unit='N')} does"
+    remedy = f"--tool-weight {whole:.3g}N, if the tool can weigh that"
+    if whole < 0.0:
+        remedy = "--flip-force, if the sensor shows the force of the probe on the material"
+    if weight is not None:
+        words += f", not of {weight:g} N"
+    severity: Severity = "do-not-trust" if off > LARGE_WEIGHT else "with-care"
+    return [Remark("tool weight", words, remedy, severity, numbers=True)]
+
+
+def _free(signals: Signals, along: Floats) -> NDArray[np.bool_] | None:
+    """Samples out of contact: at one end of the way along the normal, where the force is constant.
+
+    At which end follows from nothing that is known yet: the sensor may feel either side's force.
+    The normal is that of ``along``, the force in the frame of the position.
+    """
+    height = signals.depth
+    if height.ndim == 2 and along.ndim == 1:
+        height = height @ _by_motion(height, along, "").vector
+    elif height.ndim == 2:  # in which a force varies most, whatever its zero is
+        known = along[np.isfinite(along).all(axis=1)]
+        height = height @ np.linalg.svd(known - known.mean(axis=0), full_matrices=False)[2][0]
+    ends = [free_samples(side * height, signals.force) for side in (1.0, -1.0)]
+    found = [end for end in ends if end is not None]
+    return max(found, key=np.count_nonzero, default=None)
+
+
+# Doubts about forces in space: one that misses the probe's motion, and an axis that is full.
+
+# Turned by 5° a depth is 0.4 % short, and the stiffness of a law with an exponent of 2 is 1 % off;
+# by 30° it is 14 % and 30 %. A tool is aligned with its sensor to better than 3°.
+LARGE_ANGLE, TOO_LARGE_ANGLE = math.radians(5.0), math.radians(30.0)
+BLOCKS_OF_DIRECTION = 8  # of a recording, whose scatter says how well the direction is known
+ERRORS_OF_DIRECTION = 3.0  # standard errors of it
+STRIDE = 5  # samples over which changes are taken: over fewer they are noise
+
+SHORTEST = 5  # samples in a row
+MOVES, STEPS = 8.0, 3.0  # σ and steps that the other axes move meanwhile
+SOME, MANY = 0.002, 0.02  # of the recording
+
+
+def misdirected(position: Floats, force: Floats, normal: Floats, *, given: bool) -> list[Remark]:
+    """Say that forces do not point along the motion in which they grow.
+
+    The motion, −Σ ΔF Δp, owes nothing to the axes of the force: one of them turned or swapped, the
+    tool's taken for the base's, a zero that is off, or friction set the two apart; so does a probe
+    that slides down a slope without friction, of which the normal is right.
+
+    Parameters
+    ----------
+    position, force : numpy.ndarray, shape (k, 3)
+        m and N, in one frame as far as is known.
+    normal : numpy.ndarray, shape (3,)
+        What both are projected on.
+    given : bool
+        It was: then it is enough that the motion or the forces agree with it.
+    """
+    motion, error = _direction(position, force @ normal)
+    if motion is None:
+        return []
+    angle, other = _angle(motion, normal), "motion in which it grows"
+    of = "the force points"
+    if given:
+        of, other = "the given normal points", "force and from the motion in which it grows"
+        try:
+            angle = min(angle, _angle(normal_found(force, 0.0 * position).vector, normal))
+        except RecordingError:
+            return []
+    if angle <= LARGE_ANGLE + ERRORS_OF_DIRECTION * error:
+        return []
+    return [
+        Remark(
+            "direction",
+            f"{of} {math.degrees(angle):.0f}° away from the {other}: axes of another frame, turned "
+            "or swapped, a zero that is off, friction, or a slope that the probe slides down",
+            "compare the axes of force and position; --force-frame tool, --tare or --normal",
+            "do-not-trust" if angle > TOO_LARGE_ANGLE else "with-care",
+            numbers=True,
+        )
+    ]
+
+
+def _direction(position: Floats, along: Floats) -> tuple[Floats | None, float]:
+    """The direction in which the probe moves as the force grows, and its standard error, rad."""
+    known = np.isfinite(position).all(axis=1) & np.isfinite(along)
+    p, f = position[known], along[known]
+    if len(f) < 2 * BLOCKS_OF_DIRECTION * STRIDE:
+        return None, math.inf
+    products = _products(p, f, STRIDE)
+    sums = np.array([part.sum(axis=0) for part in np.array_split(products, BLOCKS_OF_DIRECTION)])
+    total = sums.sum(axis=0)
+    length = float(np.linalg.norm(total))
+    if not 0.0 < length < math.inf:
+        return None, math.inf
+    direction: Floats = total / length
+    across = sums - np.outer(sums @ direction, direction)
+    # The blocks' sums vary about a share of the total; what is across of it adds to nothing.
+    scatter = float((across**2).sum()) * BLOCKS_OF_DIRECTION / (BLOCKS_OF_DIRECTION - 1)
+    return direction, math.sqrt(scatter) / length
+
+
+def _products(position: Floats, force: Floats, stride: int) -> Floats:
+    """ΔF Δp over a stride, which point along the motion in which a force grows."""
+    return (force[stride:] - force[:-stride])[:, None] * (position[stride:] - position[:-stride])
+
+
+def _angle(one: Floats, other: Floats) -> float:
+    """Between two axes, whichever way they point."""
+    across = float(np.linalg.norm(np.cross(one, other)))
+    return math.atan2(across, abs(float(one @ other)))
+
+
+def saturated(force: Floats) -> list[Remark]:
+    """Say that an axis of the sensor stands at its largest value while the others go on.
+
+    One that never changes is not saturated but not measured, as those of a load cell of one axis.
+
+    Parameters
+    ----------
+    force : numpy.ndarray, shape (k, 3)
+        N, as the sensor shows it: once turned or tared nothing stands still.
+    """
+    moves = [bool(np.isfinite(c).any() and np.nanmin(c) < np.nanmax(c)) for c in force.T]
+    axes = " and ".join(axis for axis, moving in zip("xyz", moves, strict=True) if not moving)
+    words = f"the force along {axes} is constant from first to last: it is not measured"
+    found = [Remark("force axes", words)] if axes else []
+    beyond = [MOVES * noise_of(column) + STEPS * step_of(column) for column in force.T]
+    for k, column in enumerate(force.T):
+        others = [each for each in range(force.shape[1]) if each != k]
+        for edge in (np.nanmax(column), np.nanmin(column)) if moves[k] else ():
+            held = (run for run in slices_of(column == edge) if column[run.start] == edge)
+            count = sum(
+                run.stop - run.start
+                for run in held
+                if run.stop - run.start >= SHORTEST
+                and any(np.ptp(force[run, each]) > beyond[each] for each in others)
+            )
+            part = count / len(column)
+            if part > SOME:
+                words = f"the force along {'xyz'[k]} stays at {edge:.3g} N for {part:.1%} of the "
+                words += "recording while the others change: saturated?"
+                remedy = "press less deep, or take a sensor of a larger range"
+                severity: Severity = "do-not-trust" if part > MANY else "with-care"
+                found.append(Remark("saturation", words, remedy, severity, numbers=True))
+    return found

@@ -15,128 +15,6 @@ from palpate.estimators.least_squares import robust_covariance
 from palpate.preparation.gates import noise_of
 from palpate.validation import Floats
 
-# What a tare leaves of the force's offset.
-
-LEAST_DEVIATION = 1e-6  # of the largest force: no force sensor is better than 1e-5
-
-
-def deviation_left(force: Floats, free: NDArray[np.bool_]) -> float:
-    """Return the standard deviation of the offset once a mean was taken off, N.
-
-    s² = σ²/N (1 + r)/(1 − r) + δ²,  δ = (Δ/π) exp(−2π²σ²/Δ²)
-
-    the error of a mean of noise whose neighbours correlate by r, and what rounding to steps Δ
-    leaves beside it however long it is.
-
-    Parameters
-    ----------
-    force : numpy.ndarray, shape (k,)
-        All of it, N: its smallest step is that of its resolution.
-    free : numpy.ndarray of bool, shape (k,)
-        The samples that the mean is of, at least one.
-    """
-    known = force[np.isfinite(force)]
-    rest = force[free & np.isfinite(force)]
-    rest = rest - rest.mean()
-    variance = float(np.mean(rest**2))
-    largest = float(np.abs(known).max(initial=0.0))
-    if rest.size < 2:
-        return max(largest, 1e-30)  # one sample says nothing of its noise
-    of_mean = variance / rest.size * float(_inflation(rest))
-    left = math.hypot(math.sqrt(of_mean), _rounding(known, variance))
-    return max(left, LEAST_DEVIATION * largest, 1e-30)
-
-
-def _rounding(force: Floats, variance: float) -> float:
-    steps = np.abs(np.diff(force))
-    step = float(steps[steps > 0.0].min(initial=np.inf))
-    if not math.isfinite(step):
-        return 0.0
-    before = max(variance / step**2 - 1.0 / 12.0, 0.0)  # what rounding itself adds taken off
-    return step / math.pi * math.exp(-2.0 * math.pi**2 * before)
-
-
-# Least squares of a Hunt–Crossley law, an offset and the surface, together.
-
-EXPONENT_RANGE = (0.2, 6.0)  # beyond what any material shows; keeps powers finite
-STEPS = 15
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Samples:
-    """Contact, free approach and what lies between, thinned."""
-
-    x: Floats  # over the working depth
-    v: Floats  # over its rms
-    force: Floats  # N
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Placed:
-    """Least squares with the surface free: (k, c, n, F₀, d), what it leaves, and its Jacobian."""
-
-    parameters: Floats
-    residual: Floats
-    jacobian: Floats
-
-    @property
-    def energy(self) -> float:
-        """Sum of squares, N²."""
-        return float(self.residual @ self.residual)
-
-
-def _model(samples: Samples, parameters: Floats) -> tuple[Floats, Floats]:
-    """Force [N] and its gradient by (k, c, n, F₀, d), a row each."""
-    k, c, n, offset, depth = parameters
-    below = samples.x - depth
-    touching = below > 1e-9
-    below[~touching] = 1.0
-    power = below**n * touching
-    force = power * (k + c * samples.v)
-    rows = [power, power * samples.v, np.log(below) * force, np.ones_like(force)]
-    return force + offset, np.array([*rows, -n * force / below])
-
-
-def placed(samples: Samples, start: Floats, *, exponent_fixed: bool = False) -> Placed:
-    """Levenberg–Marquardt on (k, c, n, F₀, d), from a start.
-
-    Parameters
-    ----------
-    samples : Samples
-        Contact and free approach, without units.
-    start : numpy.ndarray, shape (5,)
-        N, N, 1, N, and depths.
-    exponent_fixed : bool
-        Whether n stays what it is in the start.
-    """
-    parameters, damping = start.copy(), 1e-4
-    model, gradient = _model(samples, parameters)
-    gradient[2] *= not exponent_fixed
-    residual = samples.force - model
-    energy = float(residual @ residual)
-    for _ in range(STEPS):
-        normal = gradient @ gradient.T
-        size = np.sqrt(np.diag(normal))
-        size[size == 0.0] = 1.0
-        unit = normal / np.outer(size, size) + damping * np.eye(len(size))
-        trial = parameters + np.linalg.solve(unit, gradient @ residual / size) / size
-        trial[2] = min(max(trial[2], EXPONENT_RANGE[0]), EXPONENT_RANGE[1])
-        trial[4] = min(max(trial[4], -3.0), 0.9)
-        model, new_gradient = _model(samples, trial)
-        new_gradient[2] *= not exponent_fixed
-        new = samples.force - model
-        left = float(new @ new)
-        if left < energy:
-            ended = energy - left < 1e-7 * left
-            parameters, residual, gradient, energy = trial, new, new_gradient, left
-            damping = max(damping / 10.0, 1e-9)
-            if ended:
-                break
-        else:
-            damping *= 10.0
-    return Placed(parameters, residual, gradient.T)
-
-
 # The force out of contact: where it is felt, its mean and its drift.
 
 FEWEST_FREE_SAMPLES = 50  # samples out of contact
@@ -317,6 +195,47 @@ def _inflation(left: Floats) -> Floats:
     return inflation
 
 
+# What a tare leaves of the force's offset.
+
+LEAST_DEVIATION = 1e-6  # of the largest force: no force sensor is better than 1e-5
+
+
+def deviation_left(force: Floats, free: NDArray[np.bool_]) -> float:
+    """Return the standard deviation of the offset once a mean was taken off, N.
+
+    s² = σ²/N (1 + r)/(1 − r) + δ²,  δ = (Δ/π) exp(−2π²σ²/Δ²)
+
+    the error of a mean of noise whose neighbours correlate by r, and what rounding to steps Δ
+    leaves beside it however long it is.
+
+    Parameters
+    ----------
+    force : numpy.ndarray, shape (k,)
+        All of it, N: its smallest step is that of its resolution.
+    free : numpy.ndarray of bool, shape (k,)
+        The samples that the mean is of, at least one.
+    """
+    known = force[np.isfinite(force)]
+    rest = force[free & np.isfinite(force)]
+    rest = rest - rest.mean()
+    variance = float(np.mean(rest**2))
+    largest = float(np.abs(known).max(initial=0.0))
+    if rest.size < 2:
+        return max(largest, 1e-30)  # one sample says nothing of its noise
+    of_mean = variance / rest.size * float(_inflation(rest))
+    left = math.hypot(math.sqrt(of_mean), _rounding(known, variance))
+    return max(left, LEAST_DEVIATION * largest, 1e-30)
+
+
+def _rounding(force: Floats, variance: float) -> float:
+    steps = np.abs(np.diff(force))
+    step = float(steps[steps > 0.0].min(initial=np.inf))
+    if not math.isfinite(step):
+        return 0.0
+    before = max(variance / step**2 - 1.0 / 12.0, 0.0)  # what rounding itself adds taken off
+    return step / math.pi * math.exp(-2.0 * math.pi**2 * before)
+
+
 # Where the material begins: where the force begins; and an assumption where that is not seen.
 
 SurfaceRule = Literal["threshold", "baseline", "fit", "estimate"]
@@ -416,12 +335,8 @@ def surface_of(depth: Floats, velocity: Floats, force: Floats, rule: SurfaceRule
 
 
 def _assumed(x: Floats) -> Surface:
-    lowest = float(x.min(initial=math.inf))
-    return Surface(
-        lowest if math.isfinite(lowest) else 0.0,
-        None,
-        "the shallowest sample: the probe is never seen out of contact",
-    )
+    words = "the shallowest sample: the probe is never seen out of contact"
+    return Surface(float(x.min()) if x.size else 0.0, None, words)
 
 
 def _crossings(x: Floats, f: Floats, least: float) -> Surface | None:
@@ -433,16 +348,12 @@ def _crossings(x: Floats, f: Floats, least: float) -> Surface | None:
     fraction = (least - f[entered]) / np.maximum(f[entered + 1] - f[entered], 1e-300)
     at = x[entered] + np.clip(fraction, 0.0, 1.0) * (x[entered + 1] - x[entered])
     position = float(np.median(at))
-    late = _late(x, f, least, position)
+    # How far below the surface a force is passed, by F ∝ x^1.5 to the deepest sample.
+    deepest, peak = float(np.percentile(x, 99.0)), float(np.percentile(f, 99.0))
+    part = (least / peak) ** (1.0 / 1.5) if peak > least else 0.0
+    late = max(deepest - position, 0.0) * part / max(1.0 - part, 1e-3)
     scatter = float(np.std(at)) / math.sqrt(at.size)
     return Surface(position, math.hypot(scatter, late), f"where the force passes {least:.2g} N")
-
-
-def _late(x: Floats, f: Floats, least: float, position: float) -> float:
-    """How far below the surface a force is passed, by F ∝ x^1.5 to the deepest sample."""
-    deepest, peak = float(np.percentile(x, 99.0)), float(np.percentile(f, 99.0))
-    fraction = (least / peak) ** (1.0 / 1.5) if peak > least else 0.0
-    return max(deepest - position, 0.0) * fraction / max(1.0 - fraction, 1e-3)
 
 
 def _departure(x: Floats, f: Floats, least: float, peak: float) -> Surface | None:
@@ -499,6 +410,87 @@ def _fitted(x: Floats, v: Floats, f: Floats, start: Surface) -> Surface | None:
         return None
     words = "by the least squares of law and surface together"
     return Surface(start.position + away, error, words)
+
+
+# Least squares of a Hunt–Crossley law, an offset and the surface, together.
+
+EXPONENT_RANGE = (0.2, 6.0)  # beyond what any material shows; keeps powers finite
+STEPS = 15
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Samples:
+    """Contact, free approach and what lies between, thinned."""
+
+    x: Floats  # over the working depth
+    v: Floats  # over its rms
+    force: Floats  # N
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Placed:
+    """Least squares with the surface free: (k, c, n, F₀, d), what it leaves, and its Jacobian."""
+
+    parameters: Floats
+    residual: Floats
+    jacobian: Floats
+
+    @property
+    def energy(self) -> float:
+        """Sum of squares, N²."""
+        return float(self.residual @ self.residual)
+
+
+def _model(samples: Samples, parameters: Floats) -> tuple[Floats, Floats]:
+    """Force [N] and its gradient by (k, c, n, F₀, d), a row each."""
+    k, c, n, offset, depth = parameters
+    below = samples.x - depth
+    touching = below > 1e-9
+    below[~touching] = 1.0
+    power = below**n * touching
+    force = power * (k + c * samples.v)
+    rows = [power, power * samples.v, np.log(below) * force, np.ones_like(force)]
+    return force + offset, np.array([*rows, -n * force / below])
+
+
+def placed(samples: Samples, start: Floats, *, exponent_fixed: bool = False) -> Placed:
+    """Levenberg–Marquardt on (k, c, n, F₀, d), from a start.
+
+    Parameters
+    ----------
+    samples : Samples
+        Contact and free approach, without units.
+    start : numpy.ndarray, shape (5,)
+        N, N, 1, N, and depths.
+    exponent_fixed : bool
+        Whether n stays what it is in the start.
+    """
+    parameters, damping = start.copy(), 1e-4
+    model, gradient = _model(samples, parameters)
+    gradient[2] *= not exponent_fixed
+    residual = samples.force - model
+    energy = float(residual @ residual)
+    for _ in range(STEPS):
+        normal = gradient @ gradient.T
+        size = np.sqrt(np.diag(normal))
+        size[size == 0.0] = 1.0
+        unit = normal / np.outer(size, size) + damping * np.eye(len(size))
+        trial = parameters + np.linalg.solve(unit, gradient @ residual / size) / size
+        trial[2] = min(max(trial[2], EXPONENT_RANGE[0]), EXPONENT_RANGE[1])
+        trial[4] = min(max(trial[4], -3.0), 0.9)
+        model, new_gradient = _model(samples, trial)
+        new_gradient[2] *= not exponent_fixed
+        new = samples.force - model
+        left = float(new @ new)
+        if left < energy:
+            ended = energy - left < 1e-7 * left
+            parameters, residual, gradient, energy = trial, new, new_gradient, left
+            damping = max(damping / 10.0, 1e-9)
+            if ended:
+                break
+        else:
+            damping *= 10.0
+    return Placed(parameters, residual, gradient.T)
 
 
 # Episodes of a probe that travels: times in which it stays at one place of the material.

@@ -171,9 +171,8 @@ def static_of(result: Derivable, depth: float | None, *, relaxed: bool) -> Quant
 def relaxation_time_of(result: Derivable) -> Quantity | None:
     """Return the relaxation time, s; None of a law that has none, or many."""
     law = result.law
-    if not isinstance(law, GeneralisedHuntCrossley) or not law.remembers:
-        return None
-    if not isinstance(law.relaxation, SingleRelaxation):
+    remembers = isinstance(law, GeneralisedHuntCrossley) and law.remembers
+    if not (remembers and isinstance(law.relaxation, SingleRelaxation)):
         return None
     k = law.names().index("longest_time")
     return Quantity(law.relaxation.time, math.sqrt(result.covariance[k, k]), 0.0)

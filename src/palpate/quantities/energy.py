@@ -329,7 +329,8 @@ def energy_of(
     of_law = Quantity(float(predicted.mean()), by_damping * damping.standard_error, 0.0)
     remarks = _remarks(measured, of_law) or _loop_by_loop(loops.kind, lost, predicted, variance)
     whole = float(each.mean())
-    fraction = _part(measured, whole)
+    parts = (measured.value, measured.standard_error, measured.systematic)
+    fraction = Quantity(*(part / whole for part in parts)) if whole > 0.0 else UNKNOWN
     return EnergyLoss(
         loops.kind, measured, of_law, whole, fraction, *arrays, remarks=tuple(remarks)
     )
@@ -342,13 +343,6 @@ def _drifted(path: Path, loops: Loops, law: ForceLaw) -> float:
     left = path.force[inside] - path.felt(law)[inside]
     rate = float(time @ left / (time @ time))
     return abs(rate * float(loops.over(path.work(path.time)).mean()))
-
-
-def _part(quantity: Quantity, whole: float) -> Quantity:
-    if not whole > 0.0:
-        return UNKNOWN
-    parts = (quantity.value, quantity.standard_error, quantity.systematic)
-    return Quantity(*(part / whole for part in parts))
 
 
 def _remarks(measured: Quantity, predicted: Quantity) -> list[str]:

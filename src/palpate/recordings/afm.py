@@ -80,7 +80,6 @@ def count_curves(path: Path) -> int:
         It cannot be read.
     """
     source = printable(path)
-    regular_size(path)
     with _opened(path, source) as reader, _explained(source):
         return len(reader)
 
@@ -106,7 +105,6 @@ def read_curves(path: Path, numbers: Sequence[int]) -> Iterator[Recording | Reco
         Nothing of the file can be read.
     """
     source = printable(path)
-    regular_size(path)
     with _opened(path, source) as reader:
         for number in numbers:
             try:
@@ -142,6 +140,7 @@ _JPK = (".jpk-force", ".jpk-force-map", ".jpk-qi-data", ".jpk-qi-series")
 @contextmanager
 def _opened(path: Path, source: str) -> Iterator[JPKReader]:
     """Open a file of JPK."""
+    regular_size(path)
     with _explained(source):
         reader = JPKReader(path)
     try:

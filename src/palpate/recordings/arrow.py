@@ -49,7 +49,11 @@ def read(path: Path, request: Request) -> Recording:
     try:
         if begin.startswith(b"PAR1"):
             with parquet.ParquetFile(path, page_checksum_verification=True) as table:
-                _check_claim(table.metadata)
+                # What describes a column is not asked for here: pyarrow ends the process where that
+                # is damaged.
+                claimed = 8 * table.metadata.num_rows * max(table.metadata.num_columns, 1)
+                if not 0 <= claimed <= LARGEST:
+                    raise ValueError(f"it claims {in_words(claimed)} of values")
                 of = lambda name: table.read(columns=[name])  # noqa: E731
                 return _recording(table.schema_arrow, of, draft)
         if begin != _BEGIN:
@@ -66,13 +70,6 @@ def read(path: Path, request: Request) -> Recording:
             f"the file is cut off or damaged ({first_line(error)}); copy it again, or let the "
             "recorder close its file"
         ) from None
-
-
-def _check_claim(metadata: parquet.FileMetaData) -> None:
-    # What describes a column is not asked for here: pyarrow ends the process where that is damaged.
-    claimed = 8 * metadata.num_rows * max(metadata.num_columns, 1)
-    if not 0 <= claimed <= LARGEST:
-        raise ValueError(f"it claims {in_words(claimed)} of values")
 
 
 def _batches(file: pa.NativeFile, losses: list[str]) -> pa.Table:

@@ -53,7 +53,9 @@ def read(path: Path, request: Request) -> Recording:
     with opened(path, source) as file:
         if not _is_afm(file):
             walk = Walk(Findings(source, request))
-            walk.file(file)
+            walk.group(file, ())
+            for name, words in walk.attributes(file):
+                walk.found.note(name, words)
             return walk.found.recording()
     return FORCE_CURVES.read(path, request)  # the file is closed: afmformats opens it its own way
 
@@ -102,12 +104,6 @@ class Walk:
     def __init__(self, found: Findings) -> None:
         self.found = found
         self._seen: set[Any] = set()
-
-    def file(self, file: h5py.File) -> None:
-        """Take all that is in a file, and what it says of itself."""
-        self.group(file, ())
-        for name, words in self.attributes(file):
-            self.found.note(name, words)
 
     def group(self, group: h5py.Group, path: tuple[str, ...]) -> None:
         """Take what is in a group, and in those below it."""

@@ -104,13 +104,13 @@ class Findings(Draft):
     ) -> None:
         """Take an array; or say why it can be no channel."""
         channel = "/".join(group) + ("." if dot else "/") * bool(group) + name
-        lengths = tuple(length for length in shape if length != 1)
+        lengths, sides = tuple(each for each in shape if each != 1), " by ".join(map(str, shape))
         if not all(shape):
             self.omit(channel, "holds no samples")
         elif len(lengths) > 2:
-            self.omit(channel, f"has {len(lengths)} dimensions, {_by(shape)}, and is no series")
+            self.omit(channel, f"has {len(lengths)} dimensions, {sides}, and is no series")
         elif len(lengths) == 2 and min(lengths) > MOST_COLUMNS:
-            self.omit(channel, f"is a matrix or an image, {_by(shape)}, and is no series")
+            self.omit(channel, f"is a matrix or an image, {sides}, and is no series")
         else:
             lengths = lengths or (1,)
             squeezed = lambda: _plain(read()).reshape(lengths)  # noqa: E731
@@ -248,10 +248,6 @@ def _whole_times(values: NDArray[Any]) -> NDArray[Any]:
         fits = values.dtype.itemsize < 8 or values.dtype.kind == "i" or not (values >> 63).any()
         return values.astype(np.int64 if fits else np.float64, copy=False)
     return values
-
-
-def _by(shape: tuple[int, ...]) -> str:
-    return " by ".join(map(str, shape))
 
 
 def no_class(name: str) -> str:

@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, field, replace
 from importlib import import_module
+from importlib.util import find_spec
 from pathlib import Path
 from typing import IO, Any
 
@@ -180,8 +181,8 @@ def open_recording(
 
 def _read(file: Path, request: Request) -> Recording:
     standard = str(file) == "-"
-    if not standard and not file.is_fifo():
-        if not file.is_dir():  # a bag of ROS 2 is one
+    if not standard and not _is(stat.S_ISFIFO, file):
+        if not _is(stat.S_ISDIR, file):  # a bag of ROS 2 is one
             regular_size(file)
         return format_of(file).read(file, request)
     source = "standard input" if standard else printable(file)
@@ -194,6 +195,13 @@ def _read(file: Path, request: Request) -> Recording:
         except RecordingError as error:  # the name of a copy would tell a person nothing
             raise RecordingError(str(error).replace(printable(copy), source)) from None
     return replace(recording, source=source)
+
+
+def _is(kind: Callable[[int], bool], path: Path) -> bool:
+    try:
+        return kind(path.stat().st_mode)
+    except (OSError, ValueError):  # whoever reads it says what is wrong
+        return False
 
 
 def _copy_stream(file: Path, source: str, content: IO[bytes]) -> None:
@@ -229,7 +237,7 @@ def _log(recording: Recording, seconds: float) -> None:
 def format_of(path: Path) -> Format:
     """Return the format of a file; text where it is none that is known."""
     begin = b""
-    if path.is_dir():
+    if _is(stat.S_ISDIR, path):
         path = path / "metadata.yaml"  # a bag of ROS 2 is a folder
     else:
         with path.open("rb") as file:
@@ -409,11 +417,7 @@ def write_columns(
 
 def has_parquet() -> bool:
     """Whether pyarrow, which writes Parquet, is installed."""
-    try:
-        import pyarrow.parquet  # noqa: F401 - whether it can be imported is the question
-    except ImportError:
-        return False
-    return True
+    return find_spec("pyarrow") is not None
 
 
 def _as_parquet(

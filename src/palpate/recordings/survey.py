@@ -145,7 +145,8 @@ def clock_of(recording: Recording, name: str) -> str:
         and len(values) == count
         and values.dtype.kind in "fiu"
         and other not in recording.clocks
-        and _beside(other, name)
+        # Both are in one group, or the times further up.
+        and name.startswith(other[: max(other.rfind("/"), other.rfind(".")) + 1])
     ]
     return min(ranked)[2] if ranked else ""
 
@@ -167,12 +168,6 @@ def unit_of_clock(recording: Recording, clock: str) -> tuple[str, float]:
     """Return the unit of times, and the seconds in one; by its name where the file has no word."""
     unit = recording.units.get(clock) or clock_unit(clock) or "s"
     return unit, SECONDS.get(unit, 1.0)
-
-
-def _beside(clock: str, name: str) -> bool:
-    """Whether a column of times may be that of another: both in one group, or it further up."""
-    cut = max(clock.rfind("/"), clock.rfind("."))
-    return name.startswith(clock[: cut + 1])
 
 
 def _since(values: NDArray[Any]) -> Floats:

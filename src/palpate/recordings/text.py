@@ -279,20 +279,26 @@ class _Column:
             return []
         return [k for k, cell in enumerate(cells) if self._value(cell) is None]
 
-    def extend(self, values: NDArray[Any]) -> None:
-        """Add some that are parsed."""
+    def extend(self, values: NDArray[Any], wrong: int = 0, blank: int = 0) -> None:
+        """Add some that are parsed, of which so many are no numbers, or nothing at all."""
         if self.kind != "nothing":
             self.pieces.append(values)
         self.size += len(values)
-        self.good += len(values)
-        self.filled += len(values)
+        self.good += len(values) - wrong
+        self.filled += len(values) - blank
 
     def take(self, cells: Sequence[str]) -> None:
         """Add some cells."""
         if self.kind == "nothing":
             return
         if self.kind == "text":
-            self._take_words(cells)
+            # As objects, for one long cell would widen all; and each label is held but once.
+            words = np.array(list(map(sys.intern, cells)), dtype=object)
+            numbers, filled = (
+                sum(map(self._is_number, cells)),
+                sum(map(bool, map(str.strip, cells))),
+            )
+            self.extend(words, len(cells) - numbers, len(cells) - filled)
         elif (values := self._at_once(cells)) is not None:
             self.extend(values)
         else:
@@ -302,9 +308,8 @@ class _Column:
             if wrong and self.wrong is None:
                 self.wrong = self.size + wrong[0], cells[wrong[0]]
             dtype = np.int64 if self.kind in ("dates", "nanoseconds") else np.float64
-            self.extend(np.array([unknown if each is None else each for each in found], dtype))
-            self.good -= len(wrong)
-            self.filled -= sum(not cells[k].strip() for k in wrong)
+            values = np.array([unknown if each is None else each for each in found], dtype)
+            self.extend(values, len(wrong), sum(not cells[k].strip() for k in wrong))
 
     def _at_once(self, cells: Sequence[str]) -> NDArray[Any] | None:
         if self.kind == "dates":
@@ -315,13 +320,6 @@ class _Column:
             return np.array(list(map(float, cells)), dtype=np.float64)
         except ValueError:
             return None
-
-    def _take_words(self, cells: Sequence[str]) -> None:
-        # As objects, for one long cell would widen all; and each label is held but once.
-        self.pieces.append(np.array(list(map(sys.intern, cells)), dtype=object))
-        self.good += sum(map(self._is_number, cells))
-        self.filled += sum(bool(cell.strip()) for cell in cells)
-        self.size += len(cells)
 
     def _value(self, cell: str) -> float | list[float] | None:
         if self.kind == "vectors":

@@ -14,7 +14,7 @@ from palpate.recordings.recording import (
     plain_unit,
     unit_in_name,
 )
-from palpate.recordings.times import is_iso_time
+from palpate.recordings.times import iso_nanoseconds
 
 DELIMITERS = ",;\t|"
 SPACES = " "  # as a delimiter: any run of spaces and tabs
@@ -171,9 +171,7 @@ def _header(
         names = _cells(line, mark, source, row - 1)
         if len(names) == len(first) or (not body and len(names) > 1):
             return names, 0
-    if numbers:
-        return None, 0
-    return first, 1
+    return (None, 0) if numbers else (first, 1)
 
 
 def _units_below(body: Sequence[str], delimiter: str, width: int, decimal: str) -> list[str] | None:
@@ -245,9 +243,8 @@ def parsed_number(cell: str, decimal: str) -> float | None:
 
 def is_number(cell: str, delimiter: str) -> bool:
     """Whether a cell is a number, a time or a vector, and so no name of a column."""
-    if parsed_number(cell, ".") is not None or is_iso_time(cell):
-        return True
-    if vector_in(cell, ".") is not None:
+    found = parsed_number(cell, "."), iso_nanoseconds(cell), vector_in(cell, ".")
+    if any(each is not None for each in found):
         return True
     return "," in cell and delimiter != "," and parsed_number(cell, ",") is not None
 

@@ -87,10 +87,8 @@ def is_nanoseconds(cell: str) -> bool:
 
 def epoch_unit(value: float) -> str | None:
     """Return the unit of a time since 1970, by its size; None where it is none."""
-    for unit, size in EPOCHS.items():
-        if EARLIEST * size <= value <= LATEST * size:
-            return unit
-    return None
+    fitting = (u for u, size in EPOCHS.items() if EARLIEST * size <= value <= LATEST * size)
+    return next(fitting, None)
 
 
 def epoch_of(values: NDArray[Any]) -> tuple[str, NDArray[Any]] | None:

@@ -18,6 +18,26 @@ from palpate.recordings.opening import Draft, Request, within
 from palpate.recordings.recording import Recording
 
 NOT_ASKED = "not asked for"
+_FRAMES = ("header.frame_id", "frame_id", "parent_frame_id")
+
+# Units of the messages whose definition says them: ROS is in SI, by its REP 103.
+_UNITS = {
+    ("Wrench", "force"): "N",
+    ("Wrench", "torque"): "N·m",
+    ("Pose", "position"): "m",
+    ("PointStamped", "point"): "m",
+    ("Transform", "translation"): "m",
+    ("FrameTransform", "translation"): "m",
+    ("Twist", "linear"): "m/s",
+    ("Twist", "angular"): "rad/s",
+    ("Accel", "linear"): "m/s²",
+    ("Accel", "angular"): "rad/s²",
+    ("Imu", "angular_velocity"): "rad/s",
+    ("Imu", "linear_acceleration"): "m/s²",
+    ("Range", "range"): "m",
+    ("FluidPressure", "fluid_pressure"): "Pa",
+}
+_PACKAGES = ("geometry_msgs", "sensor_msgs", "foxglove")
 
 
 @dataclass(slots=True)
@@ -160,28 +180,6 @@ def _few(names: set[str] | list[str]) -> str:
     shown = sorted(names)
     more = f" and {len(shown) - 10} more" if len(shown) > 10 else ""
     return ", ".join(shown[:10]) + more
-
-
-_FRAMES = ("header.frame_id", "frame_id", "parent_frame_id")
-
-# Units of the messages whose definition says them: ROS is in SI, by its REP 103.
-_UNITS = {
-    ("Wrench", "force"): "N",
-    ("Wrench", "torque"): "N·m",
-    ("Pose", "position"): "m",
-    ("PointStamped", "point"): "m",
-    ("Transform", "translation"): "m",
-    ("FrameTransform", "translation"): "m",
-    ("Twist", "linear"): "m/s",
-    ("Twist", "angular"): "rad/s",
-    ("Accel", "linear"): "m/s²",
-    ("Accel", "angular"): "rad/s²",
-    ("Imu", "angular_velocity"): "rad/s",
-    ("Imu", "linear_acceleration"): "m/s²",
-    ("Range", "range"): "m",
-    ("FluidPressure", "fluid_pressure"): "Pa",
-}
-_PACKAGES = ("geometry_msgs", "sensor_msgs", "foxglove")
 
 
 def _unit_of(type_name: str, field: str) -> str | None:

@@ -106,7 +106,7 @@ def _files(folder: Path, collection: Collection) -> tuple[list[Path], int | None
         files = [by_name.pop(name.removesuffix(".zstd"), folder / name) for name in names]
         if by_name:
             others = ", ".join(sorted(by_name)[:5])
-            collection.omissions.append(f"not of this bag by its metadata: {others}")
+            collection.omit("not of this bag by its metadata", others)
         return files, expected
     if not there:
         raise collection.error("the folder holds no bag of ROS 2; give the file of a recording")
@@ -123,16 +123,13 @@ def _read_file(path: Path, collection: Collection, part: tuple[float, float]) ->
     with _unpacked(path, collection) as plain:
         with plain.open("rb") as file:
             begin = file.read(16)
-        for mark, reader in _READERS.items():
-            if begin.startswith(mark):
-                messages = reader(plain, collection)
-                break
-        else:
+        reader = next((each for mark, each in _READERS.items() if begin.startswith(mark)), None)
+        if reader is None:
             name = printable(path.name)
             raise collection.error(
                 f"{name} begins as no bag and no MCAP file does; check what wrote it"
             )
-        for fraction in messages:
+        for fraction in reader(plain, collection):
             collection.request.report(part[0] + (part[1] - part[0]) * fraction)
 
 
