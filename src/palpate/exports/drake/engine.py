@@ -440,7 +440,7 @@ def _point(asked: Asked, form: str, spheres: Spheres) -> DrakeContact:
     def material(stiffness: float, dissipation: float) -> dict[str, float]:
         return {"point_contact_stiffness": stiffness, "hunt_crossley_dissipation": dissipation}
 
-    radius, law = _radius(asked), asked.law
+    radius, law = asked.radius_or_any, asked.law
     rigid = material(RIGID * float(spheres.stiffness.sum()), 0.0)
     soft = list(map(material, spheres.stiffness.tolist(), spheres.dissipation.tolist()))
     if len(soft) == 1:
@@ -619,7 +619,7 @@ def _parts(
     asked: Asked, surface: Mapping[str, float | None], tip: Mapping[str, float | None]
 ) -> Parts:
     """A tip of one sphere on a box of which the top is the nearest face, as deep as it goes."""
-    radius, deepest = _radius(asked), asked.motion.deepest
+    radius, deepest = asked.radius_or_any, asked.motion.deepest
     width, height = max(1.0, 10.0 * (radius + deepest)), max(0.2, 4.0 * deepest)
     tips = (DrakeTip("tip", radius, 0.0, tip),)
     return Parts(surface, tips, radius, asked.mass_or_one, width, height)
@@ -638,11 +638,6 @@ def _step(asked: Asked) -> tuple[str, ...]:
         f"law's {own:.2g} at {1e3 * depth:.3g} mm: where impacts matter take a smaller step, or "
         "time_step=0, a continuous plant",
     )
-
-
-def _radius(asked: Asked) -> float:
-    """The tip's; point contact does not look at it, so any that is not all below the surface."""
-    return asked.tip_radius or max(0.01, 2.0 * asked.motion.deepest)
 
 
 ENGINE = Drake()
