@@ -463,11 +463,7 @@ def without_memory(law: GeneralisedHuntCrossley, motion: ProbeMotion) -> Nearest
     # Not one that nothing pushes back by, or that makes energy.
     return min(
         found,
-        key=lambda each: (
-            each.law.stiffness <= 0.0,
-            each.law.damping < 0.0,
-            each.error_percent,
-        ),
+        key=lambda each: (each.law.stiffness <= 0.0, each.law.damping < 0.0, each.error_percent),
     )
 
 

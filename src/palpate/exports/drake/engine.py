@@ -550,30 +550,20 @@ def _hydroelastic(asked: Asked) -> DrakeContact:
     coefficient 1 that Drake takes where none is given, by nearly half of the force at 50 mm/s.
     """
     found = _slab(asked)
-    smooth = {"mu_dynamic": 0.0, "mu_static": 0.0}
-    surface = {
-        "compliant_hydroelastic": None,
+    law = {
         "hydroelastic_modulus": found.modulus,
         "hunt_crossley_dissipation": found.dissipation,
-        **smooth,
     }
-    tip = {
-        "rigid_hydroelastic": None,
-        "mesh_resolution_hint": found.resolution_hint,
-        "hunt_crossley_dissipation": 0.0,
-        **smooth,
-    }
+    mesh = {"mesh_resolution_hint": found.resolution_hint}
+    smooth = {"mu_dynamic": 0.0, "mu_static": 0.0}
+    surface = {"compliant_hydroelastic": None, **law, **smooth}
+    tip = {"rigid_hydroelastic": None, **mesh, "hunt_crossley_dissipation": 0.0, **smooth}
     # The medial plane reaches as far as H from the rim.
     width, height = 2.0 * (found.radius + 2.0 * found.thickness), 2.0 * found.thickness
     return SlabContact(
         form="hydroelastic",
         asked=asked,
-        numbers={
-            "hydroelastic_modulus": found.modulus,
-            "hunt_crossley_dissipation": found.dissipation,
-            "box_height": height,
-            "mesh_resolution_hint": found.resolution_hint,
-        },
+        numbers={**law, "box_height": height, **mesh},
         warnings=(
             *_negative(asked.law),
             "written without friction, which would push back on the tip's flanks as it goes "
