@@ -1,7 +1,10 @@
 """MuJoCo carries a law as predicted: in the engine, in a user's model, and to a file and back."""
 
 import json
+import os
 import runpy
+import subprocess
+import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -85,6 +88,17 @@ def model(tmp_path):
 
 def within(text, more):
     return text.replace("<worldbody>", f"{more}<worldbody>", 1)
+
+
+def test_an_installed_engine_that_does_not_load_is_named_as_the_reason_why_nothing_is_replayed():
+    program = (
+        "from palpate import exports, lab; "
+        "print(exports.export(lab.BALL.law, 'mujoco', mass=1.0).statement.basis()[0])"
+    )
+    environment = {**os.environ, "MUJOCO_GL": "nonsense"}
+    command = [sys.executable, "-c", program]
+    words = subprocess.run(command, env=environment, check=True, capture_output=True, text=True)
+    assert "it does not load: MuJoCo is installed" in words.stdout
 
 
 @pytest.mark.parametrize("pull", [0.0, pytest.param(1e4, marks=pulling)])

@@ -42,22 +42,18 @@ class Motion:
 
     def __post_init__(self) -> None:
         depth = number_in("depth", self.depth, 0.0, 10.0, open_low=True)
-        amplitudes = tuple(
-            number_in(f"amplitudes[{i}]", value, 0.0, 10.0)
-            for i, value in enumerate(_several("amplitudes", self.amplitudes))
-        )
-        frequencies = tuple(
-            number_in(f"frequencies[{i}]", value, 0.0, 1e5, open_low=True)
-            for i, value in enumerate(_several("frequencies", self.frequencies))
-        )
-        if len(amplitudes) != len(frequencies):
+        object.__setattr__(self, "depth", depth)
+        for name, highest in (("amplitudes", 10.0), ("frequencies", 1e5)):
+            values = tuple(
+                number_in(f"{name}[{i}]", value, 0.0, highest, open_low=name == "frequencies")
+                for i, value in enumerate(_several(name, getattr(self, name)))
+            )
+            object.__setattr__(self, name, values)
+        if len(self.amplitudes) != len(self.frequencies):
             raise InvalidParameterError(
                 "amplitudes and frequencies must be as many, not "
-                f"{len(amplitudes)} and {len(frequencies)}"
+                f"{len(self.amplitudes)} and {len(self.frequencies)}"
             )
-        object.__setattr__(self, "depth", depth)
-        object.__setattr__(self, "amplitudes", amplitudes)
-        object.__setattr__(self, "frequencies", frequencies)
 
     @property
     def peak_penetration(self) -> float:

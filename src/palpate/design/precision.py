@@ -382,27 +382,25 @@ def find_better(
     heights = np.linspace(bottom, bottom + 0.95 * (top - bottom), 24)
     step = float(heights[1] - heights[0])
 
-    best, least = given, math.inf
+    best, least, best_shape = given, math.inf, given
 
-    def worst(motion: Motion) -> float:
-        # The bound is quick, and no expected error is less.
-        bound = float(measurement.relative_errors(motion, duration, quick=True).max())
-        if bound >= least:
-            return bound
-        return float(measurement.expected_errors(motion, duration, quick=True).max())
+    def look(shape: Motion, heights: Floats) -> None:
+        nonlocal best, least, best_shape
+        for height in heights.tolist():
+            candidate = _stroke(shape, top, height, limits)
+            # The bound is quick, and no expected error is less.
+            if measurement.relative_errors(candidate, duration, quick=True).max() >= least:
+                continue
+            error = float(measurement.expected_errors(candidate, duration, quick=True).max())
+            if error < least:
+                best, least, best_shape = candidate, error, shape
 
     for shape in _shapes(given):
-        for height in heights:
-            candidate = _stroke(shape, top, float(height), limits)
-            if (error := worst(candidate)) < least:
-                best, least, best_shape = candidate, error, shape
+        look(shape, heights)
     if math.isinf(least):
         return None
-    centre = best.least_penetration
-    for height in np.linspace(max(bottom, centre - step), min(heights[-1], centre + step), 9):
-        candidate = _stroke(best_shape, top, float(height), limits)
-        if (error := worst(candidate)) < least:
-            best, least = candidate, error
+    low, high = best.least_penetration - step, best.least_penetration + step
+    look(best_shape, np.linspace(max(bottom, low), min(heights[-1], high), 9))
     exact = measurement.expected_errors(best, duration).max()
     before = measurement.expected_errors(given, duration).max()
     gains = exact < (1.0 - LEAST_GAIN) * before

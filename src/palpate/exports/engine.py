@@ -206,6 +206,11 @@ class Asked:
         """The mass, kg; 1 kg where none is given, for engines whose law does not depend on it."""
         return 1.0 if self.mass is None else self.mass
 
+    @property
+    def radius_or_any(self) -> float:
+        """The tip's, m; else any that is not all below the surface, for laws without it in them."""
+        return self.tip_radius or max(0.01, 2.0 * self.motion.deepest)
+
 
 # How far an engine's force is from a law's, and how differently a body rebounds.
 
@@ -458,11 +463,7 @@ def without_memory(law: GeneralisedHuntCrossley, motion: ProbeMotion) -> Nearest
     # Not one that nothing pushes back by, or that makes energy.
     return min(
         found,
-        key=lambda each: (
-            each.law.stiffness <= 0.0,
-            each.law.damping < 0.0,
-            each.error_percent,
-        ),
+        key=lambda each: (each.law.stiffness <= 0.0, each.law.damping < 0.0, each.error_percent),
     )
 
 

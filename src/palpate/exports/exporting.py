@@ -11,12 +11,7 @@ import numpy as np
 
 from palpate.errors import ExportRefusedError, InvalidParameterError, MissingExtraError
 from palpate.exports.engine import Asked, Engine, Fragment, ProbeMotion, engine_called
-from palpate.exports.statement import (
-    Exportable,
-    ExportedLaw,
-    Statement,
-    compared,
-)
+from palpate.exports.statement import Exportable, ExportedLaw, Statement, compared
 from palpate.lab.materials import Touch
 from palpate.validation import Floats, number_in
 from palpate.writing import check_own, check_writable, encoded, make_folder, write_text

@@ -113,9 +113,8 @@ class _Material(Fragment):
 
     def files(self, notes: Sequence[str]) -> Mapping[str, str]:
         stiffness, damping, *_ = map(digits, self.numbers.values())
-        radius = self.asked.tip_radius or max(0.01, 2.0 * self.asked.motion.deepest)
-        scene = {"radius": digits(radius), "mass": digits(self.asked.mass_or_one)}
-        comment = hash_comment(notes)
+        asked, comment = self.asked, hash_comment(notes)
+        scene = {"radius": digits(asked.radius_or_any), "mass": digits(asked.mass_or_one)}
         return {
             "material.usda": MATERIAL.format(comment=comment, stiffness=stiffness, damping=damping),
             "scene.usda": SCENE.format(comment=comment, **scene),

@@ -3,7 +3,6 @@
 import json
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from typing import Any
 
 import numpy as np
 
@@ -11,6 +10,7 @@ from palpate.contact import Contact
 from palpate.errors import InvalidParameterError
 from palpate.lab.materials import Material, Touch
 from palpate.lab.rig import (
+    IdealProbe,
     IdealRun,
     Probe,
     Progress,
@@ -157,6 +157,8 @@ class OngoingBench:
         What is touched now.
     trajectory : Trajectory
         How the probe moves now.
+    bias : float
+        The force sensor's, N: what a tare should find.
     """
 
     def __init__(self, bench: Bench, seed: int = 0) -> None:
@@ -166,7 +168,7 @@ class OngoingBench:
         self._motion: Callable[[Floats], Command] = bench.trajectory.at
         self._run = self._begin()
         self._touch = bench.material.touch()
-        self._bias = bench.sensors.bias(self._random)
+        self.bias = bench.sensors.bias(self._random)
         self._transition = -np.inf  # when the last one began, s
         self._moving: Trajectory | None = None  # asked for during a transition
         self._placing: Material | None = None  # to be exchanged when the probe has left
@@ -175,11 +177,6 @@ class OngoingBench:
     def now(self) -> float:
         """Time of the next sample, s."""
         return self._step * self._count
-
-    @property
-    def bias(self) -> float:
-        """The force sensor's, N: what a tare should find."""
-        return self._bias
 
     def change(self, material: Material) -> None:
         """Have another material from now on, under the probe as it is."""
@@ -229,7 +226,7 @@ class OngoingBench:
             (
                 time,
                 rounded(motion.recorded_penetration, sensors.penetration_resolution),
-                sensors.biased_force(motion.force, self._bias, self._random),
+                sensors.biased_force(motion.force, self.bias, self._random),
             )
         )
 
@@ -250,11 +247,8 @@ class OngoingBench:
         self._motion, self._transition = (lambda time: after(time - began)), -np.inf
 
     def _begin(self) -> IdealRun | Simulation:
-        probe: Any = self._bench.probe  # of the laboratory
-        run: IdealRun | Simulation = probe.start(
-            self._motion(np.array([self.now])), self._step, self._random
-        )
-        return run
+        probe: IdealProbe | TwinPantograph = self._bench.probe  # type: ignore[assignment]
+        return probe.start(self._motion(np.array([self.now])), self._step, self._random)
 
     def _recover(self) -> None:
         self.trajectory = self._bench.trajectory
@@ -275,17 +269,9 @@ def _from(material: Material, began: float) -> Touch:
 def _blended(before: Command, after: Command, since: Floats) -> Command:
     """From one motion to another: x = x₀ + (x₁ − x₀) u, whose speed has u̇ (x₁ − x₀) in it."""
     blend, rate = smooth_step(since / TRANSITION)
-
-    def both(x: Floats, v: Floats, x_after: Floats, v_after: Floats) -> tuple[Floats, Floats]:
-        way = x_after - x
-        return x + way * blend, v + (v_after - v) * blend + way * rate / TRANSITION
-
-    return Command(
-        *both(before.penetration, before.velocity, after.penetration, after.velocity),
-        *both(
-            before.lateral_position,
-            before.lateral_velocity,
-            after.lateral_position,
-            after.lateral_velocity,
-        ),
-    )
+    positions = [np.stack([each.penetration, each.lateral_position]) for each in (before, after)]
+    speeds = [np.stack([each.velocity, each.lateral_velocity]) for each in (before, after)]
+    way = positions[1] - positions[0]
+    depth, lateral = positions[0] + way * blend
+    inward, sideways = speeds[0] + (speeds[1] - speeds[0]) * blend + way * rate / TRANSITION
+    return Command(depth, inward, lateral, sideways)

@@ -8,7 +8,7 @@ of the two pantographs carry a handle, and the handle the poking device.
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
+from typing import TYPE_CHECKING, Any, ClassVar, Protocol, runtime_checkable
 
 import numpy as np
 
@@ -451,6 +451,7 @@ class TwinPantograph:
         The longest step of the simulation, s, in [1e-5, 1e-3].
     """
 
+    name: ClassVar[str] = "twin pantograph"
     counts_per_turn: float = 20_000.0
     proportional_gain: float = 40.0
     derivative_gain: float = 0.4
@@ -465,11 +466,6 @@ class TwinPantograph:
         number_in("velocity_filter", self.velocity_filter, 0.0, 1e4, open_low=True)
         number_in("torque_limit", self.torque_limit, 0.0, 1e4, open_low=True)
         number_in("time_step", self.time_step, 1e-5, 1e-3)
-
-    @property
-    def name(self) -> str:
-        """What a person calls it."""
-        return "twin pantograph"
 
     def follow(
         self,

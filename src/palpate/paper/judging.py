@@ -375,6 +375,7 @@ JUDGES["fig07"] = {
 _BOTH, _EXTENDED = "{single-stage|kelvin-voigt}", "extended-kelvin-voigt"
 #: "The same initial conditions for the EWRLS": the same P₀ for all, and whatever it is.
 SAME = ("P₀ = 10", "P₀ = 1000", "P₀ = 1e+06")
+_SAME = f"{{{'|'.join(SAME)}}}"
 _OVER_KELVIN_VOIGT = [
     number(f"time {same} single-stage K|B") / f"time {same} kelvin-voigt K|B" for same in SAME
 ]
@@ -383,7 +384,7 @@ _OWN_UNITS = f"time {_BOTH}, own units, P₀ = {{10|1000|1e+06}}"
 _DOUBLE_OVER_SINGLE = least(
     *(number(f"rmse double-stage {k}") / f"rmse single-stage {k}" for k in ("I", "II", "III"))
 )
-_BESIDE_ERROR = [f"least double over single {same}" for same in SAME]
+_BESIDE_ERROR = f"least double over single {_SAME}"
 _LINEAR_ERROR = least("rmse kelvin-voigt") / "rmse single-stage"
 _EXTENDED_ERROR = least(f"rmse {_EXTENDED}")
 _RELAXING = "relaxing sponge"
@@ -407,10 +408,7 @@ def _concluded(*others: str, elsewhere: str = "") -> dict[str, Judge]:
 
 
 JUDGES["fig08"] = _concluded("double-stage", "kelvin-voigt") | {
-    "rate": judge(
-        largest(*(f"time {same} single-stage" for same in SAME)),
-        *_sooner("single-stage", "double-stage"),
-    ),
+    "rate": judge(largest(f"time {_SAME} single-stage"), *_sooner("single-stage", "double-stage")),
     "error": judge(_DOUBLE_OVER_SINGLE > 1.0, beside=_BESIDE_ERROR),
     "consistency": judge(_INCONSISTENT, number("spread single-stage") <= 5.0),
     "wide-range": judge(
@@ -458,13 +456,12 @@ JUDGES["fig16"] = _concluded("double-stage", "kelvin-voigt", _EXTENDED) | {
     "inconsistent": judge(_INCONSISTENT),
     "kelvin-voigt-rate": judge(least(*_OVER_KELVIN_VOIGT) > 1.0, beside=_BESIDE_SPEED),
     "extended-rate": judge(
-        least(*(f"time {same} {_EXTENDED} B" for same in SAME)),
+        least(f"time {_SAME} {_EXTENDED} B"),
         *_sooner(_EXTENDED, _BOTH, " B"),
         beside=f"time {{{_EXTENDED}|single-stage|kelvin-voigt}} B",
     ),
     "quadratic-never": judge(
-        least(*(f"time {same} {_EXTENDED} K₂" for same in SAME)) >= NEVER,
-        beside=f"time {_EXTENDED} K₂",
+        least(f"time {_SAME} {_EXTENDED} K₂") >= NEVER, beside=f"time {_EXTENDED} K₂"
     ),
     "best-error": judge(least(least("rmse kelvin-voigt"), _EXTENDED_ERROR) / "rmse single-stage"),
     "as-good": judge(_EXTENDED_ERROR / least("rmse single-stage")),

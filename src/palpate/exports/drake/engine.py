@@ -440,7 +440,7 @@ def _point(asked: Asked, form: str, spheres: Spheres) -> DrakeContact:
     def material(stiffness: float, dissipation: float) -> dict[str, float]:
         return {"point_contact_stiffness": stiffness, "hunt_crossley_dissipation": dissipation}
 
-    radius, law = _radius(asked), asked.law
+    radius, law = asked.radius_or_any, asked.law
     rigid = material(RIGID * float(spheres.stiffness.sum()), 0.0)
     soft = list(map(material, spheres.stiffness.tolist(), spheres.dissipation.tolist()))
     if len(soft) == 1:
@@ -550,30 +550,20 @@ def _hydroelastic(asked: Asked) -> DrakeContact:
     coefficient 1 that Drake takes where none is given, by nearly half of the force at 50 mm/s.
     """
     found = _slab(asked)
-    smooth = {"mu_dynamic": 0.0, "mu_static": 0.0}
-    surface = {
-        "compliant_hydroelastic": None,
+    law = {
         "hydroelastic_modulus": found.modulus,
         "hunt_crossley_dissipation": found.dissipation,
-        **smooth,
     }
-    tip = {
-        "rigid_hydroelastic": None,
-        "mesh_resolution_hint": found.resolution_hint,
-        "hunt_crossley_dissipation": 0.0,
-        **smooth,
-    }
+    mesh = {"mesh_resolution_hint": found.resolution_hint}
+    smooth = {"mu_dynamic": 0.0, "mu_static": 0.0}
+    surface = {"compliant_hydroelastic": None, **law, **smooth}
+    tip = {"rigid_hydroelastic": None, **mesh, "hunt_crossley_dissipation": 0.0, **smooth}
     # The medial plane reaches as far as H from the rim.
     width, height = 2.0 * (found.radius + 2.0 * found.thickness), 2.0 * found.thickness
     return SlabContact(
         form="hydroelastic",
         asked=asked,
-        numbers={
-            "hydroelastic_modulus": found.modulus,
-            "hunt_crossley_dissipation": found.dissipation,
-            "box_height": height,
-            "mesh_resolution_hint": found.resolution_hint,
-        },
+        numbers={**law, "box_height": height, **mesh},
         warnings=(
             *_negative(asked.law),
             "written without friction, which would push back on the tip's flanks as it goes "
@@ -619,7 +609,7 @@ def _parts(
     asked: Asked, surface: Mapping[str, float | None], tip: Mapping[str, float | None]
 ) -> Parts:
     """A tip of one sphere on a box of which the top is the nearest face, as deep as it goes."""
-    radius, deepest = _radius(asked), asked.motion.deepest
+    radius, deepest = asked.radius_or_any, asked.motion.deepest
     width, height = max(1.0, 10.0 * (radius + deepest)), max(0.2, 4.0 * deepest)
     tips = (DrakeTip("tip", radius, 0.0, tip),)
     return Parts(surface, tips, radius, asked.mass_or_one, width, height)
@@ -638,11 +628,6 @@ def _step(asked: Asked) -> tuple[str, ...]:
         f"law's {own:.2g} at {1e3 * depth:.3g} mm: where impacts matter take a smaller step, or "
         "time_step=0, a continuous plant",
     )
-
-
-def _radius(asked: Asked) -> float:
-    """The tip's; point contact does not look at it, so any that is not all below the surface."""
-    return asked.tip_radius or max(0.01, 2.0 * asked.motion.deepest)
 
 
 ENGINE = Drake()
