@@ -151,13 +151,9 @@ def tasks_table(
 ) -> "pa.Table":
     """Return a table of what is to be identified: ``source``, ``kind`` and ``index``."""
     pa = needed("pyarrow", "a table of contacts")
-    return pa.table(
-        {
-            "source": pa.array(names, pa.string()),
-            "kind": pa.array(kinds, pa.string()),
-            "index": pa.array(indices, pa.int64()),
-        }
-    )
+    kinds_of_columns = {"source": pa.string(), "kind": pa.string(), "index": pa.int64()}
+    columns = zip(kinds_of_columns.items(), (names, kinds, indices), strict=True)
+    return pa.table({name: pa.array(values, kind) for (name, kind), values in columns})
 
 
 def batches(
@@ -188,15 +184,9 @@ def batches(
     for first, end in done:
         waiting[first:end] = False
         edges |= {first, end}
-    whole = tasks_table(
-        [source.name for source in sources for _ in range(source.contacts)],
-        [source.kind for source in sources for _ in range(source.contacts)],
-        [
-            k
-            for source in sources
-            for k in ([None] if source.count is None else range(source.count))
-        ],
-    )
+    each = [source for source in sources for _ in range(source.contacts)]
+    index = [k for s in sources for k in ([None] if s.count is None else range(s.count))]
+    whole = tasks_table([s.name for s in each], [s.kind for s in each], index)
     found = [  # copies: of a slice Arrow would send the whole
         Batch(first, whole.take(np.arange(first, end)), float(work[first:end].sum()))
         for first, end in itertools.pairwise(sorted(edges))
