@@ -318,8 +318,8 @@ def _correlations(result: Identification) -> str:
 
 def _correlation(value: float) -> str:
     """With as many digits as keep it apart from one, up to four."""
-    words = next((w for w in (f"{value:.{k}f}" for k in (2, 3, 4)) if abs(float(w)) < 1.0), "")
-    return words or f"{value:.4f}"
+    words = [f"{value:.{digits}f}" for digits in (2, 3, 4)]
+    return next((each for each in words if abs(float(each)) < 1.0), words[-1])
 
 
 def _beside(result: Identification) -> list[str]:

@@ -12,7 +12,7 @@ from palpate._core import Status
 from palpate.contact import Contact
 from palpate.diagnosis import Data, Finding
 from palpate.estimators.estimate import Estimate
-from palpate.fleet.tasks import Settings, needed
+from palpate.fleet.tasks import Settings, line_of, needed
 from palpate.force_laws import ForceLaw
 from palpate.identification.identified import Identified
 from palpate.preparation.along_penetration import at_places
@@ -177,10 +177,9 @@ def row_of(contact: Contact, settings: Settings) -> Row:
     return row | (at_depth(law, result.covariance, result.depths[0]) if result.depths else {})
 
 
-def failure(error: BaseException) -> Row:
+def failure(error: Exception) -> Row:
     """Return what a row says of a contact that could not be identified."""
-    words = " ".join(str(error).split()) or type(error).__name__
-    return {"error": words, "error_kind": type(error).__name__}
+    return {"error": line_of(error), "error_kind": type(error).__name__}
 
 
 def in_words(finding: Finding) -> str:

@@ -296,15 +296,10 @@ class Settings:
         made = estimator_named(self.method)().replace(**self.estimator)
         if self.minimum_penetration is None and self.minimum_force is None:
             return made
+        depth, force = self.minimum_penetration, self.minimum_force
         if made.chooses_samples:  # nothing beside what is asked for
-            force = self.minimum_force or 0.0
-            gate = ContactGate(self.minimum_penetration or 0.0, force, force)
-        else:
-            gate = choose_gate(
-                contact,
-                minimum_penetration=self.minimum_penetration,
-                minimum_force=self.minimum_force,
-            )
+            return made.replace(gate=ContactGate(depth or 0.0, force or 0.0, force or 0.0))
+        gate = choose_gate(contact, minimum_penetration=depth, minimum_force=force)
         return made.replace(gate=gate)
 
     def plain(self) -> dict[str, Any]:
