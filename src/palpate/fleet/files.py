@@ -510,9 +510,9 @@ def _found_array(name: str) -> ContactSource:
 
 def _file(name: str, path: Path) -> ContactSource:
     stamp, size = stamp_of(str(path))
-    if path.name.lower().endswith(_MAPS):
-        return ContactSource(name, "map", _curves_in(path), stamp=stamp, size=size)
-    return ContactSource(name, "file", stamp=stamp, size=size)
+    several = path.name.lower().endswith(_MAPS)
+    curves = _curves_in(path) if several else None
+    return ContactSource(name, "map" if several else "file", curves, stamp=stamp, size=size)
 
 
 def _curves_in(path: Path) -> int | None:

@@ -159,11 +159,9 @@ def row_of(contact: Contact, settings: Settings) -> Row:
         errors = np.sqrt(np.diag(result.covariance)).tolist()
     for name, value, error in zip(law.names(), law.parameters.tolist(), errors, strict=True):
         row |= {name: value, f"{name}_standard_error": error}
-    if estimate.offset_standard_error > 0.0:
-        row |= {"offset": estimate.offset, "offset_standard_error": estimate.offset_standard_error}
-    if estimate.surface_standard_error > 0.0:
-        row["surface"] = estimate.surface
-        row["surface_standard_error"] = estimate.surface_standard_error
+    for name in ("offset", "surface"):
+        if (error := getattr(estimate, f"{name}_standard_error")) > 0.0:
+            row |= {name: getattr(estimate, name), f"{name}_standard_error": error}
     left = contact.force[result.trace.taken] - result.fitted_force[result.trace.taken]
     row["residual"] = float(np.sqrt(np.mean(left**2))) if left.size else math.nan
     row["taken"] = int(np.count_nonzero(result.trace.taken))

@@ -283,8 +283,7 @@ class Settings:
     @property
     def law(self) -> type[ForceLaw]:
         """The force law that the method identifies."""
-        law: type[ForceLaw] = estimator_named(self.method)().law_type
-        return law
+        return estimator_named(self.method)().law_type
 
     @property
     def searches_surface(self) -> bool:
