@@ -126,6 +126,13 @@ def test_a_folder_that_was_begun_goes_on_with_batches_of_any_size_and_comes_to_t
     tables = [read_results(tmp_path / name) for name in ("at-once", "in-two")]
     assert len({repr(table.to_pylist()) for table in tables}) == 1  # NaN is not NaN
     assert read_seconds(tmp_path / "in-two")["source"] == tables[1]["source"]
+    # What two runs at once wrote, with batches of their own, counts once.
+    results, sources, settings = begun_again
+    for batch in batches(sources, [0.02] * len(sources))[:2]:
+        results.write(batch, *timed_batch(batch.table, settings))
+    finished(begun_again)
+    assert repr(read_results(tmp_path / "in-two").to_pylist()) == repr(tables[0].to_pylist())
+    assert read_seconds(tmp_path / "in-two").num_rows == tables[0].num_rows
 
 
 def test_the_rows_of_a_fleet_are_those_of_identify_one_after_the_other(recordings, tmp_path):

@@ -157,9 +157,8 @@ def _write_motion(result: "Design", written: Written) -> "MotionCommand | None":
 
     if written.output is None:
         return None
-    step = result.sample_time
-    if written.rate is not None:
-        step = 1.0 / number_in("--rate", written.rate, 1.0, 1e5)
+    rate = written.rate
+    step = result.sample_time if rate is None else 1.0 / number_in("--rate", rate, 1.0, 1e5)
     seconds = {} if written.seconds is None else {"seconds": written.seconds}
     command = MotionCommand(result.chosen[1].motion, **seconds)
     write_motion(command, written.output, sample_time=step, notes=notes_of(result))

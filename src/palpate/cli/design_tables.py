@@ -135,10 +135,8 @@ def _print_motions(design: Design, console: Console) -> None:
 
 def _sines(predicted: PredictedPrecision) -> str:
     motion = predicted.motion
-    lines = [
-        f"{rounded(1e3 * a, 4)} mm at {rounded(w, 4)} rad/s"
-        for a, w in zip(motion.amplitudes, motion.frequencies, strict=True)
-    ]
+    sines = zip(motion.amplitudes, motion.frequencies, strict=True)
+    lines = (f"{rounded(1e3 * a, 4)} mm at {rounded(w, 4)} rad/s" for a, w in sines)
     return "\n".join(lines) or "held"
 
 

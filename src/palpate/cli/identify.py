@@ -2,7 +2,6 @@
 
 from collections.abc import Iterable, Sequence
 from functools import partial
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, TypeVar
 
 from cyclopts import Parameter
@@ -14,7 +13,6 @@ from palpate.errors import InvalidParameterError
 
 if TYPE_CHECKING:
     from palpate.identifying import Identification
-    from palpate.reports.identification import Destination
 
 
 Item = TypeVar("Item")
@@ -59,7 +57,11 @@ def identify(
 
     wanted, depth, kind = deriving.wanted, judging.depth, choosing.kind
     drawing.check(list(files))
-    destination = _destination(output, files)
+    destination = None
+    if output is not None:  # once it is known that it can be written there
+        from palpate.reports.identification import Destination
+
+        destination = Destination(output, [file for file in files if str(file) != "-"])
     contact = reading.contact(files, choosing.options)
     settings = reading.settings(contact, kind) | choosing.settings
     result = run(contact, kind(**settings)).wanting(wanted)
@@ -75,15 +77,6 @@ def identify(
         destination.save(result, options=options, compared=compared)
     print_identifications(files, [result], drawing.figure, as_json=as_json, folder=output)
     return judging.status([result.diagnosis.verdict])
-
-
-def _destination(output: Path | None, files: Files) -> "Destination | None":
-    """Where the result goes, once it is known that it can be written there."""
-    if output is None:
-        return None
-    from palpate.reports.identification import Destination
-
-    return Destination(output, [file for file in files if str(file) != "-"])
 
 
 def _in_parts(result: "Identification", *, changes: bool) -> "Identification":

@@ -1,13 +1,12 @@
 """What a recording holds, as tables that a person reads, or as one JSON object."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import asdict
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, TypeAlias
 
-from rich.console import Console
 from rich.text import Text
 
 from palpate.cli.printing import Cell, Terminal, print_table, say, say_path
@@ -52,15 +51,21 @@ def print_recording(recording: Recording, surveyed: Survey) -> None:
     if channels > _MOST_ROWS:
         say(console, f"and {channels - _MOST_ROWS} more channels: --channel NAME or --json")
     notes = [f"{name}: {words}" for name, words in recording.notes.items()]
-    _print_lines(console, "note", notes, "dim")
-    _print_lines(console, "not read", recording.omissions, "dim")
     faults = [
         f"{name}: {f.count} of {len(recording.channels[name])} values are no number, the first "
         f"at sample {f.sample}: {f.text}"
         for name, f in recording.faults.items()
     ]
-    _print_lines(console, "fault", faults, "yellow")
-    _print_lines(console, "lost", recording.losses, "red")
+    for word, lines, style in (
+        ("note", notes, "dim"),
+        ("not read", recording.omissions, "dim"),
+        ("fault", faults, "yellow"),
+        ("lost", recording.losses, "red"),
+    ):
+        for line in lines[:_MOST_LINES]:
+            say(console, printable(f"{word}: {line}"), style)
+        if len(lines) > _MOST_LINES:
+            say(console, f"{word}: {len(lines) - _MOST_LINES} more; see --json", style)
 
 
 def as_dict(file: Path, recording: Recording, surveyed: Survey) -> dict[str, Any]:
@@ -99,19 +104,19 @@ def _roles(recording: Recording) -> list[tuple[str, str, str]]:
     depth = "penetration" if roles.is_penetration else "position"
     clock = recording.clocks.get(roles.depth[0]), recording.clocks.get(roles.force[0])
     time = [roles.time] if roles.time else sorted({name for name in clock if name})
-    channels = {
+    channels: dict[str, Iterable[str]] = {
         "time": time,
-        depth: list(roles.depth),
-        "force": list(roles.force),
-        "velocity": [roles.velocity] if roles.velocity else [],
-        "orientation": list(roles.orientation),
-        "segment": [roles.segment] if roles.segment else [],
+        depth: roles.depth,
+        "force": roles.force,
+        "velocity": [roles.velocity or ""],
+        "orientation": roles.orientation,
+        "segment": [roles.segment or ""],
     }
     usual = {"time": "the clock of its channels", "orientation": "the only one of four"}
     return [
-        (role, ", ".join(names), roles.reasons.get(role, usual.get(role, "it has this name")))
+        (role, words, roles.reasons.get(role, usual.get(role, "it has this name")))
         for role, names in channels.items()
-        if names
+        if (words := ", ".join(names))
     ]
 
 
@@ -154,13 +159,6 @@ def _channels_table(channels: Sequence[ChannelSurvey]) -> Section:
         )
         rows.append([*map(printable, words), *map(str, counts), *span])
     return headings, rows
-
-
-def _print_lines(console: Console, word: str, lines: Sequence[str], style: str) -> None:
-    for line in lines[:_MOST_LINES]:
-        say(console, printable(f"{word}: {line}"), style)
-    if len(lines) > _MOST_LINES:
-        say(console, f"{word}: {len(lines) - _MOST_LINES} more; see --json", style)
 
 
 def _count(number: int, noun: str) -> str:

@@ -194,9 +194,8 @@ def live(
     from palpate.live.running import default_estimator, run
     from palpate.validation import number_in
 
-    seconds = looping.seconds
-    if seconds is not None:
-        seconds = number_in("--seconds", seconds, 0.0, 1e9)
+    if looping.seconds is not None:
+        number_in("--seconds", looping.seconds, 0.0, 1e9)
     choosing = Choosing(law, method)
     chosen = default_estimator(choosing.kind, **choosing.settings)
     if exponent is not None:
@@ -209,7 +208,7 @@ def live(
         sinks,
         preparation=incoming.preparation(taken),
         realtime=looping.realtime,
-        seconds=seconds,
+        seconds=looping.seconds,
     )
     if "recorder" in found["failed"]:
         raise RecordingError(

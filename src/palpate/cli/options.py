@@ -173,9 +173,8 @@ class Judging:
 
         if self.fail_on is None:
             return 0
-        limit = MARKS.index(self.fail_on)
-        failed = any(MARKS.index(verdict.overall) >= limit for verdict in verdicts)
-        return UNTRUSTED if failed else 0
+        failing = MARKS[MARKS.index(self.fail_on) :]
+        return UNTRUSTED if any(each.overall in failing for each in verdicts) else 0
 
 
 @Parameter(name="*", group=Group("What follows from the law", sort_key=4))

@@ -112,16 +112,11 @@ def _print(report: "Report", folder: Path) -> None:
 
     console = Terminal()
     headings = ["figure", "claim", "the paper's", "ours", "verdict"]
-    rows = [
-        [
-            each.experiment,
-            each.claim.key,
-            each.claim.number or "–",
-            each.ours_words or "–",
-            f"{SIGNS[each.verdict]} {each.verdict_words}",
-        ]
-        for each in report.judgements
-    ]
+    rows = []
+    for each in report.judgements:
+        numbers = (words or "–" for words in (each.claim.number, each.ours_words))
+        verdict = f"{SIGNS[each.verdict]} {each.verdict_words}"
+        rows.append([each.experiment, each.claim.key, *numbers, verdict])
     print_table(console, headings, rows, prose=headings[2:])
     say(console, report.summary)
     say_path(console, f"page: {folder / 'report.html'}")

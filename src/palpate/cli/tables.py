@@ -318,8 +318,8 @@ def _correlations(result: Identification) -> str:
 
 def _correlation(value: float) -> str:
     """With as many digits as keep it apart from one, up to four."""
-    words = next((w for w in (f"{value:.{k}f}" for k in (2, 3, 4)) if abs(float(w)) < 1.0), "")
-    return words or f"{value:.4f}"
+    words = [f"{value:.{digits}f}" for digits in (2, 3, 4)]
+    return next((each for each in words if abs(float(each)) < 1.0), words[-1])
 
 
 def _beside(result: Identification) -> list[str]:
@@ -391,28 +391,21 @@ def print_stretches(result: Identification, console: Console) -> None:
 
 def print_places(result: Identification, console: Console) -> None:
     """Print what was identified at each place: stiffness and damping at its own working depth."""
-    places = [part for part in result.stretches if part.place is not None]
-    if not places:
-        return
-    console.print()
     headings = [">time\ns", ">at x, y, z\nmm", ">depth\nmm", *_NUMBERS]
     headings += [*([">Young's\nmodulus"] if result.wanted.tip else []), "verdict"]
-    print_table(console, headings, [_place(part) for part in places])
-
-
-def _place(part: Identification) -> list[str | Text]:
-    found, time = part.diagnosis, part.contact.time
-    there, verdict = found.working_depth, found.verdict.overall
-    place = [] if part.place is None else part.place.position.tolist()
-    return [
-        f"{time[0]:.1f}–{time[-1]:.1f}",
-        ", ".join(f"{1e3 * each:.1f}" for each in place),
-        _depth(1e3 * there.depth),
-        number(there.stiffness),
-        number(there.damping),
-        *([_modulus(part)] if part.wanted.tip else []),
-        Text(verdict, style=_COLOURS[verdict]),
-    ]
+    rows: list[list[Cell]] = []
+    for part in result.stretches:
+        if part.place is not None:
+            found, time = part.diagnosis, part.contact.time
+            there, verdict = found.working_depth, found.verdict.overall
+            place = ", ".join(f"{1e3 * each:.1f}" for each in part.place.position)
+            numbers = [number(there.stiffness), number(there.damping)]
+            numbers += [_modulus(part)] if part.wanted.tip else []
+            times, depth = f"{time[0]:.1f}–{time[-1]:.1f}", _depth(1e3 * there.depth)
+            rows.append([times, place, depth, *numbers, Text(verdict, style=_COLOURS[verdict])])
+    if rows:
+        console.print()
+        print_table(console, headings, rows)
 
 
 def _depth(millimetres: float) -> str:

@@ -267,17 +267,10 @@ def identify_curves(
     if fits_whole_curves(settings):
         table = _together(curves, settings, threads)
         return table, np.full(count, (perf_counter() - begun) / max(count, 1))
-    columns = _named(curves)
-    return identify_each(
-        (
-            (
-                {"prepared": None, **{name: values[k] for name, values in columns.items()}},
-                partial(curves.contact, k, settings),
-            )
-            for k in range(count)
-        ),
-        settings,
-    )
+    named = {"prepared": [None] * count, **_named(curves)}
+    rows = ({name: values[k] for name, values in named.items()} for k in range(count))
+    contacts = (partial(curves.contact, k, settings) for k in range(count))
+    return identify_each(zip(rows, contacts, strict=True), settings)
 
 
 #: What the row of a contact is called and knows beforehand; and the contact, what it is made of,

@@ -301,9 +301,7 @@ def _span(values: Floats, *, zero: bool) -> tuple[float, float]:
 
 def _beyond(values: Floats, low: float, high: float) -> str:
     under, over = bool((values < low).any()), bool((values > high).any())
-    return {(True, True): "both", (True, False): "min", (False, True): "max"}.get(
-        (under, over), "neither"
-    )
+    return ("neither", "min", "max", "both")[under + 2 * over]
 
 
 def _grid(x: Floats, y: Floats) -> tuple[Floats, Floats, Indices, Indices] | None:

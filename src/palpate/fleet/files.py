@@ -115,7 +115,13 @@ def curves_of(name: str, first: int, count: int) -> Curves:
         raise RecordingError(f"{name}: cannot be read: {line_of(error)}") from None
     time = found.get("time")
     if time is None:
-        time = _even_clock(group, samples, name)
+        step = group.attrs.get(_CLOCK)
+        if isinstance(step, bool) or not isinstance(step, int | float) or not 0.0 < step < math.inf:
+            raise RecordingError(
+                f"{name}: when its samples were taken is not said; give the group an array time, "
+                f"or an attribute {_CLOCK}, s"
+            )
+        time = float(step) * np.arange(float(samples))
     if time.shape[-1] != samples:
         raise RecordingError(f"{name}: time has {time.shape[-1]} samples, force {samples}")
     return Curves(
@@ -222,17 +228,6 @@ def _in_si(array: Any, kind: str, rows: slice, name: str) -> Floats:
     if (factor, offset) != (1.0, 0.0):
         values = values * factor + offset
     return values if known[word] == 1.0 else values * known[word]
-
-
-def _even_clock(group: Any, samples: int, name: str) -> Floats:
-    step = group.attrs.get(_CLOCK)
-    if isinstance(step, bool) or not isinstance(step, int | float) or not 0.0 < step < math.inf:
-        raise RecordingError(
-            f"{name}: when its samples were taken is not said; give the group an array time, or an "
-            f"attribute {_CLOCK}, s"
-        )
-    clock: Floats = float(step) * np.arange(float(samples))
-    return clock
 
 
 # The folder of a fleet's results: one file of Parquet a batch, each whole or not there.
@@ -515,9 +510,9 @@ def _found_array(name: str) -> ContactSource:
 
 def _file(name: str, path: Path) -> ContactSource:
     stamp, size = stamp_of(str(path))
-    if path.name.lower().endswith(_MAPS):
-        return ContactSource(name, "map", _curves_in(path), stamp=stamp, size=size)
-    return ContactSource(name, "file", stamp=stamp, size=size)
+    several = path.name.lower().endswith(_MAPS)
+    curves = _curves_in(path) if several else None
+    return ContactSource(name, "map" if several else "file", curves, stamp=stamp, size=size)
 
 
 def _curves_in(path: Path) -> int | None:

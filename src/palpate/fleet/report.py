@@ -30,6 +30,8 @@ MOST = 20
 _FEWEST = 5
 # Of the longest side: along what is shorter there is no map, but the waviness of a surface.
 _FLAT = 0.05
+_FINDINGS = "Findings by kind, notes left out"
+_REASONS, _TIMES = ("reason", "rows", "the first of them"), ("source", "took", "rows")
 _OWN = """
 .wide td { overflow-wrap: anywhere; }
 .wide td:last-child { overflow-wrap: normal; }
@@ -73,35 +75,20 @@ def fleet_page(folder: Path) -> str:
     slowest = slowest if len(slowest) > 1 else []
     count = table.num_rows
     name = folder.resolve().name or "fleet"
-    parts = [
-        "<header>",
-        f"<h1>{escape(name)}</h1>",
-        *_tiles(table),
-        "</header>",
-        "<main>",
-        *html.section("distributions", "What was identified", _distributions(table)),
-        *html.section("map", "Over the material", _map(table)),
-        *html.section("repeats", "Repeats", _repeats(table)),
-        *html.section("flags", "Flags", _kinds("Flags by kind", flags, count)),
-        *html.section(
-            "findings",
-            "Findings of the diagnosis",
-            _kinds("Findings by kind, notes left out", notable, count),
-        ),
-        *html.section("outliers", "Outliers", _outliers(table)),
-        *html.section(
-            "failures",
-            "Failures",
-            _list("Why there are no numbers", ["reason", "rows", "the first of them"], reasons),
-        ),
-        *html.section(
-            "slowest",
-            "What took longest",
-            _list("The slowest sources", ["source", "took", "rows"], slowest),
-        ),
-        *html.section("made", "How it was made", _made(folder)),
-        "</main>",
-    ]
+    sections = (
+        ("distributions", "What was identified", _distributions(table)),
+        ("map", "Over the material", _map(table)),
+        ("repeats", "Repeats", _repeats(table)),
+        ("flags", "Flags", _kinds("Flags by kind", flags, count)),
+        ("findings", "Findings of the diagnosis", _kinds(_FINDINGS, notable, count)),
+        ("outliers", "Outliers", _outliers(table)),
+        ("failures", "Failures", _list("Why there are no numbers", _REASONS, reasons)),
+        ("slowest", "What took longest", _list("The slowest sources", _TIMES, slowest)),
+        ("made", "How it was made", _made(folder)),
+    )
+    drawn = [line for section in sections for line in html.section(*section)]
+    header = [f"<h1>{escape(name)}</h1>", *_tiles(table)]
+    parts = ["<header>", *header, "</header>", "<main>", *drawn, "</main>"]
     style = STYLE + DRAWINGS + REPORT_STYLE + _OWN
     return html.document(f"{name}: what a fleet found", style, parts)
 

@@ -12,7 +12,7 @@ from palpate._core import Status
 from palpate.contact import Contact
 from palpate.diagnosis import Data, Finding
 from palpate.estimators.estimate import Estimate
-from palpate.fleet.tasks import Settings, needed
+from palpate.fleet.tasks import Settings, line_of, needed
 from palpate.force_laws import ForceLaw
 from palpate.identification.identified import Identified
 from palpate.preparation.along_penetration import at_places
@@ -159,11 +159,9 @@ def row_of(contact: Contact, settings: Settings) -> Row:
         errors = np.sqrt(np.diag(result.covariance)).tolist()
     for name, value, error in zip(law.names(), law.parameters.tolist(), errors, strict=True):
         row |= {name: value, f"{name}_standard_error": error}
-    if estimate.offset_standard_error > 0.0:
-        row |= {"offset": estimate.offset, "offset_standard_error": estimate.offset_standard_error}
-    if estimate.surface_standard_error > 0.0:
-        row["surface"] = estimate.surface
-        row["surface_standard_error"] = estimate.surface_standard_error
+    for name in ("offset", "surface"):
+        if (error := getattr(estimate, f"{name}_standard_error")) > 0.0:
+            row |= {name: getattr(estimate, name), f"{name}_standard_error": error}
     left = contact.force[result.trace.taken] - result.fitted_force[result.trace.taken]
     row["residual"] = float(np.sqrt(np.mean(left**2))) if left.size else math.nan
     row["taken"] = int(np.count_nonzero(result.trace.taken))
@@ -177,10 +175,9 @@ def row_of(contact: Contact, settings: Settings) -> Row:
     return row | (at_depth(law, result.covariance, result.depths[0]) if result.depths else {})
 
 
-def failure(error: BaseException) -> Row:
+def failure(error: Exception) -> Row:
     """Return what a row says of a contact that could not be identified."""
-    words = " ".join(str(error).split()) or type(error).__name__
-    return {"error": words, "error_kind": type(error).__name__}
+    return {"error": line_of(error), "error_kind": type(error).__name__}
 
 
 def in_words(finding: Finding) -> str:

@@ -334,17 +334,16 @@ def _check_workers(client: Any, scheduler: str) -> None:
             from palpate._core import __version__
         except ImportError as error:
             return f"no {error.name}"
-        return __version__
+        return f"palpate {__version__}"
 
     try:
         found = client.run(version)
     except Exception as error:
         raise FleetError(f"{scheduler}: its workers cannot be asked: {line_of(error)}") from None
     for worker, answer in sorted(found.items()):
-        if answer != __version__:
-            has = answer if answer.startswith("no ") else f"palpate {answer}"
+        if answer != f"palpate {__version__}":
             raise FleetError(
-                f"{scheduler}: the worker {worker} has {has}, and palpate {__version__} "
+                f"{scheduler}: the worker {worker} has {answer}, and palpate {__version__} "
                 "asks; install one version, with the extra fleet, everywhere"
             )
 
@@ -404,7 +403,7 @@ def run_fleet(
     workers: int | None = None,
     scheduler: str | None = None,
     dashboard: bool = False,
-    progress: Progress | None = None,
+    progress: Progress = lambda done, total: None,
 ) -> Fleet:
     """Identify all contacts of some sources on Dask, and write a row for each to a folder.
 
@@ -445,8 +444,7 @@ def run_fleet(
     there, total = results.done(), results.contacts
     done = sum(end - first for first, end in there)
     fleet = Fleet(folder, total, done)
-    report = progress or (lambda done, total: None)
-    report(done, total)
+    progress(done, total)
     _count(fleet, results.error_kinds())
     if done == total:
         return fleet
@@ -463,7 +461,7 @@ def run_fleet(
             _count(fleet, table["error_kind"].to_pylist())
             fleet.rows += table.num_rows
             done += batch.end - batch.first
-            report(done, total)
+            progress(done, total)
         fleet.seconds = time.perf_counter() - begun
     return fleet
 

@@ -151,13 +151,9 @@ def tasks_table(
 ) -> "pa.Table":
     """Return a table of what is to be identified: ``source``, ``kind`` and ``index``."""
     pa = needed("pyarrow", "a table of contacts")
-    return pa.table(
-        {
-            "source": pa.array(names, pa.string()),
-            "kind": pa.array(kinds, pa.string()),
-            "index": pa.array(indices, pa.int64()),
-        }
-    )
+    kinds_of_columns = {"source": pa.string(), "kind": pa.string(), "index": pa.int64()}
+    columns = zip(kinds_of_columns.items(), (names, kinds, indices), strict=True)
+    return pa.table({name: pa.array(values, kind) for (name, kind), values in columns})
 
 
 def batches(
@@ -188,15 +184,9 @@ def batches(
     for first, end in done:
         waiting[first:end] = False
         edges |= {first, end}
-    whole = tasks_table(
-        [source.name for source in sources for _ in range(source.contacts)],
-        [source.kind for source in sources for _ in range(source.contacts)],
-        [
-            k
-            for source in sources
-            for k in ([None] if source.count is None else range(source.count))
-        ],
-    )
+    each = [source for source in sources for _ in range(source.contacts)]
+    index = [k for s in sources for k in ([None] if s.count is None else range(s.count))]
+    whole = tasks_table([s.name for s in each], [s.kind for s in each], index)
     found = [  # copies: of a slice Arrow would send the whole
         Batch(first, whole.take(np.arange(first, end)), float(work[first:end].sum()))
         for first, end in itertools.pairwise(sorted(edges))
@@ -293,8 +283,7 @@ class Settings:
     @property
     def law(self) -> type[ForceLaw]:
         """The force law that the method identifies."""
-        law: type[ForceLaw] = estimator_named(self.method)().law_type
-        return law
+        return estimator_named(self.method)().law_type
 
     @property
     def searches_surface(self) -> bool:
@@ -306,15 +295,10 @@ class Settings:
         made = estimator_named(self.method)().replace(**self.estimator)
         if self.minimum_penetration is None and self.minimum_force is None:
             return made
+        depth, force = self.minimum_penetration, self.minimum_force
         if made.chooses_samples:  # nothing beside what is asked for
-            force = self.minimum_force or 0.0
-            gate = ContactGate(self.minimum_penetration or 0.0, force, force)
-        else:
-            gate = choose_gate(
-                contact,
-                minimum_penetration=self.minimum_penetration,
-                minimum_force=self.minimum_force,
-            )
+            return made.replace(gate=ContactGate(depth or 0.0, force or 0.0, force or 0.0))
+        gate = choose_gate(contact, minimum_penetration=depth, minimum_force=force)
         return made.replace(gate=gate)
 
     def plain(self) -> dict[str, Any]:
