@@ -5,6 +5,7 @@ import math
 import time
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -339,7 +340,7 @@ def _episodes(fit: Fit, changed: Changes | None) -> tuple[Episode, ...]:
         return ()
     borders = [float(fit.data.time[0]), *changed.times, float(fit.data.time[-1])]
     episodes = []
-    for start, stop, law in zip(borders[:-1], borders[1:], changed.laws, strict=True):
+    for (start, stop), law in zip(pairwise(borders), changed.laws, strict=True):
         numbers = (
             law.force(fit.depth, 0.0),
             law.stiffness_at(fit.depth),

@@ -617,19 +617,19 @@ class Ranking:
 
     Attributes
     ----------
+    recommended : str or None
+        The method to take; None where none is to be trusted.
     order : tuple of str
         The methods, the best first: by verdict, without those of a law that another is clearly
         better than, then by what their law leaves unexplained.
-    recommended : str or None
-        The method to take; None where none is to be trusted.
     failing : tuple of str
         Methods whose answer is not the least squares of their own law, or that found none.
     exclusions : tuple of str
         A sentence for each pair whose error bars exclude each other.
     """
 
-    order: tuple[str, ...]
     recommended: str | None
+    order: tuple[str, ...]
     failing: tuple[str, ...]
     exclusions: tuple[str, ...]
 
@@ -653,7 +653,7 @@ def rank(results: "Mapping[str, Identified]") -> Ranking:
     words = (_exclusion(results[a], results[b]) for a, b in pairs)
     hopeless = all(r.diagnosis.verdict.overall == "do-not-trust" for r in results.values())
     best = None if hopeless else order[0]
-    return Ranking(order, best, failing, tuple(each for each in words if each))
+    return Ranking(best, order, failing, tuple(each for each in words if each))
 
 
 def fails(result: "Identified") -> bool:

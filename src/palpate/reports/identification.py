@@ -567,7 +567,7 @@ class Destination:
         files = list(self.inputs)
         given = {"method": result.method} if options is None else options
         run = as_toml(given, how_made(result.contact, files))
-        columns = in_file(trace_columns(result))
+        columns, units = trace_columns(result)
         whole = {**described(files, [result]), "trace": self.trace}
         circumstances = Circumstances(
             made=datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
@@ -578,15 +578,11 @@ class Destination:
         )
         write_text(self.folder / REPORT, page(result, circumstances, compared), self.inputs)
         notes = {"made by": f"palpate {__version__}", "source": result.contact.source}
-        write_columns(
-            columns.columns,
-            self.folder / self.trace,
-            units=columns.units,
-            notes=notes,
-            inputs=self.inputs,
-        )
+        trace = self.folder / self.trace
+        named = in_file(columns)
+        write_columns(named, trace, units=in_file(units), notes=notes, inputs=self.inputs)
         write_text(self.folder / OPTIONS, run, self.inputs)
-        whole["trace_digest"] = digest_of(self.folder / self.trace)
+        whole["trace_digest"] = digest_of(trace)
         text = json.dumps(whole, ensure_ascii=False, allow_nan=False, indent=1)
         write_text(self.folder / RESULT, text + "\n", self.inputs)
 
