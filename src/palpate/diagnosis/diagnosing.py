@@ -340,12 +340,12 @@ def _episodes(fit: Fit, changed: Changes | None) -> tuple[Episode, ...]:
         return ()
     borders = [float(fit.data.time[0]), *changed.times, float(fit.data.time[-1])]
     episodes = []
-    for (start, stop), law in zip(pairwise(borders), changed.laws, strict=True):
+    for ends, law in zip(pairwise(borders), changed.laws, strict=True):
         numbers = (
             law.force(fit.depth, 0.0),
             law.stiffness_at(fit.depth),
             law.damping_at(fit.depth),
         )
         quantities = [Quantity(float(value), math.nan, 0.0) for value in numbers]
-        episodes.append(Episode(start, stop, law, WorkingDepth(fit.depth, *quantities)))
+        episodes.append(Episode(*ends, law, WorkingDepth(fit.depth, *quantities)))
     return tuple(episodes)
