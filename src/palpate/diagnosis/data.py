@@ -213,12 +213,8 @@ def beat_of(values: Floats) -> int:
 # What was assumed, found or left out on the way from the recording.
 
 
-def preparation(data: Data) -> list[Finding]:
-    """Return a finding for each remark of the contact, in its words."""
-    return [_as_finding(remark) for remark in data.contact.remarks]
-
-
 def _as_finding(remark: Remark) -> Finding:
+    """A remark of the contact, in its words."""
     # What spoils the whole recording spoils both; what calls for care is said of the whole, unless
     # the numbers at working depth suffer from it.
     mark: Mark = "trust"
@@ -288,7 +284,7 @@ def spikes(data: Data) -> Finding | None:
     if np.mean(fast) < FEWEST_FAST:
         fast = np.ones_like(fast)
     fractions = {"force": float(np.mean(force[fast])), "penetration": float(np.mean(penetration))}
-    name = max(fractions, key=lambda channel: fractions[channel])
+    name = max(fractions, key=fractions.__getitem__)
     part = fractions[name]
     if part <= SOME:
         return None
@@ -473,8 +469,9 @@ FEWEST = 20  # samples, below which a recording is only short
 
 def input_findings(data: Data) -> list[Finding]:
     """Run every check of the data, beside what its preparation said."""
-    said = preparation(data)
-    if len(data) < FEWEST:
-        return said
-    found = (check(data) for check in CHECKS.values())
-    return [*(finding for finding in found if finding is not None), *said]
+    said, found = map(_as_finding, data.contact.remarks), []
+    for check in CHECKS.values() if len(data) >= FEWEST else ():
+        finding = check(data)
+        if finding is not None:
+            found.append(finding)
+    return [*found, *said]

@@ -21,7 +21,7 @@ MARKS: tuple[Mark, ...] = ("trust", "with-care", "do-not-trust")
 
 def worst(*marks: Mark) -> Mark:
     """Return the worst of some marks; *trust* of none."""
-    return MARKS[max((MARKS.index(mark) for mark in marks), default=0)]
+    return MARKS[max(map(MARKS.index, marks), default=0)]
 
 
 def severity_of(mark: Mark) -> Severity:

@@ -209,12 +209,14 @@ class CompiledLaw(ForceLaw):
     def force(self, penetration: "ArrayLike", velocity: "ArrayLike") -> float | Floats:
         """Force [N] at a penetration [m] and velocity [m/s], scalars or arrays."""
         try:
-            given = np.asarray(penetration), np.asarray(velocity)
-            if any(array.dtype.kind not in "fiub" for array in given):
+            x, v = np.asarray(penetration), np.asarray(velocity)
+            if x.dtype.kind not in "fiub" or v.dtype.kind not in "fiub":
                 raise TypeError
             if np.ma.is_masked(penetration) or np.ma.is_masked(velocity):
                 raise TypeError
-            x, v = np.broadcast_arrays(*(array.astype(np.float64, copy=False) for array in given))
+            x, v = np.broadcast_arrays(
+                x.astype(np.float64, copy=False), v.astype(np.float64, copy=False)
+            )
         except Exception:  # an object's own __array__ may raise anything
             raise InvalidParameterError(
                 "penetration and velocity must be numbers, or arrays of shapes that go together, "
