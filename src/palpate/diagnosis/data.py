@@ -40,6 +40,9 @@ class Data:
         self.velocity = contact.velocity[self.known]
         self.force = contact.force[self.known]
         self.segment = contact.segment[self.known]
+        self.sample_time = contact.sample_time
+        #: Whether the velocity was worked out from the penetration, and not recorded.
+        self.differentiated = contact.provenance.get("velocity", "").startswith("centred")
         #: By how they were compared: methods of one contact share them.
         self.laws: dict[str, Laws] = {}
 
@@ -49,11 +52,6 @@ class Data:
     def segments(self) -> Iterator[slice]:
         """Slices of the separate contacts, in order."""
         return slices_of(self.segment)
-
-    @cached_property
-    def sample_time(self) -> float:
-        """Median time between samples, s."""
-        return self.contact.sample_time
 
     @cached_property
     def force_step(self) -> float:
@@ -87,11 +85,6 @@ class Data:
         """What the checks of the data found."""
         with np.errstate(all="ignore"):  # absurd samples overflow, and are then found
             return tuple(input_findings(self))
-
-    @property
-    def differentiated(self) -> bool:
-        """Whether the velocity was worked out from the penetration, and not recorded."""
-        return self.contact.provenance.get("velocity", "").startswith("centred")
 
     @cached_property
     def peak_force(self) -> float:

@@ -190,8 +190,9 @@ def _by_delay(fit: Fit, shift: int) -> Floats:
     """dF̂/dτ at a shift of whole samples, N/s."""
     law, step = fit.solution.law, fit.data.sample_time
     later, earlier = _motion(fit, shift + 1), _motion(fit, shift - 1)
-    force = [m.band.mean(law.force(np.maximum(m.x, 0.0), m.v)) for m in (later, earlier)]
-    return (force[0] - force[1]) / (2.0 * step)
+    more = law.force(np.maximum(later.x, 0.0), later.v)
+    less = law.force(np.maximum(earlier.x, 0.0), earlier.v)
+    return (fit.band.mean(more) - fit.band.mean(less)) / (2.0 * step)
 
 
 def _motion(fit: Fit, shift: int, every: int = 1) -> MovedSamples:

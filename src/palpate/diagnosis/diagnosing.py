@@ -77,7 +77,8 @@ def flat(fit: Fit) -> Finding | None:
     top = float(force[inside].max())
     highest = force[starts] >= top
     count = np.count_nonzero(inside)
-    at_top, elsewhere = (lengths[stuck & at].sum() / count for at in (highest, ~highest))
+    at_top = lengths[stuck & highest].sum() / count
+    elsewhere = lengths[stuck & ~highest].sum() / count
     part = max(at_top, elsewhere)
     if part <= SOME_FLAT:
         return None

@@ -24,6 +24,7 @@ from palpate.digits import rounded
 from palpate.errors import InvalidParameterError, PalpateError, RecordingError
 from palpate.estimators import ContactEstimator
 from palpate.estimators.curves import STATUS_WORDS, CurveFits, fit_curves
+from palpate.estimators.estimate import ADVICE
 from palpate.fleet.rows import (
     AT_DEPTH,
     LawsAtDepth,
@@ -39,7 +40,6 @@ from palpate.fleet.rows import (
 )
 from palpate.fleet.tasks import DiagnosisDepth, Settings, cores
 from palpate.identification.identified import (
-    ADVICE_OF,
     FEWEST_ABOVE,
     NEGATIVE_DAMPING,
     NEGATIVE_STIFFNESS,
@@ -52,6 +52,9 @@ from palpate.validation import Floats, number_in, real_array, shown, whole_in
 
 if TYPE_CHECKING:
     import pyarrow as pa
+
+# What the bits of an estimate's flags say, for each of their combinations.
+_ADVICE_OF = [tuple(words for bit, words in ADVICE.items() if bits & bit) for bits in range(256)]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -412,7 +415,7 @@ def _flags(fits: CurveFits, left_out: NDArray[np.int64]) -> list[Any]:
     few = fits.taken < 30  # ten samples a parameter
     pulling, giving = fits.stiffness < 0.0, fits.damping < 0.0
     unsettled = fits.status == STATUS_WORDS.index("did not settle")
-    flags: list[Any] = [ADVICE_OF[bits] for bits in fits.flags.tolist()]
+    flags: list[Any] = [_ADVICE_OF[bits] for bits in fits.flags.tolist()]
     for k in np.flatnonzero(few | pulling | giving | unsettled | (left_out > 0)).tolist():
         more = [f"only {fits.taken[k]} samples in contact"] if few[k] else []
         more += [NEGATIVE_STIFFNESS] if pulling[k] else []
