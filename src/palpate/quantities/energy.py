@@ -112,15 +112,11 @@ def loops_of(contact: Contact, path: Path) -> Loops:
     """
     touches = _touches(contact, path)
     counts = np.concatenate([[0], np.cumsum(path.inside)])
-    held = sum(counts[int(b) + 1] - counts[int(a)] for a, b in touches)
-    if 2 * held >= counts[-1] > 0:
-        return _loops("touch", touches)
-    return _loops("cycle", _cycles(path))
-
-
-def _loops(kind: str, ends: list[tuple[float, float]]) -> Loops:
-    starts, stops = np.array(ends, dtype=np.float64).reshape(-1, 2).T
-    return Loops(kind, starts, stops)
+    kind, ends = "touch", np.array(touches, dtype=np.float64).reshape(-1, 2)
+    first, last = ends.astype(np.intp).T
+    if not 2 * int((counts[last + 1] - counts[first]).sum()) >= counts[-1] > 0:
+        kind, ends = "cycle", np.array(_cycles(path), dtype=np.float64).reshape(-1, 2)
+    return Loops(kind, *ends.T)
 
 
 def _touches(contact: Contact, path: Path) -> list[tuple[float, float]]:

@@ -8,7 +8,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from html import escape
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
@@ -603,9 +602,5 @@ def _has_a_result(folder: Path) -> bool:
 
 def _versions() -> dict[str, str]:
     found = {"Python": ".".join(map(str, sys.version_info[:3])), "palpate": __version__}
-    for name in _PACKAGES:
-        try:
-            found[name] = version(name)
-        except PackageNotFoundError:
-            continue
-    return found
+    took_part = {name: sys.modules[name] for name in _PACKAGES if name in sys.modules}
+    return found | {name: module.__version__ for name, module in took_part.items()}
