@@ -67,12 +67,12 @@ def test_what_was_saved_is_read_back_to_the_last_bit(ball, saved):
 def test_without_pyarrow_the_trace_is_text_and_as_exact(ball, tmp_path, monkeypatch):
     monkeypatch.setattr(identification, "has_parquet", lambda: False)
     assert "trace.csv" in identification.Destination(tmp_path).names
-    table = in_file(trace_columns(ball))
-    tables.write_columns(table.columns, tmp_path / "trace.csv", units=table.units)
+    columns, units = map(in_file, trace_columns(ball))
+    tables.write_columns(columns, tmp_path / "trace.csv", units=units)
     found = palpate.open_recording(tmp_path / "trace.csv")
-    for name in set(table.columns) - {"status"}:
-        assert same(found.numbers(name), table.columns[name]), name
-    assert found.channels["status"].tolist() == table.columns["status"].tolist()
+    for name in set(columns) - {"status"}:
+        assert same(found.numbers(name), columns[name]), name
+    assert found.channels["status"].tolist() == columns["status"].tolist()
 
 
 def test_the_result_is_what_json_prints(ball, saved, run):

@@ -141,14 +141,14 @@ class Contact:
     @property
     def sample_time(self) -> float:
         """Median time between samples within a segment, s."""
-        steps = np.concatenate([np.empty(0), *(np.diff(self.time[p]) for p in self.segments())])
+        steps = np.diff(self.time)[np.diff(self.segment) == 0]
         return float(np.median(steps)) if steps.size else 1e-3
 
     @property
     def time_steps(self) -> Floats:
         """Time since the previous sample, s; the median one at the start of a segment."""
         steps = np.diff(self.time, prepend=0.0)
-        steps[[part.start for part in self.segments()]] = self.sample_time
+        steps[np.diff(self.segment, prepend=self.segment[:1] - 1) != 0] = self.sample_time
         return steps
 
     def window(self, start: float | None = None, stop: float | None = None) -> "Contact":

@@ -14,7 +14,6 @@ from palpate.estimators.estimate import Traced, checked_trace
 from palpate.identification.identified import Identified
 from palpate.preparation.gates import choose_gate
 from palpate.preparation.preparing import Recorded, prepare
-from palpate.results.saved import of_one, to_pandas, to_xarray
 from palpate.results.summary import line, summary
 from palpate.settings import ContactGate
 
@@ -90,6 +89,8 @@ class Identification(Identified):
         MissingExtraError
             pandas is not installed.
         """
+        from palpate.results.saved import to_pandas
+
         return to_pandas(self)
 
     def to_xarray(self) -> "xarray.Dataset":
@@ -100,6 +101,8 @@ class Identification(Identified):
         MissingExtraError
             xarray, of the extra ``notebook``, is not installed.
         """
+        from palpate.results.saved import to_xarray
+
         return to_xarray(self)
 
     def save(self, folder: str | Path) -> None:
@@ -126,6 +129,8 @@ class Identification(Identified):
 
     def as_dict(self) -> dict[str, Any]:
         """Return the result as plain numbers and words; what is not defined is None."""
+        from palpate.results.saved import of_one
+
         return of_one(self)
 
 

@@ -21,7 +21,6 @@ from palpate.identification.identified import rank
 from palpate.identifying import Identification
 from palpate.preparation.gates import touches_of
 from palpate.recordings.recording import truth_of
-from palpate.results.saved import described
 from palpate.results.summary import (
     correlated,
     felt,
@@ -151,6 +150,8 @@ def print_identifications(
 ) -> None:
     """Print what a file gave: its identifications side by side, and what to know about them."""
     if as_json:
+        from palpate.results.saved import described
+
         print_json(described(files, results))
         return
     console = Terminal()

@@ -236,7 +236,9 @@ def _judged(fit: Fit, cut: Cut) -> Changes | None:
         spread = covariance[first, first] + covariance[second, second]
         spread = spread - covariance[first, second] - covariance[second, first]
         wald.append(math.sqrt(max(float(step @ np.linalg.pinv(spread) @ step), 0.0)))
-    laws = tuple(_law(fit, cut, row) for row in cut.coefficients)
+    kind: Any = type(fit.solution.law)
+    shape = [] if math.isnan(cut.exponent) else [cut.exponent]
+    laws = tuple(fit.units.restored(kind(*row, *shape)) for row in cut.coefficients)
     values = [fit.stiffness(fit.units.local(law)) for law in laws]
     size = [abs(b / a - 1.0) if a else math.inf for a, b in itertools.pairwise(values)]
     if min(wald, default=0.0) <= SIGNIFICANT or max(size) <= SMALLEST_STEP:
@@ -269,10 +271,3 @@ def _to_the_sample(fit: Fit, cut: Cut, laws: tuple[ForceLaw, ...], border: int) 
     left, right = (wanted - laws[border + m].force(x, v) for m in (0, 1))
     last = int(np.argmin(np.cumsum(left**2 - right**2)))
     return float(data.time[near[min(last + 1, near.size - 1)]])
-
-
-def _law(fit: Fit, cut: Cut, row: Floats) -> ForceLaw:
-    kind: Any = type(fit.solution.law)
-    local = kind(*row) if math.isnan(cut.exponent) else kind(*row, cut.exponent)
-    law: ForceLaw = fit.units.restored(local)
-    return law

@@ -39,6 +39,9 @@ class Data:
         self.velocity = contact.velocity[self.known]
         self.force = contact.force[self.known]
         self.segment = contact.segment[self.known]
+        self.sample_time = contact.sample_time
+        #: Whether the velocity was worked out from the penetration, and not recorded.
+        self.differentiated = contact.provenance.get("velocity", "").startswith("centred")
         #: By how they were compared: methods of one contact share them.
         self.laws: dict[str, Laws] = {}
 
@@ -48,11 +51,6 @@ class Data:
     def segments(self) -> Iterator[slice]:
         """Slices of the separate contacts, in order."""
         return slices_of(self.segment)
-
-    @cached_property
-    def sample_time(self) -> float:
-        """Median time between samples, s."""
-        return self.contact.sample_time
 
     @cached_property
     def force_step(self) -> float:
@@ -86,11 +84,6 @@ class Data:
         """What the checks of the data found."""
         with np.errstate(all="ignore"):  # absurd samples overflow, and are then found
             return tuple(input_findings(self))
-
-    @property
-    def differentiated(self) -> bool:
-        """Whether the velocity was worked out from the penetration, and not recorded."""
-        return self.contact.provenance.get("velocity", "").startswith("centred")
 
     @cached_property
     def peak_force(self) -> float:
@@ -212,12 +205,8 @@ def beat_of(values: Floats) -> int:
 # What was assumed, found or left out on the way from the recording.
 
 
-def preparation(data: Data) -> list[Finding]:
-    """Return a finding for each remark of the contact, in its words."""
-    return [_as_finding(remark) for remark in data.contact.remarks]
-
-
 def _as_finding(remark: Remark) -> Finding:
+    """A remark of the contact, in its words."""
     # What spoils the whole recording spoils both; what calls for care is said of the whole, unless
     # the numbers at working depth suffer from it.
     mark: Mark = "trust"
@@ -287,7 +276,7 @@ def spikes(data: Data) -> Finding | None:
     if np.mean(fast) < FEWEST_FAST:
         fast = np.ones_like(fast)
     fractions = {"force": float(np.mean(force[fast])), "penetration": float(np.mean(penetration))}
-    name = max(fractions, key=lambda channel: fractions[channel])
+    name = max(fractions, key=fractions.__getitem__)
     part = fractions[name]
     if part <= SOME:
         return None
@@ -472,8 +461,9 @@ FEWEST = 20  # samples, below which a recording is only short
 
 def input_findings(data: Data) -> list[Finding]:
     """Run every check of the data, beside what its preparation said."""
-    said = preparation(data)
-    if len(data) < FEWEST:
-        return said
-    found = (check(data) for check in CHECKS.values())
-    return [*(finding for finding in found if finding is not None), *said]
+    said, found = map(_as_finding, data.contact.remarks), []
+    for check in CHECKS.values() if len(data) >= FEWEST else ():
+        finding = check(data)
+        if finding is not None:
+            found.append(finding)
+    return [*found, *said]

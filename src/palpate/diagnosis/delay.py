@@ -193,17 +193,17 @@ def skew_matters(fit: Fit) -> str:
 def _by_delay(fit: Fit, shift: int) -> Floats:
     """dF̂/dτ at a shift of whole samples, N/s."""
     law, step = fit.solution.law, fit.data.sample_time
-    later, earlier = _motion(fit, shift + 1), _motion(fit, shift - 1)
-    force = [m.band.mean(law.force(np.maximum(m.x, 0.0), m.v)) for m in (later, earlier)]
-    return (force[0] - force[1]) / (2.0 * step)
+    later, earlier = (_motion(fit, shift + by, fit.band, fit.force) for by in (1, -1))
+    more = law.force(np.maximum(later.x, 0.0), later.v)
+    less = law.force(np.maximum(earlier.x, 0.0), earlier.v)
+    return (fit.band.mean(more) - fit.band.mean(less)) / (2.0 * step)
 
 
-def _motion(fit: Fit, shift: int, every: int = 1) -> MovedSamples:
+def _motion(fit: Fit, shift: int, band: Band, force: Floats) -> MovedSamples:
     """The motion that a force later by some samples answers to."""
-    band = fit.band if every == 1 else fit.band.thinned(every)
     place = _within_segment(fit, band, shift)
     x = fit.penetration[place] / fit.units.depth
-    return MovedSamples(x, fit.data.velocity[place] / fit.units.speed, band, fit.force[::every])
+    return MovedSamples(x, fit.data.velocity[place] / fit.units.speed, band, force)
 
 
 def _within_segment(fit: Fit, band: Band, shift: int) -> NDArray[np.intp]:
@@ -218,15 +218,16 @@ def _within_segment(fit: Fit, band: Band, shift: int) -> NDArray[np.intp]:
 def _best_shift(fit: Fit, reach: int) -> tuple[Solution, int]:
     """The whole shift that fits best: a coarse scan, then single samples around its best."""
     every = max(-(-len(fit.band) // MOST_ROWS), 1)
+    band, force = fit.band.thinned(every) if every > 1 else fit.band, fit.force[::every]
     law, offset = fit.solution.law, fit.solution.offset
 
     @cache
     def energy(shift: int) -> float:
-        return fit.solve(law, offset, _motion(fit, shift, every), enough=ROUGHLY).energy
+        return fit.solve(law, offset, _motion(fit, shift, band, force), enough=ROUGHLY).energy
 
     def roughly(shift: int) -> float:
         """What a linear step would leave: enough where single samples are tried afterwards."""
-        return fit.at(law, offset, _motion(fit, shift, every)).left_by_a_step
+        return fit.at(law, offset, _motion(fit, shift, band, force)).left_by_a_step
 
     coarse = max(reach // 6, 1)
     shifts: Iterable[int] = {0, -reach, reach, *range(-reach, reach + 1, coarse)}
@@ -237,7 +238,7 @@ def _best_shift(fit: Fit, reach: int) -> tuple[Solution, int]:
         coarse //= 2
         near = (best - coarse, best, best + coarse)
         best = min((s for s in near if abs(s) <= reach), key=energy)
-    return fit.solve(law, offset, _motion(fit, best)), best
+    return fit.solve(law, offset, _motion(fit, best, fit.band, fit.force)), best
 
 
 # Memory: a branch that relaxes, as viscoelastic materials have.
@@ -317,11 +318,13 @@ def relaxed(drive: Floats, steps: Floats, tau: float, sample_time: float) -> Flo
     """
     decay = math.exp(-sample_time / tau)
     power = decay ** np.arange(BLOCK + 1)
-    lower = np.tril(power[np.abs(np.subtract.outer(np.arange(BLOCK), np.arange(BLOCK)))])
     blocks = -(-len(drive) // BLOCK)
     rise = np.zeros(blocks * BLOCK)
     rise[1 : len(drive)] = np.diff(drive)
-    local = rise.reshape(blocks, BLOCK) @ lower.T
+    local, span = rise.reshape(blocks, BLOCK), 1
+    while span < BLOCK:  # Σ aⁱz⁻ⁱ = (1 + az⁻¹)(1 + a²z⁻²)(1 + a⁴z⁻⁴)…
+        local[:, span:] += power[span] * local[:, :-span]
+        span *= 2
     elapsed = np.zeros(blocks * BLOCK)
     elapsed[: len(drive)] = steps
     over = np.exp(-elapsed.reshape(blocks, BLOCK).sum(axis=1) / tau).tolist()

@@ -5,6 +5,8 @@ import math
 import time
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import pairwise
+from operator import attrgetter
 
 import numpy as np
 
@@ -75,7 +77,8 @@ def flat(fit: Fit) -> Finding | None:
     top = float(force[inside].max())
     highest = force[starts] >= top
     count = np.count_nonzero(inside)
-    at_top, elsewhere = (lengths[stuck & at].sum() / count for at in (highest, ~highest))
+    at_top = lengths[stuck & highest].sum() / count
+    elsewhere = lengths[stuck & ~highest].sum() / count
     part = max(at_top, elsewhere)
     if part <= SOME_FLAT:
         return None
@@ -239,19 +242,22 @@ def _diagnosed(fit: Fit, found: list[Finding], others: Sequence[float]) -> Diagn
         *(flat, left_out, method, excitation, one_way),
         *(offset, velocity_noise, misfit, extrapolation),
     )
-    wide = [check(fit) for check in checks]
     if not any(finding.check == "change" for finding in judged.findings):
         changed = None
     if changed is None:  # of two materials one law is none
         judged = _with_better_law(fit, judged)
     named_surface = bool(judged.findings) and judged.findings[0].check == "surface"
     found += judged.findings
-    found += [f for f in wide if f is not None and not (f.check == "offset" and named_surface)]
+    for check in checks:
+        finding = check(fit)
+        if finding is not None and not (finding.check == "offset" and named_surface):
+            found.append(finding)
     found += _notes(fit)
     judged = _moved_by_velocity(fit, judged, found)
     depths = tuple(working_depth(fit.at_depth(depth), judged) for depth in (fit.depth, *others))
     found += sign(fit, depths[0], found)
-    return _whole(found, depths, _episodes(fit, changed), fit.laws)
+    episodes = _episodes(fit, changed) if changed is not None else ()
+    return _whole(found, depths, episodes, fit.laws)
 
 
 def _with_better_law(fit: Fit, judged: Judged) -> Judged:
@@ -275,13 +281,15 @@ def _moved_by_velocity(fit: Fit, judged: Judged, found: list[Finding]) -> Judged
     velocity, and the damping becomes as much larger: 0.1 % at 2 Hz by the usual 15 ms.
     """
     parts = [f.moves_damping_percent for f in found if f.check.startswith("velocity")]
-    known = [abs(part) / 100.0 for part in parts if math.isfinite(part)]
+    moves = np.abs(parts) / 100.0
+    least = max(judged.damping, float(moves.max(where=np.isfinite(moves), initial=0.0)))
     prepared = fit.data.contact.prepared
     if prepared is not None and prepared.window is not None and fit.period > 0.0:
         lost = (math.pi * prepared.window / fit.period) ** 2 / 10.0
         moved = lost * abs(fit.damping(fit.solution.law))
-        known += [moved / fit.sizes[1]] if moved > OFF * standard_errors(fit)[2] else []
-    return replace(judged, damping=max((judged.damping, *known)))
+        if moved > OFF * standard_errors(fit)[2]:
+            least = max(least, moved / fit.sizes[1])
+    return replace(judged, damping=least)
 
 
 def _whole(
@@ -290,15 +298,15 @@ def _whole(
     episodes: tuple[Episode, ...],
     laws: Laws | None,
 ) -> Diagnosis:
-    order: tuple[Mark | str, ...] = ("do-not-trust", "with-care", "note")
-    sorted_ = sorted(found, key=lambda finding: order.index(finding.severity))
-    severities: list[Mark] = [MARKS[2 - order.index(finding.severity)] for finding in sorted_]
-    stiffness = worst(*(finding.stiffness for finding in sorted_))
-    damping = worst(*(finding.damping for finding in sorted_))
-    overall = worst(*severities, stiffness, "with-care" if damping != "trust" else "trust")
-    verdict = Verdict(stiffness, damping, overall)
+    severity = ("do-not-trust", "with-care", "note")
+    in_order = [finding for each in severity for finding in found if finding.severity == each]
+    stiffness = worst(*map(attrgetter("stiffness"), found))
+    damping = worst(*map(attrgetter("damping"), found))
+    gravest = MARKS[2 - severity.index(in_order[0].severity)] if in_order else "trust"
+    overall = worst(gravest, stiffness, "with-care" if damping != "trust" else "trust")
     of_laws = laws.verdict if laws is not None else None
-    return Diagnosis(verdict, tuple(sorted_), depths, episodes, of_laws)
+    verdict = Verdict(stiffness, damping, overall)
+    return Diagnosis(verdict, tuple(in_order), depths, episodes, of_laws)
 
 
 def _nothing_to_check(fit: Fit) -> Finding:
@@ -334,17 +342,15 @@ def _notes(fit: Fit) -> list[Finding]:
     return notes
 
 
-def _episodes(fit: Fit, changed: Changes | None) -> tuple[Episode, ...]:
-    if changed is None:
-        return ()
+def _episodes(fit: Fit, changed: Changes) -> tuple[Episode, ...]:
     borders = [float(fit.data.time[0]), *changed.times, float(fit.data.time[-1])]
     episodes = []
-    for begin, end, law in zip(borders[:-1], borders[1:], changed.laws, strict=True):
+    for ends, law in zip(pairwise(borders), changed.laws, strict=True):
         numbers = (
             law.force(fit.depth, 0.0),
             law.stiffness_at(fit.depth),
             law.damping_at(fit.depth),
         )
         quantities = [Quantity(float(value), math.nan, 0.0) for value in numbers]
-        episodes.append(Episode(begin, end, law, WorkingDepth(fit.depth, *quantities)))
+        episodes.append(Episode(*ends, law, WorkingDepth(fit.depth, *quantities)))
     return tuple(episodes)

@@ -21,7 +21,7 @@ MARKS: tuple[Mark, ...] = ("trust", "with-care", "do-not-trust")
 
 def worst(*marks: Mark) -> Mark:
     """Return the worst of some marks; *trust* of none."""
-    return MARKS[max((MARKS.index(mark) for mark in marks), default=0)]
+    return MARKS[max(map(MARKS.index, marks), default=0)]
 
 
 def severity_of(mark: Mark) -> Severity:
@@ -203,16 +203,15 @@ class Diagnosis:
     @property
     def reason(self) -> str:
         """The sentence of the gravest finding that is more than a note."""
-        for finding in self.findings:
-            if finding.severity != "note":
-                return finding.sentence
-        return "nothing was found that moves the numbers"
+        if not self.findings or self.findings[0].severity == "note":
+            return "nothing was found that moves the numbers"
+        return self.findings[0].sentence
 
     @property
     def remedy(self) -> str | None:
         """What to do about the reason."""
-        grave = (finding.remedy for finding in self.findings if finding.severity != "note")
-        return next(grave, None)
+        first = self.findings[:1]
+        return first[0].remedy if first and first[0].severity != "note" else None
 
     def as_dict(self) -> dict[str, Any]:
         """Return it as plain numbers and words; what is not defined is None."""

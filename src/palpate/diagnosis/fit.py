@@ -361,10 +361,14 @@ class Fit:
 
         Until a step gains less than ``enough`` of the energy.
         """
-        best, damping = self.at(law, offset, moved), 1e-9
+        best, damping, names = self.at(law, offset, moved), 1e-9, len(law.symbols)
         for _ in range(MOST_STEPS):
             change = _step(best.jacobian, best.residual, damping)
-            trial = self.at(*self._moved(best, change), moved)
+            parameters = best.law.parameters + change[:names]
+            if isinstance(law, HuntCrossley):
+                parameters[2] = min(max(parameters[2], EXPONENTS[0]), EXPONENTS[1])
+            after = best.offset + float(change[names:].sum())
+            trial = self.at(law.from_parameters(parameters), after, moved)
             if not trial.energy < best.energy:
                 damping = max(damping, 1e-6) * 10.0
                 if damping > 1e3:
@@ -375,13 +379,6 @@ class Fit:
             if gained < enough * best.energy:
                 break
         return best
-
-    def _moved(self, from_: Solution, change: Floats) -> tuple[ForceLaw, float]:
-        names = len(from_.law.symbols)
-        parameters = from_.law.parameters + change[:names]
-        if isinstance(from_.law, HuntCrossley):
-            parameters[2] = np.clip(parameters[2], *EXPONENTS)
-        return type(from_.law)(*parameters), from_.offset + float(change[names:].sum())
 
     def stiffness(self, law: ForceLaw) -> float:
         """∂F/∂x at the working depth of a law in local units, N/m."""
@@ -440,18 +437,13 @@ class Fit:
         return float(moved[0] / self.sizes[0]), float(moved[1] / self.sizes[1])
 
     @cached_property
-    def noise(self) -> float:
-        """Noise floor of a sample's force, N: √(σ² + S²σ_x² + C²σ_v²)."""
+    def floor(self) -> float:
+        """What noise leaves of a row of the band, N: of a sample's √(σ² + S²σ_x² + C²σ_v²)."""
         x = np.maximum(self.x, 1e-12)
         slope = self.solution.law.penetration_gradient(x, self.v) / self.units.depth
         by_x = np.mean(slope**2) * self.data.penetration_noise**2
         by_v = (self.damping(self.solution.law) * self.data.velocity_noise) ** 2
-        return math.sqrt(self.data.force_noise**2 + by_x + by_v)
-
-    @cached_property
-    def floor(self) -> float:
-        """What noise leaves of a row of the band, N."""
-        return self.noise / math.sqrt(self.band.width)
+        return math.sqrt(self.data.force_noise**2 + by_x + by_v) / math.sqrt(self.band.width)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -3,6 +3,7 @@
 import math
 from dataclasses import dataclass, replace
 from functools import partial
+from operator import attrgetter
 
 import numpy as np
 
@@ -67,9 +68,12 @@ class Judged:
 
     def systematic(self, fit: Fit) -> tuple[float, float]:
         """Systematic parts of stiffness and damping at the fit's working depth, of their size."""
-        moved = [(weight, *cause.moves(fit)) for cause, weight in self.counted]
-        stiffness = max((weight * abs(s) for weight, s, _ in moved), default=0.0)
-        return stiffness, max((self.damping, *(weight * abs(c) for weight, _, c in moved)))
+        stiffness, damping = 0.0, self.damping
+        for cause, weight in self.counted:
+            by_stiffness, by_damping = cause.moves(fit)
+            stiffness = max(weight * abs(by_stiffness), stiffness)
+            damping = max(weight * abs(by_damping), damping)
+        return stiffness, damping
 
 
 def judge(causes: list[Cause], ratio: float, unexplained: float) -> Judged:
@@ -84,9 +88,8 @@ def judge(causes: list[Cause], ratio: float, unexplained: float) -> Judged:
     unexplained : float
         Fraction of the force that the law leaves.
     """
-    significant = sorted(
-        (cause for cause in causes if cause.z > SIGNIFICANT), key=lambda c: c.gain, reverse=True
-    )
+    significant = [cause for cause in causes if cause.z > SIGNIFICANT]
+    significant.sort(key=attrgetter("gain"), reverse=True)
     if not significant:
         return Judged([])
     named = _named(significant, unexplained)
@@ -136,7 +139,7 @@ def _in_doubt(named: Cause, rivals: list[Cause]) -> Cause:
     others = [rival for rival in rivals if rival.family != named.family]
     if not others:
         return named
-    second = max(others, key=lambda cause: cause.gain)
+    second = max(others, key=attrgetter("gain"))
     if named.name == "surface" or _surely(named, second):
         return named
     return replace(named, sentence=f"{named.sentence}; or {second.sentence}")
@@ -279,7 +282,7 @@ def surface(fit: Fit) -> list[Cause]:
             placed(samples, np.array([*given[:4], start]), exponent_fixed=bool(fit.fixed))
             for start in STARTS
         ),
-        key=lambda placed: placed.energy,
+        key=attrgetter("energy"),
     )
     depth = after.parameters[4]
     if abs(depth) < max(FEWEST_MOVED, RESOLVED * fit.data.penetration_noise / fit.reference):

@@ -16,15 +16,14 @@ from palpate.figures.panels import (
     Final,
     at_depth,
     course_of,
+    draw_at_depth,
     draw_condition,
-    draw_damping,
     draw_error,
     draw_force,
     draw_loop,
     draw_parameter,
     draw_residual,
     draw_residual_rows,
-    draw_stiffness,
     fit_of,
     force_at_depth,
     name_of,
@@ -105,8 +104,8 @@ def _on_a_page(new_figure: "type[Figure]", result: Identified, look: Look) -> "F
     draw_loop(loop, result, look)
     head(loop, "Force over penetration")
     course = course_of(result, result.diagnosis.working_depth.depth)
-    draw_stiffness(cell(1, 0, 1 / 2), result, course, look)
-    draw_damping(cell(1, 1 / 2, 1), result, course, look)
+    draw_at_depth(cell(1, 0, 1 / 2), result, course, "stiffness", look)
+    draw_at_depth(cell(1, 1 / 2, 1), result, course, "damping", look)
     for row, several in enumerate(rows):
         for i, parameter in enumerate(several):
             axes = cell(2 + row, i / len(several), (i + 1) / len(several))
@@ -139,8 +138,8 @@ def _in_a_column(new_figure: "type[Figure]", result: Identified, look: Look) -> 
     draw_force(panels[0], result, look)
     draw_loop(panels[1], result, look)
     head(panels[1], "Force over penetration")
-    draw_stiffness(panels[2], result, course, look)
-    draw_damping(panels[3], result, course, look)
+    draw_at_depth(panels[2], result, course, "stiffness", look)
+    draw_at_depth(panels[3], result, course, "damping", look)
     draw_residual(panels[4], result, look)
     if condition:
         draw_condition(panels[5], result, course, look)
@@ -423,45 +422,36 @@ def draw_comparison(
     best = ranking.recommended
     words = "no method is to be trusted" if best is None else f"recommended: {best}"
     with style(look.theme, look.sheet) as new_figure:
-        arrange = _compared_in_a_column if look.sheet.narrow else _compared_on_a_page
-        figure = arrange(new_figure, ordered, look)
+        figure = _compared(new_figure, ordered, look)
         set_titles(figure, look.sheet, [words, name_of(ordered[0])], COMPARED_CAPTION)
     return figure
 
 
-def _compared_on_a_page(
-    new_figure: "type[Figure]", ordered: list[Identified], look: Look
-) -> "Figure":
-    heights = 2.3, 1.3 * len(ordered) + 0.3
-    figure = new_figure(figsize=look.sheet.size(sum(heights) + 1.1), layout="constrained")
+def _compared(new_figure: "type[Figure]", ordered: list[Identified], look: Look) -> "Figure":
+    """Values above, residuals below; on a page force and loops beside them."""
+    count, narrow = len(ordered), look.sheet.narrow
+    heights = (0.9 + 0.19 * count, 1.15 * count + 0.3) if narrow else (2.3, 1.3 * count + 0.3)
+    high = sum(heights) + (1.8 if narrow else 1.1)
+    figure = new_figure(figsize=look.sheet.size(high), layout="constrained")
     grid = figure.add_gridspec(2, 1, height_ratios=heights)
     above, below = figure.add_subfigure(grid[0]), figure.add_subfigure(grid[1])
-    force, stiffness, damping = above.subplots(1, 3, width_ratios=(1.4, 1.0, 1.0))
-    draw_force(force, ordered[0], look)
-    names = [f"{row + 1}. {result.method}" for row, result in enumerate(ordered)]
+    names = [f"{row + 1}" for row in range(count)]
+    if narrow:
+        stiffness, damping = above.subplots(1, 2)
+        panels = below.subplots(count, 1, squeeze=False)
+    else:
+        names = [f"{name}. {each.method}" for name, each in zip(names, ordered, strict=True)]
+        force, stiffness, damping = above.subplots(1, 3, width_ratios=(1.4, 1.0, 1.0))
+        draw_force(force, ordered[0], look)
+        panels = below.subplots(count, 2, width_ratios=(2.0, 1.0), squeeze=False)
     draw_values(stiffness, damping, ordered, names, look)
-    panels = below.subplots(len(ordered), 2, width_ratios=(2.0, 1.0), squeeze=False)
     _draw_rows(list(panels[:, 0]), ordered, look)
-    for row, result in enumerate(ordered):
-        draw_loop(
-            panels[row, 1], result, look, colour=_colours(look, row + 1)[row], points=_LOOP_POINTS
-        )
-    head(panels[0, 1], "Measured (grey) and by the final law", legend=False)
-    stack(list(panels[:, 1]))
-    return figure
-
-
-def _compared_in_a_column(
-    new_figure: "type[Figure]", ordered: list[Identified], look: Look
-) -> "Figure":
-    heights = 0.9 + 0.19 * len(ordered), 1.15 * len(ordered) + 0.3
-    figure = new_figure(figsize=look.sheet.size(sum(heights) + 1.8), layout="constrained")
-    grid = figure.add_gridspec(2, 1, height_ratios=heights)
-    above, below = figure.add_subfigure(grid[0]), figure.add_subfigure(grid[1])
-    stiffness, damping = above.subplots(1, 2)
-    names = [f"{row + 1}" for row in range(len(ordered))]
-    draw_values(stiffness, damping, ordered, names, look)
-    _draw_rows(list(below.subplots(len(ordered), 1, squeeze=False)[:, 0]), ordered, look)
+    if not narrow:
+        colours = _colours(look, count)
+        for axes, result, colour in zip(panels[:, 1], ordered, colours, strict=True):
+            draw_loop(axes, result, look, colour=colour, points=_LOOP_POINTS)
+        head(panels[0, 1], "Measured (grey) and by the final law", legend=False)
+        stack(list(panels[:, 1]))
     return figure
 
 

@@ -375,35 +375,27 @@ def draw_parameter(
     head(axes, f"{row.name.replace('_', ' ').capitalize()} {row.symbol}: {words}")
 
 
-def draw_stiffness(axes: "Axes", result: Identified, course: Course, look: Look) -> None:
-    """Stiffness at working depth over time, and what the diagnosis says of it."""
-    known = course.stiffness, course.stiffness_error
-    quantities = [p.diagnosis.working_depth.stiffness for p in (result, *result.stretches)]
-    _draw_at_depth(axes, result, course, known, quantities, ("Stiffness", "N/m", "dF/dx"), look)
+#: Units, and what an axis says.
+_AT_DEPTH = {"stiffness": ("N/m", "dF/dx"), "damping": ("N·s/m", "dF/dv")}
 
 
-def draw_damping(axes: "Axes", result: Identified, course: Course, look: Look) -> None:
-    """Damping at working depth over time, and what the diagnosis says of it."""
-    known = course.damping, course.damping_error
-    quantities = [p.diagnosis.working_depth.damping for p in (result, *result.stretches)]
-    _draw_at_depth(axes, result, course, known, quantities, ("Damping", "N·s/m", "dF/dv"), look)
-
-
-def _draw_at_depth(
+def draw_at_depth(
     axes: "Axes",
     result: Identified,
     course: Course,
-    known: tuple[Floats, Floats],
-    quantities: list[Quantity],
-    words: tuple[str, str, str],
+    quantity: Literal["stiffness", "damping"],
     look: Look,
 ) -> None:
-    name, unit, symbol = words
+    """Stiffness or damping at working depth over time, and what the diagnosis says of it."""
+    known = getattr(course, quantity), getattr(course, f"{quantity}_error")
+    parts = (result, *result.stretches)
+    quantities = [getattr(part.diagnosis.working_depth, quantity) for part in parts]
+    unit, symbol = _AT_DEPTH[quantity]
     depth = result.diagnosis.working_depth.depth
     length = scale_of(depth, "m")
     finals = [Final.of(each) for each in quantities]
     scale = _draw_line(axes, result, course.samples, known, finals[0], unit, symbol, look)
-    name = f"Relaxed {name.lower()}" if result.law.remembers else name
+    name = f"Relaxed {quantity}" if result.law.remembers else quantity.capitalize()
     at = f"{name} at {length.factor * depth:.3g} {length.unit}"
     if result.stretches:
         _draw_stretches(axes, result, finals[1:], scale, look)

@@ -28,6 +28,7 @@ from palpate.digits import rounded
 from palpate.errors import FleetError, InvalidParameterError, RecordingError
 from palpate.estimators import ContactEstimator
 from palpate.estimators.curves import STATUS_WORDS, CurveFits, fit_curves
+from palpate.estimators.estimate import ADVICE
 from palpate.fleet.rows import (
     Row,
     failure,
@@ -39,7 +40,6 @@ from palpate.fleet.rows import (
 )
 from palpate.fleet.tasks import DiagnosisDepth, Settings, cores
 from palpate.identification.identified import (
-    ADVICE_OF,
     FEWEST_ABOVE,
     NEGATIVE_DAMPING,
     NEGATIVE_STIFFNESS,
@@ -54,6 +54,9 @@ from palpate.validation import Floats, number_in, real_array, whole_in
 
 if TYPE_CHECKING:
     import pyarrow as pa
+
+# What the bits of an estimate's flags say, for each of their combinations.
+_ADVICE_OF = [tuple(words for bit, words in ADVICE.items() if bits & bit) for bits in range(256)]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -400,7 +403,7 @@ def _flags(fits: CurveFits, left_out: NDArray[np.int64]) -> list[Any]:
     few = fits.taken < 30  # ten samples a parameter
     pulling, giving = fits.stiffness < 0.0, fits.damping < 0.0
     unsettled = fits.status == STATUS_WORDS.index("did not settle")
-    flags: list[Any] = [ADVICE_OF[bits] for bits in fits.flags.tolist()]
+    flags: list[Any] = [_ADVICE_OF[bits] for bits in fits.flags.tolist()]
     for k in np.flatnonzero(few | pulling | giving | unsettled | (left_out > 0)).tolist():
         taken, count = int(fits.taken[k]), int(left_out[k])
         more = {

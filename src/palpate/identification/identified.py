@@ -8,7 +8,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
-from typing import Any, Self, TypeAlias
+from typing import TYPE_CHECKING, Any, Self, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -32,7 +32,6 @@ from palpate.digits import rounded, with_error
 from palpate.errors import RecordingError
 from palpate.estimators import ContactEstimator, LawVerdict, ViscoelasticContact
 from palpate.estimators.estimate import (
-    ADVICE,
     Estimate,
     Trace,
     Traced,
@@ -65,11 +64,13 @@ from palpate.quantities.derived import (
     restitution_from,
     static_of,
 )
-from palpate.quantities.elastic_modulus import ElasticModulus, Tip
 from palpate.quantities.energy import EnergyLoss, Passivity
 from palpate.quantities.restitution import Restitution
 from palpate.settings import ChangeDetector, ContactGate, Scale
 from palpate.validation import Floats, number_in, positive
+
+if TYPE_CHECKING:
+    from palpate.quantities.elastic_modulus import ElasticModulus, Tip
 
 # Samples above the surface that a search for it needs: the force out of contact is then known to a
 # quarter of σ.
@@ -135,10 +136,6 @@ def check_approach(contact: Contact, trace: Trace, surface: float) -> None:
 
 
 # What a reader should know before trusting the numbers of an identification.
-
-#: What the bits of an estimate's flags say, for each of their combinations.
-ADVICE_OF = [tuple(words for bit, words in ADVICE.items() if bits & bit) for bits in range(256)]
-
 
 NEGATIVE_STIFFNESS = (
     "negative stiffness: by this law the force falls as the probe goes deeper; check the signs"
@@ -246,8 +243,10 @@ class Identified:
             chosen["sample_time"] = fresh.settings["sample_time"]
         else:
             written = replayed(contact, fresh, traced)
-        known = ", ".join(f"{name}={value}" for name, value in chosen.items() if value is not None)
-        _LOGGER.info("%s: chosen from the data: %s", fresh.method, known or "nothing")
+        if _LOGGER.isEnabledFor(logging.INFO):
+            words = (f"{name}={value}" for name, value in chosen.items() if value is not None)
+            known = ", ".join(words) or "nothing"
+            _LOGGER.info("%s: chosen from the data: %s", fresh.method, known)
         flags = tuple(flags_of(contact, written, fresh))
         taken = np.count_nonzero(written.taken)
         _LOGGER.info("%s: took %d of %d samples", fresh.method, taken, len(contact))
@@ -278,7 +277,7 @@ class Identified:
         """
         penetration = self._firm_penetration
         depths = np.percentile(penetration, (50.0, DEEP)).tolist() if penetration.size else []
-        if not all(depth > 0.0 for depth in depths):
+        if depths and not depths[0] > 0.0:
             depths = []
         if self.depth is not None:
             depths[:1] = [self.depth]
@@ -413,8 +412,8 @@ class Identified:
         return passivity_from(self)
 
     def elastic_modulus(
-        self, tip: Tip | None = None, poisson_ratio: float | None = None
-    ) -> ElasticModulus:
+        self, tip: "Tip | None" = None, poisson_ratio: float | None = None
+    ) -> "ElasticModulus":
         """Young's modulus by the force at working depth and the shape of the tip.
 
         Parameters
@@ -617,19 +616,19 @@ class Ranking:
 
     Attributes
     ----------
+    recommended : str or None
+        The method to take; None where none is to be trusted.
     order : tuple of str
         The methods, the best first: by verdict, without those of a law that another is clearly
         better than, then by what their law leaves unexplained.
-    recommended : str or None
-        The method to take; None where none is to be trusted.
     failing : tuple of str
         Methods whose answer is not the least squares of their own law, or that found none.
     exclusions : tuple of str
         A sentence for each pair whose error bars exclude each other.
     """
 
-    order: tuple[str, ...]
     recommended: str | None
+    order: tuple[str, ...]
     failing: tuple[str, ...]
     exclusions: tuple[str, ...]
 
@@ -653,7 +652,7 @@ def rank(results: "Mapping[str, Identified]") -> Ranking:
     words = (_exclusion(results[a], results[b]) for a, b in pairs)
     hopeless = all(r.diagnosis.verdict.overall == "do-not-trust" for r in results.values())
     best = None if hopeless else order[0]
-    return Ranking(order, best, failing, tuple(each for each in words if each))
+    return Ranking(best, order, failing, tuple(each for each in words if each))
 
 
 def fails(result: "Identified") -> bool:

@@ -5,6 +5,7 @@ import math
 import sys
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
@@ -37,13 +38,13 @@ def choices(contact: Contact, given: ContactEstimator) -> dict[str, Any]:
     ways: dict[str, Callable[[Contact], object]] = {
         "scale": suggest_scale,
         "outlier_rejection": lambda _: OutlierRejection(),
-        "sample_time": lambda contact: contact.sample_time,
+        "sample_time": attrgetter("sample_time"),
     }
     if not given.chooses_samples:
         ways["gate"] = choose_gate
     # A search for the surface has the free approach.
     if given.knows_offset and settings.get("surface") is None:
-        ways["offset_deviation"] = lambda contact: contact.tare_deviation
+        ways["offset_deviation"] = attrgetter("tare_deviation")
         ways["surface_deviation"] = _surface_deviation
     return {
         name: choose(contact)
@@ -86,7 +87,9 @@ def replayed(contact: Contact, estimator: ContactEstimator, trace: Traced) -> Tr
 
     The trace has the contact's clock, thinned as requested.
     """
-    _LOGGER.debug("settings: %s", _in_words(estimator))
+    if _LOGGER.isEnabledFor(logging.DEBUG):
+        words = (f"{name}={value!r}" for name, value in estimator.settings.items())
+        _LOGGER.debug("settings: %s", ", ".join(words))
     steps, segments = contact.time_steps, list(contact.segments())
     after = thinned(trace, contact.time, segments)
     traces = []
@@ -104,10 +107,6 @@ def replayed(contact: Contact, estimator: ContactEstimator, trace: Traced) -> Tr
     one = len(traces) == 1
     whole = traces[0] if one else Trace.joined(traces, len(estimator.law_type.symbols))
     return replace(whole, time=contact.time if after is None else contact.time[after])
-
-
-def _in_words(estimator: ContactEstimator) -> str:
-    return ", ".join(f"{name}={value!r}" for name, value in estimator.settings.items())
 
 
 # Error bars, as wide as a correlated residual and an uncertain surface ask for.
@@ -250,21 +249,18 @@ def placed(
     # By the samples that count with the first: of what fits better others do.
     effective = max(best.evidence().effective_samples, math.e)
     forgets, remembers = _costs(best, effective)
-    least, some = min(forgets, remembers), remembers < forgets + _SOME * _penalty(effective)
+    penalty = 2.0 * math.log(effective)
+    least, some = min(forgets, remembers), remembers < forgets + _SOME * penalty
     for place in range(1, 1 + _MOST):
         step = own * _FURTHER**place
         if not some or _LONGEST * step >= _FURTHER * duration:
             break
         trial = bank.replace(sample_time=step)
         traced = replayed(contact, trial, trace)
-        cost = min(_costs(trial, effective)) + _penalty(effective)
+        cost = min(_costs(trial, effective)) + penalty
         if cost < least:
             best, written, least = trial, traced, cost
     return best, written
-
-
-def _penalty(effective: float) -> float:
-    return 2.0 * math.log(effective)
 
 
 def _costs(bank: ViscoelasticContact, effective: float) -> tuple[float, float]:
@@ -273,7 +269,7 @@ def _costs(bank: ViscoelasticContact, effective: float) -> tuple[float, float]:
     for index, _, mean_square in bank.evidence().rows:
         law = CANDIDATES[int(index)]
         cost = effective * math.log(max(mean_square, sys.float_info.min))
-        cost += _penalty(effective) * law.parameters
+        cost += 2.0 * math.log(effective) * law.parameters
         costs[law.memory != "none"] = min(cost, costs[law.memory != "none"])
     return costs[0], costs[1]
 
@@ -301,9 +297,9 @@ def laws_beside(data: Data, estimator: ContactEstimator, chosen: Sequence[str]) 
     estimate = estimator.estimate()
     if not isinstance(estimate.law, HuntCrossley | KelvinVoigt):
         return None
-    given = {name: value for name, value in estimator.settings.items() if name not in chosen}
-    names = ("gate", "outlier_rejection", "exponent")
-    key = repr([*(given.get(name) for name in names), estimate.surface])
+    names = {"gate", "outlier_rejection", "exponent"}.difference(chosen)
+    given = {name: value for name, value in estimator.settings.items() if name in names}
+    key = repr([sorted(given.items()), estimate.surface])
     if key not in data.laws:
         data.laws[key] = _compared(data, given, estimate.surface)
     return data.laws[key]

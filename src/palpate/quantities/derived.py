@@ -17,7 +17,6 @@ from palpate.estimators import ContactEstimator, ViscoelasticContact
 from palpate.estimators.estimate import Estimate, Trace
 from palpate.estimators.law_verdicts import band_about
 from palpate.force_laws import GeneralisedHuntCrossley, SingleRelaxation
-from palpate.quantities.elastic_modulus import ElasticModulus, Tip, elastic_modulus_of
 from palpate.quantities.energy import (
     EnergyLoss,
     Passivity,
@@ -32,6 +31,8 @@ from palpate.validation import Floats, Plain, instance, number, number_in
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
+
+    from palpate.quantities.elastic_modulus import ElasticModulus, Tip
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,12 +52,15 @@ class Wanted:
     """
 
     impact_speed: float | None = None
-    tip: Tip | None = None
+    tip: "Tip | None" = None
     poisson_ratio: float | None = None
     frequency: float | None = None
 
     def __post_init__(self) -> None:
-        instance("tip", self.tip, (Tip, type(None)))
+        if self.tip is not None:
+            from palpate.quantities.elastic_modulus import Tip
+
+            instance("tip", self.tip, Tip)
         ranges = {
             "impact_speed": (0.0, 1e6),
             "poisson_ratio": (-1.0, 0.5),
@@ -332,9 +336,11 @@ def passivity_from(result: Derivable) -> Passivity:
 
 @_absurd_numbers
 def elastic_modulus_from(
-    result: Derivable, tip: Tip | None, poisson_ratio: float | None
-) -> ElasticModulus:
+    result: Derivable, tip: "Tip | None", poisson_ratio: float | None
+) -> "ElasticModulus":
     """Return Young's modulus for a tip, or for the one that is wanted."""
+    from palpate.quantities.elastic_modulus import elastic_modulus_of
+
     tip = tip or result.wanted.tip
     ratio = result.wanted.poisson_ratio if poisson_ratio is None else poisson_ratio
     if tip is None:

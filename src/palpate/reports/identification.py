@@ -8,7 +8,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from html import escape
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
@@ -567,7 +566,7 @@ class Destination:
         files = list(self.inputs)
         given = {"method": result.method} if options is None else options
         run = as_toml(given, how_made(result.contact, files))
-        columns = in_file(trace_columns(result))
+        columns, units = trace_columns(result)
         whole = {**described(files, [result]), "trace": self.trace}
         circumstances = Circumstances(
             made=datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
@@ -578,15 +577,11 @@ class Destination:
         )
         write_text(self.folder / REPORT, page(result, circumstances, compared), self.inputs)
         notes = {"made by": f"palpate {__version__}", "source": result.contact.source}
-        write_columns(
-            columns.columns,
-            self.folder / self.trace,
-            units=columns.units,
-            notes=notes,
-            inputs=self.inputs,
-        )
+        trace = self.folder / self.trace
+        named = in_file(columns)
+        write_columns(named, trace, units=in_file(units), notes=notes, inputs=self.inputs)
         write_text(self.folder / OPTIONS, run, self.inputs)
-        whole["trace_digest"] = digest_of(self.folder / self.trace)
+        whole["trace_digest"] = digest_of(trace)
         text = json.dumps(whole, ensure_ascii=False, allow_nan=False, indent=1)
         write_text(self.folder / RESULT, text + "\n", self.inputs)
 
@@ -607,9 +602,5 @@ def _has_a_result(folder: Path) -> bool:
 
 def _versions() -> dict[str, str]:
     found = {"Python": ".".join(map(str, sys.version_info[:3])), "palpate": __version__}
-    for name in _PACKAGES:
-        try:
-            found[name] = version(name)
-        except PackageNotFoundError:
-            continue
-    return found
+    took_part = {name: sys.modules[name] for name in _PACKAGES if name in sys.modules}
+    return found | {name: module.__version__ for name, module in took_part.items()}

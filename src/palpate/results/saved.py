@@ -12,7 +12,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,8 +35,6 @@ if TYPE_CHECKING:
     import xarray
 
     from palpate.identification.identified import Identified
-    from palpate.settings import ContactGate
-
 
 # No TOML may hold them, not even in a comment; a name of a file and a note may.
 _CONTROL = re.compile(r"[\x00-\x08\x0a-\x1f\x7f]")
@@ -92,28 +90,13 @@ FILE_NAMES = {
 }
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class TraceColumns:
-    """Columns of equal length.
+def trace_columns(result: "Identified") -> tuple[dict[str, NDArray[Any]], dict[str, str]]:
+    """Return the contact, what was predicted of it, and the law after each sample; and units.
 
-    Attributes
-    ----------
-    columns : dict
-        Arrays by name, in their order; ``status`` is text.
-    units : dict
-        Of those that have one.
-    """
-
-    columns: dict[str, NDArray[Any]]
-    units: dict[str, str]
-
-
-def trace_columns(result: "Identified") -> TraceColumns:
-    """Return the contact, what was predicted of it, and the law after each sample.
-
-    ``time``, ``penetration``, ``velocity``, ``force``, ``segment``, ``predicted_force`` (a priori),
-    ``fitted_force`` (by the final law), ``status`` and ``validity_margin`` (condition 10), then
-    each parameter of the law and its ``…_standard_error``, SI; NaN where a thinned trace has none.
+    Columns by name, of equal length: ``time``, ``penetration``, ``velocity``, ``force``,
+    ``segment``, ``predicted_force`` (a priori), ``fitted_force`` (by the final law), ``status`` and
+    ``validity_margin`` (condition 10), then each parameter of the law and its ``…_standard_error``,
+    SI; NaN where a thinned trace has none.
     """
     contact, trace, law = result.contact, result.trace, result.law
     columns: dict[str, NDArray[Any]] = {name: getattr(contact, name) for name in _CONTACT}
@@ -132,18 +115,21 @@ def trace_columns(result: "Identified") -> TraceColumns:
         ):
             columns[column] = trace.everywhere(values[:, k])
             units |= {column: unit} if unit else {}
-    return TraceColumns(columns, units)
+    return columns, units
 
 
-def in_file(table: TraceColumns) -> TraceColumns:
-    """The same columns by the names that they have in a file."""
-    columns = {FILE_NAMES.get(name, name): values for name, values in table.columns.items()}
-    units = {FILE_NAMES.get(name, name): unit for name, unit in table.units.items()}
-    return TraceColumns(columns, units)
+Column = TypeVar("Column")
 
 
-def contact_and_trace(recording: Recording, law: type[ForceLaw]) -> tuple[Contact, Trace]:
-    """Return what :func:`trace_columns` made columns of, read from a file.
+def in_file(columns: Mapping[str, Column]) -> dict[str, Column]:
+    """The same by the names that columns have in a file."""
+    return {FILE_NAMES.get(name, name): column for name, column in columns.items()}
+
+
+def contact_and_trace(
+    recording: Recording, law: type[ForceLaw], whole: Mapping[str, Any]
+) -> tuple[Contact, Trace]:
+    """Return what :func:`trace_columns` made columns of, read from a file, and what was known.
 
     Raises
     ------
@@ -176,6 +162,11 @@ def contact_and_trace(recording: Recording, law: type[ForceLaw]) -> tuple[Contac
         velocity=velocity,
         force=force,
         segment=recording.numbers("segment"),
+        source=whole["file"],
+        provenance=whole["provenance"],
+        tare_deviation=whole["tare_deviation"],
+        surface_deviation=whole["surface_deviation"],
+        remarks=[Remark(**remark) for remark in whole["remarks"]],
     )
     return contact, trace
 
@@ -201,7 +192,9 @@ def described(files: Sequence[Path], results: "Sequence[Identified]") -> dict[st
         Of one contact, a method each.
     """
     first = results[0]
-    gate, scale, contact = _gate(results), first.scale, first.contact
+    gates = (result.gate for result in results if result.estimator.settings.get("gate"))
+    gate, scale, contact = next(gates, first.gate), first.scale, first.contact  # not all need one
+    ranking = asdict(rank({result.method: result for result in results})) if results[1:] else {}
     return {
         "schema_version": SCHEMA_VERSION,
         "palpate_version": __version__,
@@ -216,7 +209,7 @@ def described(files: Sequence[Path], results: "Sequence[Identified]") -> dict[st
         "gate": asdict(gate),
         "scale": asdict(scale),
         "results": [of_one(result) for result in results],
-        **({"ranking": _ranking(results)} if len(results) > 1 else {}),
+        **({"ranking": ranking} if ranking else {}),
     }
 
 
@@ -236,7 +229,7 @@ def of_one(result: "Identified") -> dict[str, Any]:
         "law": {"kind": law.kind, **law.as_dict()},
         "standard_errors": dict(zip(law.as_dict(), result.standard_errors.tolist(), strict=True)),
         **({"fixed": list(result.fixed)} if result.fixed else {}),
-        "correlations": _correlations(result.correlations),
+        "correlations": [[*map(defined, row)] for row in result.correlations.tolist()],
         **beside,
         **derived(result),
         **({"law_verdict": result.law_verdict.as_dict()} if result.law_verdict else {}),
@@ -274,26 +267,6 @@ def _episode(stretch: "Identified") -> dict[str, Any]:
         **there,
         **derived(stretch),
     }
-
-
-def _gate(results: "Sequence[Identified]") -> "ContactGate":
-    """Return the gate of those methods that need one."""
-    gated = (result.gate for result in results if result.estimator.settings.get("gate"))
-    return next(gated, results[0].gate)
-
-
-def _ranking(results: "Sequence[Identified]") -> dict[str, Any]:
-    ranking = rank({result.method: result for result in results})
-    return {
-        "recommended": ranking.recommended,
-        "order": list(ranking.order),
-        "failing": list(ranking.failing),
-        "exclusions": list(ranking.exclusions),
-    }
-
-
-def _correlations(matrix: Floats) -> list[list[float | None]]:
-    return [[defined(value) for value in row] for row in matrix.tolist()]
 
 
 def derived(result: "Identified") -> dict[str, Any]:
@@ -398,20 +371,23 @@ def load_result(path: str | Path) -> SavedResult:
             raise RecordingError(
                 f"{file}: {name} beside it is another run's, or was changed; save the result again"
             )
-        contact, trace = contact_and_trace(recording, FORCE_LAWS[law.kind])
+        contact, trace = contact_and_trace(recording, FORCE_LAWS[law.kind], whole)
+        errors, laws = found["standard_errors"], found.get("law_verdict")
         return SavedResult(
             folder=file.parent,
             method=found["method"],
             law=law,
-            standard_errors=_numbers([found["standard_errors"][name] for name in law.names()]),
-            correlations=_numbers(found["correlations"]),
+            # JSON's null is NaN.
+            standard_errors=np.array([errors[name] for name in law.names()], dtype=np.float64),
+            correlations=np.array(found["correlations"], dtype=np.float64),
             verdict=_verdict(found["verdict"]),
             findings=tuple(_finding(each) for each in found["findings"]),
             working_depths=tuple(_working_depth(each) for each in found["working_depths"]),
-            contact=_as_it_was(contact, whole),
+            contact=contact,
             trace=trace,
             fixed=tuple(map(str, found.get("fixed", ()))),
-            law_verdict=_law_verdict(found.get("law_verdict")),
+            # An earlier one only names it.
+            law_verdict=LawVerdict.from_dict(laws) if laws and "damping" in laws else None,
             description=whole,
         )
     except RecordingError:
@@ -455,27 +431,6 @@ def _described(file: Path) -> dict[str, Any]:
     return dict(whole)
 
 
-def _as_it_was(contact: Contact, whole: Mapping[str, Any]) -> Contact:
-    """The contact with what was known of it."""
-    return Contact(
-        contact.time,
-        penetration=contact.penetration,
-        velocity=contact.velocity,
-        force=contact.force,
-        segment=contact.segment,
-        source=whole["file"],
-        provenance=whole["provenance"],
-        tare_deviation=whole["tare_deviation"],
-        surface_deviation=whole["surface_deviation"],
-        remarks=[Remark(**remark) for remark in whole["remarks"]],
-    )
-
-
-def _law_verdict(words: Mapping[str, Any] | None) -> LawVerdict | None:
-    """The verdict on laws; None of a result that has none, or only names it, as earlier ones."""
-    return LawVerdict.from_dict(words) if words and "damping" in words else None
-
-
 def _verdict(words: Mapping[str, Any]) -> Verdict:
     """The verdict; a mark that is none would pass for trust."""
     verdict = Verdict(**words)
@@ -498,11 +453,6 @@ def _working_depth(words: Mapping[str, Any]) -> WorkingDepth:
     return WorkingDepth(or_nan(words["depth"]), **quantities)
 
 
-def _numbers(values: Any) -> Floats:
-    """Numbers, of which JSON's null is NaN."""
-    return np.array(values, dtype=np.float64)
-
-
 # A contact and its trace for pandas and xarray.
 
 
@@ -512,9 +462,9 @@ def to_pandas(result: "Identified") -> "pandas.DataFrame":
         import pandas
     except ImportError:
         raise MissingExtraError("to_pandas needs pandas: pip install 'palpate[notebook]'") from None
-    table = trace_columns(result)
-    frame = pandas.DataFrame(table.columns).set_index("time")
-    frame.attrs["units"] = table.units
+    columns, units = trace_columns(result)
+    frame = pandas.DataFrame(columns).set_index("time")
+    frame.attrs["units"] = units
     if result.fixed:
         frame.attrs["fixed"] = list(result.fixed)
     return frame
@@ -526,11 +476,11 @@ def to_xarray(result: "Identified") -> "xarray.Dataset":
         import xarray
     except ImportError:
         raise MissingExtraError("to_xarray needs xarray: pip install 'palpate[notebook]'") from None
-    law, trace, table = result.law, result.trace, trace_columns(result)
+    law, trace, (columns, units) = result.law, result.trace, trace_columns(result)
     own = {name for each in law.names() for name in (each, f"{each}_standard_error")}
     variables: dict[str, Any] = {
-        name: ("time", values, {"units": table.units[name]} if name in table.units else {})
-        for name, values in table.columns.items()
+        name: ("time", values, {"units": units[name]} if name in units else {})
+        for name, values in columns.items()
         if name not in own and name != "time"
     }
     variables["parameters"] = (("time", "parameter"), trace.everywhere(trace.parameters))
@@ -541,7 +491,7 @@ def to_xarray(result: "Identified") -> "xarray.Dataset":
     return xarray.Dataset(
         variables,
         coords={
-            "time": ("time", table.columns["time"], {"units": "s"}),
+            "time": ("time", columns["time"], {"units": "s"}),
             "parameter": names,
             "other_parameter": names,
             "unit": ("parameter", list(law.units)),

@@ -21,12 +21,12 @@ from palpate.force_laws import (
     SingleRelaxation,
 )
 from palpate.quantities.derived import band_of, in_hertz
-from palpate.quantities.elastic_modulus import Cone, ElasticModulus, Tip
 from palpate.quantities.energy import EnergyLoss, Passivity
 from palpate.quantities.restitution import Restitution
 
 if TYPE_CHECKING:
     from palpate.identification.identified import Identified
+    from palpate.quantities.elastic_modulus import ElasticModulus, Tip
 
 
 NOT_ESTIMATED = "as offered, not estimated"
@@ -295,7 +295,7 @@ def _passivity(found: Passivity) -> Line:
     return Line("passivity", words, tuple(remarks))
 
 
-def _modulus(found: ElasticModulus, when: str) -> Line:
+def _modulus(found: "ElasticModulus", when: str) -> Line:
     name = f"{when}elastic modulus for {_tip(found.tip)}"
     if found.refused:
         return Line(name, f"none, for {found.refused}")
@@ -304,10 +304,11 @@ def _modulus(found: ElasticModulus, when: str) -> Line:
     return Line(name, words, found.remarks)
 
 
-def _tip(tip: Tip) -> str:
-    if isinstance(tip, Cone):
-        return f"a cone of {rounded(math.degrees(tip.half_angle), 4)}° between axis and side"
-    return f"a {tip.kind} of {_plain(tip.as_dict()['radius'], 'm')} radius"
+def _tip(tip: "Tip") -> str:
+    size = tip.as_dict()
+    if "half_angle" in size:
+        return f"a cone of {rounded(math.degrees(size['half_angle']), 4)}° between axis and side"
+    return f"a {tip.kind} of {_plain(size['radius'], 'm')} radius"
 
 
 def _plain(value: float, unit: str) -> str:
