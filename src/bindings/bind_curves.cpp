@@ -13,7 +13,6 @@
 
 #include "compiled_curve_kernels.hpp"
 #include "conversions.hpp"
-#include "each_row.hpp"
 #include "palpate/curves/curve_fit.hpp"
 
 namespace palpate::bindings {

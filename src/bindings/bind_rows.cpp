@@ -4,12 +4,13 @@
 
 #include <algorithm>
 #include <array>
+#include <atomic>
 #include <cmath>
 #include <cstddef>
+#include <thread>
 #include <vector>
 
 #include "conversions.hpp"
-#include "each_row.hpp"
 #include "gate.hpp"
 #include "spikes.hpp"
 
@@ -84,6 +85,27 @@ void working_depths(const InputRows& penetration, const InputRows& force,
 }
 
 }  // namespace
+
+void each_row(std::size_t rows, std::size_t size, std::size_t threads,
+              const std::function<void(std::size_t row, double* spare)>& work) {
+  // So many rows at once that threads do not meet at the counter, or in a cache line.
+  constexpr std::size_t at_once = 16;
+  const nb::gil_scoped_release release;
+  const std::size_t parts = (rows + at_once - 1) / at_once;
+  const std::size_t workers = std::clamp<std::size_t>(threads, 1, std::max<std::size_t>(parts, 1));
+  std::vector<double> spare(workers * size);
+  std::atomic<std::size_t> next = 0;
+  const auto run = [&](std::size_t worker) noexcept {
+    for (std::size_t first; (first = next.fetch_add(at_once)) < rows;) {
+      const std::size_t last = std::min(first + at_once, rows);
+      for (std::size_t row = first; row < last; ++row) work(row, spare.data() + worker * size);
+    }
+  };
+  std::vector<std::jthread> others;
+  others.reserve(workers - 1);
+  for (std::size_t worker = 1; worker < workers; ++worker) others.emplace_back(run, worker);
+  run(0);
+}
 
 void bind_rows(nb::module_& module) {
   module.def("noise_of", &noise_of, nb::arg("values"),

@@ -6,6 +6,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <functional>
 #include <initializer_list>
 
 namespace palpate::bindings {
@@ -22,6 +23,11 @@ using LabelArray = nb::ndarray<std::int64_t, nb::c_contig, nb::device::cpu>;
 inline nb::object copied_array(const double* data, std::initializer_list<std::size_t> shape) {
   return nb::ndarray<nb::numpy, const double>(data, shape).cast(nb::rv_policy::copy);
 }
+
+// Calls work(row, spare) for each row, on so many threads, this one among them, without the
+// interpreter's lock; `spare` holds so many numbers, which are the thread's own.
+void each_row(std::size_t rows, std::size_t size, std::size_t threads,
+              const std::function<void(std::size_t row, double* spare)>& work);
 
 void bind_face(nb::module_& module);
 void bind_estimators(nb::module_& module);

@@ -5,7 +5,7 @@ Dynamic Models of Contact Environments*, IEEE T-RO 28(3), 2012.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, is_dataclass
+from dataclasses import dataclass, fields, is_dataclass
 from typing import Any, ClassVar, Self, TypeVar, overload
 
 import numpy as np
