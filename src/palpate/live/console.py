@@ -58,12 +58,9 @@ class ShownDepth:
     def __init__(self) -> None:
         self._seen: deque[float] = deque(maxlen=_KEPT)
         self._tick, self._shown = math.nan, _Steady()
+        #: In m, to two digits; NaN before a contact.
+        self.value = math.nan
         self._of_law = {"depth": _Steady(), "frequency": _Steady()}
-
-    @property
-    def value(self) -> float:
-        """In m, to two digits; NaN before a contact."""
-        return self._shown.value
 
     def see(self, rows: Floats) -> None:
         """Take rows of the ring, of which a few are enough."""
@@ -75,7 +72,7 @@ class ShownDepth:
             self._seen.append(depths[place])
             self._tick = ticks[place]
             if len(self._seen) >= _LEAST:
-                self._shown.see(float(np.median(self._seen)), times[place])
+                self.value = self._shown.see(float(np.median(self._seen)), times[place])
 
     def verdict(self, status: dict[str, Any], time: float) -> dict[str, Any] | None:
         """Return the verdict of a board, at a depth and a frequency that stay too."""

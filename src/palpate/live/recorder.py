@@ -102,10 +102,7 @@ def described(status: dict[str, Any]) -> dict[str, str]:
     law = status.get("law", {})
     units = zip(law.get("symbols", ()), law.get("units", ()), strict=True)
     tare, preparation = status.get("tare"), str(status.get("preparation", ""))
-    if "tare_time=" not in preparation:
-        tared = "none"
-    else:
-        tared = "being measured" if tare is None else f"{tare:.6g} N was taken off online"
+    tared = "being measured" if tare is None else f"{tare:.6g} N was taken off online"
     verdict = verdict_on(status)
     told = {"law": str(verdict["law"])} if verdict and verdict["known"] else {}
     diagnosis = status.get("diagnosis", {})
@@ -116,7 +113,7 @@ def described(status: dict[str, Any]) -> dict[str, str]:
         **told,
         "parameters": ", ".join(f"{name} [{unit or '1'}]" for name, unit in units),
         "preparation": preparation or "as usual",
-        "tare": tared,
+        "tare": tared if "tare_time=" in preparation else "none",
         "delay": f"{status.get('delay', 0.0):g} s from a measurement to its estimate",
     }
 

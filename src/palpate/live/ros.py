@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from palpate.errors import InvalidParameterError, MissingExtraError, PalpateError
+from palpate.errors import InvalidParameterError, PalpateError
 from palpate.live.ordering import (
     NANO,
     Followed,
@@ -35,6 +35,8 @@ from palpate.recordings.messages.layout import (
     Number,
     TimeAt,
     UndecodableError,
+    message_fields,
+    walk_cdr,
 )
 
 # bytes: the state of a hundred joints, with their names, has some 6000; to walk so many takes up to
@@ -124,8 +126,6 @@ class MessageReader:
     ------
     InvalidParameterError
         ROS has no such type.
-    MissingExtraError
-        rosbags, which knows ROS's types, is not installed.
     """
 
     def __init__(self, topic: str, type_name: str, paths: Sequence[str], *, vectors: bool) -> None:
@@ -202,12 +202,6 @@ def _vector_words(path: str) -> str:
 
 
 def _walk_of(topic: str, type_name: str) -> tuple[Group, Callable[[bytes], Layout]]:
-    try:
-        from palpate.recordings.messages.layout import message_fields, walk_cdr
-    except ImportError:
-        raise MissingExtraError(
-            "messages of ROS need rosbags: pip install 'palpate[live]'"
-        ) from None
     try:
         fields = message_fields(type_name, "ros2msg", "")
     except UndecodableError:
@@ -318,9 +312,10 @@ class RosTopics:
         paths = []
         for word, path, role in topic.read:
             if path is None and type_name not in role:
+                types = ", ".join(name.rpartition("/")[2] for name in role)
                 raise InvalidParameterError(
                     f"{self._scheme}: topic {topic.name} is of the type {type_name}, of which the "
-                    f"{word} is not known: {_advice(word, role)}"
+                    f"{word} is not known: name a field with {word}=…, or publish one of {types}"
                 )
             paths.append(role[type_name] if path is None else path)
         topic.reader = MessageReader(topic.name, type_name, paths, vectors=self._vectors)
@@ -378,11 +373,6 @@ class RosTopics:
         """Count what is missing so far."""
         for topic in self.topics:
             topic.order.settle()
-
-
-def _advice(word: str, role: dict[str, str]) -> str:
-    types = ", ".join(name.rpartition("/")[2] for name in role)
-    return f"name a field with {word}=…, or publish one of {types}"
 
 
 def ros2_type(dds_name: str) -> str:

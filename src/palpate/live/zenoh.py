@@ -268,7 +268,7 @@ class ZenohWire(RosWire):
         node = f"@ros2_lv/{self._domain}/{self._session.zid()}/0"
         self._declare(f"{node}/0/NN/%/%/palpate")
         for index, (name, type_name) in enumerate(self.topics):
-            kind, checksum = dds_type(type_name), self.encoder.hash_of(type_name)
+            kind, checksum = dds_type(type_name), self.encoder.store.hash_rihs01(type_name)
             self._publishers.append(
                 self._session.declare_publisher(
                     key_of(self._domain, name, type_name, checksum),

@@ -374,6 +374,8 @@ class Server:
         self._text, self._version, self._over = "{}", 0, False
         self._cached: dict[tuple[int, int, int, int, bool], bytes] = {}
         self._allowance = Allowance()
+        known = {"channels": CHANNELS, "methods": offered(), "choices": CHOICES}
+        self._hello = json.dumps({"kind": "hello", **known})
         self._tick = asyncio.Event()
 
     def app(self, token: str | None) -> Gate:
@@ -430,10 +432,7 @@ class Server:
         self.served.clients += 1
         history = self.watch.history
         client = Client(socket, history.oldest, self.watch.recast, history.total)
-        known = {"channels": CHANNELS, "methods": offered(), "choices": CHOICES}
-        sending = asyncio.create_task(
-            self._send_all(client, json.dumps({"kind": "hello", **known}))
-        )
+        sending = asyncio.create_task(self._send_all(client))
         receiving = asyncio.create_task(self._receive_all(client))
         try:
             await asyncio.wait({sending, receiving}, return_when=asyncio.FIRST_COMPLETED)
@@ -446,13 +445,13 @@ class Server:
             if socket.client_state is WebSocketState.CONNECTED and ABORT in socket.scope:
                 socket.scope[ABORT]()
 
-    async def _send_all(self, client: Client, hello: str) -> None:
+    async def _send_all(self, client: Client) -> None:
         """One message at a time: what a client has not taken is not made for it."""
         try:
             async with asyncio.timeout(None) as patience:
                 clock = asyncio.get_running_loop().time
                 patience.reschedule(clock() + STALLED)
-                await client.socket.send_text(hello)
+                await client.socket.send_text(self._hello)
                 while True:
                     tick = self._tick
                     while (message := self._next_of(client)) is not None:
