@@ -185,9 +185,8 @@ class Console:
         self._heard = self._heard and printed(words, end)
 
     def _look(self) -> None:
-        rows = self._watching.take().rows
+        self._depth.see(self._watching.take().rows)
         status = self._watching.status()
-        self._depth.see(rows)
         for sentence in self._new(status):
             self._clear()
             self._print(printable(sentence))
@@ -222,9 +221,9 @@ def _line(status: dict[str, Any], row: Floats, shown: ShownDepth) -> str:
     counts = status.get("counts", {})
     wrong = [f"{counts[key]} {words}" for key, words in COUNTED if counts.get(key)]
     lateness = status.get("lateness", {})
-    state = State(int(row[PLACE["state"]])).name.lower()
-    if status.get("state") == "lost":  # of which there is no row
-        state = "lost"
+    state = "lost"  # of which there is no row
+    if status.get("state") != "lost":
+        state = State(int(row[PLACE["state"]])).name.lower()
     parts = [
         state.ljust(7),
         at_depth(status, row, shown.value, shown.verdict(status, row[PLACE["arrived"]])),

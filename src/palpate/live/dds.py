@@ -82,9 +82,8 @@ def _configuration(interface: str | None) -> str:
     given = os.environ.get("CYCLONEDDS_URI", "")
     if interface == "auto" or (interface is None and given):
         return given
-    if interface in (None, "lo"):
+    if interface is None or interface == "lo":
         return _LOOPBACK
-    assert interface is not None
     if not all(each.isalnum() or each in "-_.:" for each in interface):
         raise InvalidParameterError(
             f"dds: interface must be a name such as eth0, not {interface!r}"
@@ -115,9 +114,8 @@ def _of_bytes(cls: Any, data: bytes, *_: Any, **__: Any) -> Any:
     return message
 
 
-def _bytes_of(message: Any, *_: Any, **__: Any) -> bytes:
-    raw: bytes = message.raw
-    return raw
+def _bytes_of(message: Any, *_: Any, **__: Any) -> Any:
+    return message.raw
 
 
 @lru_cache(maxsize=256)

@@ -116,8 +116,7 @@ class LawsInForce:
         """Look at an estimator after a sample; at one that offers a single law there is nothing."""
         if not isinstance(estimator, ViscoelasticContact):
             return
-        now = estimator.candidate
-        if now is self.now:
+        if (now := estimator.candidate) is self.now:
             return
         self.changes = 0 if now is None or self.now is None else self.changes + 1
         self.now, samples = now, estimator.evidence().samples

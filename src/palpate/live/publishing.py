@@ -259,9 +259,8 @@ class Publisher:
     def _tell(self, page: dict[str, Any], *, silent: bool) -> None:
         """Say it whether rows come or not: of a source that is lost there are none."""
         now, last = time.monotonic(), self._last
-        if now < self._told or not last or self._fields is None:
-            return
-        if not math.isfinite(last["time"]):
+        known = math.isfinite(last.get("time", math.nan))
+        if self._fields is None or not known or now < self._told:
             return
         self._told = now + _TOLD_EVERY
         stamp = round(1e9 * (last["time"] - 1e-9 * self._fields.origin)) + self._fields.origin

@@ -187,9 +187,7 @@ class Recorder:
         if failed:
             sys.exit(1)  # by which the loop's process knows
 
-    def _obey(
-        self, recording: "RunFile | None", asked: dict[str, Any]
-    ) -> "tuple[RunFile | None, str]":
+    def _obey(self, recording: "RunFile | None", asked: dict[str, Any]) -> "_Begun":
         said = "nothing is being recorded" if recording is None else recording.finish()
         if not asked["on"]:
             return None, said
@@ -205,7 +203,7 @@ def _page(recording: "RunFile | None") -> dict[str, Any]:
     return {"path": str(recording.path), **counted}
 
 
-def _begun(path: Path) -> "tuple[RunFile | None, str]":
+def _begun(path: Path) -> "_Begun":
     try:
         file, taken = opened_new(path)
     except OSError as error:
@@ -360,3 +358,6 @@ class RunFile:
         except OSError as error:
             return self._given_up(error)
         return f"recorded {self.rows} rows to {self.path}"
+
+
+_Begun = tuple[RunFile | None, str]

@@ -7,7 +7,7 @@ message goes on has its numbers in the same places, and costs a few comparisons.
 
 import re
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
@@ -131,15 +131,20 @@ class MessageReader:
     def __init__(self, topic: str, type_name: str, paths: Sequence[str], *, vectors: bool) -> None:
         self._paths, self._vectors = tuple(paths), vectors
         self._known: deque[_Places] = deque(maxlen=_MOST_LAYOUTS)
-        fields, self._walk = _walk_of(topic, type_name)
+        try:
+            self._fields = message_fields(type_name, "ros2msg", "")
+        except UndecodableError:
+            raise InvalidParameterError(
+                f"topic {topic} is of the type {type_name}, which ROS itself does not define"
+            ) from None
         for path in paths:
-            self._check(f"topic {topic} of the type {type_name}", fields, path)
+            self._check(f"topic {topic} of the type {type_name}", path)
 
-    def _check(self, where: str, fields: Group, path: str) -> None:
+    def _check(self, where: str, path: str) -> None:
         """Refuse a path that no message of the type can have; those into lists are seen later."""
         if "[" in path:
             return
-        found: Field = fields
+        found: Field = self._fields
         for name in path.split(".") if path else ():
             below = dict(found.fields) if isinstance(found, Group) else {}
             if name not in below:
@@ -170,7 +175,7 @@ class MessageReader:
                 return places.read(message)
         if len(message) > LONGEST:
             raise InvalidParameterError(f"a message of {len(message)} bytes")
-        layout = self._walk(message)
+        layout = walk_cdr(message, self._fields)
         leaves = layout.entities[0].leaves
         values = [self._leaves(leaves, path) for path in self._paths]
         places = _Places(len(message), layout, leaves.get(_STAMP), values)
@@ -199,16 +204,6 @@ def _vector_words(path: str) -> str:
         f"{path or 'it'} is a vector: say --direction, such as 0,0,-1, or name one of its numbers, "
         f"such as {one}"
     )
-
-
-def _walk_of(topic: str, type_name: str) -> tuple[Group, Callable[[bytes], Layout]]:
-    try:
-        fields = message_fields(type_name, "ros2msg", "")
-    except UndecodableError:
-        raise InvalidParameterError(
-            f"topic {topic} is of the type {type_name}, which ROS itself does not define"
-        ) from None
-    return fields, lambda message: walk_cdr(message, fields)
 
 
 # Topics of ROS, on whatever wire they come: from their messages to positions with forces.

@@ -147,10 +147,8 @@ class _Asked:
             self._board.write(self._loop.status())
         for name, connection in list(self._sinks.items()):
             try:
-                if connection.poll():
-                    command = connection.recv()
-                    if isinstance(command, LiveCommand):
-                        return command
+                if connection.poll() and isinstance(command := connection.recv(), LiveCommand):
+                    return command
             except (EOFError, OSError):  # it has ended, by itself or by another's hand
                 del self._sinks[name]
                 self._loop.say(f"the {name} has ended")

@@ -177,12 +177,13 @@ class Gate:
         asked = HTTPConnection(scope)
         socket = scope["type"] == "websocket"
         given = asked.query_params.get("token", "")
+        origin, host = (asked.headers.get(name, "").lower() for name in ("origin", "host"))
         answer: ASGIApp = self.app
         key = given or asked.cookies.get(_cookie_name(asked), "")
         if self.token and not hmac.compare_digest(key.encode(), self.token.encode()):
             self.counted.refused += 1
             answer = WebSocketClose(1008) if socket else PlainTextResponse(_WITHOUT_TOKEN, 403)
-        elif socket and not _same_origin(asked):
+        elif socket and origin not in (f"http://{host}", f"https://{host}"):
             self.counted.refused += 1
             answer = WebSocketClose(1008)  # before accept: 403
         elif given and self.token is not None and not socket:
@@ -208,11 +209,6 @@ def _cookie_name(asked: HTTPConnection) -> str:
         return f"{COOKIE}-{urlsplit(f'//{host}').port or 80}"
     except ValueError:
         return COOKIE
-
-
-def _same_origin(asked: HTTPConnection) -> bool:
-    origin, host = (asked.headers.get(name, "").lower() for name in ("origin", "host"))
-    return origin in (f"http://{host}", f"https://{host}")
 
 
 # What a browser may ask for: messages of a fixed form, and everything else is refused.
@@ -244,8 +240,7 @@ def request_of(text: str | bytes) -> tuple[str, dict[str, Any]]:
         raise InvalidParameterError("a request must be JSON") from None
     if not isinstance(given, dict) or not isinstance(given.get("ask"), str):
         raise InvalidParameterError('a request must have an "ask"')
-    name = given.pop("ask")
-    return name, given
+    return given.pop("ask"), given
 
 
 def _refuse(name: str) -> None:

@@ -248,7 +248,7 @@ class Watch:
         self.history = History(1e-3)
         self._begun = False
         self.recast = 0
-        self.depth, self.chosen_depth = math.nan, math.nan
+        self.depth = self.chosen_depth = math.nan
         self.changes: deque[dict[str, Any]] = deque(maxlen=MOST_CHANGES)
         self._law: type[ForceLaw] | None = None
         self._shown = ShownDepth()
