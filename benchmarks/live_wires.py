@@ -127,7 +127,7 @@ def _zenoh(store: Any, where: str) -> Callable[[int, bytes, int], None]:
 
     def put(index: int, data: bytes, k: int) -> None:
         assert not session.is_closed()  # which it is as soon as nobody holds it
-        attached = zenoh.attachment(k, time.time_ns(), b"a robot, 16 byte")
+        attached = wire.attachment(k, time.time_ns(), b"a robot, 16 byte")
         publishers[index].put(data, attachment=attached)
 
     return put

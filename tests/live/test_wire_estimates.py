@@ -4,6 +4,7 @@ import json
 import math
 import re
 import struct
+import subprocess
 import time
 from contextlib import closing
 from functools import partial
@@ -11,7 +12,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from scripted import arrivals, looped, measured, pressed
+from scripted import arrivals, in_a_process, looped, measured, pressed
 from wire_robots import ROBOTS, free_port
 
 import palpate
@@ -328,6 +329,23 @@ def test_nobody_there_is_one_clear_line() -> None:
     with pytest.raises(PalpateError, match=r"^zenoh: nobody answers at tcp/.*rmw_zenohd") as caught:
         open_publisher(address)
     assert "\n" not in str(caught.value)
+
+
+def test_what_is_not_installed_is_one_clear_line() -> None:
+    code = """
+import sys
+sys.modules["rosbags"] = None
+from palpate.errors import MissingExtraError
+from palpate.live.publishing import open_publisher
+from palpate.live.sources import open_source
+for opened in (open_source, open_publisher):
+    try:
+        opened("dds:/pose")
+    except MissingExtraError as error:
+        print(error)
+"""
+    out, _ = in_a_process(code, stdout=subprocess.PIPE).communicate(timeout=60)
+    assert out == 2 * "dds needs rosbags: pip install 'palpate[live]'\n"
 
 
 @pytest.mark.parametrize(

@@ -58,12 +58,9 @@ class ShownDepth:
     def __init__(self) -> None:
         self._seen: deque[float] = deque(maxlen=_KEPT)
         self._tick, self._shown = math.nan, _Steady()
+        #: In m, to two digits; NaN before a contact.
+        self.value = math.nan
         self._of_law = {"depth": _Steady(), "frequency": _Steady()}
-
-    @property
-    def value(self) -> float:
-        """In m, to two digits; NaN before a contact."""
-        return self._shown.value
 
     def see(self, rows: Floats) -> None:
         """Take rows of the ring, of which a few are enough."""
@@ -75,7 +72,7 @@ class ShownDepth:
             self._seen.append(depths[place])
             self._tick = ticks[place]
             if len(self._seen) >= _LEAST:
-                self._shown.see(float(np.median(self._seen)), times[place])
+                self.value = self._shown.see(float(np.median(self._seen)), times[place])
 
     def verdict(self, status: dict[str, Any], time: float) -> dict[str, Any] | None:
         """Return the verdict of a board, at a depth and a frequency that stay too."""
@@ -191,9 +188,8 @@ class Console:
         self._heard = self._heard and printed(words, end)
 
     def _look(self) -> None:
-        rows = self._watching.take().rows
+        self._depth.see(self._watching.take().rows)
         status = self._watching.status()
-        self._depth.see(rows)
         for sentence in self._new(status):
             self._clear()
             self._print(printable(sentence))
@@ -228,9 +224,9 @@ def _line(status: dict[str, Any], row: Floats, shown: ShownDepth) -> str:
     counts = status.get("counts", {})
     wrong = [f"{counts[key]} {words}" for key, words in COUNTED if counts.get(key)]
     lateness = status.get("lateness", {})
-    state = State(int(row[PLACE["state"]])).name.lower()
-    if status.get("state") == "lost":  # of which there is no row
-        state = "lost"
+    state = "lost"  # of which there is no row
+    if status.get("state") != "lost":
+        state = State(int(row[PLACE["state"]])).name.lower()
     parts = [
         state.ljust(7),
         at_depth(status, row, shown.value, shown.verdict(status, row[PLACE["arrived"]])),

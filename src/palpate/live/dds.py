@@ -14,7 +14,7 @@ from palpate.live.sources import Arrival, SourceOptions
 from palpate.recordings.messages.layout import Field, Group, Many, Number, Text
 
 if TYPE_CHECKING:
-    from cyclonedds.builtin import BuiltinDataReader, DcpsEndpoint
+    from cyclonedds.builtin import BuiltinDataReader
     from cyclonedds.core import WaitSet
     from cyclonedds.domain import Domain, DomainParticipant
     from cyclonedds.sub import DataReader
@@ -74,26 +74,21 @@ def participant(domain: int, interface: str | None) -> "DomainParticipant":
             raise InvalidParameterError(f"dds: {where}: this process has it on another one")
         return DomainParticipant(domain)
     except DDSException as error:
-        raise PalpateError(f"dds: {where} cannot be joined: {_reason(error)}") from None
+        words = " ".join(str(error).split())[:120] or type(error).__name__
+        raise PalpateError(f"dds: {where} cannot be joined: {words}") from None
 
 
 def _configuration(interface: str | None) -> str:
     given = os.environ.get("CYCLONEDDS_URI", "")
     if interface == "auto" or (interface is None and given):
         return given
-    if interface in (None, "lo"):
+    if interface is None or interface == "lo":
         return _LOOPBACK
-    assert interface is not None
     if not all(each.isalnum() or each in "-_.:" for each in interface):
         raise InvalidParameterError(
             f"dds: interface must be a name such as eth0, not {interface!r}"
         )
     return _INTERFACE.format(name=interface)
-
-
-def _reason(error: Exception) -> str:
-    words = " ".join(str(error).split())
-    return words[:120] or type(error).__name__
 
 
 @lru_cache(maxsize=64)
@@ -119,9 +114,8 @@ def _of_bytes(cls: Any, data: bytes, *_: Any, **__: Any) -> Any:
     return message
 
 
-def _bytes_of(message: Any, *_: Any, **__: Any) -> bytes:
-    raw: bytes = message.raw
-    return raw
+def _bytes_of(message: Any, *_: Any, **__: Any) -> Any:
+    return message.raw
 
 
 @lru_cache(maxsize=256)
@@ -220,12 +214,9 @@ class DDS(RosTopics):
                 continue
             for index, name in enumerate(self.names):
                 if found.topic_name == f"rt{name}":
-                    self._meet(index, found)
-
-    def _meet(self, index: int, found: "DcpsEndpoint") -> None:
-        type_name = ros.ros2_type(found.type_name)
-        if self.accept(index, type_name) and index not in self._readers:
-            self._readers[index] = self._reader(self.names[index], type_name, found.qos)
+                    type_name = ros.ros2_type(found.type_name)
+                    if self.accept(index, type_name) and index not in self._readers:
+                        self._readers[index] = self._reader(name, type_name, found.qos)
 
     def _reader(self, name: str, type_name: str, offered: Any) -> "DataReader[Any]":
         from cyclonedds.core import Policy, Qos

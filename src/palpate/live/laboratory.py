@@ -112,9 +112,6 @@ _STARTING = 60.0  # s: MuJoCo takes one or two to be imported, more on a busy ma
 _SHORTEST, _LONGEST = 1e-4, 1e-2  # s between samples
 _LOOK_AGAIN = 2e-4  # s, where the laboratory is behind
 
-#: What can be asked for: the material with the probe lifted meanwhile, or changed under it.
-ASKED = ("material", "motion", "change")
-
 
 def open_source(address: str, options: SourceOptions) -> "Laboratory":
     """Return the laboratory of ``lab:MATERIAL`` or ``lab:MATERIAL,MOTION``."""
@@ -159,6 +156,10 @@ class Laboratory:
             )
         self._setup = Setup(material, motion, sample_time, seed, probe)
         self.sample_time, self.counts = sample_time, Counts()
+        materials = list(MATERIALS)
+        #: What can be asked for, and the choices: the material with the probe lifted meanwhile, or
+        #: changed under it.
+        self.offers = {"material": materials, "motion": list(TRAJECTORIES), "change": materials}
         self._rows: deque[list[float]] = deque()
         self._open = False
         self._said: list[str] = []
@@ -174,12 +175,6 @@ class Laboratory:
     def rest(self) -> float:
         """Time at the start in which nothing is touched, s: for a tare."""
         return TRAJECTORIES[self._chosen["motion"]].pause
-
-    @property
-    def offers(self) -> dict[str, list[str]]:
-        """What can be asked for, and the choices."""
-        materials = list(MATERIALS)
-        return {"material": materials, "motion": list(TRAJECTORIES), "change": materials}
 
     @property
     def chosen(self) -> dict[str, Any]:
@@ -228,9 +223,9 @@ class Laboratory:
 
     def ask(self, options: dict[str, Any]) -> str:
         """Exchange the material, under the lifted probe or at once; or the motion."""
-        if not options or not set(options) <= set(ASKED):
+        if not options or not set(options) <= set(self.offers):
             raise InvalidParameterError(
-                f"the laboratory can be asked for {', '.join(ASKED)}, not {shown(options)}"
+                f"the laboratory can be asked for {', '.join(self.offers)}, not {shown(options)}"
             )
         return "; ".join(self._asked(name, value) for name, value in options.items())
 

@@ -53,8 +53,7 @@ def verdict_on(status: Mapping[str, Any]) -> dict[str, Any] | None:
         "flags": [
             *page["flags"],
             *(verdict.flags if page["parameters"] else ()),
-            *(_unsettled(page) if known else ()),
-            *(_open(verdict, estimate) if known else ()),
+            *(_open(page, verdict, estimate) if known else ()),
         ],
         "since": page["turns"][-1][0] if page["turns"] else math.nan,
         "changes": page["changes"],
@@ -77,20 +76,15 @@ def estimate_of(page: Mapping[str, Any]) -> Estimate:
     )
 
 
-def _unsettled(page: Mapping[str, Any]) -> list[str]:
-    """Say of a verdict that it flickers: twice another while the samples doubled."""
-    now = Evidence(*page["evidence"]).samples
-    late = [law for _, law, samples in page["turns"] if law and 2.0 * samples > now]
-    # The first law after a change of the material is no turn.
-    count = min(len(late), page["changes"])
-    if count < 2:
-        return []
-    return [f"the verdict is not settled: it changed {count} times while the samples doubled"]
-
-
-def _open(verdict: LawVerdict, estimate: Estimate) -> list[str]:
+def _open(page: Mapping[str, Any], verdict: LawVerdict, estimate: Estimate) -> list[str]:
     """Say what the samples so far leave open of the verdict itself."""
-    flags = []
+    late = [law for _, law, samples in page["turns"] if law and 2.0 * samples > verdict.samples]
+    # It flickers: twice another while the samples doubled; the first after a change is no turn.
+    flags, count = list[str](), min(len(late), page["changes"])
+    if count >= 2:
+        flags.append(
+            f"the verdict is not settled: it changed {count} times while the samples doubled"
+        )
     if verdict.effective_samples < _FEW * verdict.samples:
         flags.append(
             "what the best law leaves is correlated: so is the sensor's noise, or none of the laws "

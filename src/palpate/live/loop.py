@@ -116,8 +116,7 @@ class LawsInForce:
         """Look at an estimator after a sample; at one that offers a single law there is nothing."""
         if not isinstance(estimator, ViscoelasticContact):
             return
-        now = estimator.candidate
-        if now is self.now:
+        if (now := estimator.candidate) is self.now:
             return
         self.changes = 0 if now is None or self.now is None else self.changes + 1
         self.now, samples = now, estimator.evidence().samples
@@ -316,8 +315,10 @@ class Loop:
                 break
             if arrival is None:
                 waited += patience
-                if waited >= silent:
-                    self._silence()
+                if waited >= silent and self.state is not State.LOST:
+                    self.state = State.LOST
+                    self.counts.silences += 1
+                    self.say("no sample comes: the estimate is held")
             else:
                 waited = 0.0
                 self.step(arrival)
@@ -436,13 +437,6 @@ class Loop:
             return value, value, math.nan, math.nan
         (x, y, z), (a, b, c) = self._direction, value
         return x * a + y * b + z * c, a, b, c
-
-    def _silence(self) -> None:
-        """Nothing came for a while: hold what is known."""
-        if self.state is not State.LOST:
-            self.state = State.LOST
-            self.counts.silences += 1
-            self.say("no sample comes: the estimate is held")
 
     def say(self, words: str) -> None:
         """Tell whoever looks on; the last few are kept."""

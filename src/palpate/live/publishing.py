@@ -13,20 +13,19 @@ import sys
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from importlib import import_module
 from multiprocessing.connection import Connection
 from typing import Any, Protocol
 
 import numpy as np
 
 from palpate.digits import parameter
-from palpate.errors import InvalidParameterError, MissingExtraError, PalpateError
+from palpate.errors import InvalidParameterError, PalpateError
 from palpate.live.choices import State
 from palpate.live.law_numbers import fields_of, verdict_on
 from palpate.live.loop import TAKEN
 from palpate.live.ordering import NANO
 from palpate.live.sinks import PLACE, Session, Sink, Watching, parameters_of
-from palpate.live.sources import NO_ROS1
+from palpate.live.sources import NO_ROS1, imported
 from palpate.validation import Floats, shown
 
 #: Before the law's parameters and their standard errors: name as published, and column of the ring.
@@ -70,11 +69,6 @@ class Fields:
     parameters: tuple[str, ...]
     origin: int
 
-    @classmethod
-    def of(cls, page: dict[str, Any]) -> "Fields":
-        """Read them from the loop's board."""
-        return cls(page["generation"], tuple(page["law"]["names"]), page["origin"])
-
     @property
     def names(self) -> tuple[str, ...]:
         """All names, in the order of the numbers."""
@@ -100,23 +94,15 @@ class RosEncoder:
     """Makes messages of ROS 2, in CDR."""
 
     def __init__(self) -> None:
-        try:
-            from rosbags.typesys import Stores, get_typestore
-        except ImportError:
-            raise MissingExtraError(
-                "messages of ROS need rosbags: pip install 'palpate[live]'"
-            ) from None
-        self._store = get_typestore(Stores.LATEST)
-        self._names, self._head = tuple[str, ...](), b""
+        from rosbags.typesys import Stores, get_typestore
 
-    def hash_of(self, type_name: str) -> str:
-        """Return the hash of a type's description, by which ROS 2 distinguishes versions of it."""
-        return self._store.hash_rihs01(type_name)
+        self.store = get_typestore(Stores.LATEST)
+        self._names, self._head = tuple[str, ...](), b""
 
     def estimate(self, names: tuple[str, ...], values: Sequence[float]) -> bytes:
         """Return the message of one sample; only its numbers are written anew."""
         if names != self._names:
-            types, size = self._store.types, len(names)
+            types, size = self.store.types, len(names)
             dimension = types["std_msgs/msg/MultiArrayDimension"](",".join(names), size, size)
             layout = types["std_msgs/msg/MultiArrayLayout"]([dimension], 0)
             message = types[ESTIMATE](layout, np.zeros(size))
@@ -138,7 +124,7 @@ class RosEncoder:
         values : dict
             What is said, by name; numbers are written with 15 digits.
         """
-        types = self._store.types
+        types = self.store.types
         time = types["builtin_interfaces/msg/Time"](*divmod(max(stamp, 0), NANO))
         header = types["std_msgs/msg/Header"](time, "")
         pairs = [
@@ -153,7 +139,7 @@ class RosEncoder:
         return self._bytes(types[STATUS](header, [one]), STATUS)
 
     def _bytes(self, message: object, type_name: str) -> bytes:
-        return bytes(self._store.serialize_cdr(message, type_name, little_endian=True))
+        return bytes(self.store.serialize_cdr(message, type_name, little_endian=True))
 
 
 # Estimates published back on a wire, for the robot or whoever listens.
@@ -163,9 +149,6 @@ LEVELS = {"do-not-trust": 0.0, "with-care": 1.0, "trust": 2.0}
 _PAUSE = 1e-3  # s: how often new rows are looked for
 _ASKED_EVERY = 0.02  # s: whether the loop has stopped
 _TOLD_EVERY = 0.25  # s: the status, and the sink's own board
-
-
-_now = time.monotonic
 
 
 class Wire(Protocol):
@@ -205,19 +188,6 @@ class Publisher:
         #: For instance ``publish zmq:tcp://127.0.0.1:5556``.
         self.name = f"publish {wire.name}"
 
-    def check(self) -> None:
-        """Begin and end, so that an address in use is known before the loop begins.
-
-        Raises
-        ------
-        PalpateError
-            It cannot be published there.
-        """
-        try:
-            self._wire.open()
-        finally:
-            self._wire.close()
-
     def run(self, session: Session, commands: Connection) -> None:
         """Publish what the loop finds until it stops."""
         watching = self._begin(Watching(session))
@@ -243,7 +213,7 @@ class Publisher:
         waiting = self._watching.take().rows
         over, asked = False, 0.0
         while not over:
-            now = _now()
+            now = time.monotonic()
             if now >= asked:
                 asked, over = now + _ASKED_EVERY, self._watching.over
             page, rows = self._watching.status(), self._watching.take().rows
@@ -258,7 +228,7 @@ class Publisher:
 
     def _publish(self, page: dict[str, Any], rows: Floats) -> Floats:
         """Send rows whose estimator the board knows by now; return the others."""
-        fields = Fields.of(page)
+        fields = Fields(page["generation"], tuple(page["law"]["names"]), page["origin"])
         if fields != self._fields:
             self._fields, self._last, self._learned = fields, {}, math.nan
         mine = rows[:, GENERATION] == fields.generation
@@ -266,7 +236,10 @@ class Publisher:
         self._watching.dropped += int(np.count_nonzero(rows[:, GENERATION] < fields.generation))
         if mine.any():
             values = fields.values(rows[mine], self._after(page, rows[mine])).tolist()
-            self._last, self._seen = dict(zip(fields.names, values[-1], strict=True)), _now()
+            self._last, self._seen = (
+                dict(zip(fields.names, values[-1], strict=True)),
+                time.monotonic(),
+            )
             refused = self._wire.send(fields.names, values)
             self._watching.dropped += refused  # they came to nobody, as those that the ring lost
             self._sent += len(values) - refused
@@ -285,10 +258,9 @@ class Publisher:
 
     def _tell(self, page: dict[str, Any], *, silent: bool) -> None:
         """Say it whether rows come or not: of a source that is lost there are none."""
-        now, last = _now(), self._last
-        if now < self._told or not last or self._fields is None:
-            return
-        if not math.isfinite(last["time"]):
+        now, last = time.monotonic(), self._last
+        known = math.isfinite(last.get("time", math.nan))
+        if self._fields is None or not known or now < self._told:
             return
         self._told = now + _TOLD_EVERY
         stamp = round(1e9 * (last["time"] - 1e-9 * self._fields.origin)) + self._fields.origin
@@ -402,6 +374,9 @@ def open_publisher(address: str) -> Sink:
         raise InvalidParameterError(f"--publish must be one of {known}, not {shown(address)}")
 
     module, wire = PUBLISHERS[scheme]
-    publisher = Publisher(getattr(import_module(module), wire)(rest))
-    publisher.check()
-    return publisher
+    made: Wire = getattr(imported(module), wire)(rest)
+    try:
+        made.open()  # so that an address in use is known before the loop begins
+    finally:
+        made.close()
+    return Publisher(made)

@@ -102,10 +102,7 @@ def described(status: dict[str, Any]) -> dict[str, str]:
     law = status.get("law", {})
     units = zip(law.get("symbols", ()), law.get("units", ()), strict=True)
     tare, preparation = status.get("tare"), str(status.get("preparation", ""))
-    if "tare_time=" not in preparation:
-        tared = "none"
-    else:
-        tared = "being measured" if tare is None else f"{tare:.6g} N was taken off online"
+    tared = "being measured" if tare is None else f"{tare:.6g} N was taken off online"
     verdict = verdict_on(status)
     told = {"law": str(verdict["law"])} if verdict and verdict["known"] else {}
     diagnosis = status.get("diagnosis", {})
@@ -116,7 +113,7 @@ def described(status: dict[str, Any]) -> dict[str, str]:
         **told,
         "parameters": ", ".join(f"{name} [{unit or '1'}]" for name, unit in units),
         "preparation": preparation or "as usual",
-        "tare": tared,
+        "tare": tared if "tare_time=" in preparation else "none",
         "delay": f"{status.get('delay', 0.0):g} s from a measurement to its estimate",
     }
 
@@ -190,9 +187,7 @@ class Recorder:
         if failed:
             sys.exit(1)  # by which the loop's process knows
 
-    def _obey(
-        self, recording: "RunFile | None", asked: dict[str, Any]
-    ) -> "tuple[RunFile | None, str]":
+    def _obey(self, recording: "RunFile | None", asked: dict[str, Any]) -> "_Begun":
         said = "nothing is being recorded" if recording is None else recording.finish()
         if not asked["on"]:
             return None, said
@@ -208,7 +203,7 @@ def _page(recording: "RunFile | None") -> dict[str, Any]:
     return {"path": str(recording.path), **counted}
 
 
-def _begun(path: Path) -> "tuple[RunFile | None, str]":
+def _begun(path: Path) -> "_Begun":
     try:
         file, taken = opened_new(path)
     except OSError as error:
@@ -363,3 +358,6 @@ class RunFile:
         except OSError as error:
             return self._given_up(error)
         return f"recorded {self.rows} rows to {self.path}"
+
+
+_Begun = tuple[RunFile | None, str]

@@ -7,7 +7,6 @@ more: the loop computes them 50 times a second, or at every sample where somebod
 
 import json
 import struct
-from dataclasses import dataclass
 from multiprocessing import resource_tracker, shared_memory
 from typing import Any, NamedTuple
 
@@ -77,11 +76,8 @@ class _Shared:
         assert self._memory.buf is not None  # it is open
         self._buffer: memoryview = self._memory.buf
         self._header = self._buffer[:16].cast("q")
-
-    @property
-    def name(self) -> str:
-        """By which another process finds it."""
-        return self._memory.name
+        #: By which another process finds it.
+        self.name = self._memory.name
 
     def close(self) -> None:
         """Let go of the memory; who made it gives it back, whether every reader has gone or not."""
@@ -102,8 +98,7 @@ def _attached(name: str) -> shared_memory.SharedMemory:
         resource_tracker.register = register
 
 
-@dataclass(frozen=True, slots=True)
-class Address:
+class Address(NamedTuple):
     """Name and size of a ring: how many rows it holds, and how many numbers are in each."""
 
     name: str

@@ -7,13 +7,13 @@ message goes on has its numbers in the same places, and costs a few comparisons.
 
 import re
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from palpate.errors import InvalidParameterError, MissingExtraError, PalpateError
+from palpate.errors import InvalidParameterError, PalpateError
 from palpate.live.ordering import (
     NANO,
     Followed,
@@ -35,6 +35,8 @@ from palpate.recordings.messages.layout import (
     Number,
     TimeAt,
     UndecodableError,
+    message_fields,
+    walk_cdr,
 )
 
 # bytes: the state of a hundred joints, with their names, has some 6000; to walk so many takes up to
@@ -124,22 +126,25 @@ class MessageReader:
     ------
     InvalidParameterError
         ROS has no such type.
-    MissingExtraError
-        rosbags, which knows ROS's types, is not installed.
     """
 
     def __init__(self, topic: str, type_name: str, paths: Sequence[str], *, vectors: bool) -> None:
         self._paths, self._vectors = tuple(paths), vectors
         self._known: deque[_Places] = deque(maxlen=_MOST_LAYOUTS)
-        fields, self._walk = _walk_of(topic, type_name)
+        try:
+            self._fields = message_fields(type_name, "ros2msg", "")
+        except UndecodableError:
+            raise InvalidParameterError(
+                f"topic {topic} is of the type {type_name}, which ROS itself does not define"
+            ) from None
         for path in paths:
-            self._check(f"topic {topic} of the type {type_name}", fields, path)
+            self._check(f"topic {topic} of the type {type_name}", path)
 
-    def _check(self, where: str, fields: Group, path: str) -> None:
+    def _check(self, where: str, path: str) -> None:
         """Refuse a path that no message of the type can have; those into lists are seen later."""
         if "[" in path:
             return
-        found: Field = fields
+        found: Field = self._fields
         for name in path.split(".") if path else ():
             below = dict(found.fields) if isinstance(found, Group) else {}
             if name not in below:
@@ -170,7 +175,7 @@ class MessageReader:
                 return places.read(message)
         if len(message) > LONGEST:
             raise InvalidParameterError(f"a message of {len(message)} bytes")
-        layout = self._walk(message)
+        layout = walk_cdr(message, self._fields)
         leaves = layout.entities[0].leaves
         values = [self._leaves(leaves, path) for path in self._paths]
         places = _Places(len(message), layout, leaves.get(_STAMP), values)
@@ -199,22 +204,6 @@ def _vector_words(path: str) -> str:
         f"{path or 'it'} is a vector: say --direction, such as 0,0,-1, or name one of its numbers, "
         f"such as {one}"
     )
-
-
-def _walk_of(topic: str, type_name: str) -> tuple[Group, Callable[[bytes], Layout]]:
-    try:
-        from palpate.recordings.messages.layout import message_fields, walk_cdr
-    except ImportError:
-        raise MissingExtraError(
-            "messages of ROS need rosbags: pip install 'palpate[live]'"
-        ) from None
-    try:
-        fields = message_fields(type_name, "ros2msg", "")
-    except UndecodableError:
-        raise InvalidParameterError(
-            f"topic {topic} is of the type {type_name}, which ROS itself does not define"
-        ) from None
-    return fields, lambda message: walk_cdr(message, fields)
 
 
 # Topics of ROS, on whatever wire they come: from their messages to positions with forces.
@@ -318,9 +307,10 @@ class RosTopics:
         paths = []
         for word, path, role in topic.read:
             if path is None and type_name not in role:
+                types = ", ".join(name.rpartition("/")[2] for name in role)
                 raise InvalidParameterError(
                     f"{self._scheme}: topic {topic.name} is of the type {type_name}, of which the "
-                    f"{word} is not known: {_advice(word, role)}"
+                    f"{word} is not known: name a field with {word}=…, or publish one of {types}"
                 )
             paths.append(role[type_name] if path is None else path)
         topic.reader = MessageReader(topic.name, type_name, paths, vectors=self._vectors)
@@ -378,11 +368,6 @@ class RosTopics:
         """Count what is missing so far."""
         for topic in self.topics:
             topic.order.settle()
-
-
-def _advice(word: str, role: dict[str, str]) -> str:
-    types = ", ".join(name.rpartition("/")[2] for name in role)
-    return f"name a field with {word}=…, or publish one of {types}"
 
 
 def ros2_type(dds_name: str) -> str:

@@ -18,7 +18,7 @@ from palpate.live.loop import Loop
 from palpate.live.realtime import ask_for_realtime, end, give_way, show_name, start, undisturbed
 from palpate.live.ring import ESTIMATE, Board, Writer
 from palpate.live.sinks import Session, Sink
-from palpate.live.sources import Source, news_of
+from palpate.live.sources import Source
 from palpate.preparation import OnlinePreparation
 from palpate.settings import ChangeDetector, OutlierRejection
 
@@ -142,15 +142,13 @@ class _Asked:
             return LiveCommand("stop")
         if now >= self._told:
             self._told = now + TOLD_EVERY
-            for sentence in news_of(self._loop.source):
+            for sentence in getattr(self._loop.source, "news", list)():
                 self._loop.say(sentence)
             self._board.write(self._loop.status())
         for name, connection in list(self._sinks.items()):
             try:
-                if connection.poll():
-                    command = connection.recv()
-                    if isinstance(command, LiveCommand):
-                        return command
+                if connection.poll() and isinstance(command := connection.recv(), LiveCommand):
+                    return command
             except (EOFError, OSError):  # it has ended, by itself or by another's hand
                 del self._sinks[name]
                 self._loop.say(f"the {name} has ended")

@@ -152,7 +152,7 @@ class Watching:
 
     def __init__(self, session: Session) -> None:
         self.reader = RowReader(session.samples, session.estimates)
-        self._board = Board(session.board)
+        self.board = Board(session.board)
         self._own = Board(session.own)
         self._others = {
             name: Board(each) for name, each in session.boards.items() if each != session.own
@@ -165,14 +165,9 @@ class Watching:
         self.dropped += taken.dropped
         return taken
 
-    @property
-    def sign(self) -> tuple[int, int]:
-        """What is another one as soon as the loop has written anything."""
-        return self._board.version, self.reader.samples.count
-
     def status(self) -> dict[str, Any]:
         """What the loop said last."""
-        return self._board.read()
+        return self.board.read()
 
     def others(self) -> dict[str, dict[str, Any]]:
         """What the other sinks said last."""
@@ -201,5 +196,5 @@ class Watching:
     def close(self) -> None:
         """Let go of the memory."""
         self.reader.close()
-        for each in (self._board, self._own, *self._others.values()):
+        for each in (self.board, self._own, *self._others.values()):
             each.close()

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, NamedTuple, Protocol, TypeAlias
 
 from palpate.contact import Contact
-from palpate.errors import InvalidParameterError
+from palpate.errors import InvalidParameterError, MissingExtraError
 from palpate.validation import number_in, shown
 
 #: A number, or three along the axes of the recording's frame.
@@ -115,12 +115,6 @@ class Source(Protocol):
 
     def close(self) -> None:
         """Let go of files and sockets; may be called twice."""
-
-
-def news_of(source: Source) -> list[str]:
-    """What a source has to say since it was last asked."""
-    news = getattr(source, "news", None)
-    return news() if news is not None else []
 
 
 # A contact that was recorded, delivered again at its own pace or faster.
@@ -258,6 +252,15 @@ NO_ROS1 = (
 )
 
 
+def imported(module: str) -> Any:
+    """Return a wire's module, or say what it needs."""
+    try:
+        return import_module(module)
+    except ImportError as error:
+        wire, needed = module.rpartition(".")[2], str(error.name).partition(".")[0]
+        raise MissingExtraError(f"{wire} needs {needed}: pip install 'palpate[live]'") from None
+
+
 def open_source(address: str, options: SourceOptions | None = None) -> Source:
     """Return the source of an address; :meth:`Source.open` begins it.
 
@@ -280,7 +283,7 @@ def open_source(address: str, options: SourceOptions | None = None) -> Source:
     given = options or SourceOptions()
     scheme, colon, rest = address.partition(":")
     if colon and scheme in SOURCES:
-        source: Source = import_module(SOURCES[scheme].module).open_source(rest, given)
+        source: Source = imported(SOURCES[scheme].module).open_source(rest, given)
         return source
     if scheme == "ros1":
         raise InvalidParameterError(NO_ROS1)

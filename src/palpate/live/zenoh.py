@@ -266,9 +266,10 @@ class ZenohWire(RosWire):
         import zenoh
 
         node = f"@ros2_lv/{self._domain}/{self._session.zid()}/0"
-        self._declare(f"{node}/0/NN/%/%/palpate")
+        declare = self._session.liveliness().declare_token
+        self._tokens = [declare(f"{node}/0/NN/%/%/palpate")]
         for index, (name, type_name) in enumerate(self.topics):
-            kind, checksum = dds_type(type_name), self.encoder.hash_of(type_name)
+            kind, checksum = dds_type(type_name), self.encoder.store.hash_rihs01(type_name)
             self._publishers.append(
                 self._session.declare_publisher(
                     key_of(self._domain, name, type_name, checksum),
@@ -278,13 +279,8 @@ class ZenohWire(RosWire):
             )
             mangled = name.replace("/", "%")
             # Of its quality of service only the depth is not ROS's default.
-            self._declare(
-                f"{node}/{index + 1}/MP/%/%/palpate/{mangled}/{kind}/{checksum}/::,1000:,:,:,,"
-            )
-
-    def _declare(self, key: str) -> None:
-        assert self._session is not None  # it is open
-        self._tokens.append(self._session.liveliness().declare_token(key))
+            published = f"{mangled}/{kind}/{checksum}/::,1000:,:,:,,"
+            self._tokens.append(declare(f"{node}/{index + 1}/MP/%/%/palpate/{published}"))
 
     def _put(self, topic: int, data: bytes) -> bool:
         """It waits where there is no room."""

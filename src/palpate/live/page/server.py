@@ -177,12 +177,13 @@ class Gate:
         asked = HTTPConnection(scope)
         socket = scope["type"] == "websocket"
         given = asked.query_params.get("token", "")
+        origin, host = (asked.headers.get(name, "").lower() for name in ("origin", "host"))
         answer: ASGIApp = self.app
         key = given or asked.cookies.get(_cookie_name(asked), "")
         if self.token and not hmac.compare_digest(key.encode(), self.token.encode()):
             self.counted.refused += 1
             answer = WebSocketClose(1008) if socket else PlainTextResponse(_WITHOUT_TOKEN, 403)
-        elif socket and not _same_origin(asked):
+        elif socket and origin not in (f"http://{host}", f"https://{host}"):
             self.counted.refused += 1
             answer = WebSocketClose(1008)  # before accept: 403
         elif given and self.token is not None and not socket:
@@ -208,11 +209,6 @@ def _cookie_name(asked: HTTPConnection) -> str:
         return f"{COOKIE}-{urlsplit(f'//{host}').port or 80}"
     except ValueError:
         return COOKIE
-
-
-def _same_origin(asked: HTTPConnection) -> bool:
-    origin, host = (asked.headers.get(name, "").lower() for name in ("origin", "host"))
-    return origin in (f"http://{host}", f"https://{host}")
 
 
 # What a browser may ask for: messages of a fixed form, and everything else is refused.
@@ -244,8 +240,7 @@ def request_of(text: str | bytes) -> tuple[str, dict[str, Any]]:
         raise InvalidParameterError("a request must be JSON") from None
     if not isinstance(given, dict) or not isinstance(given.get("ask"), str):
         raise InvalidParameterError('a request must have an "ask"')
-    name = given.pop("ask")
-    return name, given
+    return given.pop("ask"), given
 
 
 def _refuse(name: str) -> None:
@@ -374,6 +369,8 @@ class Server:
         self._text, self._version, self._over = "{}", 0, False
         self._cached: dict[tuple[int, int, int, int, bool], bytes] = {}
         self._allowance = Allowance()
+        known = {"channels": CHANNELS, "methods": offered(), "choices": CHOICES}
+        self._hello = json.dumps({"kind": "hello", **known})
         self._tick = asyncio.Event()
 
     def app(self, token: str | None) -> Gate:
@@ -430,10 +427,7 @@ class Server:
         self.served.clients += 1
         history = self.watch.history
         client = Client(socket, history.oldest, self.watch.recast, history.total)
-        known = {"channels": CHANNELS, "methods": offered(), "choices": CHOICES}
-        sending = asyncio.create_task(
-            self._send_all(client, json.dumps({"kind": "hello", **known}))
-        )
+        sending = asyncio.create_task(self._send_all(client))
         receiving = asyncio.create_task(self._receive_all(client))
         try:
             await asyncio.wait({sending, receiving}, return_when=asyncio.FIRST_COMPLETED)
@@ -446,13 +440,13 @@ class Server:
             if socket.client_state is WebSocketState.CONNECTED and ABORT in socket.scope:
                 socket.scope[ABORT]()
 
-    async def _send_all(self, client: Client, hello: str) -> None:
+    async def _send_all(self, client: Client) -> None:
         """One message at a time: what a client has not taken is not made for it."""
         try:
             async with asyncio.timeout(None) as patience:
                 clock = asyncio.get_running_loop().time
                 patience.reschedule(clock() + STALLED)
-                await client.socket.send_text(hello)
+                await client.socket.send_text(self._hello)
                 while True:
                     tick = self._tick
                     while (message := self._next_of(client)) is not None:

@@ -153,7 +153,10 @@ async def _quietly(config: "Config", listening: socket.socket) -> None:
 
 def _sender(commands: Connection) -> Any:
     def send(command: LiveCommand) -> None:
-        if not _takes(commands):
+        room = True
+        with suppress(OSError, ValueError):  # it has ended, which sending says; or is no file here
+            room = bool(select.select([], [commands.fileno()], [], 0)[1])
+        if not room:  # the page waits for nobody
             raise InvalidParameterError("the loop does not answer: nothing was asked")
         try:
             commands.send(command)
@@ -161,14 +164,6 @@ def _sender(commands: Connection) -> Any:
             raise InvalidParameterError("the loop has ended") from None
 
     return send
-
-
-def _takes(commands: Connection) -> bool:
-    """Whether there is room for a command: the page waits for nobody."""
-    try:
-        return bool(select.select([], [commands.fileno()], [], 0)[1])
-    except (OSError, ValueError):  # it has ended, which sending says; or it is no file here
-        return True
 
 
 def _listening(host: str, port: int) -> socket.socket:

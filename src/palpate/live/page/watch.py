@@ -248,7 +248,7 @@ class Watch:
         self.history = History(1e-3)
         self._begun = False
         self.recast = 0
-        self.depth, self.chosen_depth = math.nan, math.nan
+        self.depth = self.chosen_depth = math.nan
         self.changes: deque[dict[str, Any]] = deque(maxlen=MOST_CHANGES)
         self._law: type[ForceLaw] | None = None
         self._shown = ShownDepth()
@@ -280,7 +280,9 @@ class Watch:
     def look(self) -> None:
         """Read the boards, and choose the depth: a few times a second."""
         self._read()
-        if (sign := self.run.sign) != self._sign:
+        # Another one as soon as the loop has written anything.
+        sign = self.run.board.version, self.run.reader.samples.count
+        if sign != self._sign:
             self._sign, self._moved = sign, time.monotonic()
         chosen = math.isfinite(self.chosen_depth)
         self.depth = self.chosen_depth if chosen else self._shown.value
@@ -292,11 +294,6 @@ class Watch:
         self.loop = self.run.status() or self.loop
         law = self.loop.get("law") or {}
         self._law = FORCE_LAWS.get(law.get("kind", ""))
-
-    @property
-    def alive(self) -> bool:
-        """Whether the loop has written anything lately, or its source is still being opened."""
-        return not self._begun or time.monotonic() - self._moved < ALIVE
 
     def _note_changes(self, rows: Floats, first: int) -> None:
         """Remember where the material changed, and the laws before and after."""
@@ -373,7 +370,8 @@ class Watch:
             {
                 "loop": {**self.loop, "verdict": told(verdict) if verdict else None},
                 "others": self.run.others(),
-                "alive": self.alive,
+                # Whether it has written anything lately, or its source is still being opened.
+                "alive": not self._begun or time.monotonic() - self._moved < ALIVE,
                 "shown": SHOWN,
                 "depth": {"value": self.depth, "chosen": math.isfinite(self.chosen_depth)},
                 "now": now,
