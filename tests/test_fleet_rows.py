@@ -331,6 +331,17 @@ def test_batches_hold_every_contact_once_and_keep_chunks_whole():
     assert digest_of(changed) != digest_of(sources)
 
 
+@pytest.mark.parametrize("diagnosis, most", [("none", 0.5), ("input", 0.2), ("full", 0.1)])
+def test_many_short_curves_of_one_chunk_are_work_for_every_worker(diagnosis, most):
+    """2000 curves of 200 samples: no task is more than a part of one worker's share."""
+    source = ContactSource("a.zarr", "zarr", 2000, 200, 2000)
+    work = source.seconds(diagnosis, whole_curve=diagnosis != "full")
+    seconds = [batch.seconds for batch in batches([source], [work], workers=2)]
+    assert max(seconds) < most * 0.5 * sum(seconds)
+    assert max(seconds) <= 1.0
+    assert min(seconds[:-1]) > 0.04  # or the overhead of a task would count
+
+
 def force_maps():
     beside = Path(__file__).parents[2] / "shared" / "data"
     folder = Path(os.environ.get("PALPATE_DATA", beside)) / "afm_maps"
