@@ -221,15 +221,8 @@ def _best_shift(fit: Fit, reach: int) -> tuple[Solution, int]:
     def energy(shift: int) -> float:
         return fit.solve(law, offset, _motion(fit, shift, band, force), enough=ROUGHLY).energy
 
-    def roughly(shift: int) -> float:
-        """What a linear step would leave: enough where single samples are tried afterwards."""
-        return fit.at(law, offset, _motion(fit, shift, band, force)).left_by_a_step
-
     coarse = max(reach // 6, 1)
-    best = min(
-        {0, -reach, reach, *range(-reach, reach + 1, coarse)},
-        key=roughly if coarse > 1 else energy,
-    )
+    best = min({0, -reach, reach, *range(-reach, reach + 1, coarse)}, key=energy)
     while coarse > 1:
         coarse //= 2
         near = (best - coarse, best, best + coarse)
