@@ -1,7 +1,6 @@
 """Causes that are a column beside the fit: drift, friction, another damping or shape, inertia."""
 
 import math
-from collections.abc import Iterable
 from functools import cache
 
 import numpy as np
@@ -126,9 +125,6 @@ def cause_of(
 LONGEST = 25e-3  # s; beyond that a recording is out of step, not late
 LEAST = 0.3  # samples; less is the sampling itself
 MOST_ROWS = 700  # on which whole shifts are tried
-# Coarse shifts that are fitted: those of which a linear step leaves the least. With one of them
-# four of 106 recordings got another delay than with all fitted, with four none.
-FINALISTS = 4
 ROUGHLY = 1e-3  # of the energy, to which a shift is tried: one sample more changes it by more
 
 
@@ -225,15 +221,8 @@ def _best_shift(fit: Fit, reach: int) -> tuple[Solution, int]:
     def energy(shift: int) -> float:
         return fit.solve(law, offset, _motion(fit, shift, band, force), enough=ROUGHLY).energy
 
-    def roughly(shift: int) -> float:
-        """What a linear step would leave: enough where single samples are tried afterwards."""
-        return fit.at(law, offset, _motion(fit, shift, band, force)).left_by_a_step
-
     coarse = max(reach // 6, 1)
-    shifts: Iterable[int] = {0, -reach, reach, *range(-reach, reach + 1, coarse)}
-    if coarse > 1:
-        shifts = sorted(shifts, key=roughly)[:FINALISTS]
-    best = min(shifts, key=energy)
+    best = min({0, -reach, reach, *range(-reach, reach + 1, coarse)}, key=energy)
     while coarse > 1:
         coarse //= 2
         near = (best - coarse, best, best + coarse)

@@ -225,12 +225,6 @@ class Solution:
         left: Floats = column - self.jacobian @ (self.inverse @ column)
         return left
 
-    @property
-    def left_by_a_step(self) -> float:
-        """What its energy would be after a step, were the force linear in the parameters, N²."""
-        left = self.residual - self.jacobian @ _step(self.jacobian, self.residual, 1e-9)
-        return float(left @ left)
-
 
 class Fit:
     """A law's least squares of force in the motion's band.
