@@ -37,7 +37,8 @@ def timing() -> Iterator[dict[int, np.ndarray]]:
     """Collect the times of each task, s of the processor and of the clock, by its worker."""
     found: dict[int, np.ndarray] = {}
     with tempfile.TemporaryDirectory() as folder:
-        os.environ[_FOLDER], running.timed_batch = folder, timed
+        os.environ[_FOLDER] = folder
+        running.timed_batch = timed  # type: ignore[assignment]  # without threads, which tasks have
         try:
             yield found
         finally:

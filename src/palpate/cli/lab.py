@@ -121,6 +121,7 @@ def lab(
 def _material(name: str, given: dict[str, float]) -> "Material":
     from palpate.force_laws import FORCE_LAWS, law_from
     from palpate.lab import MATERIALS, Homogeneous
+    from palpate.validation import one_of
 
     given = {key.replace("-", "_"): value for key, value in given.items()}
     if name in MATERIALS:
@@ -134,10 +135,7 @@ def _material(name: str, given: dict[str, float]) -> "Material":
         from palpate.exports.mujoco.robot import Scene
 
         return Scene(name)
-    if name not in FORCE_LAWS:
-        raise InvalidParameterError(
-            f"MATERIAL must be one of {', '.join([*MATERIALS, *FORCE_LAWS])}, not {name!r}"
-        )
+    one_of("MATERIAL", name, [*MATERIALS, *FORCE_LAWS])
     law = FORCE_LAWS[name]
     needed = [each for each in law.names() if each not in law.optional]
     if not set(needed) <= set(given) <= set(law.names()):

@@ -250,18 +250,13 @@ def print_working_depths(result: Identification, console: Console) -> None:
     say(console, "; ".join(words), "dim")
 
 
-def _whole_error(quantity: Quantity) -> float:
-    """What repeats and what the findings would move together; NaN where one is unknown."""
-    return math.hypot(quantity.standard_error, quantity.systematic)
-
-
 def _cell(there: WorkingDepth, name: str, unit: str, truth: ForceLaw | None) -> str:
     found: Quantity = getattr(there, name)
     words = with_error(found.value, found.standard_error, found.systematic, unit=unit)
     if truth is None:
         return words
     real = at_rest(truth, there.depth)[name]
-    return f"{words}\n{beside_truth(found.value, real, _whole_error(found))}"
+    return f"{words}\n{beside_truth(found.value, real, found.whole_error)}"
 
 
 def at_rest(law: ForceLaw, depth: float) -> dict[str, float]:
@@ -418,7 +413,7 @@ def _depth(millimetres: float) -> str:
 def _modulus(part: Identification) -> str:
     """With its whole error; the JSON says why there is none."""
     found = part.elastic_modulus()
-    whole = Quantity(found.value.value, _whole_error(found.value), 0.0)
+    whole = Quantity(found.value.value, found.value.whole_error, 0.0)
     return "refused" if found.refused else with_prefix(whole, "Pa")
 
 

@@ -96,6 +96,11 @@ class Quantity(Plain):
     standard_error: float
     systematic: float
 
+    @property
+    def whole_error(self) -> float:
+        """What repeats and what the findings would move together; NaN where one is unknown."""
+        return math.hypot(self.standard_error, self.systematic)
+
 
 @dataclass(frozen=True, slots=True)
 class WorkingDepth(Plain):

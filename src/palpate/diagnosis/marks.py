@@ -529,8 +529,7 @@ def sign(fit: Fit, at: WorkingDepth, others: list[Finding]) -> list[Finding]:
             words = f"the sign of the {name} is not known"
             if negative:
                 words = f"the {name} is negative, and that of no passive material is"
-            total = math.hypot(found.standard_error, found.systematic)
-            parts.append(f"{words}: {with_error(found.value, total, unit=unit)}")
+            parts.append(f"{words}: {with_error(found.value, found.whole_error, unit=unit)}")
     remedy = "mend what the other findings name, or record a faster motion: palpate design"
     severity = severity_of(worst(marks["stiffness"], "with-care"))
     both = marks["stiffness"], marks["damping"]

@@ -27,7 +27,7 @@ from palpate.identifying import Identification
 from palpate.lab.trajectories import Probing
 from palpate.quantities.restitution import restitution
 from palpate.results.saved import SavedResult
-from palpate.validation import Floats
+from palpate.validation import Floats, one_of
 
 #: An engine is asked for the force at so many states at most, unless it is slow.
 MOST_SAMPLES = 20_000
@@ -678,7 +678,6 @@ def engine_called(name: str) -> Engine:
             f"palpate no longer exports to {name}: {_BY_HAND[name]} that "
             "palpate identify FILE --method kelvin-voigt prints"
         )
-    if name not in MODULES:
-        raise InvalidParameterError(f"to must be one of {', '.join(MODULES)}, not {name!r}")
+    one_of("to", name, MODULES)
     engine: Engine = import_module(MODULES[name]).ENGINE
     return engine

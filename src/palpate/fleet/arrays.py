@@ -24,7 +24,6 @@ import palpate._core as _core
 from palpate.contact import Contact
 from palpate.diagnosis import Data
 from palpate.diagnosis.diagnosing import count_of_outliers
-from palpate.digits import rounded
 from palpate.errors import FleetError, InvalidParameterError, RecordingError
 from palpate.estimators import ContactEstimator
 from palpate.estimators.curves import STATUS_WORDS, CurveFits, fit_curves
@@ -43,6 +42,7 @@ from palpate.identification.identified import (
     FEWEST_ABOVE,
     NEGATIVE_DAMPING,
     NEGATIVE_STIFFNESS,
+    no_approach,
     nothing_taken,
 )
 from palpate.identification.replaying import estimator_of
@@ -424,12 +424,8 @@ def _errors(curves: Curves, fits: CurveFits, settings: Settings) -> dict[int, st
     if settings.searches_surface:
         above = (curves.penetration < fits.surface[:, None]).sum(axis=1)
         for k in np.flatnonzero(above < FEWEST_ABOVE).tolist():
-            found[k] = (
-                f"{where}the search for the surface needs the free approach: {above[k]} of "
-                f"{curves.penetration.shape[1]} samples lie above the best surface, "
-                f"{rounded(fits.surface[k], 3)} m, and at least {FEWEST_ABOVE} have to; record "
-                "from before the touch, or give the penetration from a known surface"
-            )
+            samples = curves.penetration.shape[1]
+            found[k] = where + no_approach(above[k], samples, fits.surface[k])
     for k in np.flatnonzero(fits.status == STATUS_WORDS.index("no contact")).tolist():
         made = _made(curves, k, Settings())
         found[k] = made if isinstance(made, str) else nothing_taken(made, choose_gate(made))

@@ -126,13 +126,17 @@ def check_approach(contact: Contact, trace: Trace, surface: float) -> None:
     """A surface is where the force begins: without samples before it, it is a guess from below."""
     above = int(np.count_nonzero(contact.penetration[trace.taken] < surface))
     if above < FEWEST_ABOVE:
-        where = f"{contact.source}: " if contact.source else ""
-        raise RecordingError(
-            f"{where}the search for the surface needs the free approach: {above} of "
-            f"{len(contact)} samples lie above the best surface, {rounded(surface, 3)} m, and at "
-            f"least {FEWEST_ABOVE} have to; record from before the touch, or give the "
-            "penetration from a known surface and leave surface out"
-        )
+        raise RecordingError.of(contact.source, no_approach(above, len(contact), surface))
+
+
+def no_approach(above: int, samples: int, surface: float) -> str:
+    """Say that too few samples lie above the surface that was found."""
+    return (
+        f"the search for the surface needs the free approach: {above} of {samples} samples lie "
+        f"above the best surface, {rounded(surface, 3)} m, and at least {FEWEST_ABOVE} have to; "
+        "record from before the touch, or give the penetration from a known surface and leave "
+        "surface out"
+    )
 
 
 # What a reader should know before trusting the numbers of an identification.
@@ -704,5 +708,5 @@ def _exclusion(one: "Identified", other: "Identified") -> str | None:
 
 def _bar(quantity: Quantity) -> float:
     """Both error bars together; infinite where the repeatable one is not known."""
-    bar = math.hypot(quantity.standard_error, quantity.systematic)
+    bar = quantity.whole_error
     return bar if math.isfinite(bar) and bar > 0.0 else math.inf

@@ -13,7 +13,7 @@ from palpate.lab import MATERIALS, TRAJECTORIES, Bench, IdealProbe, OngoingBench
 from palpate.live.realtime import end, give_way, show_name, start
 from palpate.live.ring import Address, Reader, Writer
 from palpate.live.sources import Arrival, Counts, EndOfSourceError, SourceOptions
-from palpate.validation import shown
+from palpate.validation import one_of, shown
 
 #: Of a row: time, position, force, and when it is due by the monotonic clock.
 WIDTH = 4
@@ -272,6 +272,5 @@ class Laboratory:
 
 def _known(kind: str, name: Any) -> str:
     names = MATERIALS if kind == "material" else TRAJECTORIES
-    if not isinstance(name, str) or name not in names:
-        raise InvalidParameterError(f"{kind} must be one of {', '.join(names)}, not {shown(name)}")
-    return name
+    one_of(kind, name, names)
+    return str(name)

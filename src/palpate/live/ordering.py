@@ -13,7 +13,7 @@ from urllib.parse import parse_qsl
 
 from palpate.errors import InvalidParameterError
 from palpate.live.sources import Counts, Value
-from palpate.validation import number_in, shown, whole_in
+from palpate.validation import number_in, one_of, shown, whole_in
 
 # What follows the scheme of a wire's address: ``/pose,/wrench?domain=3&tolerance=0.002``.
 
@@ -39,11 +39,7 @@ class WireAddress:
     def one_of(self, name: str, choices: Sequence[str]) -> str:
         """Return an option that has a few possible values, of which the first is the default."""
         value = self.options.get(name, choices[0])
-        if value not in choices:
-            known = ", ".join(choices)
-            raise InvalidParameterError(
-                f"{self.scheme}: {name} must be one of {known}, not {shown(value)}"
-            )
+        one_of(f"{self.scheme}: {name}", value, choices)
         return value
 
     def number(self, name: str, default: float, low: float, high: float) -> float:

@@ -298,8 +298,7 @@ def _another_shape(exponent: Quantity, spread: float, tip: Tip) -> str | None:
     )
     if spread > WIDEST_SPREAD:
         return f"{words}: light and deep touch would give moduli {2.0 * spread:.0%} apart"
-    error = math.hypot(exponent.standard_error, exponent.systematic)
-    if abs(exponent.value - tip.exponent) > max(NEXT_SHAPE, CERTAIN * error):
+    if abs(exponent.value - tip.exponent) > max(NEXT_SHAPE, CERTAIN * exponent.whole_error):
         return f"{words}: it is of another shape"
     return None
 
@@ -312,8 +311,7 @@ def _remarks(found: Diagnosis, exponent: Quantity, tip: Tip) -> list[str]:
     remarks = []
     if found.verdict.stiffness == "do-not-trust":
         remarks.append("the diagnosis does not trust the stiffness")
-    error = math.hypot(exponent.standard_error, exponent.systematic)
-    if not CERTAIN * error < NEXT_SHAPE:
+    if not CERTAIN * exponent.whole_error < NEXT_SHAPE:
         remarks.append(
             f"the exponent, {_with_errors(exponent)}, does not say whether the tip is a {tip.kind}"
         )

@@ -335,7 +335,7 @@ def _remarks(b: Quantity, speed: float, fastest: float) -> list[str]:
     elif b.value < 0.0:
         remarks.append("the damping is negative: the law makes energy, which no material does")
     # Two standard errors: 95 % of what the error bar leaves possible.
-    if b.value >= 0.0 and b.value < 2.0 * math.hypot(b.standard_error, b.systematic):
+    if 0.0 <= b.value < 2.0 * b.whole_error:
         remarks.append("the damping is not distinguishable from 0: e may be 1")
     # Of two figures: the fastest approach is itself a percentile.
     if speed > 1.01 * fastest:

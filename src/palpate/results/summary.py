@@ -347,7 +347,7 @@ def whose(result: "Identified") -> str:
 
 def number(quantity: Quantity) -> str:
     """A number with both error bars as one; where one is not known that is said."""
-    return with_error(quantity.value, math.hypot(quantity.standard_error, quantity.systematic))
+    return with_error(quantity.value, quantity.whole_error)
 
 
 def both(quantity: Quantity) -> str:
