@@ -1,4 +1,4 @@
-"""The command ``palpate fleet``."""
+"""The commands ``palpate fleet`` and ``palpate map``."""
 
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path

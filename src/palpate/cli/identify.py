@@ -1,4 +1,4 @@
-"""The command ``palpate identify``."""
+"""The commands ``palpate identify``, ``diagnose`` and ``compare``."""
 
 from collections.abc import Iterable, Sequence
 from functools import partial

@@ -1,4 +1,4 @@
-"""The truth that a simulated recording states, beside what was identified."""
+"""Identifications as tables that a person reads, or as one JSON object."""
 
 import itertools
 import math

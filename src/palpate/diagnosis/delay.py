@@ -1,4 +1,4 @@
-"""Causes that are a column beside the fit: drift, friction, another damping or shape, inertia."""
+"""Causes of misfit beside the fit: columns of drift, friction or another shape; delay; memory."""
 
 import math
 from functools import cache

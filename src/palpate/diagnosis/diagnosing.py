@@ -1,4 +1,4 @@
-"""Saturation and a stuck force: the sensor stands still while the material does not."""
+"""Every check of a fit and of its data, run: from an identification to its diagnosis."""
 
 import logging
 import math

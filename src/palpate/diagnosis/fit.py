@@ -1,4 +1,4 @@
-"""A generalised law as the Hunt–Crossley law that its checks know how to check."""
+"""The law fitted once more, in averages over the motion's band, and what checks ask of that fit."""
 
 import math
 from collections.abc import Callable

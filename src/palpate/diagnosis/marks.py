@@ -1,4 +1,4 @@
-"""From causes to findings: which is named, how sure, and what mark it earns."""
+"""From causes to a verdict: which is named, what is left to doubt, and the mark that each earns."""
 
 import math
 from dataclasses import dataclass, replace

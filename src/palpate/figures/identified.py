@@ -1,4 +1,4 @@
-"""The figure of one identification."""
+"""The figures of identifications: of one, of its dynamic stiffness, and of several methods."""
 
 import math
 from collections.abc import Mapping, Sequence

@@ -1,4 +1,4 @@
-"""What titles say of an identification."""
+"""Panels of what was identified: parameters over time, forces, residuals, and their titles."""
 
 import math
 from collections.abc import Sequence

@@ -1,4 +1,4 @@
-"""Sentences broken into lines by the widths of their letters."""
+"""How figures look, how large they are, and how they are written."""
 
 import functools
 import io

@@ -1,4 +1,4 @@
-"""How what a fleet found is distributed, and how its repeats scatter."""
+"""The figures of a fleet: distributions, the scatter of repeats, and the map over place."""
 
 from typing import TYPE_CHECKING, Any
 

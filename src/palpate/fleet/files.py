@@ -1,4 +1,4 @@
-"""Contacts that are stored as arrays, curves × samples, by Zarr; and files in object storage."""
+"""Where contacts come from and results go to: files, folders, Zarr, object storage, Parquet."""
 
 import glob
 import hashlib

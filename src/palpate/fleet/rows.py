@@ -1,4 +1,4 @@
-"""Force, stiffness and damping of many Hunt–Crossley laws, each at its own working depth."""
+"""The rows of a table of contacts: their columns, and what each says at its working depth."""
 
 import json
 import math

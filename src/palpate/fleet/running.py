@@ -1,4 +1,4 @@
-"""The pure function of a fleet: a table of what to identify in, a table of what it is out."""
+"""A fleet on its workers: tasks in, rows out, on the processors here or on a cluster."""
 
 import asyncio
 import itertools

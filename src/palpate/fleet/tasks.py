@@ -1,4 +1,4 @@
-"""The packages of the extra, imported where they are used."""
+"""What a fleet is asked to do: its settings, its sources, and tasks of about equal work."""
 
 import dataclasses
 import hashlib

@@ -1,4 +1,4 @@
-"""Why a contact cannot be identified, in words: what, where and what to do."""
+"""What a whole contact gave: law, error bars, diagnosis; why there is none; which is best."""
 
 import itertools
 import logging

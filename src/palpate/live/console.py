@@ -1,4 +1,4 @@
-"""Numbers of a run, as a line of text has them."""
+"""A line on the console while the loop runs, and the summary at its end."""
 
 import math
 import os

@@ -1,4 +1,4 @@
-"""DDS by Cyclone DDS, without ROS: participants, and ROS's types with their bytes as they came."""
+"""ROS 2 over DDS, by Cyclone DDS: samples, and estimates back."""
 
 import os
 import time

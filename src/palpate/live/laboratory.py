@@ -1,4 +1,4 @@
-"""What runs beside the loop: the laboratory's stepping, a little ahead of the clock."""
+"""The laboratory as a source: its stepping runs beside the loop, a little ahead of the clock."""
 
 import multiprocessing
 import time

@@ -1,8 +1,6 @@
-"""The verdict of a running loop, worked out in the process that shows it.
+"""What follows from the loop's verdict on laws, in the process that shows it.
 
-What follows from the loop's verdict, in the process that shows it: numbers, and words.
-
-They take most of a millisecond, which the loop has not.
+The numbers take most of a millisecond, which the loop has not.
 """
 
 import math

@@ -1,6 +1,4 @@
-"""How long things took, counted into bins: no memory is taken in the loop.
-
-The loop: each sample is prepared, learned and written down before the next one comes.
+"""The loop: each sample is prepared, learned and written down before the next one comes.
 
 It runs in one thread, which waits nowhere but in the source. Whatever shows or stores what it found
 reads the ring, in another process.

@@ -1,4 +1,4 @@
-"""What is published of every sample, whatever the wire: names, and numbers in their order.
+"""Estimates published back on a wire, for the robot or whoever listens.
 
 Estimates as messages that every user of ROS can echo and plot.
 

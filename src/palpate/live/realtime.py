@@ -1,4 +1,4 @@
-"""Processes beside the loop: how they begin, and how they are ended."""
+"""Processes beside the loop, and time for the loop: priority, memory, processors."""
 
 import ctypes
 import gc

@@ -1,4 +1,4 @@
-"""Messages of a recording made live: what came, and what was found; in CDR, as ROS 2 has it."""
+"""An MCAP recording of what came and what was found, as messages of ROS 2."""
 
 import math
 import os

@@ -1,4 +1,4 @@
-"""What becomes of what the loop found: a page, a recording, a line on the console."""
+"""What becomes of what the loop found: what a sink is asked, what it sees, and how it prints."""
 
 import math
 import multiprocessing

@@ -1,4 +1,4 @@
-"""What a source delivers: one measurement and when it was there."""
+"""Where live samples come from: what a source is asked, recordings played again, and addresses."""
 
 import time
 from collections.abc import Mapping

@@ -1,4 +1,4 @@
-"""Zenoh as rmw_zenoh uses it: sessions, keys, and what is attached to each message."""
+"""Zenoh as rmw_zenoh uses it: samples of ROS 2, and estimates back to it."""
 
 import json
 import struct

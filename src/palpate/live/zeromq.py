@@ -1,4 +1,4 @@
-"""Samples as ZeroMQ carries them: 32 or 64 bytes, or JSON.
+"""ZeroMQ: samples from a controller in any language, and estimates back to it.
 
 Little-endian: number uint64, time float64 [s], position 1 or 3 float64 [m], force 1 or 3 float64
 [N]. Or an object of JSON with ``time``, ``position``, ``force`` and, optionally, ``number``.

@@ -1,4 +1,4 @@
-"""HDF5: groups of arrays, each group on its own clock."""
+"""HDF5: groups of arrays, each on its own clock; and MATLAB of version 7.3, which is HDF5."""
 
 import math
 import re

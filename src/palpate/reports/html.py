@@ -1,4 +1,4 @@
-"""How every page looks, in light and in dark, on a desk and on a phone."""
+"""What every page is made of: its look, its pieces, and the figures that stand in it."""
 
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence

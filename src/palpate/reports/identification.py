@@ -1,4 +1,4 @@
-"""What a notebook shows of an identification."""
+"""The report of an identification, what a notebook shows of it, and the folder of a result."""
 
 import json
 import math

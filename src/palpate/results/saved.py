@@ -1,8 +1,6 @@
-"""Options as TOML, which ``--config`` takes back.
+"""A result on disk and back: options as TOML, numbers as JSON, the trace as columns.
 
-What was identified, as plain numbers and words: the object that ``--json`` prints.
-
-``docs/results.md`` says what each field means.
+``docs/results.md`` says what each field of ``result.json`` means, which ``--json`` prints too.
 """
 
 import hashlib

@@ -1,4 +1,4 @@
-"""A law's numbers as a reader needs them: those that it has, and what stands in place of others."""
+"""A law's numbers and what follows from them, in words: a line, and a page of text."""
 
 import math
 from collections.abc import Iterator, Sequence

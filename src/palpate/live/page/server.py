@@ -1,4 +1,4 @@
-"""uvicorn's protocols, with bounds on what a hostile client can make them hold."""
+"""The server of the page: who may come in, what it sends, and what may be asked of it."""
 
 import asyncio
 import hmac

@@ -1,4 +1,4 @@
-"""What of each row goes to the browser."""
+"""What the page knows of the loop: the last seconds of its rows, and the law now."""
 
 import math
 import struct
