@@ -1,4 +1,5 @@
 """Contacts as arrays of equal length, by the whole-curve fit; and ``identify_many``.
+
 :class:`palpate.OutlierRejection` compares each sample with what came before it; here the whole
 contact is there, so single samples that leave their neighbours on both sides are found, and forces
 at the end of the sensor's range.
