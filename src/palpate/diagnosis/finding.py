@@ -7,6 +7,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from palpate.contact import Severity
 from palpate.digits import rounded
 from palpate.estimators import LawVerdict, ViscoelasticContact
 from palpate.estimators.law_verdicts import EVERYDAY
@@ -14,7 +15,6 @@ from palpate.force_laws import ForceLaw, GeneralisedHuntCrossley
 from palpate.validation import Plain
 
 Mark = Literal["trust", "with-care", "do-not-trust"]
-Severity = Literal["note", "with-care", "do-not-trust"]
 #: From the best to the worst.
 MARKS: tuple[Mark, ...] = ("trust", "with-care", "do-not-trust")
 

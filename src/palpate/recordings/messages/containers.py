@@ -125,9 +125,8 @@ def _read_file(path: Path, collection: Collection, part: tuple[float, float]) ->
             begin = file.read(16)
         reader = next((each for mark, each in _READERS.items() if begin.startswith(mark)), None)
         if reader is None:
-            name = printable(path.name)
-            raise collection.error(
-                f"{name} begins as no bag and no MCAP file does; check what wrote it"
+            raise RecordingError(
+                f"{printable(path)}: it begins as no bag and no MCAP file does; check what wrote it"
             )
         for fraction in reader(plain, collection):
             collection.request.report(part[0] + (part[1] - part[0]) * fraction)
