@@ -180,7 +180,7 @@ class CurveErrors {
       rows[2][j] = white[2][j];
     }
     const Matrix<4> by =
-        ErrorWidening<4, 3>(levels, prior_fractions(), variance_, ResidualOf::the_fit).root(rows);
+        ErrorWidening<4, 3>(levels, prior_fractions(), variance_, true).root(rows);
     Matrix<5> whole{};
     double widest = 1.0;
     for (std::size_t i = 0; i < 4; ++i) {
