@@ -16,6 +16,7 @@ import pytest
 
 import palpate
 from palpate.errors import MissingExtraError, RecordingError
+from palpate.findings import Finding
 from palpate.recordings import opening as tables
 from palpate.reports import identification
 from palpate.results.saved import in_file, trace_columns
@@ -145,7 +146,7 @@ def test_a_trace_that_is_read_is_not_written_over(run, saved, tmp_path):
         (lambda folder: (folder / "result.json").unlink(), "No such file"),
         (lambda folder: (folder / "result.json").write_text("{"), "no JSON"),
         (lambda folder: (folder / "result.json").write_text("[1]"), "no schema_version"),
-        (lambda folder: change(folder, schema_version=99), "as schema 99, and this one reads 1"),
+        (lambda folder: change(folder, schema_version=99), "as schema 99, and this one reads 2"),
         (lambda folder: change(folder, results=[]), "damaged"),
         (lambda folder: change(folder, remarks=[{"wrong": 1}]), "damaged"),
         (lambda folder: change(folder, trace="trace.hdf5"), "trace.hdf5"),
@@ -163,6 +164,20 @@ def test_a_damaged_result_is_one_line(saved, tmp_path, spoil, words):
     with pytest.raises(RecordingError, match=re.escape(words)) as raised:
         palpate.load_result(tmp_path)
     assert "\n" not in str(raised.value)
+
+
+def test_a_result_of_the_first_schema_is_read_as_before(saved, tmp_path):
+    shutil.copytree(saved, tmp_path, dirs_exist_ok=True)
+    results = json.loads((saved / "result.json").read_text())["results"]
+    for each in results[0]["findings"]:
+        each["sentence"] = each.pop("message")
+    remark = {"step": "tool weight", "sentence": "it turns", "remedy": None, "numbers": True}
+    old = {"schema_version": 1, "results": results}
+    change(tmp_path, remarks=[{**remark, "severity": "with-care"}], **old)
+    found = palpate.load_result(tmp_path)
+    assert repr(found.findings) == repr(palpate.load_result(saved).findings)
+    weight = Finding.of_both("with-care", "tool weight", "it turns")
+    assert repr(found.contact.remarks) == repr((weight,))
 
 
 @pytest.mark.parametrize("parquet", [True, False])

@@ -215,7 +215,7 @@ def findings(result: Identified) -> Iterator[str]:
     """Every finding with its remedy, and how far it moves the numbers."""
     rows = []
     for finding in result.diagnosis.findings:
-        words = f"<p>{escape(finding.sentence)}</p>"
+        words = f"<p>{escape(finding.message)}</p>"
         if finding.remedy:
             words += f'<p class="soft">→ {escape(finding.remedy)}</p>'
         moves = (finding.moves_stiffness_percent, finding.moves_damping_percent)
@@ -304,8 +304,8 @@ def preparation(result: Identified) -> Iterator[str]:
     )
     rows = [
         [
-            escape(remark.step),
-            f"<p>{escape(remark.sentence)}</p>"
+            escape(remark.check),
+            f"<p>{escape(remark.message)}</p>"
             + (f'<p class="soft">→ {escape(remark.remedy)}</p>' if remark.remedy else ""),
         ]
         for remark in contact.remarks
