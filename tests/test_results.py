@@ -7,6 +7,8 @@ import operator
 import os
 import re
 import shutil
+import subprocess
+import sys
 import tomllib
 from dataclasses import replace
 from pathlib import Path
@@ -15,7 +17,7 @@ import numpy as np
 import pytest
 
 import palpate
-from palpate.errors import MissingExtraError, RecordingError
+from palpate.errors import RecordingError
 from palpate.findings import Finding
 from palpate.recordings import opening as tables
 from palpate.reports import identification
@@ -222,14 +224,25 @@ def test_a_folder_that_cannot_be_made_is_said_before_the_work(run, tmp_path, mon
         assert "Permission denied" in err
 
 
-def test_a_report_without_matplotlib_names_the_extra(run, tmp_path, monkeypatch):
-    def missing(*_):
-        raise MissingExtraError("figures need matplotlib")
+WITHOUT_MATPLOTLIB = """
+import sys
+sys.modules["matplotlib"] = None
+import palpate, palpate.live.page.server
+from palpate.cli import main
+assert "trust" in palpate.identify(sys.argv[1])._repr_html_()
+sys.argv[1:1] = ["identify"]
+main()
+"""
 
-    monkeypatch.setattr(identification, "style", missing)
-    status, _, err = run("identify", BALL, "-o", tmp_path)
-    assert status == 2
-    assert "palpate[report]" in err
+
+@pytest.mark.parametrize("option, extra", [("--figure", "figures"), ("-o", "report")])
+def test_without_matplotlib_a_card_and_the_live_page_work_and_a_figure_names_its_extra(
+    option, extra, tmp_path
+):
+    words = [sys.executable, "-c", WITHOUT_MATPLOTLIB, BALL, option, tmp_path / "a.svg"]
+    done = subprocess.run(words, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout, done.stderr.count("\n")) == (2, "", 1)
+    assert f"palpate[{extra}]" in done.stderr
 
 
 def test_a_table_has_an_ending_that_is_known(tmp_path):
