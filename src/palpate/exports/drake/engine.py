@@ -32,7 +32,7 @@ from palpate.exports.engine import (
     hash_comment,
     is_kelvin_voigt,
     kelvin_voigt,
-    with_exponents,
+    with_one_exponent,
     xml_comment,
 )
 from palpate.force_laws import GeneralisedHuntCrossley
@@ -476,20 +476,7 @@ def _point(asked: Asked, form: str, spheres: Spheres) -> DrakeContact:
 
 def _nearest_point(asked: Asked) -> Spheres:
     """One sphere: where p = n with the law's own dissipation, which keeps restitution."""
-    law, motion = _dissipating(asked.law), asked.motion
-    if law.damping_exponent != law.exponent and law.damping > 0.0:
-        return one_sphere(_pushing(with_exponents(law, motion, 1.0, 1.0)))
-    x, v = motion.penetration[motion.judged], motion.velocity[motion.judged]
-    if law.exponent == 1.0:
-        return one_sphere(law)
-    b = law.damping / law.stiffness
-    weight = np.maximum(1.0 + b * v, 0.0) ** 2
-    stiffness = (
-        law.stiffness
-        * float((weight * x ** (law.exponent + 1.0)).sum())
-        / float((weight * x**2).sum())
-    )
-    return one_sphere(GeneralisedHuntCrossley(stiffness, 1.0, stiffness * b, 1.0))
+    return one_sphere(_pushing(with_one_exponent(asked.law, asked.motion, 1.0)))
 
 
 def _spheres(asked: Asked) -> Spheres:
