@@ -10,7 +10,7 @@ import re
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from importlib import import_module
+from importlib import import_module, resources
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from types import MappingProxyType
@@ -346,6 +346,12 @@ def _until_surface(force: Pointwise, mass: float, x: float, v: float, step: floa
 
 
 # Text for engines and about them: numbers that read back exactly, errors, and comments.
+
+
+def template(name: str, **values: str) -> str:
+    """Return one of the engines' texts, which lie in ``templates``, with its places filled in."""
+    text = resources.files("palpate.exports") / "templates" / name
+    return text.read_text(encoding="utf-8").format(**values)
 
 
 def digits(value: float) -> str:
