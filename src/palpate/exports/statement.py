@@ -29,7 +29,7 @@ from palpate.exports.engine import (
     with_exponents,
     without_memory,
 )
-from palpate.findings import MARKS, Finding
+from palpate.findings import Finding
 from palpate.force_laws import ExtendedKelvinVoigt, ForceLaw, GeneralisedHuntCrossley
 from palpate.identifying import Identification
 from palpate.quantities.elastic_modulus import Sphere
@@ -124,11 +124,9 @@ class ExportedLaw:
     @property
     def reason(self) -> str:
         """Why the verdict is what it is: the gravest finding, and its remedy."""
-        graver = [each for each in self.findings if each.severity != "note"]
-        if not graver or self.verdict is None or self.verdict.overall == MARKS[0]:
+        if self.verdict is None or self.verdict.overall == "trust":
             return ""
-        first = graver[0]
-        return first.message + (f" ({first.remedy})" if first.remedy else "")
+        return next((str(each) for each in self.findings if each.severity != "note"), "")
 
     def nearest(self) -> Nearest:
         """Return K xⁿ + B xᵖ v in its place, for engines: none of them remembers.
