@@ -14,7 +14,7 @@ from export_cases import BALL_LAW, HERTZ_LAW, PVC_LAW, SPONGE_LAW, apart_percent
 
 import palpate
 from palpate import ExtendedKelvinVoigt, GeneralisedHuntCrossley, HuntCrossley, KelvinVoigt, exports
-from palpate.diagnosis import Finding, Verdict
+from palpate.diagnosis import Verdict
 from palpate.errors import ExportRefusedError, InvalidParameterError, RecordingError
 from palpate.exports import Engine, Fragment, Motion, Replayed
 from palpate.exports.engine import (
@@ -27,6 +27,7 @@ from palpate.exports.engine import (
     without_memory,
     xml_comment,
 )
+from palpate.findings import Finding
 from palpate.lab import BALL, PVC, TISSUE
 from palpate.results.saved import of_one
 
