@@ -9,7 +9,7 @@ import palpate._core as _core
 from palpate.digits import rounded
 from palpate.estimators.estimate import Estimate
 from palpate.findings import Finding
-from palpate.force_laws import GeneralisedHuntCrossley, SingleRelaxation
+from palpate.force_laws import GeneralisedHuntCrossley
 from palpate.validation import Plain, defined, or_nan, plain
 
 # By the values of the compiled enumerations.
@@ -381,8 +381,7 @@ def _open_memory(evidence: Evidence, estimate: Estimate) -> Iterator[Finding]:
             "may be off by twice their error bars",
             "record from before the touch",
         )
-    if isinstance(law.relaxation, SingleRelaxation):
-        time = law.relaxation.time
+    if (time := law.relaxation_time) is not None:
         # A factor of e either way at two deviations.
         if not errors[7] < 0.5 * time:
             words = "relaxation time not identifiable"

@@ -41,7 +41,7 @@ from palpate.estimators.estimate import (
     violated_fraction,
 )
 from palpate.findings import MARKS, Finding
-from palpate.force_laws import GeneralisedHuntCrossley, HuntCrossley, force_over_breaks
+from palpate.force_laws import force_over_breaks
 from palpate.identification.replaying import (
     choices,
     estimator_of,
@@ -159,7 +159,7 @@ def findings_of(contact: Contact, trace: Trace, estimator: ContactEstimator) -> 
     yield from estimate.findings
     if estimate.samples < 10 * len(law.symbols):
         yield Finding("excitation", f"only {estimate.samples} samples in contact")
-    pulls = isinstance(law, HuntCrossley | GeneralisedHuntCrossley) and not law.remembers
+    pulls = (law.power_law or law.relaxes) and not law.remembers
     if pulls and law.stiffness < 0.0:
         yield NEGATIVE_STIFFNESS
     if law.as_dict().get("damping", 0.0) < 0.0:
@@ -174,8 +174,7 @@ def findings_of(contact: Contact, trace: Trace, estimator: ContactEstimator) -> 
     if left_out := int(np.count_nonzero(trace.rejected)):
         taken = int(np.count_nonzero(trace.taken))
         yield Finding("outliers", count_of_outliers(left_out, left_out + taken))
-    if isinstance(estimator, ViscoelasticContact):
-        verdict = estimator.verdict()
+    if (verdict := estimator.verdict()) is not None:
         if law.remembers:
             yield Finding(
                 "memory",
@@ -240,7 +239,7 @@ class Identified:
         contact, given, traced = data.contact, estimator_of(estimator), checked_trace(trace)
         chosen = choices(contact, given)
         fresh = given.replace(**chosen)
-        if isinstance(fresh, ViscoelasticContact) and "sample_time" in chosen:
+        if fresh.chooses_law and "sample_time" in chosen:
             fresh, written = placed(contact, fresh, traced)
             chosen["sample_time"] = fresh.settings["sample_time"]
         else:
