@@ -10,9 +10,9 @@
 #include <thread>
 #include <vector>
 
+#include "channel.hpp"
 #include "conversions.hpp"
 #include "gate.hpp"
-#include "spikes.hpp"
 
 namespace palpate::bindings {
 namespace {

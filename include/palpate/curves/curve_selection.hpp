@@ -90,9 +90,9 @@ class CurveSelection {
       const bool below = given.penetration > 0.0;
       push(s, below ? Role::light : Role::free, i);
       if (!below) air_.add(s.penetration, s.force, 1.0);
-      if (i >= end) recent[(count_ - 1) % side] = {noise_.step(), air_.mean()};
+      if (i >= end) recent[(count_ - 1) % side] = {noise_.margin(), air_.mean()};
       if (count_ > side && at(count_ - 1 - side) != Role::free) {
-        settle(count_ - 1 - side, count_ - 1, {noise_.step(), air_.mean()});
+        settle(count_ - 1 - side, count_ - 1, {noise_.margin(), air_.mean()});
       }
     }
     // The last ones never had all their neighbours: what was known of each at its own time counts.
@@ -139,31 +139,8 @@ class CurveSelection {
 
  private:
   struct Known {
-    double step;
+    double margin;
     double zero;
-  };
-
-  // The median of |ΔF|, as ContactSamples learns it.
-  class ForceNoise {
-   public:
-    void learn(double step) noexcept {
-      if (!(step > 0.0)) return;
-      if (!(step_ > 0.0)) step_ = least_ = step;
-      least_ = std::min(least_, step);
-      if (pace_ < 64.0) {
-        pace_ += 1.0;
-        move_ = {pace_ / (pace_ + 1.0), (pace_ + 1.0) / pace_};
-      }
-      step_ *= move_[step > step_ ? 1 : 0];
-    }
-    double step() const noexcept { return step_; }
-    double least() const noexcept { return least_; }
-
-   private:
-    double step_ = 0.0;
-    double least_ = 0.0;
-    double pace_ = 0.0;
-    std::array<double, 2> move_{};
   };
 
   // From where on there are no more than so many usable samples.
@@ -198,17 +175,12 @@ class CurveSelection {
     if (at(i) == Role::free) return;
     constexpr std::size_t side = ContactSamples::side;
     const std::size_t first = i - std::min(i, side), last = std::min(newest, i + side);
-    const bool pressed = exceeds(force_[i] - force_[first], i - first, known) &&
-                         exceeds(force_[last + 1] - force_[i + 1], last - i, known);
+    const auto press = [&](std::size_t from, std::size_t to) noexcept {
+      const Neighbours them{force_[to] - force_[from], static_cast<double>(to - from)};
+      return ForceNoise::press(them, known.zero, known.margin);
+    };
+    const bool pressed = press(first, i) && press(i + 1, last + 1);
     role_[i] = static_cast<unsigned char>(pressed ? Role::sure : Role::light);
-  }
-
-  static bool exceeds(double sum, std::size_t neighbours, const Known& known) noexcept {
-    if (neighbours == 0) return true;
-    const double count = static_cast<double>(neighbours);
-    const double excess = sum - count * known.zero;
-    const double deviations = (3.0 / 0.954) * known.step;
-    return excess > 0.0 && excess * excess > deviations * deviations * count;
   }
 
   double *x_, *w_, *f_;

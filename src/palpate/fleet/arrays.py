@@ -124,7 +124,7 @@ class Curves:
 
 
 # Equal forces at the top that are no chance, and by how many of its steps the law's force moves
-# meanwhile, as in include/palpate/outlier_rejection.hpp.
+# meanwhile, as in include/palpate/outliers.hpp.
 _FLAT, _FLAT_STEPS = 5, 4.0
 
 

@@ -1,28 +1,153 @@
-// Samples that no probe and no material can have made: lost positions, spikes of velocity and
-// force, and forces beyond the sensor's range. They are left out before a method learns them.
+// Outliers: samples that no probe and no material can have made. One rule says which,
 //
-//   force:   |F − F′| > max(10 σ, a tenth of the median force),     three in a row at most
-//   motion:  |x − x′ − ½(v + v′)T| > max(10 σ, 1.2 T median |v|),   twenty in a row at most
-//   range:   F = F_max, from the fifth of equal forces at the top of what was seen on, while the
-//            law's force moved
+//   |departure| > max(k σ, a part of the size, …),   σ = median |departure|/0.6745,
 //
-// x′, v′, F′ is the last sample that was not left out, T the time since then; σ is the running
-// median of the left side in contact, over 0.6745. What was off by as much before is a fast motion,
-// not an outlier: the left side counts from there where that makes it less. A longer run is another
-// material, place or speed, and is taken, so that a change is found a few samples late.
+// so that no outlier sets what an outlier is. Who asks decides what a sample departs from:
+//
+// - a spike, from the median of five, itself among them: where its neighbours on both sides are
+//   there. LostPositions asks it of a position, before a velocity filter, where one would spoil a
+//   whole window; over arrays src/rows/channel.hpp does, of any channel, with the σ, size and step
+//   of the whole in place of those so far;
+// - an outlier, from where the sample before it was going: OutlierRejection, in a loop, where a
+//   sample has to be taken or left before the next one comes.
 #pragma once
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
 #include <limits>
 #include <utility>
 
-#include "palpate/running_median.hpp"
 #include "palpate/sample.hpp"
 
 namespace palpate {
+
+namespace detail {
+
+// Median of |e| of normal errors, over their deviation.
+constexpr double normal_median = 0.6745;
+
+// The median of sizes: up by a ratio where one is larger, down where it is smaller. No size moves
+// it far, however large; a size of zero is that of a held or rounded value and says nothing.
+class RunningMedian {
+ public:
+  double value() const noexcept { return value_; }
+
+  // What it is to be multiplied by to be relied on: the median of 30 normal sizes is within a
+  // quarter, that of the first few within four times.
+  double doubt() const noexcept { return seen_ >= few ? 1.0 : seen_ >= 4 ? 4.0 : unknown; }
+  // Whether one outlier moves it by little.
+  bool settled() const noexcept { return seen_ >= 2 * few; }
+
+  void learn(double size) noexcept {
+    if (!(size > smallest)) return;
+    if (seen_ >= slow) [[likely]] {
+      // Looked up: which way it goes no processor can guess, and a wrong guess costs 5 ns.
+      value_ *= steps[size > value_];
+      return;
+    }
+    if (++seen_ == 1) value_ = std::min(size, largest);
+    const double part = (seen_ < few ? 8.0 : 2.0) / static_cast<double>(seen_);
+    const double ratio = 1.0 + std::min(1.0, part);
+    value_ = size > value_ ? value_ * ratio : value_ / ratio;
+  }
+
+  // What it was learned from is no longer so.
+  void raise_to(double size) noexcept { value_ = std::clamp(size, value_, largest); }
+
+ private:
+  // The first sizes move it twofold, as a motion may begin slowly, then the k-th by 8/k, from the
+  // thirtieth on by 2/k, and in the end by a 256th: a burst of outliers moves it little.
+  static constexpr std::uint32_t few = 30, slow = 512;
+  static constexpr double steps[2] = {1.0 / (1.0 + 2.0 / slow), 1.0 + 2.0 / slow};
+  static constexpr double smallest = 1e-150, largest = 1e150;
+  static constexpr double unknown = std::numeric_limits<double>::infinity();
+
+  double value_ = 0.0;
+  std::uint32_t seen_ = 0;
+};
+
+// How far a spike is from the median of five at least: a value that rounds up and down is none.
+inline double least_spike(double noise, double largest, double step) noexcept {
+  return std::max({8.0 * noise, 0.02 * largest, 1.5 * step});
+}
+
+// Whether the middle one of five samples is farther than that from their median, and three times
+// farther than its neighbours lie from each other: the top of a sine at 66 Hz is 2 % above them,
+// and a lever that shakes for a tenth of a second is no noise of all the recording.
+inline bool is_spike(const double* five, double limit) noexcept {
+  constexpr double alone = 3.0;
+  // Of the many samples that hardly leave their neighbours' mean none is a spike.
+  if (!(std::abs(five[2] - 0.5 * (five[1] + five[3])) > 0.5 * limit)) [[likely]]
+    return false;
+  std::array<double, 5> sorted;
+  std::copy_n(five, 5, sorted.begin());
+  std::sort(sorted.begin(), sorted.end());
+  const double away = std::abs(five[2] - sorted[2]);
+  const auto [low, high] = std::minmax({five[0], five[1], five[3], five[4]});
+  return away > limit && away > alone * (high - low);
+}
+
+}  // namespace detail
+
+// Lost positions: spikes, as where one packet or one count is lost. σ is that of white noise by the
+// running median of the fourth differences, which suppress a motion as (ωT)⁴ and have 70 times its
+// variance.
+class LostPositions {
+ public:
+  // How many samples have to come after one before it can be judged.
+  static constexpr std::size_t ahead = 2;
+
+  // Takes a position [m], and says whether the one of two samples ago is lost. The first two after
+  // a break have no neighbours before them, and are taken.
+  bool observe(double position) noexcept {
+    for (std::size_t age = size - 1; age > 0; --age) recent_[age] = recent_[age - 1];
+    recent_[0] = position;
+    if (held_ > 0) learn_step(std::abs(recent_[0] - recent_[1]));
+    if (held_ < size && ++held_ < size) return false;
+    if (seen_ < few) ++seen_;
+
+    const double difference =
+        recent_[0] + recent_[4] - 4.0 * (recent_[1] + recent_[3]) + 6.0 * recent_[2];
+    const bool lost = detail::is_spike(recent_.data(), limit());
+    noise_.learn(std::abs(difference));
+    if (!lost) largest_ = std::max(fading * largest_, std::abs(recent_[2]));
+    return lost;
+  }
+
+  // The next position does not follow the latest.
+  void interrupt() noexcept { held_ = 0; }
+
+ private:
+  static constexpr std::size_t size = 2 * ahead + 1;
+  // Median of |Δ⁴| of normal noise, over its deviation: 0.6745 √70.
+  static constexpr double difference_median = 5.6432;
+  // Noise is known from so many samples on, though all were rounded alike.
+  static constexpr std::uint32_t few = 30;
+  // A position that was no position is no longer the largest some ten thousand samples later.
+  static constexpr double fading = 1.0 - 1e-4;
+  static constexpr double unlimited = std::numeric_limits<double>::infinity();
+
+  void learn_step(double step) noexcept {
+    if (step > 0.0) step_ = std::min(step_, step);
+  }
+
+  double limit() const noexcept {
+    const double doubt = seen_ >= few ? 1.0 : noise_.doubt();
+    if (doubt == unlimited) return unlimited;
+    const double noise = doubt * noise_.value() / difference_median;
+    return detail::least_spike(noise, largest_, step_ < unlimited ? step_ : 0.0);
+  }
+
+  std::array<double, size> recent_{};  // the newest first
+  std::size_t held_ = 0;
+  detail::RunningMedian noise_;  // |Δ⁴|
+  std::uint32_t seen_ = 0;
+  double largest_ = 0.0;
+  double step_ = unlimited;  // the least that is not zero
+};
 
 class OutlierRejection;
 
@@ -42,6 +167,17 @@ class NoOutlierRejection {
 
 constexpr const char* validate(const NoOutlierRejection::Settings&) noexcept { return nullptr; }
 
+// Outliers of velocity, force and the sensor's range:
+//
+//   force:   |F − F′| > max(10 σ, a tenth of the median force),     three in a row at most
+//   motion:  |x − x′ − ½(v + v′)T| > max(10 σ, 1.2 T median |v|),   twenty in a row at most
+//   range:   F = F_max, from the fifth of equal forces at the top of what was seen on, while the
+//            law's force moved
+//
+// x′, v′, F′ is the last sample that was not left out, T the time since then; σ is the running
+// median of the left side in contact, over 0.6745. What was off by as much before is a fast motion,
+// not an outlier: the left side counts from there where that makes it less. A longer run is another
+// material, place or speed, and is taken, so that a change is found a few samples late.
 class OutlierRejection {
  public:
   static constexpr bool active = true;
@@ -53,7 +189,7 @@ class OutlierRejection {
   };
 
   explicit OutlierRejection(const Settings& settings) noexcept
-      : factor_(settings.threshold / normal_median) {}
+      : factor_(settings.threshold / detail::normal_median) {}
 
   OutlierRejection* watcher() noexcept { return this; }
   const OutlierRejection* watcher() const noexcept { return this; }
@@ -108,8 +244,6 @@ class OutlierRejection {
   std::uint64_t rejected() const noexcept { return rejected_; }
 
  private:
-  // Median of |e| of normal errors, over their deviation.
-  static constexpr double normal_median = 0.6745;
   // Off by a tenth, a sample of a hundred moves the mean force by 0.1 %; and where a fast probe
   // turns round, damping makes such steps.
   static constexpr double least_force = 0.1;
