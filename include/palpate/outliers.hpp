@@ -9,7 +9,8 @@
 //   whole window; over arrays src/rows/channel.hpp does, of any channel, with the σ, size and step
 //   of the whole in place of those so far;
 // - an outlier, from where the sample before it was going: OutlierRejection, in a loop, where a
-//   sample has to be taken or left before the next one comes.
+//   sample has to be taken or left before the next one comes. Over an array it says where the
+//   sensor's range ends.
 #pragma once
 
 #include <algorithm>
@@ -239,6 +240,9 @@ class OutlierRejection {
   // Of the latest samples that were taken, how many turn out to have been outliers, now that one
   // was left out: those with which a run at the end of the range began. Asked once.
   std::size_t withdrawn() noexcept { return std::exchange(withdrawn_, 0); }
+
+  // The force at which the sensor's range ends, as far as it is known; infinite until then.
+  double range() const noexcept { return range_; }
 
   // Samples left out so far.
   std::uint64_t rejected() const noexcept { return rejected_; }

@@ -310,6 +310,11 @@ def mark_spikes(values: Annotated[NDArray[numpy.float64], dict(shape=(None, None
     Marks the spikes of each row: where they are screened, only of rows in which one leaves its two neighbours as a spike does.
     """
 
+def end_of_range(time: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], penetration: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], velocity: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], force: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], parameters: Sequence[float]) -> float:
+    """
+    The force at which the range of its sensor ends; infinite where none does: of a contact below its surface, whose Hunt-Crossley law has these parameters.
+    """
+
 def gate_of(penetration: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], velocity: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], force: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)]) -> list[float]:
     """The three settings of a gate for a contact, SI."""
 
