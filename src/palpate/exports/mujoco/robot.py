@@ -93,8 +93,7 @@ def engine_here() -> Any:
 class PressableModel:
     """A compiled model in its first pose, in which a geom can be pressed into the surfaces.
 
-    The surfaces are on a body that is moved by hand (mocap); without one they stand in the world,
-    and the first joint moves the tip out of the material.
+    The surfaces stand in the world, and are moved there.
 
     Parameters
     ----------
@@ -111,32 +110,25 @@ class PressableModel:
         # Inverse dynamics of the continuous law, whatever the model integrates with.
         model.opt.enableflags &= ~int(mujoco.mjtEnableBit.mjENBL_INVDISCRETE)
         self.model, self.data, self.place = model, mujoco.MjData(model), place
+        names = {model.geom(k).name: k for k in range(model.ngeom)}
+        self.tip, self.pads = names[geom], [names[pad] for pad in PADS if pad in names]
+        model.geom_sameframe[self.pads] = 0  # or it has those of the world's own frame stay there
         if model.nkey:
             mujoco.mj_resetDataKeyframe(model, self.data, 0)
         self.data.qvel[:] = 0.0
-        body = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, _SURFACE)
-        self.surface: int | None = None if body < 0 else int(model.body_mocapid[body])
-        if self.surface is not None:
-            self.data.mocap_pos[self.surface] = model.body_pos[body]
-            self.data.mocap_quat[self.surface] = model.body_quat[body]
         mujoco.mj_forward(model, self.data)
-        names = {model.geom(k).name: k for k in range(model.ngeom)}
-        self.tip, self.pads = names[geom], [names[pad] for pad in PADS if pad in names]
 
     def face(self, position: Floats, normal: Floats) -> None:
         """Move the surfaces to another place."""
         self.place = Placement(tuple(position.tolist()), tuple(normal.tolist()))
-        self.data.mocap_pos[self.surface] = position
-        self.data.mocap_quat[self.surface] = _turn(normal)
+        self.model.geom_quat[self.pads] = _turn(normal)
+        self.sink(0.0)
         self.mujoco.mj_forward(self.model, self.data)
 
     def sink(self, penetration: float) -> None:
-        """Put the tip by so much below the surface [m]: raise that, or lower the scene's slide."""
-        if self.surface is None:
-            self.data.qpos[0] = -penetration
-            return
+        """Raise the surfaces until the tip is by so much below them, m."""
         raised = penetration * np.asarray(self.place.normal)
-        self.data.mocap_pos[self.surface] = np.asarray(self.place.position) + raised
+        self.model.geom_pos[self.pads] = np.asarray(self.place.position) + raised
 
     def along(self) -> Floats:
         """Velocities of the joints that move the tip by 1 m/s out of the material."""
@@ -201,8 +193,6 @@ class PressableModel:
 
 # The user's own model: how it moves where it touches, and the fragment in it.
 
-# The body of the surfaces while they are tried.
-_SURFACE = "palpate_surface"
 # As far away a surface touches no geom, as large as that may be, m.
 _FAR = 10.0
 # A tip that moves by less than this along the normal at joint speeds of 1 does not move, m/s.
@@ -349,17 +339,14 @@ def pressed(path: Path, geom: str, rows: Sequence[PairRow], place: Placement) ->
         raise InvalidParameterError(
             f"geom: {path.name} has no {geom!r}; there are {', '.join(names) or 'none with a name'}"
         )
-    if {*PADS, _SURFACE} & {each.name for each in [*spec.geoms, *spec.bodies]}:
+    if set(PADS) & {each.name for each in spec.geoms}:
         raise InvalidParameterError(
             f"model: {path.name} has a {PADS[0]} already: take the earlier export out of it"
         )
-    # A body that is moved by hand has no mass and no inverse mass: to a contact it is the world.
-    surface = spec.worldbody.add_body(
-        name=_SURFACE, mocap=True, pos=place.position, quat=_turn(np.asarray(place.normal))
-    )
+    where = {"pos": place.position, "quat": _turn(np.asarray(place.normal))}
+    plane = {"type": mujoco.mjtGeom.mjGEOM_PLANE, "size": (0.1, 0.1, 0.01)}
     for pad in PADS[: max(len(rows), 1)]:
-        plane = mujoco.mjtGeom.mjGEOM_PLANE
-        surface.add_geom(name=pad, type=plane, size=(0.1, 0.1, 0.01), contype=0, conaffinity=0)
+        spec.worldbody.add_geom(name=pad, **plane, **where, contype=0, conaffinity=0)
     for row, pad in zip(rows, PADS, strict=False):
         more = {"adhesion": row.adhesion} if row.adhesion else {}
         solref = (-row.spring, -row.damper)
