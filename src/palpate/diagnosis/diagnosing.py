@@ -163,6 +163,8 @@ def velocity_noise(fit: Fit) -> Finding | None:
 
 _LOGGER = logging.getLogger(__name__)
 
+#: Each looks at the fit as a whole.
+CHECKS = (flat, method, excitation, one_way, offset, velocity_noise, misfit, extrapolation)
 #: Each looks for causes beside the fit.
 SEARCHES: tuple[Search, ...] = (columns, memory, delay, surface)
 
@@ -222,17 +224,13 @@ def _diagnosed(
     if changed is not None:
         causes.append(changed.cause)
     judged = judge(causes, ratio(fit), unexplained(fit))
-    checks = (
-        *(flat, method, excitation, one_way),
-        *(offset, velocity_noise, misfit, extrapolation),
-    )
     if not any(finding.check == "change" for finding in judged.findings):
         changed = None
     if changed is None:  # of two materials one law is none
         judged = _with_better_law(fit, judged)
     named_surface = bool(judged.findings) and judged.findings[0].check == "surface"
     found += judged.findings
-    for check in checks:
+    for check in CHECKS:
         finding = check(fit)
         if finding is not None and not (finding.check == "offset" and named_surface):
             found.append(finding)
