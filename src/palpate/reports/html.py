@@ -6,11 +6,12 @@ from html import escape
 from itertools import groupby
 from typing import TYPE_CHECKING
 
-from palpate.figures.style import DARK, LIGHT, as_svg, slim
-from palpate.results.view import Cell, Line, Marked, ViewSection
+from palpate.results.colours import DARK, LIGHT
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+    from palpate.results.view import Cell, Line, ViewSection
 
 
 STYLE = """
@@ -191,7 +192,7 @@ def cells(contents: Iterable[str]) -> str:
     return "".join(f"<td>{cell}</td>" for cell in contents)
 
 
-def composed(sections: Iterable[ViewSection]) -> Iterator[str]:
+def composed(sections: "Iterable[ViewSection]") -> Iterator[str]:
     """Each section's table, then its lines: those that have names in a table of their own."""
     for each in sections:
         headings, rows = each.table()
@@ -207,20 +208,20 @@ def composed(sections: Iterable[ViewSection]) -> Iterator[str]:
                 yield from map(_line, lines)
 
 
-def _cell(cell: Cell, folds: bool) -> str:
-    if isinstance(cell, Marked):
+def _cell(cell: "Cell", folds: bool) -> str:
+    if not isinstance(cell, str):
         return badge(cell.mark, cell.words)
     words = escape(cell).replace("\n", "<br>")
     return f"<p>{words}</p>" if folds else words
 
 
-def _named(line: Line) -> tuple[str, str]:
+def _named(line: "Line") -> tuple[str, str]:
     remarks = [*line.remarks, *([f"→ {line.remedy}"] if line.remedy else [])]
     words = "".join(f'<p class="soft">{escape(remark)}</p>' for remark in remarks)
     return escape(line.name), f"<p>{escape(line.words)}</p>{words}"
 
 
-def _line(line: Line) -> str:
+def _line(line: "Line") -> str:
     if not line.mark:
         return f'<p class="{_TONES.get(line.tone, line.tone)}">{escape(str(line))}.</p>'
     name = f"{escape(line.name)}: " if line.name else ""
@@ -253,13 +254,15 @@ def drawing(name: str, draw: Callable[[], "Figure"], caption: str) -> Iterator[s
     caption : str
         Below it, and what a screen reader says.
     """
-    inside = inline(slim(as_svg(draw())), f"{name}-drawing", caption)
+    from palpate.figures.style import as_svg  # a notebook's card has no figure
+
+    inside = inline(as_svg(draw()), f"{name}-drawing", caption)
     yield f'<figure><div class="drawing" role="region" tabindex="0" aria-label="{name}">{inside}'
     yield f"</div><figcaption>{escape(caption)}</figcaption></figure>"
 
 
 def inline(svg: str, name: str, caption: str) -> str:
-    """Return a slim SVG for a page's body: names of its own, colours that follow the theme.
+    """Return an SVG for a page's body: names of its own, colours that follow the theme.
 
     Parameters
     ----------

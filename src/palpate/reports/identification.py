@@ -8,14 +8,13 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from html import escape
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from palpate import figures
 from palpate._core import __version__
 from palpate.errors import InvalidParameterError, MissingExtraError
 from palpate.estimators import ViscoelasticContact
-from palpate.figures.style import LIGHT, style
 from palpate.identification.identified import Identified
 from palpate.quantities.derived import band_of
 from palpate.recordings.opening import has_parquet, write_columns
@@ -164,6 +163,8 @@ def _which_law(result: Identified, others: Sequence[Identified]) -> Iterator[str
         f"from {low} to {high} Hz, which this motion contained. Laws of any kind have them in "
         "common."
     )
+    from palpate import figures
+
     yield from drawing("oscillations", lambda: figures.draw_oscillations(shown), words)
 
 
@@ -172,6 +173,8 @@ def _figure(result: Identified) -> Iterator[str]:
         "Force measured and predicted, the force–penetration loop, and the law's parameters as "
         "they were estimated, with their error bands."
     )
+    from palpate import figures
+
     yield from drawing("figure", lambda: figures.draw(result), words)
 
 
@@ -180,6 +183,8 @@ def _residuals(result: Identified) -> Iterator[str]:
         "Measured less final law, over time, depth and velocity: the median, and the band that "
         "holds most of it. Dotted: the noise of the sensors. Beyond them the law lacks something."
     )
+    from palpate import figures
+
     yield from drawing("residuals", lambda: figures.draw_residuals(result), words)
 
 
@@ -226,7 +231,7 @@ class Destination:
 
     def __post_init__(self) -> None:
         try:
-            style(LIGHT)
+            import_module("palpate.figures")
         except MissingExtraError:
             raise MissingExtraError(
                 "a report needs matplotlib: pip install 'palpate[report]'"

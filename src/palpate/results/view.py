@@ -312,7 +312,7 @@ def follows(result: "Identified", *, whole: bool = False) -> ViewSection:
         lines.append(Line(words))
     for finding in result.diagnosis.findings:  # an assumption, and no fault of the stiffness
         if finding.check == "surface" and finding.severity == "note":
-            lines.insert(0, Line(finding.sentence, "note"))
+            lines.insert(0, Line(finding.message, "note"))
     return ViewSection("Of a free impact, of the loops, and of the tip", lines)
 
 
@@ -320,7 +320,7 @@ def findings(result: "Identified") -> ViewSection:
     """Every finding with its remedy, and how far it moves the numbers; each stretch's own law."""
     rows = []
     for each in result.diagnosis.findings:
-        words = "\n→ ".join(filter(None, (each.sentence, each.remedy)))
+        words = "\n→ ".join(filter(None, (each.message, each.remedy)))
         z = "–" if math.isnan(each.z) else rounded(each.z, 3)
         moves = _moves(each.moves_stiffness_percent, each.moves_damping_percent)
         rows.append((Marked(each.check, each.severity), words, z, moves))
@@ -385,9 +385,9 @@ def preparation(results: "Sequence[Identified]", *, whole: bool = False) -> View
     first = results[0]
     lines, reason = [Line(_samples(first))], "" if whole else first.diagnosis.reason
     lines += (
-        Line(each.sentence, each.step, remedy=each.remedy)
+        Line(each.message, each.check, remedy=each.remedy)
         for each in first.contact.remarks
-        if each.severity == "note" or each.sentence not in reason
+        if each.severity == "note" or each.message not in reason
     )
     for result in results:
         # One law for two materials is not identifiable by any motion: its flags would mislead.
