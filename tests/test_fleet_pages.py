@@ -180,18 +180,6 @@ def test_scattered_places_and_those_without_a_number_are_drawn_as_dots():
         assert draw_map(map_of(table, ["x", "y"])).axes[0].get_aspect() == aspect
 
 
-@pytest.mark.parametrize("wild, beyond", [((), "neither"), ((9e3,), "max"), ((9e3, 1.0), "both")])
-def test_the_colour_bar_of_a_map_shows_on_which_side_values_lie_beyond_it(wild, beyond):
-    pytest.importorskip("matplotlib")
-    from palpate.figures import draw_map
-
-    value = np.repeat([100.0, 200.0], 200)
-    value[: len(wild)] = wild
-    x, y = (1e-3 * each.reshape(-1) for each in np.mgrid[:20, :20])
-    table = rows(value, np.full(400, 3.0), x=x.tolist(), y=y.tolist())
-    assert draw_map(map_of(table, ["x", "y"])).axes[0].collections[0].colorbar.extend == beyond
-
-
 def test_the_page_says_what_there_is_and_leaves_the_rest_out(tmp_path, monkeypatch):
     pytest.importorskip("matplotlib")
     from palpate.fleet.report import fleet_page

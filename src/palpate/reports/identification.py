@@ -14,7 +14,6 @@ from typing import Any
 
 from palpate._core import __version__
 from palpate.errors import InvalidParameterError, MissingExtraError
-from palpate.estimators import ViscoelasticContact
 from palpate.identification.identified import Identified
 from palpate.quantities.derived import band_of
 from palpate.recordings.opening import has_parquet, write_columns
@@ -149,8 +148,12 @@ def _which_law(result: Identified, others: Sequence[Identified]) -> Iterator[str
     """Which law it is, and K′ and B′ by it, beside those of the method that chooses a law."""
     found = list(html.composed(view.which_law([result])))
     yield from found
-    shown = [result, *(each for each in others if each.method == ViscoelasticContact.method)]
-    shown = shown[: 1 if shown[-1].method == result.method else 2]
+    chosen = (
+        ()
+        if result.estimator.chooses_law
+        else (each for each in others if each.estimator.chooses_law)
+    )
+    shown = [result, *chosen]
     if not found or not any(each.law.remembers for each in shown):
         return  # the same at any frequency
     try:

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -11,13 +11,7 @@ from palpate.diagnosis import Quantity
 from palpate.diagnosis.data import in_words
 from palpate.digits import parameter, rounded, with_error
 from palpate.errors import InvalidParameterError
-from palpate.estimators import ViscoelasticContact
-from palpate.force_laws import (
-    ForceLaw,
-    GeneralisedHuntCrossley,
-    PowerLawRelaxation,
-    SingleRelaxation,
-)
+from palpate.force_laws import ForceLaw, GeneralisedHuntCrossley
 from palpate.recordings.recording import truth_of
 
 if TYPE_CHECKING:
@@ -67,19 +61,13 @@ def terms_of(result: "Identified") -> str:
 
 def law_name(result: "Identified") -> str:
     """Return the law that was chosen; the kind of law of a method that has but one."""
-    if isinstance(result.estimator, ViscoelasticContact):
-        return str(result.estimator.verdict().candidate)
-    return str(result.law.kind)
-
-
-def chooses(result: "Identified") -> bool:
-    """Whether the method chooses its law."""
-    return isinstance(result.estimator, ViscoelasticContact)
+    verdict = result.estimator.verdict()
+    return str(result.law.kind if verdict is None else verdict.candidate)
 
 
 def parameter_rows(result: "Identified") -> list[ParameterRow]:
     """Return the parameters that the law has, in its order."""
-    if isinstance(result.law, GeneralisedHuntCrossley):
+    if result.law.relaxes:
         return list(_generalised(result, result.law))
     return [_number(result, k) for k in range(len(result.law.symbols))]
 
@@ -93,8 +81,8 @@ def _number(result: "Identified", k: int, unit: str | None = None) -> ParameterR
 
 def _generalised(result: "Identified", law: GeneralisedHuntCrossley) -> Iterator[ParameterRow]:
     stiffness, n, damping, p, relaxing, alpha, shortest, longest = range(len(law.symbols))
-    estimator, growth = result.estimator, _growth_of(law)
-    chosen = estimator.verdict().candidate if isinstance(estimator, ViscoelasticContact) else None
+    verdict, growth = result.estimator.verdict(), _growth_of(law)
+    chosen = None if verdict is None else verdict.candidate
     linear = chosen is not None and chosen.linear
     yield _number(result, stiffness, "N/m" if linear else None)
     yield _bound(law, n, "1") if linear else _number(result, n)
@@ -107,10 +95,10 @@ def _generalised(result: "Identified", law: GeneralisedHuntCrossley) -> Iterator
             yield _bound(law, relaxing, "0, no memory is better")
         return
     yield _number(result, relaxing, "N/m" if linear else None)
-    if isinstance(law.relaxation, SingleRelaxation):
+    if law.relaxation_time is not None:
         yield replace(_number(result, longest), name="relaxation_time", symbol="τ")
         return
-    if isinstance(law.relaxation, PowerLawRelaxation):
+    if law.spectrum_exponent:
         yield _number(result, alpha)
     ends = " to ".join(_time(each) for each in (law.shortest_time, law.longest_time))
     yield ParameterRow(shortest, OFFERED, "τ", "", f"{ends} (as offered, not estimated)")
@@ -158,7 +146,7 @@ def truth_at_rest(result: "Identified") -> ForceLaw | None:
     return truth if comparable(law, truth) else None
 
 
-def comparable(law: ForceLaw, truth: ForceLaw) -> set[str]:
+def comparable(law: Any, truth: Any) -> set[str]:
     """Return the parameters of a law that mean what the truth's of the same names do.
 
     Those of a law of another kind do not; of two generalised laws they do where the same relaxes,
@@ -167,7 +155,7 @@ def comparable(law: ForceLaw, truth: ForceLaw) -> set[str]:
     names = set(law.names())
     if law.kind != truth.kind:
         return set()
-    if not isinstance(law, GeneralisedHuntCrossley) or not isinstance(truth, type(law)):
+    if not (law.relaxes and truth.relaxes):
         return names
     if not _same_memory(law, truth):
         return set()
@@ -220,7 +208,7 @@ def beside_truth(value: float, truth: float, error: float) -> str:
 def truths(result: "Identified") -> list[str]:
     """The truth beside each parameter, where it is a law of the same kind."""
     law, truth, rows = result.law, truth_of(result.contact.provenance), parameter_rows(result)
-    if truth is not None and isinstance(law, GeneralisedHuntCrossley):
+    if truth is not None:
         alike = law.simplest()
         law = alike if alike.kind == truth.kind else law
     if truth is None or truth.kind != law.kind:

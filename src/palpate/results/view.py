@@ -25,7 +25,6 @@ from palpate.results.parameters import (
     at_rest,
     beside_truth,
     both,
-    chooses,
     felt_beside_truth,
     law_name,
     parameter_rows,
@@ -256,7 +255,7 @@ def law(result: "Identified", *, whole: bool = False) -> ViewSection:
 def which_law(results: "Iterable[Identified]") -> Iterator[ViewSection]:
     """How the laws stand that the samples were asked about; none where they were not."""
     # That of the method which chooses a law, else of any.
-    ordered = sorted(results, key=lambda each: not chooses(each))
+    ordered = sorted(results, key=lambda each: not each.estimator.chooses_law)
     found = next(filter(None, (each.law_verdict for each in ordered)), None)
     if found is None or not found.known:
         return
@@ -463,7 +462,9 @@ def line(result: "Identified") -> str:
     """What was identified, in a line: verdict, stiffness and damping at the working depth."""
     there = result.diagnosis.working_depth
     name = Path(result.contact.source).name or "a contact"
-    method = f"{result.method}, {law_name(result)}" if chooses(result) else result.method
+    method = (
+        f"{result.method}, {law_name(result)}" if result.estimator.chooses_law else result.method
+    )
     return (
         f"<Identification of {name} by {method}: {result.diagnosis.verdict.overall}; at "
         f"{depth_of(there.depth)} stiffness {number(there.stiffness)} N/m, damping "
@@ -530,7 +531,7 @@ def _law_verdict(result: "Identified") -> str:
     found = result.law_verdict
     if found is None or not found.known:
         return ""
-    if chooses(result):
+    if result.estimator.chooses_law:
         return str(found)
     return f"of the everyday laws, by the same samples: {str(found).removeprefix('law: ')}"
 
