@@ -24,25 +24,17 @@ OFFERED = "relaxation_times"
 
 @dataclass(frozen=True, slots=True)
 class ParameterRow:
-    """A parameter of a law.
+    """A parameter of a law."""
 
-    Attributes
-    ----------
-    index : int
-        Where it stands among the law's parameters.
-    name, symbol, unit : str
-        By the law; the unit as the law's exponents make it.
-    words : str
-        The number and its standard error, without a unit; or what it is bound to, such as ``n``.
-    estimated : bool
-        Whether it is a number of its own, which was looked for.
-    """
-
+    #: Where it stands among the law's parameters.
     index: int
     name: str
     symbol: str
+    #: As the law's exponents make it.
     unit: str
+    #: The number and its standard error; or what it is bound to, such as ``n``.
     words: str
+    #: Whether it is a number of its own, which was looked for.
     estimated: bool = False
 
     @property

@@ -55,29 +55,17 @@ _NOTHING = {"", "–"}
 
 
 class Line(NamedTuple):
-    """A sentence.
-
-    Attributes
-    ----------
-    words : str
-        What is said.
-    name : str
-        Of what, which stands before it.
-    mark : str
-        Verdict, which stands between the two.
-    remarks : tuple of str
-        What a reader should know of it.
-    remedy : str or None
-        What to do about it.
-    tone : str
-        ``soft`` of what explains a table, ``warning``, ``strong``, or none.
-    """
+    """A sentence, and what stands around it."""
 
     words: str
+    #: Of what it is, which stands before it.
     name: str = ""
+    #: Verdict, which stands between the two.
     mark: str = ""
+    #: What a reader should know of it, and do about it.
     remarks: tuple[str, ...] = ()
     remedy: str | None = None
+    #: ``soft`` of what explains a table, ``warning``, ``strong``, or none.
     tone: str = ""
 
     def __str__(self) -> str:
@@ -86,25 +74,15 @@ class Line(NamedTuple):
 
 
 class ViewSection(NamedTuple):
-    """A table, if any, and the lines below it.
+    """A table, if any, and the lines below it."""
 
-    Attributes
-    ----------
-    title : str
-        Of the table, where tables have titles.
-    lines : sequence of Line
-    headings : sequence of str
-        Of the columns; one that begins with ``>`` stands above numbers.
-    rows : sequence of sequence of Cell
-        The first cell of each names it.
-    prose : int or None
-        Column whose words may be folded.
-    """
-
+    #: Of the table, where tables have titles.
     title: str
     lines: Sequence[Line] = ()
+    #: Of the columns; one that begins with ``>`` stands above numbers.
     headings: Sequence[str] = ()
     rows: Sequence[Sequence[Cell]] = ()
+    #: Column whose words may be folded.
     prose: int | None = None
 
     def table(self) -> tuple[list[str], list[list[Cell]]]:
@@ -117,15 +95,7 @@ class ViewSection(NamedTuple):
 
 
 def of_identification(result: "Identified", *, whole: bool = False) -> Iterator[ViewSection]:
-    """Compose what ``palpate identify`` says.
-
-    Parameters
-    ----------
-    result : Identification
-        What was identified.
-    whole : bool
-        With 95 % intervals, and every number that follows from the law.
-    """
+    """Compose what ``palpate identify`` says; whole, with 95 % intervals and all that follows."""
     yield verdict(result)
     yield depths(result)
     yield from parts(result)
@@ -284,13 +254,8 @@ def which_law(results: "Iterable[Identified]") -> Iterator[ViewSection]:
 def follows(result: "Identified", *, whole: bool = False) -> ViewSection:
     """What follows from the law: rebound, energy lost, pulling; the modulus where a tip is wanted.
 
-    Parameters
-    ----------
-    result : Identification
-        What was identified.
-    whole : bool
-        With every approximation of the restitution, and with what a small oscillation feels, which
-        otherwise are there where a speed of impact or a frequency is wanted.
+    Approximations of the restitution and what a small oscillation feels are there where a speed of
+    impact or a frequency is wanted, or all is.
     """
     wanted, rebound = result.wanted, result.restitution()
     lines = [_rebound(rebound)]
@@ -404,7 +369,7 @@ def depth_of(depth: float) -> str:
 
 
 def number(quantity: Quantity) -> str:
-    """A number with both error bars as one; where one is not known that is said."""
+    """A number with both error bars as one."""
     return with_error(quantity.value, quantity.whole_error)
 
 
@@ -422,17 +387,7 @@ _PREFIXES = dict(zip("GMk mµnpfa", range(9, -19, -3), strict=True))
 
 
 def with_prefix(quantity: Quantity, unit: str, *, as_of: float | None = None) -> str:
-    """A quantity with its errors and a prefix to the unit: 12.3 ± 0.2 kPa.
-
-    Parameters
-    ----------
-    quantity : Quantity
-        SI.
-    unit : str
-        Without a prefix.
-    as_of : float, optional
-        The number whose prefix it takes; default: its own value's.
-    """
+    """A quantity, SI, with its errors and a prefix to the unit, that of a value or its own."""
     value = quantity.value if as_of is None else as_of
     size = abs(value) if math.isfinite(value) and value else 1.0
     prefix, power = next(
