@@ -6,10 +6,10 @@ over their rows and lines. A section that is not shown is not composed.
 
 import itertools
 import math
-import textwrap
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
 from pathlib import Path
+from textwrap import wrap
 from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 from palpate.diagnosis import Quantity
@@ -70,7 +70,8 @@ class Line(NamedTuple):
 
     def __str__(self) -> str:
         head = f"{self.name}: " * bool(self.name) + f"{self.mark} " * bool(self.mark)
-        return head + "; ".join((self.words, *self.remarks))
+        tail = f" ({self.remedy})" if self.remedy else ""
+        return head + "; ".join((self.words, *self.remarks)) + tail
 
 
 class ViewSection(NamedTuple):
@@ -611,18 +612,22 @@ def as_text(sections: Iterable[ViewSection], *, width: int = 100) -> str:
     """Return sections as text: tables in columns, lines folded; an empty line between sections."""
     text = []
     for section in sections:
-        table: list[tuple[str, ...]] = []
         headings, rows = section.table()
+        table: list[tuple[str, ...]] = []
         top: list[Cell] = [each.removeprefix(">") for each in headings]
         for row in (top, *rows):
-            cells = [textwrap.fill(str(c), 70, replace_whitespace=False).split("\n") for c in row]
+            cells = [[p for w in _plain_cell(c).split("\n") for p in wrap(w, 70)] for c in row]
             table += itertools.zip_longest(*cells, fillvalue="")
         widths = [max(map(len, column)) for column in zip(*table, strict=True)]
         for each in table:
             padded = (cell.ljust(size) for cell, size in zip(each, widths, strict=True))
             text.append("  ".join(padded).rstrip())
         for line in section.lines:
-            remedy = f" ({line.remedy})" if line.remedy else ""
-            text += textwrap.wrap(f"{line}{remedy}", width, subsequent_indent="  ")
+            text += wrap(str(line), width, subsequent_indent="  ")
         text.append("")
     return "\n".join(text[:-1])
+
+
+def _plain_cell(cell: Cell) -> str:
+    """With its severity, which has no colour here."""
+    return str(cell) if isinstance(cell, str) or cell.mark == cell.words else f"{cell.mark}: {cell}"
