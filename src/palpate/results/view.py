@@ -351,12 +351,12 @@ def preparation(results: "Sequence[Identified]", *, whole: bool = False) -> View
     lines, reason = [Line(_samples(first))], "" if whole else first.diagnosis.reason
     lines += (
         Line(each.message, each.check, remedy=each.remedy)
-        for each in first.contact.remarks
+        for each in first.contact.findings
         if each.severity == "note" or each.message not in reason
     )
     for result in results:
         # One law for two materials is not identifiable by any motion: its flags would mislead.
-        flags = () if result.diagnosis.episodes else result.flags
+        flags = () if whole or result.diagnosis.episodes else result.flags
         lines += [Line(flag, result.method, tone="warning") for flag in flags]
     return ViewSection("What was found, assumed or left out", lines)
 
