@@ -91,4 +91,21 @@ inline CurveMinimum global_minimum(const CurveModel& model, const CurveData& dat
   return lowest_minima(model, data).best;
 }
 
+// Of the minima that descents from these starts end in the lowest.
+template <class Starts>
+CurveMinimum lowest_of(const CurveModel& model, const CurveData& data,
+                       const Starts& starts) noexcept {
+  constexpr double tolerance = 1e-8;
+  constexpr int most_passes = 40;
+  const CurveCost cost(model, data);
+  const CurveDescent descent(cost);
+  CurveMinimum best{};
+  best.cost = std::numeric_limits<double>::infinity();
+  for (const CurvePoint& start : starts) {
+    const CurveMinimum here = descent.from(descent.bounded(start), most_passes, tolerance);
+    if (here.cost < best.cost) best = here;
+  }
+  return best;
+}
+
 }  // namespace palpate::detail
