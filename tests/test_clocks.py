@@ -28,7 +28,7 @@ def test_samples_whose_time_does_not_increase_are_skipped_counted_and_said():
     contact = prepare(table(time))
     assert len(contact) == 197
     [remark] = contact.remarks
-    assert remark.sentence == (
+    assert remark.message == (
         "3 of 200 samples were skipped: 1 without a time, 1 with the time of the one before, "
         "1 with an earlier time"
     )
@@ -44,7 +44,7 @@ def test_samples_whose_time_does_not_increase_are_skipped_counted_and_said():
     time[[0, 90]] = -1.6e190, 4e200
     contact = prepare(table(time))
     assert len(contact) == 198
-    assert "2 without a time" in contact.remarks[0].sentence
+    assert "2 without a time" in contact.remarks[0].message
     with pytest.raises(RecordingError, match=r"sample 0: -1\.6e"):
         prepare(table(time), strict=True)
     with pytest.raises(RecordingError, match="no sample has a time"):
@@ -55,7 +55,7 @@ def test_a_recorder_that_was_started_again_begins_another_contact():
     time = np.concatenate([STEPS[:120], STEPS[:80]])
     contact = prepare(table(time))
     assert [part.start for part in contact.segments()] == [0, 120]
-    assert "the time starts again once" in contact.remarks[0].sentence
+    assert "the time starts again once" in contact.remarks[0].message
     with pytest.raises(RecordingError, match=r"sample 120: 0 s runs back from 0.119 s"):
         prepare(table(time), strict=True)
     with pytest.raises(RecordingError, match="the time runs backward"):
@@ -71,7 +71,7 @@ def test_a_gap_parts_contacts_and_a_change_of_rate_does_not():
     assert np.flatnonzero(gaps(np.concatenate([[0], np.cumsum(steps)]), part)).tolist() == [61, 201]
     contact = prepare(table(np.concatenate([STEPS[:100], 2.0 + STEPS[:100]])))
     assert [part.start for part in contact.segments()] == [0, 100]
-    assert "a gap in time, 1.9 s" in contact.remarks[0].sentence
+    assert "a gap in time, 1.9 s" in contact.remarks[0].message
 
 
 def test_whole_nanoseconds_stay_exact():

@@ -50,7 +50,7 @@ def test_json_is_the_diagnosis_of_the_library(run, write):
     path = write(faults.changed(0.2))
     status, out, _ = run("diagnose", path, "--json")
     assert status == 0
-    assert json.loads(out)["schema_version"] == 1
+    assert json.loads(out)["schema_version"] == 2
     printed, found = result_of(out), palpate.diagnose(path)
     episodes = [{**episode, "verdict": None} for episode in printed["episodes"]]
     same = {key: printed[key] for key in found.as_dict()} | {"episodes": episodes}
@@ -59,7 +59,7 @@ def test_json_is_the_diagnosis_of_the_library(run, write):
     assert list(printed["verdict"]) == ["stiffness", "damping", "overall"]
     assert list(printed["working_depth"]) == ["depth", "force", "stiffness", "damping"]
     assert list(printed["findings"][0]) == [
-        "check", "sentence", "remedy", "z", "stiffness", "damping", "severity",
+        "check", "message", "remedy", "severity", "z", "stiffness", "damping",
         "moves_stiffness_percent", "moves_damping_percent",
     ]  # fmt: skip
     assert list(printed["episodes"][0]) == [

@@ -19,7 +19,7 @@ from export_cases import (
 
 from palpate.errors import InvalidParameterError
 from palpate.exports.drake.running import rebound_by_steps
-from palpate.exports.drake.shapes import not_negative, shapes
+from palpate.exports.drake.shapes import shapes
 from palpate.exports.engine import Drop, drop_to
 from palpate.force_laws import GeneralisedHuntCrossley, engines
 
@@ -65,12 +65,6 @@ def test_spheres_in_one_another_are_a_power_law_of_the_same_dissipation(exponent
     assert np.ptp(fragment.contact.dissipation) > 0.0
 
 
-def test_least_squares_leave_out_what_would_be_negative() -> None:
-    columns = np.array([[1.0, 1.0], [1.0, 1.1], [1.0, 1.2]])
-    assert not_negative(columns, np.array([1.0, 0.9, 0.8])) == pytest.approx([0.9, 0.0])
-    assert not_negative(columns, -np.ones(3)).tolist() == [0.0, 0.0]
-
-
 def test_the_volume_and_the_damper_of_the_slab_are_integrals_over_the_cap() -> None:
     radius, depth = 0.03, 0.011
     angle = np.linspace(0.0, math.acos(1.0 - depth / radius), 200_001)
@@ -106,13 +100,6 @@ def test_a_slab_carries_a_square_law(radius, most_percent) -> None:
 def test_what_cannot_be_a_contact_is_refused_in_words(law, further, words) -> None:
     with pytest.raises(InvalidParameterError, match=words):
         fitted("drake", law, **further)
-
-
-def test_a_damper_that_makes_energy_is_written_as_none_and_said() -> None:
-    fragment = fitted("drake", GeneralisedHuntCrossley(2000.0, 1.0, -20.0, 1.0))
-    assert fragment.numbers["hunt_crossley_dissipation"] == 0.0
-    assert not fragment.exact
-    assert any("negative" in words for words in fragment.warnings)
 
 
 def _properties(text: str, kind: str) -> list[dict[str, str]]:

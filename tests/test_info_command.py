@@ -2,7 +2,6 @@
 
 import json
 import re
-import sys
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -152,8 +151,8 @@ def test_faults_types_and_frames_are_printed(run, tmp_path, monkeypatch):
     assert all(words in out for words in ("geometry_msgs/msg/WrenchStamped", "tool", fault))
 
 
-def test_without_matplotlib_the_extra_is_named_before_anything_is_read(refused, monkeypatch):
-    monkeypatch.setitem(sys.modules, "matplotlib", None)
+def test_without_matplotlib_the_extra_is_named_before_anything_is_read(refused, without):
+    without("matplotlib")
     assert "palpate[figures]" in refused("info", "absent.h5", "--figure", "a.svg")
 
 

@@ -18,7 +18,7 @@ from export_cases import (
 
 from palpate import KelvinVoigt, exports
 from palpate.exports.drake.running import Plant, Setting, forces
-from palpate.exports.engine import drop_to
+from palpate.exports.engine import drop_to, state_by_state
 from palpate.exports.opensim import OpenSimScene
 from peers.installed import installed
 
@@ -173,8 +173,8 @@ def test_another_radius_of_opensims_sphere_is_another_law() -> None:
     other = text.replace(f"<radius>{RADIUS}</radius>", f"<radius>{4.0 * RADIUS}</radius>")
     other = other.replace(f"{-RADIUS} 0 0", f"{-4.0 * RADIUS} 0 0")
     motion = fragment.asked.motion.firm(10)
-    assert OpenSimScene(other).forces(motion) == pytest.approx(
-        2.0 * OpenSimScene(text).forces(motion), rel=1e-6
+    assert state_by_state(motion, OpenSimScene(other).force) == pytest.approx(
+        2.0 * state_by_state(motion, OpenSimScene(text).force), rel=1e-6
     )
 
 

@@ -191,7 +191,7 @@ def _print_result(result: Identification, console: Terminal) -> None:
     print_places(result, console)
     for finding in result.diagnosis.findings:  # an assumption, and no fault of the stiffness
         if finding.check == "surface" and finding.severity == "note":
-            say(console, f"note: {finding.sentence}")
+            say(console, f"note: {finding.message}")
     for line in following(result):
         say(console, str(line))
     if result.noticed is not None:  # when a control loop would have known of the changes
@@ -228,9 +228,9 @@ def _samples(first: Identification) -> str:
 def _print_remarks(first: Identification, console: Terminal) -> None:
     """What was assumed on the way from the recording, but for what the verdict says again."""
     for remark in first.contact.remarks:
-        if remark.severity != "note" and remark.sentence in first.diagnosis.reason:
+        if remark.severity != "note" and remark.message in first.diagnosis.reason:
             continue
-        words = Text(f"{remark.step}: {remark.sentence}")
+        words = Text(f"{remark.check}: {remark.message}")
         if remark.remedy:
             words.append(f" ({remark.remedy})", "dim")
         say(console, words)
@@ -441,7 +441,7 @@ def print_diagnosis(result: Identification) -> None:
     rows: list[list[Cell]] = []
     for finding in found.findings:
         check = Text(finding.check, style=_COLOURS[finding.severity])
-        words = "\n→ ".join(filter(None, (finding.sentence, finding.remedy)))
+        words = "\n→ ".join(filter(None, (finding.message, finding.remedy)))
         z = "–" if math.isnan(finding.z) else rounded(finding.z, 3)
         moves = _moves(finding.moves_stiffness_percent, finding.moves_damping_percent)
         rows.append([check, words, z, moves])

@@ -11,21 +11,9 @@ from operator import attrgetter
 import numpy as np
 
 from palpate.diagnosis.change import Changes, changes
-from palpate.diagnosis.data import Data, beat_of, stop
+from palpate.diagnosis.data import Data, beat_of
 from palpate.diagnosis.delay import columns, delay, memory, skew_matters
-from palpate.diagnosis.finding import (
-    MARKS,
-    Diagnosis,
-    Episode,
-    Finding,
-    Laws,
-    Mark,
-    Quantity,
-    Verdict,
-    WorkingDepth,
-    severity_of,
-    worst,
-)
+from palpate.diagnosis.finding import Diagnosis, Episode, Laws, Quantity, Verdict, WorkingDepth
 from palpate.diagnosis.fit import FEWEST_ROWS, Cause, Fit, Search
 from palpate.diagnosis.marks import (
     OFF,
@@ -49,6 +37,7 @@ from palpate.diagnosis.marks import (
 from palpate.digits import rounded
 from palpate.estimators.estimate import Estimate, Trace
 from palpate.estimators.law_verdicts import ONE_WAY
+from palpate.findings import MARKS, SEVERITIES, Finding, worst
 from palpate.stages import timed
 
 SHORTEST = 5  # samples
@@ -82,22 +71,19 @@ def flat(fit: Fit) -> Finding | None:
     part = max(at_top, elsewhere)
     if part <= SOME_FLAT:
         return None
-    mark: Mark = "do-not-trust" if part > MANY_FLAT else "with-care"
     words = (
         f"the force stays at its largest, {rounded(top, 3)} N, for {part:.1%} of the contact: "
         "saturated?"
         if at_top >= elsewhere
         else f"the force stands still for {part:.1%} of the contact while the probe moves"
     )
-    return Finding(
+    return Finding.of_both(
+        "do-not-trust" if part > MANY_FLAT else "with-care",
         "saturation" if at_top >= elsewhere else "stuck force",
         words,
         "press less deep, or take a sensor of a larger range"
         if at_top >= elsewhere
         else "look after the sensor's connection",
-        stiffness=mark,
-        damping=mark,
-        severity=severity_of(mark),
     )
 
 
@@ -298,13 +284,11 @@ def _whole(
     episodes: tuple[Episode, ...],
     laws: Laws | None,
 ) -> Diagnosis:
-    severity = ("do-not-trust", "with-care", "note")
-    in_order = [finding for each in severity for finding in found if finding.severity == each]
+    in_order = sorted(found, key=lambda finding: -SEVERITIES.index(finding.severity))
     stiffness = worst(*map(attrgetter("stiffness"), found))
     damping = worst(*map(attrgetter("damping"), found))
-    gravest = MARKS[2 - severity.index(in_order[0].severity)] if in_order else "trust"
-    overall = worst(gravest, stiffness, "with-care" if damping != "trust" else "trust")
     of_laws = laws.verdict if laws is not None else None
+    overall = MARKS[SEVERITIES.index(in_order[0].severity)] if in_order else "trust"
     verdict = Verdict(stiffness, damping, overall)
     return Diagnosis(verdict, tuple(in_order), depths, episodes, of_laws)
 
@@ -314,21 +298,21 @@ def _nothing_to_check(fit: Fit) -> Finding:
     few = count < FEWEST_ROWS
     words = f"only {count} samples in contact: too few" if few else "the motion says too little"
     remedy = "record longer" if few else "move the probe: palpate design finds a motion"
-    return stop("excitation", f"{words} to check the law", remedy)
+    message = f"{words} to check the law"
+    return Finding.of_both("do-not-trust", "excitation", message, remedy)
 
 
 def _notes(fit: Fit) -> list[Finding]:
     notes = [
-        Finding("skew", skew_matters(fit), severity="note"),
+        Finding("skew", skew_matters(fit)),
         Finding(
             "peak force",
             f"the largest force is {rounded(fit.data.peak_force, 3)} N, the largest penetration "
             f"{rounded(1e3 * fit.data.peak_penetration, 3)} mm",
-            severity="note",
         ),
     ]
     contact = fit.data.contact
-    said = any(remark.step == "surface" for remark in contact.remarks)
+    said = any(remark.check == "surface" for remark in contact.remarks)
     if not (fit.free_air or said or contact.surface_deviation is not None):
         notes.append(
             Finding(
@@ -336,7 +320,6 @@ def _notes(fit: Fit) -> list[Finding]:
                 "the probe is never out of contact: where the surface lies is an assumption, and "
                 "K, B and n are for it; stiffness and damping at working depth hold all the same",
                 "record from before the touch",
-                severity="note",
             )
         )
     return notes

@@ -3,63 +3,16 @@
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
-from palpate.contact import Severity
 from palpate.digits import rounded
 from palpate.estimators import LawVerdict, ViscoelasticContact
 from palpate.estimators.law_verdicts import EVERYDAY
+from palpate.findings import Finding, Mark
 from palpate.force_laws import ForceLaw, GeneralisedHuntCrossley
 from palpate.validation import Plain
-
-Mark = Literal["trust", "with-care", "do-not-trust"]
-#: From the best to the worst.
-MARKS: tuple[Mark, ...] = ("trust", "with-care", "do-not-trust")
-
-
-def worst(*marks: Mark) -> Mark:
-    """Return the worst of some marks; *trust* of none."""
-    return MARKS[max(map(MARKS.index, marks), default=0)]
-
-
-def severity_of(mark: Mark) -> Severity:
-    """What a mark does to the overall verdict; *trust* is a note."""
-    return "note" if mark == "trust" else mark
-
-
-@dataclass(frozen=True, slots=True)
-class Finding(Plain):
-    """One sentence about a recording or about what was identified from it.
-
-    Attributes
-    ----------
-    check : str
-        The check that found it, such as ``"delay"``.
-    sentence : str
-        What was found, in plain words.
-    remedy : str or None
-        What to do: an option of ``palpate identify``, a command, or a few words.
-    z : float
-        Significance, in standard errors; NaN where the check has none.
-    stiffness, damping : str
-        The mark that it alone gives each at working depth.
-    severity : str
-        ``"note"``, ``"with-care"`` or ``"do-not-trust"``: what it does to the overall verdict.
-    moves_stiffness_percent, moves_damping_percent : float
-        How far it moves them, in per cent of their size; NaN where that is not known.
-    """
-
-    check: str
-    sentence: str
-    remedy: str | None = None
-    z: float = math.nan
-    stiffness: Mark = "trust"
-    damping: Mark = "trust"
-    severity: Severity = "with-care"
-    moves_stiffness_percent: float = math.nan
-    moves_damping_percent: float = math.nan
 
 
 @dataclass(frozen=True, slots=True)
@@ -207,10 +160,10 @@ class Diagnosis:
 
     @property
     def reason(self) -> str:
-        """The sentence of the gravest finding that is more than a note."""
+        """The message of the gravest finding that is more than a note."""
         if not self.findings or self.findings[0].severity == "note":
             return "nothing was found that moves the numbers"
-        return self.findings[0].sentence
+        return self.findings[0].message
 
     @property
     def remedy(self) -> str | None:

@@ -8,9 +8,9 @@ at the end what an engine is, and which there are.
 import math
 import re
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from importlib import import_module
+from importlib import import_module, resources
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from types import MappingProxyType
@@ -283,6 +283,22 @@ def rebound(force: Pointwise, mass: float, speed: float, step: float) -> float:
     return abs(min(_until_surface(pushing, mass, 0.0, speed, step), 0.0)) / speed
 
 
+def came_back(states: Iterable[tuple[float, float]], drop: Drop) -> float:
+    """Restitution by penetration [m] and velocity [m/s] after each step; 0 of a body that stays."""
+    for x, v in states:
+        if x <= 0.0 and v < 0.0:
+            return -v / drop.speed
+        if not math.isfinite(v):
+            break
+    return 0.0
+
+
+def state_by_state(motion: ProbeMotion, force: Pointwise) -> Floats:
+    """Force at every state of a motion, N."""
+    states = zip(motion.penetration.tolist(), motion.velocity.tolist(), strict=True)
+    return np.array([force(x, v) for x, v in states], dtype=np.float64)
+
+
 def rebound_by(law: GeneralisedHuntCrossley, drop: Drop) -> float:
     """Restitution by another law of a body that meets it as a drop does."""
     step = half_period(law, drop.mass, drop.depth) / _STEPS
@@ -294,10 +310,12 @@ def half_period(law: GeneralisedHuntCrossley, mass: float, depth: float) -> floa
     return math.pi * math.sqrt(mass / (law.stiffness * depth ** (law.exponent - 1.0)))
 
 
-def _until_surface(force: Pointwise, mass: float, x: float, v: float, step: float) -> float:
-    """Velocity where m ẍ = −F(x, ẋ) crosses the surface; 0 where it does not in reasonable time.
+def course(
+    force: Pointwise, mass: float, x: float, v: float, step: float
+) -> Iterator[tuple[float, float]]:
+    """Yield where a free body is and how fast, m ẍ = −F(x, ẋ), until it is above the surface.
 
-    A negative step goes back in time, from the greatest depth to first touch.
+    By RK4. A negative step goes back in time, from the greatest depth to first touch.
     """
 
     def slope(depth: float, speed: float) -> float:
@@ -311,18 +329,30 @@ def _until_surface(force: Pointwise, mass: float, x: float, v: float, step: floa
         a3 = slope(x + 0.5 * step * v2, v3)
         v4 = v + step * a3
         a4 = slope(x + step * v3, v4)
-        nearer = x + step * (v + 2.0 * v2 + 2.0 * v3 + v4) / 6.0
-        faster = v + step * (a1 + 2.0 * a2 + 2.0 * a3 + a4) / 6.0
+        x += step * (v + 2.0 * v2 + 2.0 * v3 + v4) / 6.0
+        v += step * (a1 + 2.0 * a2 + 2.0 * a3 + a4) / 6.0
+        yield x, v
+        if x <= 0.0 or not math.isfinite(v):
+            return
+
+
+def _until_surface(force: Pointwise, mass: float, x: float, v: float, step: float) -> float:
+    """Velocity of :func:`course` at the surface; 0 where it is not met in reasonable time."""
+    for nearer, faster in course(force, mass, x, v, step):
         if nearer <= 0.0:
             # Where x is 0 within the step, by a line.
             return v + (faster - v) * x / (x - nearer) if x > nearer else faster
         x, v = nearer, faster
-        if not math.isfinite(v):
-            break
     return 0.0
 
 
 # Text for engines and about them: numbers that read back exactly, errors, and comments.
+
+
+def template(name: str, **values: str) -> str:
+    """Return one of the engines' texts, which lie in ``templates``, with its places filled in."""
+    text = resources.files("palpate.exports") / "templates" / name
+    return text.read_text(encoding="utf-8").format(**values)
 
 
 def digits(value: float) -> str:
@@ -411,6 +441,22 @@ def _nearest(
     found = least_squares(model, np.array([0.0, 0.5 * sum(exponents), 0.0]), bounds, 1e-12)
     stiffness, n, damping = found.parameters.tolist()
     return GeneralisedHuntCrossley(stiffness / unit**n, n, damping / unit**p, p)
+
+
+def with_one_exponent(
+    law: GeneralisedHuntCrossley, motion: ProbeMotion, n: float
+) -> GeneralisedHuntCrossley:
+    """Return the K xⁿ (1 + b v), b ≥ 0, nearest to a law.
+
+    Of a law with p = n it has that one's own b = B/K, and so its restitution.
+    """
+    if law.damping > 0.0 and law.damping_exponent != law.exponent:
+        return with_exponents(law, motion, n, n)
+    b = max(law.damping, 0.0) / law.stiffness
+    x, v = motion.penetration[motion.judged], motion.velocity[motion.judged]
+    weight = np.maximum(1.0 + b * v, 0.0) ** 2 * x**n
+    stiffness = law.stiffness * float(weight @ x**law.exponent / (weight @ x**n))
+    return GeneralisedHuntCrossley(stiffness, n, stiffness * b, n)
 
 
 def kelvin_voigt(law: ForceLaw, motion: ProbeMotion) -> GeneralisedHuntCrossley:

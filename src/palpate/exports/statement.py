@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, TypeAlias
 
 from palpate._core import __version__
-from palpate.diagnosis import MARKS, Diagnosis, Finding, Verdict
+from palpate.diagnosis import Diagnosis, Verdict
 from palpate.digits import parameter, rounded
 from palpate.errors import ExportRefusedError, InvalidParameterError, RecordingError
 from palpate.exports.engine import (
@@ -29,6 +29,7 @@ from palpate.exports.engine import (
     with_exponents,
     without_memory,
 )
+from palpate.findings import MARKS, Finding
 from palpate.force_laws import ExtendedKelvinVoigt, ForceLaw, GeneralisedHuntCrossley
 from palpate.identifying import Identification
 from palpate.quantities.elastic_modulus import Sphere
@@ -123,11 +124,11 @@ class ExportedLaw:
     @property
     def reason(self) -> str:
         """Why the verdict is what it is: the gravest finding, and its remedy."""
-        graver = [each for each in self.findings if each.severity != MARKS[0]]
+        graver = [each for each in self.findings if each.severity != "note"]
         if not graver or self.verdict is None or self.verdict.overall == MARKS[0]:
             return ""
         first = graver[0]
-        return first.sentence + (f" ({first.remedy})" if first.remedy else "")
+        return first.message + (f" ({first.remedy})" if first.remedy else "")
 
     def nearest(self) -> Nearest:
         """Return K xⁿ + B xᵖ v in its place, for engines: none of them remembers.

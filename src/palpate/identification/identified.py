@@ -16,7 +16,6 @@ from numpy.typing import ArrayLike, NDArray
 from palpate._core import Status
 from palpate.contact import Contact
 from palpate.diagnosis import (
-    MARKS,
     Data,
     Diagnosis,
     Episode,
@@ -41,6 +40,7 @@ from palpate.estimators.estimate import (
     rmse_percent,
     violated_fraction,
 )
+from palpate.findings import MARKS
 from palpate.force_laws import GeneralisedHuntCrossley, HuntCrossley, force_over_breaks
 from palpate.identification.replaying import (
     choices,
@@ -82,7 +82,7 @@ def why_nothing(data: Data, gate: ContactGate) -> str:
     for finding in data.findings:
         if finding.severity == "do-not-trust":
             where = f"{data.contact.source}: " if data.contact.source else ""
-            return f"{where}{finding.sentence} ({finding.remedy})"
+            return f"{where}{finding.message} ({finding.remedy})"
     return nothing_taken(data.contact, gate)
 
 

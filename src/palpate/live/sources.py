@@ -177,7 +177,7 @@ class Replay:
 def _hindsight(contact: Contact) -> list[str]:
     """What no robot in a loop could know, and the preparation of a whole recording said."""
     said = [
-        f"{remark.step}: {remark.sentence}" + (f" ({remark.remedy})" if remark.remedy else "")
+        f"{remark.check}: {remark.message}" + (f" ({remark.remedy})" if remark.remedy else "")
         for remark in contact.remarks
     ]
     found = {"tare": contact.tare_deviation, "surface": contact.surface_deviation}

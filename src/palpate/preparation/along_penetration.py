@@ -296,7 +296,7 @@ def at_places(contact: Contact) -> Iterator[tuple[Place, Contact]]:
     """
     places = () if contact.prepared is None else contact.prepared.places
     parts = list(contact.segments())
-    common = tuple(remark for remark in contact.remarks if remark.step not in OF_THE_WHOLE)
+    common = tuple(remark for remark in contact.remarks if remark.check not in OF_THE_WHOLE)
     for place in places:
         times = ((place.start <= contact.time[part.start] <= place.stop, part) for part in parts)
         part = next((part for inside, part in times if inside), None)

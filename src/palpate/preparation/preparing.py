@@ -10,8 +10,9 @@ from typing import Any, Literal, Protocol, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from palpate.contact import Contact, Remark
+from palpate.contact import Contact
 from palpate.errors import InvalidParameterError
+from palpate.findings import Finding
 from palpate.preparation.along_penetration import along_penetration, contact_of_arrays
 from palpate.preparation.clocks import signals_of
 from palpate.preparation.roles import Columns, Roles, is_wanted, roles_of
@@ -194,7 +195,7 @@ def prepared_contact(recording: Recording, settings: Preparation) -> Contact:
         prepared=dataclasses.replace(contact.prepared, way=prepared_contact),
         provenance={**notes, **done},
         remarks=(
-            *(Remark("file", words, used, "with-care") for words in recording.losses),
+            *(Finding("file", words, used, "with-care") for words in recording.losses),
             *_commanded(roles),
             *_unused(settings, roles, pressing=pressing),
             *signals.remarks,
@@ -215,18 +216,18 @@ def _log_roles(roles: Roles) -> None:
             _LOGGER.info("%s is %s", role, words)
 
 
-def _commanded(roles: Roles) -> list[Remark]:
+def _commanded(roles: Roles) -> list[Finding]:
     """Say that a channel is what was wanted: the robot, and the material, may not have done it."""
     found = []
     for kind, names in (("position", roles.depth), ("force", roles.force)):
         if is_wanted(names[0]):
             words = f"the {kind} {names[0]!r} is, by its name, what was commanded, not measured"
             remedy = f"record what the robot did, and name it with --{kind}"
-            found.append(Remark("channels", words, remedy, "with-care", numbers=True))
+            found.append(Finding.of_both("with-care", "channels", words, remedy))
     return found
 
 
-def _unused(settings: Preparation, roles: Roles, *, pressing: bool) -> list[Remark]:
+def _unused(settings: Preparation, roles: Roles, *, pressing: bool) -> list[Finding]:
     """Say which settings found nothing to act on."""
     flat = pressing or len(roles.depth) == 1 or len(roles.force) == 1
     options = {
@@ -236,7 +237,7 @@ def _unused(settings: Preparation, roles: Roles, *, pressing: bool) -> list[Rema
     }
     idle = [name for name, (value, unused) in options.items() if unused and value is not None]
     words = f"{' and '.join(idle)} did nothing: position and force are not both in space"
-    remark = Remark("options", words, "leave it out, or name three channels of each")
+    remark = Finding("options", words, "leave it out, or name three channels of each")
     return [remark] if idle else []
 
 
@@ -314,7 +315,7 @@ def joined(contacts: Sequence[Contact]) -> Contact:
         tare_deviation=_widest([contact.tare_deviation for contact in contacts]),
         surface_deviation=_widest([contact.surface_deviation for contact in contacts]),
         remarks=tuple(
-            replace(remark, sentence=f"{contact.source}: {remark.sentence}")
+            replace(remark, message=f"{contact.source}: {remark.message}")
             for contact in contacts
             for remark in contact.remarks
         ),

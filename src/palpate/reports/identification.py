@@ -8,19 +8,18 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from html import escape
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from palpate import figures
 from palpate._core import __version__
 from palpate.diagnosis import Quantity, WorkingDepth
 from palpate.diagnosis.data import in_words
 from palpate.digits import rounded
 from palpate.errors import InvalidParameterError, MissingExtraError
 from palpate.estimators import LawVerdict, ViscoelasticContact
-from palpate.figures.style import LIGHT, style
 from palpate.identification.identified import Identified, rank
 from palpate.quantities.derived import band_of
 from palpate.recordings.opening import has_parquet, write_columns
@@ -215,7 +214,7 @@ def findings(result: Identified) -> Iterator[str]:
     """Every finding with its remedy, and how far it moves the numbers."""
     rows = []
     for finding in result.diagnosis.findings:
-        words = f"<p>{escape(finding.sentence)}</p>"
+        words = f"<p>{escape(finding.message)}</p>"
         if finding.remedy:
             words += f'<p class="soft">→ {escape(finding.remedy)}</p>'
         moves = (finding.moves_stiffness_percent, finding.moves_damping_percent)
@@ -304,8 +303,8 @@ def preparation(result: Identified) -> Iterator[str]:
     )
     rows = [
         [
-            escape(remark.step),
-            f"<p>{escape(remark.sentence)}</p>"
+            escape(remark.check),
+            f"<p>{escape(remark.message)}</p>"
             + (f'<p class="soft">→ {escape(remark.remedy)}</p>' if remark.remedy else ""),
         ]
         for remark in contact.remarks
@@ -395,6 +394,8 @@ def _oscillations(results: list[Identified]) -> Iterator[str]:
         f"from {low} to {high} Hz, which this motion contained. Laws of any kind have them in "
         "common."
     )
+    from palpate import figures
+
     yield from drawing("oscillations", lambda: figures.draw_oscillations(results), words)
 
 
@@ -475,6 +476,8 @@ def _figure(result: Identified) -> Iterator[str]:
         "Force measured and predicted, the force–penetration loop, and the law's parameters as "
         "they were estimated, with their error bands."
     )
+    from palpate import figures
+
     yield from drawing("figure", lambda: figures.draw(result), words)
 
 
@@ -483,6 +486,8 @@ def _residuals(result: Identified) -> Iterator[str]:
         "Measured less final law, over time, depth and velocity: the median, and the band that "
         "holds most of it. Dotted: the noise of the sensors. Beyond them the law lacks something."
     )
+    from palpate import figures
+
     yield from drawing("residuals", lambda: figures.draw_residuals(result), words)
 
 
@@ -529,7 +534,7 @@ class Destination:
 
     def __post_init__(self) -> None:
         try:
-            style(LIGHT)
+            import_module("palpate.figures")
         except MissingExtraError:
             raise MissingExtraError(
                 "a report needs matplotlib: pip install 'palpate[report]'"

@@ -16,11 +16,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate._core import Status, __version__
-from palpate.contact import Contact, Remark
-from palpate.diagnosis import MARKS, Episode, Finding, Quantity, Verdict, WorkingDepth
+from palpate.contact import Contact
+from palpate.diagnosis import Episode, Quantity, Verdict, WorkingDepth
 from palpate.errors import InvalidParameterError, MissingExtraError, RecordingError
 from palpate.estimators import LawVerdict
 from palpate.estimators.estimate import Trace
+from palpate.findings import MARKS, Finding
 from palpate.force_laws import FORCE_LAWS, ForceLaw, law_from
 from palpate.identification.identified import rank
 from palpate.preparation.gates import touches_of
@@ -73,7 +74,7 @@ def how_made(contact: Contact, files: Sequence[Path]) -> list[str]:
         made = {name: words for name, words in made.items() if " of " in name} or made
     lines = [f"of {file}" for file in files]
     lines += [f"{channel}: {words}" for channel, words in made.items()]
-    return lines + [f"{remark.step}: {remark.sentence}" for remark in contact.remarks]
+    return lines + [f"{remark.check}: {remark.message}" for remark in contact.remarks]
 
 
 # A contact and its trace as named columns, a row a sample.
@@ -164,7 +165,7 @@ def contact_and_trace(
         provenance=whole["provenance"],
         tare_deviation=whole["tare_deviation"],
         surface_deviation=whole["surface_deviation"],
-        remarks=[Remark(**remark) for remark in whole["remarks"]],
+        remarks=[*map(_finding, whole["remarks"])],
     )
     return contact, trace
 
@@ -176,7 +177,7 @@ def _names() -> NDArray[np.str_]:
 
 
 #: A field that goes, or means another thing, makes it the next.
-SCHEMA_VERSION = 1
+SCHEMA_VERSION = 2
 
 
 def described(files: Sequence[Path], results: "Sequence[Identified]") -> dict[str, Any]:
@@ -201,7 +202,7 @@ def described(files: Sequence[Path], results: "Sequence[Identified]") -> dict[st
         "samples": len(contact),
         "touches": [touch.as_dict() for touch in touches_of(contact)],
         "provenance": dict(contact.provenance),
-        "remarks": [asdict(remark) for remark in contact.remarks],
+        "remarks": [remark.as_dict() for remark in contact.remarks],
         "tare_deviation": contact.tare_deviation,
         "surface_deviation": contact.surface_deviation,
         "gate": asdict(gate),
@@ -415,7 +416,7 @@ def _described(file: Path) -> dict[str, Any]:
     version = whole.get("schema_version") if isinstance(whole, dict) else None
     if version is None:
         raise RecordingError(f"{file}: no result of palpate: it has no schema_version")
-    if version != SCHEMA_VERSION:
+    if version not in (1, SCHEMA_VERSION):
         raise RecordingError(
             f"{file}: written by palpate {whole.get('palpate_version', 'of another version')} as "
             f"schema {version}, and this one reads {SCHEMA_VERSION}; install that version, or "
@@ -438,9 +439,17 @@ def _verdict(words: Mapping[str, Any]) -> Verdict:
     return verdict
 
 
+_OF_SCHEMA_1 = {"sentence": "message", "step": "check"}
+
+
 def _finding(words: Mapping[str, Any]) -> Finding:
-    numbers = ("z", "moves_stiffness_percent", "moves_damping_percent")
-    return Finding(**{**words, **{name: or_nan(words[name]) for name in numbers}})
+    given = {_OF_SCHEMA_1.get(name, name): value for name, value in words.items()}
+    # Of schema 1: whether stiffness and damping suffer.
+    if given.pop("numbers", False) or ("step" in words and words["severity"] == "do-not-trust"):
+        given |= {"stiffness": given["severity"], "damping": given["severity"]}
+    for name in ("z", "moves_stiffness_percent", "moves_damping_percent"):
+        given[name] = or_nan(given.get(name))
+    return Finding(**given)
 
 
 def _working_depth(words: Mapping[str, Any]) -> WorkingDepth:

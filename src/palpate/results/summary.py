@@ -429,7 +429,7 @@ def _law(result: "Identified") -> list[str]:
 def _findings(result: "Identified") -> list[str]:
     lines = [""]
     for finding in result.diagnosis.findings:
-        lines.append(f"{finding.severity}: {finding.check}: {finding.sentence}")
+        lines.append(f"{finding.severity}: {finding.check}: {finding.message}")
         lines += [f"  → {finding.remedy}"] if finding.remedy else []
     return [*lines, *(f"note: {flag}" for flag in result.flags)]
 

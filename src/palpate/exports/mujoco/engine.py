@@ -32,16 +32,15 @@ from palpate.exports.engine import (
     numbers_of,
     percent,
     stable_step,
+    template,
     with_exponents,
     xml_comment,
 )
 from palpate.exports.mujoco import callback
 from palpate.exports.mujoco.fitting import FITS, MOST_STEPS, PairRows, misfit_to, rebound
 from palpate.exports.mujoco.robot import (
-    FRAGMENT,
     NOTHING_PASSIVE,
     PADS,
-    SCENE,
     TIP,
     Placement,
     PressableModel,
@@ -90,7 +89,8 @@ class InMuJoCo(Fragment):
             replace(row, spring=n * row.spring, damper=n * row.damper, adhesion=n * row.adhesion)
             for row in self.rows.rows
         ]
-        return SCENE.format(
+        return template(
+            "mujoco_scene.xml",
             **sections(rows, TIP, Placement()),
             comment=xml_comment(notes),
             time_step=digits(self.asked.time_step),
@@ -103,7 +103,7 @@ class InMuJoCo(Fragment):
         """What is to be pasted into a model, or included by it; without rows the surface alone."""
         place = Placement() if self.robot is None else self.robot.place
         both = sections(self.rows.rows, self.tip, place)
-        return FRAGMENT.format(comment=xml_comment(notes), **both)
+        return template("mujoco_fragment.xml", comment=xml_comment(notes), **both)
 
     def pressed(self) -> PressableModel:
         """Return the user's model with the fragment in it, or the small scene."""

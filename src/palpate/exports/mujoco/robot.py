@@ -1,7 +1,7 @@
 """MuJoCo's text, and models of it: the pads and pairs to paste, and a tip that is pressed on them.
 
-The text comes first; then a compiled model whose tip is moved by inverse dynamics; then the user's
-own model, how it moves where it touches; and at the end a scene that an export wrote, read back.
+First a compiled model whose tip is moved by inverse dynamics; then the user's own model, how it
+moves where it touches; and at the end a scene that an export wrote, read back.
 """
 
 import json
@@ -15,7 +15,7 @@ from xml.etree import ElementTree
 import numpy as np
 
 from palpate.errors import InvalidParameterError, RecordingError
-from palpate.exports.engine import ProbeMotion, digits, xml_comment
+from palpate.exports.engine import ProbeMotion, digits, template, xml_comment
 from palpate.exports.exporting import STATEMENT, InAnEngine
 from palpate.exports.mujoco.fitting import PairRow
 from palpate.lab.rig import require_mujoco
@@ -24,47 +24,6 @@ from palpate.validation import Floats
 #: One surface for each row, at the same place; what both are called in the user's model.
 PADS = ("palpate_pad", "palpate_pad_damper")
 TIP = "tip"
-
-SCENE = """\
-{comment}
-<mujoco model="palpate contact">
-  <option timestep="{time_step}" gravity="0 0 0"/>
-  <worldbody>
-    <light pos="0 -1 2" dir="0 0.4 -1"/>
-{pads}
-    <body name="probe" pos="0 0 {radius}">
-      <joint name="approach" type="slide" axis="0 0 1"/>
-      <geom name="tip" type="sphere" size="{radius}" mass="{mass}" contype="0" conaffinity="0"/>
-    </body>
-  </worldbody>
-{contact}
-  <keyframe>
-    <!-- Free flight from first touch to the deepest that was recorded. -->
-    <key name="drop" qpos="0" qvel="{velocity}"/>
-  </keyframe>
-</mujoco>
-"""
-
-FRAGMENT = """\
-{comment}
-<mujoco>
-  <worldbody>
-    <!-- The surface. Place it where yours is; it stops nothing but the geom of the pairs. -->
-{pads}
-  </worldbody>
-{contact}
-</mujoco>
-"""
-
-ROBOT = """\
-{comment}
-<mujoco>
-  {model}
-  <!-- Assets are looked for from this file on: after the model, so that its own are overridden. -->
-  {assets}
-  <include file="contact.xml"/>
-</mujoco>
-"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -308,7 +267,8 @@ class Robot:
         include = ElementTree.Element("include", file=str(whole))
         parts = (include, ElementTree.Element("compiler", folders))
         model, assets = (ElementTree.tostring(part, encoding="unicode") for part in parts)
-        return ROBOT.format(comment=xml_comment(notes), model=model, assets=assets)
+        comment = xml_comment(notes)
+        return template("mujoco_robot.xml", comment=comment, model=model, assets=assets)
 
 
 def read(path: Path, geom: str | None, deepest: float) -> Robot:
