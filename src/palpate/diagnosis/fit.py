@@ -280,7 +280,7 @@ class Fit:
         self.band: Band = self._band()
         self.x = self.penetration[self.band.samples] / self.units.depth
         self.v = data.velocity[self.band.samples] / self.units.speed
-        self.powers: dict[float, Floats] = {}  # xⁿ and xⁿv in the band, by n
+        self.powers: dict[tuple[float, bool], Floats] = {}  # xⁿ and xⁿv in the band, by n
         self.time = self.band.mean(data.time[self.band.samples])
         self.force = self.band.mean(data.force[self.band.samples])
 

@@ -115,9 +115,10 @@ def least_squares(
         jacobian = np.where(held, 0.0, best.jacobian)
         size = np.linalg.norm(jacobian, axis=0)
         size[size == 0.0] = 1.0
-        rows = np.vstack([jacobian / size, np.sqrt(damping) * np.eye(len(size))])
-        wanted = np.concatenate([best.residual, np.zeros(len(size))])
-        trial = np.clip(at + np.linalg.lstsq(rows, wanted, rcond=None)[0] / size, low, high)
+        unit = jacobian / size
+        # Damped, the condition is no worse than 1e9, so that normal equations will do.
+        normal = unit.T @ unit + max(damping, 1e-12) * np.eye(len(size))
+        trial = np.clip(at + np.linalg.solve(normal, slope / size) / size, low, high)
         after = Fitted(trial, *model(trial))
         gained = energy - float(after.residual @ after.residual)
         if not gained > 0.0:
