@@ -25,17 +25,6 @@ def result_of(output: str) -> dict:
     return result
 
 
-def test_identify_prints_the_verdict_before_the_numbers(run, write):
-    status, out, err = run("identify", write(faults.late(5e-3)))  # and does not fail by it
-    assert (status, err) == (0, "")
-    lines = out.splitlines()
-    assert lines[1].startswith("with-care (stiffness: trust, damping: with-care): ")
-    parts = ("--delay 5ms", "median ", "stiffness ", "contact model", "samples, ")
-    places = [out.index(part, len(lines[0])) for part in parts]
-    places[2] = out.index("\nstiffness ")
-    assert places == sorted(places)
-
-
 def test_diagnose_prints_every_finding_with_its_remedy(run, write):
     path = write(faults.changed(0.2))
     status, out, err = run("diagnose", path)

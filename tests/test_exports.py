@@ -28,7 +28,7 @@ from palpate.exports.engine import (
     xml_comment,
 )
 from palpate.findings import Finding
-from palpate.lab import BALL, PERFECT, PVC, THREE_SINES, TISSUE, Bench, IdealProbe
+from palpate.lab import BALL, PVC, TISSUE
 from palpate.results.saved import of_one
 
 EXAMPLES = Path(__file__).parents[1] / "examples" / "recordings"
@@ -351,19 +351,6 @@ def test_an_export_replaces_only_what_an_export_wrote(ball, saved, name, tmp_pat
     *_, statement = first.save(tmp_path / "new")
     statement.unlink()
     assert first.save(tmp_path / "new")[-1] == statement
-
-
-def test_the_laboratory_presses_what_was_exported_and_identifies_it(toy):
-    toy(factor=1.02)
-    made = exports.export(BALL.law, "toy")
-    sensors = replace(PERFECT, force_noise=0.05)
-    bench = Bench(exports.Pressed(made), THREE_SINES, IdealProbe(), sensors)
-    found = palpate.identify(bench.run(seed=1, seconds=5.0).contact)
-    errors = np.abs(found.law.parameters - 1.02 * BALL.law.parameters) / found.standard_errors
-    assert (errors[:2] < 3.0).all()
-    assert json.loads(found.contact.provenance["truth"])["engine"] == "toy"
-    with pytest.raises(InvalidParameterError, match="by an ideal probe only"):
-        exports.Pressed(made).touch()
 
 
 def test_the_command_prints_the_claim_and_writes_the_files(run, saved, tmp_path):

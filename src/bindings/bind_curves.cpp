@@ -106,9 +106,9 @@ detail::CurvePoint fit_samples(const InputRows& samples, const InputRows& starts
                           count};
   held.pad();
   const CurveData data{{held}, 1, std::inner_product(held.f, held.f + count, held.f, 0.0)};
-  CurveModel model{
-      {}, curves::kernels_of(""), surfaces[0], surfaces[1], !(exponents[1] > exponents[0])};
+  CurveModel model{{}, curves::kernels_of(""), surfaces[0], surfaces[1]};
   ProjectionSettings& s = model.settings;
+  if (!(exponents[1] > exponents[0])) s.exponent = exponents[0];
   s.lowest_exponent = exponents[0];
   s.highest_exponent = exponents[1];
   s.offset_deviation = s.prior_exponent_deviation = s.prior_dissipation_deviation = unknown;

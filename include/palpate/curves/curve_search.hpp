@@ -45,7 +45,7 @@ inline CurveMinima lowest_minima(const CurveModel& model, const CurveData& data)
     ++count;
   };
   for (std::size_t i = 0; i < starts.count; ++i) look(starts.starts[i]);
-  if (!known && !model.exponent_fixed) {
+  if (!known && !model.priors().exponent_known()) {
     // At v = a − b x, as of a probe that slows down while it goes in, xⁿ⁺¹ does in place of xⁿ: the
     // grid does not see the valleys of both.
     const CurvePoint least = found[deepest].at;

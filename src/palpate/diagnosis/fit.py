@@ -46,7 +46,7 @@ class Alike(Estimate):
         return self._alike
 
 
-def as_hunt_crossley(data: Data, estimate: Estimate, depth: float) -> tuple[Data, Estimate]:
+def as_hunt_crossley(data: Data, estimate: Estimate, depth: float) -> tuple[Data, Alike]:
     """Take out of the force what a generalised law has beside a Hunt–Crossley law.
 
     F − M Σ w g − (B xᵖ − B′ xⁿ) v, with B′ xⁿ = B xᵖ at a depth [m], is to be K xⁿ + B′ xⁿ v: what
@@ -174,11 +174,7 @@ class Units:
 
     def local(self, law: ForceLaw) -> ForceLaw:
         """Return the law in these units: for Hunt–Crossley k = K x_rⁿ, c = B x_rⁿ V."""
-        if isinstance(law, HuntCrossley):
-            power = self.depth**law.exponent
-            k, c = law.stiffness * power, law.damping * power * self.speed
-            return HuntCrossley(k, c, law.exponent)
-        return law
+        return law.scaled(self.depth, self.speed)
 
     def restored(self, law: ForceLaw) -> ForceLaw:
         """Return a law that is in these units, in SI."""
@@ -251,11 +247,14 @@ class Fit:
         laws: Laws | None = None,
     ) -> None:
         self._given, self.laws = (data, trace, estimate), laws
-        if isinstance(estimate.law, GeneralisedHuntCrossley):
+        #: Where the law is taken for another.
+        self.alike: Alike | None = None
+        if estimate.law.relaxes:
             known = data.penetration[trace.taken[data.known]] - estimate.surface
             middle = float(np.median(known[known > 0.0])) if (known > 0.0).any() else 1.0
-            data, estimate = as_hunt_crossley(data, estimate, depth or middle)
-        self.data, self.estimate = data, estimate
+            data, self.alike = as_hunt_crossley(data, estimate, depth or middle)
+        self.data, self.estimate = data, self.alike or estimate
+        estimate = self.estimate
         self.with_offset = estimate.offset_standard_error > 0.0
         names = estimate.law.names()
         self.fixed = [k for k, name in enumerate(names) if name in estimate.fixed]
@@ -275,8 +274,8 @@ class Fit:
         self.deeper = (float(np.percentile(x, DEEP)),) if x.size else (math.nan,)
         self.speed = float(np.sqrt(np.mean(v**2))) or 1.0
         self.period = 2.0 * math.pi * float(np.std(x)) / self.speed
-        hunt_crossley = isinstance(estimate.law, HuntCrossley)
-        self.units = Units(self.reference, self.speed) if hunt_crossley else Units(1.0, 1.0)
+        scaled = self.reference, self.speed
+        self.units = Units(*scaled) if estimate.law.power_law else Units(1.0, 1.0)
         self.band: Band = self._band()
         self.x = self.penetration[self.band.samples] / self.units.depth
         self.v = data.velocity[self.band.samples] / self.units.speed
@@ -296,7 +295,7 @@ class Fit:
 
         It is made again only of a law that is taken for another, which is like it at that depth.
         """
-        if isinstance(self._given[2].law, GeneralisedHuntCrossley):
+        if self._given[2].law.relaxes:
             return Fit(*self._given, depth, self.laws)
         other = copy(self)
         other.depth = depth
@@ -342,17 +341,20 @@ class Fit:
         motion = moved or MovedSamples(self.x, self.v, self.band, self.force)
         x, names = np.maximum(motion.x, 1e-12), len(law.symbols)
         high = np.full(names + 1, np.inf)
-        low, linear = -high, names
-        if isinstance(law, HuntCrossley):  # linear in all parameters but the exponent
-            (low[2], high[2]), linear = EXPONENTS, 2
+        low, linear = -high, law.linear
+        if law.power_law:
+            low[2], high[2] = EXPONENTS
 
         def model(parameters: Floats) -> tuple[Floats, Floats]:
             trial = law.from_parameters(parameters[:names])
             gradient = motion.band.mean(trial.parameter_gradient(x, motion.v))
-            force = gradient[:, :linear] @ parameters[:linear] + parameters[names]
+            if linear:
+                force = gradient[:, :linear] @ parameters[:linear]
+            else:
+                force = motion.band.mean(trial.force(x, motion.v))
             gradient[:, self.fixed] = 0.0  # what was given no least squares moves
             zero = np.full(len(gradient), float(self.with_offset))
-            return motion.force - force, np.column_stack([gradient, zero])
+            return motion.force - force - parameters[names], np.column_stack([gradient, zero])
 
         found = least_squares(model, np.array([*law.parameters, offset]), (low, high), enough)
         law, offset = law.from_parameters(found.parameters[:names]), float(found.parameters[names])
