@@ -118,3 +118,15 @@ def good(tmp_path, monkeypatch):
     """A recording of 600 samples, ``probe.csv`` in an empty folder, which is where palpate runs."""
     monkeypatch.chdir(tmp_path)
     return recording(tmp_path)
+
+
+@pytest.fixture
+def without(monkeypatch):
+    """As where a module is not installed: what draws is not imported yet either."""
+
+    def hide(module: str) -> None:
+        monkeypatch.setitem(sys.modules, module, None)
+        for name in [each for each in sys.modules if each.startswith("palpate.figures")]:
+            monkeypatch.delitem(sys.modules, name)
+
+    return hide

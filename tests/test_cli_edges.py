@@ -147,17 +147,6 @@ def test_a_recording_goes_to_standard_output_without_words_in_it(run, tmp_path):
     assert piped.read_bytes() == whole.read_bytes()
 
 
-def test_an_interrupted_run_leaves_no_file(run, tmp_path, monkeypatch):
-    from palpate import lab
-
-    def interrupted(*_, **__):
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(lab.Bench, "run", interrupted)
-    assert run(*LAB, tmp_path / "x.csv") == (130, "", "")
-    assert list(tmp_path.iterdir()) == []
-
-
 class Interrupter:
     """An import that Ctrl-C ends."""
 
@@ -280,5 +269,5 @@ def test_values_beyond_any_measurement_are_no_numbers(
     status, out, err = run("identify", file, "--json")
     if not status:
         assert err == ""
-        assert "holds no number in" in json.dumps(json.loads(out)["remarks"])
+        assert "holds no number in" in json.dumps(json.loads(out)["findings"])
     assert vectors or not status

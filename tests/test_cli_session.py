@@ -10,9 +10,8 @@ from unittest.mock import Mock
 
 import pytest
 from cyclopts.completion.detect import ShellDetectionError
-from recordings import text_of, written
+from recordings import written
 
-from palpate.lab import BALL, THREE_SINES, Bench, IdealProbe
 from palpate.results.saved import as_toml
 
 
@@ -33,16 +32,6 @@ def test_verbose_says_on_standard_error_what_is_done_and_how_long_it_took(run, g
         assert "channel force_N" in more
         assert "search for delay" in more
     assert logging.getLogger("palpate").level == logging.NOTSET
-
-
-def test_a_position_is_prepared_step_by_step(run, tmp_path):
-    contact = Bench(BALL, THREE_SINES, IdealProbe()).run(1, seconds=3.0).contact
-    rows = zip(contact.time, -contact.penetration, contact.force, strict=True)
-    header = ["time_s", "px_m", "py_m", "pz_m", "fx_N", "fy_N", "fz_N"]
-    text = text_of([[f"{t}", "0", "0", f"{z}", "0", "0", f"{f}"] for t, z, f in rows], header)
-    err = run("identify", written(tmp_path / "pose.csv", text), "-v")[2]
-    for step in ("position is px_m", "zero of the force: ", "contact normal: ", "episodes: "):
-        assert step in err
 
 
 def test_a_file_of_options_may_say_that_a_flag_is_off(run, good, tmp_path):

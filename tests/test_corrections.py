@@ -58,7 +58,7 @@ HEADERS = FORCES | MASSES
 def test_the_unit_that_a_header_states_is_read(header, size):
     contact = of_columns("penetration_m", header, size)
     np.testing.assert_allclose(contact.force, FORCE, rtol=1e-12)
-    assert [remark.step for remark in contact.remarks] == ["units"] * (header in MASSES)
+    assert [finding.check for finding in contact.findings] == ["units"] * (header in MASSES)
     for inches, metres in {"depth_in": 25.4e-3, "Depth (mil)": 25.4e-6}.items():
         contact = of_columns(inches, header, size, metres)
         np.testing.assert_allclose(contact.penetration, DEPTH, rtol=1e-12)
@@ -90,7 +90,7 @@ def test_values_that_no_sensor_shows_are_no_numbers():
     for name in ("penetration_m", "force_N"):
         table[name][[3, 500]] = 1e155, -1e300
     result = palpate.identify(palpate.Recording(table))
-    sentences = " ".join(finding.sentence for finding in result.diagnosis.findings)
+    sentences = " ".join(finding.message for finding in result.diagnosis.findings)
     assert sentences.count("holds no number in 2 samples, first '1e+155'") == 2
     assert result.estimate.law.stiffness_at(5e-3) == pytest.approx(1000.0, rel=1e-3)
     with pytest.raises(palpate.RecordingError, match="no sample holds a number in"):

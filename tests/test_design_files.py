@@ -115,17 +115,6 @@ def test_a_file_says_what_it_holds_above_its_header(run, tmp_path):
     np.testing.assert_allclose(recording.numbers("velocity_m_s"), v, rtol=1e-8)
 
 
-def test_without_a_better_motion_the_planned_one_is_written_and_that_is_said(run, tmp_path):
-    best = design(BALL, noise=0.05).chosen[1].motion
-    path = tmp_path / "same.csv"
-    sines = ["--amplitudes", *best.amplitudes, "--frequencies", *best.frequencies]
-    words = ["design", *GUESS, "--depth", best.depth, *sines, "-o", path, "--seconds", "1"]
-    status, out, _ = run(*words)
-    assert status == 0
-    assert "no better motion" in out
-    assert f"motion, the planned one: {path}" in out
-
-
 @pytest.mark.parametrize(
     "options, words",
     [

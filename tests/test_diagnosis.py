@@ -78,7 +78,7 @@ def test_a_damping_below_zero_or_whose_sign_a_cause_can_turn_is_not_to_be_truste
     for found in late:
         assert found.reason.startswith("the force is")  # the cause is said before what it does
         [sign] = [finding for finding in found.findings if finding.check == "sign"]
-        assert sign.sentence.startswith("the sign of the damping is not known: ")
+        assert sign.message.startswith("the sign of the damping is not known: ")
 
 
 @pytest.mark.parametrize("noise", [0.03, 0.3, 1.0])
@@ -121,7 +121,7 @@ def test_a_delay_is_measured_and_moves_the_damping():
     late = float(finding.remedy.split()[1].removesuffix("ms,"))
     assert late == pytest.approx(5.0, abs=0.5)
     assert finding.moves_damping_percent > 10.0
-    assert "cannot be told apart" in finding.sentence
+    assert "cannot be told apart" in finding.message
 
 
 def test_a_velocity_column_that_is_a_little_off_costs_the_damping_as_much():
@@ -168,7 +168,7 @@ def test_a_change_gives_its_time_and_a_law_for_each_stretch():
 
 def test_a_wrong_surface_moves_the_parameters_and_not_the_working_depth():
     [finding] = [f for f in palpate.diagnose(CAUSES["surface"]).findings if f.check == "surface"]
-    assert "0.793 mm" in finding.sentence
+    assert "0.793 mm" in finding.message
     assert abs(finding.moves_stiffness_percent) < 2.0
     assert finding.remedy == "--surface estimate"
 

@@ -1,10 +1,6 @@
 """MuJoCo carries a law as predicted: in the engine, in a user's model, and to a file and back."""
 
-import json
-import os
 import runpy
-import subprocess
-import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -23,7 +19,6 @@ import palpate
 from palpate import GeneralisedHuntCrossley, InvalidParameterError, exports, lab
 from palpate.exports import Asked, Motion, engine_called, export
 from palpate.exports.engine import drop_to, force_error
-from palpate.exports.mujoco.engine import _too_narrow
 from palpate.exports.mujoco.fitting import PairRow, PairRows
 from palpate.exports.mujoco.robot import Scene
 
@@ -90,17 +85,6 @@ def within(text, more):
     return text.replace("<worldbody>", f"{more}<worldbody>", 1)
 
 
-def test_an_installed_engine_that_does_not_load_is_named_as_the_reason_why_nothing_is_replayed():
-    program = (
-        "from palpate import exports, lab; "
-        "print(exports.export(lab.BALL.law, 'mujoco', mass=1.0).statement.basis()[0])"
-    )
-    environment = {**os.environ, "MUJOCO_GL": "nonsense"}
-    command = [sys.executable, "-c", program]
-    words = subprocess.run(command, env=environment, check=True, capture_output=True, text=True)
-    assert "it does not load: MuJoCo is installed" in words.stdout
-
-
 @pytest.mark.parametrize("pull", [0.0, pytest.param(1e4, marks=pulling)])
 def test_the_force_of_a_row_is_that_of_the_engine_on_any_motion(pull):
     # Every parameter of solimp, a margin, and accelerations as large as those of an impact.
@@ -142,13 +126,16 @@ def test_a_pair_has_the_force_and_the_rebound_that_were_predicted(hertz):
     found = hertz.rebound(drop)
     assert found == pytest.approx(drop.restitution, rel=0.03)
     assert found == pytest.approx(hertz.predicted_rebound(drop), rel=1e-3)
+    # solref above 0 would be a time constant, which refsafe and the time step change.
+    slow = replace(hertz, asked=replace(hertz.asked, time_step=5e-3))
+    assert slow.replay(SHORT).force == pytest.approx(hertz.replay(SHORT).force, rel=1e-12)
 
 
 @pulling
 def test_a_pair_says_when_it_pulls_and_pulls_no_more_than_its_spring_pushes_at_the_deepest():
     law = SPONGE_LAW
     fragment = fitted(law)
-    said = " ".join(fragment.warnings)
+    said = " ".join(map(str, fragment.findings))
     assert "withdrawn faster than 0.1 m/s (K/B), the pair pulls, by up to 4.7 N" in said
     assert "form for MJX is two-contacts" in said
     assert [row.adhesion for row in fragment.rows.rows] == [0.0, 4.7]
@@ -160,30 +147,8 @@ def test_a_pair_says_when_it_pulls_and_pulls_no_more_than_its_spring_pushes_at_t
     assert faster == pytest.approx(float(law.force(0.01, 0.0)) - 4.7, abs=0.01)
     assert fitted(law, form="callback").replay(motion).force[1] == 0.0
     # With p < n by K x^(n − p)/B at the median depth.
-    said = " ".join(fitted(KELVIN_VOIGT, form="pair").warnings)
+    said = " ".join(map(str, fitted(KELVIN_VOIGT, form="pair").findings))
     assert "withdrawn faster than 1.2 m/s from a depth of 10 mm" in said
-
-
-def test_the_format_that_moves_with_the_time_step_is_never_written(hertz):
-    # solref above 0 is a time constant, which refsafe and the time step change.
-    for row in (*hertz.rows.rows, *fitted(KELVIN_VOIGT).rows.rows):
-        low, high, width, midpoint, power = row.solimp
-        assert row.spring >= 0.0
-        assert row.damper >= 0.0
-        assert 1e-4 <= low <= high <= 0.9999
-        assert 1e-4 <= midpoint <= 0.9999
-        assert power >= 1.0
-        assert width + row.inset >= MOTION.deepest or low == high
-    slow = replace(hertz, asked=replace(hertz.asked, time_step=5e-3))
-    assert slow.replay(SHORT).force == pytest.approx(hertz.replay(SHORT).force, rel=1e-12)
-
-
-def test_the_callback_has_the_law_itself():
-    fragment = fitted(PVC_LAW, form="callback")
-    assert fragment.exact
-    assert error(fragment) < 1e-10
-    drop = drop_to(PVC_LAW, 1.0, 0.012)
-    assert fragment.rebound(drop) == pytest.approx(drop.restitution, rel=5e-3)
 
 
 def test_the_callback_leaves_other_models_and_the_callback_before_it_alone(tmp_path):
@@ -219,6 +184,7 @@ def test_the_callback_leaves_other_models_and_the_callback_before_it_alone(tmp_p
 def test_the_callback_runs_as_a_program_and_in_the_users_own_model(model, capsys):
     path = model(ARM.replace('"tip"', '"finger"'))
     fragment = fitted(BALL_LAW, model=path, geom="finger", form="callback")
+    assert fragment.exact
     assert error(fragment, SHORT) < 1e-10
     folder = path.parent / "out"
     folder.mkdir()
@@ -325,24 +291,21 @@ def test_a_law_that_pulls_where_a_body_leaves_is_carried_by_contacts_that_do_not
     # By 7 % too low of the pair.
     assert auto.rebound(drop) == pytest.approx(drop.restitution, rel=0.03)
     assert pair.rebound(drop) < 0.95 * drop.restitution
-    assert any("the pair pulls" in each for each in pair.warnings)
+    assert any("the pair pulls" in each for each in map(str, pair.findings))
 
 
-@pytest.mark.slow
-def test_a_version_whose_contacts_cannot_pull_gets_two_that_push(monkeypatch):
+def test_an_older_version_gets_contacts_that_push_and_a_pair_for_a_newer_one_is_not_replayed(
+    monkeypatch,
+):
     monkeypatch.setattr(type(ENGINE), "version", lambda self: "3.8.1")
-    fragment = fitted(HERTZ_LAW)
-    assert fragment.form == "two-contacts"
-    assert "adhesion" not in fragment.files([])["contact.xml"]
-    assert error(fragment) < 1.0
-
-
-def test_a_pair_for_a_newer_version_is_written_and_not_replayed(monkeypatch):
-    monkeypatch.setattr(type(ENGINE), "version", lambda self: "3.8.1")
+    pushing = fitted(KELVIN_VOIGT, form="two-contacts")
+    assert fitted(HERTZ_LAW, motion=SHORT).form == "two-contacts"
+    assert "adhesion" not in pushing.files([])["contact.xml"]
+    assert error(pushing, SHORT) < 1.0
     fragment = fitted(KELVIN_VOIGT, form="pair")
     assert 'adhesion="' in fragment.files([])["contact.xml"]
     assert fragment.replay(SHORT) is None
-    assert "3.8.1 is too old" in fragment.warnings[-1]
+    assert "3.8.1 is too old" in fragment.findings[-1].message
 
 
 @pulling
@@ -351,14 +314,9 @@ def test_a_mass_that_the_contact_adds_is_told_where_it_counts():
     soft = GeneralisedHuntCrossley(300.0, 1.0, 4.0, 0.0)
     words = "the mass that the contacts add comes to"
     heavy = fitted(soft, mass=1000.0, form="pair")
-    assert sum(each.startswith(words) for each in heavy.warnings) == 1
+    assert sum(each.startswith(words) for each in map(str, heavy.findings)) == 1
     assert error(heavy, SHORT) > 1.0
-    assert not any(each.startswith(words) for each in fitted(soft, form="pair").warnings)
-
-
-def test_a_width_within_the_recording_is_refused():
-    [words] = _too_narrow(PairRows((PairRow(1.0, 1.0, (1e-4, 0.02, 0.01, 0.5, 2.0)),), 1.0), 0.014)
-    assert "10 mm, is less than the recorded depth of 14" in words
+    assert not any(str(each).startswith(words) for each in fitted(soft, form="pair").findings)
 
 
 @pytest.mark.parametrize("part, stays", [(0.9, True), (1.15, False)])
@@ -381,7 +339,7 @@ def test_a_pair_beats_the_default_geom_and_the_pyramid(model):
     # The arm in its pose is another mass than 1/Â, by which MuJoCo scales.
     assert fragment.robot.mobility != pytest.approx(1.0 / fragment.asked.mass, rel=0.1)
     assert fragment.form == "kelvin-voigt"
-    assert any("an impact feels" in each for each in fragment.warnings)
+    assert any("an impact feels" in each for each in map(str, fragment.findings))
     assert error(fragment, SHORT) < 0.01
     data = fragment.pressed().model
     assert {int(dim) for dim in data.pair_dim} == {1}
@@ -422,7 +380,7 @@ def test_the_contacts_of_a_geom_share_the_force(model, text, contacts, words):
     fragment = fitted(KELVIN_VOIGT, model=model(text), geom="foot")
     assert fragment.rows.contacts == contacts
     assert error(fragment, SHORT) < 0.01
-    assert any(words in each for each in fragment.warnings)
+    assert any(words in each for each in map(str, fragment.findings))
     if contacts == 4:
         assert fragment.robot.mobility == pytest.approx(0.5)
         drop = drop_to(KELVIN_VOIGT, 2.0, 0.012)
@@ -456,6 +414,10 @@ def test_a_model_that_cannot_be_used_is_told_in_words(model, text, geom, words):
         fitted(KELVIN_VOIGT, model=path, geom=geom)
 
 
+def refusals_of(fragment):
+    return [each.message for each in fragment.findings if each.severity == "do-not-trust"]
+
+
 @pytest.mark.parametrize(
     "text, geom, words",
     [
@@ -465,7 +427,7 @@ def test_a_model_that_cannot_be_used_is_told_in_words(model, text, geom, words):
     ],
 )
 def test_a_model_that_undoes_the_contact_is_refused(model, text, geom, words):
-    assert words in fitted(KELVIN_VOIGT, model=model(text), geom=geom).refusals[-1]
+    assert words in refusals_of(fitted(KELVIN_VOIGT, model=model(text), geom=geom))[-1]
 
 
 @pytest.mark.parametrize("form, refused", [("pair", 1), ("callback", 1), ("kelvin-voigt", 0)])
@@ -474,8 +436,8 @@ def test_a_model_without_passive_forces_has_no_pair_that_pulls(model, form, refu
     # Of these the pair's adhesion is one, and without it the contact pushes by as much more.
     text = within(SLIDE, "<option><flag spring='disable' damper='disable'/></option>")
     fragment = fitted(KELVIN_VOIGT, model=model(text), geom="tip", form=form)
-    assert len(fragment.refusals) == refused
-    assert all("every passive force" in each for each in fragment.refusals)
+    assert len(refusals_of(fragment)) == refused
+    assert all("every passive force" in each for each in refusals_of(fragment))
 
 
 def test_a_surface_stays_where_it_is_in_a_model_with_defaults_for_pairs(model):
@@ -504,7 +466,7 @@ def test_a_law_without_damping_is_one_row_and_a_shallow_one_says_so():
     assert len(fragment.rows.rows) == 1
     assert fragment.rows.rows[0].damper == fragment.rows.rows[0].adhesion == 0.0
     assert error(fragment, SHORT) < 0.6
-    assert any("the force at rest is off" in each for each in fragment.warnings)
+    assert any("the force at rest is off" in each for each in map(str, fragment.findings))
 
 
 @pulling
@@ -512,7 +474,7 @@ def test_an_exponent_just_below_one_is_written_as_one():
     law = GeneralisedHuntCrossley(300.0, 0.9987, 3000.0, 0.9987)
     pair = fitted(law)
     assert pair.form == "pair"
-    assert any("0.9987 is written as 1" in words for words in pair.warnings)
+    assert any("0.9987 is written as 1" in words for words in map(str, pair.findings))
     assert force_error(pair.predicted(SHORT), SHORT.force_by(law), SHORT.judged) < 0.1
 
 
@@ -575,11 +537,3 @@ def test_what_is_no_scene_of_ours_or_pressed_by_a_robot_is_refused(run, folder, 
     own = (folder / "scene.xml").read_bytes()
     run("lab", folder / "scene.xml", "--probe", "ideal", "-o", folder / "scene.xml")
     assert (folder / "scene.xml").read_bytes() == own
-
-
-def test_without_a_statement_beside_it_a_scene_says_what_it_is(folder, tmp_path):
-    alone = tmp_path / "scene.xml"
-    alone.write_bytes((folder / "scene.xml").read_bytes())
-    assert Scene(alone).describe() == {"kind": "a scene of MuJoCo", "file": "scene.xml"}
-    (tmp_path / "statement.json").write_text(json.dumps([]))
-    assert Scene(alone).describe()["kind"] == "a scene of MuJoCo"

@@ -82,10 +82,3 @@ def test_objects_of_a_server_give_the_rows_that_the_disk_gives(tmp_path):
 
     found = objects.measure(20, 50, tmp_path)
     assert found.rows[0].value == 0
-
-
-def test_the_benchmark_of_fleets_runs(tmp_path):
-    from benchmarks.fleets import arrays
-
-    found = arrays.measure(200, tmp_path)
-    assert all(row.value >= 0.0 for row in found.rows)

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from fleets import LAW, STEP, contact, curves, write_recordings, write_zarr
+from fleets import LAW, STEP, contact, curves, write_recordings
 
 import palpate
 from palpate import FleetError, InvalidParameterError, VariableProjection, identify, identify_many
@@ -53,17 +53,6 @@ def test_columns_have_units_and_what_is_not_known_is_nan_or_null():
     unknown = ["x", "y", "z", "surface", "surface_standard_error", "stiffness_at_depth_systematic"]
     assert all(np.isnan(row[name]) for name in [*unknown, "offset"])
     assert [row[name] for name in ("verdict", "findings", "part", "error")] == [None] * 4
-
-
-def test_errors_at_depth_are_about_those_of_the_diagnosis():
-    """Both are of one law at one depth; those of the diagnosis are by blocks of the residual."""
-    touch = contact()
-    [plain] = identify_many([touch], diagnosis="none").to_pylist()
-    [full] = identify_many([touch], diagnosis="full").to_pylist()
-    for name in ("force", "stiffness", "damping"):
-        assert plain[f"{name}_at_depth"] == pytest.approx(full[f"{name}_at_depth"], rel=1e-9)
-        error, other = (r[f"{name}_at_depth_standard_error"] for r in (plain, full))
-        assert 0.2 < error / other < 5.0  # of a second the blocks are few
 
 
 def test_a_contact_that_fails_is_a_row_with_its_reason(tmp_path):
@@ -180,13 +169,6 @@ def test_a_force_of_the_wrong_sign_is_refused_or_flagged(surface):
     x, v, f = curves(1)
     [row] = fitted(x, v, -f, surface)
     assert row["error"] or any("negative stiffness" in flag for flag in row["flags"])
-    # By identify too.
-    time = STEP * np.arange(x.size)
-    sources = {"time": time, "penetration": -x[0], "velocity": -v[0], "force": f[0]}
-    touch = palpate.prepare(**sources, surface="estimate")
-    result = identify(touch, searching(), trace=False)
-    assert result.law.stiffness < 0.0
-    assert any("negative stiffness" in flag for flag in result.flags)
 
 
 @pytest.mark.parametrize("shift", [-3e-3, 4e-3])
@@ -215,14 +197,6 @@ def test_arrays_work_at_the_depth_of_identify_where_the_law_does_not_hold():
     own = identify(one(x[0], v[0], f[0]), trace=False)
     assert row["depth"] == pytest.approx(own.depths[0], rel=0.02)
     assert row["residual"] > 0.05
-
-
-def test_arrays_take_the_recursion_where_the_whole_curve_fit_does_not_do():
-    x, v, f = curves(2)
-    for options in ({"method": palpate.SingleStageRLS()}, {"diagnosis": "full"}):
-        rows = fitted(x, v, f, **options)
-        assert {row["fit"] for row in rows} == {"recursion"}
-    assert {row["verdict"] for row in rows} <= {"trust", "with-care", "do-not-trust"}
 
 
 def test_rows_of_a_gated_recursion_are_those_of_identify():
@@ -291,16 +265,6 @@ def test_a_batch_of_names_and_one_of_samples_give_the_same_numbers(tmp_path):
     held = identify_batch(pa.table({"source": paths, **samples}), Settings())
     for name in ("source", "stiffness", "damping", "exponent", "flags", "error"):
         assert named.column(name).to_pylist() == held.column(name).to_pylist()
-
-
-def test_a_batch_is_a_pure_function_of_what_it_names(tmp_path):
-    name = str(tmp_path / "a.zarr")
-    write_zarr(name, 6)
-    batch = tasks_table([name] * 6, ["zarr"] * 6, range(6))
-    whole = identify_batch(batch, Settings())
-    again = pa.concat_tables([identify_batch(batch.slice(k, 2), Settings()) for k in (0, 2, 4)])
-    assert repr(whole.to_pylist()) == repr(again.to_pylist())  # NaN is not NaN
-    assert whole.column("index").to_pylist() == list(range(6))
 
 
 def test_a_worker_of_another_version_and_a_batch_without_its_columns_are_refused():

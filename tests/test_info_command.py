@@ -2,31 +2,18 @@
 
 import json
 import re
-import sys
 from pathlib import Path
 from xml.etree import ElementTree
 
 import h5py
 import numpy as np
 import pytest
-from containers import COLUMNS, write_hdf5, write_jpk, write_mat5, write_parquet
+from containers import COLUMNS, write_hdf5, write_jpk, write_parquet
 from recordings import recording
 
 from palpate.figures.strips import MOST_STRIPS, draw_strips
 from palpate.recordings import Faults, Recording
 from palpate.recordings.survey import survey
-
-
-def test_every_kind_of_container_is_described(run, tmp_path):
-    for path in (
-        recording(tmp_path),
-        write_parquet(tmp_path / "a.parquet"),
-        write_hdf5(tmp_path / "a.h5"),
-        write_mat5(tmp_path / "a.mat"),
-    ):
-        status, out, err = run("info", path)
-        assert (status, err) == (0, "")
-        assert all(words in out for words in ("3 channels on 1 clock", "1000 Hz", *COLUMNS))
 
 
 def test_what_is_lost_left_out_or_noted_is_printed_and_steers_no_terminal(run, tmp_path):
@@ -150,11 +137,6 @@ def test_faults_types_and_frames_are_printed(run, tmp_path, monkeypatch):
     out = run("info", recording(tmp_path))[1]
     fault = "fault: /ft.f: 1 of 2 values are no number, the first at sample 1: abc"
     assert all(words in out for words in ("geometry_msgs/msg/WrenchStamped", "tool", fault))
-
-
-def test_without_matplotlib_the_extra_is_named_before_anything_is_read(refused, monkeypatch):
-    monkeypatch.setitem(sys.modules, "matplotlib", None)
-    assert "palpate[figures]" in refused("info", "absent.h5", "--figure", "a.svg")
 
 
 def test_the_description_that_is_shown_is_the_one_that_is_printed(run, tmp_path, monkeypatch):

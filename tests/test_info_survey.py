@@ -66,18 +66,6 @@ def test_one_time_none_that_is_known_or_none_at_all_has_no_rate():
     assert channel.samples == 0
 
 
-def test_topics_keep_their_own_clocks():
-    ft, pose = "/ft.header.stamp", "/pose.header.stamp"
-    stamps = {ft: np.arange(4) * 10**9, "/ft.log_time": np.arange(4), pose: np.arange(9) * 10**9}
-    clocks = {"/ft.wrench.force.z": ft, "/pose.pose.position.z": pose}
-    channels = {name: np.zeros(len(stamps[clock])) for name, clock in clocks.items()}
-    recorded = Recording({**stamps, **channels}, dict.fromkeys(stamps, "ns"), clocks=clocks)
-    named = {clock.name: clock for clock in survey(recorded).clocks}
-    assert named[pose].channels == ("/pose.pose.position.z",)
-    assert "/ft.wrench.force.z" in named[ft].channels
-    assert named[ft].rate == 1.0
-
-
 def test_a_channel_has_its_range_and_what_is_not_known():
     values = np.array([1.0, np.nan, -3.0, np.inf])
     text = np.array(["a", "", " ", "b"], dtype=object)

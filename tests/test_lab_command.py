@@ -17,18 +17,6 @@ pytest.importorskip("mujoco", reason="needs MuJoCo: pip install 'palpate[lab]'")
 QUICK = ("--seconds", "4", "--seed", "3")
 
 
-def test_what_lab_writes_identify_reads_and_finds_the_truth_in(run, tmp_path):
-    file = tmp_path / "pvc.csv"
-    status, out, err = run("lab", "pvc", "-o", file)
-    assert (status, err) == (0, "")
-    assert '"stiffness": 100000.0' in out
-    whole = json.loads(run("identify", file, "--json")[1])
-    assert json.loads(whole["provenance"]["truth"]) == lab.PVC.describe()
-    [result] = whole["results"]
-    for name, value in lab.PVC.law.as_dict().items():
-        assert abs(result["law"][name] - value) < 3.0 * result["standard_errors"][name]
-
-
 def test_identify_shows_the_truth_that_a_file_states_and_how_far_it_is(run, tmp_path):
     file = tmp_path / "ball.csv"
     run("lab", "ball", "-o", file, *QUICK)
@@ -84,27 +72,6 @@ def test_only_numbers_that_mean_the_same_are_compared(law, same):
     assert comparable(law, REMEMBERING) == comparable(REMEMBERING, law) == same
 
 
-def test_the_command_makes_the_file_that_the_library_makes(run, tmp_path):
-    run("lab", "sponge", "--trajectory", "two-sines", "-o", tmp_path / "a.csv", *QUICK)
-    contact = lab.Bench(lab.SPONGE, lab.TWO_SINES).run(3, seconds=4.0).contact
-    read = palpate.prepare(tmp_path / "a.csv")
-    np.testing.assert_allclose(read.penetration, contact.penetration, rtol=1e-6)
-
-
-@pytest.mark.parametrize(
-    "material, trajectory",
-    [(name, "three-sines") for name in lab.MATERIALS]
-    + [("pvc", name) for name in lab.TRAJECTORIES if name != "three-sines"],
-)
-def test_every_material_and_every_trajectory_is_there(run, tmp_path, material, trajectory):
-    file = tmp_path / "any.csv"
-    # A second after the pause: all are in contact by then.
-    assert run("lab", material, "--trajectory", trajectory, "-o", file, "--seconds", 3)[0] == 0
-    contact = palpate.prepare(file)
-    assert len(contact) == 3000
-    assert contact.force.max() > 0.5
-
-
 LAWS = {
     "hunt-crossley": "--stiffness 500 --damping 100 --exponent 1.3",
     "kelvin-voigt": "--stiffness 800 --damping 4",
@@ -137,18 +104,6 @@ def test_sensors_can_be_switched_off(run, tmp_path):
     run("lab", "ball", "-o", file, *off, *QUICK)
     law = palpate.identify(palpate.prepare(file)).law
     np.testing.assert_allclose(law.parameters, lab.BALL.law.parameters, rtol=1e-3)
-
-
-def test_a_motion_from_a_file_is_followed(run, tmp_path):
-    time = np.arange(0.0, 4.0, 0.01)
-    depth = np.where(time < 1.0, -1e-3, -1e-3 + 9e-3 * np.sin(time - 1.0) ** 2)
-    rows = "".join(f"{t!r},{x!r}\n" for t, x in zip(time.tolist(), depth.tolist(), strict=True))
-    motion = tmp_path / "motion.csv"
-    motion.write_text("time_s,penetration_m\n" + rows)
-    file = tmp_path / "ball.csv"
-    status, _, err = run("lab", "ball", "--trajectory", motion, "-o", file, *QUICK)
-    assert (status, err) == (0, "")
-    assert palpate.prepare(file).penetration.max() == pytest.approx(8e-3, rel=0.2)
 
 
 @pytest.mark.slow

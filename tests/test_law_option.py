@@ -49,14 +49,6 @@ def test_options_in_a_file_hold_the_law(run, tmp_path):
     assert result["law"]["damping_exponent"] == result["law"]["exponent"] - 1.0
 
 
-def test_a_comparison_says_how_each_law_stands(run):
-    _, out, _ = run("compare", BALL)
-    table = out[out.index("which law") :]
-    for words in ("Hunt–Crossley", "half-space with a flat spectrum", "Kelvin–Voigt", "chosen",
-                  "strong evidence against it", "independent samples of"):  # fmt: skip
-        assert words in table
-
-
 @pytest.mark.slow  # processes of its own
 def test_a_fleet_takes_the_law_too(run, tmp_path):
     status, out, _ = run("fleet", BALL, "-o", tmp_path / "out", "--law", "auto", "--json")

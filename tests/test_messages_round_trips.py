@@ -46,19 +46,6 @@ def test_mcap_of_ros2_comes_back_to_the_last_bit(tmp_path, compression, chunks) 
     assert_same(open_recording(path))
 
 
-def test_an_error_of_the_reader_itself_is_not_called_one_of_the_path(tmp_path, monkeypatch) -> None:
-    path = files.wrench_mcap(tmp_path / "a.mcap", GIVEN)
-
-    def fail(*_: object) -> None:
-        raise ValueError("a defect")
-
-    monkeypatch.setattr("palpate.recordings.messages.containers._whole_records", fail)
-    with pytest.raises(ValueError, match=r"^a defect$"):
-        open_recording(path)
-    with pytest.raises(RecordingError, match="cannot be read; check the path"):
-        open_recording(f"{path}\0.mcap")
-
-
 @pytest.mark.parametrize("compression", [None, "BZ2", "LZ4"])
 def test_a_bag_of_ros1_comes_back_to_the_last_bit(tmp_path, compression) -> None:
     messages = files.wrenches_and_poses(GIVEN, ros1=True)
@@ -375,17 +362,6 @@ def test_the_progress_goes_from_nothing_to_all(tmp_path, monkeypatch) -> None:
     assert seen == sorted(seen)
     assert seen[-1] == 1.0
     assert len(seen) > 5
-
-
-def test_layouts_that_alternate_stay_in_the_order_of_the_file(tmp_path) -> None:
-    bodies = []
-    for k in range(500):
-        text = b"n" * (k * 7 % 13) + b"\0"
-        body = struct.pack("<I", len(text)) + text
-        bodies.append(body + bytes(-len(body) % 8) + struct.pack("<d", k))
-    found = cdr(tmp_path, "string text\nfloat64 value", bodies)
-    assert found.channels["/own.value"].tolist() == list(range(500))
-    assert (np.diff(found.channels["/own.log_time"]) == 1).all()
 
 
 @pytest.mark.parametrize("sizes", [(40, 30), (36, 40)])

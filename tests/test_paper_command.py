@@ -1,7 +1,5 @@
 """``palpate paper``, as a user meets it."""
 
-import sys
-
 import pytest
 from paper_cases import Tiny, no_processes
 
@@ -35,8 +33,8 @@ def test_it_prints_the_claims_and_where_the_page_is(run, tiny, tmp_path, monkeyp
 
 
 @pytest.mark.parametrize("module, extra", [("matplotlib", "figures"), ("mujoco", "lab")])
-def test_a_missing_extra_is_named_before_the_work(run, tmp_path, monkeypatch, module, extra):
-    monkeypatch.setitem(sys.modules, module, None)
+def test_a_missing_extra_is_named_before_the_work(run, tmp_path, without, module, extra):
+    without(module)
     status, out, err = run("-o", tmp_path / "report")
     assert (status, out, err.count("\n"), f"palpate[{extra}]" in err) == (2, "", 1, True)
     assert not (tmp_path / "report").exists()

@@ -87,7 +87,7 @@ def test_options_come_from_a_file_and_the_command_line_has_the_last_word(run, tm
     other = run("identify", path, "--json", f"--config={saved}", "--surface", "0mm")
     assert result_of(other[1])["law"] != result_of(out)["law"]
     text = 'quote " back \\ tab \t é 漢 \U0001f600'  # every text survives
-    options = {"time": text, "unit": ["a", "b"], "rate": 1e-3, "strict": True}
+    options = {"time": text, "unit": ["a", "\x7f\x01"], "rate": 1e-3, "strict": True}
     assert tomllib.loads(as_toml(options, ["of two\nlines"])) == options
 
 
@@ -108,13 +108,6 @@ def test_options_come_from_a_file_and_the_command_line_has_the_last_word(run, tm
 )
 def test_a_wrong_file_of_options_is_refused_by_name(refused, good, tmp_path, text, words):
     assert words in refused("identify", good, "--config", written(tmp_path / "run.toml", text))
-
-
-def test_every_text_survives_a_file_of_options():
-    options = {"time": 'quote " back \\ tab \t é 漢 \U0001f600', "unit": ["\x7f\x01"], "rate": 1e-3}
-    assert tomllib.loads(as_toml({**options, "strict": True}, ["of\x01 two\nlines"])) == {
-        **options, "strict": True,
-    }  # fmt: skip
 
 
 def test_units_are_given_one_by_one_or_together(run, tmp_path):

@@ -7,6 +7,8 @@ import operator
 import os
 import re
 import shutil
+import subprocess
+import sys
 import tomllib
 from dataclasses import replace
 from pathlib import Path
@@ -15,7 +17,8 @@ import numpy as np
 import pytest
 
 import palpate
-from palpate.errors import MissingExtraError, RecordingError
+from palpate.errors import RecordingError
+from palpate.findings import Finding
 from palpate.recordings import opening as tables
 from palpate.reports import identification
 from palpate.results.saved import in_file, trace_columns
@@ -145,9 +148,9 @@ def test_a_trace_that_is_read_is_not_written_over(run, saved, tmp_path):
         (lambda folder: (folder / "result.json").unlink(), "No such file"),
         (lambda folder: (folder / "result.json").write_text("{"), "no JSON"),
         (lambda folder: (folder / "result.json").write_text("[1]"), "no schema_version"),
-        (lambda folder: change(folder, schema_version=99), "as schema 99, and this one reads 1"),
+        (lambda folder: change(folder, schema_version=99), "as schema 99, and this one reads 2"),
         (lambda folder: change(folder, results=[]), "damaged"),
-        (lambda folder: change(folder, remarks=[{"wrong": 1}]), "damaged"),
+        (lambda folder: change(folder, findings=[{"wrong": 1}]), "damaged"),
         (lambda folder: change(folder, trace="trace.hdf5"), "trace.hdf5"),
         (lambda folder: change(folder, trace="../ball.csv"), "../ball.csv"),
         (lambda folder: change(folder, provenance=3), "damaged"),
@@ -163,6 +166,23 @@ def test_a_damaged_result_is_one_line(saved, tmp_path, spoil, words):
     with pytest.raises(RecordingError, match=re.escape(words)) as raised:
         palpate.load_result(tmp_path)
     assert "\n" not in str(raised.value)
+
+
+def test_a_result_of_the_first_schema_is_read_as_before(saved, tmp_path):
+    shutil.copytree(saved, tmp_path, dirs_exist_ok=True)
+    results = json.loads((saved / "result.json").read_text())["results"]
+    for each in results[0]["findings"]:
+        each["sentence"] = each.pop("message")
+    remark = {"step": "tool weight", "sentence": "it turns", "remedy": None, "numbers": True}
+    whole = json.loads((saved / "result.json").read_text())
+    del whole["findings"]
+    whole |= {"schema_version": 1, "results": results}
+    whole["remarks"] = [{**remark, "severity": "with-care"}]
+    (tmp_path / "result.json").write_text(json.dumps(whole))
+    found = palpate.load_result(tmp_path)
+    assert repr(found.findings) == repr(palpate.load_result(saved).findings)
+    weight = Finding.of_both("with-care", "tool weight", "it turns")
+    assert repr(found.contact.findings) == repr((weight,))
 
 
 @pytest.mark.parametrize("parquet", [True, False])
@@ -207,14 +227,25 @@ def test_a_folder_that_cannot_be_made_is_said_before_the_work(run, tmp_path, mon
         assert "Permission denied" in err
 
 
-def test_a_report_without_matplotlib_names_the_extra(run, tmp_path, monkeypatch):
-    def missing(*_):
-        raise MissingExtraError("figures need matplotlib")
+WITHOUT_MATPLOTLIB = """
+import sys
+sys.modules["matplotlib"] = None
+import palpate, palpate.live.page.server
+from palpate.cli import main
+assert "trust" in palpate.identify(sys.argv[1])._repr_html_()
+sys.argv[1:1] = ["identify"]
+main()
+"""
 
-    monkeypatch.setattr(identification, "style", missing)
-    status, _, err = run("identify", BALL, "-o", tmp_path)
-    assert status == 2
-    assert "palpate[report]" in err
+
+@pytest.mark.parametrize("option, extra", [("--figure", "figures"), ("-o", "report")])
+def test_without_matplotlib_a_card_and_the_live_page_work_and_a_figure_names_its_extra(
+    option, extra, tmp_path
+):
+    words = [sys.executable, "-c", WITHOUT_MATPLOTLIB, BALL, option, tmp_path / "a.svg"]
+    done = subprocess.run(words, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout, done.stderr.count("\n")) == (2, "", 1)
+    assert f"palpate[{extra}]" in done.stderr
 
 
 def test_a_table_has_an_ending_that_is_known(tmp_path):

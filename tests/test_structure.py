@@ -11,7 +11,7 @@ HOME = Path(palpate.__file__).parent
 #: From the ground up. A package imports from those below it only, at the top of a file, inside a
 #: function and for type checking.
 FLOORS = (
-    "_core errors", "validation digits writing stages", "settings force_laws", "contact",
+    "_core errors", "validation digits writing stages", "settings force_laws findings", "contact",
     "estimators", "recordings", "preparation", "diagnosis", "quantities", "identification",
     "results", "figures", "reports", "identifying", "design", "lab", "fleet exports", "_public",
     "palpate lanes", "live", "paper", "cli", "__main__",

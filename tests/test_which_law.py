@@ -60,8 +60,8 @@ def findings_of(result, check):
 def test_the_diagnosis_of_another_law_names_the_better_one_and_the_law_finds_it(name):
     plain, chosen = identified(name), identified(name, "auto")
     [named] = findings_of(plain, "law")
-    assert f"better: {name} leaves " in named.sentence
-    assert " where Hunt–Crossley leaves " in named.sentence
+    assert f"better: {name} leaves " in named.message
+    assert " where Hunt–Crossley leaves " in named.message
     assert named.remedy.startswith("--law auto")
     assert str(chosen.law_verdict.candidate) == name
     assert findings_of(chosen, "law") == []
@@ -277,5 +277,5 @@ def test_words_of_scores_go_by_the_evidence():
 
 def test_a_half_space_is_said_to_be_like_a_force_that_is_early():
     for name, expected in (("half-space", True), ("Hunt–Crossley with a flat spectrum", False)):
-        notes = {f.check: f.sentence for f in identified(name, "auto").diagnosis.findings}
+        notes = {f.check: f.message for f in identified(name, "auto").diagnosis.findings}
         assert ("a force that is early are alike" in notes["skew"]) == expected

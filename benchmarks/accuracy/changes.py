@@ -180,7 +180,8 @@ def _overshoot(name: str, seed: int) -> tuple[float, float]:
     time = float(np.random.default_rng(seed).uniform(6.0, 8.0))
     material = lab.TimeVaryingMaterial((before, after), (time,))
     measured = lab.Bench(material, lab.THREE_SINES).run(seed, seconds=time + 3.0)
-    result = identify(measured.contact, VariableProjection(change_detector=ChangeDetector()))
+    estimator = VariableProjection(change_detector=ChangeDetector())
+    result = identify(measured.contact, estimator, trace="full")
     at = int(np.searchsorted(measured.contact.time, time))
     stiffness = result.trace.parameters[at + SETTLED :, 0]
     alarms = np.flatnonzero(result.trace.status == Status.RESTARTED) - at

@@ -4,7 +4,6 @@ from palpate._core import PreparedSample as PreparedSample
 from palpate._core import Status as Status
 from palpate.contact import Contact as Contact
 from palpate.diagnosis import Diagnosis as Diagnosis
-from palpate.diagnosis import Finding as Finding
 from palpate.diagnosis import Verdict as Verdict
 from palpate.diagnosis import WorkingDepth as WorkingDepth
 from palpate.errors import FleetError as FleetError
@@ -29,6 +28,7 @@ from palpate.estimators.curves import fit_curves as fit_curves
 from palpate.estimators.estimate import Estimate as Estimate
 from palpate.estimators.estimate import Trace as Trace
 from palpate.estimators.least_squares import LeastSquares as LeastSquares
+from palpate.findings import Finding as Finding
 from palpate.fleet.arrays import identify_many as identify_many
 from palpate.force_laws import FORCE_LAWS as FORCE_LAWS
 from palpate.force_laws import ExtendedKelvinVoigt as ExtendedKelvinVoigt

@@ -3,42 +3,14 @@
 import itertools
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Literal, TypeAlias
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from palpate.errors import InvalidParameterError, RecordingError
+from palpate.findings import Finding
 from palpate.validation import Floats, kept, number, same_length, signals
-
-Severity: TypeAlias = Literal["note", "with-care", "do-not-trust"]
-
-
-@dataclass(frozen=True, slots=True)
-class Remark:
-    """One sentence about how a contact was made from a recording.
-
-    Attributes
-    ----------
-    step : str
-        Of the preparation, such as ``"surface"``.
-    sentence : str
-        What was found, assumed or left out.
-    remedy : str or None
-        What to do about it: an option, or a few words.
-    severity : str
-        ``"note"``, ``"with-care"`` or ``"do-not-trust"``: what it does to the verdict.
-    numbers : bool
-        It may move stiffness and damping at working depth beyond their errors, and the verdict of
-        each is no better than this; else only that of the whole.
-    """
-
-    step: str
-    sentence: str
-    remedy: str | None = None
-    severity: Severity = "note"
-    numbers: bool = False
-
 
 # Penetration, velocity and force on one clock.
 
@@ -74,7 +46,7 @@ class Contact:
         nothing is known of the offset.
     surface_deviation : float, optional
         Where the surface was found: standard deviation of its position, m, > 0.
-    remarks : sequence of Remark
+    findings : sequence of Finding
         What was assumed, found or left out on the way from a recording to here.
     prepared : Prepared, optional
         The recording and the settings that it was made of, where it was; and what was found.
@@ -94,7 +66,7 @@ class Contact:
     provenance: Mapping[str, str]
     tare_deviation: float | None
     surface_deviation: float | None
-    remarks: tuple[Remark, ...]
+    findings: tuple[Finding, ...]
     prepared: Any
 
     def __init__(
@@ -109,7 +81,7 @@ class Contact:
         provenance: Mapping[str, str] | None = None,
         tare_deviation: float | None = None,
         surface_deviation: float | None = None,
-        remarks: Sequence[Remark] = (),
+        findings: Sequence[Finding] = (),
         prepared: Any = None,
     ) -> None:
         t, x, v, f = signals(time=time, penetration=penetration, velocity=velocity, force=force)
@@ -118,7 +90,7 @@ class Contact:
         values: dict[str, Any] = {"time": t, "penetration": x, "velocity": v, "force": f}
         values |= {"segment": labels, "source": source, "provenance": dict(provenance or {})}
         values |= {"tare_deviation": tare_deviation, "surface_deviation": surface_deviation}
-        values |= {"remarks": tuple(remarks), "prepared": prepared}
+        values |= {"findings": tuple(findings), "prepared": prepared}
         for name, value in values.items():
             object.__setattr__(self, name, value)
         for name in ("tare_deviation", "surface_deviation"):
@@ -133,6 +105,11 @@ class Contact:
         parts = int(self.segment[-1]) - int(self.segment[0]) + 1 if len(self) else 0
         segments = f" in {parts} segments" if parts > 1 else ""
         return f"<Contact {self.source!r}: {len(self)} samples{span}{segments}>"
+
+    @property
+    def remarks(self) -> tuple[Finding, ...]:
+        """The findings: their name before 0.1, for one release."""
+        return self.findings
 
     def segments(self) -> Iterator[slice]:
         """Slices of the separate contacts, in order."""

@@ -169,21 +169,6 @@ class Looking:
         watching.close()
 
 
-class Slow(Looking):
-    """One that looks so seldom that the ring has gone round."""
-
-    def run(self, session, commands):
-        watching = Watching(session)
-        while not watching.over:
-            time.sleep(0.05)
-        taken = watching.take()
-        self.path.write_text(
-            f"{len(taken.rows)} {watching.dropped} {watching.reader.samples.count}"
-        )
-        watching.tell({})
-        watching.close()
-
-
 class Hanging:
     """One that does not listen to anybody."""
 

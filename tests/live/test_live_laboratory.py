@@ -7,11 +7,10 @@ import time
 import numpy as np
 import pytest
 
-from palpate import HuntCrossley, InvalidParameterError, OnlinePreparation, lab
-from palpate.live import run
+from palpate import HuntCrossley, InvalidParameterError, lab
 from palpate.live.laboratory import Laboratory, Setup
 from palpate.live.publishing import open_publisher
-from palpate.live.sources import SOURCES, EndOfSourceError, SourceOptions, open_source
+from palpate.live.sources import EndOfSourceError, open_source
 
 STEP = 1e-3
 
@@ -151,25 +150,6 @@ def test_without_mujoco_an_ideal_probe_is_taken_and_said(monkeypatch):
     assert probe == "ideal probe"
     assert "needs MuJoCo" in words
     assert len(bench.advance(10)) == 10
-
-
-@pytest.mark.slow
-def test_the_laboratory_on_the_loop_gives_the_truth():
-    source = open_source("lab:ball,two-sines", SourceOptions(seed=3))
-    status = run(source, None, preparation=OnlinePreparation(tare_time=1.6), seconds=4.0)
-    assert status["offers"]["motion"] == list(lab.TRAJECTORIES)
-    assert status["chosen"]["motion"] == "two-sines"
-    assert status["counts"]["lost"] == 0
-    assert status["tare"] is not None
-    assert status["state"] == "contact"
-    assert status["counts"]["learned"] > 500
-
-
-def test_each_kind_of_source_says_how_it_is_written():
-    for scheme, kind in SOURCES.items():
-        assert kind.form.startswith(f"{scheme}:")
-    with pytest.raises(InvalidParameterError, match=r"lab:ball .*zmq:.*dds:.*zenoh:"):
-        open_source("nowhere")
 
 
 @pytest.mark.parametrize("opened", [open_source, open_publisher])

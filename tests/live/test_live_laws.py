@@ -12,7 +12,6 @@ from palpate import (
     GeneralisedHuntCrossley,
     OnlinePreparation,
     SingleRelaxation,
-    ViscoelasticContact,
 )
 from palpate.estimators.by_law import estimator_by_law
 from palpate.live.choices import LiveCommand
@@ -199,14 +198,6 @@ def test_a_reset_forgets_the_verdict_and_another_method_has_none():
     assert loop.status()["law"]["shown"] == [0, 1, 2]
 
 
-def test_laws_on_offer_can_be_chosen_while_it_runs():
-    commands = {1000: LiveCommand("estimator", {"method": "viscoelastic", "memory": "any"})}
-    loop, _, verdict = watched(arrivals(*pressed(ONE_TIME, 3.0)), commands=commands)
-    assert "one relaxation time" in verdict["law"]
-    assert loop.status()["settings"]["memory"] == "any"
-    assert loop.estimator.settings["change_detector"] is not None
-
-
 def test_a_verdict_that_flickers_is_said_to():
     # Without a damper both laws with a flat spectrum are the same, and take turns.
     law = GeneralisedHuntCrossley(2e4, 1.5, 0.0, 1.5, 2e4, SingleRelaxation(0.05))
@@ -232,13 +223,3 @@ def test_a_known_exponent_is_given_and_no_estimate():
     assert isinstance(said["verdict_stiffness"], float)
     assert said["verdict_since"] == pytest.approx(1000.0 + verdict["since"])  # the robot's clock
     assert described(page)["law"] == verdict["law"]
-
-
-def test_the_law_in_force_costs_no_verdict():
-    estimator = ViscoelasticContact()
-    assert estimator.candidate is None
-    _, x, force = pressed(MEMORY)
-    estimator.replay(x, np.gradient(x, T), force)
-    assert estimator.candidate is estimator.verdict().candidate
-    assert estimator.candidate in estimator.offered
-    assert estimator.candidate.own == ("stiffness", "exponent", "damping", "relaxation_stiffness")

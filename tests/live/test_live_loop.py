@@ -20,8 +20,8 @@ from scripted import (
 
 import palpate
 from palpate import ESTIMATORS, OnlinePreparation, Status, ViscoelasticContact
-from palpate.contact import Remark
 from palpate.estimators.estimate import Trace
+from palpate.findings import Finding
 from palpate.live.choices import LiveCommand, State
 from palpate.live.console import ShownDepth, at_depth
 from palpate.live.law_numbers import verdict_on
@@ -371,9 +371,9 @@ def test_a_law_for_which_there_is_no_room_is_a_clear_line():
 
 
 def test_a_recording_says_once_what_its_preparation_said_and_what_it_knows_with_hindsight():
-    ends = Remark("file", "it ends before its end", "record it again")
-    place = Remark("surface", "its place is an assumption")
-    source = Replay(touch(tare_deviation=0.01, remarks=[ends, place]))
+    ends = Finding("file", "it ends before its end", "record it again")
+    place = Finding("surface", "its place is an assumption")
+    source = Replay(touch(tare_deviation=0.01, findings=[ends, place]))
     assert source.news() == [
         "tare of the recording are those of all of it, as palpate identify finds them",
         "file: it ends before its end (record it again)",

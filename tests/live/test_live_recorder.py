@@ -26,21 +26,6 @@ TIMES, POSITIONS, FORCES = measured(1.5)
 LATER = [1.0 + time for time in TIMES]
 
 
-class Commanding:
-    """A sink that asks the loop for what a person at the page would."""
-
-    name = "commanding"
-
-    def __init__(self, commands):
-        self.commands = commands  # (s, Command)
-
-    def run(self, session, connection):
-        began = time.monotonic()
-        for when, command in self.commands:
-            time.sleep(max(began + when - time.monotonic(), 0.0))
-            connection.send(command)
-
-
 def paced(times, positions, forces):
     """A source in real time, as the recorder is."""
 
@@ -143,32 +128,6 @@ def test_what_changes_meanwhile_stands_in_the_recording(tmp_path):
     assert found.notes["palpate.method by row 1500, estimator 300"] == "kelvin-voigt"
     assert found.notes["palpate.tare by row 1500, estimator 300"].startswith("0.5 N")
     assert found.channels["/estimate.method"][-1] == 300
-
-
-@pytest.mark.slow
-def test_a_person_starts_and_stops_recordings(tmp_path):
-    commands = [
-        (0.1, LiveCommand("record", {"path": str(tmp_path / "first.mcap")})),
-        (0.7, LiveCommand("record", {"on": False})),
-        (1.0, LiveCommand("record", {"on": True})),
-        (1.9, LiveCommand("record", {"path": str(tmp_path / "none" / "second.mcap")})),
-    ]
-    touches = [*TIMES, *(1.5 + time for time in TIMES)], POSITIONS * 2, FORCES * 2
-    source = paced(*touches)
-    run(source, None, [Recorder(folder=tmp_path), Commanding(commands)], seconds=2.8)
-    files = sorted(path.name for path in tmp_path.iterdir())
-    assert files[0] == "first.mcap"
-    assert files[1].startswith("palpate-20")
-    assert len(files) == 2
-    first = palpate.open_recording(tmp_path / "first.mcap", strict=True)
-    # 0.6 s, from when it was asked for on, and to when that was seen: the loop looks for requests
-    # every 20 ms, the recorder for what is recorded every 250, and later on a busy machine.
-    assert 500 < len(first.numbers("/input.force")) < 1300
-    # Each sample's own estimate, though until then there were fifty a second.
-    _, rows = looped(arrivals(*touches))
-    stamps = np.round(1e9 * column(rows, "time"))
-    own = column(rows, "parameter_0")[np.isin(stamps, first.channels["/estimate.stamp"])]
-    np.testing.assert_allclose(first.channels["/estimate.parameters[0]"], own, rtol=1e-12)
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="there is no disk that is always full")

@@ -8,15 +8,13 @@ import signal
 import subprocess
 import sys
 import time
-from functools import partial
 from pathlib import Path
 
 import pytest
-from scripted import Endless, Failing, Hanging, Looking, Slow, in_a_process
+from scripted import Endless, Failing, Hanging, Looking, in_a_process
 
 import palpate
 from palpate.live import run, running
-from palpate.live.ring import Writer
 
 SHM = Path("/dev/shm")
 
@@ -32,16 +30,6 @@ def test_sinks_see_every_row_and_end_in_order_and_the_memory_is_given_back(tmp_p
     names = (tmp_path / "one.began").read_text().split()
     assert len(names) == 5
     assert not any((SHM / name.lstrip("/")).exists() for name in names)
-
-
-@pytest.mark.slow
-def test_a_slow_sink_drops_rows_and_says_how_many_and_holds_nothing(tmp_path, monkeypatch):
-    monkeypatch.setattr(running, "Writer", partial(Writer, 200))
-    status = run(Endless(600), None, [Slow(tmp_path / "slow", "slow")])
-    seen, dropped, written = map(int, (tmp_path / "slow").read_text().split())
-    assert written == status["counts"]["taken"] == seen + dropped
-    assert seen == 199
-    assert dropped == 401
 
 
 @pytest.mark.slow
@@ -122,20 +110,6 @@ def test_ctrl_c_between_two_sinks_that_are_started_leaves_nobody_behind(tmp_path
     assert not (tmp_path / "two").exists()
     assert multiprocessing.active_children() == []
     assert signal.getsignal(signal.SIGINT) is before
-
-
-class SlowToBegin(Looking):
-    """Its process begins to look when rows have been written already."""
-
-    def run(self, session, commands):
-        time.sleep(0.2)
-        super().run(session, commands)
-
-
-@pytest.mark.slow
-def test_a_sink_that_begins_late_misses_no_row(tmp_path):
-    status = run(Endless(400), None, [SlowToBegin(tmp_path / "seen")])
-    assert (tmp_path / "seen").read_text() == f"{status['counts']['taken']} 0 True"
 
 
 @pytest.mark.slow

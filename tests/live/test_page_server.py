@@ -52,16 +52,6 @@ def test_a_browser_gets_the_last_seconds_and_then_what_is_new(page):
         assert values["force"] == pytest.approx(page.rows[6], rel=1e-6)
 
 
-def test_stiffness_at_depth_comes_with_the_error_that_the_estimate_has(page):
-    with page.socket() as client:
-        words = received(client, dict, lambda each: each.get("now", {}).get("stiffness"))
-    depth = words["depth"]["value"]
-    estimate = page.loop.estimator.estimate()
-    assert words["now"]["stiffness"] == pytest.approx(estimate.stiffness_at(depth), rel=1e-6)
-    assert words["now"]["damping"] == pytest.approx(estimate.damping_at(depth), rel=1e-6)
-    assert words["now"]["parameters"] == pytest.approx(estimate.parameters, rel=1e-12)
-
-
 def test_a_chosen_depth_is_the_one_of_all_that_is_shown(page):
     with page.socket() as client:
         client.send(json.dumps({"ask": "depth", "value": 0.004}))

@@ -341,13 +341,6 @@ def test_attachments_are_those_of_rmw_zenoh_old_and_new():
         assert attached(other) is None
 
 
-def test_an_address_is_taken_apart():
-    address = parsed("dds", "/robot/pose,wrench?domain=3&tolerance=0.01", ["domain", "tolerance"])
-    assert topics_of(address, 2) == ("/robot/pose", "/wrench")
-    assert address.whole("domain", 0, 0, 230) == 3
-    assert address.number("tolerance", 1.0, 0.0, 1.0) == 0.01
-
-
 @pytest.mark.parametrize(
     "text, words",
     [

@@ -21,7 +21,7 @@ from wire_robots import (
 )
 
 from palpate.errors import PalpateError
-from palpate.live.sources import Counts, SourceOptions, open_source
+from palpate.live.sources import Counts, open_source
 from palpate.live.zeromq import packed
 
 ROS = ("dds", "zenoh")
@@ -202,12 +202,6 @@ def test_a_topic_of_the_wrong_type_is_one_clear_line(wire, types):
         topic = "/wrench" if types[1] == POSE else "/pose"
         assert f"topic {topic} is of the type {types[0]}" in str(caught.value)
         assert "\n" not in str(caught.value)
-
-
-@pytest.mark.parametrize("wire", ROS)
-def test_vectors_without_a_direction_are_one_clear_line(robot):
-    with pytest.raises(PalpateError, match=r"say --direction, such as 0,0,-1"):
-        listened(robot, SourceOptions())
 
 
 @pytest.mark.slow

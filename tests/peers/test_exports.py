@@ -3,7 +3,6 @@
 import subprocess
 import sys
 
-import numpy as np
 import pytest
 from export_cases import (
     BALL_LAW,
@@ -17,9 +16,8 @@ from export_cases import (
 )
 
 from palpate import KelvinVoigt, exports
-from palpate.exports.drake.running import Plant, Setting, forces
+from palpate.exports.drake.running import Plant, forces
 from palpate.exports.engine import drop_to
-from palpate.exports.opensim import OpenSimScene
 from peers.installed import installed
 
 pytestmark = pytest.mark.peers
@@ -141,41 +139,6 @@ def test_the_urdf_is_the_same_contact(law, further) -> None:
     by_urdf = forces(Plant(files["contact.urdf"], fragment.setting, "urdf"), motion)
     by_sdf = forces(Plant(files["contact.sdf"], fragment.setting), motion)
     assert by_urdf == pytest.approx(by_sdf, rel=1e-9)
-
-
-def test_friction_would_push_back_on_the_flanks_of_a_tip_in_a_slab() -> None:
-    fragment = drake(PVC_LAW, **SLAB)
-    text = fragment.files([])["contact.sdf"]
-    rough = text.replace(">0</drake:mu_", ">1</drake:mu_")
-    assert rough != text
-    motion = fragment.asked.motion.firm(20)
-    entering = motion.velocity > 0.02
-    continuous = Setting("hydroelastic", "lagged", 0.0)
-    by_friction = forces(Plant(rough, continuous), motion)[entering]
-    assert (by_friction > 1.15 * forces(Plant(text, continuous), motion)[entering]).all()
-
-
-def test_under_sap_the_dissipation_counts_for_nothing_and_0_1_s_are_taken_for_each_body() -> None:
-    # What every file says: not for SAP.
-    fragment = drake(BALL_LAW)
-    text, motion = fragment.files([])["contact.sdf"], fragment.asked.motion.firm(50)
-    found = forces(Plant(text, Setting("point", "sap", 1e-3)), motion)
-    expected = 2000.0 * np.maximum(motion.penetration + 0.2 * motion.velocity, 0.0)
-    # Far from the regime in which SAP makes a contact stiffer than asked.
-    assert found == pytest.approx(expected, rel=1e-3, abs=1e-3)
-    assert "Not for SAP" in text
-
-
-def test_another_radius_of_opensims_sphere_is_another_law() -> None:
-    # What the warning says: the force goes with its root.
-    fragment = there("opensim", HERTZ_LAW)
-    text = fragment.files([])["contact.osim"]
-    other = text.replace(f"<radius>{RADIUS}</radius>", f"<radius>{4.0 * RADIUS}</radius>")
-    other = other.replace(f"{-RADIUS} 0 0", f"{-4.0 * RADIUS} 0 0")
-    motion = fragment.asked.motion.firm(10)
-    assert OpenSimScene(other).forces(motion) == pytest.approx(
-        2.0 * OpenSimScene(text).forces(motion), rel=1e-6
-    )
 
 
 @pytest.fixture

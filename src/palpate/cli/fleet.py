@@ -1,6 +1,7 @@
 """The commands ``palpate fleet`` and ``palpate map``."""
 
 from dataclasses import asdict, dataclass, replace
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal, TypeAlias
 
@@ -126,9 +127,7 @@ def _settings(
 
 def require_figures() -> None:
     """Say before the work that what draws is not installed."""
-    from palpate.figures.style import LIGHT, style
-
-    style(LIGHT)
+    import_module("palpate.figures")
 
 
 def _print(found: "Fleet", page: Path | None, *, as_json: bool) -> None:

@@ -169,7 +169,7 @@ class Judging:
 
     def status(self, verdicts: "Iterable[Verdict]") -> int:
         """Return 3 where a verdict is to fail, else 0."""
-        from palpate.diagnosis import MARKS
+        from palpate.findings import MARKS
 
         if self.fail_on is None:
             return 0

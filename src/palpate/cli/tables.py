@@ -4,6 +4,7 @@ import itertools
 import math
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from rich.console import Console
@@ -15,7 +16,6 @@ from palpate.diagnosis.data import in_words
 from palpate.diagnosis.fit import DEEP
 from palpate.digits import rounded, with_error
 from palpate.errors import InvalidParameterError
-from palpate.estimators import ViscoelasticContact
 from palpate.force_laws import ForceLaw, GeneralisedHuntCrossley
 from palpate.identification.identified import rank
 from palpate.identifying import Identification
@@ -53,7 +53,7 @@ def truth_at_rest(result: Identification) -> ForceLaw | None:
     return truth if comparable(law, truth) else None
 
 
-def comparable(law: ForceLaw, truth: ForceLaw) -> set[str]:
+def comparable(law: Any, truth: Any) -> set[str]:
     """Return the parameters of a law that mean what the truth's of the same names do.
 
     Those of a law of another kind do not; of two generalised laws they do where the same relaxes,
@@ -62,7 +62,7 @@ def comparable(law: ForceLaw, truth: ForceLaw) -> set[str]:
     names = set(law.names())
     if law.kind != truth.kind:
         return set()
-    if not isinstance(law, GeneralisedHuntCrossley) or not isinstance(truth, type(law)):
+    if not (law.relaxes and truth.relaxes):
         return names
     if not _same_memory(law, truth):
         return set()
@@ -191,7 +191,7 @@ def _print_result(result: Identification, console: Terminal) -> None:
     print_places(result, console)
     for finding in result.diagnosis.findings:  # an assumption, and no fault of the stiffness
         if finding.check == "surface" and finding.severity == "note":
-            say(console, f"note: {finding.sentence}")
+            say(console, f"note: {finding.message}")
     for line in following(result):
         say(console, str(line))
     if result.noticed is not None:  # when a control loop would have known of the changes
@@ -227,12 +227,12 @@ def _samples(first: Identification) -> str:
 
 def _print_remarks(first: Identification, console: Terminal) -> None:
     """What was assumed on the way from the recording, but for what the verdict says again."""
-    for remark in first.contact.remarks:
-        if remark.severity != "note" and remark.sentence in first.diagnosis.reason:
+    for finding in first.contact.findings:
+        if finding.severity != "note" and finding.message in first.diagnosis.reason:
             continue
-        words = Text(f"{remark.step}: {remark.sentence}")
-        if remark.remedy:
-            words.append(f" ({remark.remedy})", "dim")
+        words = Text(f"{finding.check}: {finding.message}")
+        if finding.remedy:
+            words.append(f" ({finding.remedy})", "dim")
         say(console, words)
 
 
@@ -283,7 +283,7 @@ def parameters(result: Identification) -> list[str]:
 def _truths(result: Identification) -> list[str]:
     """The truth beside each parameter, where it is a law of the same kind."""
     law, truth, rows = result.law, stated_truth(result), parameter_rows(result)
-    if truth is not None and isinstance(law, GeneralisedHuntCrossley):
+    if truth is not None:
         alike = law.simplest()
         law = alike if alike.kind == truth.kind else law
     if truth is None or truth.kind != law.kind:
@@ -337,7 +337,7 @@ def verdict_on_laws(result: Identification) -> str:
     verdict = result.law_verdict
     if verdict is None or not verdict.known:
         return ""
-    if isinstance(result.estimator, ViscoelasticContact):
+    if result.estimator.chooses_law:
         return str(verdict)
     return f"of the everyday laws, by the same samples: {str(verdict).removeprefix('law: ')}"
 
@@ -345,7 +345,7 @@ def verdict_on_laws(result: Identification) -> str:
 def print_standings(results: Sequence[Identification], console: Console) -> None:
     """Print how the laws stand that the samples were asked about, the best first."""
     # That of the method which chooses a law, else of any.
-    ordered = sorted(results, key=lambda each: not isinstance(each.estimator, ViscoelasticContact))
+    ordered = sorted(results, key=lambda each: not each.estimator.chooses_law)
     verdict = next(filter(None, (each.law_verdict for each in ordered)), None)
     if verdict is None or not verdict.known:
         return
@@ -441,7 +441,7 @@ def print_diagnosis(result: Identification) -> None:
     rows: list[list[Cell]] = []
     for finding in found.findings:
         check = Text(finding.check, style=_COLOURS[finding.severity])
-        words = "\n→ ".join(filter(None, (finding.sentence, finding.remedy)))
+        words = "\n→ ".join(filter(None, (finding.message, finding.remedy)))
         z = "–" if math.isnan(finding.z) else rounded(finding.z, 3)
         moves = _moves(finding.moves_stiffness_percent, finding.moves_damping_percent)
         rows.append([check, words, z, moves])

@@ -8,10 +8,8 @@ says what each sentence means.
 
 from palpate.diagnosis.data import Data as Data
 from palpate.diagnosis.diagnosing import diagnose_parts as diagnose_parts
-from palpate.diagnosis.finding import MARKS as MARKS
 from palpate.diagnosis.finding import Diagnosis as Diagnosis
 from palpate.diagnosis.finding import Episode as Episode
-from palpate.diagnosis.finding import Finding as Finding
 from palpate.diagnosis.finding import Laws as Laws
 from palpate.diagnosis.finding import Quantity as Quantity
 from palpate.diagnosis.finding import Verdict as Verdict

@@ -11,9 +11,10 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.contact import Contact, Remark, slices_of
-from palpate.diagnosis.finding import Finding, Laws, Mark, severity_of
+from palpate.contact import Contact, slices_of
+from palpate.diagnosis.finding import Laws
 from palpate.digits import rounded
+from palpate.findings import Finding
 from palpate.preparation.gates import noise_of
 from palpate.preparation.velocity import largest_of, spiked, step_of, window_samples
 from palpate.validation import Floats
@@ -111,21 +112,6 @@ def in_words(value: float, unit: str, digits: int = 3) -> str:
     return f"{rounded(value, digits)} {unit}"
 
 
-# A finding that ends all trust: the numbers are not what they are taken for.
-
-
-def stop(check: str, sentence: str, remedy: str | None) -> Finding:
-    """A finding after which nothing is to be trusted."""
-    return Finding(
-        check,
-        sentence,
-        remedy,
-        stiffness="do-not-trust",
-        damping="do-not-trust",
-        severity="do-not-trust",
-    )
-
-
 # Steps of the force or of the penetration that are coarse against what they measure.
 
 FORCE_STEP = 0.04  # of the largest force
@@ -140,14 +126,18 @@ def coarse(data: Data) -> Finding | None:
     """Steps above 4 % of the force or 1 % of the penetration, and over 85 % of samples repeat."""
     if _coarse(data.force, data.force_step, FORCE_STEP * data.peak_force):
         part = data.force_step / data.peak_force
-        return _coarse_steps(
+        return Finding.of_both(
+            "with-care",
+            "coarse steps",
             f"the force comes in steps of {in_words(data.force_step, 'N')}, {part:.1%} of its "
             "largest",
             "a finer range of the sensor, or press harder",
         )
     step = step_of(data.penetration)
     if _coarse(data.penetration, step, PENETRATION_STEP * data.peak_penetration):
-        return _coarse_steps(
+        return Finding.of_both(
+            "with-care",
+            "coarse steps",
             f"the penetration comes in steps of {in_words(step, 'm')}, "
             f"{step / data.peak_penetration:.1%} of its largest: the velocity is made of them, and "
             "the damping too small",
@@ -158,10 +148,6 @@ def coarse(data: Data) -> Finding | None:
 
 def _coarse(values: Floats, step: float, largest: float) -> bool:
     return 0.0 < largest < step and float(np.mean(np.diff(values) == 0.0)) > REPEATED
-
-
-def _coarse_steps(sentence: str, remedy: str) -> Finding:
-    return Finding("coarse steps", sentence, remedy, stiffness="with-care", damping="with-care")
 
 
 # A channel that is held: the same value again and again, at a fixed beat.
@@ -177,13 +163,12 @@ def held(data: Data) -> Finding | None:
         beat = beat_of(values)
         if beat:
             late = 0.5e3 * (beat - 1) * data.sample_time
-            return Finding(
+            return Finding.of_both(
+                "with-care",
                 "held channel",
                 f"the {name} changes only every {beat} samples, as one that is held: "
                 f"{rounded(late, 2)} ms late on average",
                 "record at the rate of the slowest channel, or keep one sample of each beat",
-                stiffness="with-care",
-                damping="with-care",
             )
     return None
 
@@ -200,26 +185,6 @@ def beat_of(values: Floats) -> int:
     # The phase may slip by one sample now and then where the two rates are no multiples.
     common = np.bincount(at % beat, minlength=beat).max() / at.size
     return beat if common > IN_STEP and at.size > 0.5 * len(values) / beat else 0
-
-
-# What was assumed, found or left out on the way from the recording.
-
-
-def _as_finding(remark: Remark) -> Finding:
-    """A remark of the contact, in its words."""
-    # What spoils the whole recording spoils both; what calls for care is said of the whole, unless
-    # the numbers at working depth suffer from it.
-    mark: Mark = "trust"
-    if remark.severity == "do-not-trust" or (remark.numbers and remark.severity == "with-care"):
-        mark = remark.severity
-    return Finding(
-        remark.step,
-        remark.sentence,
-        remark.remedy,
-        stiffness=mark,
-        damping=mark,
-        severity=remark.severity,
-    )
 
 
 # Signs: force positive in compression, penetration positive into the material.
@@ -244,13 +209,22 @@ def signs(data: Data) -> Finding | None:
     if deep >= shallow:
         return None
     if deep < 0.0 and abs(deep) > abs(shallow):
-        words = f"the force is negative, {rounded(deep, 3)} N, where the penetration is largest"
-        return stop("signs", f"{words}: compression must be positive", "--flip-force")
-    words = (
-        f"the force falls from {rounded(shallow, 3)} N to {rounded(deep, 3)} N as the penetration "
-        "grows"
-    )
-    return stop("signs", f"{words}: is it positive into the material?", "--flip-penetration")
+        remedy, words = (
+            "--flip-force",
+            (
+                f"the force is negative, {rounded(deep, 3)} N, where the penetration is largest: "
+                "compression must be positive"
+            ),
+        )
+    else:
+        remedy, words = (
+            "--flip-penetration",
+            (
+                f"the force falls from {rounded(shallow, 3)} N to {rounded(deep, 3)} N as the "
+                "penetration grows: is it positive into the material?"
+            ),
+        )
+    return Finding.of_both("do-not-trust", "signs", words, remedy)
 
 
 def _ranks(values: Floats) -> Floats:
@@ -280,14 +254,11 @@ def spikes(data: Data) -> Finding | None:
     part = fractions[name]
     if part <= SOME:
         return None
-    mark: Mark = "do-not-trust" if part > MANY else "with-care"
-    return Finding(
+    return Finding.of_both(
+        "do-not-trust" if part > MANY else "with-care",
         "spikes",
         f"{part:.2%} of the samples of the {name} are spikes",
         "a median filter of five samples, or look after the cable",
-        stiffness=mark,
-        damping=mark,
-        severity=severity_of(mark),
     )
 
 
@@ -314,13 +285,12 @@ def stamps(data: Data) -> Finding | None:
     if ratio <= RATIO:
         return None
     words = "the time stamps jump where the penetration runs smoothly: they are of arrival"
-    return Finding(
+    return Finding.of_both(
+        "with-care",
         "time stamps",
         f"{words}, not of sampling",
         "stamp where the sensor is sampled, or give the samples even times",
         z=ratio,
-        stiffness="with-care",
-        damping="with-care",
     )
 
 
@@ -354,7 +324,8 @@ def penetration_unit(data: Data) -> Finding | None:
     speed = float(np.sqrt(np.mean(data.velocity[touched] ** 2))) if touched.any() else 0.0
     if depth <= DEEPEST and speed <= FASTEST and force / depth >= SOFTEST * depth:
         return None
-    return stop(
+    return Finding.of_both(
+        "do-not-trust",
         "penetration unit",
         f"the penetration reaches {rounded(depth, 3)} m at {rounded(force, 3)} N: millimetres, "
         "or columns swapped?",
@@ -367,7 +338,8 @@ def force_unit(data: Data) -> Finding | None:
     depth, force = data.peak_penetration, data.peak_force
     if depth <= 0.0 or (force <= FIRMEST and force / depth <= HARDEST * depth):
         return None
-    return stop(
+    return Finding.of_both(
+        "do-not-trust",
         "force unit",
         f"the force reaches {rounded(force, 3)} N at {rounded(1e3 * depth, 3)} mm: are these "
         "millinewtons?",
@@ -379,7 +351,8 @@ def time_unit(data: Data) -> Finding | None:
     """Median step > 0.2 s."""
     if data.sample_time <= SLOWEST:
         return None
-    return stop(
+    return Finding.of_both(
+        "do-not-trust",
         "time unit",
         f"there is a sample every {rounded(data.sample_time, 3)} s: are the times milliseconds?",
         "--unit time=ms",
@@ -388,7 +361,7 @@ def time_unit(data: Data) -> Finding | None:
 
 # A recorded velocity against the penetration's own rate.
 
-REMEDY = "leave it out: --velocity none"
+REMEDY, OTHER = "leave it out: --velocity none", ": another unit, sign or channel"
 MEAN = 15  # samples of a stretch, over which noise averages out
 STOP = (0.8, 1.25)  # slopes; recorded columns have 1.01 to 1.08
 CARE = 0.05  # of the damping, as for every cause
@@ -409,8 +382,8 @@ def velocity_column(data: Data) -> Finding | None:
         return None
     alike = float(np.corrcoef(way, integral)[0, 1])
     if alike < VELOCITIES_AGAINST:
-        words = "the velocity column runs against the rate of the penetration"
-        return stop("velocity column", f"{words}: another unit, sign or channel", REMEDY)
+        words = "the velocity column runs against the rate of the penetration" + OTHER
+        return Finding.of_both("do-not-trust", "velocity column", words, REMEDY)
     if alike <= ALIKE:
         return None
     # Noise in one of the two lowers the first and raises the second: the one nearer to 1 is sure.
@@ -418,7 +391,7 @@ def velocity_column(data: Data) -> Finding | None:
     slope = min(slopes, key=lambda each: abs(each - 1.0))
     words = f"the velocity column is {rounded(slope, 3)} times the rate of the penetration"
     if not STOP[0] <= slope <= STOP[1]:
-        return stop("velocity column", f"{words}: another unit, sign or channel", REMEDY)
+        return Finding.of_both("do-not-trust", "velocity column", words + OTHER, REMEDY)
     if abs(slope - 1.0) <= CARE:
         return None
     wrong = f"{abs(slope - 1.0):.0%} too {'small' if slope > 1.0 else 'large'}"
@@ -461,9 +434,6 @@ FEWEST = 20  # samples, below which a recording is only short
 
 def input_findings(data: Data) -> list[Finding]:
     """Run every check of the data, beside what its preparation said."""
-    said, found = map(_as_finding, data.contact.remarks), []
-    for check in CHECKS.values() if len(data) >= FEWEST else ():
-        finding = check(data)
-        if finding is not None:
-            found.append(finding)
-    return [*found, *said]
+    checks = CHECKS.values() if len(data) >= FEWEST else ()
+    found = (check(data) for check in checks)
+    return [*(each for each in found if each is not None), *data.contact.findings]

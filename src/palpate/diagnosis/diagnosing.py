@@ -11,21 +11,9 @@ from operator import attrgetter
 import numpy as np
 
 from palpate.diagnosis.change import Changes, changes
-from palpate.diagnosis.data import Data, beat_of, stop
+from palpate.diagnosis.data import Data, beat_of
 from palpate.diagnosis.delay import columns, delay, memory, skew_matters
-from palpate.diagnosis.finding import (
-    MARKS,
-    Diagnosis,
-    Episode,
-    Finding,
-    Laws,
-    Mark,
-    Quantity,
-    Verdict,
-    WorkingDepth,
-    severity_of,
-    worst,
-)
+from palpate.diagnosis.finding import Diagnosis, Episode, Laws, Quantity, Verdict, WorkingDepth
 from palpate.diagnosis.fit import FEWEST_ROWS, Cause, Fit, Search
 from palpate.diagnosis.marks import (
     OFF,
@@ -49,6 +37,7 @@ from palpate.diagnosis.marks import (
 from palpate.digits import rounded
 from palpate.estimators.estimate import Estimate, Trace
 from palpate.estimators.law_verdicts import ONE_WAY
+from palpate.findings import MARKS, SEVERITIES, Finding, worst
 from palpate.stages import timed
 
 SHORTEST = 5  # samples
@@ -82,22 +71,19 @@ def flat(fit: Fit) -> Finding | None:
     part = max(at_top, elsewhere)
     if part <= SOME_FLAT:
         return None
-    mark: Mark = "do-not-trust" if part > MANY_FLAT else "with-care"
     words = (
         f"the force stays at its largest, {rounded(top, 3)} N, for {part:.1%} of the contact: "
         "saturated?"
         if at_top >= elsewhere
         else f"the force stands still for {part:.1%} of the contact while the probe moves"
     )
-    return Finding(
+    return Finding.of_both(
+        "do-not-trust" if part > MANY_FLAT else "with-care",
         "saturation" if at_top >= elsewhere else "stuck force",
         words,
         "press less deep, or take a sensor of a larger range"
         if at_top >= elsewhere
         else "look after the sensor's connection",
-        stiffness=mark,
-        damping=mark,
-        severity=severity_of(mark),
     )
 
 
@@ -197,6 +183,7 @@ def diagnose_parts(
     *,
     depths: Sequence[float] = (),
     laws: Laws | None = None,
+    notes: Sequence[Finding] = (),
 ) -> Diagnosis:
     """Diagnose what an estimator made of a recording.
 
@@ -213,6 +200,9 @@ def diagnose_parts(
         and the 90th percentile of the penetration of the samples taken.
     laws : Laws, optional
         What laws that are compared made of the same samples.
+    notes : sequence of Finding
+        What the estimate says of itself. Of several materials it is left out: one law for all of
+        them is not identifiable by any motion.
     """
     found = list(data.findings)
     with np.errstate(all="ignore"):  # a column of an absurd fit may overflow; it is then left out
@@ -220,15 +210,17 @@ def diagnose_parts(
         others = depths[1:] if depths else fit.deeper
         try:
             if len(fit.band) >= FEWEST_ROWS // 2 and fit.finite:
-                return _diagnosed(fit, found, others)
+                return _diagnosed(fit, found, others, notes)
         except np.linalg.LinAlgError:  # of a motion that says nothing, such as a probe held still
             pass
-        found = [*data.findings, _nothing_to_check(fit)]
+        found = [*data.findings, _nothing_to_check(fit), *notes]
         unknown = tuple(nothing_known(fit.at_depth(d)) for d in (fit.depth, *others))
         return _whole(found, unknown, (), fit.laws)
 
 
-def _diagnosed(fit: Fit, found: list[Finding], others: Sequence[float]) -> Diagnosis:
+def _diagnosed(
+    fit: Fit, found: list[Finding], others: Sequence[float], notes: Sequence[Finding]
+) -> Diagnosis:
     changed = changes(fit)
     causes: list[Cause] = []
     for search in SEARCHES:
@@ -256,8 +248,10 @@ def _diagnosed(fit: Fit, found: list[Finding], others: Sequence[float]) -> Diagn
     judged = _moved_by_velocity(fit, judged, found)
     depths = tuple(working_depth(fit.at_depth(depth), judged) for depth in (fit.depth, *others))
     found += sign(fit, depths[0], found)
-    episodes = _episodes(fit, changed) if changed is not None else ()
-    return _whole(found, depths, episodes, fit.laws)
+    if changed is not None:
+        return _whole(found, depths, _episodes(fit, changed), fit.laws)
+    said = {finding.message for finding in found}
+    return _whole([*found, *(n for n in notes if n.message not in said)], depths, (), fit.laws)
 
 
 def _with_better_law(fit: Fit, judged: Judged) -> Judged:
@@ -298,13 +292,11 @@ def _whole(
     episodes: tuple[Episode, ...],
     laws: Laws | None,
 ) -> Diagnosis:
-    severity = ("do-not-trust", "with-care", "note")
-    in_order = [finding for each in severity for finding in found if finding.severity == each]
+    in_order = sorted(found, key=lambda finding: -SEVERITIES.index(finding.severity))
     stiffness = worst(*map(attrgetter("stiffness"), found))
     damping = worst(*map(attrgetter("damping"), found))
-    gravest = MARKS[2 - severity.index(in_order[0].severity)] if in_order else "trust"
-    overall = worst(gravest, stiffness, "with-care" if damping != "trust" else "trust")
     of_laws = laws.verdict if laws is not None else None
+    overall = MARKS[SEVERITIES.index(in_order[0].severity)] if in_order else "trust"
     verdict = Verdict(stiffness, damping, overall)
     return Diagnosis(verdict, tuple(in_order), depths, episodes, of_laws)
 
@@ -314,21 +306,21 @@ def _nothing_to_check(fit: Fit) -> Finding:
     few = count < FEWEST_ROWS
     words = f"only {count} samples in contact: too few" if few else "the motion says too little"
     remedy = "record longer" if few else "move the probe: palpate design finds a motion"
-    return stop("excitation", f"{words} to check the law", remedy)
+    message = f"{words} to check the law"
+    return Finding.of_both("do-not-trust", "excitation", message, remedy)
 
 
 def _notes(fit: Fit) -> list[Finding]:
     notes = [
-        Finding("skew", skew_matters(fit), severity="note"),
+        Finding("skew", skew_matters(fit)),
         Finding(
             "peak force",
             f"the largest force is {rounded(fit.data.peak_force, 3)} N, the largest penetration "
             f"{rounded(1e3 * fit.data.peak_penetration, 3)} mm",
-            severity="note",
         ),
     ]
     contact = fit.data.contact
-    said = any(remark.step == "surface" for remark in contact.remarks)
+    said = any(finding.check == "surface" for finding in contact.findings)
     if not (fit.free_air or said or contact.surface_deviation is not None):
         notes.append(
             Finding(
@@ -336,7 +328,6 @@ def _notes(fit: Fit) -> list[Finding]:
                 "the probe is never out of contact: where the surface lies is an assumption, and "
                 "K, B and n are for it; stiffness and damping at working depth hold all the same",
                 "record from before the touch",
-                severity="note",
             )
         )
     return notes

@@ -3,63 +3,16 @@
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
-from palpate.contact import Severity
 from palpate.digits import rounded
-from palpate.estimators import LawVerdict, ViscoelasticContact
-from palpate.estimators.law_verdicts import EVERYDAY
+from palpate.estimators import ContactEstimator, LawVerdict
+from palpate.estimators.law_verdicts import EVERYDAY, RELAXATION_STIFFNESS, verdict_of
+from palpate.findings import Finding, Mark
 from palpate.force_laws import ForceLaw, GeneralisedHuntCrossley
 from palpate.validation import Plain
-
-Mark = Literal["trust", "with-care", "do-not-trust"]
-#: From the best to the worst.
-MARKS: tuple[Mark, ...] = ("trust", "with-care", "do-not-trust")
-
-
-def worst(*marks: Mark) -> Mark:
-    """Return the worst of some marks; *trust* of none."""
-    return MARKS[max(map(MARKS.index, marks), default=0)]
-
-
-def severity_of(mark: Mark) -> Severity:
-    """What a mark does to the overall verdict; *trust* is a note."""
-    return "note" if mark == "trust" else mark
-
-
-@dataclass(frozen=True, slots=True)
-class Finding(Plain):
-    """One sentence about a recording or about what was identified from it.
-
-    Attributes
-    ----------
-    check : str
-        The check that found it, such as ``"delay"``.
-    sentence : str
-        What was found, in plain words.
-    remedy : str or None
-        What to do: an option of ``palpate identify``, a command, or a few words.
-    z : float
-        Significance, in standard errors; NaN where the check has none.
-    stiffness, damping : str
-        The mark that it alone gives each at working depth.
-    severity : str
-        ``"note"``, ``"with-care"`` or ``"do-not-trust"``: what it does to the overall verdict.
-    moves_stiffness_percent, moves_damping_percent : float
-        How far it moves them, in per cent of their size; NaN where that is not known.
-    """
-
-    check: str
-    sentence: str
-    remedy: str | None = None
-    z: float = math.nan
-    stiffness: Mark = "trust"
-    damping: Mark = "trust"
-    severity: Severity = "with-care"
-    moves_stiffness_percent: float = math.nan
-    moves_damping_percent: float = math.nan
 
 
 @dataclass(frozen=True, slots=True)
@@ -207,10 +160,10 @@ class Diagnosis:
 
     @property
     def reason(self) -> str:
-        """The sentence of the gravest finding that is more than a note."""
+        """The message of the gravest finding that is more than a note."""
         if not self.findings or self.findings[0].severity == "note":
             return "nothing was found that moves the numbers"
-        return self.findings[0].sentence
+        return self.findings[0].message
 
     @property
     def remedy(self) -> str | None:
@@ -266,7 +219,7 @@ class Laws:
     @property
     def open_memory(self) -> bool:
         """Whether these samples do not say how much relaxes, though they say that it does."""
-        return any("relaxation stiffness not identifiable" in f for f in self.verdict.flags)
+        return any(each.check == RELAXATION_STIFFNESS for each in self.verdict.findings)
 
     @property
     def of_all(self) -> bool:
@@ -274,10 +227,11 @@ class Laws:
         return len(self.verdict.standings) > EVERYDAY
 
     @classmethod
-    def of(cls, estimator: ViscoelasticContact, *, own: bool = False) -> "Laws":
+    def of(cls, estimator: ContactEstimator, *, own: bool = False) -> "Laws":
         """Of an estimator that has learned the samples."""
-        longest = _LONGEST * estimator.evidence().step
-        return cls(estimator.estimate().law, estimator.verdict(), own, longest)
+        evidence, estimate = estimator.evidence(), estimator.estimate()
+        verdict = verdict_of(evidence, estimate)
+        return cls(estimate.law, verdict, own, _LONGEST * evidence.step)
 
 
 def remedy_of_memory(laws: Laws | None, time: float) -> str:

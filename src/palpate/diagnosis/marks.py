@@ -7,22 +7,12 @@ from operator import attrgetter
 
 import numpy as np
 
-from palpate.diagnosis.data import in_words, stop
-from palpate.diagnosis.finding import (
-    REMEDY,
-    Finding,
-    Laws,
-    Mark,
-    Quantity,
-    WorkingDepth,
-    severity_of,
-    worst,
-)
+from palpate.diagnosis.data import in_words
+from palpate.diagnosis.finding import REMEDY, Laws, Quantity, WorkingDepth
 from palpate.diagnosis.fit import (
     FEWEST_FREE,
     FEWEST_ROWS,
     SIGNIFICANT,
-    Alike,
     Cause,
     Fit,
     MovedSamples,
@@ -32,7 +22,8 @@ from palpate.digits import rounded, with_error
 from palpate.estimators import LawVerdict
 from palpate.estimators.law_verdicts import STRONG, Standing
 from palpate.estimators.least_squares import mean_error, robust_covariance
-from palpate.force_laws import ForceLaw, HuntCrossley, KelvinVoigt
+from palpate.findings import Finding, Mark, Severity, worst
+from palpate.force_laws import ForceLaw, HuntCrossley
 from palpate.preparation.surfaces import Samples, placed
 from palpate.validation import Floats
 
@@ -154,19 +145,17 @@ def _finding(cause: Cause, weight: float, ratio: float, *, leading: bool) -> Fin
         stiffness, damping = (
             "with-care" if mark == "do-not-trust" else mark for mark in (stiffness, damping)
         )
-    overall: Mark = "trust"
+    severity: Severity = "with-care" if leading else "note"
     if cause.small and ratio < NOISE_LIKE:
-        stiffness = damping = "trust"
-    elif leading or worst(stiffness, damping) != "trust":
-        overall = worst(stiffness, "with-care")
+        stiffness, damping, severity = "trust", "trust", "note"
     return Finding(
         cause.name,
         cause.sentence,
         cause.remedy,
+        severity,
         cause.z,
         stiffness,
         damping,
-        severity_of(overall),
         100.0 * cause.stiffness,
         100.0 * cause.damping,
     )
@@ -214,11 +203,10 @@ def better_law(fit: Fit) -> Cause | None:
 
 def standing_of(law: ForceLaw, verdict: LawVerdict) -> Standing | None:
     """Return how an identified law stood among those that were compared."""
-    if isinstance(law, HuntCrossley):
-        return verdict.standing_of("hunt-crossley", "none")
-    if isinstance(law, KelvinVoigt):
-        return verdict.standing_of("half-space", "none", linear=True)
-    return None
+    if law.candidate is None:
+        return None
+    damping, memory, linear = law.candidate
+    return verdict.standing_of(damping, memory, linear=linear)
 
 
 def _apart(fit: Fit, laws: Laws) -> tuple[float, float]:
@@ -243,19 +231,14 @@ def finding_of(cause: Cause, *, late: bool) -> Finding:
     late : bool
         Whether the force may be late, which looks like another damper, or like memory.
     """
-    stiffness = mark_of(abs(cause.stiffness), STOP_STIFFNESS)
-    damping = mark_of(abs(cause.damping), STOP_DAMPING)
-    moved = worst(stiffness, damping) != "trust"
     return Finding(
         "law",
         cause.sentence,
         f"{cause.remedy}; unless the force is late" if late else cause.remedy,
-        math.nan,
-        stiffness,
-        damping,
-        severity_of(worst(stiffness, "with-care" if moved else "trust")),
-        100.0 * cause.stiffness,
-        100.0 * cause.damping,
+        stiffness=mark_of(abs(cause.stiffness), STOP_STIFFNESS),
+        damping=mark_of(abs(cause.damping), STOP_DAMPING),
+        moves_stiffness_percent=100.0 * cause.stiffness,
+        moves_damping_percent=100.0 * cause.damping,
     )
 
 
@@ -271,7 +254,7 @@ RESOLVED = 5.0
 def surface(fit: Fit) -> list[Cause]:
     """Levenberg–Marquardt on (k, c, n, F₀, d), the free approach included; Hunt–Crossley only."""
     law = fit.solution.law
-    if not isinstance(law, HuntCrossley) or not fit.with_offset:
+    if not law.power_law or not fit.with_offset:
         return []
     if not fit.free_air or fit.estimate.surface_standard_error:
         return []
@@ -356,7 +339,6 @@ def misfit(fit: Fit) -> Finding | None:
     left, times = unexplained(fit), ratio(fit)
     if left <= UNEXPLAINED and times <= RATIO:
         return None
-    mark: Mark = "do-not-trust" if left > TOO_MUCH_UNEXPLAINED else "with-care"
     part = rounded(left, 2) if left < 0.01 else f"{left:.0%}"
     remedy = "palpate compare shows whether another law fits better"
     if better_law(fit) is not None:
@@ -365,14 +347,15 @@ def misfit(fit: Fit) -> Finding | None:
         remedy = "--law any tries more laws, and palpate compare other methods"
     elif fit.laws is not None:
         remedy = f"no everyday law is clearly better, by {REMEDY}; palpate compare has all methods"
+    mark: Mark = "do-not-trust" if left > TOO_MUCH_UNEXPLAINED else "trust"
     return Finding(
         "misfit",
         f"the law leaves {part} of the force unexplained, {rounded(times, 2)} times the noise",
         remedy,
-        z=times,
-        stiffness=mark if mark == "do-not-trust" else "trust",
-        damping=mark if mark == "do-not-trust" else "trust",
-        severity=severity_of(mark),
+        "with-care",
+        times,
+        mark,
+        mark,
     )
 
 
@@ -394,7 +377,8 @@ def offset(fit: Fit) -> Finding | None:
         f"{'above' if difference > 0 else 'below'} that in free air: it is another law at light "
         "touch, or the tare is wrong",
         "--tare START:STOP over a time without contact",
-        z=z,
+        "with-care",
+        z,
     )
 
 
@@ -402,7 +386,8 @@ def excitation(fit: Fit) -> Finding | None:
     """The motion says too little of stiffness or damping at working depth."""
     count = int(np.count_nonzero(fit.inside))
     if count < FEWEST_SAMPLES or len(fit.band) < FEWEST_ROWS // 2:
-        return stop("excitation", f"only {count} samples in contact", "record longer")
+        words = f"only {count} samples in contact"
+        return Finding.of_both("do-not-trust", "excitation", words, "record longer")
     _, stiffness, damping = standard_errors(fit)
     of_stiffness, of_damping = stiffness / fit.sizes[0], damping / fit.sizes[1]
     mark: Mark = "trust"
@@ -417,7 +402,6 @@ def excitation(fit: Fit) -> Finding | None:
         "palpate design finds a better motion: more speed, or a wider range of depths",
         stiffness=mark,
         damping="with-care" if of_damping > WIDE_DAMPING else "trust",
-        severity=severity_of(worst(mark, "with-care")),
     )
 
 
@@ -426,13 +410,12 @@ def extrapolation(fit: Fit) -> Finding | None:
     least, peak = fit.range
     if least <= fit.depth <= peak:
         return None
-    return Finding(
+    return Finding.of_both(
+        "with-care",
         "depth",
         f"the working depth, {in_words(fit.depth, 'm')}, lies outside the depths in contact, "
         f"{in_words(least, 'm')} to {in_words(peak, 'm')}: the law is extrapolated",
         "choose another with --at, or press as deep",
-        stiffness="with-care",
-        damping="with-care",
     )
 
 
@@ -462,7 +445,6 @@ def method(fit: Fit) -> Finding | None:
         return None
     off_s, off_c = (apart / fit.sizes).tolist()
     large = max(abs(off_s), abs(off_c)) > CARE
-    mark_s, mark_c = mark_of(abs(off_s), STOP_STIFFNESS), mark_of(abs(off_c), STOP_DAMPING)
     words = "the method fails here: its" if large else "the method's"
     return Finding(
         "method",
@@ -470,9 +452,8 @@ def method(fit: Fit) -> Finding | None:
         f"least squares of its own law, {rounded(z, 2)} standard errors",
         "--method variable-projection",
         z=z,
-        stiffness=mark_s,
-        damping=mark_c,
-        severity=severity_of(worst(mark_s, "with-care") if large else "trust"),
+        stiffness=mark_of(abs(off_s), STOP_STIFFNESS),
+        damping=mark_of(abs(off_c), STOP_DAMPING),
         moves_stiffness_percent=-100.0 * off_s,
         moves_damping_percent=-100.0 * off_c,
     )
@@ -501,9 +482,9 @@ def working_depth(fit: Fit, judged: Judged) -> WorkingDepth:
     moved = np.maximum(moved, np.where(apart > OFF * errors, apart, 0.0))
     if not fit.with_offset:
         moved = np.maximum(moved, _without_offset(fit))
-    if isinstance(fit.estimate, Alike):
+    if fit.alike is not None:
         # Where memory was taken out of the force, its least squares take it for known.
-        own = np.array(fit.estimate.own_errors)
+        own = np.array(fit.alike.own_errors)
         errors = np.where(own > errors, own, errors)
     return _numbers(fit, _with_surface(fit, errors), moved)
 
@@ -531,9 +512,8 @@ def sign(fit: Fit, at: WorkingDepth, others: list[Finding]) -> list[Finding]:
                 words = f"the {name} is negative, and that of no passive material is"
             parts.append(f"{words}: {with_error(found.value, found.whole_error, unit=unit)}")
     remedy = "mend what the other findings name, or record a faster motion: palpate design"
-    severity = severity_of(worst(marks["stiffness"], "with-care"))
     both = marks["stiffness"], marks["damping"]
-    said = Finding("sign", "; ".join(parts), remedy, math.nan, *both, severity)
+    said = Finding("sign", "; ".join(parts), remedy, "note", math.nan, *both)
     return [said] if parts else []
 
 

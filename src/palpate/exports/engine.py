@@ -8,9 +8,9 @@ at the end what an engine is, and which there are.
 import math
 import re
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from importlib import import_module
+from importlib import import_module, resources
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from types import MappingProxyType
@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from palpate.digits import rounded
 from palpate.errors import ExportRefusedError, InvalidParameterError, RecordingError
 from palpate.estimators.estimate import rmse_percent
+from palpate.findings import Finding
 from palpate.force_laws import ForceLaw, GeneralisedHuntCrossley, force_over_breaks
 from palpate.identifying import Identification
 from palpate.lab.trajectories import Probing
@@ -282,6 +283,22 @@ def rebound(force: Pointwise, mass: float, speed: float, step: float) -> float:
     return abs(min(_until_surface(pushing, mass, 0.0, speed, step), 0.0)) / speed
 
 
+def came_back(states: Iterable[tuple[float, float]], drop: Drop) -> float:
+    """Restitution by penetration [m] and velocity [m/s] after each step; 0 of a body that stays."""
+    for x, v in states:
+        if x <= 0.0 and v < 0.0:
+            return -v / drop.speed
+        if not math.isfinite(v):
+            break
+    return 0.0
+
+
+def state_by_state(motion: ProbeMotion, force: Pointwise) -> Floats:
+    """Force at every state of a motion, N."""
+    states = zip(motion.penetration.tolist(), motion.velocity.tolist(), strict=True)
+    return np.array([force(x, v) for x, v in states], dtype=np.float64)
+
+
 def rebound_by(law: GeneralisedHuntCrossley, drop: Drop) -> float:
     """Restitution by another law of a body that meets it as a drop does."""
     step = half_period(law, drop.mass, drop.depth) / _STEPS
@@ -293,10 +310,12 @@ def half_period(law: GeneralisedHuntCrossley, mass: float, depth: float) -> floa
     return math.pi * math.sqrt(mass / (law.stiffness * depth ** (law.exponent - 1.0)))
 
 
-def _until_surface(force: Pointwise, mass: float, x: float, v: float, step: float) -> float:
-    """Velocity where m ẍ = −F(x, ẋ) crosses the surface; 0 where it does not in reasonable time.
+def course(
+    force: Pointwise, mass: float, x: float, v: float, step: float
+) -> Iterator[tuple[float, float]]:
+    """Yield where a free body is and how fast, m ẍ = −F(x, ẋ), until it is above the surface.
 
-    A negative step goes back in time, from the greatest depth to first touch.
+    By RK4. A negative step goes back in time, from the greatest depth to first touch.
     """
 
     def slope(depth: float, speed: float) -> float:
@@ -310,18 +329,30 @@ def _until_surface(force: Pointwise, mass: float, x: float, v: float, step: floa
         a3 = slope(x + 0.5 * step * v2, v3)
         v4 = v + step * a3
         a4 = slope(x + step * v3, v4)
-        nearer = x + step * (v + 2.0 * v2 + 2.0 * v3 + v4) / 6.0
-        faster = v + step * (a1 + 2.0 * a2 + 2.0 * a3 + a4) / 6.0
+        x += step * (v + 2.0 * v2 + 2.0 * v3 + v4) / 6.0
+        v += step * (a1 + 2.0 * a2 + 2.0 * a3 + a4) / 6.0
+        yield x, v
+        if x <= 0.0 or not math.isfinite(v):
+            return
+
+
+def _until_surface(force: Pointwise, mass: float, x: float, v: float, step: float) -> float:
+    """Velocity of :func:`course` at the surface; 0 where it is not met in reasonable time."""
+    for nearer, faster in course(force, mass, x, v, step):
         if nearer <= 0.0:
             # Where x is 0 within the step, by a line.
             return v + (faster - v) * x / (x - nearer) if x > nearer else faster
         x, v = nearer, faster
-        if not math.isfinite(v):
-            break
     return 0.0
 
 
 # Text for engines and about them: numbers that read back exactly, errors, and comments.
+
+
+def template(name: str, **values: str) -> str:
+    """Return one of the engines' texts, which lie in ``templates``, with its places filled in."""
+    text = resources.files("palpate.exports") / "templates" / name
+    return text.read_text(encoding="utf-8").format(**values)
 
 
 def digits(value: float) -> str:
@@ -385,16 +416,32 @@ def with_exponents(
 
     The law itself where it has these exponents and no memory.
     """
-    if isinstance(law, GeneralisedHuntCrossley) and not law.remembers:
-        undamped = law.damping == 0.0
-        same = law.exponent == n and (undamped or law.damping_exponent == p)
-        if same and law.damping >= 0.0:
-            return GeneralisedHuntCrossley(law.stiffness, n, law.damping, p)
+    if law.powers is not None and not law.remembers:
+        own = GeneralisedHuntCrossley.of(law)
+        same = own.exponent == n and (own.damping == 0.0 or own.damping_exponent == p)
+        if same and own.damping >= 0.0:
+            return GeneralisedHuntCrossley(own.stiffness, n, own.damping, p)
     firm = motion.judged
     x, v = motion.penetration[firm], motion.velocity[firm]
     force = motion.force_by(law)[firm]
     stiffness, damping = _least_squares(x**n, x**p * v, force)
     return GeneralisedHuntCrossley(stiffness, n, damping, p)
+
+
+def with_one_exponent(
+    law: GeneralisedHuntCrossley, motion: ProbeMotion, n: float
+) -> GeneralisedHuntCrossley:
+    """Return the K xⁿ (1 + b v), b ≥ 0, nearest to a law.
+
+    Of a law with p = n it has that one's own b = B/K, and so its restitution.
+    """
+    if law.damping > 0.0 and law.damping_exponent != law.exponent:
+        return with_exponents(law, motion, n, n)
+    b = max(law.damping, 0.0) / law.stiffness
+    x, v = motion.penetration[motion.judged], motion.velocity[motion.judged]
+    weight = np.maximum(1.0 + b * v, 0.0) ** 2 * x**n
+    stiffness = law.stiffness * float(weight @ x**law.exponent / (weight @ x**n))
+    return GeneralisedHuntCrossley(stiffness, n, stiffness * b, n)
 
 
 def kelvin_voigt(law: ForceLaw, motion: ProbeMotion) -> GeneralisedHuntCrossley:
@@ -517,6 +564,16 @@ class Replayed:
     how: str
 
 
+def warned(*messages: str) -> tuple[Finding, ...]:
+    """Return what a user of an engine should know."""
+    return tuple(Finding("engine", message, severity="with-care") for message in messages)
+
+
+def refused(*messages: str) -> tuple[Finding, ...]:
+    """Return why a law should not be used in an engine."""
+    return tuple(Finding("engine", message, severity="do-not-trust") for message in messages)
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Fragment(ABC):
     """A law in an engine's own numbers: text to paste, and what the engine will do with it.
@@ -536,8 +593,8 @@ class Fragment(ABC):
         Whether that is the law that was asked for, to the engine's own accuracy.
     largest_step : float, optional
         The time step from which on the simulation is unstable, s.
-    warnings, refusals : tuple of str
-        What a user should know; and why this should not be used.
+    findings : tuple of Finding
+        What a user should know, :func:`warned`; and why this should not be used, :func:`refused`.
     most_samples : int
         At how many states, for an engine that is slow.
     """
@@ -549,8 +606,7 @@ class Fragment(ABC):
     engine_law: GeneralisedHuntCrossley | None = None
     exact: bool = False
     largest_step: float | None = None
-    warnings: tuple[str, ...] = ()
-    refusals: tuple[str, ...] = ()
+    findings: tuple[Finding, ...] = ()
 
     @abstractmethod
     def files(self, notes: Sequence[str]) -> Mapping[str, str]:

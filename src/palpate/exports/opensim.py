@@ -5,13 +5,10 @@ E = K/(4/3 √R), which OpenSim calls stiffness, and c = (B/K)/1.5. Each body ha
 own, from a file; set from Python both would be given the same material.
 """
 
-import math
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar
-
-import numpy as np
 
 from palpate.errors import InvalidParameterError
 from palpate.exports.engine import (
@@ -21,125 +18,16 @@ from palpate.exports.engine import (
     Fragment,
     ProbeMotion,
     Replayed,
+    came_back,
     digits,
     hash_comment,
-    with_exponents,
+    state_by_state,
+    template,
+    warned,
+    with_one_exponent,
     xml_comment,
 )
-from palpate.force_laws import GeneralisedHuntCrossley
-from palpate.validation import Floats
 from palpate.writing import temporary_file
-
-MODEL = """\
-<?xml version="1.0" encoding="UTF-8"?>
-{comment}
-<OpenSimDocument Version="40500">
-  <Model name="contact">
-    <gravity>0 0 0</gravity>
-    <BodySet name="bodyset">
-      <objects>
-        <Body name="tip">
-          <mass>{mass}</mass>
-          <mass_center>0 0 0</mass_center>
-          <inertia>{inertia} {inertia} {inertia} 0 0 0</inertia>
-        </Body>
-      </objects>
-    </BodySet>
-    <JointSet name="jointset">
-      <objects>
-        <!-- x is into the surface; the coordinate is the penetration. -->
-        <SliderJoint name="slide">
-          <socket_parent_frame>touching</socket_parent_frame>
-          <socket_child_frame>centre</socket_child_frame>
-          <coordinates>
-            <Coordinate name="penetration"/>
-          </coordinates>
-          <frames>
-            <PhysicalOffsetFrame name="touching">
-              <socket_parent>/ground</socket_parent>
-              <translation>{above} 0 0</translation>
-            </PhysicalOffsetFrame>
-            <PhysicalOffsetFrame name="centre">
-              <socket_parent>/bodyset/tip</socket_parent>
-              <translation>0 0 0</translation>
-            </PhysicalOffsetFrame>
-          </frames>
-        </SliderJoint>
-      </objects>
-    </JointSet>
-    <ForceSet name="forceset">
-      <objects>
-        <!-- Paste this force, and give both geometries its names. -->
-        <HuntCrossleyForce name="contact">
-          <HuntCrossleyForce::ContactParametersSet name="contact_parameters">
-            <objects>
-              <HuntCrossleyForce::ContactParameters>
-                <geometry>surface</geometry>
-                <stiffness>{stiffness}</stiffness>
-                <dissipation>{dissipation}</dissipation>
-              </HuntCrossleyForce::ContactParameters>
-              <HuntCrossleyForce::ContactParameters>
-                <geometry>sphere</geometry>
-                <stiffness>{rigid}</stiffness>
-                <dissipation>0</dissipation>
-              </HuntCrossleyForce::ContactParameters>
-            </objects>
-          </HuntCrossleyForce::ContactParametersSet>
-        </HuntCrossleyForce>
-      </objects>
-    </ForceSet>
-    <ContactGeometrySet name="contactgeometryset">
-      <objects>
-        <ContactSphere name="sphere">
-          <socket_frame>/bodyset/tip</socket_frame>
-          <location>0 0 0</location>
-          <radius>{radius}</radius>
-        </ContactSphere>
-        <ContactHalfSpace name="surface">
-          <socket_frame>/ground</socket_frame>
-          <location>0 0 0</location>
-        </ContactHalfSpace>
-      </objects>
-    </ContactGeometrySet>
-  </Model>
-</OpenSimDocument>
-"""
-
-SCENE = '''\
-"""The smallest scene with this contact: a tip meets the surface, and rebounds.
-
-pip install opensim
-"""
-{comment}
-
-from pathlib import Path
-
-import opensim
-
-SPEED = {speed}  # m/s, at first touch
-
-model = opensim.Model(str(Path(__file__).with_name("contact.osim")))
-state = model.initSystem()
-slide = model.getCoordinateSet().get("penetration")
-slide.setSpeedValue(state, SPEED)
-manager = opensim.Manager(model)
-manager.setIntegratorAccuracy(1e-7)
-manager.setIntegratorMaximumStepSize({time_step})
-manager.initialize(state)
-
-deepest, time = 0.0, 0.0
-while time < 10.0:
-    time += {time_step}
-    state = manager.integrate(time)
-    depth, speed = slide.getValue(state), slide.getSpeedValue(state)
-    deepest = max(deepest, depth)
-    if depth <= 0.0 and speed < 0.0:
-        print(f"{{1e3 * deepest:.3g}} mm deep, back at {{-speed / SPEED:.3f}} of the speed")
-        break
-else:
-    print(f"{{1e3 * deepest:.3g}} mm deep, and it stays")
-'''
-
 
 # OpenSim itself: the model as it reads it, pressed and dropped.
 
@@ -163,15 +51,12 @@ class OpenSimScene:
         )
         self._column = self._force.getRecordLabels().findIndex("contact.tip.force.X")
 
-    def forces(self, motion: ProbeMotion) -> Floats:
-        """Return the force at every state of a motion, N."""
-        force = np.empty(len(motion))
-        for k in range(len(motion)):
-            self._coordinate.setValue(self._state, float(motion.penetration[k]))
-            self._coordinate.setSpeedValue(self._state, float(motion.velocity[k]))
-            self._model.realizeDynamics(self._state)
-            force[k] = -self._force.getRecordValues(self._state).get(self._column)
-        return force
+    def force(self, penetration: float, velocity: float) -> float:
+        """Return the force at a state, N."""
+        self._coordinate.setValue(self._state, penetration)
+        self._coordinate.setSpeedValue(self._state, velocity)
+        self._model.realizeDynamics(self._state)
+        return -float(self._force.getRecordValues(self._state).get(self._column))
 
     def rebound(self, drop: Drop) -> float:
         """Restitution of a body of the drop's mass; 0 of one that stays."""
@@ -184,14 +69,9 @@ class OpenSimScene:
         manager.setIntegratorAccuracy(_ACCURACY)
         manager.setIntegratorMaximumStepSize(step)
         manager.initialize(state)
-        for k in range(1, _LOOKS * _LONGEST):
-            state = manager.integrate(k * step)
-            x, v = self._coordinate.getValue(state), self._coordinate.getSpeedValue(state)
-            if x <= 0.0 and v < 0.0:
-                return float(-v / drop.speed)
-            if not math.isfinite(v):
-                break
-        return 0.0
+        states = (manager.integrate(k * step) for k in range(1, _LOOKS * _LONGEST))
+        slide = self._coordinate
+        return came_back(((slide.getValue(s), slide.getSpeedValue(s)) for s in states), drop)
 
 
 def _quiet_opensim() -> Any:
@@ -225,7 +105,8 @@ class SphereOnHalfSpace(Fragment):
         """Return a model, with the force to paste, and a script that drops the tip."""
         mass, radius = self.asked.mass_or_one, self.numbers["radius"]
         modulus = self.numbers["stiffness"]
-        model = MODEL.format(
+        model = template(
+            "opensim.osim",
             comment=xml_comment([*notes, *_HEED]),
             mass=digits(mass),
             # Of a solid sphere; on its slide the tip does not turn.
@@ -236,7 +117,8 @@ class SphereOnHalfSpace(Fragment):
             dissipation=digits(self.numbers["dissipation"]),
             rigid=digits(RIGID * modulus),
         )
-        scene = SCENE.format(
+        scene = template(
+            "opensim_scene.py.txt",
             comment=hash_comment([*notes, *_HEED]),
             speed=digits(self.asked.motion.fastest),
             time_step=digits(self.asked.time_step),
@@ -246,7 +128,7 @@ class SphereOnHalfSpace(Fragment):
     def replay(self, motion: ProbeMotion) -> Replayed:
         """Return OpenSim's force at every state of a motion."""
         scene = OpenSimScene(self.files(())["contact.osim"])
-        return Replayed(scene.forces(motion), "state by state")
+        return Replayed(state_by_state(motion, scene.force), "state by state")
 
     def rebound(self, drop: Drop) -> float:
         """Restitution in OpenSim, whose integrator keeps to an accuracy and not to a step."""
@@ -278,7 +160,7 @@ class OpenSim(Engine):
                 "tip_radius is needed for OpenSim, whose force goes with its root: give that of "
                 "the tip, as in --tip-radius 5mm"
             )
-        law, radius = nearest(asked), asked.tip_radius
+        law, radius = with_one_exponent(asked.law, asked.motion, _EXPONENT), asked.tip_radius
         warnings = [
             f"for a tip of {1e3 * radius:.4g} mm only: the force goes with the root of the radius"
         ]
@@ -299,22 +181,8 @@ class OpenSim(Engine):
             },
             engine_law=law,
             exact=law == asked.law,
-            warnings=tuple(warnings),
+            findings=warned(*warnings),
         )
-
-
-def nearest(asked: Asked) -> GeneralisedHuntCrossley:
-    """The law with n = p = 3/2; where p = n with its own B/K, which keeps restitution."""
-    law, motion = asked.law, asked.motion
-    if law.damping > 0.0 and law.damping_exponent != law.exponent:
-        return with_exponents(law, motion, _EXPONENT, _EXPONENT)
-    b = max(law.damping, 0.0) / law.stiffness
-    if law.exponent == _EXPONENT:
-        return GeneralisedHuntCrossley(law.stiffness, _EXPONENT, law.stiffness * b, _EXPONENT)
-    x, v = motion.penetration[motion.judged], motion.velocity[motion.judged]
-    weight = np.maximum(1.0 + b * v, 0.0) ** 2 * x**_EXPONENT
-    stiffness = law.stiffness * float(weight @ x**law.exponent) / float(weight @ x**_EXPONENT)
-    return GeneralisedHuntCrossley(stiffness, _EXPONENT, stiffness * b, _EXPONENT)
 
 
 ENGINE = OpenSim()

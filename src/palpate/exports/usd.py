@@ -18,83 +18,9 @@ from palpate.exports.engine import (
     is_kelvin_voigt,
     kelvin_voigt,
     stable_step,
+    template,
+    warned,
 )
-
-MATERIAL = """\
-#usda 1.0
-{comment}
-(
-    defaultPrim = "Contact"
-    metersPerUnit = 1
-    kilogramsPerUnit = 1
-    upAxis = "Z"
-)
-
-def Material "Contact" (
-    prepend apiSchemas = ["PhysicsMaterialAPI", "NewtonMaterialAPI", "PhysxMaterialAPI"]
-)
-{{
-    float physics:restitution = 0
-    # Not measured: the law has no friction. At 0 the pyramidal cone of Newton's SolverMuJoCo gives
-    # NaN, and at 1 alone it leaves the normal force as it is.
-    float physics:dynamicFriction = 1
-    float physics:staticFriction = 1
-    float newton:contactStiffness = {stiffness}
-    float newton:contactDamping = {damping}
-    float physxMaterial:compliantContactStiffness = {stiffness}
-    float physxMaterial:compliantContactDamping = {damping}
-    bool physxMaterial:compliantContactAccelerationSpring = 0
-}}
-"""
-
-SCENE = """\
-#usda 1.0
-{comment}
-(
-    defaultPrim = "World"
-    metersPerUnit = 1
-    kilogramsPerUnit = 1
-    upAxis = "Z"
-)
-
-def Xform "World"
-{{
-    def PhysicsScene "physics"
-    {{
-        vector3f physics:gravityDirection = (0, 0, -1)
-        float physics:gravityMagnitude = 0
-    }}
-
-    def "Contact" (
-        prepend references = @./material.usda@</Contact>
-    )
-    {{
-    }}
-
-    # Both shapes are bound to the material: where one has none Newton takes the mean of this and
-    # its own defaults.
-    def Plane "ground" (
-        prepend apiSchemas = ["PhysicsCollisionAPI", "MaterialBindingAPI"]
-    )
-    {{
-        uniform token axis = "Z"
-        rel material:binding:physics = </World/Contact>
-    }}
-
-    def Sphere "tip" (
-        prepend apiSchemas = [
-            "PhysicsRigidBodyAPI", "PhysicsMassAPI", "PhysicsCollisionAPI", "MaterialBindingAPI"
-        ]
-    )
-    {{
-        rel material:binding:physics = </World/Contact>
-        double radius = {radius}
-        float physics:mass = {mass}
-        double3 xformOp:translate = (0, 0, {radius})
-        uniform token[] xformOpOrder = ["xformOp:translate"]
-    }}
-}}
-"""
 
 _ALWAYS = (
     "bind the material to both shapes, the one that presses and the one that is pressed: where one "
@@ -116,8 +42,10 @@ class _Material(Fragment):
         asked, comment = self.asked, hash_comment(notes)
         scene = {"radius": digits(asked.radius_or_any), "mass": digits(asked.mass_or_one)}
         return {
-            "material.usda": MATERIAL.format(comment=comment, stiffness=stiffness, damping=damping),
-            "scene.usda": SCENE.format(comment=comment, **scene),
+            "material.usda": template(
+                "usd_material.usda", comment=comment, stiffness=stiffness, damping=damping
+            ),
+            "scene.usda": template("usd_scene.usda", comment=comment, **scene),
         }
 
 
@@ -149,7 +77,7 @@ class Usd(Engine):
             },
             engine_law=law,
             exact=is_kelvin_voigt(asked.law),
-            warnings=(*_ALWAYS, *([explicit] if asked.time_step >= 0.5 * limit else [])),
+            findings=warned(*_ALWAYS, *([explicit] if asked.time_step >= 0.5 * limit else [])),
         )
 
 

@@ -6,9 +6,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from palpate.figures.style import DARK, LIGHT, Theme, style
+from palpate.figures.style import style
 from palpate.recordings.recording import Recording
 from palpate.recordings.survey import GAP, ClockSurvey, Survey, seconds
+from palpate.results.colours import DARK, LIGHT, Theme
 from palpate.validation import Floats
 
 if TYPE_CHECKING:

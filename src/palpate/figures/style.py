@@ -5,26 +5,32 @@ import io
 import math
 import re
 import warnings
-import zlib
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
-from functools import lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from palpate.contact import Contact
 from palpate.digits import PLAIN
 from palpate.errors import MissingExtraError, RecordingError
+from palpate.results.colours import DARK, LIGHT, Theme
 from palpate.validation import Floats, number_in
 from palpate.writing import check_writable, write_bytes
 
-if TYPE_CHECKING:
+try:
+    import matplotlib
     from matplotlib.axes import Axes
+    from matplotlib.backends.backend_svg import FigureCanvasSVG
     from matplotlib.figure import Figure
+    from matplotlib.font_manager import FontProperties
+    from matplotlib.textpath import text_to_path
+    from matplotlib.ticker import ScalarFormatter
+except ImportError:
+    raise MissingExtraError("figures need matplotlib: pip install 'palpate[figures]'") from None
 
 
 def wrapped(words: str, width: float, size: float, lines: int) -> str:
@@ -57,17 +63,13 @@ def wrapped(words: str, width: float, size: float, lines: int) -> str:
 
 def width_of(words: str, size: float) -> float:
     """Width of a line in letters of a size, points."""
-    from matplotlib import rcParams
-
-    return _width_in((*rcParams["font.family"], *rcParams["font.sans-serif"]), words, size)
+    fonts = matplotlib.rcParams["font.family"], matplotlib.rcParams["font.sans-serif"]
+    return _width_in((*fonts[0], *fonts[1]), words, size)
 
 
 @functools.lru_cache(4096)  # a page's figures share most of their words
 def _width_in(fonts: tuple[str, ...], words: str, size: float) -> float:
     """Width of a line in the fonts that matplotlib is set to."""
-    from matplotlib.font_manager import FontProperties
-    from matplotlib.textpath import text_to_path
-
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", "Glyph .* missing from")  # it has some width
         found = text_to_path.get_text_width_height_descent(words, FontProperties(size=size), False)
@@ -148,7 +150,7 @@ def sheet_of(width: float | None) -> Sheet:
 
 
 def set_titles(
-    figure: "Figure", sheet: Sheet, title: list[str], caption: str = "", *, lines: int = 2
+    figure: Figure, sheet: Sheet, title: list[str], caption: str = "", *, lines: int = 2
 ) -> None:
     """Write a title, each of its sentences from a line of its own on, and a caption below."""
     large, small = 1.1 * sheet.font, 0.93 * sheet.font
@@ -163,7 +165,7 @@ def set_titles(
     figure.set_layout_engine("constrained", rect=(0.0, 0.0, 1.0 - margin, 1.0))
 
 
-def head(axes: "Axes", title: str, *, legend: bool = True) -> None:
+def head(axes: Axes, title: str, *, legend: bool = True) -> None:
     """Write the title of a panel, and its legend between title and panel, where no data are."""
     handles, labels = axes.get_legend_handles_labels() if legend else ([], [])
     _write_numbers_out(axes)
@@ -194,17 +196,15 @@ def head(axes: "Axes", title: str, *, legend: bool = True) -> None:
     axes.set_title(words, loc="left", pad=pad, y=1.0, fontsize=size, parse_math=False)
 
 
-def _write_numbers_out(axes: "Axes") -> None:
+def _write_numbers_out(axes: Axes) -> None:
     """Let ticks have no power of ten beside the axis: the unit has it, where one is needed."""
-    from matplotlib.ticker import ScalarFormatter
-
     for axis in (axes.xaxis, axes.yaxis):
         formatter = axis.get_major_formatter()
         if isinstance(formatter, ScalarFormatter):
             formatter.set_scientific(False)
 
 
-def stack(panels: "Sequence[Axes]") -> None:
+def stack(panels: Sequence[Axes]) -> None:
     """Let panels one below the other have one abscissa, with its numbers below the last."""
     low = min(axes.get_xlim()[0] for axes in panels)
     high = max(axes.get_xlim()[1] for axes in panels)
@@ -215,7 +215,7 @@ def stack(panels: "Sequence[Axes]") -> None:
         axes.set_xlabel("")
 
 
-def _room(axes: "Axes", size: float) -> float:
+def _room(axes: Axes, size: float) -> float:
     """Width of a panel, points: its part of the figure, without ticks and label of its axis."""
     place, figure = axes.get_subplotspec(), axes.figure
     part = 1.0
@@ -263,90 +263,34 @@ _DOTS_AN_INCH = 300
 _DECIMALS = re.compile(rb"(\.\d\d)\d+")
 
 
-@dataclass(frozen=True, slots=True)
-class Theme:
-    """Colours of Okabe & Ito, distinct for colour-blind readers too, for one background."""
-
-    background: str
-    ink: str
-    grid: str
-    measured: str
-    lines: tuple[str, ...]
-
-    def variables(self) -> dict[str, str]:
-        """Each colour by the name that a page's style sheet has for it."""
-        named = {"background": self.background, "ink": self.ink, "grid": self.grid}
-        named |= {"measured": self.measured}
-        named |= {f"line-{k}": colour for k, colour in enumerate(self.lines)}
-        return {f"--drawing-{name}": colour for name, colour in named.items()}
-
-
-LIGHT = Theme(
-    "#ffffff",
-    "#1a1a1a",
-    "#dddddd",
-    "#8c8c8c",
-    ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#a6761d", "#332288", "#5a6b00"),
-)
-DARK = Theme(
-    "#16181c",
-    "#e8e8e8",
-    "#3a3d44",
-    "#9a9a9a",
-    ("#56b4e9", "#e69f00", "#2fc99a", "#e39ac3", "#c9b458", "#a89bff", "#9fb33c"),
-)
-
-
-class style:  # noqa: N801 - reads as a statement
+@contextmanager
+def style(theme: Theme, sheet: Sheet = PAGE) -> Iterator[type[Figure]]:
     """Matplotlib's settings for one figure, put back afterwards."""
-
-    def __init__(self, theme: Theme, sheet: Sheet = PAGE) -> None:
-        try:
-            import matplotlib
-
-        except ImportError:
-            raise MissingExtraError(
-                "figures need matplotlib: pip install 'palpate[figures]'"
-            ) from None
-        self._new_figure = Drawn
-        font, scale = sheet.font, sheet.scale
-        self._context = matplotlib.rc_context(
-            {
-                "figure.facecolor": theme.background,
-                "axes.facecolor": theme.background,
-                "axes.edgecolor": theme.ink,
-                "axes.labelcolor": theme.ink,
-                "text.color": theme.ink,
-                "xtick.color": theme.ink,
-                "ytick.color": theme.ink,
-                "grid.color": theme.grid,
-                "axes.grid": True,
-                "axes.spines.top": False,
-                "axes.spines.right": False,
-                "axes.axisbelow": True,
-                "axes.titlesize": 10.0 * scale,
-                "axes.formatter.useoffset": False,
-                "axes.formatter.limits": (-3, 4),
-                "legend.frameon": False,
-                "legend.fontsize": 9.0 * scale,
-                "lines.linewidth": 1.3 * scale,
-                "axes.linewidth": 0.8 * scale,
-                "grid.linewidth": 0.8 * scale,
-                "font.family": "sans-serif",
-                "font.sans-serif": _FONTS,
-                "font.size": font,
-            }
-        )
-
-    def __enter__(self) -> type["Figure"]:
-        self._context.__enter__()
-        return self._new_figure
-
-    def __exit__(self, *error: Any) -> None:
-        self._context.__exit__(*error)
+    scale = sheet.scale
+    inked = ("axes.edgecolor", "axes.labelcolor", "text.color", "xtick.color", "ytick.color")
+    settings: dict[Any, Any] = {
+        **dict.fromkeys(inked, theme.ink),
+        **dict.fromkeys(("figure.facecolor", "axes.facecolor"), theme.background),
+        **dict.fromkeys(("axes.linewidth", "grid.linewidth"), 0.8 * scale),
+        **dict.fromkeys(("axes.spines.top", "axes.spines.right"), False),
+        "grid.color": theme.grid,
+        "axes.grid": True,
+        "axes.axisbelow": True,
+        "axes.titlesize": 10.0 * scale,
+        "axes.formatter.useoffset": False,
+        "axes.formatter.limits": (-3, 4),
+        "legend.frameon": False,
+        "legend.fontsize": 9.0 * scale,
+        "lines.linewidth": 1.3 * scale,
+        "font.family": "sans-serif",
+        "font.sans-serif": _FONTS,
+        "font.size": sheet.font,
+    }
+    with matplotlib.rc_context(settings):
+        yield Drawn
 
 
-def save(figure: "Figure", path: str | Path, inputs: Sequence[Path] = ()) -> None:
+def save(figure: Figure, path: str | Path, inputs: Sequence[Path] = ()) -> None:
     """Write a figure whole or not at all; the ending of ``path`` chooses the format.
 
     Parameters
@@ -372,17 +316,14 @@ def check_figure(path: Path, inputs: Sequence[Path] = ()) -> None:
 
     Raises
     ------
-    MissingExtraError
-        matplotlib is not installed.
     RecordingError
         As :func:`save`, or the figure would replace one of the ``inputs``.
     """
-    style(LIGHT)
     _format_of(path)
     check_writable(path, inputs)
 
 
-def as_svg(figure: "Figure") -> str:
+def as_svg(figure: Figure) -> str:
     """Return a figure as SVG, the same as :func:`save` writes."""
     return _as_bytes(figure, ".svg").decode("utf-8")
 
@@ -393,9 +334,7 @@ def recoloured(svg: str) -> str:
     return re.sub(r"#[0-9a-f]{6}\b", lambda colour: dark.get(colour[0], colour[0]), svg)
 
 
-def _as_bytes(figure: "Figure", ending: str) -> bytes:
-    import matplotlib
-
+def _as_bytes(figure: Figure, ending: str) -> bytes:
     drawn = io.BytesIO()
     with matplotlib.rc_context(_WRITTEN), warnings.catch_warnings():
         # A name in a script that the font lacks is drawn as boxes, and axes to 1e308 overflow.
@@ -415,13 +354,11 @@ def _as_bytes(figure: "Figure", ending: str) -> bytes:
     return drawn.getvalue()
 
 
-def _svg_of(figure: "Figure", dots: float) -> bytes:
+def _svg_of(figure: Figure, dots: float) -> bytes:
     """An SVG, drawn once: ``savefig`` draws a figure first to lay it out, and then again.
 
     Paths to a hundredth of a point, which nobody sees: matplotlib writes a millionth.
     """
-    from matplotlib.backends.backend_svg import FigureCanvasSVG
-
     drawn, shown, before = io.BytesIO(), figure.canvas, figure.dpi
     try:
         figure.dpi = dots  # of images
@@ -530,82 +467,6 @@ def largest(values: Floats) -> float:
     return float(np.max(size, where=np.isfinite(size), initial=0.0))
 
 
-# Drawings without what nobody sees: a page holds two of every figure.
-
-
-def slim(svg: str) -> str:
-    """Return matplotlib's SVG, looking the same to a tenth of a point, at about half its size."""
-    svg = re.sub(r"<!--.*?-->", "", svg, flags=re.DOTALL)
-    svg = re.sub(r'<g id="[^"]*"', "<g", svg)  # what is referred to is a path or a clipping path
-    svg = re.sub(r' d="([^"]*)"', _path, _ungrouped(svg))
-    svg = re.sub(r' (x|y)="[^"]*"', lambda place: _cut(place[0], 2), svg)
-    return re.sub(r"\s*\n\s*", "\n", _styles_named(svg))
-
-
-def _path(found: re.Match[str]) -> str:
-    """Give each place of straight lines by the step to it, in whole tenths so that none adds up."""
-    places = _cut(found[1], 1)
-    if not re.fullmatch(r"[MLz\d\s.-]*", places):
-        return f' d="{places}"'
-    here = start = (0, 0)
-    written = ""
-    for command, numbers in re.findall(r"([MLz])([^MLz]*)", places):
-        tenths = [round(10.0 * float(number)) for number in numbers.split()]
-        steps = []
-        for place in zip(tenths[::2], tenths[1::2], strict=True):
-            steps += [_step(new - old) for new, old in zip(place, here, strict=True)]
-            here = place
-        if command == "M":
-            start = here
-        elif command == "z":
-            here = start
-        # More places after a move are lines.
-        letter = {"M": "m", "L": " ", "z": "z"}[command]
-        written += letter + " ".join(steps)
-    return f' d="{written.replace(" -", "-")}"'
-
-
-# Most steps of a curve are among a few hundred.
-@lru_cache(maxsize=4096)
-def _step(tenths: int) -> str:
-    return re.sub(r"^(-?)0\.", r"\1.", f"{tenths / 10:g}")
-
-
-def _ungrouped(svg: str) -> str:
-    """Leave out groups that say nothing of what they hold."""
-    said: list[bool] = []
-
-    def kept(tag: re.Match[str]) -> str:
-        if tag[0].endswith("/>"):
-            return ""  # it holds nothing
-        if tag[0] != "</g>":
-            said.append(tag[0] != "<g>")
-            return tag[0] if said[-1] else ""
-        return tag[0] if said.pop() else ""
-
-    return re.sub(r"<g\b[^>]*>|</g>", kept, svg)
-
-
-def _cut(text: str, digits: int) -> str:
-    return re.sub(rf"(\.\d{{{digits}}})\d+", r"\1", text)
-
-
-def _styles_named(svg: str) -> str:
-    """Give each style a class: matplotlib repeats it at every tick.
-
-    Its name depends on the style alone: drawings that stand in one page may share their classes.
-    """
-    names: dict[str, str] = {}
-
-    def named(style: re.Match[str]) -> str:
-        name = f"s{zlib.crc32(style[1].encode('utf-8'))}"
-        return f' class="{names.setdefault(style[1], name)}"'
-
-    svg = re.sub(r' style="([^"]*)"', named, svg)
-    rules = "".join(f".{name}{{{style}}}" for style, name in names.items())
-    return svg.replace("</style>", f"{rules}</style>", 1)
-
-
 # A figure that a notebook shows by itself: only those of pyplot are shown else.
 
 
@@ -613,7 +474,7 @@ class Drawn(Figure):
     """matplotlib's figure, in a notebook too."""
 
     def _repr_svg_(self) -> str:
-        svg = slim(as_svg(self))
+        svg = as_svg(self)
         # As wide as the cell at most.
         return svg[svg.index("<svg") :].replace(
             "<svg", '<svg style="max-width:100%;height:auto"', 1

@@ -10,8 +10,9 @@ import numpy as np
 
 from palpate._core import Status
 from palpate.contact import Contact
-from palpate.diagnosis import Data, Finding
+from palpate.diagnosis import Data
 from palpate.estimators.estimate import Estimate
+from palpate.findings import Finding
 from palpate.fleet.tasks import Settings, line_of, needed
 from palpate.force_laws import ForceLaw
 from palpate.identification.identified import Identified
@@ -182,7 +183,7 @@ def failure(error: Exception) -> Row:
 
 def in_words(finding: Finding) -> str:
     """Return a finding in a line: severity, check, sentence."""
-    return f"{finding.severity}: {finding.check}: {finding.sentence}"
+    return f"{finding.severity}: {finding.check}: {finding.message}"
 
 
 def at_depth(law: ForceLaw, covariance: Floats, depth: float) -> Row:

@@ -11,9 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.errors import InvalidParameterError, PalpateError
-from palpate.figures.style import DARK, LIGHT, Theme, save, style
+from palpate.figures.style import save, style
 from palpate.lab.bench import Bench
 from palpate.lab.rig import Geometry, Simulation, TwinPantograph, require_mujoco
+from palpate.results.colours import DARK, LIGHT, Theme
 from palpate.writing import write_bytes
 
 if TYPE_CHECKING:

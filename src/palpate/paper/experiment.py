@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 import palpate
-from palpate.figures.style import LIGHT
 from palpate.figures.style import style as style
 from palpate.force_laws import Floats, ForceLaw
 from palpate.paper.judging import (
@@ -25,6 +24,7 @@ from palpate.paper.judging import (
     said,
     unit_of,
 )
+from palpate.results.colours import LIGHT
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes as Axes

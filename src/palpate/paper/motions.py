@@ -11,6 +11,7 @@ import numpy as np
 
 import palpate
 from palpate import lab
+from palpate.findings import MARKS
 from palpate.paper import experiment, rig
 from palpate.paper.experiment import (
     THEME,
@@ -263,8 +264,7 @@ METHODS: Mapping[str, tuple[rig.Method, Mapping[str, Any]]] = {
     "memory: --law auto": (palpate.ViscoelasticContact, {}),
     "memory: --law any": (palpate.ViscoelasticContact, {"memory": "any"}),
 }
-#: What a diagnosis says of a number, from the best to the worst, and what it advises.
-MARKS = ("trust", "with-care", "do-not-trust")
+#: What a diagnosis advises.
 ADVICE = ("nothing", "--law auto", "--law any", "something else")
 QUANTITIES = {"K′": "N/m", "B′": "N·s/m"}
 SAID = (

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 import palpate
-from palpate.figures.style import as_svg, recoloured, slim
+from palpate.figures.style import as_svg, recoloured
 from palpate.fleet.running import ignoring_interrupts
 from palpate.paper.experiment import Experiment, Outcome
 from palpate.paper.report import Report, figures_of, versions, write_report
@@ -155,7 +155,7 @@ def perform(experiments: Sequence[Experiment], given: Given) -> list[Result]:
                 results.append(each.run(given))
                 continue
             # Not into files: a worker that is stopped could not take its half of one away.
-            light = slim(as_svg(each.figure(given)))
+            light = as_svg(each.figure(given))
             results.append((light, recoloured(light)))
         except Exception as error:
             last = traceback.extract_tb(error.__traceback__)[-1]

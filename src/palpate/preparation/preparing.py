@@ -10,8 +10,9 @@ from typing import Any, Literal, Protocol, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from palpate.contact import Contact, Remark
+from palpate.contact import Contact
 from palpate.errors import InvalidParameterError
+from palpate.findings import Finding
 from palpate.preparation.along_penetration import along_penetration, contact_of_arrays
 from palpate.preparation.clocks import signals_of
 from palpate.preparation.roles import Columns, Roles, is_wanted, roles_of
@@ -69,7 +70,7 @@ def prepare(
     A recording of a penetration is taken as it is. One of a position has its force tared where the
     probe is seen out of contact, both are projected on the contact normal, and the surface is
     found; a probe that travels is cut into episodes at one place each, which are the segments of
-    the contact. What is done, found and assumed is in ``provenance``, ``remarks`` and ``prepared``.
+    the contact. ``provenance``, ``findings`` and ``prepared`` have what is done, found and assumed.
     Where there is no velocity it is worked out, a segment at a time, by
     :func:`palpate.preparation.velocity.velocity_of`.
 
@@ -124,7 +125,7 @@ def prepare(
         (start, stop), s, either of them None: only these samples.
     strict : bool
         Refuse values that are no number and times that do not increase; else the samples are left
-        out, and ``remarks`` say so.
+        out, and ``findings`` say so.
 
     Returns
     -------
@@ -186,19 +187,18 @@ def prepared_contact(recording: Recording, settings: Preparation) -> Contact:
     done = contact.provenance
     for channel, words in done.items():
         _LOGGER.info("%s: %s", channel, words)
-    used = "what could be read is used; --strict refuses the file"
     notes = {f"note on {key}" if key in done else key: v for key, v in recording.notes.items()}
     return dataclasses.replace(
         contact,
         source=recording.source,
         prepared=dataclasses.replace(contact.prepared, way=prepared_contact),
         provenance={**notes, **done},
-        remarks=(
-            *(Remark("file", words, used, "with-care") for words in recording.losses),
+        findings=(
+            *(each for each in recording.findings if each.severity != "note"),
             *_commanded(roles),
             *_unused(settings, roles, pressing=pressing),
-            *signals.remarks,
-            *contact.remarks,
+            *signals.findings,
+            *contact.findings,
         ),
     )
 
@@ -215,18 +215,18 @@ def _log_roles(roles: Roles) -> None:
             _LOGGER.info("%s is %s", role, words)
 
 
-def _commanded(roles: Roles) -> list[Remark]:
+def _commanded(roles: Roles) -> list[Finding]:
     """Say that a channel is what was wanted: the robot, and the material, may not have done it."""
     found = []
     for kind, names in (("position", roles.depth), ("force", roles.force)):
         if is_wanted(names[0]):
             words = f"the {kind} {names[0]!r} is, by its name, what was commanded, not measured"
             remedy = f"record what the robot did, and name it with --{kind}"
-            found.append(Remark("channels", words, remedy, "with-care", numbers=True))
+            found.append(Finding.of_both("with-care", "channels", words, remedy))
     return found
 
 
-def _unused(settings: Preparation, roles: Roles, *, pressing: bool) -> list[Remark]:
+def _unused(settings: Preparation, roles: Roles, *, pressing: bool) -> list[Finding]:
     """Say which settings found nothing to act on."""
     flat = pressing or len(roles.depth) == 1 or len(roles.force) == 1
     options = {
@@ -236,8 +236,8 @@ def _unused(settings: Preparation, roles: Roles, *, pressing: bool) -> list[Rema
     }
     idle = [name for name, (value, unused) in options.items() if unused and value is not None]
     words = f"{' and '.join(idle)} did nothing: position and force are not both in space"
-    remark = Remark("options", words, "leave it out, or name three channels of each")
-    return [remark] if idle else []
+    finding = Finding("options", words, "leave it out, or name three channels of each")
+    return [finding] if idle else []
 
 
 def as_recording(recorded: Recorded, *, strict: bool = False) -> Recording:
@@ -313,10 +313,10 @@ def joined(contacts: Sequence[Contact]) -> Contact:
         provenance={**first.provenance, **provenance},
         tare_deviation=_widest([contact.tare_deviation for contact in contacts]),
         surface_deviation=_widest([contact.surface_deviation for contact in contacts]),
-        remarks=tuple(
-            replace(remark, sentence=f"{contact.source}: {remark.sentence}")
+        findings=tuple(
+            replace(finding, message=f"{contact.source}: {finding.message}")
             for contact in contacts
-            for remark in contact.remarks
+            for finding in contact.findings
         ),
         prepared=None,
     )

@@ -7,9 +7,10 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.contact import Contact, Remark, Severity, between, slices_of
+from palpate.contact import Contact, between, slices_of
 from palpate.digits import with_error
 from palpate.errors import RecordingError
+from palpate.findings import Finding, Mark
 from palpate.preparation.along_penetration import (
     Place,
     Prepared,
@@ -29,7 +30,7 @@ from palpate.preparation.settings import (
     no_normal,
     normal_found,
     normal_given,
-    turn_remark,
+    turn_findings,
     turned,
 )
 from palpate.preparation.surfaces import (
@@ -70,14 +71,14 @@ class AlongNormal:
         N, compression positive.
     normal : Normal or None
         None where both are along one axis already.
-    remarks : list of Remark
+    findings : list of Finding
         What was assumed.
     """
 
     depth: Floats
     force: Floats
     normal: Normal | None = None
-    remarks: list[Remark] = field(default_factory=list)
+    findings: list[Finding] = field(default_factory=list)
 
 
 #: A time at one place, what of the probe it is, and what that is along its normal.
@@ -88,7 +89,7 @@ def along_normal(
     recording: Recording, roles: Roles, signals: Signals, settings: Preparation
 ) -> Contact:
     """Make a contact of a position and a force, tared and projected on the contact normal."""
-    made, remarks = dict(signals.made), list[Remark]()
+    made, findings = dict(signals.made), list[Finding]()
     if "force" in settings.flip:
         signals = replace(signals, force=-signals.force)
     if "penetration" in settings.flip:
@@ -96,23 +97,23 @@ def along_normal(
     low, high = settings.window or (None, None)
     ends = -math.inf if low is None else low, math.inf if high is None else high
     signals = signals.taken(between(signals.time, *ends, recording.source))
-    signals = _framed(recording, roles, signals, settings, remarks)
+    signals = _framed(recording, roles, signals, settings, findings)
     if settings.tool_weight is not None and signals.force.ndim == signals.depth.ndim == 2:
         add(made, "force", f"less the tool's weight of {settings.tool_weight:g} N")
     with stage(_LOGGER, "zero of the force"):
         signals, zero, said = tared(signals, settings, recording.source)
-    remarks += said
+    findings += said
     if zero is not None:
-        zero.say(made, remarks)
+        zero.say(made, findings)
     if signals.orientation is not None:
         add(made, "force", "turned by the orientation")
     with stage(_LOGGER, "contact normal"):
         whole = pressed(signals, settings, recording.source)
     pieces = _pieces(signals, whole, settings)
     if len(pieces) > 1 or pieces[0][1] is not None:
-        remarks += _travelled(pieces, signals)
-    remarks += whole.remarks
-    contact, places = _joined(pieces, settings, made, remarks)
+        findings += _travelled(pieces, signals)
+    findings += whole.findings
+    contact, places = _joined(pieces, settings, made, findings)
     done = Prepared(
         recording,
         settings,
@@ -134,16 +135,16 @@ def _framed(
     roles: Roles,
     signals: Signals,
     settings: Preparation,
-    remarks: list[Remark],
+    findings: list[Finding],
 ) -> Signals:
     """With an orientation only where it turns the force, which is then in the tool's frame."""
     if signals.force.ndim == 1 or signals.depth.ndim == 1:
         return replace(signals, orientation=None)
-    remarks += saturated(signals.force)
-    frame = frame_of(recording, roles, settings.force_frame, remarks)
+    findings += saturated(signals.force)
+    frame = frame_of(recording, roles, settings.force_frame, findings)
     orientation = signals.orientation
     if orientation is not None:
-        remarks += turn_remark(orientation, settings.tool_weight)
+        findings += turn_findings(orientation, settings.tool_weight)
     if frame == "tool" and orientation is None:
         raise RecordingError(
             f"{recording.source}: a force in the tool's frame needs the orientation to turn "
@@ -182,7 +183,7 @@ def _pressed_there(own: Signals, whole: AlongNormal, settings: Preparation) -> A
     return pressed(own, replace(settings, flip=(*settings.flip, "force")), "")
 
 
-def _travelled(pieces: list[Piece], signals: Signals) -> list[Remark]:
+def _travelled(pieces: list[Piece], signals: Signals) -> list[Finding]:
     left = 1.0 - sum(len(piece[0].time) for piece in pieces) / len(signals.time)
     words, elsewhere, end = (
         f"the probe travels over the material: {len(pieces)} places, each by itself",
@@ -193,12 +194,12 @@ def _travelled(pieces: list[Piece], signals: Signals) -> list[Remark]:
         words = "the probe travels over the material, and stays at one place of it for a second"
         elsewhere, end = "elsewhere, and are left out", ""
     words += f"; {left:.0%} of the samples were {elsewhere}{end}" if left > 0.0 else end
-    return [Remark("episodes", words, "--spot inf, where all of it is one material", "with-care")]
+    return [Finding("episodes", words, "--spot inf, where all of it is one material", "with-care")]
 
 
 @timed("surface and velocity of each place")
 def _joined(
-    pieces: list[Piece], settings: Preparation, made: dict[str, str], remarks: list[Remark]
+    pieces: list[Piece], settings: Preparation, made: dict[str, str], findings: list[Finding]
 ) -> tuple[Contact, list[Place]]:
     """The pieces one after another, each from its own surface."""
     rule: SurfaceRule = settings.surface if isinstance(settings.surface, str) else "fit"
@@ -220,7 +221,7 @@ def _joined(
         times = float(signals.time[0]), float(signals.time[-1])
         places.append(Place(*times, position, own.normal, surface))
         lost += left_out
-    _say_surface(places, made, remarks)
+    _say_surface(places, made, findings)
     normal = pieces[0][2].normal
     if normal is not None and len(pieces) == 1:
         add(made, "penetration", f"against the contact normal {normal}")
@@ -237,21 +238,21 @@ def _joined(
         segment=np.concatenate(labels),
         provenance=made,
         surface_deviation=float(np.median(known)) if one else None,
-        remarks=remarks,
+        findings=findings,
     )
     return contact, places
 
 
-def _say_surface(places: list[Place], made: dict[str, str], remarks: list[Remark]) -> None:
+def _say_surface(places: list[Place], made: dict[str, str], findings: list[Finding]) -> None:
     if len(places) == 1:
-        places[0].surface.say(made, remarks)
+        places[0].surface.say(made, findings)
         return
     add(made, "penetration", "at each place along its own normal, from its own surface")
     assumed = sum(place.surface.assumed for place in places)
     if assumed:
         words = f"at {assumed} of {len(places)} places the probe is never seen out of contact: "
         remedy = "lift the probe between places"
-        remarks.append(Remark("surface", words + ASSUMPTION, remedy, "with-care"))
+        findings.append(Finding("surface", words + ASSUMPTION, remedy, "with-care"))
 
 
 # From a position and a force in space to a depth and a compression along the contact normal.
@@ -294,14 +295,14 @@ def pressed(signals: Signals, settings: Preparation, source: str) -> AlongNormal
     result = _along_axis(depth, force, normal, settings, turn_depth=False)
     if given is None:
         words = "the contact normal was taken from the motion in which the force grows"
-        result.remarks.append(Remark("direction", words, "--normal, where it is known"))
+        result.findings.append(Finding("direction", words, "--normal, where it is known"))
     return result
 
 
 def _in_space(
     position: Floats, force: Floats, given: Normal | None, settings: Preparation, source: str
 ) -> AlongNormal:
-    found, remarks = given or normal_found(force, position, source), list[Remark]()
+    found, findings = given or normal_found(force, position, source), list[Finding]()
     along = force @ found.vector
     if given is None and found.turned:
         along = -along
@@ -310,16 +311,17 @@ def _in_space(
         else:
             words = "the force falls as the probe goes along it: it is that of the probe on the "
             words += "material, and its sign was turned"
-            remarks.append(Remark("direction", words, "--flip-force says so beforehand"))
+            findings.append(Finding("direction", words, "--flip-force says so beforehand"))
     depth = -(position @ found.vector)
     known = np.isfinite(along)
     pulls = _is_negative(along)
     if given is not None and (pulls or not grows(depth[known], along[known])):
         how = "is mostly negative" if pulls else "falls as the probe goes in"
         words, remedy = f"along the given normal the force {how}", "--normal with the other sign"
-        remarks.append(Remark("direction", words, f"{remedy}, or --flip-force", "do-not-trust"))
-    remarks += misdirected(position, force, found.vector, given=given is not None)
-    return AlongNormal(depth, along, found, remarks)
+        remedy += ", or --flip-force"
+        findings.append(Finding.of_both("do-not-trust", "direction", words, remedy))
+    findings += misdirected(position, force, found.vector, given=given is not None)
+    return AlongNormal(depth, along, found, findings)
 
 
 def _is_negative(force: Floats) -> bool:
@@ -347,23 +349,23 @@ def _along_axis(
     turn_depth: bool = True,
 ) -> AlongNormal:
     """Signs of a position and a force that are along one axis."""
-    remarks = []
+    findings = []
     if "force" not in settings.flip and _is_negative(force):
         force = -force
         words = "the force is mostly negative, and its sign was turned: compression is positive"
-        remarks.append(Remark("direction", words, "--flip-force says so beforehand"))
+        findings.append(Finding("direction", words, "--flip-force says so beforehand"))
     both = np.isfinite(force) & np.isfinite(depth)
     asked = "penetration" in settings.flip
     if turn_depth and not asked and not grows(depth[both], force[both]):
         depth = -depth
         words = "the force grows as the position falls, so that its sign was turned"
-        remarks.append(Remark("direction", words, "--flip-penetration says so beforehand"))
-    return AlongNormal(depth, force, normal, remarks)
+        findings.append(Finding("direction", words, "--flip-penetration says so beforehand"))
+    return AlongNormal(depth, force, normal, findings)
 
 
 def tared(
     signals: Signals, settings: Preparation, source: str
-) -> tuple[Signals, Baseline | None, list[Remark]]:
+) -> tuple[Signals, Baseline | None, list[Finding]]:
     """Take off the tool's weight, and what the sensor shows out of contact; turn the force.
 
     Out of contact is between two times, or where that is found. A sensor with an orientation has
@@ -379,15 +381,15 @@ def tared(
         force = force - (weight or 0.0) * down
     found = _zero(replace(signals, force=force), settings, source)
     words = "no time out of contact was found: the zero of the force is the sensor's own"
-    remarks = [Remark("tare", words, "record a second in free air, or --tare 0:2")]
+    findings = [Finding("tare", words, "record a second in free air, or --tare 0:2")]
     if found is not None:
-        signals, remarks = replace(signals, force=force - found.zero), []
+        signals, findings = replace(signals, force=force - found.zero), []
         if down is not None:
-            remarks = _weight_left(signals, down, found, weight, source)
+            findings = _weight_left(signals, down, found, weight, source)
         force = signals.force
     if signals.orientation is not None:
         force = turned(force, signals.orientation, source)
-    return replace(signals, force=force), found, remarks
+    return replace(signals, force=force), found, findings
 
 
 def _zero(signals: Signals, settings: Preparation, source: str) -> Baseline | None:
@@ -413,7 +415,7 @@ def _zero(signals: Signals, settings: Preparation, source: str) -> Baseline | No
 
 def _weight_left(
     signals: Signals, down: Floats, found: Baseline, weight: float | None, source: str
-) -> list[Remark]:
+) -> list[Finding]:
     """Say by how much the weight is off, by the force in free air; refuse one without effect."""
     time, force = signals.time, signals.force
     free = found.free & np.isfinite(force).all(axis=1) & np.isfinite(down).all(axis=1)
@@ -444,8 +446,8 @@ def _weight_left(
         remedy = "--flip-force, if the sensor shows the force of the probe on the material"
     if weight is not None:
         words += f", not of {weight:g} N"
-    severity: Severity = "do-not-trust" if off > LARGE_WEIGHT else "with-care"
-    return [Remark("tool weight", words, remedy, severity, numbers=True)]
+    mark: Mark = "do-not-trust" if off > LARGE_WEIGHT else "with-care"
+    return [Finding.of_both(mark, "tool weight", words, remedy)]
 
 
 def _free(signals: Signals, along: Floats) -> NDArray[np.bool_] | None:
@@ -479,7 +481,7 @@ MOVES, STEPS = 8.0, 3.0  # σ and steps that the other axes move meanwhile
 SOME, MANY = 0.002, 0.02  # of the recording
 
 
-def misdirected(position: Floats, force: Floats, normal: Floats, *, given: bool) -> list[Remark]:
+def misdirected(position: Floats, force: Floats, normal: Floats, *, given: bool) -> list[Finding]:
     """Say that forces do not point along the motion in which they grow.
 
     The motion, −Σ ΔF Δp, owes nothing to the axes of the force: one of them turned or swapped, the
@@ -509,13 +511,12 @@ def misdirected(position: Floats, force: Floats, normal: Floats, *, given: bool)
     if angle <= LARGE_ANGLE + ERRORS_OF_DIRECTION * error:
         return []
     return [
-        Remark(
+        Finding.of_both(
+            "do-not-trust" if angle > TOO_LARGE_ANGLE else "with-care",
             "direction",
             f"{of} {math.degrees(angle):.0f}° away from the {other}: axes of another frame, turned "
             "or swapped, a zero that is off, friction, or a slope that the probe slides down",
             "compare the axes of force and position; --force-frame tool, --tare or --normal",
-            "do-not-trust" if angle > TOO_LARGE_ANGLE else "with-care",
-            numbers=True,
         )
     ]
 
@@ -550,7 +551,7 @@ def _angle(one: Floats, other: Floats) -> float:
     return math.atan2(across, abs(float(one @ other)))
 
 
-def saturated(force: Floats) -> list[Remark]:
+def saturated(force: Floats) -> list[Finding]:
     """Say that an axis of the sensor stands at its largest value while the others go on.
 
     One that never changes is not saturated but not measured, as those of a load cell of one axis.
@@ -563,7 +564,7 @@ def saturated(force: Floats) -> list[Remark]:
     moves = [bool(np.isfinite(c).any() and np.nanmin(c) < np.nanmax(c)) for c in force.T]
     axes = " and ".join(axis for axis, moving in zip("xyz", moves, strict=True) if not moving)
     words = f"the force along {axes} is constant from first to last: it is not measured"
-    found = [Remark("force axes", words)] if axes else []
+    found = [Finding("force axes", words)] if axes else []
     beyond = [MOVES * noise_of(column) + STEPS * step_of(column) for column in force.T]
     for k, column in enumerate(force.T):
         others = [each for each in range(force.shape[1]) if each != k]
@@ -580,6 +581,6 @@ def saturated(force: Floats) -> list[Remark]:
                 words = f"the force along {'xyz'[k]} stays at {edge:.3g} N for {part:.1%} of the "
                 words += "recording while the others change: saturated?"
                 remedy = "press less deep, or take a sensor of a larger range"
-                severity: Severity = "do-not-trust" if part > MANY else "with-care"
-                found.append(Remark("saturation", words, remedy, severity, numbers=True))
+                mark: Mark = "do-not-trust" if part > MANY else "with-care"
+                found.append(Finding.of_both(mark, "saturation", words, remedy))
     return found

@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from html import escape
 from typing import TYPE_CHECKING
 
-from palpate.figures.style import DARK, LIGHT, as_svg, slim
+from palpate.results.colours import DARK, LIGHT
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -215,13 +215,15 @@ def drawing(name: str, draw: Callable[[], "Figure"], caption: str) -> Iterator[s
     caption : str
         Below it, and what a screen reader says.
     """
-    inside = inline(slim(as_svg(draw())), f"{name}-drawing", caption)
+    from palpate.figures.style import as_svg  # a notebook's card has no figure
+
+    inside = inline(as_svg(draw()), f"{name}-drawing", caption)
     yield f'<figure><div class="drawing" role="region" tabindex="0" aria-label="{name}">{inside}'
     yield f"</div><figcaption>{escape(caption)}</figcaption></figure>"
 
 
 def inline(svg: str, name: str, caption: str) -> str:
-    """Return a slim SVG for a page's body: names of its own, colours that follow the theme.
+    """Return an SVG for a page's body: names of its own, colours that follow the theme.
 
     Parameters
     ----------

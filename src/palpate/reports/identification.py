@@ -8,19 +8,18 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from html import escape
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from palpate import figures
 from palpate._core import __version__
 from palpate.diagnosis import Quantity, WorkingDepth
 from palpate.diagnosis.data import in_words
 from palpate.digits import rounded
 from palpate.errors import InvalidParameterError, MissingExtraError
 from palpate.estimators import LawVerdict, ViscoelasticContact
-from palpate.figures.style import LIGHT, style
 from palpate.identification.identified import Identified, rank
 from palpate.quantities.derived import band_of
 from palpate.recordings.opening import has_parquet, write_columns
@@ -86,7 +85,7 @@ def _law_on_card(result: Identified) -> str:
     rows = [[row.symbol, row.words, row.unit] for row in parameter_rows(result)]
     table = _table([law_in_words(result), "± standard error", "unit"], rows)
     verdict = result.law_verdict
-    if verdict is None or not isinstance(result.estimator, ViscoelasticContact):
+    if verdict is None or not result.estimator.chooses_law:
         return table
     return f"{table}<div>{escape(str(verdict))}</div>"
 
@@ -181,8 +180,6 @@ def _law(result: Identified) -> Iterator[str]:
     if math.isfinite(predicted):
         measures += f"; predicted a priori, after 0.2 s of contact, to {rounded(predicted, 2)} %"
     yield f'<p class="soft">{escape(measures)} (RMS).</p>'
-    for flag in result.flags if not result.diagnosis.episodes else ():
-        yield f'<p class="note">{escape(flag)}</p>'
 
 
 def _apart(difference: float, error: float) -> str:
@@ -215,7 +212,7 @@ def findings(result: Identified) -> Iterator[str]:
     """Every finding with its remedy, and how far it moves the numbers."""
     rows = []
     for finding in result.diagnosis.findings:
-        words = f"<p>{escape(finding.sentence)}</p>"
+        words = f"<p>{escape(finding.message)}</p>"
         if finding.remedy:
             words += f'<p class="soft">→ {escape(finding.remedy)}</p>'
         moves = (finding.moves_stiffness_percent, finding.moves_damping_percent)
@@ -304,11 +301,11 @@ def preparation(result: Identified) -> Iterator[str]:
     )
     rows = [
         [
-            escape(remark.step),
-            f"<p>{escape(remark.sentence)}</p>"
-            + (f'<p class="soft">→ {escape(remark.remedy)}</p>' if remark.remedy else ""),
+            escape(finding.check),
+            f"<p>{escape(finding.message)}</p>"
+            + (f'<p class="soft">→ {escape(finding.remedy)}</p>' if finding.remedy else ""),
         ]
-        for remark in contact.remarks
+        for finding in contact.findings
     ]
     if rows:
         yield from html.table("What was found, assumed or left out", ("step", ""), rows)
@@ -343,13 +340,13 @@ def which_law(
     yield from (f'<p class="note">{escape(flag)}</p>' for flag in verdict.flags)
     chosen = (compared or {}).get(ViscoelasticContact.method)
     both = [result]
-    if chosen is not None and not isinstance(result.estimator, ViscoelasticContact):
+    if chosen is not None and not result.estimator.chooses_law:
         both.append(chosen)
     yield from _oscillations(both)
 
 
 def _sentence(result: Identified, verdict: LawVerdict) -> str:
-    own = isinstance(result.estimator, ViscoelasticContact)
+    own = result.estimator.chooses_law
     if len(verdict.standings) == 1:
         return f"{verdict.candidate}: the law that was asked for, so nothing was chosen."
     best, second = verdict.standings[0], verdict.standings[1]
@@ -395,6 +392,8 @@ def _oscillations(results: list[Identified]) -> Iterator[str]:
         f"from {low} to {high} Hz, which this motion contained. Laws of any kind have them in "
         "common."
     )
+    from palpate import figures
+
     yield from drawing("oscillations", lambda: figures.draw_oscillations(results), words)
 
 
@@ -475,6 +474,8 @@ def _figure(result: Identified) -> Iterator[str]:
         "Force measured and predicted, the force–penetration loop, and the law's parameters as "
         "they were estimated, with their error bands."
     )
+    from palpate import figures
+
     yield from drawing("figure", lambda: figures.draw(result), words)
 
 
@@ -483,6 +484,8 @@ def _residuals(result: Identified) -> Iterator[str]:
         "Measured less final law, over time, depth and velocity: the median, and the band that "
         "holds most of it. Dotted: the noise of the sensors. Beyond them the law lacks something."
     )
+    from palpate import figures
+
     yield from drawing("residuals", lambda: figures.draw_residuals(result), words)
 
 
@@ -529,7 +532,7 @@ class Destination:
 
     def __post_init__(self) -> None:
         try:
-            style(LIGHT)
+            import_module("palpate.figures")
         except MissingExtraError:
             raise MissingExtraError(
                 "a report needs matplotlib: pip install 'palpate[report]'"

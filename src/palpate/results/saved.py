@@ -16,11 +16,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate._core import Status, __version__
-from palpate.contact import Contact, Remark
-from palpate.diagnosis import MARKS, Episode, Finding, Quantity, Verdict, WorkingDepth
+from palpate.contact import Contact
+from palpate.diagnosis import Episode, Quantity, Verdict, WorkingDepth
 from palpate.errors import InvalidParameterError, MissingExtraError, RecordingError
 from palpate.estimators import LawVerdict
 from palpate.estimators.estimate import Trace
+from palpate.findings import MARKS, Finding
 from palpate.force_laws import FORCE_LAWS, ForceLaw, law_from
 from palpate.identification.identified import rank
 from palpate.preparation.gates import touches_of
@@ -73,7 +74,7 @@ def how_made(contact: Contact, files: Sequence[Path]) -> list[str]:
         made = {name: words for name, words in made.items() if " of " in name} or made
     lines = [f"of {file}" for file in files]
     lines += [f"{channel}: {words}" for channel, words in made.items()]
-    return lines + [f"{remark.step}: {remark.sentence}" for remark in contact.remarks]
+    return lines + [f"{each.check}: {each.message}" for each in contact.findings]
 
 
 # A contact and its trace as named columns, a row a sample.
@@ -164,7 +165,7 @@ def contact_and_trace(
         provenance=whole["provenance"],
         tare_deviation=whole["tare_deviation"],
         surface_deviation=whole["surface_deviation"],
-        remarks=[Remark(**remark) for remark in whole["remarks"]],
+        findings=[*map(Finding.from_dict, whole["findings" if "findings" in whole else "remarks"])],
     )
     return contact, trace
 
@@ -176,7 +177,7 @@ def _names() -> NDArray[np.str_]:
 
 
 #: A field that goes, or means another thing, makes it the next.
-SCHEMA_VERSION = 1
+SCHEMA_VERSION = 2
 
 
 def described(files: Sequence[Path], results: "Sequence[Identified]") -> dict[str, Any]:
@@ -201,7 +202,7 @@ def described(files: Sequence[Path], results: "Sequence[Identified]") -> dict[st
         "samples": len(contact),
         "touches": [touch.as_dict() for touch in touches_of(contact)],
         "provenance": dict(contact.provenance),
-        "remarks": [asdict(remark) for remark in contact.remarks],
+        "findings": [each.as_dict() for each in contact.findings],
         "tare_deviation": contact.tare_deviation,
         "surface_deviation": contact.surface_deviation,
         "gate": asdict(gate),
@@ -379,7 +380,7 @@ def load_result(path: str | Path) -> SavedResult:
             standard_errors=np.array([errors[name] for name in law.names()], dtype=np.float64),
             correlations=np.array(found["correlations"], dtype=np.float64),
             verdict=_verdict(found["verdict"]),
-            findings=tuple(_finding(each) for each in found["findings"]),
+            findings=tuple(Finding.from_dict(each) for each in found["findings"]),
             working_depths=tuple(_working_depth(each) for each in found["working_depths"]),
             contact=contact,
             trace=trace,
@@ -415,7 +416,7 @@ def _described(file: Path) -> dict[str, Any]:
     version = whole.get("schema_version") if isinstance(whole, dict) else None
     if version is None:
         raise RecordingError(f"{file}: no result of palpate: it has no schema_version")
-    if version != SCHEMA_VERSION:
+    if version not in (1, SCHEMA_VERSION):
         raise RecordingError(
             f"{file}: written by palpate {whole.get('palpate_version', 'of another version')} as "
             f"schema {version}, and this one reads {SCHEMA_VERSION}; install that version, or "
@@ -436,11 +437,6 @@ def _verdict(words: Mapping[str, Any]) -> Verdict:
         if mark not in MARKS:
             raise ValueError(f"no verdict of palpate is {mark!r}")
     return verdict
-
-
-def _finding(words: Mapping[str, Any]) -> Finding:
-    numbers = ("z", "moves_stiffness_percent", "moves_damping_percent")
-    return Finding(**{**words, **{name: or_nan(words[name]) for name in numbers}})
 
 
 def _working_depth(words: Mapping[str, Any]) -> WorkingDepth:

@@ -1,7 +1,7 @@
 """Drake: a surface and a tip on a slide, in SDFormat and in URDF; and which contacts carry a law.
 
-They are one point contact, spheres in one another, a hydroelastic slab, or SAP. The text comes
-first, then what is made of it, and the engine with its ways at the end.
+They are one point contact, spheres in one another, a hydroelastic slab, or SAP. The text that is
+made of them comes first, and the engine with its ways at the end.
 """
 
 from collections.abc import Mapping, Sequence
@@ -32,46 +32,13 @@ from palpate.exports.engine import (
     hash_comment,
     is_kelvin_voigt,
     kelvin_voigt,
-    with_exponents,
+    template,
+    warned,
+    with_one_exponent,
     xml_comment,
 )
 from palpate.force_laws import GeneralisedHuntCrossley
 from palpate.validation import Floats
-
-SDF = """\
-<?xml version="1.0"?>
-{comment}
-<sdf version="1.9" xmlns:drake="http://drake.mit.edu">
-  <model name="contact">
-    <!-- The surface: paste its proximity properties into yours. -->
-    <link name="surface">
-      <collision name="surface">
-        <pose>0 0 {middle} 0 0 0</pose>
-        <geometry><box><size>{width} {width} {height}</size></box></geometry>
-        {surface}
-      </collision>
-    </link>
-    <joint name="fixed" type="fixed">
-      <parent>world</parent>
-      <child>surface</child>
-    </joint>
-    <!-- The tip: its collisions belong into the link that touches. -->
-    <link name="tip">
-      <pose>0 0 {radius} 0 0 0</pose>
-      <inertial>
-        <mass>{mass}</mass>
-        <inertia><ixx>{inertia}</ixx><iyy>{inertia}</iyy><izz>{inertia}</izz></inertia>
-      </inertial>
-{tips}
-    </link>
-    <joint name="slide" type="prismatic">
-      <parent>world</parent>
-      <child>tip</child>
-      <axis><xyz>0 0 -1</xyz><limit><effort>0</effort></limit></axis>
-    </joint>
-  </model>
-</sdf>
-"""
 
 SDF_TIP = """\
       <collision name="{name}">
@@ -80,94 +47,12 @@ SDF_TIP = """\
         {material}
       </collision>"""
 
-URDF = """\
-<?xml version="1.0"?>
-{comment}
-<robot name="contact" xmlns:drake="http://drake.mit.edu">
-  <link name="world"/>
-  <!-- The surface: paste its proximity properties into yours. -->
-  <link name="surface">
-    <collision name="surface">
-      <origin xyz="0 0 {middle}"/>
-      <geometry><box size="{width} {width} {height}"/></geometry>
-      {surface}
-    </collision>
-  </link>
-  <joint name="fixed" type="fixed">
-    <parent link="world"/>
-    <child link="surface"/>
-  </joint>
-  <!-- The tip: its collisions belong into the link that touches. -->
-  <link name="tip">
-    <inertial>
-      <mass value="{mass}"/>
-      <inertia ixx="{inertia}" iyy="{inertia}" izz="{inertia}" ixy="0" ixz="0" iyz="0"/>
-    </inertial>
-{tips}
-  </link>
-  <joint name="slide" type="prismatic">
-    <origin xyz="0 0 {radius}"/>
-    <parent link="world"/>
-    <child link="tip"/>
-    <axis xyz="0 0 -1"/>
-    <limit effort="0"/>
-  </joint>
-</robot>
-"""
-
 URDF_TIP = """\
     <collision name="{name}">
       <origin xyz="0 0 {lift}"/>
       <geometry><sphere radius="{radius}"/></geometry>
       {material}
     </collision>"""
-
-SCENE = '''\
-"""The smallest scene with this contact: a tip meets the surface, and rebounds.
-
-pip install drake
-"""
-{comment}
-
-from pathlib import Path
-
-from pydrake.all import (
-    AddMultibodyPlant,
-    DiagramBuilder,
-    MultibodyPlantConfig,
-    Parser,
-    Simulator,
-)
-
-SPEED = {speed}  # m/s, at first touch
-CONFIGURATION = MultibodyPlantConfig(
-    time_step={time_step},
-    contact_model="{contact_model}",
-    discrete_contact_approximation="{approximation}",
-)
-
-builder = DiagramBuilder()
-plant, _ = AddMultibodyPlant(CONFIGURATION, builder)
-Parser(plant).AddModels(str(Path(__file__).with_name("contact.sdf")))
-plant.mutable_gravity_field().set_gravity_vector([0.0, 0.0, 0.0])
-plant.Finalize()
-simulator = Simulator(builder.Build())
-context = plant.GetMyMutableContextFromRoot(simulator.get_mutable_context())
-slide = plant.GetJointByName("slide")
-slide.set_translation_rate(context, SPEED)
-
-deepest, time = 0.0, 0.0
-while time < 10.0:
-    time += CONFIGURATION.time_step or 1e-3
-    simulator.AdvanceTo(time)
-    depth, speed = slide.get_translation(context), slide.get_translation_rate(context)
-    deepest = max(deepest, depth)
-    if depth <= 0.0 and speed < 0.0:
-        print(f"{{1e3 * deepest:.3g}} mm deep, back at {{-speed / SPEED:.3f}} of the speed")
-        break
-else:
-    print(f"{{1e3 * deepest:.3g}} mm deep, and it stays")
-'''
 
 
 @dataclass(frozen=True, slots=True)
@@ -204,11 +89,11 @@ class Parts:
     height: float
 
 
-#: By the file: the text of both bodies and of a sphere of the tip, the indent of properties, and
-#: how one of them is written.
+#: By the file: the template of both bodies, the text of a sphere of the tip, the indent of
+#: properties, and how one of them is written.
 DIALECTS = {
-    "contact.sdf": (SDF, SDF_TIP, "        ", "<drake:{0}>{1}</drake:{0}>"),
-    "contact.urdf": (URDF, URDF_TIP, "      ", '<drake:{0} value="{1}"/>'),
+    "contact.sdf": ("drake.sdf", SDF_TIP, "        ", "<drake:{0}>{1}</drake:{0}>"),
+    "contact.urdf": ("drake.urdf", URDF_TIP, "      ", '<drake:{0} value="{1}"/>'),
 }
 
 
@@ -233,7 +118,8 @@ def bodies(parts: Parts, file: str, comment: str) -> str:
         )
         for tip in parts.tips
     ]
-    return whole.format(
+    return template(
+        whole,
         comment=comment,
         surface=properties(parts.surface),
         tips="\n".join(tips),
@@ -301,7 +187,8 @@ class DrakeContact(Fragment):
             f'discrete_contact_approximation="{setting.approximation}")',
             *self.heed,
         ]
-        scene = SCENE.format(
+        scene = template(
+            "drake_scene.py.txt",
             comment=hash_comment(said),
             speed=digits(self.asked.motion.fastest),
             time_step=digits(setting.time_step),
@@ -466,7 +353,7 @@ def _point(asked: Asked, form: str, spheres: Spheres) -> DrakeContact:
         asked=asked,
         numbers=numbers,
         exact=exact and law.damping >= 0.0,
-        warnings=tuple(warnings),
+        findings=warned(*warnings),
         parts=parts,
         contact=spheres,
         setting=Setting("point", LAGGED, asked.time_step),
@@ -476,20 +363,7 @@ def _point(asked: Asked, form: str, spheres: Spheres) -> DrakeContact:
 
 def _nearest_point(asked: Asked) -> Spheres:
     """One sphere: where p = n with the law's own dissipation, which keeps restitution."""
-    law, motion = _dissipating(asked.law), asked.motion
-    if law.damping_exponent != law.exponent and law.damping > 0.0:
-        return one_sphere(_pushing(with_exponents(law, motion, 1.0, 1.0)))
-    x, v = motion.penetration[motion.judged], motion.velocity[motion.judged]
-    if law.exponent == 1.0:
-        return one_sphere(law)
-    b = law.damping / law.stiffness
-    weight = np.maximum(1.0 + b * v, 0.0) ** 2
-    stiffness = (
-        law.stiffness
-        * float((weight * x ** (law.exponent + 1.0)).sum())
-        / float((weight * x**2).sum())
-    )
-    return one_sphere(GeneralisedHuntCrossley(stiffness, 1.0, stiffness * b, 1.0))
+    return one_sphere(_pushing(with_one_exponent(asked.law, asked.motion, 1.0)))
 
 
 def _spheres(asked: Asked) -> Spheres:
@@ -564,7 +438,7 @@ def _hydroelastic(asked: Asked) -> DrakeContact:
         form="hydroelastic",
         asked=asked,
         numbers={**law, "box_height": height, **mesh},
-        warnings=(
+        findings=warned(
             *_negative(asked.law),
             "written without friction, which would push back on the tip's flanks as it goes "
             "straight in: with a coefficient of 1 the force was nearly half higher at 50 mm/s",
@@ -597,7 +471,7 @@ def _sap(asked: Asked) -> DrakeContact:
         numbers=surface,
         engine_law=law,
         exact=is_kelvin_voigt(asked.law) and asked.law.damping >= 0.0,
-        warnings=(*_negative(asked.law), *_step(asked)),
+        findings=warned(*_negative(asked.law), *_step(asked)),
         parts=_parts(asked, surface, tip),
         contact=Sap(law),
         setting=Setting("point", SAP, asked.time_step),

@@ -10,12 +10,18 @@ the force at (x, v).
 """
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-
-from palpate.exports.engine import Drop, Pointwise, ProbeMotion, rebound
+from palpate.exports.engine import (
+    Drop,
+    Pointwise,
+    ProbeMotion,
+    came_back,
+    rebound,
+    state_by_state,
+)
 from palpate.validation import Floats
 
 #: A body that takes so many times as long as it went down is said to stay.
@@ -170,12 +176,12 @@ class Plant:
 def forces(plant: Plant, motion: ProbeMotion) -> Floats:
     """Return the force at every state of a motion, N."""
     plant.weigh(HEAVY)
-    force = np.empty(len(motion))
-    for k in range(len(motion)):
-        x, v = float(motion.penetration[k]), float(motion.velocity[k])
+
+    def force(x: float, v: float) -> float:
         plant.put(x - plant.step * v, v)
-        force[k] = plant.force()
-    return force
+        return plant.force()
+
+    return state_by_state(motion, force)
 
 
 def simulated_rebound(plant: Plant, drop: Drop) -> float:
@@ -187,11 +193,10 @@ def simulated_rebound(plant: Plant, drop: Drop) -> float:
         step = _time_down(drop) / _LOOKS
         plant.simulator.get_mutable_integrator().set_target_accuracy(_ACCURACY)
     plant.simulator.Initialize()
-    for k in range(1, math.ceil(LONGEST * steps_down(drop, step)) + 10):
-        plant.simulator.AdvanceTo(k * step)
-        x, v = plant.plant.GetPositionsAndVelocities(plant.context)
-        if x <= 0.0 and v < 0.0:
-            return float(-v / drop.speed)
-        if not math.isfinite(v):
-            break
-    return 0.0
+
+    def states() -> Iterator[tuple[float, float]]:
+        for k in range(1, math.ceil(LONGEST * steps_down(drop, step)) + 10):
+            plant.simulator.AdvanceTo(k * step)
+            yield plant.plant.GetPositionsAndVelocities(plant.context)
+
+    return float(came_back(states(), drop))

@@ -23,6 +23,7 @@ from palpate.errors import InvalidParameterError
 from palpate.exports.engine import (
     Drop,
     ProbeMotion,
+    course,
     drop_to,
     force_error,
     half_period,
@@ -144,17 +145,10 @@ class PairRows:
 # depends on power/width only once both are large: beyond these nothing gets better (measured).
 _LOWEST_PROFILE = np.array([0.0, LEAST, 1.0, 1.0, 0.0])
 _HIGHEST_PROFILE = np.array([1.0, MOST, 16.0, 5.0, 0.2])
-# Points of the first lattice, in each direction.
-_LATTICE = (4, 5, 6, 4, 4)
-# The best so many of them are gone on from, by steps that shrink where none of a cloud is better.
-# Five times as many points fit no better (measured: by 0.003 % of force).
-_KEPT, _CLOUD, _ROUNDS, _SHRINK = 3, 60, 60, 0.6
 # Misfits count in N over the fourth root of the force there: by the force alone (0) a spring of
 # n = 1.5 is 10 % off at a seventh of the depth, 33 % at a fourteenth and .21 % on the paper's
 # motion; so 6 %, 26 % and .31 %.
 _EVENNESS = 0.25
-# What is drawn at random is the same on every run.
-_SEED = 20121
 
 
 def power_of_depth(
@@ -192,37 +186,36 @@ def power_of_depth(
         misfit = scale[:, None] * shape - even
         return np.einsum("ij,ij->i", misfit, misfit), scale
 
-    best = _search(judge, _LOWEST_PROFILE, highest)
+    best = _evolved(judge, _LOWEST_PROFILE, highest)
     ratio, midpoint, power, width, inset = best.tolist()
     solimp = (max(ratio * high, LEAST), high, width * deepest, midpoint, power)
     return solimp, inset * deepest, float(judge(best[None])[1][0])
 
 
-def _search(
+# Of the evolution: more found no better rows. What is drawn at random is the same on every run.
+_POPULATION, _GENERATIONS, _SEED = 64, 80, 20121
+
+
+def _evolved(
     judge: Callable[[Floats], tuple[Floats, Floats]], lowest: Floats, highest: Floats
 ) -> Floats:
-    """The best of a lattice, and of what is near its best points."""
+    """Return the candidate of the least misfit, by differential evolution around the best."""
     random = np.random.default_rng(_SEED)
-    ends = zip(lowest, highest, _LATTICE, strict=True)
-    axes = [np.linspace(a, b, count) if b > a else np.array([a]) for a, b, count in ends]
-    lattice = np.stack(np.meshgrid(*axes, indexing="ij"), -1).reshape(-1, len(axes))
-    misfits = judge(lattice)[0]
-    spacing = (highest - lowest) / (np.array(_LATTICE) - 1)
-    found = []
-    for first in np.argsort(misfits)[:_KEPT]:
-        best, least, step = lattice[first], misfits[first], spacing
-        for _ in range(_ROUNDS):
-            cloud = best + step * random.standard_normal((_CLOUD, best.size))
-            cloud = np.clip(cloud, lowest, highest)
-            values = judge(cloud)[0]
-            nearest = int(values.argmin())
-            if values[nearest] < least:
-                best, least = cloud[nearest], values[nearest]
-            else:
-                step = _SHRINK * step
-        found.append((float(least), best))
-    nearest_of_all: Floats = min(found, key=lambda each: each[0])[1]
-    return nearest_of_all
+    alive = lowest + (highest - lowest) * random.random((_POPULATION, lowest.size))
+    misfit = judge(alive)[0]
+    for _ in range(_GENERATIONS):
+        one, other = (alive[random.permutation(_POPULATION)] for _ in range(2))
+        best = alive[misfit.argmin()]
+        step = random.uniform(0.5, 1.0, (_POPULATION, 1))
+        # Half of them near the best, half near themselves, so that others are not lost.
+        near = np.where(random.random((_POPULATION, 1)) < 0.5, best, alive)
+        changed = random.random(alive.shape) < 0.7
+        tried = np.clip(np.where(changed, near + step * (one - other), alive), lowest, highest)
+        values = judge(tried)[0]
+        better = values < misfit
+        alive[better], misfit[better] = tried[better], values[better]
+    found: Floats = alive[misfit.argmin()]
+    return found
 
 
 # Two rows that only push, for a MuJoCo whose contacts cannot pull.
@@ -239,11 +232,9 @@ _HIGHEST_PAIR = np.array([1.0, MOST, 16.0, 5.0] * 2)
 # How much the motion counts, and impacts to all of its depth and to a third.
 _COUNTS = ((1.0, 0.3), (0.3, 0.15))
 _SAMPLES = 120, 50  # of the motion, and of each impact
-# Of the evolution: more found no better rows.
-_POPULATION, _GENERATIONS = 64, 80
 # Times that the clipped samples are left out and springs and dampers solved for again.
 _PASSES = 3
-_STEPS = 4000  # to half a period, of an impact
+_STEPS = 1000  # to half a period, of an impact
 _SETS = [list(each) for size in range(1, 5) for each in combinations(range(4), size)]
 
 
@@ -252,7 +243,7 @@ def two_contacts(
 ) -> PairRows:
     """Return two rows nearest to F = K xⁿ + B xᵖ v, n ≥ 1, p ≥ 0, that never pull."""
     search = _search_of(law, motion, 1.0 / mobility)
-    best, deepest = search.evolve(), search.deepest
+    best, deepest = _evolved(search.judge, _LOWEST_PAIR, _HIGHEST_PAIR), search.deepest
     strengths = search.judge(best[None])[1][0]
     share = mobility / contacts
     made = []
@@ -272,27 +263,6 @@ class _Search:
     force: Floats
     weight: Floats
     deepest: float
-
-    def evolve(self) -> Floats:
-        """Differential evolution around the best; the same on every run."""
-        random = np.random.default_rng(_SEED)
-        span = _HIGHEST_PAIR - _LOWEST_PAIR
-        alive = _LOWEST_PAIR + span * random.random((_POPULATION, span.size))
-        misfit = self.judge(alive)[0]
-        for _ in range(_GENERATIONS):
-            one, other = (alive[random.permutation(_POPULATION)] for _ in range(2))
-            best = alive[misfit.argmin()]
-            step = random.uniform(0.5, 1.0, (_POPULATION, 1))
-            # Half of them near the best, half near themselves, so that others are not lost.
-            near = np.where(random.random((_POPULATION, 1)) < 0.5, best, alive)
-            changed = random.random(alive.shape) < 0.7
-            tried = np.where(changed, near + step * (one - other), alive)
-            tried = np.clip(tried, _LOWEST_PAIR, _HIGHEST_PAIR)
-            values = self.judge(tried)[0]
-            better = values < misfit
-            alive[better], misfit[better] = tried[better], values[better]
-        found: Floats = alive[misfit.argmin()]
-        return found
 
     def judge(self, tried: Floats) -> tuple[Floats, Floats]:
         """Of each candidate the squared misfit, clipping and all, and S₁, D₁, S₂, D₂."""
@@ -345,9 +315,9 @@ def _search_of(law: GeneralisedHuntCrossley, motion: ProbeMotion, mass: float) -
     parts, counts = [np.stack([motion.penetration[some], motion.velocity[some]])], [1.0]
     deepest = _ROOM * motion.deepest
     for part, count in zip(*_COUNTS, strict=True):
-        course = _impact(law, drop_to(law, mass, part * deepest))
-        if course.size:
-            parts.append(course)
+        impact = _impact(law, drop_to(law, mass, part * deepest))
+        if impact.size:
+            parts.append(impact)
             counts.append(count)
     forces = [np.maximum(law.force(x, v), 0.0) for x, v in parts]
     weights = [
@@ -361,17 +331,11 @@ def _search_of(law: GeneralisedHuntCrossley, motion: ProbeMotion, mass: float) -
 def _impact(law: GeneralisedHuntCrossley, drop: Drop) -> Floats:
     """Some penetrations and velocities of a free body's impact, evenly spaced in time."""
     step = half_period(law, drop.mass, drop.depth) / _STEPS
-    x, v, course = 0.0, drop.speed, []
-    for _ in range(10 * _STEPS):
-        v -= step * (max(law.force(x, v), 0.0) / drop.mass)
-        x += step * v
-        if not x > 0.0:
-            break
-        course.append((x, v))
-    states: Floats = np.array(course).reshape(-1, 2)
-    if course:
-        states = states[np.linspace(0, len(course) - 1, _SAMPLES[1]).astype(int)]
-    return states.T
+    pushing = lambda x, v: max(law.force(x, v), 0.0)  # noqa: E731
+    inside = [(x, v) for x, v in course(pushing, drop.mass, 0.0, drop.speed, step) if x > 0.0]
+    places = np.linspace(0, len(inside) - 1, _SAMPLES[1] if inside else 0).astype(int)
+    states: Floats = np.array(inside, dtype=np.float64).reshape(-1, 2)[places].T
+    return states
 
 
 # How a free body rebounds from rows, step by step as in MuJoCo.

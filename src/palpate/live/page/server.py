@@ -27,10 +27,10 @@ from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIO
 
 from palpate.errors import InvalidParameterError
 from palpate.estimators import estimator_named
-from palpate.figures.style import DARK, LIGHT
 from palpate.live.choices import CHOICES, NUMBERS, SWITCHES, LiveCommand, chosen, offered
 from palpate.live.page.watch import CHANNELS, MOST_ROWS, History, Watch
 from palpate.reports.html import STYLE
+from palpate.results.colours import DARK, LIGHT
 from palpate.validation import number_in, shown
 
 ABORT = "palpate.abort"  # in the scope of a connection: ends it at once, without a word

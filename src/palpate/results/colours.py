@@ -1,0 +1,37 @@
+"""Colours of figures and pages, which the live page has too: so they need no matplotlib."""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True)
+class Theme:
+    """Colours of Okabe & Ito, distinct for colour-blind readers too, for one background."""
+
+    background: str
+    ink: str
+    grid: str
+    measured: str
+    lines: tuple[str, ...]
+
+    def variables(self) -> dict[str, str]:
+        """Each colour by the name that a page's style sheet has for it."""
+        named = {"background": self.background, "ink": self.ink, "grid": self.grid}
+        named |= {"measured": self.measured}
+        named |= {f"line-{k}": colour for k, colour in enumerate(self.lines)}
+        return {f"--drawing-{name}": colour for name, colour in named.items()}
+
+
+LIGHT = Theme(
+    "#ffffff",
+    "#1a1a1a",
+    "#dddddd",
+    "#8c8c8c",
+    ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#a6761d", "#332288", "#5a6b00"),
+)
+DARK = Theme(
+    "#16181c",
+    "#e8e8e8",
+    "#3a3d44",
+    "#9a9a9a",
+    ("#56b4e9", "#e69f00", "#2fc99a", "#e39ac3", "#c9b458", "#a89bff", "#9fb33c"),
+)
