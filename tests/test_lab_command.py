@@ -10,7 +10,7 @@ import pytest
 
 import palpate
 from palpate import lab
-from palpate.cli.tables import comparable
+from palpate.results.parameters import comparable
 
 pytest.importorskip("mujoco", reason="needs MuJoCo: pip install 'palpate[lab]'")
 

@@ -15,7 +15,8 @@ import pytest
 from scripted import measured
 
 import palpate
-from palpate.live.console import percent, seconds, summary
+from palpate.live.console import summary
+from palpate.live.view import percent, seconds
 
 BARE = ("--no-page", "--no-diagnosis")
 

@@ -24,11 +24,11 @@ from palpate.estimators.estimate import Trace
 from palpate.findings import Finding
 from palpate.live.choices import LiveCommand, State
 from palpate.live.console import ShownDepth, at_depth
-from palpate.live.law_numbers import verdict_on
 from palpate.live.loop import Loop
 from palpate.live.ring import COLUMNS, SAMPLE
 from palpate.live.running import default_estimator
 from palpate.live.sources import Arrival, EndOfSourceError, Replay
+from palpate.live.view import verdict_on
 
 TIMES, POSITIONS, FORCES = measured()
 SCRIPT = arrivals(TIMES, POSITIONS, FORCES)

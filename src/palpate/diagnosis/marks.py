@@ -24,7 +24,7 @@ from palpate.estimators.law_verdicts import STRONG, Standing
 from palpate.estimators.least_squares import mean_error, robust_covariance
 from palpate.findings import Finding, Mark, Severity, worst
 from palpate.force_laws import ForceLaw, HuntCrossley
-from palpate.preparation.surfaces import Samples, placed
+from palpate.preparation.surfaces import placed
 from palpate.validation import Floats
 
 # How far a cause moves the numbers: judgement, not calibration.
@@ -238,15 +238,9 @@ def surface(fit: Fit) -> list[Cause]:
         return []
     if not fit.free_air or fit.estimate.surface_standard_error:
         return []
-    samples = _samples(fit)
-    given = np.array([*law.parameters, fit.solution.offset, 0.0])
-    after = min(
-        (
-            placed(samples, np.array([*given[:4], start]), exponent_fixed=bool(fit.fixed))
-            for start in STARTS
-        ),
-        key=attrgetter("energy"),
-    )
+    given = (*law.parameters, fit.solution.offset)
+    starts = np.array([(*given, start) for start in STARTS])
+    after = placed(_samples(fit), starts, exponent_fixed=bool(fit.fixed))
     depth = after.parameters[4]
     if abs(depth) < max(FEWEST_MOVED, RESOLVED * fit.data.penetration_noise / fit.reference):
         return []
@@ -279,7 +273,7 @@ def _described(fit: Fit, found: Floats, error: float, gain: float) -> Cause:
     return Cause.of(fit, "surface", (z, gain, parameter), sentence, "--surface estimate", moves)
 
 
-def _samples(fit: Fit) -> Samples:
+def _samples(fit: Fit) -> Floats:
     """Contact, free approach and what lies between, thinned."""
     between, chosen = fit.outside & (fit.penetration >= 0.0), []
     for kept, most in ((fit.inside, MOST_IN_CONTACT), (fit.free, MOST_FREE), (between, MOST_FREE)):
@@ -287,7 +281,7 @@ def _samples(fit: Fit) -> Samples:
         chosen.append(index[:: -(-index.size // most) or 1])
     at, data = np.sort(np.concatenate(chosen)), fit.data
     x, v = fit.penetration[at] / fit.units.depth, data.velocity[at] / fit.units.speed
-    return Samples(x, v, data.force[at])
+    return np.array([x, v, data.force[at]])
 
 
 # Misfit, offset, excitation and the method's own error: checks of the fit as a whole.
