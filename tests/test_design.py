@@ -141,27 +141,6 @@ def test_steps_that_a_motion_repeats_are_in_the_expected_errors(law):
         assert "the motion repeats them" in outlook.notes[0]
 
 
-def test_scaling_force_scales_nothing_time_only_times_and_length_leaves_the_exponent_alone():
-    factor, one = 1e-6, design(BALL, noise=0.05, durations=(0.5, 5.0))
-    small = HuntCrossley(2000.0 * factor, 2000.0 * factor, 1.0)
-    other = design(small, noise=0.05 * factor, durations=(0.5, 5.0))
-    assert other.planned.relative_errors == pytest.approx(one.planned.relative_errors, rel=1e-9)
-    assert np.array_equal(other.planned.times, one.planned.times)
-    assert other.better.motion == one.better.motion
-    slow = Motion(0.01, PAPER_MOTION.amplitudes, tuple(w / 10 for w in PAPER_MOTION.frequencies))
-    law = HuntCrossley(2000.0, 20000.0, 1.0)
-    other = design(law, slow, noise=0.05, sample_time=1e-2, durations=(5.0, 50.0))
-    assert other.planned.relative_errors == pytest.approx(one.planned.relative_errors, rel=1e-6)
-    assert other.planned.times == pytest.approx(10.0 * one.planned.times, rel=1e-9)
-    factor, law = 1e-3, HuntCrossley(1e5, 2e5, 1.7)
-    small = Motion(1e-5, tuple(factor * a for a in PAPER_MOTION.amplitudes), (4.0, 11.0, 15.0))
-    scaled = HuntCrossley(1e5 * factor**-1.7, 2e5 * factor**-2.7, 1.7)
-    # K is a force at 1 m, so its relative error does depend on the unit of length.
-    one, other = design(law, noise=0.05), design(scaled, small, noise=0.05)
-    exponents = [each.planned.relative_errors[:, 2] for each in (one, other)]
-    assert exponents[1] == pytest.approx(exponents[0], rel=1e-6)
-
-
 @pytest.mark.parametrize(
     "arguments, message",
     [
@@ -200,7 +179,6 @@ LAWS = [
     HuntCrossley(300.0, 3000.0, 1.3),
 ]
 SOFT = HuntCrossley(300.0, 900.0, 1.3)
-PERIOD = 2.0 * np.pi  # of sines of 4, 11 and 15 rad/s
 
 
 def paper_motion(duration=5.0, step=1e-2):
@@ -227,30 +205,6 @@ def test_the_surface_counts_by_the_derivative_of_the_force_by_its_place(law):
     slope = (law.force(x - step, v) - law.force(x + step, v)) / (2.0 * step)
     rows = jacobian(law, x, v, surface=True)
     assert rows[:, -1] == pytest.approx(slope, rel=1e-6, abs=1e-6 * np.abs(slope).max())
-
-
-@pytest.mark.parametrize("offset", [False, True])
-@pytest.mark.parametrize("law", LAWS, ids=repr)
-def test_the_bound_goes_with_the_noise_and_the_square_root_of_whole_periods(law, offset):
-    x, v = paper_motion(PERIOD, 1e-3)
-    one = cramer_rao_bound(law, x, v, 0.02, offset=offset)
-    five = cramer_rao_bound(law, x, v, 0.1, offset=offset)
-    assert five == pytest.approx(5.0 * one, rel=1e-9)
-    nine = cramer_rao_bound(law, *paper_motion(9 * PERIOD, 1e-3), 0.02, offset=offset)
-    # A period is 6283.2 samples: the last one is cut by a fifth of a sample.
-    assert nine == pytest.approx(one / 3.0, rel=1e-3)
-
-
-@pytest.mark.parametrize("law", LAWS, ids=repr)
-def test_not_knowing_more_never_lowers_a_bound(law):
-    def bound(offset, surface):
-        found = cramer_rao_bound(law, *paper_motion(), 0.05, offset=offset, surface=surface)
-        return found[: len(law.as_dict())]
-
-    slack = 1.0 + 1e-9  # rounding
-    for one in (False, True):
-        assert np.all(bound(True, one) * slack >= bound(False, one))
-        assert np.all(bound(one, True) * slack >= bound(one, False))
 
 
 @pytest.mark.parametrize("law", LAWS[2:], ids=repr)

@@ -1,6 +1,7 @@
-"""A design's motion as a robot plays it, its file, and its figure."""
+"""``palpate design``: its tables, a motion as a robot plays it, its file, and its figure."""
 
 import json
+import re
 
 import numpy as np
 import pytest
@@ -119,14 +120,10 @@ def test_a_file_says_what_it_holds_above_its_header(run, tmp_path):
     "options, words",
     [
         (["--rate", "100"], "--rate is of the motion's file: name it with -o"),
-        (["--seconds", "5"], "--seconds is of the motion's file"),
         (["-o", "a.csv", "--rate", "0"], "--rate must be in"),
-        (["-o", "a.csv", "--seconds", "-1"], "seconds must be in"),
-        (["-o", "absent/a.csv"], "the folder"),
         (["-o", "/dev/stdout", "--json"], "cannot both go to standard output"),
         (["-o", "a.svg", "--figure", "a.svg"], "two outputs would be this file"),
         (["-o", "a.csv", "--amplitudes", "0", "--frequencies", "1"], "the probe is held"),
-        (["--figure", "a.gif"], "must end in .svg, .pdf or .png"),
         (["--width", "88mm"], "name one with --figure"),
     ],
 )
@@ -165,3 +162,45 @@ def test_a_figure_of_a_design_shows_motions_and_precision_of_both():
     for axes in held.axes[2:]:
         [words] = [text.get_text() for text in axes.get_legend().get_texts()]
         assert words == "planned: not identifiable"
+
+
+LAW = GUESS[:6]
+
+
+def test_the_command_prints_precision_times_limit_and_a_command_to_run_next(run):
+    status, out, err = run("design", *LAW, "--noise", "0.05")
+    assert (status, err) == (0, "")
+    for words in ("after 0.5 s", "after 20 s", "within 5%", "within 1%", "100 mm/s", "eq. 10"):
+        assert words in out
+    assert "50.8 mm/s" in out
+    [command] = re.findall(r"^palpate (design (?:.*\\\n)*.*)$", out, re.MULTILINE)
+    status, out, err = run(*command.replace("\\\n", "").split())
+    assert (status, err) == (0, "")
+    assert "no better motion" in out
+
+
+def test_the_command_prints_one_json_object(run):
+    options = ["--noise", "0.05", "--resolution", "0.125", "--no-offset", "--surface", "--json"]
+    sines = ["--depth", "8e-3", "--amplitudes", "1e-3", "2e-3", "--frequencies", "3", "9"]
+    status, out, err = run("design", *LAW, *options, *sines)
+    assert (status, err) == (0, "")
+    words = json.loads(out)
+    motion = Motion(8e-3, (1e-3, 2e-3), (3.0, 9.0))
+    same = design(BALL, motion, noise=0.05, resolution=0.125, offset=False, surface=True)
+    command = words.pop("command")
+    assert words == json.loads(json.dumps(same.as_dict()))
+    assert command.endswith("--no-offset --surface")
+    assert "--resolution 0.125" in command
+
+
+def test_what_is_never_reached_is_null(run):
+    held = ["--amplitudes", "0", "--frequencies", "1"]
+    _, out, _ = run("design", *LAW, "--noise", "1", *held, "--json")
+    words = json.loads(out)
+    assert words["planned"]["times"][0]["stiffness"] is None
+    assert words["better"] is words["command"] is None
+    _, out, _ = run("design", *LAW, "--noise", "1", *held)
+    assert "> 1000 s" in out
+    assert "unknown" in out
+    almost_undamped = [*LAW[:3], "1e-320", *LAW[4:], "--noise", "0.05", "--json"]
+    assert json.loads(run("design", *almost_undamped)[1])["speed_limit"] is None

@@ -6,13 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from export_cases import (
-    BALL_LAW,
-    HALF_SPACE_LAW,
-    HERTZ_LAW,
-    PVC_LAW,
-    SPONGE_LAW,
-)
+from export_cases import BALL_LAW, HALF_SPACE_LAW, HERTZ_LAW, PVC_LAW, SPONGE_LAW
 from export_cases import KELVIN_VOIGT_LAW as KELVIN_VOIGT
 
 import palpate

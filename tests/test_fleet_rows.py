@@ -240,13 +240,11 @@ def test_rows_of_a_gated_recursion_are_those_of_identify():
 @pytest.mark.parametrize(
     "options, words",
     [
-        ({}, "contacts must be given"),
         ({"penetration": np.ones((2, 3))}, "contacts must be given"),
         ({"penetration": np.ones((2, 3)), "force": np.ones((2, 4)), "sample_time": 1.0}, "shape"),
         ({"penetration": np.ones((2, 3)), "force": np.ones((2, 3))}, "time and sample_time"),
         ({"contacts": [], "force": np.ones((2, 3))}, "beside contacts"),
         ({"contacts": [], "diagnosis": "some"}, "diagnosis must be none, input or full"),
-        ({"contacts": [], "method": "best"}, "method must be one of"),
         ({"contacts": [], "preparation": {"tares": 1}}, "no setting tares"),
     ],
 )

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from palpate import HuntCrossley, InvalidParameterError, KelvinVoigt, RecordingError, lab
-from palpate.design.motion import PAPER_MOTION
 
 TIME = np.arange(0.0, 3.0, 1e-3)
 DEPTH = 6e-3 + 4e-3 * np.sin(5.0 * TIME)
@@ -81,32 +80,22 @@ TWO, THREE = (lab.BALL, lab.PVC), (lab.BALL, lab.PVC, lab.PVC)
     [
         (lambda: lab.Homogeneous("ball"), "law must be a ForceLaw"),
         (lambda: lab.Homogeneous(KelvinVoigt(-1.0, 1.0)), "stiffness must be in"),
-        (lambda: lab.Homogeneous(HuntCrossley(1.0, -1.0, 1.0)), "damping must be in"),
-        (lambda: lab.Homogeneous(HuntCrossley(1.0, 1.0, -2.0)), "exponent must be in"),
         (lambda: lab.Relaxing(KelvinVoigt(1.0, 1.0), 1.0, 1.0), "law must be a HuntCrossley"),
-        (lambda: lab.Relaxing(HC, -1.0, 1.0), "branch_stiffness must be"),
         (lambda: lab.Relaxing(HC, 1.0, 0.0), "relaxation_time must be"),
         (lambda: lab.SpaceVaryingMaterial(TWO, ()), "borders must be one fewer"),
         (lambda: lab.SpaceVaryingMaterial(THREE, (1.0, 0.0)), "borders must increase"),
         (lambda: lab.TimeVaryingMaterial((lab.BALL, 3), (1.0,)), "must be a Material, not 3"),
         (lambda: lab.TwinPantograph(counts_per_turn=-1.0), "counts_per_turn must be in"),
-        (lambda: lab.TwinPantograph(proportional_gain=0.0), "proportional_gain must be in"),
-        (lambda: lab.TwinPantograph(time_step=1.0), "time_step must be in"),
-        (lambda: lab.TwinPantograph(torque_limit=0.0), "torque_limit must be in"),
         (lambda: lab.SplineTrajectory([0.0, 1.0], [0.0, 1.0]), "at least four"),
         (lambda: lab.SplineTrajectory([0.0, 1.0, 1.0, 2.0], [0.0] * 4), "time must increase"),
         (lambda: lab.Probing(clearance=-1.0), "clearance must be in"),
-        (lambda: lab.Probing(approach=0.0), "approach must be in"),
         (lambda: lab.Palpation(shift=6.0), "shift must be in"),
         (lambda: lab.Tapping(depths=()), "depths must name"),
-        (lambda: lab.Tapping(rate=0.0), "rate must be in"),
         (lambda: lab.Bench("ball", lab.THREE_SINES, PROBE), "material must be a Material"),
         (lambda: lab.Bench(lab.BALL, "sines", PROBE), "trajectory must be a Trajectory"),
         (lambda: lab.Bench(lab.BALL, lab.THREE_SINES, "robot"), "probe must be a Probe"),
         (lambda: lab.Sensors(force_noise=-1.0), "force_noise must be in"),
-        (lambda: lab.Sensors(sample_time=0.0), "sample_time must be in"),
         (lambda: lab.Bench(lab.BALL, lab.ONE_SINE, PROBE).run(-1), "seed must be in"),
-        (lambda: lab.Bench(lab.BALL, lab.ONE_SINE, PROBE).run(seconds=0), "seconds must be in"),
     ],
 )
 def test_nonsense_is_refused_by_name(make, words):
@@ -156,13 +145,6 @@ def test_the_three_sines_are_those_of_the_paper_once_the_approach_is_over():
     fastest = after[later][np.argmax(command.velocity[later])]
     assert fastest == pytest.approx(8.7, abs=0.01)
     assert command.velocity.max() == pytest.approx(50.8e-3, rel=1e-4)
-
-
-def test_the_approach_is_no_faster_than_the_sines():
-    speed = lab.THREE_SINES.at(CLOCK).velocity
-    assert np.abs(speed).max() < 1.00001 * PAPER_MOTION.top_speed
-    # Without a jump in speed: at most what its acceleration gives in a millisecond.
-    assert np.abs(np.diff(speed)).max() < 1.5e-3
 
 
 @pytest.mark.parametrize("name", ["three-sines", "two-sines", "one-sine", "palpation"])

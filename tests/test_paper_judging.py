@@ -3,10 +3,8 @@
 import math
 
 import pytest
-from paper_cases import Tiny
 
 from palpate.paper import Claim, SeedAnswer
-from palpate.paper.experiment import Seeds
 from palpate.paper.judging import (
     NEVER,
     about,
@@ -17,9 +15,8 @@ from palpate.paper.judging import (
     largest,
     least,
     number,
-    readable,
 )
-from palpate.paper.report import SIGNS, Judgement, Reproduction, Section
+from palpate.paper.report import SIGNS, Judgement, Reproduction
 
 NUMBERS = {
     "scatter α = 5 K [%]": 1.0,
@@ -107,22 +104,6 @@ def test_a_second_material_is_judged_beside_the_first():
     assert two.words(seeds) == "On the elsewhere it holds in 1 of 2 seeds (0 (−4.00 to 4.00))"
 
 
-@pytest.mark.parametrize(
-    "value, words",
-    [(0.0, "0"), (99937.5, "99938"), (1993.2, "1993"), (50.81, "50.8"), (-0.0123, "−0.0123"),
-     (1e-4, "1.00e−04"), (2e7, "2.00e+07"), (1.0, "1.00"), (math.inf, "never")],
-)  # fmt: skip
-def test_numbers_read_with_three_digits(value, words):
-    assert readable(value) == words
-
-
-def test_every_number_is_tabulated_with_median_range_and_unit_a_row_for_one_laws_parameters():
-    errors = {"error a K [%]": 1.0, "error a B [%]": 4.0}
-    seeds = Seeds([{"time [s]": value, **errors} for value in (math.nan, 1.0, 2.0)])
-    rows = (("time", "2.00 s (1.00 to never)"), ("error a", "K 1.00 %; B 4.00 %"))
-    assert seeds.every_number().rows == rows
-
-
 CLAIM = Claim("key", "V", "words", unit="mm")
 VERDICTS = {
     "all seeds hold": ((True, True), Reproduction.REPRODUCED, "reproduced"),
@@ -142,12 +123,3 @@ def test_a_verdict_counts_the_seeds_that_can_tell(holds, verdict, words):
     judgement = Judgement("fig", CLAIM, tuple(SeedAnswer(each) for each in holds))
     assert (judgement.verdict, judgement.verdict_words, judgement.ours) == (verdict, words, None)
     assert len({SIGNS[each] for each in Reproduction}) == 4
-
-
-def test_ours_is_the_median_of_what_was_measured_with_the_range_and_the_unit():
-    findings = tuple(SeedAnswer(True, each) for each in (3.0, 1.0, math.nan, None, 2.5))
-    assert Judgement("fig", CLAIM, findings).ours_words == "2.50 mm (1.00 to 3.00)"
-    # Of a whole experiment, each claim against each seed.
-    even, lost = Section(Tiny(), [Tiny().run(seed) for seed in range(3)]).judgements
-    assert (even.held, even.checked, even.verdict) == (2, 3, Reproduction.PARTLY)
-    assert lost.verdict is Reproduction.UNCHECKED

@@ -1,12 +1,13 @@
-"""The report: a page that needs nothing beside it, the same as JSON, and a table to paste."""
+"""``palpate paper`` and its page, which needs nothing beside it, the same as JSON."""
 
 import json
 import re
 
 import pytest
-from paper_cases import Tiny
+from paper_cases import Tiny, no_processes
 from test_report_page import Reading
 
+from palpate import paper
 from palpate.paper import EXPERIMENTS, Claim, SeedAnswer
 from palpate.paper.experiment import all_claims, claims_file
 from palpate.paper.report import Judgement, Report, abstract, figures_of, not_held, write_report
@@ -115,3 +116,37 @@ def test_the_data_hold_the_same_and_what_is_held_against_nothing_with_its_reason
     rows = [line.replace("\\|", "") for line in markdown.splitlines() if line.startswith("|")]
     assert len(rows) == 2 + len(report.judgements)
     assert {row.count("|") for row in rows} == {7}
+
+
+@pytest.fixture
+def run(run):
+    """``palpate paper`` with these arguments."""
+    return lambda *arguments: run("paper", *arguments)
+
+
+@pytest.fixture
+def tiny(monkeypatch):
+    monkeypatch.setattr(paper, "EXPERIMENTS", {name: Tiny(name) for name in ("a", "b")})
+
+
+def test_it_prints_the_claims_and_where_the_page_is(run, tiny, tmp_path, monkeypatch):
+    pytest.importorskip("mujoco")
+    monkeypatch.setattr("palpate.paper.running.processes", no_processes)
+    folder = tmp_path / "report"
+    status, out, err = run("-o", folder, "--seeds", 2, "--workers", 1)
+    assert status == 0
+    assert "reproduced in 1 of 2 seeds" in " ".join(out.split())
+    assert "4 claims: 0 reproduced, 2 partly reproduced" in out
+    assert out.splitlines()[-1] == f"page: {folder / 'report.html'}"
+    assert err.splitlines()[-1].endswith("6 of 6 tasks")
+    status, out, err = run("-o", folder, "--seeds", 2, "--only", "b")
+    assert err == "2 of 2 outcomes reused from an earlier run by the same code\n"
+    assert "2 claims" in out
+
+
+@pytest.mark.parametrize("module, extra", [("matplotlib", "figures"), ("mujoco", "lab")])
+def test_a_missing_extra_is_named_before_the_work(run, tmp_path, without, module, extra):
+    without(module)
+    status, out, err = run("-o", tmp_path / "report")
+    assert (status, out, err.count("\n"), f"palpate[{extra}]" in err) == (2, "", 1, True)
+    assert not (tmp_path / "report").exists()

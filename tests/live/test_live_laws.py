@@ -5,14 +5,9 @@ import math
 
 import numpy as np
 import pytest
-from scripted import Scripted, Silence, T, arrivals, rings
+from scripted import Scripted, T, arrivals, rings
 
-from palpate import (
-    FlatSpectrum,
-    GeneralisedHuntCrossley,
-    OnlinePreparation,
-    SingleRelaxation,
-)
+from palpate import FlatSpectrum, GeneralisedHuntCrossley, OnlinePreparation, SingleRelaxation
 from palpate.estimators.by_law import estimator_by_law
 from palpate.live.choices import LiveCommand
 from palpate.live.law_numbers import (
@@ -154,34 +149,6 @@ def test_a_law_that_is_alone_on_offer_never_changes():
     _, _, verdict = watched(arrivals(*pressed(MEMORY)), law="half-space+single")
     assert certainty(verdict) == "alone"
     assert [law for _, law in verdict["turns"]] == ["half-space with one relaxation time"]
-
-
-def test_neither_silence_nor_a_long_time_out_of_contact_changes_the_verdict():
-    times, x, force = pressed(MEMORY, 2.0)
-    air = [times[-1] + T * k for k in range(1, 3001)]
-    noise = (0.01 * np.random.default_rng(5).standard_normal(len(air))).tolist()
-    free = arrivals(air, [-1e-3] * len(air), noise)
-    loop, said, verdict = watched([*arrivals(times, x, force), Silence(5.0), *free], at=(2000,))
-    assert loop.counts.silences == 1
-    touched = said[2000]
-    # The last samples of the contact are learned half a window later.
-    assert verdict["samples"] == pytest.approx(touched["samples"], abs=20)
-    assert verdict["since"] == touched["since"]
-    for name in ("law", "known", "changes"):
-        assert verdict[name] == touched[name]
-
-
-def test_a_touch_that_begins_in_contact_is_flagged_until_it_is_known_without_it():
-    # The position is not at rest before, so that what is remembered is not what it is taken for.
-    times, x, force = pressed(MEMORY, 3.0, begins=0.3)
-    _, said, verdict = watched(arrivals(times, x, force), at=range(200, 2400, 10))
-    flagged = [any("nobody saw" in flag for flag in page["flags"]) for page in said.values()]
-    assert flagged[0]
-    assert not flagged[-1]
-    assert flagged == sorted(flagged, reverse=True)
-    # What was found without memory stands unmarked at no time.
-    assert flagged == ["spectrum" not in page["law"] for page in said.values()]
-    assert "flat spectrum" in verdict["law"]
 
 
 def test_a_reset_forgets_the_verdict_and_another_method_has_none():

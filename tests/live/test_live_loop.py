@@ -5,18 +5,7 @@ import math
 
 import numpy as np
 import pytest
-from scripted import (
-    PLACE,
-    Scripted,
-    Silence,
-    T,
-    arrivals,
-    column,
-    looped,
-    measured,
-    pressed,
-    rings,
-)
+from scripted import PLACE, Scripted, Silence, T, arrivals, column, looped, measured, pressed, rings
 
 import palpate
 from palpate import ESTIMATORS, OnlinePreparation, Status, ViscoelasticContact
@@ -335,28 +324,10 @@ def test_another_estimator_and_what_there_is_not():
         assert words in said
 
 
-def test_vectors_are_taken_along_the_direction_and_kept_as_they_came():
-    down = [Arrival(t, (0.4, 0.0, -x), (0.1, 0.2, f), t) for t, x, f, _ in SCRIPT]
-    _, rows = looped(down, OnlinePreparation(direction=[0, 0, -2], flip=["force"]))
-    np.testing.assert_array_equal(column(rows, "position"), POSITIONS)
-    np.testing.assert_array_equal(column(rows, "raw_force"), [-force for force in FORCES])
-    np.testing.assert_array_equal(column(rows, "input_force_y"), 0.2)
-    assert column(rows, "parameter_0")[-1] == pytest.approx(2000.0, rel=0.05)
-
-
 @pytest.mark.parametrize("value, direction", [((0.0, 0.0, 0.0), None), (0.0, [0, 0, -1])])
 def test_a_direction_of_numbers_or_vectors_without_one_is_a_clear_line(value, direction):
     with pytest.raises(palpate.InvalidParameterError, match="--direction"):
         looped([Arrival(0.0, value, value, 0.0)], OnlinePreparation(direction=direction))
-
-
-def test_a_source_that_counts_too_is_added_up():
-    source = Scripted([SCRIPT[0], *SCRIPT[:20]])
-    source.counts.repeated, source.counts.lost = 4, 7
-    loop, _ = looped((), OnlinePreparation(sample_time=T), source=source)
-    counts = loop.status()["counts"]
-    assert [counts[name] for name in ("repeated", "lost", "taken")] == [5, 7, 21]
-    assert loop.preparation.status is Status.UPDATED
 
 
 def test_a_law_for_which_there_is_no_room_is_a_clear_line():
