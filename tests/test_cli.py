@@ -22,12 +22,11 @@ from palpate.results.saved import as_toml
 
 
 @pytest.fixture
-def identified(run, good):
+def identified(printed, good):
     """The JSON of an identification of the good recording with some options."""
 
     def call(*options, file=good) -> dict:
-        status, out, err = run("identify", file, "--json", *options)
-        assert (status, err) == (0, "")
+        out = printed("identify", file, "--json", *options)
         return json.loads(out, parse_constant=pytest.fail)
 
     return call
@@ -38,9 +37,8 @@ def law_of(whole: dict) -> dict:
     return result["law"]
 
 
-def test_identify_prints_a_table_that_a_person_reads(run, good):
-    status, out, err = run("identify", good)
-    assert (status, err) == (0, "")
+def test_identify_prints_a_table_that_a_person_reads(printed, good):
+    out = printed("identify", good)
     assert "600 samples" in out
     assert "variable-" in out
     result = palpate.identify(palpate.prepare(good))
@@ -50,9 +48,8 @@ def test_identify_prints_a_table_that_a_person_reads(run, good):
     assert "N/mⁿ" in out
 
 
-def test_compare_prints_every_method_the_same_each_time(run, good):
-    status, out, err = run("compare", good)
-    assert (status, err) == (0, "")
+def test_compare_prints_every_method_the_same_each_time(run, printed, good):
+    out = printed("compare", good)
     assert all(method in out for method in palpate.ESTIMATORS)
     assert run("compare", good) == (0, out, "")
 
@@ -60,9 +57,8 @@ def test_compare_prints_every_method_the_same_each_time(run, good):
 MEASURES = ("prediction_rmse_percent", "fit_rmse_percent", "violated_fraction")
 
 
-def test_json_is_one_object_of_the_agreed_shape_with_the_numbers_of_the_library(run, good):
-    status, out, err = run("compare", good, "--json")
-    assert (status, err) == (0, "")
+def test_json_is_one_object_of_the_agreed_shape_with_the_numbers_of_the_library(printed, good):
+    out = printed("compare", good, "--json")
     whole = json.loads(out)
     assert (whole["file"], whole["samples"]) == (str(good), 600)
     printed = {result["method"]: result for result in whole["results"]}
@@ -141,10 +137,9 @@ PYTHON = re.compile(r"Union|Optional|Literal|NoneType|typing\.|palpate\.\w|\bNon
 @pytest.mark.parametrize(
     "command, columns", [*((command, 40) for command in (*COMMANDS, "")), ("live", 100), ("", 100)]
 )
-def test_help_fits_the_terminal_and_shows_an_example(run, monkeypatch, command, columns):
+def test_help_fits_the_terminal_and_shows_an_example(printed, monkeypatch, command, columns):
     monkeypatch.setenv("COLUMNS", str(columns))
-    status, out, err = run(*command.split(), "--help")
-    assert (status, err) == (0, "")
+    out = printed(*command.split(), "--help")
     assert max(map(cell_len, out.split("\n"))) <= columns
     assert not PYTHON.search(out)
     assert "…" not in out.replace("--exponent …", "")
@@ -228,9 +223,8 @@ def test_bash_completes_commands_options_and_their_values(run, tmp_path, home):
 
 
 @pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
-def test_each_shell_gets_its_completion_where_it_looks_for_it(run, home, shell):
-    status, out, err = run("--install-completion", "--shell", shell)
-    assert (status, err) == (0, "")
+def test_each_shell_gets_its_completion_where_it_looks_for_it(printed, home, shell):
+    out = printed("--install-completion", "--shell", shell)
     [path] = [p for p in home.rglob("*") if p.is_file() and "--method" in p.read_text()]
     assert str(path) in out
 

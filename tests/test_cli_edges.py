@@ -70,10 +70,9 @@ def test_the_c_locale_carries_what_is_printed_and_written(good):
     "command, columns",
     [("identify", 1), ("compare", 1), ("diagnose", 1), ("info", 1), ("--help", 1), ("info", 20)],
 )
-def test_any_width_carries_the_tables(run, good, monkeypatch, command, columns):
+def test_any_width_carries_the_tables(printed, good, monkeypatch, command, columns):
     monkeypatch.setenv("COLUMNS", str(columns))
-    status, out, err = run(command, *([] if command == "--help" else [good]))
-    assert (status, err) == (0, "")
+    out = printed(command, *([] if command == "--help" else [good]))
     assert len(out.splitlines()) > 20
 
 
@@ -119,10 +118,9 @@ def test_a_process_whose_reader_has_gone_says_nothing_on_its_way_out(good):
 ODD = "$\\foo$ 手\x1b[31m\x9b\t[bold]\n" + os.fsdecode(b"\xff") + ".csv"
 
 
-def test_a_file_of_any_name_is_identified_and_drawn(run, tmp_path):
+def test_a_file_of_any_name_is_identified_and_drawn(printed, tmp_path):
     file = recording(tmp_path, ODD)
-    status, out, err = run("identify", file, "--json", "--figure", tmp_path / (ODD + ".svg"))
-    assert (status, err) == (0, "")
+    out = printed("identify", file, "--json", "--figure", tmp_path / (ODD + ".svg"))
     assert json.loads(out)["file"] == str(file)
 
 

@@ -98,10 +98,9 @@ def test_what_a_design_predicts_is_what_its_file_gives_when_it_is_played(run, tm
     assert (abs(found.law.parameters - law.parameters) < 4.0 * found.standard_errors).all()
 
 
-def test_a_file_says_what_it_holds_above_its_header(run, tmp_path):
+def test_a_file_says_what_it_holds_above_its_header(printed, tmp_path):
     path = tmp_path / "better.csv"
-    status, out, err = run("design", *GUESS, "-o", path, "--rate", "250", "--seconds", "2")
-    assert (status, err) == (0, "")
+    out = printed("design", *GUESS, "-o", path, "--rate", "250", "--seconds", "2")
     assert f"motion, the better one: {path}" in out
     assert f"--trajectory {path}" in out
     recording = palpate.open_recording(path)
@@ -135,13 +134,14 @@ def test_what_cannot_be_written_is_one_line(run, tmp_path, monkeypatch, options,
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_motion_goes_into_a_pipe_without_the_tables_and_both_into_a_figure(run, tmp_path):
+def test_a_motion_goes_into_a_pipe_without_the_tables_and_both_into_a_figure(
+    run, printed, tmp_path
+):
     status, out, err = run("design", *GUESS, "-o", "/dev/stdout", "--seconds", "1")
     assert (status, out) == (0, "")  # the file itself went to the process' own standard output
     assert "better, because" in err
     path = tmp_path / "design.svg"
-    status, out, _ = run("design", *GUESS, "--figure", path, "--width", "88mm", "--json")
-    assert status == 0
+    out = printed("design", *GUESS, "--figure", path, "--width", "88mm", "--json")
     assert json.loads(out)["better"] is not None
     assert path.read_text(encoding="utf-8").count("planned") >= 5
 
@@ -167,23 +167,20 @@ def test_a_figure_of_a_design_shows_motions_and_precision_of_both():
 LAW = GUESS[:6]
 
 
-def test_the_command_prints_precision_times_limit_and_a_command_to_run_next(run):
-    status, out, err = run("design", *LAW, "--noise", "0.05")
-    assert (status, err) == (0, "")
+def test_the_command_prints_precision_times_limit_and_a_command_to_run_next(printed):
+    out = printed("design", *LAW, "--noise", "0.05")
     for words in ("after 0.5 s", "after 20 s", "within 5%", "within 1%", "100 mm/s", "eq. 10"):
         assert words in out
     assert "50.8 mm/s" in out
     [command] = re.findall(r"^palpate (design (?:.*\\\n)*.*)$", out, re.MULTILINE)
-    status, out, err = run(*command.replace("\\\n", "").split())
-    assert (status, err) == (0, "")
+    out = printed(*command.replace("\\\n", "").split())
     assert "no better motion" in out
 
 
-def test_the_command_prints_one_json_object(run):
+def test_the_command_prints_one_json_object(printed):
     options = ["--noise", "0.05", "--resolution", "0.125", "--no-offset", "--surface", "--json"]
     sines = ["--depth", "8e-3", "--amplitudes", "1e-3", "2e-3", "--frequencies", "3", "9"]
-    status, out, err = run("design", *LAW, *options, *sines)
-    assert (status, err) == (0, "")
+    out = printed("design", *LAW, *options, *sines)
     words = json.loads(out)
     motion = Motion(8e-3, (1e-3, 2e-3), (3.0, 9.0))
     same = design(BALL, motion, noise=0.05, resolution=0.125, offset=False, surface=True)

@@ -353,10 +353,9 @@ def test_an_export_replaces_only_what_an_export_wrote(ball, saved, name, tmp_pat
     assert first.save(tmp_path / "new")[-1] == statement
 
 
-def test_the_command_prints_the_claim_and_writes_the_files(run, saved, tmp_path):
+def test_the_command_prints_the_claim_and_writes_the_files(run, printed, saved, tmp_path):
     folder = tmp_path / "new" / "ball"
-    status, out, err = run("export", saved, "--to", "usd", "--mass", "1", "-o", folder)
-    assert (status, err) == (0, "")
+    out = printed("export", saved, "--to", "usd", "--mass", "1", "-o", folder)
     words = " ".join(out.split())
     assert "within 0.53 % of the law's force (predicted, not replayed here)" in words
     assert "the law itself leaves 0.41 %" in words

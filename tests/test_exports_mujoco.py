@@ -483,11 +483,10 @@ def folder(made, tmp_path_factory):
     return folder
 
 
-def test_what_is_identified_from_the_scene_is_what_was_exported(run, folder, made, tmp_path):
+def test_what_is_identified_from_the_scene_is_what_was_exported(printed, folder, made, tmp_path):
     file = tmp_path / "again.csv"
     pressed = ("lab", folder / "scene.xml", "--probe", "ideal", "--bias", "0", "--resolution", "0")
-    status, out, err = run(*pressed, "--seconds", "6", "-o", file)
-    assert (status, err) == (0, "")
+    out = printed(*pressed, "--seconds", "6", "-o", file)
     assert '"engine": "mujoco"' in out
     found = palpate.identify(file, trace=False)
     # The stated error is one of force: what that moves a parameter by, at most, is s.e. · ε ‖F‖/σ.

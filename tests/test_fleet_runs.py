@@ -38,11 +38,10 @@ def recordings(tmp_path_factory):
     return folder / "all"
 
 
-def test_a_folder_of_all_kinds_becomes_a_row_each(run, recordings, tmp_path, monkeypatch):
+def test_a_folder_of_all_kinds_becomes_a_row_each(run, printed, recordings, tmp_path, monkeypatch):
     monkeypatch.setattr("palpate.fleet.report.drawing", lambda *_: iter(()))
     results = tmp_path / "results"
-    status, out, err = run("fleet", recordings, "-o", results, "--workers", 1, "--report")
-    assert (status, err) == (0, "")
+    out = printed("fleet", recordings, "-o", results, "--workers", 1, "--report")
     assert "9 contacts in" in out
     assert "1 of 9 rows failed" in out
     table = read_results(results)
@@ -83,7 +82,7 @@ def finished(run, most=None, *, seconds=10.0, workers=1):
 
 
 @pytest.mark.slow
-def test_names_that_are_no_utf_8_are_rows_like_others_and_the_run_goes_on(run, tmp_path):
+def test_names_that_are_no_utf_8_are_rows_like_others_and_the_run_goes_on(printed, tmp_path):
     folder = tmp_path / "all"
     write_recordings(folder, 2)
     (folder / "touch-001.csv").rename(folder / os.fsdecode(b"touch-\xff\xe9.csv"))
@@ -91,8 +90,7 @@ def test_names_that_are_no_utf_8_are_rows_like_others_and_the_run_goes_on(run, t
     (folder / "array.zarr").rename(folder / os.fsdecode(b"array\xff.zarr"))
     (folder / "literal\\xff.csv").write_bytes((folder / "touch-000.csv").read_bytes())
     for words in ("5 contacts in", "5 of 5 contacts reused"):
-        status, out, err = run("fleet", folder, "-o", tmp_path / "results", "--workers", 1)
-        assert (status, err) == (0, "")
+        out = printed("fleet", folder, "-o", tmp_path / "results", "--workers", 1)
         assert words in out
     table = read_results(tmp_path / "results")
     names = sorted(name.rpartition("/")[2] for name in table["source"].to_pylist())

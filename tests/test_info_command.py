@@ -17,15 +17,14 @@ from palpate.recordings.survey import survey
 from palpate.recordings.times import clock_rank, clock_unit
 
 
-def test_what_is_lost_left_out_or_noted_is_printed_and_steers_no_terminal(run, tmp_path):
+def test_what_is_lost_left_out_or_noted_is_printed_and_steers_no_terminal(printed, tmp_path):
     path = write_hdf5(tmp_path / "a.h5", {"red\x1b[31m": np.arange(9.0), "time\r": np.arange(9.0)})
     with h5py.File(path, "r+") as file:
         file.create_dataset("huge", shape=(10**10,), dtype="f8", chunks=(1000,))
         file["words"] = ["a", "b"]
         file.attrs["subject"] = "phantom [3]"
         file.attrs["by"] = "me\x1b]0;title\x07"
-    status, out, _ = run("info", path)
-    assert status == 0
+    out = printed("info", path)
     assert not any(sign in out for sign in "\x1b\x07\r")
     assert "red\\x1b[31m" in out
     assert "note: subject: phantom [3]" in out
@@ -33,10 +32,9 @@ def test_what_is_lost_left_out_or_noted_is_printed_and_steers_no_terminal(run, t
     assert "lost: huge: nothing was written of its 10000000000 values" in out
 
 
-def test_the_json_has_all_that_the_tables_have(run, tmp_path):
+def test_the_json_has_all_that_the_tables_have(printed, tmp_path):
     columns = {**COLUMNS, "gap": np.where(np.arange(600) < 2, np.nan, 1.0)}
-    status, out, _ = run("info", write_parquet(tmp_path / "a.parquet", columns), "--json")
-    assert status == 0
+    out = printed("info", write_parquet(tmp_path / "a.parquet", columns), "--json")
     found = json.loads(out)
     [clock] = found["clocks"]
     assert (clock["name"], clock["rate"]) == ("time_s", pytest.approx(1000.0))
@@ -55,15 +53,14 @@ def test_channels_may_be_chosen(run, tmp_path):
     assert names == {"g1/time", "g1/f", "g2/time", "g2/f"}
 
 
-def test_a_curve_of_a_map_is_chosen_or_asked_for(run, tmp_path):
+def test_a_curve_of_a_map_is_chosen_or_asked_for(run, printed, tmp_path):
     pytest.importorskip("afmformats")
     curves = [(np.arange(200) * k, np.arange(200)) for k in (1, 2)]
     path = write_jpk(tmp_path / "map.jpk-force-map", curves)
     status, out, err = run("info", path)
     assert (status, out) == (2, "")
     assert "--curve N" in err
-    status, out, err = run("info", path, "--curve", 1)
-    assert (status, err) == (0, "")
+    out = printed("info", path, "--curve", 1)
     assert "height (measured)" in out
     assert "spring constant: 0.02 N/m" in out
 
@@ -74,12 +71,11 @@ def test_many_channels_are_cut_off_and_said(run, tmp_path):
     assert "and 40 more channels: --channel NAME or --json" in out
 
 
-def test_a_strip_chart_has_a_strip_for_each_channel_that_varies(run, tmp_path):
+def test_a_strip_chart_has_a_strip_for_each_channel_that_varies(run, printed, tmp_path):
     columns = {**COLUMNS, "still": np.ones(600)}
     path, chart = write_parquet(tmp_path / "a.parquet", columns), tmp_path / "a.svg"
     content = path.read_bytes()
-    status, out, err = run("info", path, "--figure", chart, "--dark")
-    assert (status, err) == (0, "")
+    out = printed("info", path, "--figure", chart, "--dark")
     assert out.endswith(f"figure: {chart}\n")
     ElementTree.parse(chart)
     for words in ("a.parquet: 2 of 4 channels, those that vary", "since the first of time_s [s]"):

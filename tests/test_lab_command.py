@@ -82,19 +82,17 @@ LAWS = {
 
 
 @pytest.mark.parametrize("law", LAWS)
-def test_a_law_of_ones_own_is_pressed(run, tmp_path, law):
+def test_a_law_of_ones_own_is_pressed(printed, tmp_path, law):
     file = tmp_path / "own.csv"
-    status, _, err = run("lab", law, *LAWS[law].split(), "--probe", "ideal", "-o", file, *QUICK)
-    assert (status, err) == (0, "")
+    printed("lab", law, *LAWS[law].split(), "--probe", "ideal", "-o", file, *QUICK)
     assert json.loads(palpate.prepare(file).provenance["truth"])["kind"] == law
 
 
-def test_a_law_that_remembers_is_found_beside_a_truth_of_another_form(run, tmp_path):
+def test_a_law_that_remembers_is_found_beside_a_truth_of_another_form(run, printed, tmp_path):
     file = tmp_path / "own.csv"
     law = "extended-kelvin-voigt"
     run("lab", law, *LAWS[law].split(), "--probe", "ideal", "-o", file, *QUICK)
-    status, out, err = run("identify", file, "--law", "single")
-    assert (status, err) == (0, "")
+    out = printed("identify", file, "--law", "single")
     assert "relaxation" in out  # which the file's law has none of
 
 
@@ -108,9 +106,8 @@ def test_sensors_can_be_switched_off(run, tmp_path):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("ending", [".png", ".svg"])
-def test_the_rig_is_pictured(run, tmp_path, ending):
+def test_the_rig_is_pictured(printed, tmp_path, ending):
     picture = tmp_path / f"rig{ending}"
-    status, out, err = run("lab", "ball", "-o", tmp_path / "b.csv", "--picture", picture, *QUICK)
-    assert (status, err) == (0, "")
+    out = printed("lab", "ball", "-o", tmp_path / "b.csv", "--picture", picture, *QUICK)
     assert str(picture) in out
     assert picture.stat().st_size > 5000
