@@ -4,6 +4,7 @@ import itertools
 import math
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from rich.console import Console
@@ -15,7 +16,6 @@ from palpate.diagnosis.data import in_words
 from palpate.diagnosis.fit import DEEP
 from palpate.digits import rounded, with_error
 from palpate.errors import InvalidParameterError
-from palpate.estimators import ViscoelasticContact
 from palpate.force_laws import ForceLaw, GeneralisedHuntCrossley
 from palpate.identification.identified import rank
 from palpate.identifying import Identification
@@ -53,7 +53,7 @@ def truth_at_rest(result: Identification) -> ForceLaw | None:
     return truth if comparable(law, truth) else None
 
 
-def comparable(law: ForceLaw, truth: ForceLaw) -> set[str]:
+def comparable(law: Any, truth: Any) -> set[str]:
     """Return the parameters of a law that mean what the truth's of the same names do.
 
     Those of a law of another kind do not; of two generalised laws they do where the same relaxes,
@@ -62,7 +62,7 @@ def comparable(law: ForceLaw, truth: ForceLaw) -> set[str]:
     names = set(law.names())
     if law.kind != truth.kind:
         return set()
-    if not isinstance(law, GeneralisedHuntCrossley) or not isinstance(truth, type(law)):
+    if not (law.relaxes and truth.relaxes):
         return names
     if not _same_memory(law, truth):
         return set()
@@ -283,7 +283,7 @@ def parameters(result: Identification) -> list[str]:
 def _truths(result: Identification) -> list[str]:
     """The truth beside each parameter, where it is a law of the same kind."""
     law, truth, rows = result.law, stated_truth(result), parameter_rows(result)
-    if truth is not None and isinstance(law, GeneralisedHuntCrossley):
+    if truth is not None:
         alike = law.simplest()
         law = alike if alike.kind == truth.kind else law
     if truth is None or truth.kind != law.kind:
@@ -337,7 +337,7 @@ def verdict_on_laws(result: Identification) -> str:
     verdict = result.law_verdict
     if verdict is None or not verdict.known:
         return ""
-    if isinstance(result.estimator, ViscoelasticContact):
+    if result.estimator.chooses_law:
         return str(verdict)
     return f"of the everyday laws, by the same samples: {str(verdict).removeprefix('law: ')}"
 
@@ -345,7 +345,7 @@ def verdict_on_laws(result: Identification) -> str:
 def print_standings(results: Sequence[Identification], console: Console) -> None:
     """Print how the laws stand that the samples were asked about, the best first."""
     # That of the method which chooses a law, else of any.
-    ordered = sorted(results, key=lambda each: not isinstance(each.estimator, ViscoelasticContact))
+    ordered = sorted(results, key=lambda each: not each.estimator.chooses_law)
     verdict = next(filter(None, (each.law_verdict for each in ordered)), None)
     if verdict is None or not verdict.known:
         return

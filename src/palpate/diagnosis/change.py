@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from palpate.diagnosis.fit import WINDOWS_A_PERIOD, Cause, Fit
 from palpate.digits import rounded
 from palpate.estimators.least_squares import robust_covariance
-from palpate.force_laws import ForceLaw, HuntCrossley
+from palpate.force_laws import ForceLaw
 from palpate.validation import Floats
 
 BLOCKS = 48  # among whose borders changes are sought
@@ -68,7 +68,7 @@ def changes(fit: Fit) -> Changes | None:
     if rows < 4 * BLOCKS:
         return None
     law = fit.solution.law
-    starts = (law.parameters[2], *EXPONENTS) if isinstance(law, HuntCrossley) else (math.nan,)
+    starts = (law.parameters[2], *EXPONENTS) if law.power_law else (math.nan,)
     starts = starts[:1] if fit.fixed else starts
     costs = {float(n): _cost(fit, float(n), fit.solution.offset) for n in starts}
     found = None

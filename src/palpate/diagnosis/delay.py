@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 from palpate.diagnosis.data import in_words
 from palpate.diagnosis.finding import remedy_of_memory
 from palpate.diagnosis.fit import (
-    Alike,
     Band,
     Beside,
     Cause,
@@ -20,7 +19,6 @@ from palpate.diagnosis.fit import (
     beside,
 )
 from palpate.digits import rounded, with_error
-from palpate.force_laws import HuntCrossley
 from palpate.validation import Floats
 
 
@@ -43,7 +41,7 @@ def columns(fit: Fit) -> list[Cause]:
         "friction": spring * np.tanh(20.0 * speed),
         # Of a law whose damping grows as xⁿ. Beside a constant damper, K₁ v + 2 K₂ x v would be
         # that damper but for some rounding of K₂.
-        "damping form": slope * speed if isinstance(law, HuntCrossley) else rest,
+        "damping form": slope * speed if law.power_law else rest,
         "damping with depth": spring * speed,
         # ∂²F/∂n², or where the exponent is fixed ∂F/∂n: xⁿ is the tip's as far as that is known.
         "shape": spring * (logarithm if fit.fixed else logarithm**2),
@@ -114,7 +112,7 @@ def cause_of(
     law, change = fit.solution.law, result.change
     # Relative move of the law's first parameter, SI: Δk/k − Δn ln x_r for a power law.
     parameter = float(change[0]) / max(abs(float(law.parameters[0])), 1e-300)
-    if isinstance(law, HuntCrossley):
+    if law.power_law:
         parameter -= float(change[2]) * math.log(fit.units.depth)
     found = result.z, result.gain, parameter
     return Cause.of(fit, name, found, sentence, remedy, moves or (lambda it: it.moves(change)))
@@ -274,20 +272,20 @@ def memory(fit: Fit) -> list[Cause]:
 def _words(fit: Fit, time: float) -> tuple[str, str]:
     """What was found, and what to do; where the law may remember, it is beside its memory."""
     over = f"about {rounded(time, 2)} s"
-    if not isinstance(fit.estimate, Alike):
+    if fit.alike is None:
         return (
             f"the material remembers for {over}: its stiffness is that at "
             f"{rounded(1.0 / fit.period, 2)} Hz",
             remedy_of_memory(fit.laws, time),
         )
     parts = "identify parts of the recording, with --start and --stop"
-    if fit.estimate.longest == 0.0:
+    if fit.alike.longest == 0.0:
         return (
             f"beside the law the force relaxes over {over}, and no law with memory that was "
             "offered explains it better: a sensor may drift, or the material change",
             parts,
         )
-    if time > fit.estimate.longest:
+    if time > fit.alike.longest:
         return (
             f"beside what the law remembers the force relaxes over {over}, as where a sensor "
             "drifts or a material softens",

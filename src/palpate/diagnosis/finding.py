@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from palpate.digits import rounded
-from palpate.estimators import LawVerdict, ViscoelasticContact
-from palpate.estimators.law_verdicts import EVERYDAY
+from palpate.estimators import ContactEstimator, LawVerdict
+from palpate.estimators.law_verdicts import EVERYDAY, verdict_of
 from palpate.findings import Finding, Mark
 from palpate.force_laws import ForceLaw, GeneralisedHuntCrossley
 from palpate.validation import Plain
@@ -227,10 +227,11 @@ class Laws:
         return len(self.verdict.standings) > EVERYDAY
 
     @classmethod
-    def of(cls, estimator: ViscoelasticContact, *, own: bool = False) -> "Laws":
+    def of(cls, estimator: ContactEstimator, *, own: bool = False) -> "Laws":
         """Of an estimator that has learned the samples."""
-        longest = _LONGEST * estimator.evidence().step
-        return cls(estimator.estimate().law, estimator.verdict(), own, longest)
+        evidence, estimate = estimator.evidence(), estimator.estimate()
+        verdict = verdict_of(evidence, estimate)
+        return cls(estimate.law, verdict, own, _LONGEST * evidence.step)
 
 
 def remedy_of_memory(laws: Laws | None, time: float) -> str:

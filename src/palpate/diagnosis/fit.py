@@ -46,7 +46,7 @@ class Alike(Estimate):
         return self._alike
 
 
-def as_hunt_crossley(data: Data, estimate: Estimate, depth: float) -> tuple[Data, Estimate]:
+def as_hunt_crossley(data: Data, estimate: Estimate, depth: float) -> tuple[Data, Alike]:
     """Take out of the force what a generalised law has beside a Hunt–Crossley law.
 
     F − M Σ w g − (B xᵖ − B′ xⁿ) v, with B′ xⁿ = B xᵖ at a depth [m], is to be K xⁿ + B′ xⁿ v: what
@@ -175,11 +175,7 @@ class Units:
 
     def local(self, law: ForceLaw) -> ForceLaw:
         """Return the law in these units: for Hunt–Crossley k = K x_rⁿ, c = B x_rⁿ V."""
-        if isinstance(law, HuntCrossley):
-            power = self.depth**law.exponent
-            k, c = law.stiffness * power, law.damping * power * self.speed
-            return HuntCrossley(k, c, law.exponent)
-        return law
+        return law.scaled(self.depth, self.speed)
 
     def restored(self, law: ForceLaw) -> ForceLaw:
         """Return a law that is in these units, in SI."""
@@ -252,11 +248,14 @@ class Fit:
         laws: Laws | None = None,
     ) -> None:
         self._given, self.laws = (data, trace, estimate), laws
-        if isinstance(estimate.law, GeneralisedHuntCrossley):
+        #: Where the law is taken for another.
+        self.alike: Alike | None = None
+        if estimate.law.relaxes:
             known = data.penetration[trace.taken[data.known]] - estimate.surface
             middle = float(np.median(known[known > 0.0])) if (known > 0.0).any() else 1.0
-            data, estimate = as_hunt_crossley(data, estimate, depth or middle)
-        self.data, self.estimate = data, estimate
+            data, self.alike = as_hunt_crossley(data, estimate, depth or middle)
+        self.data, self.estimate = data, self.alike or estimate
+        estimate = self.estimate
         self.with_offset = estimate.offset_standard_error > 0.0
         names = estimate.law.names()
         self.fixed = [k for k, name in enumerate(names) if name in estimate.fixed]
@@ -276,8 +275,8 @@ class Fit:
         self.deeper = (float(np.percentile(x, DEEP)),) if x.size else (math.nan,)
         self.speed = float(np.sqrt(np.mean(v**2))) or 1.0
         self.period = 2.0 * math.pi * float(np.std(x)) / self.speed
-        hunt_crossley = isinstance(estimate.law, HuntCrossley)
-        self.units = Units(self.reference, self.speed) if hunt_crossley else Units(1.0, 1.0)
+        scaled = self.reference, self.speed
+        self.units = Units(*scaled) if estimate.law.power_law else Units(1.0, 1.0)
         self.band: Band = self._band()
         self.x = self.penetration[self.band.samples] / self.units.depth
         self.v = data.velocity[self.band.samples] / self.units.speed
@@ -297,7 +296,7 @@ class Fit:
 
         It is made again only of a law that is taken for another, which is like it at that depth.
         """
-        if isinstance(self._given[2].law, GeneralisedHuntCrossley):
+        if self._given[2].law.relaxes:
             return Fit(*self._given, depth, self.laws)
         other = copy(self)
         other.depth = depth
@@ -336,9 +335,10 @@ class Fit:
         """Jacobian and residual of a law in local units."""
         motion = moved or MovedSamples(self.x, self.v, self.band, self.force)
         gradient = motion.band.mean(law.parameter_gradient(np.maximum(motion.x, 1e-12), motion.v))
-        # The force is linear in all parameters but the exponent.
-        linear = 2 if isinstance(law, HuntCrossley) else len(law.symbols)
-        model = gradient[:, :linear] @ law.parameters[:linear]
+        if linear := law.linear:
+            model = gradient[:, :linear] @ law.parameters[:linear]
+        else:
+            model = motion.band.mean(law.force(np.maximum(motion.x, 1e-12), motion.v))
         gradient[:, self.fixed] = 0.0  # what was given no least squares moves
         if self.with_offset:
             gradient = np.column_stack([gradient, np.ones(len(gradient))])
@@ -359,7 +359,7 @@ class Fit:
         for _ in range(MOST_STEPS):
             change = _step(best.jacobian, best.residual, damping)
             parameters = best.law.parameters + change[:names]
-            if isinstance(law, HuntCrossley):
+            if law.power_law:
                 parameters[2] = min(max(parameters[2], EXPONENTS[0]), EXPONENTS[1])
             after = best.offset + float(change[names:].sum())
             trial = self.at(law.from_parameters(parameters), after, moved)

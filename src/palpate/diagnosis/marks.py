@@ -13,7 +13,6 @@ from palpate.diagnosis.fit import (
     FEWEST_FREE,
     FEWEST_ROWS,
     SIGNIFICANT,
-    Alike,
     Cause,
     Fit,
     MovedSamples,
@@ -24,7 +23,7 @@ from palpate.estimators import LawVerdict
 from palpate.estimators.law_verdicts import STRONG, Standing
 from palpate.estimators.least_squares import mean_error, robust_covariance
 from palpate.findings import Finding, Mark, Severity, worst
-from palpate.force_laws import ForceLaw, HuntCrossley, KelvinVoigt
+from palpate.force_laws import ForceLaw, HuntCrossley
 from palpate.preparation.surfaces import Samples, placed
 from palpate.validation import Floats
 
@@ -204,11 +203,10 @@ def better_law(fit: Fit) -> Cause | None:
 
 def standing_of(law: ForceLaw, verdict: LawVerdict) -> Standing | None:
     """Return how an identified law stood among those that were compared."""
-    if isinstance(law, HuntCrossley):
-        return verdict.standing_of("hunt-crossley", "none")
-    if isinstance(law, KelvinVoigt):
-        return verdict.standing_of("half-space", "none", linear=True)
-    return None
+    if law.candidate is None:
+        return None
+    damping, memory, linear = law.candidate
+    return verdict.standing_of(damping, memory, linear=linear)
 
 
 def _apart(fit: Fit, laws: Laws) -> tuple[float, float]:
@@ -256,7 +254,7 @@ RESOLVED = 5.0
 def surface(fit: Fit) -> list[Cause]:
     """Levenberg–Marquardt on (k, c, n, F₀, d), the free approach included; Hunt–Crossley only."""
     law = fit.solution.law
-    if not isinstance(law, HuntCrossley) or not fit.with_offset:
+    if not law.power_law or not fit.with_offset:
         return []
     if not fit.free_air or fit.estimate.surface_standard_error:
         return []
@@ -484,9 +482,9 @@ def working_depth(fit: Fit, judged: Judged) -> WorkingDepth:
     moved = np.maximum(moved, np.where(apart > OFF * errors, apart, 0.0))
     if not fit.with_offset:
         moved = np.maximum(moved, _without_offset(fit))
-    if isinstance(fit.estimate, Alike):
+    if fit.alike is not None:
         # Where memory was taken out of the force, its least squares take it for known.
-        own = np.array(fit.estimate.own_errors)
+        own = np.array(fit.alike.own_errors)
         errors = np.where(own > errors, own, errors)
     return _numbers(fit, _with_surface(fit, errors), moved)
 

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 import palpate._core as _core
 from palpate.errors import InvalidParameterError
 from palpate.estimators.estimate import Estimate, Trace
+from palpate.estimators.law_verdicts import Candidate, Evidence, LawVerdict
 from palpate.force_laws import ForceLaw
 from palpate.settings import ChangeDetector, Configured, ContactGate, OutlierRejection, Scale
 from palpate.validation import (
@@ -46,6 +47,8 @@ class ContactEstimator(Configured):
     chooses_samples: ClassVar[bool] = False
     #: The known exponents that it can keep.
     exponents: ClassVar[tuple[float, float]] = (0.1, 10.0)
+    #: Whether it chooses among laws, and has a verdict on them.
+    chooses_law: ClassVar[bool] = False
     #: Whether it takes what a tare left, and how well the surface is known, from the contact.
     knows_offset: ClassVar[bool] = False
 
@@ -70,6 +73,21 @@ class ContactEstimator(Configured):
 
         def leave_contact(self) -> None:
             """End the contact; the estimate is held until it is made again."""
+
+        def evidence(self) -> Evidence:
+            """What a verdict is worked out from, by a method that chooses a law."""
+
+        @property
+        def offered(self) -> tuple[Candidate, ...]:
+            """The laws that compete, by a method that chooses one."""
+
+        @property
+        def candidate(self) -> Candidate | None:
+            """The law in force, by a method that chooses one."""
+
+    def verdict(self) -> LawVerdict | None:
+        """Which law it is, by a method that chooses one; None by any other."""
+        return None
 
     def replay(
         self,

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import palpate._core as _core
 from palpate.digits import rounded
 from palpate.estimators.estimate import Estimate
-from palpate.force_laws import GeneralisedHuntCrossley, SingleRelaxation
+from palpate.force_laws import GeneralisedHuntCrossley
 from palpate.validation import Plain, defined, or_nan
 
 # By the values of the compiled enumerations.
@@ -343,8 +343,7 @@ def memory_flags(estimate: Estimate, duration: float, *, begun: bool) -> Iterato
             "the samples begin in contact, and longer than half a second is remembered: K and M "
             "may be off by twice their error bars; record from before the touch"
         )
-    if isinstance(law.relaxation, SingleRelaxation):
-        time = law.relaxation.time
+    if (time := law.relaxation_time) is not None:
         # A factor of e either way at two deviations.
         if not errors[7] < 0.5 * time:
             yield "relaxation time not identifiable: move at several speeds, and hold"

@@ -90,6 +90,7 @@ class ViscoelasticContact(CompiledEstimator, _core.ViscoelasticContact):
     __slots__ = ("_settings",)
     method = "viscoelastic"
     law_type = GeneralisedHuntCrossley
+    chooses_law = True
     knows_offset = True
     exponents = _DEFAULTS["exponent_range"]
 

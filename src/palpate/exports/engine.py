@@ -415,11 +415,11 @@ def with_exponents(
 
     The law itself where it has these exponents and no memory.
     """
-    if isinstance(law, GeneralisedHuntCrossley) and not law.remembers:
-        undamped = law.damping == 0.0
-        same = law.exponent == n and (undamped or law.damping_exponent == p)
-        if same and law.damping >= 0.0:
-            return GeneralisedHuntCrossley(law.stiffness, n, law.damping, p)
+    if law.powers is not None and not law.remembers:
+        own = GeneralisedHuntCrossley.of(law)
+        same = own.exponent == n and (own.damping == 0.0 or own.damping_exponent == p)
+        if same and own.damping >= 0.0:
+            return GeneralisedHuntCrossley(own.stiffness, n, own.damping, p)
     firm = motion.judged
     x, v = motion.penetration[firm], motion.velocity[firm]
     force = motion.force_by(law)[firm]

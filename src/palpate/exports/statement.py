@@ -30,7 +30,7 @@ from palpate.exports.engine import (
     without_memory,
 )
 from palpate.findings import MARKS, Finding
-from palpate.force_laws import ExtendedKelvinVoigt, ForceLaw, GeneralisedHuntCrossley
+from palpate.force_laws import ForceLaw, GeneralisedHuntCrossley
 from palpate.identifying import Identification
 from palpate.quantities.elastic_modulus import Sphere
 from palpate.results.saved import SavedResult
@@ -138,7 +138,7 @@ class ExportedLaw:
         ExportRefusedError
             There is none with K > 0: nothing would push back.
         """
-        if isinstance(self.law, ExtendedKelvinVoigt) and all(self.law.parameters[:2] != 0.0):
+        if self.law.powers is None:
             found = one_power(self.law, self.motion)
         else:
             law = GeneralisedHuntCrossley.of(self.law)

@@ -10,7 +10,6 @@ import numpy as np
 from palpate.diagnosis import Quantity
 from palpate.digits import rounded
 from palpate.errors import InvalidParameterError
-from palpate.estimators import ViscoelasticContact
 from palpate.figures.panels import (
     JOINED,
     Final,
@@ -124,7 +123,7 @@ def _on_a_page(new_figure: "type[Figure]", result: Identified, look: Look) -> "F
 def _drawn_of(result: Identified) -> list[ParameterRow]:
     """The parameters that have a course: of a law that was chosen those that were looked for."""
     rows = parameter_rows(result)
-    if not isinstance(result.estimator, ViscoelasticContact):
+    if not result.estimator.chooses_law:
         return rows
     return [row for row in rows if row.estimated]
 
@@ -275,7 +274,7 @@ def _mark_frequencies(axes: "Axes", drawn: Sequence[float]) -> None:
 
 
 def _label(result: Identified) -> str:
-    chosen = isinstance(result.estimator, ViscoelasticContact)
+    chosen = result.estimator.chooses_law
     return law_in_words(result) if chosen else f"{result.law.kind}, {result.method}"
 
 

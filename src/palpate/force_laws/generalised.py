@@ -1,7 +1,7 @@
 """Hunt–Crossley laws whose damper has an exponent of its own, and that may remember."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import Any, ClassVar, Self, overload
 
 import numpy as np
@@ -11,7 +11,6 @@ import palpate._core as _core
 from palpate.errors import InvalidParameterError
 from palpate.force_laws.laws import (
     CompiledLaw,
-    ExtendedKelvinVoigt,
     Floats,
     ForceLaw,
     HuntCrossley,
@@ -73,6 +72,7 @@ class GeneralisedHuntCrossley(CompiledLaw):
     optional: ClassVar[tuple[str, ...]] = (
         "relaxation_stiffness", "spectrum_exponent", "shortest_time", "longest_time",
     )  # fmt: skip
+    relaxes: ClassVar[bool] = True
     _compiled: ClassVar[Callable[..., None]] = _core.generalised_hunt_crossley_force
 
     def __post_init__(self) -> None:
@@ -91,7 +91,7 @@ class GeneralisedHuntCrossley(CompiledLaw):
 
         Parameters
         ----------
-        law : KelvinVoigt, HuntCrossley, ExtendedKelvinVoigt or GeneralisedHuntCrossley
+        law : ForceLaw
             p is 0 where the damper is linear, and n where it is Hunt and Crossley's.
 
         Raises
@@ -99,17 +99,11 @@ class GeneralisedHuntCrossley(CompiledLaw):
         InvalidParameterError
             There is none: of an extended Kelvin–Voigt law with K₁ and K₂, or a law of one's own.
         """
-        if isinstance(law, GeneralisedHuntCrossley):
-            return law
-        if isinstance(law, KelvinVoigt):
-            return GeneralisedHuntCrossley(law.stiffness, 1.0, law.damping, 0.0)
-        if isinstance(law, HuntCrossley):
-            return GeneralisedHuntCrossley(law.stiffness, law.exponent, law.damping, law.exponent)
-        if isinstance(law, ExtendedKelvinVoigt) and law.quadratic_stiffness == 0.0:
-            return GeneralisedHuntCrossley(law.stiffness, 1.0, law.damping, 0.0)
-        if isinstance(law, ExtendedKelvinVoigt) and law.stiffness == 0.0:
-            return GeneralisedHuntCrossley(law.quadratic_stiffness, 2.0, law.damping, 0.0)
-        raise InvalidParameterError(f"law must have one power of depth in its spring, not {law!r}")
+        if law.powers is None:
+            raise InvalidParameterError(
+                f"law must have one power of depth in its spring, not {law!r}"
+            )
+        return GeneralisedHuntCrossley(*law.powers)
 
     def simplest(self) -> "KelvinVoigt | HuntCrossley | GeneralisedHuntCrossley":
         """Return the law as Kelvin and Voigt's, or Hunt and Crossley's, where it is exactly that.
@@ -174,6 +168,16 @@ class GeneralisedHuntCrossley(CompiledLaw):
     def remembers(self) -> bool:
         """Whether its force depends on more than the present."""
         return self.relaxation is not None and self.relaxation_stiffness != 0.0
+
+    @property
+    def relaxation_time(self) -> float | None:
+        """Its one relaxation time, s; None of a law that has none, or a spectrum of many."""
+        return self.longest_time if self.remembers and not self.shortest_time else None
+
+    @property
+    def powers(self) -> tuple[Any, ...] | None:
+        """Its own numbers."""
+        return tuple(getattr(self, each.name) for each in fields(self))
 
     def relaxed(self) -> "GeneralisedHuntCrossley":
         """Return the law of the material once it has relaxed: K alone, without memory."""

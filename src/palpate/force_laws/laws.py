@@ -35,6 +35,14 @@ class ForceLaw:
     optional: ClassVar[tuple[str, ...]] = ()
     #: Whether condition 10 of the paper, |v| < 0.1 K/B, concerns it.
     has_condition_10: ClassVar[bool] = False
+    #: How many parameters, the first ones, the force is a linear sum of: F = Σ θᵢ ∂F/∂θᵢ.
+    linear: ClassVar[int] = 0
+    #: Whether the law is (K + B v) xⁿ, of the parameters K, B and n in this order.
+    power_law: ClassVar[bool] = False
+    #: Whether laws of this class may relax; :attr:`remembers` says whether this one does.
+    relaxes: ClassVar[bool] = False
+    #: Damping, memory and whether n = 1 of the candidate of the model selection that it is.
+    candidate: ClassVar[tuple[str, str, bool] | None] = None
 
     def __post_init__(self) -> None:
         for name, value in self.as_dict().items():
@@ -63,6 +71,27 @@ class ForceLaw:
     def remembers(self) -> bool:
         """Whether its force depends on more than the present."""
         return False
+
+    @property
+    def relaxation_time(self) -> float | None:
+        """Its one relaxation time, s; None of a law that has none, or many."""
+        return None
+
+    @property
+    def powers(self) -> tuple[Any, ...] | None:
+        """What :class:`GeneralisedHuntCrossley` has for the same law; None where it is none."""
+        return None
+
+    def simplest(self) -> "ForceLaw":
+        """Return Kelvin and Voigt's law, or Hunt and Crossley's, where it is exactly that."""
+        return self
+
+    def scaled(self, depth: float, speed: float) -> "ForceLaw":
+        """Return the law with penetration in units of a depth [m] and velocity in a speed [m/s].
+
+        Only a power law needs that, whose K and n are hardly told apart in metres.
+        """
+        return self
 
     @property
     def parameters(self) -> Floats:
@@ -260,7 +289,14 @@ class KelvinVoigt(CompiledLaw):
     kind: ClassVar[str] = "kelvin-voigt"
     units: ClassVar[tuple[str, ...]] = ("N/m", "N·s/m")
     symbols: ClassVar[tuple[str, ...]] = ("K", "B")
+    linear: ClassVar[int] = 2
+    candidate: ClassVar[tuple[str, str, bool] | None] = ("half-space", "none", True)
     _compiled: ClassVar[Callable[..., None]] = _core.kelvin_voigt_force
+
+    @property
+    def powers(self) -> tuple[Any, ...] | None:
+        """K x + B x⁰ v."""
+        return self.stiffness, 1.0, self.damping, 0.0
 
     def parameter_gradient(self, penetration: Floats, velocity: Floats) -> Floats:
         """∂F/∂(K, B) = (x, v)."""
@@ -298,7 +334,15 @@ class ExtendedKelvinVoigt(CompiledLaw):
     kind: ClassVar[str] = "extended-kelvin-voigt"
     units: ClassVar[tuple[str, ...]] = ("N/m", "N/m²", "N·s/m")
     symbols: ClassVar[tuple[str, ...]] = ("K₁", "K₂", "B")
+    linear: ClassVar[int] = 3
     _compiled: ClassVar[Callable[..., None]] = _core.extended_kelvin_voigt_force
+
+    @property
+    def powers(self) -> tuple[Any, ...] | None:
+        """K₁ x + B x⁰ v or K₂ x² + B x⁰ v, where the other is 0."""
+        if self.quadratic_stiffness == 0.0:
+            return self.stiffness, 1.0, self.damping, 0.0
+        return None if self.stiffness else (self.quadratic_stiffness, 2.0, self.damping, 0.0)
 
     def parameter_gradient(self, penetration: Floats, velocity: Floats) -> Floats:
         """∂F/∂(K₁, K₂, B) = (x, x², v)."""
@@ -338,12 +382,25 @@ class HuntCrossley(CompiledLaw):
     units: ClassVar[tuple[str, ...]] = ("N/mⁿ", "N·s/mⁿ⁺¹", "")
     symbols: ClassVar[tuple[str, ...]] = ("K", "B", "n")
     has_condition_10: ClassVar[bool] = True
+    linear: ClassVar[int] = 2
+    power_law: ClassVar[bool] = True
+    candidate: ClassVar[tuple[str, str, bool] | None] = ("hunt-crossley", "none", False)
     _compiled: ClassVar[Callable[..., None]] = _core.hunt_crossley_force
 
     @property
     def dissipation(self) -> float:
         """Dissipation b = B/K, s/m, as simulators call it."""
         return self.damping / self.stiffness if self.stiffness else float("nan")
+
+    @property
+    def powers(self) -> tuple[Any, ...] | None:
+        """K xⁿ + B xⁿ v."""
+        return self.stiffness, self.exponent, self.damping, self.exponent
+
+    def scaled(self, depth: float, speed: float) -> "HuntCrossley":
+        """Return k = K x_rⁿ, c = B x_rⁿ V and n."""
+        power = depth**self.exponent
+        return HuntCrossley(self.stiffness * power, self.damping * power * speed, self.exponent)
 
     def parameter_gradient(self, penetration: Floats, velocity: Floats) -> Floats:
         """∂F/∂(K, B, n) = (xⁿ, xⁿ v, F ln x)."""

@@ -41,7 +41,7 @@ from palpate.estimators.estimate import (
     violated_fraction,
 )
 from palpate.findings import MARKS
-from palpate.force_laws import GeneralisedHuntCrossley, HuntCrossley, force_over_breaks
+from palpate.force_laws import force_over_breaks
 from palpate.identification.replaying import (
     choices,
     estimator_of,
@@ -154,7 +154,7 @@ def flags_of(contact: Contact, trace: Trace, estimator: ContactEstimator) -> lis
     flags = list(estimate.flags)
     if estimate.samples < 10 * len(law.symbols):
         flags.append(f"only {estimate.samples} samples in contact")
-    if isinstance(law, HuntCrossley) and law.stiffness < 0.0:
+    if law.power_law and law.stiffness < 0.0:
         flags.append(NEGATIVE_STIFFNESS)
     if law.as_dict().get("damping", 0.0) < 0.0:
         flags.append(NEGATIVE_DAMPING)
@@ -167,10 +167,10 @@ def flags_of(contact: Contact, trace: Trace, estimator: ContactEstimator) -> lis
         flags.append(f"covariance guard acted on {estimate.guarded} samples")
     if left_out := int(np.count_nonzero(trace.rejected)):
         flags.append(count_of_outliers(left_out, left_out + int(np.count_nonzero(trace.taken))))
-    if isinstance(law, GeneralisedHuntCrossley) and law.stiffness < 0.0 and not law.remembers:
+    if law.relaxes and law.stiffness < 0.0 and not law.remembers:
         flags.append(NEGATIVE_STIFFNESS)
-    if isinstance(estimator, ViscoelasticContact):
-        flags += _memory_flags(estimator)
+    if (verdict := estimator.verdict()) is not None:
+        flags += _memory_flags(verdict, remembers=law.remembers)
     for refusal in (Status.NOT_FINITE, Status.INVALID_STEP, Status.OUT_OF_RANGE):
         count = int(np.count_nonzero(trace.status == refusal))
         if count:
@@ -181,10 +181,9 @@ def flags_of(contact: Contact, trace: Trace, estimator: ContactEstimator) -> lis
     return flags
 
 
-def _memory_flags(estimator: ViscoelasticContact) -> list[str]:
+def _memory_flags(verdict: LawVerdict, *, remembers: bool) -> list[str]:
     """Say of what a law with memory has a stiffness, and what is open of the verdict."""
-    verdict = estimator.verdict()
-    if not estimator.estimate().law.remembers:
+    if not remembers:
         return list(verdict.flags)
     words = (
         f"the material remembers ({verdict.candidate}): force, stiffness and damping at a depth "
@@ -242,7 +241,7 @@ class Identified:
         contact, given, traced = data.contact, estimator_of(estimator), checked_trace(trace)
         chosen = choices(contact, given)
         fresh = given.replace(**chosen)
-        if isinstance(fresh, ViscoelasticContact) and "sample_time" in chosen:
+        if fresh.chooses_law and "sample_time" in chosen:
             fresh, written = placed(contact, fresh, traced)
             chosen["sample_time"] = fresh.settings["sample_time"]
         else:

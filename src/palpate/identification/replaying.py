@@ -23,7 +23,7 @@ from palpate.estimators import (
 )
 from palpate.estimators.estimate import Estimate, Trace, Traced, thinned
 from palpate.estimators.law_verdicts import CANDIDATES
-from palpate.force_laws import ForceLaw, HuntCrossley, KelvinVoigt
+from palpate.force_laws import ForceLaw
 from palpate.preparation.gates import choose_gate, suggest_scale, suggest_surface_deviation
 from palpate.settings import OutlierRejection
 from palpate.stages import timed
@@ -225,8 +225,8 @@ _MOST = 3  # places beyond the first: up to 260 000 sample times
 
 @timed("relaxation times")
 def placed(
-    contact: Contact, bank: ViscoelasticContact, trace: Traced = False
-) -> tuple[ViscoelasticContact, Trace]:
+    contact: Contact, bank: ContactEstimator, trace: Traced = False
+) -> tuple[ContactEstimator, Trace]:
     """Return a bank that has learned a contact, with the place of its relaxation times.
 
     They go from the sample time that it is given: the contact's own, unless a bank that begins
@@ -238,7 +238,8 @@ def placed(
     ----------
     contact : Contact
         All of it.
-    bank : ViscoelasticContact
+    bank : ContactEstimator
+        One that chooses among laws.
         With the settings that were chosen; it is left as it is.
     trace : int, float, "full" or False
         Which estimates are written down.
@@ -263,7 +264,7 @@ def placed(
     return best, written
 
 
-def _costs(bank: ViscoelasticContact, effective: float) -> tuple[float, float]:
+def _costs(bank: ContactEstimator, effective: float) -> tuple[float, float]:
     """What the best law without memory leaves, and the best with, with what their numbers cost."""
     costs = [math.inf, math.inf]
     for index, _, mean_square in bank.evidence().rows:
@@ -292,10 +293,10 @@ def laws_beside(data: Data, estimator: ContactEstimator, chosen: Sequence[str]) 
     chosen : sequence of str
         Its settings that were chosen from the data, for its own method.
     """
-    if isinstance(estimator, ViscoelasticContact):
+    if estimator.chooses_law:
         return Laws.of(estimator, own=True)
     estimate = estimator.estimate()
-    if not isinstance(estimate.law, HuntCrossley | KelvinVoigt):
+    if estimate.law.candidate is None:
         return None
     names = {"gate", "outlier_rejection", "exponent"}.difference(chosen)
     given = {name: value for name, value in estimator.settings.items() if name in names}

@@ -84,8 +84,8 @@ class Homogeneous:
 
     def touch(self) -> Touch:
         """Return the law as a function of time, lateral position, penetration and velocity."""
-        law = self.law
-        if isinstance(law, GeneralisedHuntCrossley) and law.remembers:
+        law: Any = self.law
+        if law.remembers:
             return _remembering(law)
         felt = law.in_a_loop()
         return lambda time, lateral_position, penetration, velocity: felt(penetration, velocity)

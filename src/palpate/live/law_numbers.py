@@ -14,7 +14,7 @@ from palpate._core import Status
 from palpate.digits import rounded, with_error
 from palpate.estimators.estimate import Estimate
 from palpate.estimators.law_verdicts import STRONG, UNDECIDED, Evidence, LawVerdict, verdict_of
-from palpate.force_laws import GeneralisedHuntCrossley, SingleRelaxation
+from palpate.force_laws import GeneralisedHuntCrossley
 from palpate.quantities.derived import in_hertz
 from palpate.validation import or_nan
 
@@ -140,8 +140,8 @@ def numbers_of(verdict: Mapping[str, Any]) -> Numbers:
     law: GeneralisedHuntCrossley = estimate.law
     if not law.remembers:  # it is one stiffness, whenever
         del found["instantaneous_stiffness"], found["relaxed_stiffness"]
-    elif isinstance(law.relaxation, SingleRelaxation):
-        found["relaxation_time"] = law.relaxation.time, float(estimate.standard_errors[7])
+    elif law.relaxation_time is not None:
+        found["relaxation_time"] = law.relaxation_time, float(estimate.standard_errors[7])
     return found
 
 
@@ -273,6 +273,5 @@ def _spectrum(parameters: Sequence[float] | None) -> tuple[float, float] | None:
     if parameters is None:
         return None
     relaxation = GeneralisedHuntCrossley.from_parameters(parameters).relaxation
-    if relaxation is None or isinstance(relaxation, SingleRelaxation):
-        return None
-    return relaxation.spectrum[1:]
+    ends = (0.0, 0.0) if relaxation is None else relaxation.spectrum[1:]
+    return ends if ends[0] else None  # one time has no shortest

@@ -17,7 +17,7 @@ import numpy as np
 
 from palpate._core import Status
 from palpate.errors import InvalidParameterError, PalpateError
-from palpate.estimators import ContactEstimator, ViscoelasticContact
+from palpate.estimators import ContactEstimator
 from palpate.estimators.law_verdicts import Candidate
 from palpate.live.choices import LiveCommand, LoopCounts, State, chosen, main_settings
 from palpate.live.ring import MOST_PARAMETERS, Writer
@@ -104,7 +104,7 @@ class LawsInForce:
     def of(cls, estimator: ContactEstimator) -> "LawsInForce":
         """Return that of an estimator which has learned nothing yet."""
         names = estimator.law_type.names()
-        if not isinstance(estimator, ViscoelasticContact):
+        if not estimator.chooses_law:
             return cls(list(range(len(names))), remembers=False)
         own = {name for law in estimator.offered for name in law.own}
         shown = [place for place, name in enumerate(names) if name in own]
@@ -112,7 +112,7 @@ class LawsInForce:
 
     def see(self, time: float, estimator: ContactEstimator) -> None:
         """Look at an estimator after a sample; at one that offers a single law there is nothing."""
-        if not isinstance(estimator, ViscoelasticContact):
+        if not estimator.chooses_law:
             return
         if (now := estimator.candidate) is self.now:
             return
@@ -126,7 +126,7 @@ class LawsInForce:
         It is worked out where it is shown, by :func:`palpate.live.law_numbers.verdict_on`: the
         loop has not the time.
         """
-        if not isinstance(estimator, ViscoelasticContact):
+        if not estimator.chooses_law:
             return None
         estimate = estimator.estimate()
         learned = len(self.turns) > 0  # where an estimator starts is nothing that it knows

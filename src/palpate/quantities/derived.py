@@ -13,10 +13,10 @@ from palpate.diagnosis import Data, Diagnosis
 from palpate.diagnosis.finding import Quantity, WorkingDepth
 from palpate.digits import rounded
 from palpate.errors import InvalidParameterError
-from palpate.estimators import ContactEstimator, ViscoelasticContact
+from palpate.estimators import ContactEstimator
 from palpate.estimators.estimate import Estimate, Trace
 from palpate.estimators.law_verdicts import band_about
-from palpate.force_laws import GeneralisedHuntCrossley, SingleRelaxation
+from palpate.force_laws import GeneralisedHuntCrossley
 from palpate.quantities.energy import (
     EnergyLoss,
     Passivity,
@@ -148,7 +148,7 @@ def oscillation_of(
     x = result.diagnosis.working_depth.depth if depth is None else depth
     x = number_in("depth", x, 0.0, 1e100, open_low=True)
     there = _at(result, x)
-    if isinstance(result.law, GeneralisedHuntCrossley):
+    if result.law.relaxes:
 
         def slope(law: GeneralisedHuntCrossley, at: float) -> complex:
             return complex(law.dynamic_stiffness(at, omega))
@@ -166,7 +166,7 @@ def static_of(result: Derivable, depth: float | None, *, relaxed: bool) -> Quant
     """Return the stiffness ∂F/∂x at a depth before, or after, everything has relaxed, N/m."""
     x = result.diagnosis.working_depth.depth if depth is None else depth
     there = _at(result, number_in("depth", x, 0.0, 1e100, open_low=True)).stiffness
-    if relaxed or not isinstance(result.law, GeneralisedHuntCrossley):
+    if relaxed or not result.law.relaxes:
         return there
     found = _by_law(result, x, lambda law, at: float(law.instantaneous().stiffness_at(at)))
     return Quantity(*found, there.systematic)
@@ -175,11 +175,10 @@ def static_of(result: Derivable, depth: float | None, *, relaxed: bool) -> Quant
 def relaxation_time_of(result: Derivable) -> Quantity | None:
     """Return the relaxation time, s; None of a law that has none, or many."""
     law = result.law
-    remembers = isinstance(law, GeneralisedHuntCrossley) and law.remembers
-    if not (remembers and isinstance(law.relaxation, SingleRelaxation)):
+    if law.relaxation_time is None:
         return None
     k = law.names().index("longest_time")
-    return Quantity(law.relaxation.time, math.sqrt(result.covariance[k, k]), 0.0)
+    return Quantity(law.relaxation_time, math.sqrt(result.covariance[k, k]), 0.0)
 
 
 def band_of(result: Derivable) -> tuple[float, float]:
@@ -194,8 +193,7 @@ def in_hertz(frequency: float) -> str:
 
 def _own_frequency(result: Derivable) -> float:
     """Rms speed over that of the way from the mean depth, rad/s; NaN of a probe held still."""
-    if isinstance(result.estimator, ViscoelasticContact):
-        verdict = result.estimator.verdict()
+    if (verdict := result.estimator.verdict()) is not None:
         return verdict.frequency if verdict.known else math.nan
     taken, contact = result.trace.taken, result.contact
     x, v = contact.penetration[taken], contact.velocity[taken]
@@ -300,9 +298,7 @@ def restitution_from(result: Derivable, speed: float | None) -> Restitution:
         number_in("speed", speed, 0.0, 1e6, open_low=True)
     fastest = fastest_of(result.contact.velocity[result.trace.taken])
     found, v0 = result.diagnosis, speed or result.wanted.impact_speed
-    law = result.law
-    if isinstance(law, GeneralisedHuntCrossley):
-        law = law.simplest()
+    law = result.law.simplest()
     own = [result.law.names().index(name) for name in law.names()]
     b = dissipation_of(law, result.covariance[np.ix_(own, own)], found.working_depth)
     trusted = found.verdict.damping != "do-not-trust"

@@ -27,7 +27,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from palpate.diagnosis.finding import Quantity, WorkingDepth
-from palpate.force_laws import ForceLaw, GeneralisedHuntCrossley, HuntCrossley
+from palpate.force_laws import ForceLaw
 from palpate.validation import Floats, Plain, all_good, together
 
 # Below it e = 1 − 2d/3 + 4d²/9 is exact: the next term, 44 d³/135, is under 10⁻¹⁵. They follow from
@@ -276,7 +276,7 @@ def restitution_of(
         Whether the diagnosis trusts the damping, with care or without.
     """
     v0 = fastest_approach if speed is None else speed
-    if not isinstance(law, HuntCrossley):
+    if not law.power_law:
         words = f"not the same for every body: by {_in_words(law)} it depends on the body's mass"
         return Restitution(v0, fastest_approach, UNKNOWN, b, remarks=(words,))
     if not (math.isfinite(b.value) and v0 > 0.0):
@@ -312,20 +312,21 @@ def dissipation_of(law: ForceLaw, covariance: Floats, there: WorkingDepth) -> Qu
     there : WorkingDepth
         Its numbers.
     """
-    if not (isinstance(law, HuntCrossley) and law.stiffness > 0.0):
+    if not (law.power_law and law.parameters[0] > 0.0):
         return UNKNOWN
-    slope = np.array([-law.dissipation, 1.0]) / law.stiffness
+    stiffness, damping, _ = law.parameters.tolist()
+    slope = np.array([-damping / stiffness, 1.0]) / stiffness
     variance = float(slope @ covariance[:2, :2] @ slope)
     force = there.force.value
     systematic = there.damping.systematic / force if force > 0.0 else math.nan
-    return Quantity(law.dissipation, math.sqrt(max(variance, 0.0)), systematic)
+    return Quantity(damping / stiffness, math.sqrt(max(variance, 0.0)), systematic)
 
 
 def _in_words(law: ForceLaw) -> str:
     if law.remembers:
         return "a law with memory"
     words = "a law whose damping does not grow with depth as its force"
-    return words if isinstance(law, GeneralisedHuntCrossley) else f"the {law.kind} law"
+    return words if law.relaxes else f"the {law.kind} law"
 
 
 def _remarks(b: Quantity, speed: float, fastest: float) -> list[str]:

@@ -85,7 +85,7 @@ def _law_on_card(result: Identified) -> str:
     rows = [[row.symbol, row.words, row.unit] for row in parameter_rows(result)]
     table = _table([law_in_words(result), "± standard error", "unit"], rows)
     verdict = result.law_verdict
-    if verdict is None or not isinstance(result.estimator, ViscoelasticContact):
+    if verdict is None or not result.estimator.chooses_law:
         return table
     return f"{table}<div>{escape(str(verdict))}</div>"
 
@@ -342,13 +342,13 @@ def which_law(
     yield from (f'<p class="note">{escape(flag)}</p>' for flag in verdict.flags)
     chosen = (compared or {}).get(ViscoelasticContact.method)
     both = [result]
-    if chosen is not None and not isinstance(result.estimator, ViscoelasticContact):
+    if chosen is not None and not result.estimator.chooses_law:
         both.append(chosen)
     yield from _oscillations(both)
 
 
 def _sentence(result: Identified, verdict: LawVerdict) -> str:
-    own = isinstance(result.estimator, ViscoelasticContact)
+    own = result.estimator.chooses_law
     if len(verdict.standings) == 1:
         return f"{verdict.candidate}: the law that was asked for, so nothing was chosen."
     best, second = verdict.standings[0], verdict.standings[1]

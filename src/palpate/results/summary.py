@@ -13,13 +13,7 @@ from palpate.diagnosis import Quantity
 from palpate.diagnosis.data import in_words
 from palpate.digits import interval, parameter, rounded, with_error
 from palpate.errors import InvalidParameterError
-from palpate.estimators import ViscoelasticContact
-from palpate.force_laws import (
-    ForceLaw,
-    GeneralisedHuntCrossley,
-    PowerLawRelaxation,
-    SingleRelaxation,
-)
+from palpate.force_laws import ForceLaw, GeneralisedHuntCrossley
 from palpate.quantities.derived import band_of, in_hertz
 from palpate.quantities.energy import EnergyLoss, Passivity
 from palpate.quantities.restitution import Restitution
@@ -71,16 +65,15 @@ class ParameterRow:
 
 def parameter_rows(result: "Identified") -> list[ParameterRow]:
     """Return the parameters that the law has, in its order."""
-    if isinstance(result.law, GeneralisedHuntCrossley):
+    if result.law.relaxes:
         return list(_generalised(result, result.law))
     return [_number(result, k) for k in range(len(result.law.symbols))]
 
 
 def law_in_words(result: "Identified") -> str:
     """Return the law that was chosen; the kind of law of a method that has but one."""
-    if isinstance(result.estimator, ViscoelasticContact):
-        return str(result.estimator.verdict().candidate)
-    return str(result.law.kind)
+    verdict = result.estimator.verdict()
+    return str(result.law.kind if verdict is None else verdict.candidate)
 
 
 def growth_of(law: GeneralisedHuntCrossley) -> str | None:
@@ -107,8 +100,8 @@ def _number(result: "Identified", k: int, unit: str | None = None) -> ParameterR
 
 def _generalised(result: "Identified", law: GeneralisedHuntCrossley) -> Iterator[ParameterRow]:
     stiffness, n, damping, p, relaxing, alpha, shortest, longest = range(len(law.symbols))
-    estimator, growth = result.estimator, growth_of(law)
-    chosen = estimator.verdict().candidate if isinstance(estimator, ViscoelasticContact) else None
+    verdict, growth = result.estimator.verdict(), growth_of(law)
+    chosen = None if verdict is None else verdict.candidate
     linear = chosen is not None and chosen.linear
     yield _number(result, stiffness, "N/m" if linear else None)
     yield _bound(law, n, "1") if linear else _number(result, n)
@@ -121,11 +114,11 @@ def _generalised(result: "Identified", law: GeneralisedHuntCrossley) -> Iterator
             yield _bound(law, relaxing, "0, no memory is better")
         return
     yield _number(result, relaxing, "N/m" if linear else None)
-    if isinstance(law.relaxation, SingleRelaxation):
+    if law.relaxation_time is not None:
         own = _number(result, longest)
         yield ParameterRow(longest, "relaxation_time", "τ", own.unit, own.words, own.interval, True)
         return
-    if isinstance(law.relaxation, PowerLawRelaxation):
+    if law.spectrum_exponent:
         yield _number(result, alpha)
     ends = " to ".join(_time(each) for each in (law.shortest_time, law.longest_time))
     words = f"{ends} ({NOT_ESTIMATED})"
@@ -341,7 +334,7 @@ def summary(result: "Identified") -> str:
 
 def whose(result: "Identified") -> str:
     """The method, and the law that it chose where it chooses one."""
-    chosen = isinstance(result.estimator, ViscoelasticContact)
+    chosen = result.estimator.chooses_law
     return f"{result.method}, {law_in_words(result)}" if chosen else result.method
 
 
