@@ -299,8 +299,6 @@ REFUSED = {
     "identify probe.csv --start soon": ["--start", "soon"],
     "identify probe.csv --at 3kg": ["--at must be a number and one of m, cm, mm"],
     "identify probe.csv --delay soon": ["--delay must be a number and one of s, ms"],
-    "identify probe.csv --tare 2": ["--tare must be START:STOP"],
-    "identify probe.csv --unit mm": ["--unit must be CHANNEL=UNIT"],
     "identify probe.csv --unit force=MPa": ["unit of the force must be one of N"],
     "identify probe.csv --frequency 5parsec": ["--frequency must be a number and one of Hz, rad/s"],
     # Laws and methods.
@@ -310,27 +308,18 @@ REFUSED = {
     "identify probe.csv --law auto --surface estimate": ["is for a method that can"],
     "identify probe.csv --method single-stage --surface estimate": ["not for single-stage"],
     "identify BALL --frequency 500Hz -o out": ["band of the motion"],
-    "identify BALL --law auto --frequency 500Hz -o out": ["band of the motion"],
     # Samples of which none is left.
     "identify probe.csv --start 5": ["no sample between 5 s", "0.599 s"],
-    "identify probe.csv --min-force -1": ["minimum_force", "-1"],
     "identify probe.csv --min-penetration 1": ["never touches", "above 1 m"],
-    "identify probe.csv --velocity-window -1": ["-1"],
     "identify probe.csv --force Fz": ["no column 'Fz'", "force_N", "name others"],
     # Figures.
     "identify probe.csv --figure out.eps": ["out.eps", "end in .svg, .pdf or .png"],
-    "identify probe.csv --figure no/where.svg": ["no does not exist"],
     "identify probe.csv --figure folder.svg": ["folder.svg"],
     # Other commands.
     "design GUESS": ["--noise"],
-    "design GUESS --noise loud": ["loud"],
-    "design GUESS --noise 1 --amplitudes 1e-3": ["as many, not 1 and 3"],
-    "design GUESS --noise 1 --sample-time 1": ["frequencies[0] must be in"],
     "lab bal -o x.csv": ["MATERIAL must be one of ball, sponge"],
     "lab ball -o x.csv --trajectory sines": ["must be one of three-sines, two-sines"],
     "lab ball -o x.csv --trajectory gone.csv": ["gone.csv: No such file"],
-    "lab ball -o x.csv --probe finger": ["finger"],
-    "lab ball -o x.csv --noise -1": ["force_noise must be in"],
     "lab ball -o x.csv --stiffness 3": ["--stiffness goes with a law of one's own"],
     "lab hunt-crossley -o x.csv --stiffness 3": ["needs --stiffness, --damping, --exponent"],
     "lab HALF-SPACE -o x.csv": ["--damping-exponent, may have --relaxation-stiffness"],
@@ -345,7 +334,6 @@ REFUSED = {
     "lab ball --probe ideal -o probe.csv --trajectory probe.csv": ["this file is read"],
     "paper --only fig05 fig99": ["fig99", "--only", "fig05, fig06"],
     "paper --only fig05 -o probe.csv/below": ["probe.csv/below"],
-    "paper --workers 0": ["--workers", "0"],
 }
 
 

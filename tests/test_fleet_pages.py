@@ -172,11 +172,6 @@ def test_scattered_places_and_those_without_a_number_are_drawn_as_dots():
             if len(by) == 2:
                 assert len(left.collections[0].get_offsets()) == 30
                 assert len(left.lines[0].get_xdata()) == 1
-    # A strip, so that its width is seen.
-    x, y = np.arange(6.0).tolist(), [0.0, 1.0] * 3
-    for length, aspect in ((1.0, 1.0), (1e3, "auto")):
-        table = rows([5.0] * 6, [1.0] * 6, x=[length * each for each in x], y=y)
-        assert draw_map(map_of(table, ["x", "y"])).axes[0].get_aspect() == aspect
 
 
 def test_the_page_says_what_there_is_and_leaves_the_rest_out(tmp_path, monkeypatch):

@@ -8,13 +8,7 @@ import numpy as np
 import pytest
 
 import palpate
-from palpate import (
-    GeneralisedHuntCrossley,
-    SingleRelaxation,
-    ViscoelasticContact,
-    identify,
-    lab,
-)
+from palpate import GeneralisedHuntCrossley, SingleRelaxation, ViscoelasticContact, identify, lab
 
 IDEAL = lab.IdealProbe()
 IN_CLASS = ("ball", "sponge", "pvc", "inclusion")

@@ -1,13 +1,11 @@
 """``palpate live``: what it prints, and what it refuses, in one line."""
 
 import os
-import pty
 import re
 import signal
 import subprocess
 import sys
 import time
-from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -110,23 +108,6 @@ def test_a_recorder_that_is_killed_ends_in_an_error(recording, tmp_path):
     assert error.count("\n") == 1
     assert "2000 samples" in out  # the loop itself went on
     assert palpate.open_recording(copy).numbers("/input.force").size < 2000
-
-
-@pytest.mark.slow
-def test_on_a_terminal_there_is_one_line_written_anew(recording):
-    ours, theirs = pty.openpty()
-    process = started(recording, stdin=theirs, stdout=theirs, stderr=theirs)
-    os.close(theirs)
-    shown = b""
-    with suppress(OSError):  # Linux, when the other end is closed
-        while piece := os.read(ours, 4096):
-            shown += piece
-    assert process.wait() == 0
-    os.close(ours)
-    text = shown.decode()
-    assert text.count("\r") > 8
-    assert text.count("\n") < 12
-    assert "contact" in text
 
 
 def test_times_and_fractions_are_written_for_a_person():

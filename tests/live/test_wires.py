@@ -7,18 +7,7 @@ import time
 
 import pytest
 from scripted import resident
-from wire_robots import (
-    POSE,
-    ROBOTS,
-    START,
-    VECTORS,
-    WRENCH,
-    collect,
-    force,
-    free_port,
-    position,
-    sent_by_another_process,
-)
+from wire_robots import POSE, ROBOTS, START, VECTORS, WRENCH, collect, force, free_port, position
 
 from palpate.errors import PalpateError
 from palpate.live.sources import Counts, open_source
@@ -202,31 +191,6 @@ def test_a_topic_of_the_wrong_type_is_one_clear_line(wire, types):
         topic = "/wrench" if types[1] == POSE else "/pose"
         assert f"topic {topic} is of the type {types[0]}" in str(caught.value)
         assert "\n" not in str(caught.value)
-
-
-@pytest.mark.slow
-def test_a_minute_at_1_khz_loses_nothing(wire):
-    process, count = sent_by_another_process(wire, 60_000, 1e-3), 60_000
-    try:
-        where = process.stdout.readline().strip()
-        address = {
-            "zmq": where,
-            "dds": f"dds:/pose,/wrench?domain={where}",
-            "zenoh": f"zenoh:/pose,/wrench?connect={where}",
-        }[wire]
-        source = open_source(address, VECTORS)
-        source.open()
-        time.sleep(0.5)
-        process.stdin.write("begin\n")
-        process.stdin.flush()
-        found, until = 0, time.monotonic() + 20.0 + 2e-3 * count
-        while found < count and time.monotonic() < until:
-            found += source.take(0.1) is not None
-        source.close()
-        assert (found, source.counts.lost, source.counts.unpaired) == (count, 0, 0)
-    finally:
-        process.communicate("end\n", timeout=30)
-    assert process.returncode == 0
 
 
 def test_connections_that_do_not_speak_the_protocol_do_no_harm():

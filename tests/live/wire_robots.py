@@ -3,13 +3,10 @@
 import os
 import socket
 import struct
-import subprocess
-import sys
 import time
 
 import pytest
 from message_files import Maker
-from scripted import in_a_process
 
 from palpate.live.sources import Arrival, SourceOptions, open_source
 
@@ -194,22 +191,3 @@ class ZenohRobot(RosRobot):
 
 
 ROBOTS = {"zmq": ZeroMQRobot, "dds": DDSRobot, "zenoh": ZenohRobot}
-
-
-def sent_by_another_process(wire: str, count: int, pause: float) -> subprocess.Popen:
-    """A robot in a process of its own, at a pace; it prints its address, and begins when asked."""
-    code = f"import wire_robots; wire_robots.serve({wire!r}, {count}, {pause})"
-    return in_a_process(code, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
-
-
-def serve(wire: str, count: int, pause: float) -> None:
-    robot = ROBOTS[wire]()
-    print(getattr(robot, "address", getattr(robot, "endpoint", getattr(robot, "domain", ""))))
-    sys.stdout.flush()
-    sys.stdin.readline()
-    begin = time.monotonic() + 0.2
-    for k in range(count):
-        time.sleep(max(begin + k * pause - time.monotonic(), 0.0))
-        robot.send(k)
-    sys.stdin.readline()
-    robot.close()
