@@ -343,8 +343,6 @@ def contents(folder: Path) -> dict[Path, bytes]:
 
 @pytest.mark.parametrize("words", REFUSED)
 def test_what_cannot_be_is_refused_in_a_line_and_nothing_is_written(refused, good, words):
-    if words.startswith(("lab", "paper")):
-        pytest.importorskip("mujoco", reason="needs MuJoCo: pip install 'palpate[lab]'")
     written(good.with_name("bad.csv"), changed(3, 0, "0.0015"))
     written(good.with_name("bad.h5"), bytes(1000))
     good.with_name("folder.svg").mkdir()

@@ -7,9 +7,11 @@ import shutil
 import zipfile
 from functools import partial
 
+import afmformats
 import h5py
 import message_files as files
 import numpy as np
+import pandas
 import pyarrow as pa
 import pytest
 import scipy.io
@@ -205,7 +207,6 @@ def test_columns_of_arrow_are_flattened_and_their_times_exact(tmp_path):
 
 
 def test_units_in_the_description_of_a_column_and_the_index_of_pandas_are_read(tmp_path):
-    pandas = pytest.importorskip("pandas")
     frame = pandas.DataFrame({"force": [1.0, 2.0]}, index=pandas.Index([0.0, 0.1], name="time_s"))
     table = pa.Table.from_pandas(frame)
     described = table.schema.field(0).with_metadata({"unit": "mN"})
@@ -222,7 +223,6 @@ def curve(seed: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def test_a_curve_of_a_force_map_is_calibrated_and_keeps_its_segments(tmp_path):
-    pytest.importorskip("afmformats")
     height, deflection = curve(3)
     path = write_jpk(tmp_path / "map.jpk-force-map", [curve(1), (height, deflection)])
     with pytest.raises(
@@ -247,7 +247,6 @@ def test_a_curve_of_a_force_map_is_calibrated_and_keeps_its_segments(tmp_path):
 
 
 def test_one_curve_alone_needs_no_choice_and_comes_back_through_hdf5_and_text(tmp_path):
-    afmformats = pytest.importorskip("afmformats")
     path = write_jpk(tmp_path / "one.jpk-force-map", [curve(1)])
     direct = open_recording(path)
     # Without the height that the instrument does not have, as afmformats itself would refuse.
@@ -406,7 +405,6 @@ SUFFIXES = [suffix for each in FORMATS if each.extra for suffix in each.suffixes
 
 @pytest.mark.parametrize("suffix", SUFFIXES)
 def test_what_has_only_the_suffix_of_a_format_is_refused_on_one_line(suffix, tmp_path):
-    pytest.importorskip("afmformats")
     file = io.BytesIO()
     np.savez(file, a=np.zeros(3))  # a zip
     path = tmp_path / f"probe{suffix}"
@@ -454,7 +452,6 @@ DAMAGED = {
 
 @pytest.mark.parametrize("name", DAMAGED)
 def test_a_damaged_file_is_refused_on_one_line_or_read_with_what_is_lost(name, tmp_path):
-    pytest.importorskip("afmformats")
     path = DAMAGED[name](tmp_path / name)
     whole, clean = path.read_bytes(), open_recording(path)
     size, chance = len(whole), random.Random(name)
@@ -486,7 +483,6 @@ def test_a_damaged_file_is_refused_on_one_line_or_read_with_what_is_lost(name, t
 
 
 def test_a_force_map_that_lacks_its_calibration_is_refused(tmp_path):
-    pytest.importorskip("afmformats")
     path = write_jpk(tmp_path / "map.jpk-force-map", CURVE)
     plain = tmp_path / "plain.jpk-force-map"
     with zipfile.ZipFile(path) as source, zipfile.ZipFile(plain, "w") as target:
@@ -512,7 +508,6 @@ def test_a_missing_package_is_an_error_that_says_how_to_install_it(tmp_path, mon
 
 def test_a_file_may_be_written_anew_while_its_path_stays(tmp_path):
     """Readers keep nothing of a file that they have read."""
-    pytest.importorskip("afmformats")
     path = tmp_path / "map.jpk-force-map"
     for scale in (1, 2):
         write_jpk(tmp_path / "new", [(np.arange(200), scale * np.arange(200))])

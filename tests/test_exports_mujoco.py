@@ -4,6 +4,7 @@ import runpy
 from dataclasses import replace
 from pathlib import Path
 
+import mujoco
 import numpy as np
 import pytest
 from export_cases import BALL_LAW, HALF_SPACE_LAW, HERTZ_LAW, PVC_LAW, SPONGE_LAW
@@ -15,8 +16,6 @@ from palpate.exports import Asked, Motion, engine_called, export
 from palpate.exports.engine import drop_to, force_error
 from palpate.exports.mujoco.fitting import PairRow, PairRows
 from palpate.exports.mujoco.robot import Scene
-
-mujoco = pytest.importorskip("mujoco", reason="needs MuJoCo: pip install 'palpate[lab]'")
 
 MOTION = Motion.of_paper()
 FIRM = MOTION.firm()

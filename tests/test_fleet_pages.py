@@ -1,6 +1,7 @@
 """What a fleet's rows say together: repeats, outliers, maps and the page."""
 
 import numpy as np
+import pyarrow as pa
 import pytest
 from fleets import rows
 
@@ -10,8 +11,6 @@ from palpate.fleet.maps import kinds_of, map_of, outliers_of, reasons_of, repeat
 from palpate.fleet.rows import table_of_rows
 from palpate.fleet.tasks import ContactSource, Settings, batches
 from palpate.identification.identified import NEGATIVE_STIFFNESS
-
-pa = pytest.importorskip("pyarrow")
 
 
 def test_repeats_agree_as_often_as_chance_says_and_not_where_their_errors_are_too_small():
@@ -144,7 +143,6 @@ def written(folder, table):
 
 @pytest.mark.parametrize("by", ["x,y", "x"])
 def test_maps_are_drawn(printed, tmp_path, by):
-    pytest.importorskip("matplotlib")
     folder = written(tmp_path / "results", grid())
     figure = tmp_path / "map.svg"
     out = printed("map", folder, "--by", by, "--figure", figure, "--width", "88mm")
@@ -155,7 +153,6 @@ def test_maps_are_drawn(printed, tmp_path, by):
 
 
 def test_scattered_places_and_those_without_a_number_are_drawn_as_dots():
-    pytest.importorskip("matplotlib")
     from palpate.figures import draw_map
 
     random = np.random.default_rng(2)
@@ -175,7 +172,6 @@ def test_scattered_places_and_those_without_a_number_are_drawn_as_dots():
 
 
 def test_the_page_says_what_there_is_and_leaves_the_rest_out(tmp_path, monkeypatch):
-    pytest.importorskip("matplotlib")
     from palpate.fleet.report import fleet_page
 
     table = grid(flags=[["only 3 samples in contact"]] * 36)

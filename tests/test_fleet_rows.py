@@ -5,6 +5,7 @@ import os
 from pathlib import Path
 
 import numpy as np
+import pyarrow as pa
 import pytest
 from fleets import LAW, STEP, contact, curves, write_recordings
 
@@ -12,8 +13,6 @@ import palpate
 from palpate import FleetError, InvalidParameterError, VariableProjection, identify, identify_many
 from palpate.fleet.running import identify_batch
 from palpate.fleet.tasks import ContactSource, Settings, batches, digest_of, tasks_table
-
-pa = pytest.importorskip("pyarrow")
 
 
 def test_a_row_says_what_identify_says():
@@ -312,7 +311,6 @@ def force_maps():
 
 @pytest.mark.skipif(not force_maps(), reason="no force maps in PALPATE_DATA")
 def test_curves_of_a_force_map_are_rows_with_their_places():
-    pytest.importorskip("afmformats")
     surface = {"surface": "estimate"}
     settings = Settings(estimator={**surface, "exponent": 1.5}, preparation=surface)
     name = str(force_maps()[0])

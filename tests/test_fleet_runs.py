@@ -12,6 +12,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import zarr
+from distributed import nanny
 from fleets import LAW, STEP, contact, curves, write_recordings, write_zarr
 
 import palpate
@@ -21,8 +23,6 @@ from palpate.fleet.files import Results, described_array, read_results, read_sec
 from palpate.fleet.running import identify_batch, timed_batch
 from palpate.fleet.tasks import Settings, batches, tasks_table
 
-pytest.importorskip("distributed")
-zarr = pytest.importorskip("zarr")
 # Dask closes what it opened a moment after it says so.
 pytestmark = pytest.mark.filterwarnings("ignore::ResourceWarning", "ignore::DeprecationWarning")
 
@@ -471,7 +471,6 @@ def test_workers_of_ones_own_take_the_work_and_others_are_refused(
 
 @pytest.mark.slow
 def test_a_worker_that_ends_before_it_has_started_is_started_anew(monkeypatch):
-    nanny = pytest.importorskip("distributed.nanny")
     starting, failures = nanny.Nanny.instantiate, iter([])
 
     async def instantiate(self):

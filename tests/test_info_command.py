@@ -54,7 +54,6 @@ def test_channels_may_be_chosen(run, tmp_path):
 
 
 def test_a_curve_of_a_map_is_chosen_or_asked_for(run, printed, tmp_path):
-    pytest.importorskip("afmformats")
     curves = [(np.arange(200) * k, np.arange(200)) for k in (1, 2)]
     path = write_jpk(tmp_path / "map.jpk-force-map", curves)
     status, out, err = run("info", path)

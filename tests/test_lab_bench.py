@@ -47,8 +47,6 @@ def test_without_a_pause_the_bias_stays_and_the_penetration_may_be_rounded():
 
 @pytest.mark.parametrize("probe", [IDEAL, lab.TwinPantograph()], ids=["ideal", "robot"])
 def test_the_same_seed_gives_the_same_file_and_another_does_not(probe, tmp_path):
-    if probe is not IDEAL:
-        pytest.importorskip("mujoco", reason="needs MuJoCo: pip install 'palpate[lab]'")
     bench = lab.Bench(lab.PVC, lab.THREE_SINES, probe)
     files = [tmp_path / f"{k}.csv" for k in range(3)]
     for file, seed in zip(files, (4, 4, 5), strict=True):
@@ -61,7 +59,6 @@ def test_the_same_seed_gives_the_same_file_and_another_does_not(probe, tmp_path)
 @pytest.mark.parametrize("seeds", [1, pytest.param(20, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("name", IN_CLASS)
 def test_identify_recovers_a_material_within_its_error_bars(name, seeds):
-    pytest.importorskip("mujoco", reason="needs MuJoCo: pip install 'palpate[lab]'")
     seconds = 5.0 if seeds == 1 else 10.0
     errors = [standardised(name, seed, seconds) for seed in range(seeds)]
     inside = sum(np.abs(error).max() < 3.0 for error in errors)
@@ -80,7 +77,6 @@ def test_identify_recovers_a_material_within_its_error_bars(name, seeds):
     ids=["half-space", "single", "half-space single"],
 )
 def test_what_the_robot_presses_is_found_with_its_memory(law, memory):
-    pytest.importorskip("mujoco", reason="needs MuJoCo: pip install 'palpate[lab]'")
     bench = lab.Bench(lab.Homogeneous(law), lab.THREE_SINES)
     for seed in range(4):
         estimate = identify(bench.run(seed).contact, ViscoelasticContact(memory=memory)).estimate
@@ -93,7 +89,6 @@ def test_what_the_robot_presses_is_found_with_its_memory(law, memory):
 
 @pytest.mark.slow
 def test_of_tissue_an_oscillation_feels_what_is_found():
-    pytest.importorskip("mujoco", reason="needs MuJoCo: pip install 'palpate[lab]'")
     for seed in range(4):
         contact = lab.Bench(lab.TISSUE, lab.THREE_SINES).run(seed).contact
         felt = identify(contact, ViscoelasticContact()).estimator.dynamic_stiffness()
@@ -105,7 +100,6 @@ def test_of_tissue_an_oscillation_feels_what_is_found():
 
 @pytest.mark.slow
 def test_the_file_does_not_depend_on_what_the_processor_can_do(tmp_path):
-    pytest.importorskip("mujoco", reason="needs MuJoCo: pip install 'palpate[lab]'")
     core = pytest.importorskip("numpy._core._multiarray_umath", reason="NumPy 1 names it otherwise")
     extensions = [name for name in core.__cpu_dispatch__ if core.__cpu_features__[name]]
     if not extensions:

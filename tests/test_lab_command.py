@@ -14,8 +14,6 @@ from palpate.cli.tables import comparable
 from palpate.lab.figures import NoRendererError, photograph
 from palpate.lab.rig import Geometry
 
-pytest.importorskip("mujoco", reason="needs MuJoCo: pip install 'palpate[lab]'")
-
 QUICK = ("--seconds", "4", "--seed", "3")
 
 
@@ -114,8 +112,6 @@ def test_the_rig_is_pictured(printed, tmp_path, ending):
     assert str(picture) in out
     assert picture.stat().st_size > 5000
 
-
-pytest.importorskip("mujoco", reason="needs MuJoCo: pip install 'palpate[lab]'")
 
 PLACE = np.linspace(-0.015, 0.015, 61)
 DEPTH = 6e-3 + 8e-3 * np.sin(400.0 * PLACE)

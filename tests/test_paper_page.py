@@ -130,7 +130,6 @@ def tiny(monkeypatch):
 
 
 def test_it_prints_the_claims_and_where_the_page_is(run, tiny, tmp_path, monkeypatch):
-    pytest.importorskip("mujoco")
     monkeypatch.setattr("palpate.paper.running.processes", no_processes)
     folder = tmp_path / "report"
     status, out, err = run("-o", folder, "--seeds", 2, "--workers", 1)

@@ -5,15 +5,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from live_runs import Wire, running
 
 import palpate
 from palpate.digits import rounded, with_error
-
-pytest.importorskip("uvicorn", reason="the extra live is not installed")
-pytest.importorskip("mcap", reason="the extra live is not installed")
-
-from live_runs import Wire, running
-
 from palpate.live.console import percent
 from palpate.live.recorder import Recorder
 from palpate.live.running import default_estimator

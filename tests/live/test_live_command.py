@@ -131,8 +131,6 @@ def test_the_summary_says_what_each_sink_dropped():
 @pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="of Linux: it reads /proc")
 def test_nothing_is_lost_with_page_recording_and_diagnosis(monkeypatch):
     """The benchmark of the loop, for some seconds: what does not depend on other work."""
-    pytest.importorskip("mujoco")
-    pytest.importorskip("uvicorn")
     monkeypatch.syspath_prepend(str(Path(__file__).parents[2]))
     from benchmarks.live import measure
 

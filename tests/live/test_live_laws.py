@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from cases import MATERIALS
+from rosbags import typesys
 from scripted import Scripted, T, arrivals, looped, measured, pressed, rings
 
 import palpate
@@ -123,7 +124,6 @@ def test_before_the_first_sample_there_is_no_law_and_no_number():
 
 
 def test_the_verdict_is_published_in_words_and_numbers():
-    typesys = pytest.importorskip("rosbags.typesys", reason="the extra live is not installed")
     from palpate.live.publishing import STATUS, RosEncoder
 
     data = RosEncoder().status("contact", "rig", 0, {"law": "spring", "lead": 1.0 / 3.0})

@@ -8,9 +8,6 @@ from contextlib import ExitStack, suppress
 
 import numpy as np
 import pytest
-
-pytest.importorskip("uvicorn", reason="the extra live is not installed")
-
 from page_server import frame, frame_of, raw_frame, received, served
 from scripted import Endless, resident
 from websockets.exceptions import ConnectionClosed, InvalidStatus

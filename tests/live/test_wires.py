@@ -6,6 +6,7 @@ import socket
 import time
 
 import pytest
+import zmq
 from scripted import resident
 from wire_robots import POSE, ROBOTS, START, VECTORS, WRENCH, collect, force, free_port, position
 
@@ -136,7 +137,6 @@ def test_what_is_no_sample_is_counted_and_the_next_one_is_taken(robot, source):
 
 @pytest.mark.parametrize("options", ["", "?socket=pull", "?socket=pull&bind=yes"])
 def test_a_packet_too_long_or_of_many_frames_is_counted_and_those_after_it_are_heard(options):
-    zmq = pytest.importorskip("zmq", reason="no pyzmq: pip install 'palpate[live]'")
     address = f"tcp://127.0.0.1:{free_port()}"
     with zmq.Context() as context, context.socket(zmq.PUSH if options else zmq.XPUB) as robot:
         robot.linger, robot.sndtimeo = 0, 5000  # ms: where nobody takes it, it fails
@@ -194,7 +194,6 @@ def test_a_topic_of_the_wrong_type_is_one_clear_line(wire, types):
 
 
 def test_connections_that_do_not_speak_the_protocol_do_no_harm():
-    zmq = pytest.importorskip("zmq", reason="no pyzmq: pip install 'palpate[live]'")
     port, chance = free_port(), random.Random(8)
     address = f"zmq:tcp://127.0.0.1:{port}?socket=pull&bind=yes"
     with contextlib.closing(open_source(address)) as source:

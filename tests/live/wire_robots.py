@@ -6,6 +6,8 @@ import struct
 import time
 
 import pytest
+import zenoh
+import zmq
 from message_files import Maker
 
 from palpate.live.sources import Arrival, SourceOptions, open_source
@@ -43,7 +45,6 @@ class ZeroMQRobot:
     """A PUB socket that knows of its subscribers."""
 
     def __init__(self, address: str = "") -> None:
-        zmq = pytest.importorskip("zmq", reason="no pyzmq: pip install 'palpate[live]'")
         self.context = zmq.Context()
         self.socket = self.context.socket(zmq.XPUB)
         self.socket.sndhwm, self.socket.linger = 0, 0
@@ -148,7 +149,6 @@ class ZenohRobot(RosRobot):
 
     def __init__(self, types: tuple[str, str] = (POSE, WRENCH), endpoint: str = "") -> None:
         super().__init__()
-        zenoh = pytest.importorskip("zenoh", reason="no eclipse-zenoh: pip install 'palpate[live]'")
         self.endpoint = endpoint or f"tcp/127.0.0.1:{free_port()}"
         config = zenoh.Config()
         config.insert_json5("mode", '"peer"')
