@@ -26,53 +26,18 @@ if TYPE_CHECKING:
 
 #: Topics; a recording is identified again from the first.
 INPUT, ESTIMATE = "/input", "/estimate"
-_RULE = "=" * 80
-_TIME = f"""{_RULE}
-MSG: builtin_interfaces/Time
-int32 sec
-uint32 nanosec
-"""
-_NUMBERS = f"""# One measurement as it came: a number along the contact normal each, m and N.
-builtin_interfaces/Time stamp
-float64 position
-float64 force
-{_TIME}"""
-_VECTORS = f"""# One measurement as it came, m and N.
-builtin_interfaces/Time stamp
-geometry_msgs/Vector3 position
-geometry_msgs/Vector3 force
-{_TIME}{_RULE}
-MSG: geometry_msgs/Vector3
-float64 x
-float64 y
-float64 z
-"""
 _MATRIX = MOST_PARAMETERS**2
-# What was made of the measurement has names of its own, so that nothing takes it for one.
-_ESTIMATE = f"""# What the loop made of a measurement, and found.
-builtin_interfaces/Time stamp    # of the measurement that the estimator took
-float64 travel                   # penetration that it took, m
-float64 rate                     # its velocity, m/s
-float64 felt                     # its force, N
-float64 predicted                # a priori, N
-float64[{MOST_PARAMETERS}] parameters            # of the law, in its order, SI; NaN beyond them
-float64[{_MATRIX}] covariance           # row by row
-float64 offset                   # N
-float64 beginning                # of the material, m
-float64 margin                   # of condition 10
-float64 cycle                    # update and estimate took so long, s
-float64 lateness                 # done so long after the measurement was there, s
-uint8 status                     # palpate.Status
-uint8 preparation                # palpate.Status
-uint8 state                      # free 0, contact 1, held 2, changed 3, invalid 4, lost 5, taring 6
-uint16 method                    # how often the estimator was exchanged
-{_TIME}"""
-#: Name and definition of each topic's messages; those of the input where it has vectors.
-TYPES = {
-    "numbers": ("palpate_msgs/msg/Measurement", _NUMBERS),
-    "vectors": ("palpate_msgs/msg/MeasurementInSpace", _VECTORS),
-    "estimate": ("palpate_msgs/msg/Estimate", _ESTIMATE),
-}
+
+
+def message_type(name: str) -> tuple[str, str]:
+    """Return the whole name of a type of messages, and its definition, which lies in ``messages``.
+
+    What was made of a measurement has names of its own there, so that nothing takes it for one.
+    """
+    definition = Path(__file__).parent / "messages" / f"{name}.msg"
+    return f"palpate_msgs/msg/{name}", definition.read_text(encoding="utf-8")
+
+
 _HEAD = b"\0\1\0\0"  # CDR, little endian
 _NUMBERS_CDR = struct.Struct("<4siI2d")
 _VECTORS_CDR = struct.Struct("<4siI6d")
@@ -277,10 +242,11 @@ class RunFile:
         writer.start(profile="ros2", library="palpate")
         vectors = not math.isnan(rows[0][PLACE["input_position_y"]])
         self._measured = (_VECTORS_CDR, _IN_SPACE) if vectors else (_NUMBERS_CDR, _NUMBER)
+        names = ("MeasurementInSpace" if vectors else "Measurement", "Estimate")
         self._origin = int(status.get("origin", 0))  # what the source counts its times from, ns
         schemas = [
             writer.register_schema(name, "ros2msg", text.encode())
-            for name, text in (TYPES["vectors" if vectors else "numbers"], TYPES["estimate"])
+            for name, text in map(message_type, names)
         ]
         self._channels = [
             writer.register_channel(topic, "cdr", schema)

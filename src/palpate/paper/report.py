@@ -34,31 +34,6 @@ ABOUT = (
     "can be held against it is. Each experiment also shows variable projection, which the paper "
     "does not have."
 )
-# What this page has beside what every page has.
-PAPER = """
-nav h2 { margin-top: 1.5rem; font-size: 1.1rem; }
-nav ul { columns: 20rem; padding-left: 1.2rem; }
-.counts { list-style: none; padding: 0; display: flex; flex-wrap: wrap; gap: 0.4rem 1.5rem; }
-.abstract { list-style: none; padding: 0; }
-.abstract li { margin: 0.5rem 0; padding-left: 1.6rem; text-indent: -1.6rem; }
-.abstract .badge { display: inline-block; width: 1.6rem; text-indent: 0; }
-figure svg { display: block; width: 100%; height: auto; max-width: 62rem; }
-figure .wide:focus-visible { outline-offset: -2px; }
-#claims q { display: block; max-width: 34rem; }
-#claims .badge { white-space: normal; }
-#not-held h3 { font-size: 1rem; margin-bottom: 0; }
-#not-held small { color: var(--soft); white-space: nowrap; }
-.claim { border-left: 4px solid var(--line); padding: 0.1rem 0 0.1rem 1rem; margin: 1.25rem 0; }
-.claim p { margin: 0.25rem 0; }
-.claim small { color: var(--soft); }
-@media (max-width: 40rem) {
-  figure svg { min-width: 44rem; }
-}
-@media print {
-  :root { font-size: 75%; } nav { display: none; } section { break-inside: auto; }
-  h2, caption, thead { break-after: avoid; } tr, figure, .claim { break-inside: avoid; }
-}
-"""
 
 
 class Reproduction(enum.Enum):
@@ -323,7 +298,8 @@ def write_report(report: Report) -> None:
         "experiments": [_section_as_dict(each) for each in report.sections],
     }
     text = json.dumps(whole, ensure_ascii=False, allow_nan=False, indent=1)
-    write_text(folder / "report.html", html.document(TITLE, STYLE + DRAWINGS + PAPER, parts))
+    style = STYLE + DRAWINGS + Path(__file__).with_name("report.css").read_text(encoding="utf-8")
+    write_text(folder / "report.html", html.document(TITLE, style, parts))
     write_text(folder / "report.json", text + "\n")
     write_text(folder / "claims.md", _markdown(report))
 

@@ -15,9 +15,10 @@ from xml.etree import ElementTree
 import numpy as np
 
 from palpate.errors import InvalidParameterError, RecordingError
-from palpate.exports.engine import ProbeMotion, digits, template, xml_comment
+from palpate.exports.engine import ProbeMotion, digits, refused, template, warned, xml_comment
 from palpate.exports.exporting import STATEMENT, InAnEngine
 from palpate.exports.mujoco.fitting import PairRow
+from palpate.findings import Finding
 from palpate.lab.rig import require_mujoco
 from palpate.validation import Floats
 
@@ -92,8 +93,7 @@ def engine_here() -> Any:
 class PressableModel:
     """A compiled model in its first pose, in which a geom can be pressed into the surfaces.
 
-    The surfaces are on a body that is moved by hand (mocap); without one they stand in the world,
-    and the first joint moves the tip out of the material.
+    The surfaces stand in the world, and are moved there.
 
     Parameters
     ----------
@@ -110,32 +110,25 @@ class PressableModel:
         # Inverse dynamics of the continuous law, whatever the model integrates with.
         model.opt.enableflags &= ~int(mujoco.mjtEnableBit.mjENBL_INVDISCRETE)
         self.model, self.data, self.place = model, mujoco.MjData(model), place
+        names = {model.geom(k).name: k for k in range(model.ngeom)}
+        self.tip, self.pads = names[geom], [names[pad] for pad in PADS if pad in names]
+        model.geom_sameframe[self.pads] = 0  # or it has those of the world's own frame stay there
         if model.nkey:
             mujoco.mj_resetDataKeyframe(model, self.data, 0)
         self.data.qvel[:] = 0.0
-        body = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, _SURFACE)
-        self.surface: int | None = None if body < 0 else int(model.body_mocapid[body])
-        if self.surface is not None:
-            self.data.mocap_pos[self.surface] = model.body_pos[body]
-            self.data.mocap_quat[self.surface] = model.body_quat[body]
         mujoco.mj_forward(model, self.data)
-        names = {model.geom(k).name: k for k in range(model.ngeom)}
-        self.tip, self.pads = names[geom], [names[pad] for pad in PADS if pad in names]
 
     def face(self, position: Floats, normal: Floats) -> None:
         """Move the surfaces to another place."""
         self.place = Placement(tuple(position.tolist()), tuple(normal.tolist()))
-        self.data.mocap_pos[self.surface] = position
-        self.data.mocap_quat[self.surface] = _turn(normal)
+        self.model.geom_quat[self.pads] = _turn(normal)
+        self.sink(0.0)
         self.mujoco.mj_forward(self.model, self.data)
 
     def sink(self, penetration: float) -> None:
-        """Put the tip by so much below the surface [m]: raise that, or lower the scene's slide."""
-        if self.surface is None:
-            self.data.qpos[0] = -penetration
-            return
+        """Raise the surfaces until the tip is by so much below them, m."""
         raised = penetration * np.asarray(self.place.normal)
-        self.data.mocap_pos[self.surface] = np.asarray(self.place.position) + raised
+        self.model.geom_pos[self.pads] = np.asarray(self.place.position) + raised
 
     def along(self) -> Floats:
         """Velocities of the joints that move the tip by 1 m/s out of the material."""
@@ -200,8 +193,6 @@ class PressableModel:
 
 # The user's own model: how it moves where it touches, and the fragment in it.
 
-# The body of the surfaces while they are tried.
-_SURFACE = "palpate_surface"
 # As far away a surface touches no geom, as large as that may be, m.
 _FAR = 10.0
 # A tip that moves by less than this along the normal at joint speeds of 1 does not move, m/s.
@@ -243,7 +234,7 @@ class Robot:
         Of its meshes and textures, from its own folder on.
     passive : bool
         Whether it has passive forces, which a pair that pulls and a callback are among.
-    warnings, refusals : tuple of str
+    findings : tuple of Finding
         Of the geom's shape, and of the model's options.
     """
 
@@ -256,8 +247,7 @@ class Robot:
     time_step: float
     asset_folders: tuple[str, str]
     passive: bool = True
-    warnings: tuple[str, ...] = ()
-    refusals: tuple[str, ...] = ()
+    findings: tuple[Finding, ...] = ()
 
     def scene(self, notes: Sequence[str]) -> str:
         """A scene of the model, wherever that is, with the fragment beside this file."""
@@ -313,8 +303,10 @@ def read(path: Path, geom: str | None, deepest: float) -> Robot:
         float(model.opt.timestep),
         (spec.meshdir, spec.texturedir),
         int(model.opt.disableflags) & both != both,
-        _warnings(kind, geom, counts, mass, mobility),
-        _refusals(mujoco, model, kind, geom, counts),
+        (
+            *warned(*_warnings(kind, geom, counts, mass, mobility)),
+            *refused(*_refusals(mujoco, model, kind, geom, counts)),
+        ),
     )
 
 
@@ -347,17 +339,14 @@ def pressed(path: Path, geom: str, rows: Sequence[PairRow], place: Placement) ->
         raise InvalidParameterError(
             f"geom: {path.name} has no {geom!r}; there are {', '.join(names) or 'none with a name'}"
         )
-    if {*PADS, _SURFACE} & {each.name for each in [*spec.geoms, *spec.bodies]}:
+    if set(PADS) & {each.name for each in spec.geoms}:
         raise InvalidParameterError(
             f"model: {path.name} has a {PADS[0]} already: take the earlier export out of it"
         )
-    # A body that is moved by hand has no mass and no inverse mass: to a contact it is the world.
-    surface = spec.worldbody.add_body(
-        name=_SURFACE, mocap=True, pos=place.position, quat=_turn(np.asarray(place.normal))
-    )
+    where = {"pos": place.position, "quat": _turn(np.asarray(place.normal))}
+    plane = {"type": mujoco.mjtGeom.mjGEOM_PLANE, "size": (0.1, 0.1, 0.01)}
     for pad in PADS[: max(len(rows), 1)]:
-        plane = mujoco.mjtGeom.mjGEOM_PLANE
-        surface.add_geom(name=pad, type=plane, size=(0.1, 0.1, 0.01), contype=0, conaffinity=0)
+        spec.worldbody.add_geom(name=pad, **plane, **where, contype=0, conaffinity=0)
     for row, pad in zip(rows, PADS, strict=False):
         more = {"adhesion": row.adhesion} if row.adhesion else {}
         solref = (-row.spring, -row.damper)
@@ -409,9 +398,7 @@ def _turn(normal: Floats) -> Floats:
     return np.asarray(quaternion / np.linalg.norm(quaternion))
 
 
-def _warnings(
-    kind: str, geom: str, counts: set[int], mass: float, mobility: float
-) -> tuple[str, ...]:
+def _warnings(kind: str, geom: str, counts: set[int], mass: float, mobility: float) -> list[str]:
     found = []
     if kind == "CAPSULE" and counts == {1}:
         found.append(
@@ -430,10 +417,10 @@ def _warnings(
             "another pose: restitution and the largest time step are those of this one; scene.xml "
             f"has the {1.0 / mobility:.4g} kg that the numbers are for"
         )
-    return tuple(found)
+    return found
 
 
-def _refusals(mujoco: Any, model: Any, kind: str, geom: str, counts: set[int]) -> tuple[str, ...]:
+def _refusals(mujoco: Any, model: Any, kind: str, geom: str, counts: set[int]) -> list[str]:
     found = []
     if kind in _WITHOUT_LAW:
         found.append(
@@ -451,7 +438,7 @@ def _refusals(mujoco: Any, model: Any, kind: str, geom: str, counts: set[int]) -
         found.append("the model overrides every contact's solref and solimp: <flag override>")
     if model.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_CONTACT):
         found.append("the model switches contacts off: <flag contact>")
-    return tuple(found)
+    return found
 
 
 # A scene of MuJoCo that an export wrote, read from its file for the laboratory to press.
