@@ -10,9 +10,9 @@ import pytest
 
 import palpate
 from palpate import InvalidParameterError, lab
-from palpate.cli.tables import comparable
 from palpate.lab.figures import NoRendererError, photograph
 from palpate.lab.rig import Geometry
+from palpate.results.parameters import comparable
 
 QUICK = ("--seconds", "4", "--seed", "3")
 

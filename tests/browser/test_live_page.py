@@ -12,9 +12,7 @@ import numpy as np
 import pytest
 
 import palpate
-from palpate.digits import rounded, with_error
 from palpate.live import run
-from palpate.live.console import percent
 from palpate.live.page import Page
 from palpate.live.recorder import Recorder
 from palpate.live.running import default_estimator
@@ -376,29 +374,3 @@ def test_what_is_drawn_has_every_peak_of_what_came(page):
     gap = np.isnan(known) & (x > -9.0)
     assert 0.15 < np.ptp(x[gap]) < 0.25  # no line over what is missing
     assert np.all(np.diff(x) > 0.0)
-
-
-def test_numbers_are_written_as_everywhere_else(page):
-    generator = np.random.default_rng(8)
-    values = generator.choice([-1.0, 1.0], 3000) * 10.0 ** generator.uniform(-12, 12, 3000)
-    errors = np.abs(values) * 10.0 ** generator.uniform(-6, 3, 3000)
-    # Those that stand in the middle between two digits, and the edges of the rule.
-    edges = [
-        (2.5, 10.0), (3.5, 10.0), (0.5, 1.0), (1.25, 0.3), (1.35, 0.3), (12.0, 340.0), (0.0, 1e-6),
-        (25.0, 100.0), (35.0, 120.0), (1e5, 780.0), (99.95, 0.355), (1.0, 0.0949), (5.0, 0.095),
-        (5.0, float("nan")), (5.0, float("inf")),
-    ]  # fmt: skip
-    fractions = [1.0, 0.999_934, 0.9, 0.999_999_8, 0.5, 0.0]
-    pairs = [*edges, *zip(values.tolist(), errors.tolist(), strict=True)]
-    found = page.evaluate(
-        """async ([pairs, fractions]) => {
-        const { withError, rounded, percent } = await import("/static/digits.js");
-        return [...pairs.map(([value, error]) =>
-          [withError(value, [error], "N"), rounded(value, 4), rounded(error, 2)]),
-          ...fractions.map(percent)]; }""",
-        [pairs, fractions],
-    )
-    assert found == [
-        *([with_error(x, error, unit="N"), rounded(x, 4), rounded(error, 2)] for x, error in pairs),
-        *map(percent, fractions),
-    ]

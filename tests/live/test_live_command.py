@@ -16,7 +16,8 @@ from scripted import Endless, Failing, Hanging, Looking, in_a_process, measured
 
 import palpate
 from palpate.live import run, running
-from palpate.live.console import percent, seconds, summary
+from palpate.live.console import summary
+from palpate.live.view import percent, seconds
 
 BARE = ("--no-page", "--no-diagnosis")
 

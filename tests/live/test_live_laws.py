@@ -16,15 +16,6 @@ from palpate.estimators.by_law import estimator_by_law
 from palpate.live import run
 from palpate.live.choices import LiveCommand
 from palpate.live.diagnosing import Diagnosing, contact_of, diagnosed, outdated, recent
-from palpate.live.law_numbers import (
-    NUMBERS,
-    certainty,
-    fields_of,
-    in_words,
-    numbers_of,
-    told,
-    verdict_on,
-)
 from palpate.live.loop import Loop
 from palpate.live.page.watch import plain
 from palpate.live.publishing import Fields, words_of
@@ -33,6 +24,15 @@ from palpate.live.ring import COLUMNS
 from palpate.live.running import default_estimator
 from palpate.live.sinks import Watching
 from palpate.live.sources import EndOfSourceError, Replay
+from palpate.live.view import (
+    NUMBERS,
+    certainty,
+    fields_of,
+    law_of,
+    numbers_of,
+    verdict_in_words,
+    verdict_on,
+)
 
 BOX = FlatSpectrum(2e-3, 2.048)
 LAWS = {
@@ -119,8 +119,10 @@ def test_before_the_first_sample_there_is_no_law_and_no_number():
     fields = fields_of(before)
     assert fields["law"] == ""
     assert not any(math.isfinite(fields[name]) for name in (*NUMBERS, "depth", "frequency"))
-    assert in_words(before, numbers_of(before)) == "no law yet"
-    json.dumps(plain(told(before)), allow_nan=False)
+    assert verdict_in_words(before, numbers_of(before)) == "no law yet"
+    card = plain(law_of(before, math.nan))
+    assert (card["law-name"], card["law-badge"]) == ("Not known yet", "no verdict yet")
+    assert {words for _, words in card["law-numbers"]} == {"–"}
 
 
 def test_the_verdict_is_published_in_words_and_numbers():
@@ -147,7 +149,7 @@ def test_a_change_of_the_material_gives_the_evidence_up_until_there_is_a_verdict
     assert given_up
     for page in given_up:  # what stands meanwhile is said to be of before
         assert certainty(page) == "before"
-        assert "of before" in in_words(page, {})
+        assert "of before" in verdict_in_words(page, {})
         assert page["effective_samples"] == 0.0
         assert numbers_of(page) == {}
         assert page["changes"] == 0

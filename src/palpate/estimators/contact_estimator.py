@@ -14,7 +14,15 @@ from palpate.errors import InvalidParameterError
 from palpate.estimators.estimate import Estimate, Trace
 from palpate.estimators.law_verdicts import Candidate, Evidence, LawVerdict
 from palpate.force_laws import ForceLaw
-from palpate.settings import ChangeDetector, Configured, ContactGate, OutlierRejection, Scale
+from palpate.settings import (
+    ChangeDetector,
+    Configured,
+    ConstantForgetting,
+    ContactGate,
+    FadingForgetting,
+    OutlierRejection,
+    Scale,
+)
 from palpate.validation import (
     Floats,
     instance,
@@ -262,8 +270,12 @@ def estimator_named(name: str) -> type[ContactEstimator]:
 Rejection = OutlierRejection | Literal[False] | None
 
 
-def loop_settings(settings: dict[str, Any], default_scale: Scale) -> tuple[Any, ...]:
+def loop_settings(
+    settings: dict[str, Any], default_scale: Scale, perturbation: tuple[float, ...] = (0.0, 0.0)
+) -> tuple[Any, ...]:
     """Check them; an absent detector or rejection costs no memory and no time."""
+    forgetting = settings.get("forgetting")
+    instance("forgetting", forgetting, (ConstantForgetting, FadingForgetting, type(None)))
     detector, rejection = settings["change_detector"], settings["outlier_rejection"]
     gate, scale = settings["gate"], settings["scale"]
     instance("change_detector", detector, (ChangeDetector, type(None)))
@@ -274,6 +286,8 @@ def loop_settings(settings: dict[str, Any], default_scale: Scale) -> tuple[Any, 
     instance("gate", gate, (ContactGate, type(None)))
     instance("scale", scale, (Scale, type(None)))
     return (
+        (forgetting or ConstantForgetting())._plain(),
+        perturbation,
         None if detector is None else detector._plain(),
         rejection._plain() if rejection else None,
         (gate or ContactGate())._plain(),

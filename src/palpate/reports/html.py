@@ -3,12 +3,15 @@
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from html import escape
+from itertools import groupby
 from typing import TYPE_CHECKING
 
 from palpate.results.colours import DARK, LIGHT
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+    from palpate.results.view import Cell, Line, ViewSection
 
 
 STYLE = """
@@ -89,7 +92,9 @@ REPORT_STYLE = """
 .tile { border: 1px solid var(--line); border-radius: 8px; padding: 0.7rem 1rem; min-width: 13rem; }
 .tile b { display: block; font-size: 1.45rem; font-weight: 600; line-height: 1.3; }
 .tile small { color: var(--soft); display: block; }
-#numbers td, #comparison td { white-space: nowrap; } /* a number and its error are one */
+/* a number and its error are one */
+#numbers td, #findings td, #parts td, #comparison td, #law td { white-space: nowrap; }
+td p { white-space: normal; }
 #law tbody th { white-space: nowrap; }
 pre { background: var(--band); padding: 0.75rem 1rem; overflow-x: auto; font-size: 0.85rem; }
 code { overflow-wrap: anywhere; }
@@ -103,6 +108,7 @@ code { overflow-wrap: anywhere; }
 SIGNS = {"trust": "✓", "with-care": "◐", "do-not-trust": "✗", "note": "·"}
 #: In the head of every page: that palpate wrote it, and may replace it.
 GENERATOR = '<meta name="generator" content="palpate">'
+_TONES = {"warning": "note"}
 _CLASSES = {"trust": "yes", "with-care": "partly", "do-not-trust": "no", "note": "open"}
 
 
@@ -136,11 +142,6 @@ def document(title: str, style: str, parts: Iterable[str]) -> str:
 """
 
 
-def colour_of(mark: str) -> str:
-    """Return the class of a verdict's colour."""
-    return _CLASSES[mark]
-
-
 def badge(mark: str, words: str = "") -> str:
     """Return a verdict with its sign, in its colour."""
     sign = f'<span aria-hidden="true">{SIGNS[mark]}</span>'
@@ -168,7 +169,7 @@ def table_end() -> Iterator[str]:
     yield "</tbody></table></div>"
 
 
-def table(title: str, header: Sequence[str], rows: Iterable[Sequence[str]]) -> Iterator[str]:
+def table(title: str, header: Sequence[str], rows: Iterable[Iterable[str]]) -> Iterator[str]:
     """Return a whole table, the first cell of each row its heading.
 
     Parameters
@@ -189,6 +190,44 @@ def table(title: str, header: Sequence[str], rows: Iterable[Sequence[str]]) -> I
 def cells(contents: Iterable[str]) -> str:
     """Cells of HTML."""
     return "".join(f"<td>{cell}</td>" for cell in contents)
+
+
+def composed(sections: "Iterable[ViewSection]") -> Iterator[str]:
+    """Each section's table, then its lines: those that have names in a table of their own."""
+    for each in sections:
+        headings, rows = each.table()
+        if rows:
+            prose = [] if each.prose is None else [each.headings[each.prose]]
+            folds = [name in prose for name in headings]
+            names = [name.removeprefix(">").replace("\n", ", ") for name in headings]
+            yield from table(each.title, names, (map(_cell, row, folds) for row in rows))
+        for named, lines in groupby(each.lines, lambda line: bool(line.name and not line.mark)):
+            if named:
+                yield from table(each.title, ("", ""), map(_named, lines))
+            else:
+                yield from map(_line, lines)
+
+
+def _cell(cell: "Cell", folds: bool) -> str:
+    if not isinstance(cell, str):
+        return badge(cell.mark, cell.words)
+    words = escape(cell).replace("\n", "<br>")
+    return f"<p>{words}</p>" if folds else words
+
+
+def _named(line: "Line") -> tuple[str, str]:
+    remarks = [*line.remarks, *([f"→ {line.remedy}"] if line.remedy else [])]
+    words = "".join(f'<p class="soft">{escape(remark)}</p>' for remark in remarks)
+    return escape(line.name), f"<p>{escape(line.words)}</p>{words}"
+
+
+def _line(line: "Line") -> str:
+    if not line.mark:
+        return f'<p class="{_TONES.get(line.tone, line.tone)}">{escape(str(line))}.</p>'
+    name = f"{escape(line.name)}: " if line.name else ""
+    remedy = f"<p><strong>What to do:</strong> {escape(line.remedy)}.</p>" if line.remedy else ""
+    words = f"<p>{escape(line.words)}.</p>{remedy}"
+    return f'<div class="verdict {_CLASSES[line.mark]}">{name}{badge(line.mark)}{words}</div>'
 
 
 def section(name: str, title: str, parts: Iterable[str]) -> Iterator[str]:

@@ -405,8 +405,8 @@ class Server:
                 self.watch.look()
                 self.watch.run.tell(asdict(self.served))
                 if self.served.clients or last:
-                    page = self.watch.page(asdict(self.served))
-                    self._text = json.dumps({"kind": "page", **page, "ended": last})
+                    page = self.watch.page(asdict(self.served), ended=last)
+                    self._text = json.dumps({"kind": "page", **page})
                     self._version, self._over = self._version + 1, last
             self._cached.clear()
             self._tick.set()
