@@ -204,7 +204,7 @@ def parts(result: "Identified") -> Iterator[ViewSection]:
             cells = (times, at, depth, *both_numbers, modulus, "", "")
         rows.append([*cells, Marked(marks.overall, marks.overall)])
     if rows:
-        headings = ["time\ns", ">at x, y, z\nmm", ">depth\nmm", *_NUMBERS, ">Young's\nmodulus"]
+        headings = ["time\ns", ">at x, y, z\nmm", ">depth\nmm", *_NUMBERS, ">Young's modulus"]
         yield ViewSection(
             "Each by itself", (), [*headings, "contact model", ">fit", "verdict"], rows
         )
@@ -347,14 +347,16 @@ def laws(ordered: "Sequence[Identified]") -> ViewSection:
 def preparation(results: "Sequence[Identified]", *, whole: bool = False) -> ViewSection:
     """The samples, what was assumed on the way from the recording, and flags of the methods.
 
-    Without what the verdict says again, unless it is to be whole.
+    Without what the verdict says too, or, of the whole, a finding of the diagnosis.
     """
     first = results[0]
-    lines, reason = [Line(_samples(first))], "" if whole else first.diagnosis.reason
+    found = first.diagnosis
+    said = "\n".join(each.message for each in found.findings) if whole else found.reason
+    lines = [Line(_samples(first))]
     lines += (
         Line(each.message, each.check, remedy=each.remedy)
         for each in first.contact.findings
-        if each.severity == "note" or each.message not in reason
+        if each.message not in said
     )
     for result in results:
         # One law for two materials is not identifiable by any motion: its flags would mislead.
