@@ -17,10 +17,11 @@ from typing import Any, BinaryIO, Literal
 
 import numpy as np
 from numpy.typing import NDArray
+from rich.filesize import decimal as in_words
 
 from palpate.errors import RecordingError
 from palpate.recordings.nested import OBJECTS, UNIT_FIELDS, Findings, no_class, plain_numbers
-from palpate.recordings.opening import LARGEST, Request, in_words
+from palpate.recordings.opening import LARGEST, Request
 from palpate.recordings.recording import Recording, printable
 
 Order = Literal["little", "big"]

@@ -298,15 +298,6 @@ def unreadable(source: str, error: Exception) -> Exception:
     return RecordingError(f"{source}: {reason}; check the path")
 
 
-def in_words(size: float) -> str:
-    """Return a number of bytes as a person says it."""
-    for unit in ("bytes", "kB", "MB", "GB", "TB"):
-        if size < 1000 or unit == "TB":
-            break
-        size /= 1000
-    return f"{size:.3g} {unit}" if size < 1000 else f"{size:.0f} {unit}"
-
-
 def first_line(error: BaseException) -> str:
     """Return what a library says of an error, on one line of bounded length."""
     lines = str(error).strip().splitlines()
