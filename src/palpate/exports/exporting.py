@@ -251,18 +251,11 @@ class InAnEngine:
         self, time: Floats, lateral_position: Floats, penetration: Floats, velocity: Floats
     ) -> Floats:
         """Force of the engine [N] along a whole motion, shapes (k,); 0 out of contact."""
-        force = np.zeros_like(time)
-        below = np.flatnonzero(penetration > 0.0)
+        force, below = np.zeros_like(time), np.flatnonzero(penetration > 0.0)
         if below.size:
-            force[below] = self._pushed(
-                ProbeMotion(
-                    time[below],
-                    penetration[below],
-                    velocity[below],
-                    np.gradient(velocity, time)[below],
-                    np.ones(below.size, dtype=np.bool_),
-                )
-            )
+            acceleration = np.gradient(velocity, time)
+            t, x, v, a = (each[below] for each in (time, penetration, velocity, acceleration))
+            force[below] = self._pushed(ProbeMotion(t, x, v, a, np.ones(below.size, dtype=bool)))
         return force
 
 

@@ -319,13 +319,9 @@ class Map:
     def _beside(self) -> list[str]:
         """What to know beside the numbers."""
         hidden = len(self.places) - len(np.unique(self.places, axis=0))
+        unknown = int(np.isnan(self.value).sum()) - self.shallow
         counts = (
-            (
-                int(np.isnan(self.value).sum()) - self.shallow,
-                "place has",
-                "places have",
-                "no number",
-            ),
+            (unknown, "place has", "places have", "no number"),
             (self.shallow, "place was", "places were", "not pressed so deep"),
             (self.rows - len(self.value), "row has", "rows have", "no place"),
             (hidden if len(self.axes) > 1 else 0, "lies", "lie", "on others"),
@@ -386,21 +382,11 @@ def map_of(
     units = tuple((field.metadata or {}).get(b"unit", b"").decode() for field in fields)
     deep = depths[there & np.isfinite(depths)]
     span = (float(deep.min()), float(deep.max())) if deep.size else (np.nan, np.nan)
-    return Map(
-        of,
-        "" if of == "exponent" else AT_DEPTH[of],
-        value[there],
-        error[there],
-        axes,
-        units,
-        places[there],
-        depth,
-        span,
-        results.num_rows,
-        int(np.count_nonzero(short[there])),
-        mistrusted[there],
-        _doubts(results, there),
-    )
+    unit, doubts = "" if of == "exponent" else AT_DEPTH[of], _doubts(results, there)
+    shallow, mistrusted = int(np.count_nonzero(short[there])), mistrusted[there]
+    value, error, places, rows = value[there], error[there], places[there], results.num_rows
+    at = depth, span
+    return Map(of, unit, value, error, axes, units, places, *at, rows, shallow, mistrusted, doubts)
 
 
 def mistrusted_of(results: "pa.Table", of: str) -> NDArray[np.bool_]:

@@ -179,17 +179,10 @@ class Zenoh(RosTopics):
             if queue.qsize() >= WAITING:
                 return
             payload, extra = sample.payload, sample.attachment
-            length = len(payload)
-            queue.put(
-                _Came(
-                    index,
-                    str(sample.key_expr),
-                    payload.to_bytes() if length <= LONGEST else None,
-                    extra.to_bytes() if extra is not None and len(extra) < LONGEST else None,
-                    time.time_ns(),
-                    length,
-                )
-            )
+            length, key = len(payload), str(sample.key_expr)
+            data = payload.to_bytes() if length <= LONGEST else None
+            about = extra.to_bytes() if extra is not None and len(extra) < LONGEST else None
+            queue.put(_Came(index, key, data, about, time.time_ns(), length))
 
         return take
 
