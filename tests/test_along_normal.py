@@ -58,9 +58,9 @@ def test_a_force_that_is_the_probes_is_turned_and_said():
     recorded = table_of(replace(mirrored, force=-mirrored.force))
     contact = prepare(recorded)
     assert off(identify(contact), BALL) < 4.0
-    assert any("its sign was turned" in remark.message for remark in contact.remarks)
+    assert any("its sign was turned" in finding.message for finding in contact.findings)
     asked = prepare(recorded, flip=["force"])
-    assert not any("its sign was turned" in remark.message for remark in asked.remarks)
+    assert not any("its sign was turned" in finding.message for finding in asked.findings)
     np.testing.assert_allclose(asked.force, contact.force, atol=1e-9)
 
 
@@ -70,7 +70,7 @@ def test_a_normal_that_is_given_is_taken(given):
     assert contact.prepared.normal.vector == pytest.approx(NORMAL)
     assert off(identify(contact), BALL) < 4.0
     contact = prepare(table_of(hand(6.0)), normal=-NORMAL)
-    assert any(remark.severity == "do-not-trust" for remark in contact.remarks)
+    assert any(finding.severity == "do-not-trust" for finding in contact.findings)
 
 
 def test_axes_are_normals_and_what_is_no_normal_is_refused():
@@ -94,7 +94,7 @@ def test_a_wrench_in_the_tools_frame_is_turned_by_the_orientation():
     assert contact.prepared.normal.vector == pytest.approx(NORMAL, abs=2e-3)
     assert off(identify(contact), BALL) < 4.0
     assumed = prepare(recorded)  # wrong, and said to be assumed
-    assert any("--force-frame tool" in (remark.remedy or "") for remark in assumed.remarks)
+    assert any("--force-frame tool" in (finding.remedy or "") for finding in assumed.findings)
 
 
 def test_frames_that_the_recording_names_decide():
@@ -102,7 +102,7 @@ def test_frames_that_the_recording_names_decide():
     recorded = topics_of(felt)
     for frame, severity in (("base_link", None), ("ft_sensor", "with-care")):
         recorded.frames.update({"/ft.wrench.force.x": frame, "/pose.pose.position.x": "base_link"})
-        found = [r.severity for r in prepare(recorded).remarks if r.check == "force frame"]
+        found = [r.severity for r in prepare(recorded).findings if r.check == "force frame"]
         assert found == ([] if severity is None else [severity])
 
 
@@ -111,9 +111,9 @@ def test_an_orientation_that_changes_calls_for_the_tools_weight():
     turns = np.array([turn((1.0, 0.0, 0.0), each) for each in np.linspace(0.0, 0.5, 3000)])
     assert largest_turn(turns) == pytest.approx(0.25, abs=0.01)
     recorded = with_turns(felt, turns)
-    found = [r for r in prepare(recorded).remarks if r.check == "orientation"]
+    found = [r for r in prepare(recorded).findings if r.check == "orientation"]
     assert found[0].severity == "with-care"
-    weighed = prepare(recorded, tool_weight=1.2, force_frame="tool").remarks
+    weighed = prepare(recorded, tool_weight=1.2, force_frame="tool").findings
     assert not [r for r in weighed if r.check == "orientation"]
 
 
@@ -127,7 +127,7 @@ def turning(reach: float, *, weight: float = 3.0, sign: float = 1.0) -> Recordin
 
 def weighed(recorded: Recording, weight: float | None, **more):
     result = identify(prepare(recorded, force_frame="tool", tool_weight=weight, **more))
-    return result, [r for r in result.contact.remarks if r.check == "tool weight"]
+    return result, [r for r in result.contact.findings if r.check == "tool weight"]
 
 
 def test_only_the_tools_true_weight_leaves_the_offset_constant_in_the_sensors_axes():
@@ -180,7 +180,7 @@ def test_a_drift_of_the_sensor_is_taken_off_and_said():
     drift = np.linspace(0.0, 0.4, len(felt.time))[:, None] * NORMAL
     contact = prepare(table_of(replace(felt, force=felt.force + drift)))
     assert contact.prepared.drift == pytest.approx(0.4, rel=0.05)
-    assert any("drifts by" in remark.message for remark in contact.remarks)
+    assert any("drifts by" in finding.message for finding in contact.findings)
     assert off(identify(contact), BALL) < 4.0
 
 
@@ -188,7 +188,7 @@ def test_no_free_time_is_found_where_there_is_none():
     motion = three_sines(4.0)
     contact = prepare(table_of(hand(motion=motion)))
     assert contact.prepared.zero is None
-    said = {remark.check: remark for remark in contact.remarks}
+    said = {finding.check: finding for finding in contact.findings}
     assert "no time out of contact was found" in said["tare"].message
     assert said["surface"].severity == "with-care"
     assert "an assumption" in said["surface"].message
@@ -232,7 +232,7 @@ def test_a_probe_that_travels_is_cut_into_places(sign):
     recorded = table_of(Hand(time, position, sign * force, lifted))
     contact = prepare(recorded)
     assert len(contact.prepared.places) == 2
-    assert any("2 places" in remark.message for remark in contact.remarks)
+    assert any("2 places" in finding.message for finding in contact.findings)
     tip = palpate.Wanted(tip=FlatPunch(0.1))
     result = identify(contact).wanting(tip).by_place()
     assert len(result.stretches) == 2
@@ -256,7 +256,7 @@ def test_a_position_along_one_axis_finds_its_sign_and_its_surface():
         channels = {"t": motion.time, "z_m": 0.412 + sign * motion.x, "Fz_N": sign * force}
         contact = prepare(Recording(channels))
         assert off(identify(contact), BALL) < 4.0
-        said = [remark.message for remark in contact.remarks if remark.check == "direction"]
+        said = [finding.message for finding in contact.findings if finding.check == "direction"]
         assert len(said) == (0 if sign > 0 else 2)
 
 
@@ -270,6 +270,6 @@ def test_the_preparation_can_be_run_again_identically():
         for name in ("time", "penetration", "velocity", "force", "segment"):
             np.testing.assert_array_equal(getattr(again, name), getattr(contact, name))
         assert again.provenance == contact.provenance
-        assert again.remarks == contact.remarks
+        assert again.findings == contact.findings
         settings = contact.prepared.settings
         assert {name: getattr(settings, name) for name in more} == more

@@ -269,5 +269,5 @@ def test_values_beyond_any_measurement_are_no_numbers(
     status, out, err = run("identify", file, "--json")
     if not status:
         assert err == ""
-        assert "holds no number in" in json.dumps(json.loads(out)["remarks"])
+        assert "holds no number in" in json.dumps(json.loads(out)["findings"])
     assert vectors or not status

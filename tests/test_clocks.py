@@ -27,24 +27,24 @@ def test_samples_whose_time_does_not_increase_are_skipped_counted_and_said():
     time[50], time[80], time[120] = time[49], 0.0791 - 0.001, np.nan
     contact = prepare(table(time))
     assert len(contact) == 197
-    [remark] = contact.remarks
-    assert remark.message == (
+    [finding] = contact.findings
+    assert finding.message == (
         "3 of 200 samples were skipped: 1 without a time, 1 with the time of the one before, "
         "1 with an earlier time"
     )
-    assert remark.severity == "note"
+    assert finding.severity == "note"
     with pytest.raises(RecordingError, match=r"sample 50: 0.049 s repeats the time before it"):
         prepare(table(time), strict=True)
     # Many of them, of a clock half as fine as the sampling, call for care.
     contact = prepare(table(np.repeat(STEPS[:100], 2)))
     assert len(contact) == 100
-    assert contact.remarks[0].severity == "with-care"
+    assert contact.findings[0].severity == "with-care"
     # A time that a flipped bit made is none.
     time = STEPS.copy()
     time[[0, 90]] = -1.6e190, 4e200
     contact = prepare(table(time))
     assert len(contact) == 198
-    assert "2 without a time" in contact.remarks[0].message
+    assert "2 without a time" in contact.findings[0].message
     with pytest.raises(RecordingError, match=r"sample 0: -1\.6e"):
         prepare(table(time), strict=True)
     with pytest.raises(RecordingError, match="no sample has a time"):
@@ -55,7 +55,7 @@ def test_a_recorder_that_was_started_again_begins_another_contact():
     time = np.concatenate([STEPS[:120], STEPS[:80]])
     contact = prepare(table(time))
     assert [part.start for part in contact.segments()] == [0, 120]
-    assert "the time starts again once" in contact.remarks[0].message
+    assert "the time starts again once" in contact.findings[0].message
     with pytest.raises(RecordingError, match=r"sample 120: 0 s runs back from 0.119 s"):
         prepare(table(time), strict=True)
     with pytest.raises(RecordingError, match="the time runs backward"):
@@ -71,7 +71,7 @@ def test_a_gap_parts_contacts_and_a_change_of_rate_does_not():
     assert np.flatnonzero(gaps(np.concatenate([[0], np.cumsum(steps)]), part)).tolist() == [61, 201]
     contact = prepare(table(np.concatenate([STEPS[:100], 2.0 + STEPS[:100]])))
     assert [part.start for part in contact.segments()] == [0, 100]
-    assert "a gap in time, 1.9 s" in contact.remarks[0].message
+    assert "a gap in time, 1.9 s" in contact.findings[0].message
 
 
 def test_whole_nanoseconds_stay_exact():

@@ -58,7 +58,7 @@ HEADERS = FORCES | MASSES
 def test_the_unit_that_a_header_states_is_read(header, size):
     contact = of_columns("penetration_m", header, size)
     np.testing.assert_allclose(contact.force, FORCE, rtol=1e-12)
-    assert [remark.check for remark in contact.remarks] == ["units"] * (header in MASSES)
+    assert [finding.check for finding in contact.findings] == ["units"] * (header in MASSES)
     for inches, metres in {"depth_in": 25.4e-3, "Depth (mil)": 25.4e-6}.items():
         contact = of_columns(inches, header, size, metres)
         np.testing.assert_allclose(contact.penetration, DEPTH, rtol=1e-12)

@@ -135,7 +135,7 @@ def test_a_pair_has_the_force_and_the_rebound_that_were_predicted(hertz):
 def test_a_pair_says_when_it_pulls_and_pulls_no_more_than_its_spring_pushes_at_the_deepest():
     law = SPONGE_LAW
     fragment = fitted(law)
-    said = " ".join(fragment.warnings)
+    said = " ".join(map(str, fragment.findings))
     assert "withdrawn faster than 0.1 m/s (K/B), the pair pulls, by up to 4.7 N" in said
     assert "form for MJX is two-contacts" in said
     assert [row.adhesion for row in fragment.rows.rows] == [0.0, 4.7]
@@ -147,7 +147,7 @@ def test_a_pair_says_when_it_pulls_and_pulls_no_more_than_its_spring_pushes_at_t
     assert faster == pytest.approx(float(law.force(0.01, 0.0)) - 4.7, abs=0.01)
     assert fitted(law, form="callback").replay(motion).force[1] == 0.0
     # With p < n by K x^(n − p)/B at the median depth.
-    said = " ".join(fitted(KELVIN_VOIGT, form="pair").warnings)
+    said = " ".join(map(str, fitted(KELVIN_VOIGT, form="pair").findings))
     assert "withdrawn faster than 1.2 m/s from a depth of 10 mm" in said
 
 
@@ -291,7 +291,7 @@ def test_a_law_that_pulls_where_a_body_leaves_is_carried_by_contacts_that_do_not
     # By 7 % too low of the pair.
     assert auto.rebound(drop) == pytest.approx(drop.restitution, rel=0.03)
     assert pair.rebound(drop) < 0.95 * drop.restitution
-    assert any("the pair pulls" in each for each in pair.warnings)
+    assert any("the pair pulls" in each for each in map(str, pair.findings))
 
 
 def test_an_older_version_gets_contacts_that_push_and_a_pair_for_a_newer_one_is_not_replayed(
@@ -305,7 +305,7 @@ def test_an_older_version_gets_contacts_that_push_and_a_pair_for_a_newer_one_is_
     fragment = fitted(KELVIN_VOIGT, form="pair")
     assert 'adhesion="' in fragment.files([])["contact.xml"]
     assert fragment.replay(SHORT) is None
-    assert "3.8.1 is too old" in fragment.warnings[-1]
+    assert "3.8.1 is too old" in fragment.findings[-1].message
 
 
 @pulling
@@ -314,9 +314,9 @@ def test_a_mass_that_the_contact_adds_is_told_where_it_counts():
     soft = GeneralisedHuntCrossley(300.0, 1.0, 4.0, 0.0)
     words = "the mass that the contacts add comes to"
     heavy = fitted(soft, mass=1000.0, form="pair")
-    assert sum(each.startswith(words) for each in heavy.warnings) == 1
+    assert sum(each.startswith(words) for each in map(str, heavy.findings)) == 1
     assert error(heavy, SHORT) > 1.0
-    assert not any(each.startswith(words) for each in fitted(soft, form="pair").warnings)
+    assert not any(str(each).startswith(words) for each in fitted(soft, form="pair").findings)
 
 
 @pytest.mark.parametrize("part, stays", [(0.9, True), (1.15, False)])
@@ -339,7 +339,7 @@ def test_a_pair_beats_the_default_geom_and_the_pyramid(model):
     # The arm in its pose is another mass than 1/Â, by which MuJoCo scales.
     assert fragment.robot.mobility != pytest.approx(1.0 / fragment.asked.mass, rel=0.1)
     assert fragment.form == "kelvin-voigt"
-    assert any("an impact feels" in each for each in fragment.warnings)
+    assert any("an impact feels" in each for each in map(str, fragment.findings))
     assert error(fragment, SHORT) < 0.01
     data = fragment.pressed().model
     assert {int(dim) for dim in data.pair_dim} == {1}
@@ -380,7 +380,7 @@ def test_the_contacts_of_a_geom_share_the_force(model, text, contacts, words):
     fragment = fitted(KELVIN_VOIGT, model=model(text), geom="foot")
     assert fragment.rows.contacts == contacts
     assert error(fragment, SHORT) < 0.01
-    assert any(words in each for each in fragment.warnings)
+    assert any(words in each for each in map(str, fragment.findings))
     if contacts == 4:
         assert fragment.robot.mobility == pytest.approx(0.5)
         drop = drop_to(KELVIN_VOIGT, 2.0, 0.012)
@@ -414,6 +414,10 @@ def test_a_model_that_cannot_be_used_is_told_in_words(model, text, geom, words):
         fitted(KELVIN_VOIGT, model=path, geom=geom)
 
 
+def refusals_of(fragment):
+    return [each.message for each in fragment.findings if each.severity == "do-not-trust"]
+
+
 @pytest.mark.parametrize(
     "text, geom, words",
     [
@@ -423,7 +427,7 @@ def test_a_model_that_cannot_be_used_is_told_in_words(model, text, geom, words):
     ],
 )
 def test_a_model_that_undoes_the_contact_is_refused(model, text, geom, words):
-    assert words in fitted(KELVIN_VOIGT, model=model(text), geom=geom).refusals[-1]
+    assert words in refusals_of(fitted(KELVIN_VOIGT, model=model(text), geom=geom))[-1]
 
 
 @pytest.mark.parametrize("form, refused", [("pair", 1), ("callback", 1), ("kelvin-voigt", 0)])
@@ -432,8 +436,8 @@ def test_a_model_without_passive_forces_has_no_pair_that_pulls(model, form, refu
     # Of these the pair's adhesion is one, and without it the contact pushes by as much more.
     text = within(SLIDE, "<option><flag spring='disable' damper='disable'/></option>")
     fragment = fitted(KELVIN_VOIGT, model=model(text), geom="tip", form=form)
-    assert len(fragment.refusals) == refused
-    assert all("every passive force" in each for each in fragment.refusals)
+    assert len(refusals_of(fragment)) == refused
+    assert all("every passive force" in each for each in refusals_of(fragment))
 
 
 def test_a_surface_stays_where_it_is_in_a_model_with_defaults_for_pairs(model):
@@ -462,7 +466,7 @@ def test_a_law_without_damping_is_one_row_and_a_shallow_one_says_so():
     assert len(fragment.rows.rows) == 1
     assert fragment.rows.rows[0].damper == fragment.rows.rows[0].adhesion == 0.0
     assert error(fragment, SHORT) < 0.6
-    assert any("the force at rest is off" in each for each in fragment.warnings)
+    assert any("the force at rest is off" in each for each in map(str, fragment.findings))
 
 
 @pulling
@@ -470,7 +474,7 @@ def test_an_exponent_just_below_one_is_written_as_one():
     law = GeneralisedHuntCrossley(300.0, 0.9987, 3000.0, 0.9987)
     pair = fitted(law)
     assert pair.form == "pair"
-    assert any("0.9987 is written as 1" in words for words in pair.warnings)
+    assert any("0.9987 is written as 1" in words for words in map(str, pair.findings))
     assert force_error(pair.predicted(SHORT), SHORT.force_by(law), SHORT.judged) < 0.1
 
 

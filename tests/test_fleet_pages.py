@@ -107,7 +107,7 @@ def test_a_map_says_of_which_places_the_numbers_are_not_to_be_trusted():
     ):  # fmt: skip
         assert words in found.summary
     assert "tare" not in found.summary
-    pulls = rows([1.0], [0.1], x=[0.0], flags=[[NEGATIVE_STIFFNESS]])
+    pulls = rows([1.0], [0.1], x=[0.0], flags=[[str(NEGATIVE_STIFFNESS)]])
     assert map_of(pulls, ["x"]).mistrusted.all()
     uncertain = rows([1.0, 1.0], [2.0, 0.1], x=[0.0, 1.0])
     assert map_of(uncertain, ["x"]).mistrusted.tolist() == [True, False]

@@ -17,7 +17,7 @@ FELT = hand(4.0)
 
 
 def said(contact, step: str) -> list[str]:
-    return [remark.severity for remark in contact.remarks if remark.check == step]
+    return [finding.severity for finding in contact.findings if finding.check == step]
 
 
 def marks(contact) -> set[str]:
@@ -93,14 +93,14 @@ def test_a_position_that_was_commanded_calls_for_care():
     renamed = {f"{n[:2]}_cmd_m" if n.startswith("p") else n: each for n, each in felt.items()}
     contact = prepare(Recording(renamed))
     assert said(contact, "channels") == ["with-care"]
-    assert "commanded, not measured" in contact.remarks[0].message
+    assert "commanded, not measured" in contact.findings[0].message
     assert not said(prepare(Recording({**renamed, **felt})), "channels")  # measured is there
 
 
 def test_options_that_find_nothing_to_act_on_are_named():
     along = Recording({"t": FELT.time, "z_m": -FELT.motion.x, "Fz_N": FELT.force @ NORMAL})
     contact = prepare(along, normal="z", tool_weight=1.0)
-    assert [r.message for r in contact.remarks if r.check == "options"] == [
+    assert [r.message for r in contact.findings if r.check == "options"] == [
         "--normal and --tool-weight did nothing: position and force are not both in space"
     ]
     assert not said(prepare(table_of(FELT), normal=NORMAL), "options")

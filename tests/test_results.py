@@ -150,7 +150,7 @@ def test_a_trace_that_is_read_is_not_written_over(run, saved, tmp_path):
         (lambda folder: (folder / "result.json").write_text("[1]"), "no schema_version"),
         (lambda folder: change(folder, schema_version=99), "as schema 99, and this one reads 2"),
         (lambda folder: change(folder, results=[]), "damaged"),
-        (lambda folder: change(folder, remarks=[{"wrong": 1}]), "damaged"),
+        (lambda folder: change(folder, findings=[{"wrong": 1}]), "damaged"),
         (lambda folder: change(folder, trace="trace.hdf5"), "trace.hdf5"),
         (lambda folder: change(folder, trace="../ball.csv"), "../ball.csv"),
         (lambda folder: change(folder, provenance=3), "damaged"),
@@ -174,12 +174,15 @@ def test_a_result_of_the_first_schema_is_read_as_before(saved, tmp_path):
     for each in results[0]["findings"]:
         each["sentence"] = each.pop("message")
     remark = {"step": "tool weight", "sentence": "it turns", "remedy": None, "numbers": True}
-    old = {"schema_version": 1, "results": results}
-    change(tmp_path, remarks=[{**remark, "severity": "with-care"}], **old)
+    whole = json.loads((saved / "result.json").read_text())
+    del whole["findings"]
+    whole |= {"schema_version": 1, "results": results}
+    whole["remarks"] = [{**remark, "severity": "with-care"}]
+    (tmp_path / "result.json").write_text(json.dumps(whole))
     found = palpate.load_result(tmp_path)
     assert repr(found.findings) == repr(palpate.load_result(saved).findings)
     weight = Finding.of_both("with-care", "tool weight", "it turns")
-    assert repr(found.contact.remarks) == repr((weight,))
+    assert repr(found.contact.findings) == repr((weight,))
 
 
 @pytest.mark.parametrize("parquet", [True, False])

@@ -9,8 +9,6 @@
 #include <random>
 #include <vector>
 
-#include "palpate/viscoelastic/linear.hpp"
-#include "palpate/viscoelastic/normal.hpp"
 #include "palpate/viscoelastic/problem.hpp"
 
 namespace {

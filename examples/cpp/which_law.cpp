@@ -21,15 +21,14 @@ const char* damper(v::Damping damping) {
 
 // By how much the law in force is before the next; ten are strong evidence.
 double lead(const v::Solver<v::FlatSums>& solver) {
+  const auto& verdict = solver.verdict();
   const std::size_t chosen = solver.solution().fit.candidate;
-  const double own = solver.standing(chosen).score;
   double least = HUGE_VAL;
   for (std::size_t i = 0; i < solver.count; ++i) {
-    const v::Standing other = solver.standing(i);
-    const bool competes = other.mean_square > 0.0;
-    if (competes && i != chosen) least = std::fmin(least, other.score);
+    const bool competes = verdict.mean_square[i] > 0.0;
+    if (competes && i != chosen) least = std::fmin(least, verdict.score(i, chosen));
   }
-  return least - own;
+  return least - verdict.score(chosen, chosen);
 }
 
 }  // namespace
@@ -70,7 +69,7 @@ int main() {
     const v::Candidate& law = solver.solution().law();
     std::printf("%4.2f s  %s, %s, %.0f before the next of %.0f independent samples\n", t,
                 damper(law.damping), law.memory == v::Memory::none ? "no memory" : "memory",
-                lead(solver), solver.effective_samples());
+                lead(solver), solver.verdict().effective);
   }
   estimator.settle();  // all that is spread over the next samples otherwise
   const v::Candidate& law = estimator.method().solver().solution().law();

@@ -1,15 +1,15 @@
-// A change of what is touched, from the a-priori force errors, whitened by their own correlation
-// (autoregression.hpp). Three tests look at them:
+// A change of what is touched, from the a-priori force errors, whitened by their own correlation.
+// Three tests look at them:
 //
-//   a cumulative sum of white errors, for abrupt changes (cumulative_sum.hpp);
+//   a cumulative sum of white errors, for abrupt changes;
 //   a second one of errors as they are: those of a law outside the material's class are as smooth
 //   as the motion, so that whitening explains them away however large a change makes them; scores
 //   of blocks of white errors, for changes too small to show in single ones, as of the damping
-//   alone (score_blocks.hpp).
+//   alone.
 //
 // Each alarms only beyond what it has come back from before, and only where an earlier stroke has
-// been (known_ground.hpp), so that a material outside the model class raises the bar instead of
-// alarms for ever.
+// been, so that a material outside the model class raises the bar instead of alarms for ever. What
+// they are made of is in change_tests.hpp.
 #pragma once
 
 #include <algorithm>
@@ -17,12 +17,9 @@
 #include <cstddef>
 #include <cstdint>
 
-#include "palpate/autoregression.hpp"
-#include "palpate/cumulative_sum.hpp"
-#include "palpate/known_ground.hpp"
+#include "palpate/change_tests.hpp"
 #include "palpate/matrix.hpp"
 #include "palpate/sample.hpp"
-#include "palpate/score_blocks.hpp"
 
 namespace palpate {
 

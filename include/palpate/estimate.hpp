@@ -8,7 +8,7 @@
 
 #include "palpate/force_laws.hpp"
 #include "palpate/matrix.hpp"
-#include "palpate/status.hpp"
+#include "palpate/sample.hpp"
 
 namespace palpate {
 

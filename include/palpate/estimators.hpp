@@ -8,7 +8,6 @@
 #include "palpate/methods/double_stage.hpp"
 #include "palpate/methods/drift_tracking.hpp"
 #include "palpate/methods/regression.hpp"
-#include "palpate/methods/regressions.hpp"
 #include "palpate/methods/variable_projection.hpp"
 #include "palpate/recursive_estimator.hpp"
 

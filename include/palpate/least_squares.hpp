@@ -16,7 +16,7 @@
 #include <cstdint>
 
 #include "palpate/matrix.hpp"
-#include "palpate/status.hpp"
+#include "palpate/sample.hpp"
 
 namespace palpate {
 

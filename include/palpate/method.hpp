@@ -1,3 +1,154 @@
+// The parts of the loop of recursive_estimator.hpp: which samples are contact, how the past is
+// forgotten, and what a method must offer to run in it.
+#pragma once
+
+#include <cmath>
+#include <concepts>
+#include <cstddef>
+#include <cstdint>
+#include <type_traits>
+
+#include "palpate/estimate.hpp"
+#include "palpate/sample.hpp"
+
+namespace palpate {
+
+// Which samples are contact. Logarithms need x > 0 and F > 0, and noise near the surface biases
+// them (E ln(F + ε) ≈ ln F − σ²/2F²), so thresholds belong at about ten times the noise.
+class ContactGate {
+ public:
+  struct Settings {
+    double minimum_penetration = 0.0;  // m; at or below it there is no contact
+    double make_force = 0.0;           // N; contact is made above it …
+    double break_force = 0.0;          // N; … and lost at or below it (≤ make_force)
+
+    bool operator==(const Settings&) const = default;
+  };
+
+  enum class Phase : std::uint8_t { waiting, contact, held };
+
+  constexpr explicit ContactGate(const Settings& settings) noexcept : settings_(settings) {}
+
+  constexpr Phase phase() const noexcept { return phase_; }
+
+  // The phase that this sample leads to; nothing changes until it is entered.
+  constexpr Phase next(double penetration, double force) const noexcept {
+    const bool touching = phase_ == Phase::contact;
+    const double threshold = touching ? settings_.break_force : settings_.make_force;
+    if (penetration > settings_.minimum_penetration && force > threshold) return Phase::contact;
+    return without_contact();
+  }
+
+  // The phase that the end of contact leads to.
+  constexpr Phase without_contact() const noexcept {
+    return phase_ == Phase::waiting ? Phase::waiting : Phase::held;
+  }
+
+  constexpr void enter(Phase phase) noexcept { phase_ = phase; }
+
+ private:
+  Settings settings_;
+  Phase phase_ = Phase::waiting;
+};
+
+constexpr const char* validate(const ContactGate::Settings& settings) noexcept {
+  if (!(settings.minimum_penetration >= 0.0 && settings.minimum_penetration <= 1e100)) {
+    return "gate.minimum_penetration must be in [0, 1e100] m";
+  }
+  if (!(settings.make_force >= 0.0 && settings.make_force <= 1e100)) {
+    return "gate.make_force must be in [0, 1e100] N";
+  }
+  if (!(settings.break_force >= 0.0 && settings.break_force <= settings.make_force)) {
+    return "gate.break_force must be in [0, make_force]";
+  }
+  return nullptr;
+}
+
+// How fast the past is forgotten, and how an abrupt change reopens the covariance.
+
+// λ = 1 − (1 − λ₀) e^(−α t), t since contact was made. α = 0 is a constant factor.
+class Forgetting {
+ public:
+  struct Settings {
+    double initial_factor = 1.0;  // λ₀, in (0, 1]
+    double rate = 0.0;            // α, 1/s
+
+    bool operator==(const Settings&) const = default;
+  };
+
+  Forgetting(const Settings& settings, double sample_time) noexcept
+      : settings_(settings),
+        sample_time_(sample_time),
+        decay_(std::exp(-settings.rate * sample_time)),
+        departure_(1.0 - settings.initial_factor) {}
+
+  double factor() const noexcept { return 1.0 - departure_; }
+
+  void rearm() noexcept { departure_ = initial_departure(); }
+
+  void advance(double dt) noexcept {
+    departure_ *= dt == sample_time_ ? decay_ : std::exp(-settings_.rate * dt);
+    // 1 − λ below ε/2 ≈ 1e-16 is lost in λ; 1e-20 is well below that, and far above the subnormals
+    // that it would end in, which are slow.
+    if (departure_ < 1e-20) departure_ = 0.0;
+  }
+
+ private:
+  double initial_departure() const noexcept { return 1.0 - settings_.initial_factor; }
+
+  Settings settings_;
+  double sample_time_;
+  double decay_;
+  double departure_;  // 1 − λ
+};
+
+constexpr const char* validate(const Forgetting::Settings& settings) noexcept {
+  const double factor = settings.initial_factor;
+  if (!(factor > 0.0 && factor <= 1.0)) return "forgetting.initial_factor must be in (0, 1]";
+  if (!(settings.rate >= 0.0 && settings.rate <= 1e6)) {
+    return "forgetting.rate must be in [0, 1e6] 1/s";
+  }
+  return nullptr;
+}
+
+// Nothing is forgotten.
+inline constexpr Forgetting::Settings no_forgetting{};
+
+// The paper's choice (section V-A-3): λ₀ = 0.99, and of the rates 5 to 8 1/s that it found good the
+// least.
+inline constexpr Forgetting::Settings fading_forgetting{.initial_factor = 0.99, .rate = 5.0};
+
+// Self-perturbing RLS (Park & Jun 1992; the paper's section VII): β·NINT(γ e²) is added to the
+// diagonal of P, and λ returns to λ₀ whenever that is not zero.
+//
+// The paper's 0.05 and 2.5 in the only reading that reproduces its Fig. 19: √(0.5/γ) = 0.45 N lies
+// between the sensor's noise band (0.05 N) and the error after a switch (0.5 N).
+struct SelfPerturbation {
+  double gain = 0.05;        // β, units of P; 0 switches it off
+  double sensitivity = 2.5;  // γ, 1/N²
+
+  constexpr bool active() const noexcept { return gain > 0.0 && sensitivity > 0.0; }
+
+  double operator()(double prediction_error) const noexcept {
+    if (!active()) return 0.0;
+    return gain * std::round(sensitivity * prediction_error * prediction_error);
+  }
+
+  bool operator==(const SelfPerturbation&) const = default;
+};
+
+inline constexpr SelfPerturbation no_perturbation{.gain = 0.0, .sensitivity = 0.0};
+
+constexpr const char* validate(const SelfPerturbation& settings) noexcept {
+  if (!(settings.gain >= 0.0 && settings.gain <= 1e20)) {
+    return "perturbation.gain must be in [0, 1e20]";
+  }
+  if (!(settings.sensitivity >= 0.0 && settings.sensitivity <= 1e40)) {
+    return "perturbation.sensitivity must be in [0, 1e40] 1/N²";
+  }
+  return nullptr;
+}
+
 // What a method must offer to run in the loop of recursive_estimator.hpp.
 //
 // A method knows one force law and how samples teach it: an object with state, trivially copyable,
@@ -9,19 +160,6 @@
 // is refused or left out, and `prepare(sample, dt)` in place of `prepare(sample)`. A sample of
 // which it is in doubt whether it touches has status `held` from learn(), whatever the method keeps
 // of it.
-#pragma once
-
-#include <concepts>
-#include <cstddef>
-#include <type_traits>
-
-#include "palpate/contact_gate.hpp"
-#include "palpate/estimate.hpp"
-#include "palpate/forgetting.hpp"
-#include "palpate/sample.hpp"
-#include "palpate/status.hpp"
-
-namespace palpate {
 
 template <class M>
 concept Method = std::is_trivially_copyable_v<M> &&

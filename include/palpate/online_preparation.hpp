@@ -14,7 +14,7 @@
 #include <cstdint>
 #include <limits>
 
-#include "palpate/status.hpp"
+#include "palpate/sample.hpp"
 #include "palpate/velocity_filter.hpp"
 
 namespace palpate {

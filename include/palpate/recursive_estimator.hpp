@@ -10,13 +10,10 @@
 #include <type_traits>
 
 #include "palpate/change_detection.hpp"
-#include "palpate/contact_gate.hpp"
 #include "palpate/estimate.hpp"
-#include "palpate/forgetting.hpp"
 #include "palpate/method.hpp"
 #include "palpate/outlier_rejection.hpp"
 #include "palpate/sample.hpp"
-#include "palpate/status.hpp"
 
 namespace palpate {
 

@@ -9,7 +9,6 @@
 #include "palpate/estimate.hpp"
 #include "palpate/matrix.hpp"
 #include "palpate/sample.hpp"
-#include "palpate/status.hpp"
 
 namespace palpate {
 

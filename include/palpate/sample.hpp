@@ -1,9 +1,10 @@
-// A sample, and the units of the arithmetic. An estimator divides its inputs by these and gives its
-// law back in SI, so that nanonewtons and kilonewtons meet the same covariance.
+// A sample, the units of the arithmetic, and what one update did with its sample.
 #pragma once
 
 #include <algorithm>
 #include <cmath>
+#include <cstddef>
+#include <cstdint>
 
 namespace palpate {
 
@@ -14,6 +15,8 @@ struct Sample {
   double force;
 };
 
+// The units of the arithmetic. An estimator divides its inputs by these and gives its law back in
+// SI, so that nanonewtons and kilonewtons meet the same covariance.
 struct Scale {
   double penetration = 1.0;  // m
   double velocity = 1.0;     // m/s
@@ -69,4 +72,25 @@ inline bool within(const Sample& s, double limit) noexcept {
 inline bool touching(const Sample& s) noexcept { return s.penetration > 0.0 && s.force > 0.0; }
 
 }  // namespace detail
+
+// What one update did with its sample.
+enum class Status : std::uint8_t {
+  waiting,       // no contact so far; nothing was learned
+  updated,       // in contact; the sample was taken
+  guarded,       // taken, but forgetting was withheld so that the covariance stays sound
+  held,          // contact was lost; the estimate is held until it is made again
+  restarted,     // taken; what is touched has changed, and the estimate was reinitialised with the
+                 // latest samples
+  not_finite,    // refused: penetration, velocity or force is NaN or infinite
+  invalid_step,  // refused: dt is not a positive, finite time
+  out_of_range,  // refused: finite, but too large for the arithmetic
+  rejected,      // left out as an outlier
+};
+
+inline constexpr std::size_t status_count = static_cast<std::size_t>(Status::rejected) + 1;
+
+constexpr bool taken(Status status) noexcept {
+  return status == Status::updated || status == Status::guarded || status == Status::restarted;
+}
+
 }  // namespace palpate

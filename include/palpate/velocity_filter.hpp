@@ -30,7 +30,6 @@
 
 #include "palpate/lost_positions.hpp"
 #include "palpate/sample.hpp"
-#include "palpate/status.hpp"
 
 namespace palpate {
 

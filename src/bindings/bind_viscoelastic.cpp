@@ -91,16 +91,16 @@ void make_viscoelastic(ViscoelasticFace* self, std::uint32_t offered, double exp
 template <class Estimator>
 nb::tuple evidence_of(const Estimator& core) {
   const auto& solver = core.method().solver();
+  const auto& verdict = solver.verdict();
   const Units& units = core.units();
   nb::list rows;
   for (std::size_t i = 0; i < solver.count && solver.decided(); ++i) {
-    const viscoelastic::Standing standing = solver.standing(i);
-    if (!(standing.mean_square > 0.0)) continue;
-    rows.append(
-        nb::make_tuple(i, standing.score, standing.mean_square * units.force * units.force));
+    if (!(verdict.mean_square[i] > 0.0)) continue;
+    rows.append(nb::make_tuple(i, verdict.score(i, verdict.closest()),
+                               verdict.mean_square[i] * units.force * units.force));
   }
   const auto motion = solver.samples().motion();
-  return nb::make_tuple(rows, solver.samples().weight(), solver.effective_samples(),
+  return nb::make_tuple(rows, solver.samples().weight(), verdict.effective,
                         solver.solution().fit.candidate, motion.depth * units.penetration,
                         std::sqrt(motion.frequency_squared) * units.velocity / units.penetration,
                         core.method().began_in_contact(), motion.one_way);

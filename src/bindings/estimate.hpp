@@ -6,7 +6,7 @@
 #include <cstdint>
 
 #include "palpate/estimate.hpp"
-#include "palpate/status.hpp"
+#include "palpate/sample.hpp"
 
 namespace palpate::bindings {
 

@@ -6,7 +6,7 @@
 #include <cstddef>
 
 #include "conversions.hpp"
-#include "palpate/status.hpp"
+#include "palpate/sample.hpp"
 
 namespace palpate::bindings {
 

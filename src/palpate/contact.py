@@ -46,7 +46,7 @@ class Contact:
         nothing is known of the offset.
     surface_deviation : float, optional
         Where the surface was found: standard deviation of its position, m, > 0.
-    remarks : sequence of Finding
+    findings : sequence of Finding
         What was assumed, found or left out on the way from a recording to here.
     prepared : Prepared, optional
         The recording and the settings that it was made of, where it was; and what was found.
@@ -66,7 +66,7 @@ class Contact:
     provenance: Mapping[str, str]
     tare_deviation: float | None
     surface_deviation: float | None
-    remarks: tuple[Finding, ...]
+    findings: tuple[Finding, ...]
     prepared: Any
 
     def __init__(
@@ -81,7 +81,7 @@ class Contact:
         provenance: Mapping[str, str] | None = None,
         tare_deviation: float | None = None,
         surface_deviation: float | None = None,
-        remarks: Sequence[Finding] = (),
+        findings: Sequence[Finding] = (),
         prepared: Any = None,
     ) -> None:
         t, x, v, f = signals(time=time, penetration=penetration, velocity=velocity, force=force)
@@ -90,7 +90,7 @@ class Contact:
         values: dict[str, Any] = {"time": t, "penetration": x, "velocity": v, "force": f}
         values |= {"segment": labels, "source": source, "provenance": dict(provenance or {})}
         values |= {"tare_deviation": tare_deviation, "surface_deviation": surface_deviation}
-        values |= {"remarks": tuple(remarks), "prepared": prepared}
+        values |= {"findings": tuple(findings), "prepared": prepared}
         for name, value in values.items():
             object.__setattr__(self, name, value)
         for name in ("tare_deviation", "surface_deviation"):
@@ -105,6 +105,11 @@ class Contact:
         parts = int(self.segment[-1]) - int(self.segment[0]) + 1 if len(self) else 0
         segments = f" in {parts} segments" if parts > 1 else ""
         return f"<Contact {self.source!r}: {len(self)} samples{span}{segments}>"
+
+    @property
+    def remarks(self) -> tuple[Finding, ...]:
+        """The findings: their name before 0.1, for one release."""
+        return self.findings
 
     def segments(self) -> Iterator[slice]:
         """Slices of the separate contacts, in order."""

@@ -1,10 +1,11 @@
 """The one message with a severity: what was found, what to do, and what it does to the numbers."""
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Literal, TypeAlias
+from typing import Any, Literal, TypeAlias
 
-from palpate.validation import Plain
+from palpate.validation import Plain, or_nan
 
 Mark: TypeAlias = Literal["trust", "with-care", "do-not-trust"]
 Severity: TypeAlias = Literal["note", "with-care", "do-not-trust"]
@@ -12,6 +13,9 @@ Severity: TypeAlias = Literal["note", "with-care", "do-not-trust"]
 MARKS: tuple[Mark, ...] = ("trust", "with-care", "do-not-trust")
 #: What each does to the overall verdict, in the same order.
 SEVERITIES: tuple[Severity, ...] = ("note", "with-care", "do-not-trust")
+
+
+_OF_SCHEMA_1 = {"sentence": "message", "step": "check"}
 
 
 def worst(*marks: Mark) -> Mark:
@@ -65,6 +69,22 @@ class Finding(Plain):
     ) -> "Finding":
         """Return one that gives stiffness and damping the same mark."""
         return cls(check, message, remedy, z=z, stiffness=mark, damping=mark)
+
+    @classmethod
+    def from_dict(cls, words: Mapping[str, Any] | str) -> "Finding":
+        """Return the finding of :meth:`as_dict`, or of ``result.json`` in its first schema."""
+        if isinstance(words, str):
+            return cls("which law", words)
+        given = {_OF_SCHEMA_1.get(name, name): value for name, value in words.items()}
+        # Whether stiffness and damping suffer.
+        if given.pop("numbers", False) or ("step" in words and given["severity"] == MARKS[-1]):
+            given |= {"stiffness": given["severity"], "damping": given["severity"]}
+        for name in ("z", "moves_stiffness_percent", "moves_damping_percent"):
+            given[name] = or_nan(given.get(name))  # JSON's null is NaN
+        return cls(**given)
+
+    def __str__(self) -> str:
+        return f"{self.message} ({self.remedy})" if self.remedy else self.message
 
     @property
     def sentence(self) -> str:

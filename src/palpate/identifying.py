@@ -35,8 +35,9 @@ class Identification(Identified):
     trace : Trace
         Every sample, on the contact's clock, with the estimates that :func:`palpate.identify` was
         asked for.
-    flags : tuple of str
-        What a reader should know before trusting the numbers.
+    findings : tuple of Finding
+        What the estimate leaves open, and what is to be known of the samples; the diagnosis has
+        them too. ``flags`` has them in words.
     data : Data, optional
         The contact with the checks of its channels, where several methods share them.
     depth : float, optional

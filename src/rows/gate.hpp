@@ -8,7 +8,7 @@
 #include <cstdint>
 
 #include "channel.hpp"
-#include "palpate/contact_gate.hpp"
+#include "palpate/method.hpp"
 
 namespace palpate::rows {
 

@@ -1,7 +1,6 @@
-#include "palpate/contact_gate.hpp"
-
 #include "check.hpp"
 #include "estimators.hpp"
+#include "palpate/method.hpp"
 
 using namespace palpate;
 using Phase = ContactGate::Phase;

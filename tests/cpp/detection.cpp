@@ -2,9 +2,7 @@
 #include <cmath>
 
 #include "check.hpp"
-#include "palpate/autoregression.hpp"
-#include "palpate/cumulative_sum.hpp"
-#include "palpate/known_ground.hpp"
+#include "palpate/change_tests.hpp"
 #include "random_numbers.hpp"
 
 using namespace palpate::detail;

@@ -1,10 +1,9 @@
-#include "palpate/forgetting.hpp"
-
 #include <algorithm>
 #include <cmath>
 
 #include "check.hpp"
 #include "estimators.hpp"
+#include "palpate/method.hpp"
 
 using namespace palpate;
 

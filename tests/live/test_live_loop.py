@@ -373,7 +373,7 @@ def test_a_law_for_which_there_is_no_room_is_a_clear_line():
 def test_a_recording_says_once_what_its_preparation_said_and_what_it_knows_with_hindsight():
     ends = Finding("file", "it ends before its end", "record it again")
     place = Finding("surface", "its place is an assumption")
-    source = Replay(touch(tare_deviation=0.01, remarks=[ends, place]))
+    source = Replay(touch(tare_deviation=0.01, findings=[ends, place]))
     assert source.news() == [
         "tare of the recording are those of all of it, as palpate identify finds them",
         "file: it ends before its end (record it again)",

@@ -11,15 +11,13 @@
 #include <cmath>
 #include <cstddef>
 
-#include "palpate/contact_gate.hpp"
 #include "palpate/estimate.hpp"
 #include "palpate/force_laws.hpp"
-#include "palpate/forgetting.hpp"
 #include "palpate/least_squares.hpp"
 #include "palpate/matrix.hpp"
-#include "palpate/methods/regressions.hpp"
+#include "palpate/method.hpp"
+#include "palpate/methods/regression.hpp"
 #include "palpate/sample.hpp"
-#include "palpate/status.hpp"
 
 namespace palpate {
 

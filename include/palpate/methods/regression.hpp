@@ -1,20 +1,230 @@
 // A force law identified by one recursive least squares: KV-RLS, EKV-RLS and the single stage.
+//
+// Each law is a linear regression y = φᵀθ in scaled units, with the way from θ back to the law in
+// SI.
 #pragma once
 
+#include <cmath>
 #include <cstddef>
 #include <type_traits>
 #include <utility>
 
-#include "palpate/contact_gate.hpp"
 #include "palpate/estimate.hpp"
-#include "palpate/forgetting.hpp"
+#include "palpate/force_laws.hpp"
 #include "palpate/least_squares.hpp"
 #include "palpate/matrix.hpp"
-#include "palpate/methods/regressions.hpp"
+#include "palpate/method.hpp"
 #include "palpate/sample.hpp"
-#include "palpate/status.hpp"
 
 namespace palpate {
+
+template <std::size_t Order>
+struct RegressionRow {
+  Vector<Order> regressor;  // φ
+  double output;            // y
+};
+
+namespace detail {
+
+// The diagonal of J P Jᵀ for a diagonal J.
+template <std::size_t Order>
+constexpr Vector<Order> scaled_diagonal(const Matrix<Order>& p, const Matrix<Order>& j) noexcept {
+  Vector<Order> result{};
+  for (std::size_t i = 0; i < Order; ++i) result[i] = j[i][i] * j[i][i] * p[i][i];
+  return result;
+}
+
+}  // namespace detail
+
+// y = F, φ = [x, v], θ = [K, B].
+struct KelvinVoigtRegression {
+  using Law = KelvinVoigt;
+  static constexpr std::size_t order = 2;
+  // Near nothing, as the paper starts (its 0 has no logarithm; methods alike start alike).
+  static constexpr Law initial{0.1, 0.0};
+  // In SI φ² is near 1e-4 (10 mm): a thousand samples outweigh a prior from 1e4 on by far.
+  static constexpr Vector<order> initial_variances{1e8, 1e8};
+
+  static constexpr RegressionRow<order> row(const Sample& s) noexcept {
+    return {{s.penetration, s.velocity}, s.force};
+  }
+  static constexpr double force(const Vector<order>& theta, const Vector<order>& phi) noexcept {
+    return detail::dot(phi, theta);
+  }
+  static constexpr Vector<order> coefficients(const Law& law, const Units& u) noexcept {
+    return {detail::saturate(law.stiffness * u.penetration / u.force),
+            detail::saturate(law.damping * u.velocity / u.force)};
+  }
+  static constexpr Law law(const Vector<order>& theta, const Units& u) noexcept {
+    return {detail::saturate(theta[0] * u.force / u.penetration),
+            detail::saturate(theta[1] * u.force / u.velocity)};
+  }
+  static constexpr Matrix<order> jacobian(const Law&, const Units& u) noexcept {
+    return diagonal<order>({u.force / u.penetration, u.force / u.velocity});
+  }
+  static constexpr Vector<order> variances(const Matrix<order>& p, const Law& law,
+                                           const Units& u) noexcept {
+    return detail::scaled_diagonal(p, jacobian(law, u));
+  }
+};
+
+// y = F, φ = [x, x², v], θ = [K₁, K₂, B].
+struct ExtendedKelvinVoigtRegression {
+  using Law = ExtendedKelvinVoigt;
+  static constexpr std::size_t order = 3;
+  static constexpr Law initial{0.1, 0.0, 0.0};
+  // In SI x² is near 1e-4 and φ² near 1e-8: under a smaller variance K₂ never moves.
+  static constexpr Vector<order> initial_variances{1e10, 1e10, 1e10};
+
+  static constexpr RegressionRow<order> row(const Sample& s) noexcept {
+    return {{s.penetration, s.penetration * s.penetration, s.velocity}, s.force};
+  }
+  static constexpr double force(const Vector<order>& theta, const Vector<order>& phi) noexcept {
+    return detail::dot(phi, theta);
+  }
+  static constexpr Vector<order> coefficients(const Law& law, const Units& u) noexcept {
+    return {detail::saturate(law.stiffness * u.penetration / u.force),
+            detail::saturate(law.quadratic_stiffness * u.penetration * u.penetration / u.force),
+            detail::saturate(law.damping * u.velocity / u.force)};
+  }
+  static constexpr Law law(const Vector<order>& theta, const Units& u) noexcept {
+    return {detail::saturate(theta[0] * u.force / u.penetration),
+            detail::saturate(theta[1] * u.force / u.penetration / u.penetration),
+            detail::saturate(theta[2] * u.force / u.velocity)};
+  }
+  static constexpr Matrix<order> jacobian(const Law&, const Units& u) noexcept {
+    return diagonal<order>(
+        {u.force / u.penetration, u.force / u.penetration / u.penetration, u.force / u.velocity});
+  }
+  static constexpr Vector<order> variances(const Matrix<order>& p, const Law& law,
+                                           const Units& u) noexcept {
+    return detail::scaled_diagonal(p, jacobian(law, u));
+  }
+};
+
+// The single-stage method (eqs. 9, 12): y = ln F, φ = [1, v, ln x], θ = [ln K, B/K, n].
+struct HuntCrossleyLogRegression {
+  using Law = HuntCrossley;
+  static constexpr std::size_t order = 3;
+  static constexpr Law initial{0.1, 0.0, 1.0};
+  // Of θ: from 10 on starts converge alike (the paper's section V-B); the larger, the quicker the
+  // start and the larger its overshoot.
+  static constexpr Vector<order> initial_variances{1e3, 1e3, 1e3};
+
+  static RegressionRow<order> row(const Sample& s) noexcept {
+    return {{1.0, s.velocity, std::log(s.penetration)}, std::log(s.force)};
+  }
+  static double force(const Vector<order>& theta, const Vector<order>& phi) noexcept {
+    return detail::bounded_exp(theta[0] + theta[2] * phi[2]) * (1.0 + theta[1] * phi[1]);
+  }
+  static Vector<order> coefficients(const Law& law, const Units& u) noexcept {
+    return {
+        detail::saturate(std::log(law.stiffness) + law.exponent * u.log_penetration - u.log_force),
+        detail::saturate(law.damping / law.stiffness * u.velocity), detail::saturate(law.exponent)};
+  }
+  static Law law(const Vector<order>& theta, const Units& u) noexcept {
+    const double stiffness =
+        detail::bounded_exp(theta[0] - theta[2] * u.log_penetration + u.log_force);
+    return {stiffness, detail::saturate(theta[1] / u.velocity * stiffness),
+            detail::saturate(theta[2])};
+  }
+  // dK = K (dθ₁ − ln x₀ dθ₃), dB = (K/v₀) dθ₂ + (B/K) dK, dn = dθ₃, at the scale x₀, v₀.
+  static Matrix<order> jacobian(const Law& law, const Units& u) noexcept {
+    const double depth = -u.log_penetration;
+    return {{{law.stiffness, 0.0, detail::saturate(law.stiffness * depth)},
+             {law.damping, detail::saturate(law.stiffness / u.velocity),
+              detail::saturate(law.damping * depth)},
+             {0.0, 0.0, 1.0}}};
+  }
+  // The diagonal of J P Jᵀ written out: a trace asks for it at every sample.
+  static Vector<order> variances(const Matrix<order>& p, const Law& law, const Units& u) noexcept {
+    const double depth = -u.log_penetration;
+    const double log_stiffness = p[0][0] + depth * (2.0 * p[0][2] + depth * p[2][2]);
+    const double dissipation = detail::saturate(law.stiffness / u.velocity);
+    const double shared = dissipation * (p[0][1] + depth * p[1][2]);
+    return {law.stiffness * law.stiffness * log_stiffness,
+            law.damping * (law.damping * log_stiffness + 2.0 * shared) +
+                dissipation * dissipation * p[1][1],
+            p[2][2]};
+  }
+};
+
+// The same where the exponent is known: y = ln F − n ln x, φ = [1, v], θ = [ln K, B/K].
+struct KnownExponentLogRegression {
+  using Law = HuntCrossley;
+  static constexpr std::size_t order = 2;
+  static constexpr Law initial{0.1, 0.0, 1.5};  // of which n is the known one; a sphere's
+  static constexpr Vector<order> initial_variances{1e3, 1e3};
+
+  struct Row : RegressionRow<order> {
+    double power;  // n ln x
+  };
+
+  explicit KnownExponentLogRegression(const Law& start) noexcept : exponent(start.exponent) {}
+
+  Row row(const Sample& s) const noexcept {
+    const double power = exponent * std::log(s.penetration);
+    return {{{1.0, s.velocity}, std::log(s.force) - power}, power};
+  }
+  static double predict(const Vector<order>& theta, const Row& row) noexcept {
+    return detail::bounded_exp(theta[0] + row.power) * (1.0 + theta[1] * row.regressor[1]);
+  }
+  static Vector<order> coefficients(const Law& law, const Units& u) noexcept {
+    const Vector<3> all = HuntCrossleyLogRegression::coefficients(law, u);
+    return {all[0], all[1]};
+  }
+  Law law(const Vector<order>& theta, const Units& u) const noexcept {
+    return HuntCrossleyLogRegression::law({theta[0], theta[1], exponent}, u);
+  }
+  // Of the law by (ln K, B/K, n), of which the last has no error.
+  static Matrix<3> jacobian(const Law& law, const Units& u) noexcept {
+    return HuntCrossleyLogRegression::jacobian(law, u);
+  }
+  static Vector<3> variances(const Matrix<3>& p, const Law& law, const Units& u) noexcept {
+    return HuntCrossleyLogRegression::variances(p, law, u);
+  }
+
+  double exponent;
+};
+
+namespace detail {
+
+template <std::size_t Size>
+constexpr bool all_within(const Vector<Size>& values, double limit) noexcept {
+  for (const double value : values) {
+    if (!(value >= -limit && value <= limit)) return false;
+  }
+  return true;
+}
+
+// Variances whose squares and reciprocals are far from both ends of a double.
+template <std::size_t Size>
+constexpr const char* validate_covariance(const Matrix<Size>& p) noexcept {
+  for (std::size_t i = 0; i < Size; ++i) {
+    if (!(p[i][i] >= 1e-20 && p[i][i] <= 1e20)) {
+      return "method.initial_covariance must have variances in [1e-20, 1e20]";
+    }
+    for (std::size_t j = 0; j < i; ++j) {
+      if (!(p[i][j] == p[j][i])) return "method.initial_covariance must be symmetric";
+    }
+  }
+  if (!is_positive_definite(p)) return "method.initial_covariance must be positive definite";
+  return nullptr;
+}
+
+// What is known of an exponent that is not to be identified.
+constexpr const char* validate_known_exponent(double exponent) noexcept {
+  const bool sound = exponent >= 0.1 && exponent <= 10.0;
+  return sound ? nullptr : "method: a known exponent must be in [0.1, 10]";
+}
+
+template <class Law>
+constexpr const char* validate_initial(const Law& law) noexcept {
+  const bool sound = all_within(law.parameters(), largest_parameter);
+  return sound ? nullptr : "method.initial must be finite parameters, within ±1e100";
+}
+
+}  // namespace detail
 
 template <class Regression>
 struct RegressionSettings {

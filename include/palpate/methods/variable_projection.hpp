@@ -7,18 +7,16 @@
 #include <cstddef>
 #include <cstdint>
 
-#include "palpate/contact_gate.hpp"
 #include "palpate/error_widening.hpp"
 #include "palpate/estimate.hpp"
-#include "palpate/forgetting.hpp"
 #include "palpate/haar_levels.hpp"
+#include "palpate/method.hpp"
 #include "palpate/projection/contact_solver.hpp"
 #include "palpate/projection/kept_exponent.hpp"
 #include "palpate/projection/projection_solver.hpp"
 #include "palpate/projection/solution.hpp"
 #include "palpate/projection/surface_solver.hpp"
 #include "palpate/sample.hpp"
-#include "palpate/status.hpp"
 
 namespace palpate {
 

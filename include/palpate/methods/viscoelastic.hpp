@@ -7,15 +7,13 @@
 #include <cstddef>
 #include <cstdint>
 
-#include "palpate/contact_gate.hpp"
 #include "palpate/estimate.hpp"
 #include "palpate/force_laws.hpp"
-#include "palpate/forgetting.hpp"
+#include "palpate/method.hpp"
 #include "palpate/projection/free_air.hpp"
 #include "palpate/sample.hpp"
-#include "palpate/status.hpp"
-#include "palpate/viscoelastic/in_si.hpp"
 #include "palpate/viscoelastic/settings.hpp"
+#include "palpate/viscoelastic/solution.hpp"
 #include "palpate/viscoelastic/solver.hpp"
 
 namespace palpate {
@@ -250,8 +248,9 @@ class ViscoelasticMethod {
     // Of the elastic force, at the speed of the scale.
     constexpr double largest_damping_error = 0.25;
     std::uint8_t found = 0;
-    const double exponent = Grid::step * std::sqrt(now.covariance.diagonal(exponent_node));
-    const double damper = std::sqrt(now.covariance.diagonal(damping));
+    const double exponent =
+        Grid::step * std::sqrt(now.covariance[in_triangle(exponent_node, exponent_node)]);
+    const double damper = std::sqrt(now.covariance[in_triangle(damping, damping)]);
     const double spring = std::abs(now.fit.value[stiffness] + now.fit.value[memory]);
     const bool searched = !now.law().linear && !(solver_.priors().exponent > 0.0);
     if (now.known == 0 || (searched && !(exponent < largest_exponent_error))) {

@@ -10,7 +10,7 @@
 #include <cstdint>
 #include <limits>
 
-#include "palpate/contact_gate.hpp"
+#include "palpate/method.hpp"
 #include "palpate/projection/contact_samples.hpp"
 #include "palpate/projection/free_air.hpp"
 #include "palpate/projection/power_sums.hpp"

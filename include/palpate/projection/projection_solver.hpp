@@ -3,8 +3,8 @@
 
 #include <cmath>
 
-#include "palpate/contact_gate.hpp"
 #include "palpate/matrix.hpp"
+#include "palpate/method.hpp"
 #include "palpate/projection/power_sums.hpp"
 #include "palpate/projection/priors.hpp"
 #include "palpate/projection/projection_fit.hpp"

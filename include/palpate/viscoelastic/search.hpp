@@ -1,16 +1,55 @@
-// The minimum of J over the exponent n and, where a candidate has one, over its relaxation time or
-// the exponent of its spectrum; in steps that are short enough for a control loop.
+// The minimum of J over the exponent n and over what is second, and how well it is known.
 #pragma once
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
 
+#include "palpate/matrix.hpp"
 #include "palpate/viscoelastic/problem.hpp"
+#include "palpate/viscoelastic/solution.hpp"
 
 namespace palpate::viscoelastic {
 
+// Differences of J, and of the linear part, by a step either way along the axes that are searched.
+struct Differences {
+  std::array<double, 2> slope{};          // of J, half of first ones
+  Matrix<2> curvature{};                  // of J, second ones
+  std::array<Vector<parts>, 2> linear{};  // first ones
+};
+
+template <class Sums>
+Differences differences(const Problem<Sums>& problem, const Point& middle,
+                        const std::array<double, 2>& step, bool mixed = true) noexcept {
+  const auto at = [&](double along, double across) noexcept {
+    return problem.at(
+        {middle.place.exponent + along * step[0], middle.place.second + across * step[1]});
+  };
+  const std::array<bool, 2> searched{problem.searches_exponent(), problem.searches_memory()};
+  Differences found;
+  double sides = 0.0;
+  for (std::size_t axis = 0; axis < 2; ++axis) {
+    if (!searched[axis]) continue;
+    const Point below = axis == 0 ? at(-1.0, 0.0) : at(0.0, -1.0);
+    const Point above = axis == 0 ? at(1.0, 0.0) : at(0.0, 1.0);
+    found.slope[axis] = 0.5 * (above.cost - below.cost);
+    found.curvature[axis][axis] = above.cost - 2.0 * middle.cost + below.cost;
+    sides += above.cost + below.cost;
+    for (std::size_t i = 0; i < parts; ++i) {
+      found.linear[axis][i] = above.linear.value[i] - below.linear.value[i];
+    }
+  }
+  if (mixed && searched[0] && searched[1]) {
+    found.curvature[0][1] = found.curvature[1][0] =
+        0.5 * (at(1.0, 1.0).cost + at(-1.0, -1.0).cost - sides + 2.0 * middle.cost);
+  }
+  return found;
+}
+
+// The minimum of J over the exponent n and, where a candidate has one, over its relaxation time or
+// the exponent of its spectrum; in steps that are short enough for a control loop.
 template <class Sums>
 class Search {
  public:
@@ -85,49 +124,19 @@ class Search {
             problem.searches_memory() ? std::clamp(place.second, margin, end - margin) : 0.0};
   }
 
-  // Differences of J by a step either way.
-  struct Slopes {
-    double g1 = 0.0, g2 = 0.0;               // half of first ones
-    double h11 = 0.0, h22 = 0.0, h12 = 0.0;  // second ones
-  };
-  Slopes slopes_about(const Problem<Sums>& problem, const Point& middle) const noexcept {
-    const auto cost = [&](double along, double across) noexcept {
-      return problem
-          .at({middle.place.exponent + along * step_, middle.place.second + across * step_})
-          .cost;
-    };
-    const bool along = problem.searches_exponent(), across = problem.searches_memory();
-    Slopes s;
-    double sides = 0.0;
-    if (along) {
-      const double below = cost(-1.0, 0.0), above = cost(1.0, 0.0);
-      s.g1 = 0.5 * (above - below);
-      s.h11 = above - 2.0 * middle.cost + below;
-      sides += above + below;
-    }
-    if (across) {
-      const double below = cost(0.0, -1.0), above = cost(0.0, 1.0);
-      s.g2 = 0.5 * (above - below);
-      s.h22 = above - 2.0 * middle.cost + below;
-      sides += above + below;
-    }
-    if (along && across) {
-      s.h12 = 0.5 * (cost(1.0, 1.0) + cost(-1.0, -1.0) - sides + 2.0 * middle.cost);
-    }
-    return s;
-  }
-
   // Where Newton's step leads, in steps.
-  Place newton(const Slopes& s, const Place& centre) const noexcept {
-    double d1 = downhill(s.g1, s.h11), d2 = downhill(s.g2, s.h22);
-    const double determinant = s.h11 * s.h22 - s.h12 * s.h12;
-    if (s.h11 > 0.0 && determinant > 1e-6 * s.h11 * s.h22) {
-      d1 = (s.h12 * s.g2 - s.h22 * s.g1) / determinant;
-      d2 = (s.h12 * s.g1 - s.h11 * s.g2) / determinant;
+  Place newton(const Differences& seen, const Place& centre) const noexcept {
+    const auto [g1, g2] = seen.slope;
+    const double h11 = seen.curvature[0][0], h12 = seen.curvature[0][1];
+    const double h22 = seen.curvature[1][1], determinant = h11 * h22 - h12 * h12;
+    double d1 = downhill(g1, h11), d2 = downhill(g2, h22);
+    if (h11 > 0.0 && determinant > 1e-6 * h11 * h22) {
+      d1 = (h12 * g2 - h22 * g1) / determinant;
+      d2 = (h12 * g1 - h11 * g2) / determinant;
       // At an end of the range the other moves alone.
       if (centre.second + d2 * step_ < 0.0) {
         d2 = -centre.second / step_;
-        d1 = -(s.g1 + s.h12 * d2) / s.h11;
+        d1 = -(g1 + h12 * d2) / h11;
       }
     }
     return {d1, d2};
@@ -137,9 +146,9 @@ class Search {
   bool refine(const Problem<Sums>& problem, Point& middle) noexcept {
     const Place centre = within(problem, middle.place);
     if (centre != middle.place) middle = problem.at(centre);
-    const Slopes seen = slopes_about(problem, middle);
+    const Differences seen = differences(problem, middle, {step_, step_});
     const Place move = newton(seen, centre);
-    curvature_ = {seen.h11 / (step_ * step_), seen.h22 / (step_ * step_)};
+    curvature_ = {seen.curvature[0][0] / (step_ * step_), seen.curvature[1][1] / (step_ * step_)};
     constexpr double longest = 1.5;
     const double largest = std::max(std::abs(move.exponent), std::abs(move.second));
     const double taken = step_ * (largest > longest ? longest / largest : 1.0);
@@ -177,5 +186,94 @@ class Search {
   std::uint32_t row_ = 0;
   std::uint32_t round_ = 0;
 };
+
+// 2σ²H⁻¹ per node of differences H, and what is not seen at all as wide as its range.
+inline Matrix<2> spread_of(const Matrix<2>& h, const std::array<bool, 2>& searched,
+                           const std::array<double, 2>& step, double variance) noexcept {
+  const double widest = 16.0;  // (1/0.25)² nodes: n ~ N(1.3, 1)
+  Matrix<2> spread{};
+  const double determinant = h[0][0] * h[1][1] - h[0][1] * h[0][1];
+  if (searched[0] && searched[1] && h[0][0] > 0.0 && determinant > 1e-9 * h[0][0] * h[1][1]) {
+    const double factor = 2.0 * variance / determinant;
+    spread[0][0] = factor * h[1][1] * step[0] * step[0];
+    spread[1][1] = factor * h[0][0] * step[1] * step[1];
+    spread[0][1] = spread[1][0] = -factor * h[0][1] * step[0] * step[1];
+  } else {
+    for (std::size_t axis = 0; axis < 2; ++axis) {
+      if (!searched[axis]) continue;
+      const double curvature = h[axis][axis];
+      spread[axis][axis] =
+          curvature > 0.0 ? 2.0 * variance / curvature * step[axis] * step[axis] : widest;
+    }
+  }
+  detail::bound_variances(spread, widest);
+  return spread;
+}
+
+// How well a minimum is known: the covariance of all unknowns there,
+//
+//   Var(n, s) = 2 σ² H⁻¹ of J with the linear part projected out,
+//   Var(k, c, m, F₀) = σ² A⁻¹ + D Var(n, s) Dᵀ,   D = ∂(k, c, m, F₀)/∂(n, s),
+//
+// H and D by differences over about a standard error, where J has risen by σ². `about` is what a
+// search saw of the curvature, per node; 0 where it saw nothing.
+template <class Sums>
+Matrix<unknowns> covariance_of(const Problem<Sums>& problem, const Point& minimum,
+                               const Normal& normal, double variance, const Place& about) noexcept {
+  const std::array<bool, 2> searched{problem.searches_exponent(), problem.searches_memory()};
+  std::array<double, 2> step{0.125, 0.125};
+  const std::array<double, 2> seen{about.exponent, about.second};
+  const auto unseen = [&](std::size_t axis) { return searched[axis] && !(seen[axis] > 0.0); };
+  const Differences rough =
+      unseen(0) || unseen(1) ? differences(problem, minimum, step, false) : Differences{};
+  for (std::size_t axis = 0; axis < 2; ++axis) {
+    if (!searched[axis]) continue;
+    const double curvature =
+        unseen(axis) ? rough.curvature[axis][axis] / (step[axis] * step[axis]) : seen[axis];
+    constexpr double least = 1.0 / 64.0, most = 0.5;
+    if (curvature > 0.0) {
+      step[axis] = std::clamp(std::sqrt(2.0 * variance / curvature), least, most);
+    }
+  }
+  Place centre = minimum.place;
+  const double last = static_cast<double>(Grid::exponents - 1);
+  if (searched[0]) centre.exponent = std::clamp(centre.exponent, step[0], last - step[0]);
+  const Differences near =
+      differences(problem, centre == minimum.place ? minimum : problem.at(centre), step);
+  const Matrix<2> spread = spread_of(near.curvature, searched, step, variance);
+  // D. A part that a bound holds on one side only has the slope of the other.
+  std::array<Vector<parts>, 2> slope{};
+  for (std::size_t axis = 0; axis < 2; ++axis) {
+    for (std::size_t i = 0; i < parts; ++i)
+      slope[axis][i] = near.linear[axis][i] / (2.0 * step[axis]);
+  }
+
+  const Factored factored(normal, problem.wanted());
+  const Matrix<parts> inverse = factored.inverse();
+  Matrix<unknowns> result{};
+  for (std::size_t i = 0; i < parts; ++i) {
+    for (std::size_t j = 0; j < parts; ++j) {
+      double sum = variance * inverse[i][j];
+      for (std::size_t a = 0; a < 2; ++a) {
+        for (std::size_t b = 0; b < 2; ++b) sum += slope[a][i] * spread[a][b] * slope[b][j];
+      }
+      result[i][j] = sum;
+    }
+    for (std::size_t a = 0; a < 2; ++a) {
+      const double sum = spread[a][0] * slope[0][i] + spread[a][1] * slope[1][i];
+      result[i][parts + a] = result[parts + a][i] = sum;
+    }
+    // Nothing is known of a part that says what others do.
+    const Part part = static_cast<Part>(i);
+    if (has(problem.wanted(), part) && !has(factored.fitted(), part)) {
+      const double size = part == offset ? 1.0 : std::abs(minimum.linear.value[stiffness]) + 1.0;
+      result[i][i] = size * size;
+    }
+  }
+  for (std::size_t a = 0; a < 2; ++a) {
+    for (std::size_t b = 0; b < 2; ++b) result[parts + a][parts + b] = spread[a][b];
+  }
+  return result;
+}
 
 }  // namespace palpate::viscoelastic

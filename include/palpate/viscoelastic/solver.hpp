@@ -3,16 +3,14 @@
 #pragma once
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
 
 #include "palpate/sample.hpp"
-#include "palpate/viscoelastic/answers.hpp"
-#include "palpate/viscoelastic/curvature.hpp"
 #include "palpate/viscoelastic/law.hpp"
-#include "palpate/viscoelastic/prediction.hpp"
-#include "palpate/viscoelastic/residual_noise.hpp"
+#include "palpate/viscoelastic/problem.hpp"
 #include "palpate/viscoelastic/samples.hpp"
 #include "palpate/viscoelastic/search.hpp"
 #include "palpate/viscoelastic/solution.hpp"
@@ -23,10 +21,10 @@ namespace palpate::viscoelastic {
 template <class Sums>
 class Solver {
  public:
-  static constexpr std::size_t count = Answers<Sums>::count;
+  static constexpr std::size_t count = Sums::full ? candidates.size() : everyday_candidates;
 
   Solver(double sample_time, Offered offered, const Priors& priors) noexcept
-      : samples_(sample_time), priors_(priors), answers_(offered, priors.exponent) {
+      : samples_(sample_time), priors_(priors), offered_(offered) {
     if (!(priors.exponent > 0.0)) return;
     solution_.fit.n = priors.exponent;
     solution_.given = 1;
@@ -37,8 +35,7 @@ class Solver {
   const Solution& solution() const noexcept { return solution_; }
   const Priors& priors() const noexcept { return priors_; }
   Priors& priors() noexcept { return priors_; }
-  Standing standing(std::size_t candidate) const noexcept { return verdict_.standing(candidate); }
-  double effective_samples() const noexcept { return verdict_.effective_samples(); }
+  const Verdict<count>& verdict() const noexcept { return verdict_; }
   // Whether the solution is of a verdict on these samples, and not of those before they were
   // cleared.
   bool decided() const noexcept { return decided_; }
@@ -75,7 +72,7 @@ class Solver {
     searched_weight_ = 0.0;
   }
 
-  void offer(Offered offered) noexcept { answers_.offer(offered); }
+  void offer(Offered offered) noexcept { offered_ = offered; }
 
   // What free air or a tare says of the offset, unless the contact has contradicted it.
   void know_offset(const detail::OffsetPrior& prior) noexcept {
@@ -110,14 +107,25 @@ class Solver {
   // Fewer samples than three for each number of the widest law say nothing.
   static constexpr std::uint32_t least_fewest = 20;
 
+  // Where the minimum of a candidate was found last.
+  struct Answer {
+    Place place{};
+    double stiffness = 0.0;  // k there, by which the prior of its damping weighs
+  };
+
   bool competes(std::size_t candidate) const noexcept {
-    return answers_.competes(candidate, samples_.weight());
+    if (((offered_ >> candidate) & 1U) == 0) return false;
+    // Where n is known, that it is 1 is no law of its own.
+    if (candidates[candidate].linear && priors_.exponent > 0.0) return false;
+    // A law of five numbers and more fits any hundred samples.
+    if ((offered_ & forgetful) == 0 || samples_.weight() >= 100.0) return true;
+    return candidates[candidate].memory == Memory::none;
+  }
+  Problem<Sums> problem(std::size_t candidate, const Priors& priors) const noexcept {
+    return {samples_, candidates[candidate], priors, answers_[candidate].stiffness};
   }
   Problem<Sums> problem(std::size_t candidate) const noexcept {
-    return answers_.problem(samples_, candidate, priors_);
-  }
-  Point fitted(std::size_t candidate) const noexcept {
-    return answers_.fitted(samples_, candidate, priors_);
+    return problem(candidate, priors_);
   }
   Fitted as_fitted(std::size_t candidate, const Point& point) const noexcept {
     return {candidate, problem(candidate).exponent(point.place), point.place, point.linear.value};
@@ -150,7 +158,8 @@ class Solver {
   // A step of the search; true when it is done.
   bool searched(std::size_t candidate) noexcept {
     if (!search_.advance(problem(candidate))) return false;
-    answers_.keep(candidate, search_.place(), search_.spring());
+    answers_[candidate] = {search_.place(), std::max(search_.spring(), 0.0)};
+    found_ = static_cast<Offered>(found_ | (1U << candidate));
     return true;
   }
 
@@ -170,7 +179,7 @@ class Solver {
       stage_ = Stage::searching;
       begin_next();
     } else if (more(samples_since_fit_, 1.0 / 32.0)) {
-      search_.begin_near(answers_.place(chosen_));
+      search_.begin_near(answers_[chosen_].place);
       stage_ = Stage::refining;
     }
   }
@@ -179,10 +188,10 @@ class Solver {
     while (next_ < count && !competes(next_)) ++next_;
     if (next_ == count) {
       stage_ = Stage::judging;
-    } else if (widely_ || !answers_.found(next_)) {
+    } else if (widely_ || ((found_ >> next_) & 1U) == 0) {
       search_.begin();
     } else {
-      search_.begin_near(answers_.place(next_));
+      search_.begin_near(answers_[next_].place);
     }
   }
 
@@ -191,12 +200,12 @@ class Solver {
     const double weight = samples_.weight(), square = samples_.force_squared();
     // Forces are no better than 1e-6 of them, and the sums hold no more.
     const double least = 1e-12 * square + 1e-300;
-    verdict_.clear();
+    verdict_.mean_square = {};
     Point point;  // of the closest
     for (std::size_t i = 0; i < count; ++i) {
       if (!competes(i)) continue;
-      const Point found = fitted(i);
-      verdict_.enter(i, std::max(square + found.cost, least) / weight);
+      const Point found = problem(i).at(answers_[i].place);
+      verdict_.mean_square[i] = std::max(square + found.cost, least) / weight;
       if (verdict_.closest() == i) point = found;
     }
     const std::size_t closest = verdict_.closest();
@@ -213,13 +222,13 @@ class Solver {
 
   // By what the candidate leaves that leaves least.
   void measure_noise(std::size_t closest, double weight) noexcept {
-    const double mean_square = verdict_.mean_square(closest);
+    const double mean_square = verdict_.mean_square[closest];
     priors_.variance =
         mean_square * weight / std::max(weight - candidates[closest].parameters(), 1.0);
-    const double before = verdict_.mean_square(closest_.candidate);
+    const double before = verdict_.mean_square[closest_.candidate];
     if (closest != closest_.candidate && before > 0.0) noise_.succeed(mean_square / before);
     noise_.measure(mean_square);
-    verdict_.count_samples(std::max(weight / noise_.inflation(), 3.0));
+    verdict_.effective = std::max(weight / noise_.inflation(), 3.0);
   }
 
   // The prior of F₀ is dropped where the samples of the contact alone are five deviations from it:
@@ -231,7 +240,7 @@ class Solver {
     if (samples_.weight() < 50.0) return;
     Priors open = priors_;
     open.air = {0.0, 0.0};
-    const Normal normal = answers_.problem(samples_, closest, open).normal(point.place);
+    const Normal normal = problem(closest, open).normal(point.place);
     const Factored factored(normal, point.linear.fitted);
     const double variance =
         priors_.variance * noise_.widening() * factored.inverse()[offset][offset];
@@ -256,19 +265,24 @@ class Solver {
   [[gnu::noinline]] void publish() noexcept {
     const Problem<Sums> problem = this->problem(chosen_);
     // By the samples of now: since it was found others have come.
-    const Place& place = answers_.place(chosen_);
+    const Place& place = answers_[chosen_].place;
     const Normal normal = problem.normal(place);
     const Point answer = problem.at(place, normal);
     const double variance = variance_of(answer, samples_.weight() - problem.law.parameters());
     // What the search saw last is of this candidate, if it was this one's.
     const bool refined = stage_ == Stage::publishing_refined;
-    const Curvature<Sums> curvature(problem, answer, variance,
-                                    refined ? search_.curvature() : Place{});
+    const Matrix<unknowns> covariance =
+        covariance_of(problem, answer, normal, variance, refined ? search_.curvature() : Place{});
     // Between the rungs one time is interpolated: without this, 80 to 82 % of 100 bars of K′ held
     // the truth at 40 dB.
     const double between = problem.law.memory == Memory::single ? 1.3 * 1.3 : 1.0;
     solution_.fit = as_fitted(chosen_, answer);
-    solution_.covariance = Triangle(curvature.covariance(normal), between * noise_.widening());
+    const double wider = between * noise_.widening();
+    for (std::size_t i = 0; i < unknowns; ++i) {
+      for (std::size_t j = 0; j <= i; ++j) {
+        solution_.covariance[in_triangle(i, j)] = wider * covariance[i][j];
+      }
+    }
     constexpr double margin = 0.25, last = static_cast<double>(Grid::exponents - 1);
     const bool outside = place.exponent < margin || place.exponent > last - margin;
     solution_.at_edge = problem.searches_exponent() && outside ? 1 : 0;
@@ -280,7 +294,9 @@ class Solver {
 
   Samples<Sums> samples_;
   Priors priors_;
-  Answers<Sums> answers_;
+  Offered offered_;
+  Offered found_ = 0;  // which have an answer
+  std::array<Answer, count> answers_{};
   Verdict<count> verdict_;
   Search<Sums> search_;
   Solution solution_;

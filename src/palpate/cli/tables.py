@@ -227,12 +227,12 @@ def _samples(first: Identification) -> str:
 
 def _print_remarks(first: Identification, console: Terminal) -> None:
     """What was assumed on the way from the recording, but for what the verdict says again."""
-    for remark in first.contact.remarks:
-        if remark.severity != "note" and remark.message in first.diagnosis.reason:
+    for finding in first.contact.findings:
+        if finding.severity != "note" and finding.message in first.diagnosis.reason:
             continue
-        words = Text(f"{remark.check}: {remark.message}")
-        if remark.remedy:
-            words.append(f" ({remark.remedy})", "dim")
+        words = Text(f"{finding.check}: {finding.message}")
+        if finding.remedy:
+            words.append(f" ({finding.remedy})", "dim")
         say(console, words)
 
 

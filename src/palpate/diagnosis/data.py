@@ -436,4 +436,4 @@ def input_findings(data: Data) -> list[Finding]:
     """Run every check of the data, beside what its preparation said."""
     checks = CHECKS.values() if len(data) >= FEWEST else ()
     found = (check(data) for check in checks)
-    return [*(each for each in found if each is not None), *data.contact.remarks]
+    return [*(each for each in found if each is not None), *data.contact.findings]

@@ -183,6 +183,7 @@ def diagnose_parts(
     *,
     depths: Sequence[float] = (),
     laws: Laws | None = None,
+    notes: Sequence[Finding] = (),
 ) -> Diagnosis:
     """Diagnose what an estimator made of a recording.
 
@@ -199,6 +200,9 @@ def diagnose_parts(
         and the 90th percentile of the penetration of the samples taken.
     laws : Laws, optional
         What laws that are compared made of the same samples.
+    notes : sequence of Finding
+        What the estimate says of itself. Of several materials it is left out: one law for all of
+        them is not identifiable by any motion.
     """
     found = list(data.findings)
     with np.errstate(all="ignore"):  # a column of an absurd fit may overflow; it is then left out
@@ -206,15 +210,17 @@ def diagnose_parts(
         others = depths[1:] if depths else fit.deeper
         try:
             if len(fit.band) >= FEWEST_ROWS // 2 and fit.finite:
-                return _diagnosed(fit, found, others)
+                return _diagnosed(fit, found, others, notes)
         except np.linalg.LinAlgError:  # of a motion that says nothing, such as a probe held still
             pass
-        found = [*data.findings, _nothing_to_check(fit)]
+        found = [*data.findings, _nothing_to_check(fit), *notes]
         unknown = tuple(nothing_known(fit.at_depth(d)) for d in (fit.depth, *others))
         return _whole(found, unknown, (), fit.laws)
 
 
-def _diagnosed(fit: Fit, found: list[Finding], others: Sequence[float]) -> Diagnosis:
+def _diagnosed(
+    fit: Fit, found: list[Finding], others: Sequence[float], notes: Sequence[Finding]
+) -> Diagnosis:
     changed = changes(fit)
     causes: list[Cause] = []
     for search in SEARCHES:
@@ -242,8 +248,10 @@ def _diagnosed(fit: Fit, found: list[Finding], others: Sequence[float]) -> Diagn
     judged = _moved_by_velocity(fit, judged, found)
     depths = tuple(working_depth(fit.at_depth(depth), judged) for depth in (fit.depth, *others))
     found += sign(fit, depths[0], found)
-    episodes = _episodes(fit, changed) if changed is not None else ()
-    return _whole(found, depths, episodes, fit.laws)
+    if changed is not None:
+        return _whole(found, depths, _episodes(fit, changed), fit.laws)
+    said = {finding.message for finding in found}
+    return _whole([*found, *(n for n in notes if n.message not in said)], depths, (), fit.laws)
 
 
 def _with_better_law(fit: Fit, judged: Judged) -> Judged:
@@ -312,7 +320,7 @@ def _notes(fit: Fit) -> list[Finding]:
         ),
     ]
     contact = fit.data.contact
-    said = any(remark.check == "surface" for remark in contact.remarks)
+    said = any(finding.check == "surface" for finding in contact.findings)
     if not (fit.free_air or said or contact.surface_deviation is not None):
         notes.append(
             Finding(

@@ -9,7 +9,7 @@ import numpy as np
 
 from palpate.digits import rounded
 from palpate.estimators import ContactEstimator, LawVerdict
-from palpate.estimators.law_verdicts import EVERYDAY, verdict_of
+from palpate.estimators.law_verdicts import EVERYDAY, RELAXATION_STIFFNESS, verdict_of
 from palpate.findings import Finding, Mark
 from palpate.force_laws import ForceLaw, GeneralisedHuntCrossley
 from palpate.validation import Plain
@@ -219,7 +219,7 @@ class Laws:
     @property
     def open_memory(self) -> bool:
         """Whether these samples do not say how much relaxes, though they say that it does."""
-        return any("relaxation stiffness not identifiable" in f for f in self.verdict.flags)
+        return any(each.check == RELAXATION_STIFFNESS for each in self.verdict.findings)
 
     @property
     def of_all(self) -> bool:

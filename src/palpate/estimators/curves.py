@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 import palpate._core as _core
 from palpate.errors import InvalidParameterError
-from palpate.estimators.estimate import ADVICE
+from palpate.estimators.estimate import findings_of
 from palpate.estimators.variable_projection import projection_settings, surfaces_in
 from palpate.force_laws import HuntCrossley
 from palpate.settings import Scale
@@ -158,8 +158,7 @@ class CurveFits:
 
     def flag_words(self, curve: int) -> tuple[str, ...]:
         """What is not identifiable from the motion of one curve, and what motion would help."""
-        bits = int(self.flags[curve])
-        return tuple(words for bit, words in ADVICE.items() if bits & bit)
+        return tuple(map(str, findings_of(int(self.flags[curve]))))
 
 
 def fit_curves(

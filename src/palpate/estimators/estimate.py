@@ -9,22 +9,58 @@ from numpy.typing import ArrayLike, NDArray
 
 from palpate._core import EstimateValue, Status
 from palpate.errors import InvalidParameterError
+from palpate.findings import Finding
 from palpate.force_laws import ForceLaw
 from palpate.validation import Floats, number_in, shown, signals, whole_in
 
 # By the bits of IdentifiabilityFlag in include/palpate/estimate.hpp.
 ADVICE = {
-    1: "exponent not identifiable from this motion: reach shallow and deep penetrations in turn",
-    2: "damping not identifiable: pass the same depths at different speeds, both ways",
-    4: "exponent at the edge of its range: widen exponent_range, or check the surface",
-    8: "surface at the edge of its range: widen surface_range, or record the approach",
-    128: "the samples begin in contact: what the material remembered nobody saw, and a law without "
-    "memory is all that they say yet",
-    64: "offset beyond what the tare left: tare again out of contact, or check the surface",
-    16: "not tracking yet: the start still waits for a motion that makes the exponent identifiable",
-    32: "the material drifts faster than the walk allows, or the noise is correlated: the error "
-    "bars are too narrow; raise stiffness_drift, or the dissipation's and the exponent's",
+    1: Finding(
+        "exponent",
+        "exponent not identifiable from this motion",
+        "reach shallow and deep penetrations in turn",
+    ),
+    2: Finding(
+        "damping",
+        "damping not identifiable",
+        "pass the same depths at different speeds, both ways",
+    ),
+    4: Finding(
+        "exponent",
+        "exponent at the edge of its range",
+        "widen exponent_range, or check the surface",
+    ),
+    8: Finding(
+        "surface",
+        "surface at the edge of its range",
+        "widen surface_range, or record the approach",
+    ),
+    128: Finding(
+        "memory",
+        "the samples begin in contact: what the material remembered nobody saw, and a law without "
+        "memory is all that they say yet",
+    ),
+    64: Finding(
+        "offset",
+        "offset beyond what the tare left",
+        "tare again out of contact, or check the surface",
+    ),
+    16: Finding(
+        "tracking",
+        "not tracking yet: the start still waits for a motion that makes the exponent identifiable",
+    ),
+    32: Finding(
+        "tracking",
+        "the material drifts faster than the walk allows, or the noise is correlated: the error "
+        "bars are too narrow",
+        "raise stiffness_drift, or the dissipation's and the exponent's",
+    ),
 }
+
+
+def findings_of(bits: int) -> tuple[Finding, ...]:
+    """Return what the bits of an estimate's flags say."""
+    return tuple(finding for bit, finding in ADVICE.items() if bits & bit)
 
 
 class Estimate:
@@ -53,8 +89,9 @@ class Estimate:
         for it; else 0.
     joint_covariance : numpy.ndarray, shape (p + 1, p + 1)
         Covariance of the law's parameters and, last, the offset.
-    flags : tuple of str
-        What is not identifiable from this motion, and what motion would help.
+    findings : tuple of Finding
+        What is not identifiable from this motion, and what motion would help; ``flags`` has them
+        in words.
     fixed : tuple of str
         Names of the law's parameters that were given, such as a known exponent; the others were
         identified with them, and the standard errors of these are 0.
@@ -224,10 +261,14 @@ class Estimate:
         return float(max(self._value.surface_variance, 0.0) ** 0.5)
 
     @property
-    def flags(self) -> tuple[str, ...]:
+    def findings(self) -> tuple[Finding, ...]:
         """What is not identifiable from this motion, and what motion would help."""
-        bits = self._value.flags
-        return tuple(words for bit, words in ADVICE.items() if bits & bit)
+        return findings_of(self._value.flags)
+
+    @property
+    def flags(self) -> tuple[str, ...]:
+        """The findings in words."""
+        return tuple(map(str, self.findings))
 
     @property
     def fixed(self) -> tuple[str, ...]:

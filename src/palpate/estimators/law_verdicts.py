@@ -8,8 +8,9 @@ from typing import Any, NamedTuple
 import palpate._core as _core
 from palpate.digits import rounded
 from palpate.estimators.estimate import Estimate
+from palpate.findings import Finding
 from palpate.force_laws import GeneralisedHuntCrossley
-from palpate.validation import Plain, defined, or_nan
+from palpate.validation import Plain, defined, or_nan, plain
 
 # By the values of the compiled enumerations.
 DAMPINGS = ("none", "hunt-crossley", "half-space")
@@ -141,8 +142,8 @@ class LawVerdict:
         Where the motion was on average, m.
     frequency : float
         Of the motion, rad/s: root mean square speed over that of the way from its mean depth.
-    flags : tuple of str
-        What the samples leave open of the memory.
+    findings : tuple of Finding
+        What the samples leave open of it; ``flags`` has them in words.
     """
 
     candidate: Candidate
@@ -151,7 +152,12 @@ class LawVerdict:
     effective_samples: float
     depth: float
     frequency: float
-    flags: tuple[str, ...] = ()
+    findings: tuple[Finding, ...] = ()
+
+    @property
+    def flags(self) -> tuple[str, ...]:
+        """The findings in words."""
+        return tuple(map(str, self.findings))
 
     def as_dict(self) -> dict[str, Any]:
         """Return it as plain numbers and words; the standings in their order."""
@@ -160,7 +166,7 @@ class LawVerdict:
             **self.candidate.as_dict(),
             "standings": [each.as_dict() for each in self.standings],
             **{name: defined(getattr(self, name)) for name in _NUMBERS},
-            "flags": list(self.flags),
+            "findings": plain(self.findings),
         }
 
     def __str__(self) -> str:
@@ -188,9 +194,10 @@ class LawVerdict:
             Standing(candidate(each), or_nan(each["score"]), or_nan(each["rms_error"]))
             for each in words["standings"]
         )
-        samples, effective, depth, frequency = (or_nan(words[name]) for name in _NUMBERS)
-        flags = tuple(map(str, words["flags"]))
-        return cls(candidate(words), tuple(standings), samples, effective, depth, frequency, flags)
+        numbers = {name: or_nan(words[name]) for name in _NUMBERS}
+        said = words["findings"] if "findings" in words else words["flags"]  # in schema 1
+        findings = tuple(map(Finding.from_dict, said))
+        return cls(candidate(words), tuple(standings), **numbers, findings=findings)
 
     def standing_of(self, damping: str, memory: str, *, linear: bool = False) -> Standing | None:
         """Return how a law stood; None where it was not offered."""
@@ -235,120 +242,6 @@ class DynamicStiffness:
     def loss_tangent(self) -> float:
         """Tan δ = ω B′/K′."""
         return self.frequency * self.damping / self.stiffness if self.stiffness else math.nan
-
-
-# What a verdict on laws leaves open, in words.
-
-
-def tie_flags(standings: tuple[Standing, ...]) -> Iterator[str]:
-    """Say of laws that fit as well as the best, none where there are none.
-
-    A motion at one speed, such as an approach alone, distinguishes damper and spring by the noise.
-    """
-    tied = [str(each.candidate) for each in standings[1:] if each.score < UNDECIDED]
-    if tied:
-        yield (
-            f"the samples do not tell it from {' or '.join(tied)}, and the error bars are of the "
-            "one law alone: press and let go, at several speeds"
-        )
-
-
-def waiting_flags(standings: tuple[Standing, ...], offered: Sequence[Candidate]) -> Iterator[str]:
-    """Say that laws with memory are on offer and none competes yet: what there is may be one."""
-    stand = {each.candidate for each in standings}
-    if stand and any(law.memory != "none" and law not in stand for law in offered):
-        yield (
-            "no law with memory competes yet: five numbers fit any hundred samples; stiffness and "
-            "damping may be those of one"
-        )
-
-
-#: Mean velocity over its root mean square, from which on a motion goes one way: 1 at one speed,
-#: 0.90 of a half sine, 0 of whatever comes back.
-ONE_WAY = 0.8
-
-
-def motion_flags(standings: tuple[Standing, ...], one_way: float) -> Iterator[str]:
-    """Say of a motion that passes each depth once that damper, memory and spring are alike.
-
-    At one speed v all three are functions of the depth alone, x = vt.
-    """
-    if standings and abs(one_way) > ONE_WAY:
-        yield (
-            "the motion goes one way at nearly one speed: damping, memory and stiffness are "
-            "distinguished by the shape of the law alone, and may be far off; press and let go, at "
-            "several speeds"
-        )
-
-
-# Of the force at the mean depth that a law leaves: of HC's K′ 1 % took 0.8 standard errors, 3 % 3
-# and 10 % 7, 20 seeds of three sines from out of contact to 13 mm.
-_NOISY = 0.02
-
-
-def gate_flags(
-    standings: tuple[Standing, ...], estimate: Estimate, depth: float, shallowest: float | None
-) -> Iterator[str]:
-    """Say that light samples are taken by their own force, where noise is as large.
-
-    Those that noise makes negative count as out of contact, and what is left is too firm: E(F | F >
-    0) > F, and the stiffness too low.
-    """
-    law: GeneralisedHuntCrossley = estimate.law
-    if shallowest is None or not (standings and depth > 0.0 and law.stiffness > 0.0):
-        return
-    n, noise = law.exponent, standings[0].rms_error
-    force = law.stiffness * depth**n
-    # Two deviations above none, one sample in forty is left out.
-    if noise > _NOISY * force and force * (shallowest / depth) ** n < 2.0 * noise:
-        needed = 1e3 * depth * (3.0 * noise / force) ** (1.0 / n)
-        yield (
-            f"light samples are taken by a force within the noise, which makes K′ and K too low: "
-            f"gate=ContactGate(minimum_penetration=…) of {rounded(needed, 2)} mm, where the force "
-            "is three times that"
-        )
-
-
-# Of the half second that is given up where samples begin in contact a third: 5 % of it are left.
-_FORGOTTEN = 0.5 / 3.0
-
-
-def memory_flags(estimate: Estimate, duration: float, *, begun: bool) -> Iterator[str]:
-    """What the samples of so many seconds leave open of the memory.
-
-    Parameters
-    ----------
-    estimate : Estimate
-        Of a generalised law.
-    duration : float
-        Of its samples, s.
-    begun : bool
-        Whether they began in contact.
-    """
-    law: GeneralisedHuntCrossley = estimate.law
-    if not law.remembers:
-        return
-    errors = estimate.standard_errors
-    if not errors[4] < 0.25 * (law.stiffness + law.relaxation_stiffness):
-        yield "relaxation stiffness not identifiable: press quickly, and hold"
-    if law.stiffness < 0.0:
-        yield (
-            "negative relaxed stiffness: where the material ends up once all has relaxed, these "
-            "samples do not say; K′ and B′ at their own frequency they do: press from out of "
-            "contact, and hold"
-        )
-    # The longest of the law's times: the only one, or the end of its spectrum.
-    if begun and law.parameters[7] > _FORGOTTEN:
-        yield (
-            "the samples begin in contact, and longer than half a second is remembered: K and M "
-            "may be off by twice their error bars; record from before the touch"
-        )
-    if (time := law.relaxation_time) is not None:
-        # A factor of e either way at two deviations.
-        if not errors[7] < 0.5 * time:
-            yield "relaxation time not identifiable: move at several speeds, and hold"
-        if time > 0.5 * duration:
-            yield "slow drift or relaxation: the time is longer than half of the samples"
 
 
 # What a verdict on laws is worked out from, where it may be given to another process.
@@ -397,6 +290,107 @@ class Evidence(NamedTuple):
         return tuple(law for index, law in enumerate(CANDIDATES) if self.offered >> index & 1)
 
 
+# What a verdict on laws leaves open.
+
+#: Mean velocity over its root mean square, from which on a motion goes one way: 1 at one speed,
+#: 0.90 of a half sine, 0 of whatever comes back.
+ONE_WAY = 0.8
+# Of the force at the mean depth that a law leaves: of HC's K′ 1 % took 0.8 standard errors, 3 % 3
+# and 10 % 7, 20 seeds of three sines from out of contact to 13 mm.
+_NOISY = 0.02
+
+
+def _open_law(evidence: Evidence, standings: tuple[Standing, ...]) -> Iterator[Finding]:
+    """What the samples leave open of which law it is."""
+    # A motion at one speed, such as an approach alone, tells damper and spring apart by the noise.
+    if tied := [str(each.candidate) for each in standings[1:] if each.score < UNDECIDED]:
+        yield Finding(
+            "which law",
+            f"the samples do not tell it from {' or '.join(tied)}, and the error bars are of the "
+            "one law alone",
+            "press and let go, at several speeds",
+        )
+    stand = {each.candidate for each in standings}
+    if stand and any(law.memory != "none" and law not in stand for law in evidence.laws):
+        yield Finding(
+            "which law",
+            "no law with memory competes yet: five numbers fit any hundred samples; stiffness and "
+            "damping may be those of one",
+        )
+    # At one speed v damper, memory and spring are functions of the depth alone, x = vt.
+    if standings and abs(evidence.one_way) > ONE_WAY:
+        yield Finding(
+            "one way",
+            "the motion goes one way at nearly one speed: damping, memory and stiffness are "
+            "distinguished by the shape of the law alone, and may be far off",
+            "press and let go, at several speeds",
+        )
+
+
+def _light_samples(
+    evidence: Evidence, standings: tuple[Standing, ...], law: GeneralisedHuntCrossley
+) -> Iterator[Finding]:
+    """Say that light samples are taken by their own force, where noise is as large.
+
+    Those that noise makes negative count as out of contact, and what is left is too firm: E(F | F >
+    0) > F, and the stiffness too low.
+    """
+    depth, shallowest = evidence.depth, evidence.shallowest
+    if shallowest is None or not (standings and depth > 0.0 and law.stiffness > 0.0):
+        return
+    n, noise = law.exponent, standings[0].rms_error
+    force = law.stiffness * depth**n
+    # Two deviations above none, one sample in forty is left out.
+    if noise > _NOISY * force and force * (shallowest / depth) ** n < 2.0 * noise:
+        needed = 1e3 * depth * (3.0 * noise / force) ** (1.0 / n)
+        yield Finding(
+            "gate",
+            "light samples are taken by a force within the noise, which makes K′ and K too low",
+            f"gate=ContactGate(minimum_penetration=…) of {rounded(needed, 2)} mm, where the force "
+            "is three times that",
+        )
+
+
+#: The check that says that the samples leave open how much relaxes.
+RELAXATION_STIFFNESS = "relaxation stiffness"
+# Of the half second that is given up where samples begin in contact a third: 5 % of it are left.
+_FORGOTTEN = 0.5 / 3.0
+
+
+def _open_memory(evidence: Evidence, estimate: Estimate) -> Iterator[Finding]:
+    """What the samples leave open of the memory."""
+    law: GeneralisedHuntCrossley = estimate.law
+    if not law.remembers:
+        return
+    errors = estimate.standard_errors
+    if not errors[4] < 0.25 * (law.stiffness + law.relaxation_stiffness):
+        words = "relaxation stiffness not identifiable"
+        yield Finding(RELAXATION_STIFFNESS, words, "press quickly, and hold")
+    if law.stiffness < 0.0:
+        yield Finding(
+            "relaxed stiffness",
+            "negative relaxed stiffness: where the material ends up once all has relaxed, these "
+            "samples do not say; K′ and B′ at their own frequency they do",
+            "press from out of contact, and hold",
+        )
+    # The longest of the law's times: the only one, or the end of its spectrum.
+    if evidence.begun and law.parameters[7] > _FORGOTTEN:
+        yield Finding(
+            "memory",
+            "the samples begin in contact, and longer than half a second is remembered: K and M "
+            "may be off by twice their error bars",
+            "record from before the touch",
+        )
+    if (time := law.relaxation_time) is not None:
+        # A factor of e either way at two deviations.
+        if not errors[7] < 0.5 * time:
+            words = "relaxation time not identifiable"
+            yield Finding("relaxation time", words, "move at several speeds, and hold")
+        if time > 0.5 * evidence.samples * evidence.step:
+            words = "slow drift or relaxation: the time is longer than half of the samples"
+            yield Finding("relaxation time", words)
+
+
 def verdict_of(evidence: Evidence, estimate: Estimate) -> LawVerdict:
     """Return the verdict.
 
@@ -413,12 +407,10 @@ def verdict_of(evidence: Evidence, estimate: Estimate) -> LawVerdict:
         Standing(CANDIDATES[int(index)], score - least, math.sqrt(mean_square))
         for index, score, mean_square in ranked
     )
-    flags = (
-        *tie_flags(standings),
-        *waiting_flags(standings, evidence.laws),
-        *motion_flags(standings, evidence.one_way),
-        *gate_flags(standings, estimate, evidence.depth, evidence.shallowest),
-        *memory_flags(estimate, evidence.samples * evidence.step, begun=evidence.begun),
+    findings = (
+        *_open_law(evidence, standings),
+        *_light_samples(evidence, standings, estimate.law),
+        *_open_memory(evidence, estimate),
     )
     numbers = {name: getattr(evidence, name) for name in _NUMBERS}
-    return LawVerdict(CANDIDATES[evidence.chosen], standings, **numbers, flags=flags)
+    return LawVerdict(CANDIDATES[evidence.chosen], standings, **numbers, findings=findings)

@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from palpate.digits import rounded
 from palpate.errors import ExportRefusedError, InvalidParameterError, RecordingError
 from palpate.estimators.estimate import rmse_percent
+from palpate.findings import Finding
 from palpate.force_laws import ForceLaw, GeneralisedHuntCrossley, force_over_breaks
 from palpate.identifying import Identification
 from palpate.lab.trajectories import Probing
@@ -550,6 +551,16 @@ class Replayed:
     how: str
 
 
+def warned(*messages: str) -> tuple[Finding, ...]:
+    """Return what a user of an engine should know."""
+    return tuple(Finding("engine", message, severity="with-care") for message in messages)
+
+
+def refused(*messages: str) -> tuple[Finding, ...]:
+    """Return why a law should not be used in an engine."""
+    return tuple(Finding("engine", message, severity="do-not-trust") for message in messages)
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Fragment(ABC):
     """A law in an engine's own numbers: text to paste, and what the engine will do with it.
@@ -569,8 +580,8 @@ class Fragment(ABC):
         Whether that is the law that was asked for, to the engine's own accuracy.
     largest_step : float, optional
         The time step from which on the simulation is unstable, s.
-    warnings, refusals : tuple of str
-        What a user should know; and why this should not be used.
+    findings : tuple of Finding
+        What a user should know, :func:`warned`; and why this should not be used, :func:`refused`.
     most_samples : int
         At how many states, for an engine that is slow.
     """
@@ -582,8 +593,7 @@ class Fragment(ABC):
     engine_law: GeneralisedHuntCrossley | None = None
     exact: bool = False
     largest_step: float | None = None
-    warnings: tuple[str, ...] = ()
-    refusals: tuple[str, ...] = ()
+    findings: tuple[Finding, ...] = ()
 
     @abstractmethod
     def files(self, notes: Sequence[str]) -> Mapping[str, str]:

@@ -23,6 +23,7 @@ from palpate.exports.engine import (
     hash_comment,
     state_by_state,
     template,
+    warned,
     with_one_exponent,
     xml_comment,
 )
@@ -180,7 +181,7 @@ class OpenSim(Engine):
             },
             engine_law=law,
             exact=law == asked.law,
-            warnings=tuple(warnings),
+            findings=warned(*warnings),
         )
 
 

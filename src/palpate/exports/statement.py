@@ -26,10 +26,12 @@ from palpate.exports.engine import (
     numbers_of,
     one_power,
     percent,
+    refused,
+    warned,
     with_exponents,
     without_memory,
 )
-from palpate.findings import MARKS, Finding
+from palpate.findings import Finding
 from palpate.force_laws import ForceLaw, GeneralisedHuntCrossley
 from palpate.identifying import Identification
 from palpate.quantities.elastic_modulus import Sphere
@@ -124,11 +126,9 @@ class ExportedLaw:
     @property
     def reason(self) -> str:
         """Why the verdict is what it is: the gravest finding, and its remedy."""
-        graver = [each for each in self.findings if each.severity != "note"]
-        if not graver or self.verdict is None or self.verdict.overall == MARKS[0]:
+        if self.verdict is None or self.verdict.overall == "trust":
             return ""
-        first = graver[0]
-        return first.message + (f" ({first.remedy})" if first.remedy else "")
+        return next((str(each) for each in self.findings if each.severity != "note"), "")
 
     def nearest(self) -> Nearest:
         """Return K xⁿ + B xᵖ v in its place, for engines: none of them remembers.
@@ -313,79 +313,81 @@ class Statement:
     allowed: bool = False
 
     @property
-    def refusals(self) -> tuple[str, ...]:
-        """Why it should not be used; nothing where it may be."""
+    def findings(self) -> tuple[Finding, ...]:
+        """Why it should not be used, as *do not trust*; and what a user should know."""
         source, nearest, found = self.source, self.nearest, self.compared
-        result, engine = [], []
-        if source.verdict is not None and source.verdict.overall == "do-not-trust":
-            result.append(f"the diagnosis says do not trust{_because(source)}")
+        verdict, result = source.verdict, list[Finding]()
+        if verdict is None:
+            result += warned("a law alone: no recording says how far it is to be trusted")
+        elif verdict.overall == "do-not-trust":
+            result += refused(f"the diagnosis says do not trust{_because(source)}")
+        elif verdict.overall == "with-care":
+            result += warned(f"the diagnosis says with care{_because(source)}")
+        elif verdict.damping != "trust":
+            result += warned(f"the damping alone is {verdict.damping}: so are impacts")
+        result += warned(*(f"flagged: {flag}" for flag in source.flags))
         values = source.law.as_dict()
         # Of two springs one may pull.
         strengths = ("damping",) if "quadratic_stiffness" in values else ("stiffness", "damping")
         if not source.law.remembers and any(values.get(each, 0.0) < 0.0 for each in strengths):
-            result.append(
+            result += refused(
                 "the law has a negative stiffness or damping, and makes energy: "
                 f"{nearest.which} it is another, by {percent(nearest.error_percent)} of force"
             )
-        if not found.percent <= MOST_PERCENT:  # which NaN is not either
-            engine.append(
-                f"the force of the engine is off by {percent(found.percent)}, more than "
-                f"{MOST_PERCENT:g} %, {'replayed' if found.replayed else 'as predicted'}"
-            )
-        limit, step = self.fragment.largest_step, self.fragment.asked.time_step
-        if limit is not None and step >= limit:
-            engine.append(
-                f"the simulation is unstable at a time step of {_ms(step)}: it has to be below "
-                f"{_ms(limit)}"
-            )
-        return (*result, *self.fragment.refusals, *engine)
-
-    @property
-    def warnings(self) -> tuple[str, ...]:
-        """What a user should know."""
-        source, nearest, found = self.source, self.nearest, self.compared
-        verdict = source.verdict
-        result, engine = [], []
-        if verdict is None:
-            result.append("a law alone: no recording says how far it is to be trusted")
-        elif verdict.overall == "with-care":
-            result.append(f"the diagnosis says with care{_because(source)}")
-        if verdict is not None and verdict.overall == "trust" and verdict.damping != "trust":
-            result.append(f"the damping alone is {verdict.damping}: so are impacts")
-        result += [f"flagged: {flag}" for flag in source.flags]
         if nearest.which and source.law.remembers:
-            result.append(
+            result += warned(
                 f"the law remembers, which no engine does: this is {nearest.which}, "
                 f"{percent(nearest.error_percent)} of force from it on this motion, and more at "
                 "other speeds; restitution is that of this one"
             )
         elif nearest.which:
-            result.append(
+            result += warned(
                 f"the law is none that engines have: this is {nearest.which}, "
                 f"{percent(nearest.error_percent)} of force from it"
             )
+        result += self.fragment.findings
+        if not found.percent <= MOST_PERCENT:  # which NaN is not either
+            result += refused(
+                f"the force of the engine is off by {percent(found.percent)}, more than "
+                f"{MOST_PERCENT:g} %, {'replayed' if found.replayed else 'as predicted'}"
+            )
         if abs(found.rebound_percent) > REBOUND_PERCENT:
-            engine.append(
+            result += warned(
                 f"impacts will be wrong: a restitution of {rounded(found.rebound, 3)}, where the "
                 f"law has {rounded(found.drop.restitution, 3)}"
             )
-        if found.drop.speed > source.motion.fastest and source.verdict is not None:
-            engine.append(
+        if found.drop.speed > source.motion.fastest and verdict is not None:
+            result += warned(
                 f"the law was identified at speeds to {length(source.motion.fastest, 2)}/s: an "
                 f"impact at {rounded(found.drop.speed, 2)} m/s is beyond the recording"
             )
         limit, step = self.fragment.largest_step, self.fragment.asked.time_step
-        if limit is not None and 0.5 * limit < step < limit:
-            engine.append(
+        if limit is not None and step >= limit:
+            result += refused(
+                f"the simulation is unstable at a time step of {_ms(step)}: it has to be below "
+                f"{_ms(limit)}"
+            )
+        elif limit is not None and step > 0.5 * limit:
+            result += warned(
                 f"a time step of {_ms(step)} is above half of the {_ms(limit)} from which on the "
                 "simulation is unstable"
             )
         if found.replayed and abs(found.percent - found.predicted_percent) > _AS_PREDICTED:
-            engine.append(
+            result += warned(
                 f"the engine was off by {percent(found.percent)}, and predicted was "
                 f"{percent(found.predicted_percent)}: its version may differ from those known"
             )
-        return (*result, *self.fragment.warnings, *engine)
+        return tuple(result)
+
+    @property
+    def refusals(self) -> tuple[str, ...]:
+        """Why it should not be used; nothing where it may be."""
+        return tuple(each.message for each in self.findings if each.severity == "do-not-trust")
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What a user should know."""
+        return tuple(each.message for each in self.findings if each.severity != "do-not-trust")
 
     @property
     def refused(self) -> bool:

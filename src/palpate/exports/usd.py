@@ -19,6 +19,7 @@ from palpate.exports.engine import (
     kelvin_voigt,
     stable_step,
     template,
+    warned,
 )
 
 _ALWAYS = (
@@ -76,7 +77,7 @@ class Usd(Engine):
             },
             engine_law=law,
             exact=is_kelvin_voigt(asked.law),
-            warnings=(*_ALWAYS, *([explicit] if asked.time_step >= 0.5 * limit else [])),
+            findings=warned(*_ALWAYS, *([explicit] if asked.time_step >= 0.5 * limit else [])),
         )
 
 

@@ -25,7 +25,7 @@ from palpate.diagnosis.diagnosing import count_of_outliers
 from palpate.errors import FleetError, InvalidParameterError, RecordingError
 from palpate.estimators import ContactEstimator
 from palpate.estimators.curves import STATUS_WORDS, CurveFits, fit_curves
-from palpate.estimators.estimate import ADVICE
+from palpate.estimators.estimate import findings_of
 from palpate.fleet.rows import (
     Row,
     failure,
@@ -54,7 +54,7 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
 # What the bits of an estimate's flags say, for each of their combinations.
-_ADVICE_OF = [tuple(words for bit, words in ADVICE.items() if bits & bit) for bits in range(256)]
+_ADVICE_OF = [tuple(map(str, findings_of(bits))) for bits in range(256)]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -406,8 +406,8 @@ def _flags(fits: CurveFits, left_out: NDArray[np.int64]) -> list[Any]:
         taken, count = int(fits.taken[k]), int(left_out[k])
         more = {
             f"only {taken} samples in contact": few[k],
-            NEGATIVE_STIFFNESS: pulling[k],
-            NEGATIVE_DAMPING: giving[k],
+            str(NEGATIVE_STIFFNESS): pulling[k],
+            str(NEGATIVE_DAMPING): giving[k],
             "the search for the least squares did not settle: others may fit better": unsettled[k],
             count_of_outliers(count, max(count + taken, 1)): count,
         }

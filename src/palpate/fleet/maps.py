@@ -392,7 +392,7 @@ def map_of(
 def mistrusted_of(results: "pa.Table", of: str) -> NDArray[np.bool_]:
     """Say of each row whether its number is not to be trusted, by verdict, findings or flags."""
     verdict = f"verdict_{of}" if of in ("stiffness", "damping") else "verdict"
-    marks = (f"{of} not", f"{of} at the edge", NEGATIVE_STIFFNESS)
+    marks = (f"{of} not", f"{of} at the edge", NEGATIVE_STIFFNESS.message)
     return np.array(
         [
             mark == "do-not-trust"

@@ -3,7 +3,7 @@
 import itertools
 import logging
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -40,7 +40,7 @@ from palpate.estimators.estimate import (
     rmse_percent,
     violated_fraction,
 )
-from palpate.findings import MARKS
+from palpate.findings import MARKS, Finding
 from palpate.force_laws import force_over_breaks
 from palpate.identification.replaying import (
     choices,
@@ -82,7 +82,7 @@ def why_nothing(data: Data, gate: ContactGate) -> str:
     for finding in data.findings:
         if finding.severity == "do-not-trust":
             where = f"{data.contact.source}: " if data.contact.source else ""
-            return f"{where}{finding.message} ({finding.remedy})"
+            return f"{where}{finding}"
     return nothing_taken(data.contact, gate)
 
 
@@ -141,55 +141,53 @@ def no_approach(above: int, samples: int, surface: float) -> str:
 
 # What a reader should know before trusting the numbers of an identification.
 
-NEGATIVE_STIFFNESS = (
-    "negative stiffness: by this law the force falls as the probe goes deeper; check the signs"
+NEGATIVE_STIFFNESS = Finding(
+    "negative stiffness",
+    "negative stiffness: by this law the force falls as the probe goes deeper",
+    "check the signs",
 )
-NEGATIVE_DAMPING = "negative damping: this law gives energy back, which no passive material does"
+NEGATIVE_DAMPING = Finding(
+    "negative damping",
+    "negative damping: this law gives energy back, which no passive material does",
+)
 
 
-def flags_of(contact: Contact, trace: Trace, estimator: ContactEstimator) -> list[str]:
-    """Return the flags of the last estimate, and those of the contact as a whole."""
+def findings_of(contact: Contact, trace: Trace, estimator: ContactEstimator) -> Iterator[Finding]:
+    """Return what the last estimate leaves open, and what is to be known of the samples."""
     estimate = estimator.estimate()
     law = estimate.law
-    flags = list(estimate.flags)
+    yield from estimate.findings
     if estimate.samples < 10 * len(law.symbols):
-        flags.append(f"only {estimate.samples} samples in contact")
-    if law.power_law and law.stiffness < 0.0:
-        flags.append(NEGATIVE_STIFFNESS)
+        yield Finding("excitation", f"only {estimate.samples} samples in contact")
+    pulls = (law.power_law or law.relaxes) and not law.remembers
+    if pulls and law.stiffness < 0.0:
+        yield NEGATIVE_STIFFNESS
     if law.as_dict().get("damping", 0.0) < 0.0:
-        flags.append(NEGATIVE_DAMPING)
+        yield NEGATIVE_DAMPING
     violated = violated_fraction(trace) if estimator.needs_condition_10 else 0.0
     if violated > 0.0:
-        flags.append(f"condition 10 violated in {violated:.1%} of the contact")
+        yield Finding("condition 10", f"condition 10 violated in {violated:.1%} of the contact")
     if not has_prediction_error(trace, contact.force, contact.time_steps):
-        flags.append("less than 0.2 s of contact: no prediction error")
+        yield Finding("prediction", "less than 0.2 s of contact: no prediction error")
     if estimate.guarded:
-        flags.append(f"covariance guard acted on {estimate.guarded} samples")
+        yield Finding("guard", f"covariance guard acted on {estimate.guarded} samples")
     if left_out := int(np.count_nonzero(trace.rejected)):
-        flags.append(count_of_outliers(left_out, left_out + int(np.count_nonzero(trace.taken))))
-    if law.relaxes and law.stiffness < 0.0 and not law.remembers:
-        flags.append(NEGATIVE_STIFFNESS)
+        taken = int(np.count_nonzero(trace.taken))
+        yield Finding("outliers", count_of_outliers(left_out, left_out + taken))
     if (verdict := estimator.verdict()) is not None:
-        flags += _memory_flags(verdict, remembers=law.remembers)
+        if law.remembers:
+            yield Finding(
+                "memory",
+                f"the material remembers ({verdict.candidate}): force, stiffness and damping at a "
+                "depth are those once it has relaxed; K′ and B′ are what a small oscillation feels",
+            )
+        yield from verdict.findings
     for refusal in (Status.NOT_FINITE, Status.INVALID_STEP, Status.OUT_OF_RANGE):
-        count = int(np.count_nonzero(trace.status == refusal))
-        if count:
+        if count := int(np.count_nonzero(trace.status == refusal)):
             words = refusal.name.lower().replace("_", " ")
             if refusal == Status.NOT_FINITE:
                 words += f": {not_finite(contact)}"
-            flags.append(f"{count} samples refused: {words}")
-    return flags
-
-
-def _memory_flags(verdict: LawVerdict, *, remembers: bool) -> list[str]:
-    """Say of what a law with memory has a stiffness, and what is open of the verdict."""
-    if not remembers:
-        return list(verdict.flags)
-    words = (
-        f"the material remembers ({verdict.candidate}): force, stiffness and damping at a depth "
-        "are those once it has relaxed; K′ and B′ are what a small oscillation feels"
-    )
-    return [words, *verdict.flags]
+            yield Finding("rows", f"{count} samples refused: {words}")
 
 
 # What a whole contact gave.
@@ -209,7 +207,7 @@ class Identified:
     contact: Contact
     estimator: ContactEstimator
     trace: Trace
-    flags: tuple[str, ...] = ()
+    findings: tuple[Finding, ...] = ()
     data: Data | None = field(default=None, repr=False)
     depth: float | None = None
     stretches: tuple["Identified", ...] = ()
@@ -250,10 +248,10 @@ class Identified:
             words = (f"{name}={value}" for name, value in chosen.items() if value is not None)
             known = ", ".join(words) or "nothing"
             _LOGGER.info("%s: chosen from the data: %s", fresh.method, known)
-        flags = tuple(flags_of(contact, written, fresh))
+        found = tuple(findings_of(contact, written, fresh))
         taken = np.count_nonzero(written.taken)
         _LOGGER.info("%s: took %d of %d samples", fresh.method, taken, len(contact))
-        result = cls(contact, fresh, written, flags, data, chosen=tuple(chosen), traced=traced)
+        result = cls(contact, fresh, written, found, data, chosen=tuple(chosen), traced=traced)
         if not (written.taken & ~(contact.force <= 0.0)).any():
             raise RecordingError(why_nothing(data, result.gate))
         if fresh.settings.get("surface") == "estimate":
@@ -268,7 +266,9 @@ class Identified:
     def _diagnosed_at(self, depths: Sequence[float]) -> Diagnosis:
         data = self.data or Data(self.contact)
         laws = laws_beside(data, self.estimator, self.chosen)
-        return diagnose_parts(data, self.trace, self.estimate, depths=depths, laws=laws)
+        return diagnose_parts(
+            data, self.trace, self.estimate, depths=depths, laws=laws, notes=self.findings
+        )
 
     @cached_property
     def depths(self) -> tuple[float, ...]:
@@ -492,6 +492,11 @@ class Identified:
             return self.trace
         watched = self.estimator.replace(change_detector=ChangeDetector())
         return replayed(self.contact, watched, self.traced)
+
+    @property
+    def flags(self) -> tuple[str, ...]:
+        """The findings in words."""
+        return tuple(map(str, self.findings))
 
     @property
     def method(self) -> str:

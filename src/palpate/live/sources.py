@@ -176,10 +176,7 @@ class Replay:
 
 def _hindsight(contact: Contact) -> list[str]:
     """What no robot in a loop could know, and the preparation of a whole recording said."""
-    said = [
-        f"{remark.check}: {remark.message}" + (f" ({remark.remedy})" if remark.remedy else "")
-        for remark in contact.remarks
-    ]
+    said = [f"{finding.check}: {finding}" for finding in contact.findings]
     found = {"tare": contact.tare_deviation, "surface": contact.surface_deviation}
     names = [name for name, deviation in found.items() if deviation is not None]
     if contact.prepared is not None and contact.prepared.normal is not None:

@@ -256,11 +256,11 @@ def _tared(contact: Contact, done: Prepared) -> tuple[Contact, Prepared]:
         if free is None:
             raise never_free(source)
         found = baseline_of(contact.time, contact.force, free)
-    made, remarks = dict(contact.provenance), list(contact.remarks)
-    found.say(made, remarks)
+    made, findings = dict(contact.provenance), list(contact.findings)
+    found.say(made, findings)
     force = contact.force - found.zero
-    left, said = deviation_left(force, found.free), tuple(remarks)
-    contact = replace(contact, force=force, provenance=made, tare_deviation=left, remarks=said)
+    left, said = deviation_left(force, found.free), tuple(findings)
+    contact = replace(contact, force=force, provenance=made, tare_deviation=left, findings=said)
     return contact, replace(done, zero=found.mean, drift=found.drift)
 
 
@@ -272,14 +272,14 @@ def _surface_found(contact: Contact, done: Prepared) -> tuple[Contact, Prepared]
         found = surface_of(contact.penetration, contact.velocity, contact.force, rule)
     if rule == "estimate" and (found.assumed or abs(found.position) <= SEARCHED):
         return contact, done  # the estimator finds it from here
-    made, remarks = dict(contact.provenance), list(contact.remarks)
-    found.say(made, remarks)
+    made, findings = dict(contact.provenance), list(contact.findings)
+    found.say(made, findings)
     counted = replace(
         contact,
         penetration=contact.penetration - found.position,
         provenance=made,
         surface_deviation=(found.deviation or None) if rule != "estimate" else None,
-        remarks=tuple(remarks),
+        findings=tuple(findings),
     )
     return counted, replace(done, surface=found)
 
@@ -296,7 +296,7 @@ def at_places(contact: Contact) -> Iterator[tuple[Place, Contact]]:
     """
     places = () if contact.prepared is None else contact.prepared.places
     parts = list(contact.segments())
-    common = tuple(remark for remark in contact.remarks if remark.check not in OF_THE_WHOLE)
+    common = tuple(finding for finding in contact.findings if finding.check not in OF_THE_WHOLE)
     for place in places:
         times = ((place.start <= contact.time[part.start] <= place.stop, part) for part in parts)
         part = next((part for inside, part in times if inside), None)
@@ -305,6 +305,6 @@ def at_places(contact: Contact) -> Iterator[tuple[Place, Contact]]:
         own = replace(
             contact.taken(part),
             surface_deviation=place.surface.deviation or None,
-            remarks=(*common, *place.surface.assumption()),
+            findings=(*common, *place.surface.assumption()),
         )
         yield place, own

@@ -171,7 +171,7 @@ class Signals:
         The label of the column.
     made : mapping
         How each channel was made, in words.
-    remarks : tuple of Finding
+    findings : tuple of Finding
         What was skipped, or assumed.
     """
 
@@ -183,7 +183,7 @@ class Signals:
     orientation: Floats | None = None
     segment: NDArray[np.generic] | None = None
     made: Mapping[str, str] = field(default_factory=dict)
-    remarks: tuple[Finding, ...] = ()
+    findings: tuple[Finding, ...] = ()
 
     def taken(self, keep: NDArray[np.bool_] | NDArray[np.int64]) -> "Signals":
         """Return some of the samples."""
@@ -259,7 +259,7 @@ class _Taking:
     units: Mapping[str, str]
     strict: bool
     made: dict[str, str] = field(default_factory=dict)
-    remarks: list[Finding] = field(default_factory=list)
+    findings: list[Finding] = field(default_factory=list)
 
     def signals(self, roles: Roles, rate: float | None) -> Signals:
         """Take the channels of some roles."""
@@ -296,7 +296,7 @@ class _Taking:
                         f"{listed} is in {own[0]}, a mass: palpate takes its weight at {GRAVITY}"
                     )
                     remedy = "--unit force=N, where it is a force in N"
-                    self.remarks.append(Finding("units", f"{words} m/s²", remedy))
+                    self.findings.append(Finding("units", f"{words} m/s²", remedy))
             values[role] = columns[0] if len(columns) == 1 else np.column_stack(columns)
             known = np.isfinite(np.column_stack(columns)).all(axis=1)
             if role in ("depth", "force") and known.size and not known.any():
@@ -331,7 +331,7 @@ class _Taking:
         return column
 
     def _say_rows(self, words: str, remedy: str, *, many: bool) -> None:
-        self.remarks.append(Finding("rows", words, remedy, "with-care" if many else "note"))
+        self.findings.append(Finding("rows", words, remedy, "with-care" if many else "note"))
 
     def _unit_of(self, name: str, kind: str, usual: str | None = None) -> str:
         """The unit that the recording or a channel's name states; else the usual one, or SI."""
@@ -407,7 +407,7 @@ class _Taking:
         if rows.restarts:
             times = "once" if rows.restarts == 1 else f"{rows.restarts} times"
             words = f"the time starts again {times}: contacts are kept apart there"
-            self.remarks.append(Finding("rows", words))
+            self.findings.append(Finding("rows", words))
         if not rows.skipped:
             return stream.time, stream.values, rows.part
         taken = {role: channel[rows.keep] for role, channel in stream.values.items()}
@@ -437,9 +437,9 @@ class _Taking:
             longest, count = float(np.diff(time)[breaks[1:]].max()), np.count_nonzero(breaks)
             many = f"{count} gaps in time, the longest" if count > 1 else "a gap in time,"
             words = f"{many} {longest:.3g} s: contacts are kept apart there"
-            self.remarks.append(Finding("rows", words))
+            self.findings.append(Finding("rows", words))
         known: dict[str, Any] = {"part": part + np.cumsum(breaks), "made": self.made, **values}
-        return Signals(time, **known, remarks=tuple(self.remarks))
+        return Signals(time, **known, findings=tuple(self.findings))
 
     def _interpolated(self, streams: list[Stream]) -> Signals:
         """The samples of the slowest clock, and what the others were at their times."""
@@ -478,7 +478,9 @@ class _Taking:
             )
         if not keep.all():
             words = f"{np.count_nonzero(~keep)} of {keep.size} samples of {clock} were left out: "
-            self.remarks.append(Finding("clock", f"{words}the other clock has no sample near them"))
+            self.findings.append(
+                Finding("clock", f"{words}the other clock has no sample near them")
+            )
         taken = {role: channel[keep] for role, channel in values.items()}
         return self._made(at[keep], taken, np.zeros(int(keep.sum()), dtype=np.int64))
 

@@ -70,7 +70,7 @@ def prepare(
     A recording of a penetration is taken as it is. One of a position has its force tared where the
     probe is seen out of contact, both are projected on the contact normal, and the surface is
     found; a probe that travels is cut into episodes at one place each, which are the segments of
-    the contact. What is done, found and assumed is in ``provenance``, ``remarks`` and ``prepared``.
+    the contact. ``provenance``, ``findings`` and ``prepared`` have what is done, found and assumed.
     Where there is no velocity it is worked out, a segment at a time, by
     :func:`palpate.preparation.velocity.velocity_of`.
 
@@ -125,7 +125,7 @@ def prepare(
         (start, stop), s, either of them None: only these samples.
     strict : bool
         Refuse values that are no number and times that do not increase; else the samples are left
-        out, and ``remarks`` say so.
+        out, and ``findings`` say so.
 
     Returns
     -------
@@ -187,19 +187,18 @@ def prepared_contact(recording: Recording, settings: Preparation) -> Contact:
     done = contact.provenance
     for channel, words in done.items():
         _LOGGER.info("%s: %s", channel, words)
-    used = "what could be read is used; --strict refuses the file"
     notes = {f"note on {key}" if key in done else key: v for key, v in recording.notes.items()}
     return dataclasses.replace(
         contact,
         source=recording.source,
         prepared=dataclasses.replace(contact.prepared, way=prepared_contact),
         provenance={**notes, **done},
-        remarks=(
-            *(Finding("file", words, used, "with-care") for words in recording.losses),
+        findings=(
+            *(each for each in recording.findings if each.severity != "note"),
             *_commanded(roles),
             *_unused(settings, roles, pressing=pressing),
-            *signals.remarks,
-            *contact.remarks,
+            *signals.findings,
+            *contact.findings,
         ),
     )
 
@@ -237,8 +236,8 @@ def _unused(settings: Preparation, roles: Roles, *, pressing: bool) -> list[Find
     }
     idle = [name for name, (value, unused) in options.items() if unused and value is not None]
     words = f"{' and '.join(idle)} did nothing: position and force are not both in space"
-    remark = Finding("options", words, "leave it out, or name three channels of each")
-    return [remark] if idle else []
+    finding = Finding("options", words, "leave it out, or name three channels of each")
+    return [finding] if idle else []
 
 
 def as_recording(recorded: Recorded, *, strict: bool = False) -> Recording:
@@ -314,10 +313,10 @@ def joined(contacts: Sequence[Contact]) -> Contact:
         provenance={**first.provenance, **provenance},
         tare_deviation=_widest([contact.tare_deviation for contact in contacts]),
         surface_deviation=_widest([contact.surface_deviation for contact in contacts]),
-        remarks=tuple(
-            replace(remark, message=f"{contact.source}: {remark.message}")
+        findings=tuple(
+            replace(finding, message=f"{contact.source}: {finding.message}")
             for contact in contacts
-            for remark in contact.remarks
+            for finding in contact.findings
         ),
         prepared=None,
     )

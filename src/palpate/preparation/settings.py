@@ -161,11 +161,11 @@ def largest_turn(orientation: Floats) -> float:
 
 
 def frame_of(
-    recording: Recording, roles: Roles, asked: ForceFrame | None, remarks: list[Finding]
+    recording: Recording, roles: Roles, asked: ForceFrame | None, findings: list[Finding]
 ) -> ForceFrame:
     """Say in which frame the force is: as asked, by the frames that the recording names, or base.
 
-    What is assumed is added to the remarks.
+    What is assumed is added to the findings.
     """
     if asked is not None:
         return asked
@@ -174,7 +174,7 @@ def frame_of(
         if roles.orientation:
             words = "the recording does not say in which frame the force is; it is taken to be the "
             remedy = "--force-frame tool, where the sensor turns with the tool"
-            remarks.append(Finding("force frame", f"{words}position's", remedy))
+            findings.append(Finding("force frame", f"{words}position's", remedy))
         return "base"
     if force.lstrip("/") == depth.lstrip("/"):
         return "base"
@@ -184,15 +184,15 @@ def frame_of(
             ": it is turned by the probe's orientation, as if the sensor's axes were the tool's"
         )
         remedy = "--force-frame base, where they are not turned against each other"
-        remarks.append(Finding("force frame", words, remedy))
+        findings.append(Finding("force frame", words, remedy))
         return "tool"
     words += ", and there is no orientation to turn one into the other"
     remedy = "record the pose, or give the contact normal with --normal"
-    remarks.append(Finding("force frame", words, remedy, "with-care"))
+    findings.append(Finding("force frame", words, remedy, "with-care"))
     return "base"
 
 
-def turn_remark(orientation: Floats, weight: float | None) -> list[Finding]:
+def turn_findings(orientation: Floats, weight: float | None) -> list[Finding]:
     """Say that the orientation changes, where nothing takes the tool's weight off."""
     angle = largest_turn(orientation)
     if weight is not None or angle <= LARGEST_TURN:

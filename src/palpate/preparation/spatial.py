@@ -30,7 +30,7 @@ from palpate.preparation.settings import (
     no_normal,
     normal_found,
     normal_given,
-    turn_remark,
+    turn_findings,
     turned,
 )
 from palpate.preparation.surfaces import (
@@ -71,14 +71,14 @@ class AlongNormal:
         N, compression positive.
     normal : Normal or None
         None where both are along one axis already.
-    remarks : list of Finding
+    findings : list of Finding
         What was assumed.
     """
 
     depth: Floats
     force: Floats
     normal: Normal | None = None
-    remarks: list[Finding] = field(default_factory=list)
+    findings: list[Finding] = field(default_factory=list)
 
 
 #: A time at one place, what of the probe it is, and what that is along its normal.
@@ -89,7 +89,7 @@ def along_normal(
     recording: Recording, roles: Roles, signals: Signals, settings: Preparation
 ) -> Contact:
     """Make a contact of a position and a force, tared and projected on the contact normal."""
-    made, remarks = dict(signals.made), list[Finding]()
+    made, findings = dict(signals.made), list[Finding]()
     if "force" in settings.flip:
         signals = replace(signals, force=-signals.force)
     if "penetration" in settings.flip:
@@ -97,23 +97,23 @@ def along_normal(
     low, high = settings.window or (None, None)
     ends = -math.inf if low is None else low, math.inf if high is None else high
     signals = signals.taken(between(signals.time, *ends, recording.source))
-    signals = _framed(recording, roles, signals, settings, remarks)
+    signals = _framed(recording, roles, signals, settings, findings)
     if settings.tool_weight is not None and signals.force.ndim == signals.depth.ndim == 2:
         add(made, "force", f"less the tool's weight of {settings.tool_weight:g} N")
     with stage(_LOGGER, "zero of the force"):
         signals, zero, said = tared(signals, settings, recording.source)
-    remarks += said
+    findings += said
     if zero is not None:
-        zero.say(made, remarks)
+        zero.say(made, findings)
     if signals.orientation is not None:
         add(made, "force", "turned by the orientation")
     with stage(_LOGGER, "contact normal"):
         whole = pressed(signals, settings, recording.source)
     pieces = _pieces(signals, whole, settings)
     if len(pieces) > 1 or pieces[0][1] is not None:
-        remarks += _travelled(pieces, signals)
-    remarks += whole.remarks
-    contact, places = _joined(pieces, settings, made, remarks)
+        findings += _travelled(pieces, signals)
+    findings += whole.findings
+    contact, places = _joined(pieces, settings, made, findings)
     done = Prepared(
         recording,
         settings,
@@ -135,16 +135,16 @@ def _framed(
     roles: Roles,
     signals: Signals,
     settings: Preparation,
-    remarks: list[Finding],
+    findings: list[Finding],
 ) -> Signals:
     """With an orientation only where it turns the force, which is then in the tool's frame."""
     if signals.force.ndim == 1 or signals.depth.ndim == 1:
         return replace(signals, orientation=None)
-    remarks += saturated(signals.force)
-    frame = frame_of(recording, roles, settings.force_frame, remarks)
+    findings += saturated(signals.force)
+    frame = frame_of(recording, roles, settings.force_frame, findings)
     orientation = signals.orientation
     if orientation is not None:
-        remarks += turn_remark(orientation, settings.tool_weight)
+        findings += turn_findings(orientation, settings.tool_weight)
     if frame == "tool" and orientation is None:
         raise RecordingError(
             f"{recording.source}: a force in the tool's frame needs the orientation to turn "
@@ -199,7 +199,7 @@ def _travelled(pieces: list[Piece], signals: Signals) -> list[Finding]:
 
 @timed("surface and velocity of each place")
 def _joined(
-    pieces: list[Piece], settings: Preparation, made: dict[str, str], remarks: list[Finding]
+    pieces: list[Piece], settings: Preparation, made: dict[str, str], findings: list[Finding]
 ) -> tuple[Contact, list[Place]]:
     """The pieces one after another, each from its own surface."""
     rule: SurfaceRule = settings.surface if isinstance(settings.surface, str) else "fit"
@@ -221,7 +221,7 @@ def _joined(
         times = float(signals.time[0]), float(signals.time[-1])
         places.append(Place(*times, position, own.normal, surface))
         lost += left_out
-    _say_surface(places, made, remarks)
+    _say_surface(places, made, findings)
     normal = pieces[0][2].normal
     if normal is not None and len(pieces) == 1:
         add(made, "penetration", f"against the contact normal {normal}")
@@ -238,21 +238,21 @@ def _joined(
         segment=np.concatenate(labels),
         provenance=made,
         surface_deviation=float(np.median(known)) if one else None,
-        remarks=remarks,
+        findings=findings,
     )
     return contact, places
 
 
-def _say_surface(places: list[Place], made: dict[str, str], remarks: list[Finding]) -> None:
+def _say_surface(places: list[Place], made: dict[str, str], findings: list[Finding]) -> None:
     if len(places) == 1:
-        places[0].surface.say(made, remarks)
+        places[0].surface.say(made, findings)
         return
     add(made, "penetration", "at each place along its own normal, from its own surface")
     assumed = sum(place.surface.assumed for place in places)
     if assumed:
         words = f"at {assumed} of {len(places)} places the probe is never seen out of contact: "
         remedy = "lift the probe between places"
-        remarks.append(Finding("surface", words + ASSUMPTION, remedy, "with-care"))
+        findings.append(Finding("surface", words + ASSUMPTION, remedy, "with-care"))
 
 
 # From a position and a force in space to a depth and a compression along the contact normal.
@@ -295,14 +295,14 @@ def pressed(signals: Signals, settings: Preparation, source: str) -> AlongNormal
     result = _along_axis(depth, force, normal, settings, turn_depth=False)
     if given is None:
         words = "the contact normal was taken from the motion in which the force grows"
-        result.remarks.append(Finding("direction", words, "--normal, where it is known"))
+        result.findings.append(Finding("direction", words, "--normal, where it is known"))
     return result
 
 
 def _in_space(
     position: Floats, force: Floats, given: Normal | None, settings: Preparation, source: str
 ) -> AlongNormal:
-    found, remarks = given or normal_found(force, position, source), list[Finding]()
+    found, findings = given or normal_found(force, position, source), list[Finding]()
     along = force @ found.vector
     if given is None and found.turned:
         along = -along
@@ -311,7 +311,7 @@ def _in_space(
         else:
             words = "the force falls as the probe goes along it: it is that of the probe on the "
             words += "material, and its sign was turned"
-            remarks.append(Finding("direction", words, "--flip-force says so beforehand"))
+            findings.append(Finding("direction", words, "--flip-force says so beforehand"))
     depth = -(position @ found.vector)
     known = np.isfinite(along)
     pulls = _is_negative(along)
@@ -319,9 +319,9 @@ def _in_space(
         how = "is mostly negative" if pulls else "falls as the probe goes in"
         words, remedy = f"along the given normal the force {how}", "--normal with the other sign"
         remedy += ", or --flip-force"
-        remarks.append(Finding.of_both("do-not-trust", "direction", words, remedy))
-    remarks += misdirected(position, force, found.vector, given=given is not None)
-    return AlongNormal(depth, along, found, remarks)
+        findings.append(Finding.of_both("do-not-trust", "direction", words, remedy))
+    findings += misdirected(position, force, found.vector, given=given is not None)
+    return AlongNormal(depth, along, found, findings)
 
 
 def _is_negative(force: Floats) -> bool:
@@ -349,18 +349,18 @@ def _along_axis(
     turn_depth: bool = True,
 ) -> AlongNormal:
     """Signs of a position and a force that are along one axis."""
-    remarks = []
+    findings = []
     if "force" not in settings.flip and _is_negative(force):
         force = -force
         words = "the force is mostly negative, and its sign was turned: compression is positive"
-        remarks.append(Finding("direction", words, "--flip-force says so beforehand"))
+        findings.append(Finding("direction", words, "--flip-force says so beforehand"))
     both = np.isfinite(force) & np.isfinite(depth)
     asked = "penetration" in settings.flip
     if turn_depth and not asked and not grows(depth[both], force[both]):
         depth = -depth
         words = "the force grows as the position falls, so that its sign was turned"
-        remarks.append(Finding("direction", words, "--flip-penetration says so beforehand"))
-    return AlongNormal(depth, force, normal, remarks)
+        findings.append(Finding("direction", words, "--flip-penetration says so beforehand"))
+    return AlongNormal(depth, force, normal, findings)
 
 
 def tared(
@@ -381,15 +381,15 @@ def tared(
         force = force - (weight or 0.0) * down
     found = _zero(replace(signals, force=force), settings, source)
     words = "no time out of contact was found: the zero of the force is the sensor's own"
-    remarks = [Finding("tare", words, "record a second in free air, or --tare 0:2")]
+    findings = [Finding("tare", words, "record a second in free air, or --tare 0:2")]
     if found is not None:
-        signals, remarks = replace(signals, force=force - found.zero), []
+        signals, findings = replace(signals, force=force - found.zero), []
         if down is not None:
-            remarks = _weight_left(signals, down, found, weight, source)
+            findings = _weight_left(signals, down, found, weight, source)
         force = signals.force
     if signals.orientation is not None:
         force = turned(force, signals.orientation, source)
-    return replace(signals, force=force), found, remarks
+    return replace(signals, force=force), found, findings
 
 
 def _zero(signals: Signals, settings: Preparation, source: str) -> Baseline | None:

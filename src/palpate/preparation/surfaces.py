@@ -56,14 +56,14 @@ class Baseline:
         mean: Floats = np.atleast_1d(self.zero[self.free].mean(axis=0))
         return mean
 
-    def say(self, made: dict[str, str], remarks: list[Finding]) -> None:
+    def say(self, made: dict[str, str], findings: list[Finding]) -> None:
         """Say that it was taken off the force, and how far it drifts."""
         listed = ", ".join(rounded(value, 3) for value in self.mean.tolist())
         add(made, "force", f"less {listed} N, its mean {self.times}")
         if self.drift:
             drift = rounded(self.drift, 3)
             words = f"the zero of the force drifts by {drift} N, which was taken off"
-            remarks.append(Finding("tare", words, "let the sensor warm up"))
+            findings.append(Finding("tare", words, "let the sensor warm up"))
             add(made, "force", f"and its drift of {drift} N")
 
 
@@ -282,13 +282,13 @@ class Surface:
         """Whether nothing in the recording shows it."""
         return self.deviation is None
 
-    def say(self, made: dict[str, str], remarks: list[Finding]) -> None:
+    def say(self, made: dict[str, str], findings: list[Finding]) -> None:
         """Say that the penetration is counted from it, and that it is assumed, where it is."""
         words = f"counted from {rounded(self.position, 6)} m, {self.words}"
         if self.deviation:
             words += f" (± {rounded(self.deviation, 2)} m)"
         add(made, "penetration", words)
-        remarks += self.assumption()
+        findings += self.assumption()
 
     def assumption(self) -> list[Finding]:
         """Say that it is assumed, where it is."""

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from palpate.contact import Contact
 from palpate.errors import InvalidParameterError, MissingExtraError, RecordingError
+from palpate.findings import Finding
 from palpate.recordings.recording import Faults, Recording, printable
 from palpate.writing import scratch_file, write_bytes, write_text
 
@@ -305,6 +306,9 @@ def first_line(error: BaseException) -> str:
     return words if len(words) <= 160 else f"{words[:159]}…"
 
 
+_USED = "what could be read is used; --strict refuses the file"
+
+
 @dataclass(slots=True)
 class Draft:
     """What a reader has gathered of a file until it is a recording; that says what each is.
@@ -355,8 +359,9 @@ class Draft:
             raise self.error(f"{self.losses[0]}{more}; {rest}")
         mappings = ("units", "notes", "clocks", "frames", "types", "faults")
         own: dict[str, Any] = {name: getattr(self, name) for name in mappings}
-        own |= {name: tuple(getattr(self, name)) for name in ("losses", "omissions")}
-        return Recording(self.channels, source=self.source, rows=rows, **own)
+        lost = [Finding("file", words, _USED, "with-care") for words in self.losses]
+        findings = (*lost, *(Finding("file", words) for words in self.omissions))
+        return Recording(self.channels, source=self.source, rows=rows, findings=findings, **own)
 
 
 # Tables of named columns, and contacts, written: Parquet by pyarrow, or CSV.

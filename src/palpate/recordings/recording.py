@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.errors import InvalidParameterError, MissingChannelError, RecordingError
+from palpate.findings import Finding
 from palpate.force_laws import ForceLaw, law_from
 from palpate.validation import Floats, unmasked
 
@@ -65,10 +66,9 @@ class Recording:
         ``{"/ft": "geometry_msgs/msg/WrenchStamped"}``.
     faults : mapping
         Cells of a channel of numbers that hold none, which are NaN.
-    losses : sequence of str
-        What of the file could not be read, in sentences.
-    omissions : sequence of str
-        What was not read because it holds no numbers, or was not asked for.
+    findings : sequence of Finding
+        What of the file could not be read, which calls for care; and, as notes, what was not read
+        because it holds no numbers, or was not asked for.
 
     Raises
     ------
@@ -91,8 +91,7 @@ class Recording:
     frames: Mapping[str, str] = field(default_factory=dict)
     types: Mapping[str, str] = field(default_factory=dict)
     faults: Mapping[str, Faults] = field(default_factory=dict)
-    losses: Sequence[str] = ()
-    omissions: Sequence[str] = ()
+    findings: Sequence[Finding] = ()
 
     def __post_init__(self) -> None:
         channels = {}
@@ -105,6 +104,16 @@ class Recording:
                     f"channel {name!r} must be an array, not {type(values).__name__}"
                 ) from None
         object.__setattr__(self, "channels", channels)
+
+    @property
+    def losses(self) -> tuple[str, ...]:
+        """What of the file could not be read, in sentences."""
+        return tuple(each.message for each in self.findings if each.severity != "note")
+
+    @property
+    def omissions(self) -> tuple[str, ...]:
+        """What was not read because it holds no numbers, or was not asked for."""
+        return tuple(each.message for each in self.findings if each.severity == "note")
 
     def channel(self, name: str) -> NDArray[Any]:
         """Return a channel as it was recorded.

@@ -180,8 +180,6 @@ def _law(result: Identified) -> Iterator[str]:
     if math.isfinite(predicted):
         measures += f"; predicted a priori, after 0.2 s of contact, to {rounded(predicted, 2)} %"
     yield f'<p class="soft">{escape(measures)} (RMS).</p>'
-    for flag in result.flags if not result.diagnosis.episodes else ():
-        yield f'<p class="note">{escape(flag)}</p>'
 
 
 def _apart(difference: float, error: float) -> str:
@@ -303,11 +301,11 @@ def preparation(result: Identified) -> Iterator[str]:
     )
     rows = [
         [
-            escape(remark.check),
-            f"<p>{escape(remark.message)}</p>"
-            + (f'<p class="soft">→ {escape(remark.remedy)}</p>' if remark.remedy else ""),
+            escape(finding.check),
+            f"<p>{escape(finding.message)}</p>"
+            + (f'<p class="soft">→ {escape(finding.remedy)}</p>' if finding.remedy else ""),
         ]
-        for remark in contact.remarks
+        for finding in contact.findings
     ]
     if rows:
         yield from html.table("What was found, assumed or left out", ("step", ""), rows)

@@ -74,7 +74,7 @@ def how_made(contact: Contact, files: Sequence[Path]) -> list[str]:
         made = {name: words for name, words in made.items() if " of " in name} or made
     lines = [f"of {file}" for file in files]
     lines += [f"{channel}: {words}" for channel, words in made.items()]
-    return lines + [f"{remark.check}: {remark.message}" for remark in contact.remarks]
+    return lines + [f"{each.check}: {each.message}" for each in contact.findings]
 
 
 # A contact and its trace as named columns, a row a sample.
@@ -165,7 +165,7 @@ def contact_and_trace(
         provenance=whole["provenance"],
         tare_deviation=whole["tare_deviation"],
         surface_deviation=whole["surface_deviation"],
-        remarks=[*map(_finding, whole["remarks"])],
+        findings=[*map(Finding.from_dict, whole["findings" if "findings" in whole else "remarks"])],
     )
     return contact, trace
 
@@ -202,7 +202,7 @@ def described(files: Sequence[Path], results: "Sequence[Identified]") -> dict[st
         "samples": len(contact),
         "touches": [touch.as_dict() for touch in touches_of(contact)],
         "provenance": dict(contact.provenance),
-        "remarks": [remark.as_dict() for remark in contact.remarks],
+        "findings": [each.as_dict() for each in contact.findings],
         "tare_deviation": contact.tare_deviation,
         "surface_deviation": contact.surface_deviation,
         "gate": asdict(gate),
@@ -380,7 +380,7 @@ def load_result(path: str | Path) -> SavedResult:
             standard_errors=np.array([errors[name] for name in law.names()], dtype=np.float64),
             correlations=np.array(found["correlations"], dtype=np.float64),
             verdict=_verdict(found["verdict"]),
-            findings=tuple(_finding(each) for each in found["findings"]),
+            findings=tuple(Finding.from_dict(each) for each in found["findings"]),
             working_depths=tuple(_working_depth(each) for each in found["working_depths"]),
             contact=contact,
             trace=trace,
@@ -437,19 +437,6 @@ def _verdict(words: Mapping[str, Any]) -> Verdict:
         if mark not in MARKS:
             raise ValueError(f"no verdict of palpate is {mark!r}")
     return verdict
-
-
-_OF_SCHEMA_1 = {"sentence": "message", "step": "check"}
-
-
-def _finding(words: Mapping[str, Any]) -> Finding:
-    given = {_OF_SCHEMA_1.get(name, name): value for name, value in words.items()}
-    # Of schema 1: whether stiffness and damping suffer.
-    if given.pop("numbers", False) or ("step" in words and words["severity"] == "do-not-trust"):
-        given |= {"stiffness": given["severity"], "damping": given["severity"]}
-    for name in ("z", "moves_stiffness_percent", "moves_damping_percent"):
-        given[name] = or_nan(given.get(name))
-    return Finding(**given)
 
 
 def _working_depth(words: Mapping[str, Any]) -> WorkingDepth:

@@ -424,7 +424,7 @@ def _findings(result: "Identified") -> list[str]:
     for finding in result.diagnosis.findings:
         lines.append(f"{finding.severity}: {finding.check}: {finding.message}")
         lines += [f"  → {finding.remedy}"] if finding.remedy else []
-    return [*lines, *(f"note: {flag}" for flag in result.flags)]
+    return lines
 
 
 def _aligned(rows: Sequence[Sequence[str]]) -> list[str]:

@@ -33,6 +33,7 @@ from palpate.exports.engine import (
     is_kelvin_voigt,
     kelvin_voigt,
     template,
+    warned,
     with_one_exponent,
     xml_comment,
 )
@@ -352,7 +353,7 @@ def _point(asked: Asked, form: str, spheres: Spheres) -> DrakeContact:
         asked=asked,
         numbers=numbers,
         exact=exact and law.damping >= 0.0,
-        warnings=tuple(warnings),
+        findings=warned(*warnings),
         parts=parts,
         contact=spheres,
         setting=Setting("point", LAGGED, asked.time_step),
@@ -437,7 +438,7 @@ def _hydroelastic(asked: Asked) -> DrakeContact:
         form="hydroelastic",
         asked=asked,
         numbers={**law, "box_height": height, **mesh},
-        warnings=(
+        findings=warned(
             *_negative(asked.law),
             "written without friction, which would push back on the tip's flanks as it goes "
             "straight in: with a coefficient of 1 the force was nearly half higher at 50 mm/s",
@@ -470,7 +471,7 @@ def _sap(asked: Asked) -> DrakeContact:
         numbers=surface,
         engine_law=law,
         exact=is_kelvin_voigt(asked.law) and asked.law.damping >= 0.0,
-        warnings=(*_negative(asked.law), *_step(asked)),
+        findings=warned(*_negative(asked.law), *_step(asked)),
         parts=_parts(asked, surface, tip),
         contact=Sap(law),
         setting=Setting("point", SAP, asked.time_step),

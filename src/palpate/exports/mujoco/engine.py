@@ -31,8 +31,10 @@ from palpate.exports.engine import (
     length,
     numbers_of,
     percent,
+    refused,
     stable_step,
     template,
+    warned,
     with_exponents,
     xml_comment,
 )
@@ -251,7 +253,6 @@ class MuJoCo(Engine):
         runs = self.pulls() or not pulls
         refusals = _too_narrow(rows, deepest)
         if robot is not None:
-            refusals += robot.refusals
             if form == "callback" and robot.contacts > 1:
                 refusals.append("the callback pushes at one point: give it a round tip")
             if not robot.passive and (pulls or form == "callback"):
@@ -263,12 +264,15 @@ class MuJoCo(Engine):
             warnings.append(_ONE_FOR_ALL)
         else:
             numbers, warnings = _numbers(rows), [_FRICTIONLESS, *_about(form, asked, rows)]
-            warnings += [*(robot.warnings if robot else ()), *lifted]
+            warnings += lifted
             if not runs:
                 warnings.append(
                     f"MuJoCo {self.version()} is too old for the adhesion of a pair: not replayed "
                     "here"
                 )
+        own = () if robot is None else robot.findings
+        if form == "callback":  # at its one point what is said of rows does not hold
+            own = tuple(each for each in own if each.severity == "do-not-trust")
         return (AsCallback if form == "callback" else InRows)(
             form=form,
             asked=asked,
@@ -276,8 +280,7 @@ class MuJoCo(Engine):
             engine_law=engine_law,
             exact=form == "callback",
             largest_step=stable_step(engine_law, asked.mass_or_one, deepest),
-            warnings=tuple(warnings),
-            refusals=tuple(refusals),
+            findings=(*own, *warned(*warnings), *refused(*refusals)),
             rows=rows,
             robot=robot,
             runs=runs,

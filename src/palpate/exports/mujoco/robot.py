@@ -15,9 +15,10 @@ from xml.etree import ElementTree
 import numpy as np
 
 from palpate.errors import InvalidParameterError, RecordingError
-from palpate.exports.engine import ProbeMotion, digits, template, xml_comment
+from palpate.exports.engine import ProbeMotion, digits, refused, template, warned, xml_comment
 from palpate.exports.exporting import STATEMENT, InAnEngine
 from palpate.exports.mujoco.fitting import PairRow
+from palpate.findings import Finding
 from palpate.lab.rig import require_mujoco
 from palpate.validation import Floats
 
@@ -233,7 +234,7 @@ class Robot:
         Of its meshes and textures, from its own folder on.
     passive : bool
         Whether it has passive forces, which a pair that pulls and a callback are among.
-    warnings, refusals : tuple of str
+    findings : tuple of Finding
         Of the geom's shape, and of the model's options.
     """
 
@@ -246,8 +247,7 @@ class Robot:
     time_step: float
     asset_folders: tuple[str, str]
     passive: bool = True
-    warnings: tuple[str, ...] = ()
-    refusals: tuple[str, ...] = ()
+    findings: tuple[Finding, ...] = ()
 
     def scene(self, notes: Sequence[str]) -> str:
         """A scene of the model, wherever that is, with the fragment beside this file."""
@@ -295,10 +295,12 @@ def read(path: Path, geom: str | None, deepest: float) -> Robot:
     both = int(mujoco.mjtDisableBit.mjDSBL_SPRING) | int(mujoco.mjtDisableBit.mjDSBL_DAMPER)
     passive = int(model.opt.disableflags) & both != both
     own = float(model.opt.timestep), (spec.meshdir, spec.texturedir), passive
-    warnings = _warnings(kind, geom, counts, mass, mobility)
-    refusals = _refusals(mujoco, model, kind, geom, counts)
     felt = mobility, mass, contacts, first.place
-    return Robot(path, geom, *felt, *own, warnings, refusals)
+    findings = (
+        *warned(*_warnings(kind, geom, counts, mass, mobility)),
+        *refused(*_refusals(mujoco, model, kind, geom, counts)),
+    )
+    return Robot(path, geom, *felt, *own, findings)
 
 
 def _spec(path: Path) -> Any:
@@ -389,9 +391,7 @@ def _turn(normal: Floats) -> Floats:
     return np.asarray(quaternion / np.linalg.norm(quaternion))
 
 
-def _warnings(
-    kind: str, geom: str, counts: set[int], mass: float, mobility: float
-) -> tuple[str, ...]:
+def _warnings(kind: str, geom: str, counts: set[int], mass: float, mobility: float) -> list[str]:
     found = []
     if kind == "CAPSULE" and counts == {1}:
         found.append(
@@ -410,10 +410,10 @@ def _warnings(
             "another pose: restitution and the largest time step are those of this one; scene.xml "
             f"has the {1.0 / mobility:.4g} kg that the numbers are for"
         )
-    return tuple(found)
+    return found
 
 
-def _refusals(mujoco: Any, model: Any, kind: str, geom: str, counts: set[int]) -> tuple[str, ...]:
+def _refusals(mujoco: Any, model: Any, kind: str, geom: str, counts: set[int]) -> list[str]:
     found = []
     if kind in _WITHOUT_LAW:
         found.append(
@@ -431,7 +431,7 @@ def _refusals(mujoco: Any, model: Any, kind: str, geom: str, counts: set[int]) -
         found.append("the model overrides every contact's solref and solimp: <flag override>")
     if model.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_CONTACT):
         found.append("the model switches contacts off: <flag contact>")
-    return tuple(found)
+    return found
 
 
 # A scene of MuJoCo that an export wrote, read from its file for the laboratory to press.

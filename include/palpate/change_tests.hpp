@@ -1,0 +1,404 @@
+// What ChangeDetector asks of a-priori errors: how they are correlated, where the probe has been
+// before, and two tests of whether they have grown.
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <bit>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+
+#include "palpate/matrix.hpp"
+
+namespace palpate::detail {
+
+// The correlation of errors with their own past, as an autoregression of fourth order: what is left
+// once it is taken out is white (Levinson 1947).
+//
+//   ẽ = e − Σ aᵢ e₋ᵢ,   φ̃ = φ − Σ aᵢ φ₋ᵢ,   i = 1 … 4
+
+// An error and what it is compared with.
+struct Regressed {
+  double error;
+  Vector<2> regressor;
+};
+
+class Autoregression {
+ public:
+  // Four follow noise of AR(1) up to 0.98 and of low-passes of second order: with them none of
+  // these alarms (docs/accuracy/alarms.md).
+  static constexpr std::size_t order = 4;
+
+  // Takes the next error; gives it and its regressor white, as far as is known by now.
+  Regressed whiten(const Regressed& now) noexcept {
+    Regressed white = now;
+    // An error beyond five deviations is an outlier or a change, and says nothing of correlation.
+    const double bounded = std::clamp(now.error, -most_, most_);
+    Vector<order + 1> products{bounded * bounded};
+    for (std::size_t i = 0; i < order; ++i) {
+      products[i + 1] = bounded * bounded_[(count_ - 1 - i) % past_.size()];
+    }
+    for (std::size_t i = 0; i < used_; ++i) {
+      const Regressed& past = past_[(count_ - 1 - i) % past_.size()];
+      white.error -= coefficients_[i] * past.error;
+      white.regressor[0] -= coefficients_[i] * past.regressor[0];
+      white.regressor[1] -= coefficients_[i] * past.regressor[1];
+    }
+    past_[count_ % past_.size()] = now;
+    bounded_[count_ % past_.size()] = bounded;
+    ++count_;
+    if (++following_ > order) learn(products);
+    return white;
+  }
+
+  // The next error does not follow the last one: of the first ones the past is unknown.
+  void interrupt() noexcept { following_ = 0; }
+  bool knows_past() const noexcept { return following_ > order; }
+
+  // Forgets what it has learned, but not the coefficients, until new ones come.
+  void relearn() noexcept {
+    learned_ = 0;
+    covariances_ = {};
+    sums_ = {};
+  }
+
+ private:
+  // New coefficients come with so many errors, which is a tenth of what they would cost with each.
+  static constexpr std::uint64_t block = 64;
+  // Blocks that count: eighty correlation lengths of AR(1) 0.98.
+  static constexpr double memory = 62.0;
+
+  // White noise gives reflections of 1/√4000: below three of those they are none, and cost nothing.
+  static constexpr double chance = 0.047;
+
+  void learn(const Vector<order + 1>& products) noexcept {
+    for (std::size_t i = 0; i <= order; ++i) sums_[i] += products[i];
+    if (++learned_ % block == 0) solve();
+  }
+
+  // Levinson's recursion; a millionth of white noise keeps it stable for a signal without any.
+  void solve() noexcept {
+    const double gain = 1.0 / std::min(static_cast<double>(learned_ / block), memory);
+    for (std::size_t i = 0; i <= order; ++i) {
+      covariances_[i] += gain * (sums_[i] / static_cast<double>(block) - covariances_[i]);
+    }
+    sums_ = {};
+    const double power = covariances_[0] * (1.0 + 1e-6);
+    if (!(power > 0.0)) return;
+    most_ = 5.0 * std::sqrt(covariances_[0]);
+    Vector<order> a{};
+    std::size_t known = 0;
+    double error = power;
+    for (std::size_t m = 0; m < order; ++m) {
+      double reflection = covariances_[m + 1];
+      for (std::size_t i = 0; i < m; ++i) reflection -= a[i] * covariances_[m - i];
+      reflection /= error;
+      // Autocovariances that are averaged with forgetting need not be those of any signal.
+      if (!(std::abs(reflection) < 1.0)) break;
+      Vector<order> next = a;
+      next[m] = reflection;
+      for (std::size_t i = 0; i < m; ++i) next[i] = a[i] - reflection * a[m - 1 - i];
+      a = next;
+      error *= 1.0 - reflection * reflection;
+      if (std::abs(reflection) > chance) known = m + 1;
+      if (known == m + 1) coefficients_ = a;
+    }
+    used_ = known;
+  }
+
+  std::array<Regressed, 8> past_{};  // a power of two, above the order
+  Vector<8> bounded_{};              // their errors
+  Vector<order> coefficients_{};     // of which so many are used
+  std::size_t used_ = 0;
+  Vector<order + 1> covariances_{};
+  Vector<order + 1> sums_{};   // of the products of this block
+  double most_ = 1e150;        // that an error counts; its square is finite
+  std::uint64_t count_ = 0;    // errors taken
+  std::uint64_t learned_ = 0;  // of them, since the last beginning
+  std::size_t following_ = 0;  // since the last interruption
+};
+
+// A cumulative sum of squared errors over their variance (Page 1954), which alarms only beyond what
+// it has come back from before:
+//
+//   z = min(e²/s², 25);  g ← max(0, g + z − drift);  alarm at g > threshold and g > 3 × its peaks
+//
+// s² follows the clipped e² slowly.
+class CumulativeSum {
+ public:
+  // Where s² begins, and what it never falls below.
+  void set_variance(double variance, double least) noexcept {
+    variance_ = std::max(variance, least);
+    least_ = least;
+    per_variance_ = 1.0 / variance_;
+  }
+  double variance() const noexcept { return variance_; }
+
+  // Lets s² follow a squared error, by `gain` of the way.
+  void learn(double square, double gain) noexcept { follow(square * per_variance_, gain); }
+
+  // The same; true beyond the threshold and thrice its peaks. What is withheld counts as a peak
+  // instead.
+  bool add(double square, double gain, double drift, double threshold, bool withheld) noexcept {
+    const double ratio = square * per_variance_;
+    follow(ratio, gain);
+    // z beyond 25 is an outlier, of which it takes three to reach 60.
+    sum_ = std::max(0.0, sum_ + std::min(ratio, 25.0) - drift);
+    if (zero()) {
+      highest_ = std::max(highest_, peak_);
+      peak_ = 0.0;
+    }
+    peak_ = std::max(peak_, sum_);
+    if (withheld) highest_ = std::max(highest_, sum_);
+    return sum_ > threshold && sum_ > 3.0 * highest_;
+  }
+  bool zero() const noexcept { return sum_ == 0.0; }
+
+  // After an alarm, from which it did not come back.
+  void restart() noexcept { sum_ = peak_ = 0.0; }
+
+ private:
+  // e² counts up to three deviations: 99.7 % of white noise, and little of a change. Every eighth
+  // is early enough for a variance, and saves a division.
+  void follow(double ratio, double gain) noexcept {
+    growth_ += gain * (std::min(ratio, 9.0) - 1.0);
+    if (++followed_ % 8 != 0) return;
+    // With a gain near one eight of them would take it below zero.
+    set_variance(variance_ * std::max(1.0 + growth_, 0.1), least_);
+    growth_ = 0.0;
+  }
+
+  double variance_ = 0.0;
+  double least_ = 0.0;
+  double per_variance_ = 0.0;
+  double growth_ = 0.0;         // of the variance since it was last renewed, relative
+  std::uint32_t followed_ = 0;  // errors
+  double sum_ = 0.0;
+  double peak_ = 0.0;     // of the sum since it was last zero
+  double highest_ = 0.0;  // of the peaks that it came back from
+};
+
+// Where the probe has been before, and how fast. A law that is outside the material's class fits
+// the ground that taught it and no other, so that an error on new ground says nothing of a change:
+// a recording that goes in, rests and comes back is never twice at one depth and speed.
+class KnownGround {
+ public:
+  // Takes the next depth, > 0, and velocity; true where an earlier stroke has been at both, or this
+  // one has rested.
+  bool visit(double depth, double velocity) noexcept {
+    const double speed = std::abs(velocity);
+    const bool back = inward_ ? depth<(1.0 - turn) * furthest_ : depth>(1.0 + turn) * furthest_;
+    if (back) end_stroke(depth);
+    const bool further =
+        inward_ ? depth > (1.0 + step) * furthest_ : depth < (1.0 - step) * furthest_;
+    if (further) {
+      furthest_ = depth;
+      fastest_there_ = fastest_now_;
+      stay_ = {depth, depth, 0};
+      rested_ = 0;
+    }
+    fastest_now_ = std::max(fastest_now_, speed);
+    const std::size_t kind = kind_of(velocity);
+    const std::uint64_t cell = cell_of(depth);
+    current_[kind] |= cell;
+    stay_ = {std::min(stay_.least, depth), std::max(stay_.most, depth), stay_.kinds | 1u << kind};
+    if (++rested_ == rest) end_rest(depth);
+    const bool stayed =
+        depth >= known_stay_.least && depth <= known_stay_.most && known_stay_.kinds >> kind & 1u;
+    return (stayed || (earlier_[kind] & cell) != 0) && speed <= 2.0 * fastest_;
+  }
+
+  // All ground is new: another law is learned.
+  void forget() noexcept {
+    earlier_ = {};
+    current_ = {};
+    known_stay_ = {};
+  }
+
+ private:
+  // A stroke ends where the depth comes back by this part of itself, …
+  static constexpr double turn = 0.05;
+  // … and rests where it has not gone further by this part …
+  static constexpr double step = 0.01;
+  // … for so many samples.
+  static constexpr std::uint32_t rest = 1000;
+
+  // Outward and inward (0, 1), slowly so (2, 3), which is below a quarter of the fastest, and at
+  // rest, below a sixteenth.
+  static constexpr std::size_t resting = 4;
+  using Cells = std::array<std::uint64_t, 5>;
+
+  std::size_t kind_of(double velocity) const noexcept {
+    const double speed = std::abs(velocity);
+    if (speed < 0.0625 * fastest_now_) return resting;
+    return (velocity > 0.0 ? 1u : 0u) + (speed < 0.25 * fastest_now_ ? 2u : 0u);
+  }
+
+  // Eight cells an octave of depth; after eight octaves they come again. The top bits of a double
+  // are its exponent and, within an octave, its mantissa.
+  static std::uint64_t cell_of(double depth) noexcept {
+    const std::uint64_t bits = std::bit_cast<std::uint64_t>(depth);
+    return std::uint64_t{1} << ((bits >> 49) & 63);
+  }
+
+  // It turned some way before: what was visited the other way is of the new stroke.
+  void end_stroke(double depth) noexcept {
+    const std::size_t way = inward_ ? 1 : 0;
+    for (const std::size_t kind : {resting, way, way + 2}) {
+      earlier_[kind] |= current_[kind];
+      current_[kind] = 0;
+    }
+    stay_ = {depth, depth, 0};
+    known_stay_ = {};
+    inward_ = !inward_;
+    fastest_ = fastest_there_;
+    furthest_ = depth;
+    rested_ = 0;
+  }
+
+  // A cell is wide beside the way of a probe that rests: what it knows is where it truly was.
+  void end_rest(double depth) noexcept {
+    known_stay_ = {std::min(known_stay_.least, stay_.least), std::max(known_stay_.most, stay_.most),
+                   known_stay_.kinds | stay_.kinds};
+    stay_ = {depth, depth, 0};
+    fastest_ = fastest_now_;
+    rested_ = 0;
+  }
+
+  // The depths of a stroke that goes no further, and at which kinds of speed.
+  struct Stay {
+    double least = 1e300;
+    double most = 0.0;
+    unsigned kinds = 0;
+  };
+
+  Cells earlier_{};             // where earlier strokes have been
+  Cells current_{};             // and this one
+  Stay stay_{};                 // since it went further or rested
+  Stay known_stay_{};           // before
+  double fastest_ = 0.0;        // |velocity| of earlier strokes
+  double fastest_there_ = 0.0;  // |velocity| so far, when this stroke was furthest
+  double fastest_now_ = 0.0;    // and with this one
+  double furthest_ = 0.0;       // depth of this stroke
+  std::uint32_t rested_ = 0;    // samples since it went further
+  bool inward_ = true;
+};
+
+// Changes that are too small to show in single errors: the score of the errors against what a
+// change of stiffness or of damping would look like, over blocks of 32, 64 … 4096 samples.
+//
+//   q = sᵀ M⁻¹ s / σ²,   s = Σ φ e,   M = Σ φ φᵀ,   φ = (F̂, F̂ v)
+//
+// is χ² with two degrees of freedom while nothing changes and errors are white.
+class ScoreBlocks {
+ public:
+  // Changes that show in fewer samples the cumulative sum finds.
+  static constexpr std::size_t shortest = 32;
+  static constexpr std::size_t levels = 8;  // the longest block: 4096
+
+  // Takes an error and its regressors, all white, and σ². Gives the length of a block whose score
+  // is beyond all that came before; else 0.
+  std::size_t add(double error, const Vector<2>& regressor, double variance,
+                  bool withheld) noexcept {
+    // An outlier counts as one of four deviations.
+    const double most = 16.0 * variance;
+    const bool beyond = error * error > most;
+    const double bounded = beyond ? std::copysign(std::sqrt(most), error) : error;
+    const double a = regressor[0], b = regressor[1];
+    block_.score[0] += a * bounded;
+    block_.score[1] += b * bounded;
+    block_.information[0] += a * a;
+    block_.information[1] += a * b;
+    block_.information[2] += b * b;
+    if (++samples_ % shortest != 0) return 0;
+    return close(variance, withheld);
+  }
+
+  // Begins new blocks; what earlier ones were like is kept.
+  void restart() noexcept {
+    samples_ = 0;
+    block_ = {};
+    for (Level& level : levels_) level.waiting = false;
+  }
+
+ private:
+  // White noise exceeds 40 in e⁻²⁰ = 2e-9 of blocks: once in 600 h.
+  static constexpr double threshold = 40.0;
+  // Scores of errors that are not quite white, or outside the model class, have been large before.
+  static constexpr double over_largest = 3.0;
+  // Far beyond any threshold; it keeps the mean finite.
+  static constexpr double largest_score = 1e6;
+
+  struct Block {
+    Vector<2> score{};
+    Vector<3> information{};  // Σ a², Σ ab, Σ b²
+  };
+
+  struct Level {
+    Block half{};          // the first of the two blocks that make the next longer one
+    double sum = 0.0;      // of the scores of its blocks
+    double largest = 0.0;  // of them, slowly forgotten
+    std::uint32_t blocks = 0;
+    bool waiting = false;
+  };
+
+  std::size_t close(double variance, bool withheld) noexcept {
+    Block block = block_;
+    block_ = {};
+    std::size_t found = 0;
+    for (std::size_t i = 0; i < levels; ++i) {
+      Level& level = levels_[i];
+      const double ratio = squared(block) / variance;
+      // Not what sums beyond a double make.
+      const double score = ratio >= 0.0 ? std::min(ratio, largest_score) : 0.0;
+      if (!withheld && beyond(i, score)) {
+        found = shortest << i;
+      } else {
+        ++level.blocks;
+        level.sum += score;
+        level.largest = std::max(level.largest * (1.0 - 1.0 / 512.0), score);
+      }
+      level.waiting = !level.waiting;
+      if (level.waiting) {
+        level.half = block;
+        return found;
+      }
+      for (std::size_t j = 0; j < 2; ++j) block.score[j] += level.half.score[j];
+      for (std::size_t j = 0; j < 3; ++j) block.information[j] += level.half.information[j];
+    }
+    return found;
+  }
+
+  // sᵀ M⁻¹ s; of the first regressor alone where the second says nothing else.
+  static double squared(const Block& b) noexcept {
+    const auto& [aa, ab, bb] = b.information;
+    if (!(aa > 0.0)) return 0.0;
+    const double first = b.score[0] * b.score[0] / aa;
+    const double pivot = bb - ab * ab / aa;
+    if (!(pivot > 1e-9 * bb)) return first;
+    const double rest = b.score[1] - b.score[0] * ab / aa;
+    return first + rest * rest / pivot;
+  }
+
+  // A length with fewer than eight blocks goes by the next shorter one with as many, at most three
+  // below; without any it says nothing.
+  bool beyond(std::size_t index, double score) const noexcept {
+    constexpr std::uint32_t fewest = 8;
+    double mean = 2.0, largest = 0.0;
+    for (std::size_t down = 0; down <= std::min<std::size_t>(index, 3); ++down) {
+      const Level& level = levels_[index - down];
+      largest = std::max(largest, level.largest);
+      if (level.blocks < fewest) continue;
+      mean = std::max(mean, level.sum / static_cast<double>(level.blocks));
+      return score > threshold * 0.5 * mean && score > over_largest * largest;
+    }
+    return false;
+  }
+
+  Block block_{};
+  std::uint64_t samples_ = 0;
+  std::array<Level, levels> levels_{};
+};
+
+}  // namespace palpate::detail
