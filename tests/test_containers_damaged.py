@@ -23,8 +23,8 @@ from containers import (
     write_parquet,
 )
 
-from palpate import MissingExtraError, RecordingError
-from palpate.recordings import FORMATS, open_recording, opening
+from palpate import MissingExtraError, RecordingError, errors
+from palpate.recordings import FORMATS, open_recording
 
 
 def cut(path, size: int):
@@ -270,8 +270,8 @@ def test_a_missing_package_is_an_error_that_says_how_to_install_it(tmp_path, mon
     def absent(name):
         raise ModuleNotFoundError("No module named 'h5py'", name="h5py")
 
-    monkeypatch.setattr(opening, "import_module", absent)
-    with pytest.raises(MissingExtraError, match=r"h5py.*pip install '\.\[recordings\]'"):
+    monkeypatch.setattr(errors, "import_module", absent)
+    with pytest.raises(MissingExtraError, match=r"h5py.*pip install 'palpate\[recordings\]'"):
         open_recording(path)
 
 

@@ -13,7 +13,7 @@ from palpate.contact import Contact
 from palpate.diagnosis import Data
 from palpate.estimators.estimate import Estimate
 from palpate.findings import Finding
-from palpate.fleet.tasks import Settings, line_of, needed
+from palpate.fleet.tasks import Settings, needed
 from palpate.force_laws import ForceLaw
 from palpate.identification.identified import Identified
 from palpate.preparation.along_penetration import at_places
@@ -178,7 +178,8 @@ def row_of(contact: Contact, settings: Settings) -> Row:
 
 def failure(error: Exception) -> Row:
     """Return what a row says of a contact that could not be identified."""
-    return {"error": line_of(error), "error_kind": type(error).__name__}
+    words = " ".join(str(error).split()) or type(error).__name__
+    return {"error": words, "error_kind": type(error).__name__}
 
 
 def in_words(finding: Finding) -> str:

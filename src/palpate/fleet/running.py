@@ -30,9 +30,10 @@ from palpate.fleet.arrays import (
 )
 from palpate.fleet.files import Results, curves_of, on_this_machine, sources_of
 from palpate.fleet.rows import Row, table_of_rows
-from palpate.fleet.tasks import Batch, Settings, batches, cores, line_of, needed
+from palpate.fleet.tasks import Batch, Settings, batches, cores, needed
 from palpate.preparation import prepare
 from palpate.recordings import open_recording
+from palpate.recordings.opening import FORCE_CURVES, first_line
 from palpate.recordings.recording import printable
 from palpate.validation import Floats, whole_in
 
@@ -145,9 +146,8 @@ def _in_files(kind: str, named: list[Named]) -> Iterator[Given]:
         try:
             with on_this_machine(source) as path:
                 if kind == "map":
-                    from palpate.recordings.afm import read_curves
-
-                    found = read_curves(path, [index or 0 for _, index in some])
+                    numbers = [index or 0 for _, index in some]
+                    found = FORCE_CURVES.reader().read_curves(path, numbers)
                 else:
                     found = iter([open_recording(path, curve=some[0][1])])
                 for recording in found:
@@ -219,7 +219,7 @@ def client_of(
         client = distributed.Client(scheduler, timeout=PATIENCE, set_as_default=False)
     except (OSError, ValueError, TypeError, TimeoutError) as error:
         raise FleetError(
-            f"{scheduler}: no scheduler of Dask answers ({line_of(error)}); start one by dask "
+            f"{scheduler}: no scheduler of Dask answers ({first_line(error)}); start one by dask "
             "scheduler, or leave --scheduler out to use the cores of this machine"
         ) from None
     with client:
@@ -339,7 +339,7 @@ def _check_workers(client: Any, scheduler: str) -> None:
     try:
         found = client.run(version)
     except Exception as error:
-        raise FleetError(f"{scheduler}: its workers cannot be asked: {line_of(error)}") from None
+        raise FleetError(f"{scheduler}: its workers cannot be asked: {first_line(error)}") from None
     for worker, answer in sorted(found.items()):
         if answer != f"palpate {__version__}":
             raise FleetError(
@@ -517,7 +517,7 @@ def _answer(
     except FleetError:
         raise
     except Exception as error:
-        words = f"{type(error).__name__}: {line_of(error)}"
+        words = f"{type(error).__name__}: {first_line(error)}"
         raise FleetError(f"a worker cannot work: {words}") from None
     size = -(-table.num_rows // _PARTS)
     answers = []

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.contact import Contact
-from palpate.errors import InvalidParameterError, MissingExtraError, RecordingError
+from palpate.errors import InvalidParameterError, RecordingError, needed
 from palpate.findings import Finding
 from palpate.recordings.recording import Faults, Recording, printable
 from palpate.writing import scratch_file, write_bytes, write_text
@@ -92,16 +92,14 @@ class Format:
         MissingExtraError
             A package that it takes is not installed.
         """
-        try:
-            recording: Recording = import_module(self.module).read(path, request)
-            return recording
-        except ModuleNotFoundError as error:
-            if self.extra is None or (error.name or "").startswith("palpate"):
-                raise
-            raise MissingExtraError(
-                f"{self.name} files are read with the package {error.name}, which is not "
-                f"installed: pip install '.[{self.extra}]' in a checkout of palpate"
-            ) from None
+        recording: Recording = self.reader().read(path, request)
+        return recording
+
+    def reader(self) -> Any:
+        """Return its module."""
+        if self.extra is None:
+            return import_module(self.module)
+        return needed(self.module, f"a file of {self.name}", self.extra)
 
 
 _HERE = "palpate.recordings"
@@ -419,13 +417,8 @@ def has_parquet() -> bool:
 def _as_parquet(
     columns: Mapping[str, NDArray[Any]], units: Mapping[str, str], notes: Mapping[str, str]
 ) -> bytes:
-    try:
-        import pyarrow as pa
-        import pyarrow.parquet as parquet
-    except ImportError:
-        raise MissingExtraError(
-            "Parquet needs pyarrow: pip install 'palpate[recordings]', or write .csv"
-        ) from None
+    pa = needed("pyarrow", "Parquet, in place of which .csv may be written,", "recordings")
+    parquet = needed("pyarrow.parquet", "Parquet", "recordings")
     # Not by pa.array, which imports pandas to ask it whether the values are its own.
     arrays = []
     for values in columns.values():
