@@ -22,7 +22,7 @@ from palpate.fleet.tasks import Batch, ContactSource, Settings, digest_of, neede
 from palpate.recordings.opening import FORCE_CURVES, FORMATS, first_line
 from palpate.recordings.recording import UNITS, plain_unit, printable
 from palpate.validation import Floats
-from palpate.writing import make_folder, temporary_file, write_bytes, write_text
+from palpate.writing import as_json, make_folder, temporary_file, write_bytes, write_text
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -282,7 +282,7 @@ class Results:
                 )
         else:
             _check_empty(folder)
-            write_text(path, json.dumps(wanted, ensure_ascii=False, indent=1) + "\n")
+            write_text(path, as_json(wanted))
         make_folder(folder / TIMES)
         return cls(folder, wanted["contacts"])
 
