@@ -12,21 +12,17 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from palpate.errors import FleetError, MissingExtraError, RecordingError
 from palpate.fleet.arrays import Curves
-from palpate.fleet.tasks import Batch, ContactSource, Settings, digest_of, needed
+from palpate.fleet.tasks import Batch, ContactSource, Settings, Table, digest_of, needed
 from palpate.recordings.opening import FORCE_CURVES, FORMATS, first_line
 from palpate.recordings.recording import UNITS, plain_unit, printable
 from palpate.validation import Floats
 from palpate.writing import as_json, make_folder, temporary_file, write_bytes, write_text
-
-if TYPE_CHECKING:
-    import pyarrow as pa
-
 
 _ZARR_ENDINGS = (".zarr", ".zarr.zip")
 _MARKS = ("zarr.json", ".zgroup", ".zarray")
@@ -303,7 +299,7 @@ class Results:
         kinds: list[str | None] = _joined(self.folder, ["error_kind"])["error_kind"].to_pylist()
         return kinds
 
-    def write(self, batch: Batch, table: "pa.Table", seconds: Floats) -> None:
+    def write(self, batch: Batch, table: Table, seconds: Floats) -> None:
         """Write the rows of a batch, whole or not at all; its times first.
 
         Raises
@@ -321,7 +317,7 @@ class Results:
             write_bytes(folder / name, written.getvalue())
 
 
-def read_results(folder: Path) -> "pa.Table":
+def read_results(folder: Path) -> Table:
     """Read the rows of a fleet, in the order of its sources.
 
     Raises
@@ -340,12 +336,12 @@ def read_results(folder: Path) -> "pa.Table":
     return table
 
 
-def read_seconds(folder: Path) -> "pa.Table":
+def read_seconds(folder: Path) -> Table:
     """Read how long each row took: ``source``, ``index`` and ``seconds``."""
     return _joined(folder, place=TIMES)
 
 
-def _joined(folder: Path, columns: list[str] | None = None, place: str = ".") -> "pa.Table":
+def _joined(folder: Path, columns: list[str] | None = None, place: str = ".") -> Table:
     pa = needed("pyarrow", "a table of contacts")
     parquet = needed("pyarrow.parquet", "a table of contacts")
     parts = [folder / place / path.name for _, path in _parts(folder)]

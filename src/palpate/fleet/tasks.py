@@ -8,7 +8,7 @@ import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING, Any, Literal, get_args
+from typing import Any, Literal, TypeAlias, get_args
 
 import numpy as np
 
@@ -23,10 +23,8 @@ from palpate.preparation.settings import Preparation
 from palpate.settings import ContactGate
 from palpate.validation import shown
 
-if TYPE_CHECKING:
-    import pyarrow as pa
-
-
+#: A table of pyarrow, which has no types, and is imported where one is made.
+Table: TypeAlias = Any
 #: Import a package of the extra ``fleet``, or say what needs it.
 needed = partial(errors.needed, extra="fleet")
 
@@ -115,7 +113,7 @@ class Batch:
     """
 
     first: int
-    table: "pa.Table"
+    table: Table
     seconds: float
 
     @property
@@ -124,9 +122,7 @@ class Batch:
         return self.first + int(self.table.num_rows)
 
 
-def tasks_table(
-    names: Sequence[str], kinds: Sequence[str], indices: Sequence[int | None]
-) -> "pa.Table":
+def tasks_table(names: Sequence[str], kinds: Sequence[str], indices: Sequence[int | None]) -> Table:
     """Return a table of what is to be identified: ``source``, ``kind`` and ``index``."""
     pa = needed("pyarrow", "a table of contacts")
     kinds_of_columns = {"source": pa.string(), "kind": pa.string(), "index": pa.int64()}
