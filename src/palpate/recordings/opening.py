@@ -501,7 +501,14 @@ def write_contact(
     columns["force_N"] = contact.force, "%.7g"
     if contact.segment[-1:].any():
         columns["segment"] = (contact.segment + 1).astype(np.float64), "%d"
-    text = _head(head, columns)
+    write_formatted(columns, Path(path), head)
+
+
+def write_formatted(
+    columns: Mapping[str, tuple[NDArray[np.float64], str]], path: Path, notes: Mapping[str, str]
+) -> None:
+    """Write numbers as CSV below notes, each column with a form such as ``"%.9g"``."""
+    text = _head(notes, columns)
     table = np.column_stack([values for values, _ in columns.values()])
     np.savetxt(text, table, fmt=[form for _, form in columns.values()], delimiter=",")
-    write_text(Path(path), text.getvalue())
+    write_text(path, text.getvalue())
