@@ -61,11 +61,8 @@ struct Fit {
   std::uint8_t flags = 0;
 };
 
-template <std::size_t Size>
-struct Estimate {
-  Vector<Size> parameters;  // of the law, SI
-  Matrix<Size> covariance;  // of the parameters, SI
-  Offset<Size> offset;
+// What is in every estimate, whatever the law.
+struct AnyEstimate {
   Surface surface;
   std::uint8_t flags;  // of IdentifiabilityFlag
   double validity_margin;
@@ -76,6 +73,13 @@ struct Estimate {
   std::uint64_t rejected;  // samples left out as outliers
 
   constexpr bool valid() const noexcept { return validity_margin > 0.0; }
+};
+
+template <std::size_t Size>
+struct Estimate : AnyEstimate {
+  Vector<Size> parameters;  // of the law, SI
+  Matrix<Size> covariance;  // of the parameters, SI
+  Offset<Size> offset;
 };
 
 // The part of an estimate that a trace writes down, and what a prediction needs beside.

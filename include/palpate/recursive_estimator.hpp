@@ -161,17 +161,11 @@ class Recursion {
 
   Estimate<Law::size> estimate(std::uint64_t rejected) const noexcept {
     const Fit<Law> fit = method_.fit(units_);
-    return {fit.law.parameters(),
+    const double margin = validity_margin(fit.law, velocity_);
+    return {{fit.surface, fit.flags, margin, status_, samples_, guarded_, restarts_, rejected},
+            fit.law.parameters(),
             fit.covariance,
-            fit.offset,
-            fit.surface,
-            fit.flags,
-            validity_margin(fit.law, velocity_),
-            status_,
-            samples_,
-            guarded_,
-            restarts_,
-            rejected};
+            fit.offset};
   }
 
  private:
