@@ -85,7 +85,7 @@ class VariableProjectionMethod {
            detail::within(s, largest_input);
   }
 
-  Row prepare(const Sample& sample) noexcept {
+  Row prepare(const Sample& sample, double) noexcept {
     refresh();
     return {sample, last_solution_.force(sample)};
   }
@@ -102,7 +102,7 @@ class VariableProjectionMethod {
   }
 
   // A sample out of contact tells of the force's offset.
-  void free(const Sample& sample, double forgetting_factor) noexcept {
+  void free(const Sample& sample, double, double forgetting_factor) noexcept {
     if constexpr (requires { solver_.free(sample, forgetting_factor); }) {
       if (detail::within(sample, largest_input)) solver_.free(sample, forgetting_factor);
     }
@@ -180,15 +180,8 @@ class VariableProjectionMethod {
     const Law law = this->law(now, units);
     Matrix<5> joint = detail::squared(in_si(root, law, units));
     detail::bound_variances(joint, detail::largest_variance);
-    Fit<Law> fit{.law = law,
-                 .covariance = {},
-                 .offset = {now.offset * units.force, joint[3][3], {}},
-                 .surface = {now.surface * units.penetration, joint[4][4]},
-                 .flags = flags(now, root)};
-    for (std::size_t i = 0; i < order; ++i) {
-      for (std::size_t j = 0; j < order; ++j) fit.covariance[i][j] = joint[i][j];
-      fit.offset.covariance[i] = joint[3][i];
-    }
+    Fit<Law> fit = fit_of(law, joint, now.offset * units.force, flags(now, root));
+    fit.surface = {now.surface * units.penetration, joint[4][4]};
     return fit;
   }
 
