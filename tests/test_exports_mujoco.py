@@ -4,15 +4,10 @@ import runpy
 from dataclasses import replace
 from pathlib import Path
 
+import mujoco
 import numpy as np
 import pytest
-from export_cases import (
-    BALL_LAW,
-    HALF_SPACE_LAW,
-    HERTZ_LAW,
-    PVC_LAW,
-    SPONGE_LAW,
-)
+from export_cases import BALL_LAW, HALF_SPACE_LAW, HERTZ_LAW, PVC_LAW, SPONGE_LAW
 from export_cases import KELVIN_VOIGT_LAW as KELVIN_VOIGT
 
 import palpate
@@ -21,8 +16,6 @@ from palpate.exports import Asked, Motion, engine_called, export
 from palpate.exports.engine import drop_to, force_error
 from palpate.exports.mujoco.fitting import PairRow, PairRows
 from palpate.exports.mujoco.robot import Scene
-
-mujoco = pytest.importorskip("mujoco", reason="needs MuJoCo: pip install 'palpate[lab]'")
 
 MOTION = Motion.of_paper()
 FIRM = MOTION.firm()
@@ -493,11 +486,10 @@ def folder(made, tmp_path_factory):
     return folder
 
 
-def test_what_is_identified_from_the_scene_is_what_was_exported(run, folder, made, tmp_path):
+def test_what_is_identified_from_the_scene_is_what_was_exported(printed, folder, made, tmp_path):
     file = tmp_path / "again.csv"
     pressed = ("lab", folder / "scene.xml", "--probe", "ideal", "--bias", "0", "--resolution", "0")
-    status, out, err = run(*pressed, "--seconds", "6", "-o", file)
-    assert (status, err) == (0, "")
+    out = printed(*pressed, "--seconds", "6", "-o", file)
     assert '"engine": "mujoco"' in out
     found = palpate.identify(file, trace=False)
     # The stated error is one of force: what that moves a parameter by, at most, is s.e. · ε ‖F‖/σ.

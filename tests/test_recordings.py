@@ -159,7 +159,6 @@ def test_every_recording_loses_energy_in_its_loops_and_says_what_follows(path):
 
 @pytest.mark.parametrize("path", files("afm_maps/*.jpk-force-map"))
 def test_every_curve_of_a_map_is_read_and_is_that_which_others_took_out(path):
-    pytest.importorskip("afmformats")
     with pytest.raises(RecordingError, match="curves; choose one with --curve N") as refusal:
         open_recording(path)
     count = int(str(refusal.value).partition("holds ")[2].split()[0])

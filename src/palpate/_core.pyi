@@ -146,6 +146,9 @@ def correlated_variances(slopes: Annotated[NDArray[numpy.float64], dict(shape=(N
 def fit_curves(arg0: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], arg1: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], arg2: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], arg3: Sequence[float], arg4: bool, arg5: float, arg6: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], arg7: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], arg8: Sequence[float] | None, arg9: Sequence[float], arg10: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu')], arg11: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu')], arg12: Annotated[NDArray[numpy.int64], dict(order='C', device='cpu')], arg13: Annotated[NDArray[numpy.uint8], dict(order='C', device='cpu')], arg14: Annotated[NDArray[numpy.uint8], dict(order='C', device='cpu')] | None, arg15: int, arg16: str = '', /) -> None:
     """What palpate.estimators.curves.fit_curves calls, a row a curve."""
 
+def fit_samples(arg0: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], arg1: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], arg2: Sequence[float], arg3: Sequence[float], /) -> list[float]:
+    """(k, c, n, F₀, d) of the least squares of samples, rows of x, v and F."""
+
 class RecursiveEstimator:
     def update(self, penetration: float, velocity: float, force: float, dt: float | None = None) -> Status:
         """

@@ -55,4 +55,4 @@ def test_a_report_is_readable(reports, opened, name, drawings, look, dark):
         assert page.evaluate(SHOWN) == drawings
         assert page.evaluate(SMALLEST_LETTERS) >= 8.0
         words = page.inner_text("body")
-        assert words.index("stiffness at") < words.index("Correlations")
+        assert words.index("stiffness at") < words.index("correlation")

@@ -129,7 +129,7 @@ class CurveGrid {
       : samples_(means.samples()), model_(model), per_point_(means.data().per_point) {
     const double low = model.settings.lowest_exponent, high = model.settings.highest_exponent;
     // Steps of 0.3 over the default range.
-    const double steps = model.exponent_fixed ? 0.0 : std::ceil((high - low) / 0.3);
+    const double steps = model.priors().exponent_known() ? 0.0 : std::ceil((high - low) / 0.3);
     nodes_ = 1 + static_cast<std::size_t>(steps);
     step_ = nodes_ > 1 ? (high - low) / steps : 0.0;
     for (std::size_t i = 0; i < samples_.count; ++i) total_ += samples_.f[i];
@@ -164,7 +164,7 @@ class CurveGrid {
   // 1/(Σ1 + ρ_F), by which the offset is eliminated.
   double offset_fraction(const CurveCost& cost, double variance) const noexcept {
     if (!model_.settings.offset) return 0.0;
-    const double weight = cost.offset_weight(variance) / per_point_;
+    const double weight = cost.model().priors().offset_weight(variance) / per_point_;
     return 1.0 / (static_cast<double>(samples_.count) + weight + tiny);
   }
 
@@ -175,7 +175,7 @@ class CurveGrid {
   }
 
   double exponent_penalty(double n, double variance) const noexcept {
-    if (model_.exponent_fixed) return 0.0;
+    if (model_.priors().exponent_known()) return 0.0;
     const double away =
         (n - model_.settings.prior_exponent) / model_.settings.prior_exponent_deviation;
     return variance / per_point_ * away * away;

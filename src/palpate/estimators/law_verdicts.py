@@ -10,7 +10,7 @@ from palpate.digits import rounded
 from palpate.estimators.estimate import Estimate
 from palpate.findings import Finding
 from palpate.force_laws import GeneralisedHuntCrossley
-from palpate.validation import Plain, defined, or_nan, plain
+from palpate.validation import Plain, defined, or_nan
 
 # By the values of the compiled enumerations.
 DAMPINGS = ("none", "hunt-crossley", "half-space")
@@ -125,7 +125,7 @@ def band_about(frequency: float) -> tuple[float, float]:
 
 
 @dataclass(frozen=True, slots=True)
-class LawVerdict:
+class LawVerdict(Plain):
     """Which law it is, and by what.
 
     Attributes
@@ -161,13 +161,8 @@ class LawVerdict:
 
     def as_dict(self) -> dict[str, Any]:
         """Return it as plain numbers and words; the standings in their order."""
-        return {
-            "law": str(self.candidate),
-            **self.candidate.as_dict(),
-            "standings": [each.as_dict() for each in self.standings],
-            **{name: defined(getattr(self, name)) for name in _NUMBERS},
-            "findings": plain(self.findings),
-        }
+        whole = Plain.as_dict(self)
+        return {"law": str(self.candidate), **whole.pop("candidate"), **whole}
 
     def __str__(self) -> str:
         if not self.known:

@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 import palpate._core as _core
 from palpate.contact import Contact
 from palpate.diagnosis import Data
-from palpate.diagnosis.diagnosing import count_of_outliers
+from palpate.diagnosis.diagnosing import outliers
 from palpate.errors import FleetError, InvalidParameterError, RecordingError
 from palpate.estimators import ContactEstimator
 from palpate.estimators.curves import STATUS_WORDS, CurveFits, fit_curves
@@ -409,7 +409,7 @@ def _flags(fits: CurveFits, left_out: NDArray[np.int64]) -> list[Any]:
             str(NEGATIVE_STIFFNESS): pulling[k],
             str(NEGATIVE_DAMPING): giving[k],
             "the search for the least squares did not settle: others may fit better": unsettled[k],
-            count_of_outliers(count, max(count + taken, 1)): count,
+            str(outliers(count, max(count + taken, 1))): count,
         }
         flags[k] = [*flags[k], *(words for words, so in more.items() if so)]
     return flags

@@ -16,7 +16,7 @@ from palpate.errors import InvalidParameterError
 from palpate.fleet.rows import AT_DEPTH, at_depth
 from palpate.force_laws import FORCE_LAWS
 from palpate.identification.identified import NEGATIVE_STIFFNESS
-from palpate.results.summary import depth_in_words
+from palpate.results.view import depth_of
 from palpate.validation import Floats, number_in, shown
 
 if TYPE_CHECKING:
@@ -294,8 +294,8 @@ class Map:
         if self.quantity == "exponent":
             return "of the whole contact"
         if self.depth is not None:
-            return f"at {depth_in_words(self.depth)}"
-        low, high = map(depth_in_words, self.depths)
+            return f"at {depth_of(self.depth)}"
+        low, high = map(depth_of, self.depths)
         span = low if low == high else f"{low} to {high}"
         return f"at the working depth of each contact, {span}"
 

@@ -123,7 +123,7 @@ class LawsInForce:
     def page(self, estimator: ContactEstimator) -> dict[str, Any] | None:
         """Return what a verdict is worked out from, as JSON takes it; None where there is none.
 
-        It is worked out where it is shown, by :func:`palpate.live.law_numbers.verdict_on`: the
+        It is worked out where it is shown, by :func:`palpate.live.view.verdict_on`: the
         loop has not the time.
         """
         if not estimator.chooses_law:

@@ -21,11 +21,11 @@ import numpy as np
 from palpate.digits import parameter
 from palpate.errors import InvalidParameterError, PalpateError
 from palpate.live.choices import State
-from palpate.live.law_numbers import fields_of, verdict_on
 from palpate.live.loop import TAKEN
 from palpate.live.ordering import NANO
 from palpate.live.sinks import PLACE, Session, Sink, Watching, parameters_of
 from palpate.live.sources import NO_ROS1, imported
+from palpate.live.view import fields_of, verdict_on
 from palpate.validation import Floats, shown
 
 #: Before the law's parameters and their standard errors: name as published, and column of the ring.

@@ -14,10 +14,10 @@ from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
 
 from palpate.errors import MissingExtraError
-from palpate.live.law_numbers import verdict_on
 from palpate.live.ordering import NANO
 from palpate.live.ring import MOST_PARAMETERS
 from palpate.live.sinks import PLACE, Session, Watching
+from palpate.live.view import verdict_on
 from palpate.writing import opened_new
 
 if TYPE_CHECKING:
