@@ -150,24 +150,6 @@ class LostPositions {
   double step_ = unlimited;  // the least that is not zero
 };
 
-class OutlierRejection;
-
-// In place of a rejection where nothing is left out: it costs no memory and no time.
-class NoOutlierRejection {
- public:
-  static constexpr bool active = false;
-
-  struct Settings {
-    bool operator==(const Settings&) const = default;
-  };
-
-  constexpr explicit NoOutlierRejection(const Settings&) noexcept {}
-
-  static constexpr OutlierRejection* watcher() noexcept { return nullptr; }
-};
-
-constexpr const char* validate(const NoOutlierRejection::Settings&) noexcept { return nullptr; }
-
 // Outliers of velocity, force and the sensor's range:
 //
 //   force:   |F − F′| > max(10 σ, a tenth of the median force),     three in a row at most
@@ -181,8 +163,6 @@ constexpr const char* validate(const NoOutlierRejection::Settings&) noexcept { r
 // material, place or speed, and is taken, so that a change is found a few samples late.
 class OutlierRejection {
  public:
-  static constexpr bool active = true;
-
   struct Settings {
     double threshold = 10.0;  // standard deviations
 

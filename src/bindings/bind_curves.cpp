@@ -8,8 +8,11 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <limits>
+#include <numeric>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "compiled_curve_kernels.hpp"
 #include "conversions.hpp"
@@ -88,6 +91,34 @@ void fit_curves(const InputRows& penetration, const InputRows& velocity, const I
   });
 }
 
+// Without a choice of samples and without priors: in the units that they come in, from each start.
+detail::CurvePoint fit_samples(const InputRows& samples, const InputRows& starts,
+                               const Pair& exponents, const Pair& surfaces) {
+  using namespace detail;
+  constexpr double unknown = std::numeric_limits<double>::infinity();
+  const std::size_t count = samples.shape(1), padded = CurveSamples::padded(count);
+  std::vector<double> memory(5 * padded);
+  for (std::size_t row = 0; row < 3; ++row) {
+    std::copy_n(samples.data() + row * count, count, memory.data() + row * padded);
+  }
+  double* const own = memory.data();
+  const CurveSamples held{own,  own + padded, own + 2 * padded, own + 3 * padded, own + 4 * padded,
+                          count};
+  held.pad();
+  const CurveData data{{held}, 1, std::inner_product(held.f, held.f + count, held.f, 0.0)};
+  CurveModel model{{}, curves::kernels_of(""), surfaces[0], surfaces[1]};
+  ProjectionSettings& s = model.settings;
+  if (!(exponents[1] > exponents[0])) s.exponent = exponents[0];
+  s.lowest_exponent = exponents[0];
+  s.highest_exponent = exponents[1];
+  s.offset_deviation = s.prior_exponent_deviation = s.prior_dissipation_deviation = unknown;
+  std::vector<CurvePoint> from(starts.shape(0));
+  for (std::size_t i = 0; i < from.size(); ++i) {
+    std::copy_n(starts.data() + 5 * i, 5, from[i].begin());
+  }
+  return lowest_of(model, data, from).at;
+}
+
 }  // namespace
 
 void bind_curves(nb::module_& module) {
@@ -95,6 +126,8 @@ void bind_curves(nb::module_& module) {
              nb::arg(), nb::arg(), nb::arg(), nb::arg().none(), nb::arg(), nb::arg(), nb::arg(),
              nb::arg(), nb::arg(), nb::arg().none(), nb::arg(), nb::arg() = "",
              "What palpate.estimators.curves.fit_curves calls, a row a curve.");
+  module.def("fit_samples", &fit_samples, nb::arg(), nb::arg(), nb::arg(), nb::arg(),
+             "(k, c, n, F₀, d) of the least squares of samples, rows of x, v and F.");
 }
 
 }  // namespace palpate::bindings

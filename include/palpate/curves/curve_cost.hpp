@@ -46,11 +46,12 @@ struct CurveModel {
   const curves::CurveKernels* kernels;
   double lowest_surface = 0.0;
   double highest_surface = 0.0;  // equal where the surface is known
-  bool exponent_fixed = false;
 
+  Priors priors() const noexcept { return {settings}; }
+  double surface_range() const noexcept { return highest_surface - lowest_surface; }
   bool finds_surface() const noexcept { return highest_surface > lowest_surface; }
   std::array<bool, 5> open() const noexcept {
-    return {true, true, !exponent_fixed, settings.offset, finds_surface()};
+    return {true, true, !(settings.exponent > 0.0), settings.offset, finds_surface()};
   }
   std::array<double, 5> lowest() const noexcept {
     constexpr double none = -largest_parameter;
@@ -93,14 +94,8 @@ class CurveCost {
     return state;
   }
 
-  // σ² by the residual, as in variable projection (ProjectionProblem::prior_variance).
   double variance(double squares) const noexcept {
-    const ProjectionSettings& s = model_.settings;
-    if (s.noise > 0.0) return s.noise * s.noise;
-    if (!(data_.force_squared > 0.0)) return 1.0;
-    const double points = data_.count();
-    const double floor = 1e-4 * data_.force_squared / std::max(points, 1.0);
-    return (data_.per_point * squares + 2.0 * floor) / (std::max(points - 4.0, 0.0) + 2.0);
+    return priors().variance(data_.per_point * squares, data_.force_squared, data_.count());
   }
 
   // J of a point as if σ² were this.
@@ -110,11 +105,10 @@ class CurveCost {
 
   double penalty(const CurvePoint& z, double variance) const noexcept {
     const ProjectionSettings& s = model_.settings;
-    double sum = 0.0;
-    if (!model_.exponent_fixed) sum += squared(away(z[2], s.prior_exponent, exponent_deviation()));
-    sum += squared(away(ratio(z), s.prior_dissipation, s.prior_dissipation_deviation));
-    if (s.offset) sum += z[3] * z[3] * offset_weight(variance) / variance;
-    return sum * variance / data_.per_point;
+    const double away = (ratio(z) - s.prior_dissipation) / s.prior_dissipation_deviation;
+    double sum = priors().exponent_penalty(z[2], variance) + variance * away * away;
+    if (s.offset) sum += z[3] * z[3] * priors().offset_weight(variance);
+    return sum / data_.per_point;
   }
 
   // ½ ∂J/∂z, and what the priors add to JᵀJ and to the curvature that Newton's method takes off.
@@ -130,12 +124,12 @@ class CurveCost {
     const double weight = state.variance / data_.per_point;
     Slope r{{}, state.sums.information, state.sums.curvature};
     for (std::size_t i = 0; i < 5; ++i) r.gradient[i] = -state.sums.gradient[i];
-    if (!model_.exponent_fixed) {
-      const double by_n = weight / squared(exponent_deviation());
+    if (!priors().exponent_known()) {
+      const double by_n = priors().exponent_weight(weight);
       r.gradient[2] += by_n * (z[2] - s.prior_exponent);
       r.information[2][2] += by_n;
     }
-    const double by_b = weight / squared(s.prior_dissipation_deviation);
+    const double by_b = weight / (s.prior_dissipation_deviation * s.prior_dissipation_deviation);
     const double k = stiff(z[0]), b = z[1] / k, off = b - s.prior_dissipation;
     const Vector<2> u{-b / k, 1.0 / k};
     for (std::size_t i = 0; i < 2; ++i) {
@@ -146,18 +140,11 @@ class CurveCost {
     r.curvature[0][1] += by_b * off / (k * k);
     r.curvature[1][0] += by_b * off / (k * k);
     if (s.offset) {
-      const double by_offset = offset_weight(state.variance) / data_.per_point;
+      const double by_offset = priors().offset_weight(state.variance) / data_.per_point;
       r.gradient[3] += by_offset * z[3];
       r.information[3][3] += by_offset;
     }
     return r;
-  }
-
-  // ρ_F = σ²/s_F² (ProjectionProblem::offset_weight).
-  double offset_weight(double variance) const noexcept {
-    const double deviation = model_.settings.offset_deviation;
-    if (deviation > 0.0) return variance / (deviation * deviation);
-    return std::min(variance, 1.0 / (20.0 * 20.0));
   }
 
   static double ratio(const CurvePoint& z) noexcept { return z[1] / stiff(z[0]); }
@@ -169,11 +156,7 @@ class CurveCost {
     return k < 0.0 ? std::min(k, -least) : std::max(k, least);
   }
 
-  double exponent_deviation() const noexcept { return model_.settings.prior_exponent_deviation; }
-  static double squared(double value) noexcept { return value * value; }
-  static double away(double value, double mean, double deviation) noexcept {
-    return (value - mean) / deviation;
-  }
+  Priors priors() const noexcept { return model_.priors(); }
 
   const CurveModel& model_;
   const CurveData& data_;

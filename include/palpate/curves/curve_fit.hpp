@@ -43,7 +43,7 @@ class CurveFitter {
     s.offset = settings.offset;
     s.offset_deviation = settings.offset_deviation / units_.force;
     s.surface_deviation = settings.surface_deviation / units_.penetration;
-    model_.exponent_fixed = settings.exponent_fixed;
+    if (settings.exponent_fixed) s.exponent = settings.lowest_exponent;
     if (settings.find_surface) {
       model_.lowest_surface = settings.lowest_surface / units_.penetration;
       model_.highest_surface = settings.highest_surface / units_.penetration;
@@ -267,7 +267,7 @@ class CurveFitter {
 
   void finish(CurveFit& fit, const CurveMinimum& best, const CurveCost& cost) noexcept {
     const CurveState& state = best.state;
-    const auto& [k, c, n, offset, surface] = state.at;
+    const double k = state.at[0], surface = state.at[4];
     const double force = units_.force;
     // The motion and what is left, in the order of time.
     const std::array<double*, 4> columns{memory_.column(0), memory_.column(1), memory_.column(2),
@@ -291,42 +291,36 @@ class CurveFitter {
     const double mean = depth / std::max(touching, 1.0);
     const double spread =
         std::sqrt(std::max(depth_squared / std::max(touching, 1.0) - mean * mean, 0.0));
-    const CurveErrors errors(cost, state);
-    const CurveBars bars = errors.bars(columns, firm_.count, units_.log_penetration, spread);
-    // K = k F x_r⁻ⁿ, B = (c/V) F x_r⁻ⁿ.
-    const double unit = saturate(force * bounded_exp(-n * units_.log_penetration));
-    fit.parameters = {saturate(k * unit), saturate(c * unit / units_.velocity), n,
-                      (offset + prior_mean_) * force, surface * units_.penetration};
-    fit.covariance = in_si(bars.root, fit.parameters, unit);
-    fit.noise = std::sqrt(bars.noise_variance) * force;
+    const CurveData& data = cost.data();
+    const std::array<bool, 5> open = model_.open();
+    const double fitted = static_cast<double>(std::count(open.begin(), open.end(), true));
+    const double rounding = 1e-30 * data.force_squared;
+    const double noise = model_.priors().noise_variance(state.sums.squares, rounding,
+                                                        data.count() - fitted, state.variance);
+    const double variance = std::max(noise, least_variance(data.force_squared, data.count()));
+    const Information known(state.sums.information, model_.priors(), k, variance,
+                            model_.surface_range());
+    ProjectionSolution p = solution_of(cost, state, known, noise, variance, spread);
+    p.offset += prior_mean_;
+    p.tare_refuted = tare_refuted_;
+    const Matrix<5> widening =
+        projection_widening(haar_levels(columns, firm_.count), known.prior_fractions(), p,
+                            units_.log_penetration, true);
+    const Matrix<5> root = multiply(p.root, widening);
+    const HuntCrossley law = law_in_si(p, units_);
+    fit.parameters = {law.stiffness, law.damping, law.exponent, p.offset * force,
+                      p.surface * units_.penetration};
+    fit.covariance = covariance_in_si(root, law, units_);
+    fit.noise = std::sqrt(noise) * force;
     fit.cost = best.cost * force * force;
-    fit.taken = static_cast<std::uint64_t>(cost.data().count());
-    fit.flags = bars.flags;
-    if (tare_refuted_) fit.flags |= tare_refuted;
+    fit.taken = static_cast<std::uint64_t>(data.count());
+    fit.flags = open_flags(p, root);
     fit.status = !best.settled                   ? CurveStatus::unsettled
                  : (fit.flags & surface_at_edge) ? CurveStatus::surface_at_edge
                                                  : CurveStatus::fitted;
     fit.offset_mean = prior_mean_ * force;
     fit.offset_deviation = model_.settings.offset_deviation * force;
     fit.prior_variance = state.variance * force * force;
-  }
-
-  // As VariableProjectionMethod::in_si, and squared.
-  Matrix<5> in_si(const Matrix<5>& root, const Vector<5>& law, double unit) const noexcept {
-    const double damping_unit = saturate(unit / units_.velocity);
-    const double by_stiffness = saturate(-law[0] * units_.log_penetration);
-    const double by_damping = saturate(-law[1] * units_.log_penetration);
-    Matrix<5> r{};
-    for (std::size_t j = 0; j < 5; ++j) {
-      r[0][j] = unit * root[0][j] + by_stiffness * root[2][j];
-      r[1][j] = damping_unit * root[1][j] + by_damping * root[2][j];
-      r[2][j] = root[2][j];
-      r[3][j] = units_.force * root[3][j];
-      r[4][j] = units_.penetration * root[4][j];
-    }
-    Matrix<5> joint = squared(r);
-    bound_variances(joint, largest_variance);
-    return joint;
   }
 
   void tell(std::uint8_t* roles, const CurveFit& fit) const noexcept {

@@ -31,7 +31,7 @@ inline CurveMinima lowest_minima(const CurveModel& model, const CurveData& data)
   constexpr double coarse_tolerance = 1e-4, tolerance = 1e-8;
   constexpr int coarse_passes = 12, most_passes = 40;
   const bool known = !model.finds_surface();
-  const CurveMeans means(data, known ? CurveMeans::most : CurveMeans::most / 2);
+  const CurveMeans means(data);
   if (known) take_logarithms(model, means.samples());
   const CurveCost coarse(model, means.data()), cost(model, data);
   const CurveStarts starts =
@@ -45,7 +45,7 @@ inline CurveMinima lowest_minima(const CurveModel& model, const CurveData& data)
     ++count;
   };
   for (std::size_t i = 0; i < starts.count; ++i) look(starts.starts[i]);
-  if (!known && !model.exponent_fixed) {
+  if (!known && !model.priors().exponent_known()) {
     // At v = a − b x, as of a probe that slows down while it goes in, xⁿ⁺¹ does in place of xⁿ: the
     // grid does not see the valleys of both.
     const CurvePoint least = found[deepest].at;
@@ -89,6 +89,23 @@ inline CurveMinima lowest_minima(const CurveModel& model, const CurveData& data)
 
 inline CurveMinimum global_minimum(const CurveModel& model, const CurveData& data) noexcept {
   return lowest_minima(model, data).best;
+}
+
+// Of the minima that descents from these starts end in the lowest.
+template <class Starts>
+CurveMinimum lowest_of(const CurveModel& model, const CurveData& data,
+                       const Starts& starts) noexcept {
+  constexpr double tolerance = 1e-8;
+  constexpr int most_passes = 40;
+  const CurveCost cost(model, data);
+  const CurveDescent descent(cost);
+  CurveMinimum best{};
+  best.cost = std::numeric_limits<double>::infinity();
+  for (const CurvePoint& start : starts) {
+    const CurveMinimum here = descent.from(descent.bounded(start), most_passes, tolerance);
+    if (here.cost < best.cost) best = here;
+  }
+  return best;
 }
 
 }  // namespace palpate::detail

@@ -7,11 +7,11 @@
 #include <cstddef>
 #include <cstdint>
 
-#include "palpate/error_widening.hpp"
 #include "palpate/estimate.hpp"
 #include "palpate/haar_levels.hpp"
 #include "palpate/method.hpp"
 #include "palpate/projection/contact_solver.hpp"
+#include "palpate/projection/covariance.hpp"
 #include "palpate/projection/kept_exponent.hpp"
 #include "palpate/projection/projection_solver.hpp"
 #include "palpate/projection/solution.hpp"
@@ -19,34 +19,6 @@
 #include "palpate/sample.hpp"
 
 namespace palpate {
-
-namespace detail {
-
-// What widens the root of a solution's covariance, as the levels of its errors tell: by how sure K,
-// B and n are, in SI but for their units. The surface, whose slope is not kept, is as much wider as
-// the widest of the others.
-[[gnu::noinline]] inline Matrix<5> projection_widening(const HaarLevels<4>& levels,
-                                                       const Vector<4>& prior_fractions,
-                                                       const ProjectionSolution& p,
-                                                       double log_penetration) noexcept {
-  std::array<Vector<4>, 3> rows{};
-  for (std::size_t j = 0; j < 4; ++j) {
-    rows[0][j] = p.root[0][j] - p.k * log_penetration * p.root[2][j];
-    rows[1][j] = p.root[1][j] - p.c * log_penetration * p.root[2][j];
-    rows[2][j] = p.root[2][j];
-  }
-  const Matrix<4> root = ErrorWidening<4, 3>(levels, prior_fractions, p.root_variance).root(rows);
-  Matrix<5> widening = diagonal<5>({1.0, 1.0, 1.0, 1.0, 1.0});
-  double widest = 1.0;
-  for (std::size_t i = 0; i < 4; ++i) {
-    std::copy_n(root[i].begin(), 4, widening[i].begin());
-    widest = std::max(widest, dot(root[i], root[i]));
-  }
-  widening[4][4] = std::sqrt(widest);
-  return widening;
-}
-
-}  // namespace detail
 
 // `Solver` is ContactSolver, which chooses the samples; ProjectionSolver, which takes what it is
 // given; or SurfaceSolver where the surface is unknown.
@@ -85,7 +57,7 @@ class VariableProjectionMethod {
            detail::within(s, largest_input);
   }
 
-  Row prepare(const Sample& sample) noexcept {
+  Row prepare(const Sample& sample, double) noexcept {
     refresh();
     return {sample, last_solution_.force(sample)};
   }
@@ -102,7 +74,7 @@ class VariableProjectionMethod {
   }
 
   // A sample out of contact tells of the force's offset.
-  void free(const Sample& sample, double forgetting_factor) noexcept {
+  void free(const Sample& sample, double, double forgetting_factor) noexcept {
     if constexpr (requires { solver_.free(sample, forgetting_factor); }) {
       if (detail::within(sample, largest_input)) solver_.free(sample, forgetting_factor);
     }
@@ -162,7 +134,7 @@ class VariableProjectionMethod {
   Snapshot<Law> snapshot(const Units& units) const noexcept {
     const Solution now = solve();
     Snapshot<Law> snapshot = without_errors(now, units);
-    const Matrix<5> root = in_si(widened(now), snapshot.law, units);
+    const Matrix<5> root = detail::root_in_si(widened(now), snapshot.law, units);
     for (std::size_t i = 0; i < order; ++i) {
       snapshot.variances[i] = detail::bounded_variance(detail::dot(root[i], root[i]));
     }
@@ -178,17 +150,9 @@ class VariableProjectionMethod {
   // By a solution and the root of its covariance, in scaled units.
   Fit<Law> fit(const Solution& now, const Matrix<5>& root, const Units& units) const noexcept {
     const Law law = this->law(now, units);
-    Matrix<5> joint = detail::squared(in_si(root, law, units));
-    detail::bound_variances(joint, detail::largest_variance);
-    Fit<Law> fit{.law = law,
-                 .covariance = {},
-                 .offset = {now.offset * units.force, joint[3][3], {}},
-                 .surface = {now.surface * units.penetration, joint[4][4]},
-                 .flags = flags(now, root)};
-    for (std::size_t i = 0; i < order; ++i) {
-      for (std::size_t j = 0; j < order; ++j) fit.covariance[i][j] = joint[i][j];
-      fit.offset.covariance[i] = joint[3][i];
-    }
+    const Matrix<5> joint = detail::covariance_in_si(root, law, units);
+    Fit<Law> fit = fit_of(law, joint, now.offset * units.force, flags(now, root));
+    fit.surface = {now.surface * units.penetration, joint[4][4]};
     return fit;
   }
 
@@ -245,31 +209,11 @@ class VariableProjectionMethod {
 
   // The root of the covariance that is printed.
   Matrix<5> widened(const Solution& p) const noexcept {
-    Matrix<5> result{};
-    for (std::size_t i = 0; i < 5; ++i) {
-      for (std::size_t k = 0; k < 5; ++k) {
-        for (std::size_t j = 0; j <= k; ++j) result[i][j] += p.root[i][k] * widening_[k][j];
-      }
-    }
-    return result;
+    return detail::multiply(p.root, widening_);
   }
 
   std::uint8_t flags(const Solution& p, const Matrix<5>& root) const noexcept {
-    // Twice this and a sphere (1.5) is not distinct from a cone (2) or a spring (1).
-    constexpr double largest_exponent_error = 0.2;
-    // Of the elastic force: B v is unknown to a quarter of K at the speed of the scale.
-    constexpr double largest_damping_error = 0.25;
-    const double exponent = std::sqrt(detail::dot(root[2], root[2]));
-    const double damping = std::sqrt(detail::dot(root[1], root[1]));
-    std::uint8_t found = p.at_edge ? exponent_at_edge : 0;
-    if (!(exponent < largest_exponent_error) || !p.exponent_identifiable) {
-      found |= exponent_not_identifiable;
-    }
-    if (!(damping < largest_damping_error * std::abs(p.k)) || !p.damping_identifiable) {
-      found |= damping_not_identifiable;
-    }
-    if (!p.surface_found) found |= surface_at_edge;
-    if (p.tare_refuted) found |= tare_refuted;
+    std::uint8_t found = detail::open_flags(p, root);
     // What the samples before a restart left open, few after it do not settle: the prior that is
     // made of the old answer would hide it. Nine tenths, as with forgetting a weight only nears its
     // limit.
@@ -277,33 +221,10 @@ class VariableProjectionMethod {
     return found;
   }
 
-  // K = k F₀ x_r⁻ⁿ, B = (c/V) F₀ x_r⁻ⁿ.
-  static Law law(const Solution& p, const Units& u) noexcept {
-    const double unit = u.force * detail::bounded_exp(-p.n * u.log_penetration);
-    return {detail::saturate(p.k * unit), detail::saturate(p.c * unit / u.velocity), p.n};
-  }
+  static Law law(const Solution& p, const Units& u) noexcept { return detail::law_in_si(p, u); }
 
   static Snapshot<Law> without_errors(const Solution& now, const Units& units) noexcept {
     return {law(now, units), {}, now.offset * units.force, now.surface * units.penetration};
-  }
-
-  // The root of the covariance of (K, B, n, F₀, d) in SI, from that of (k, c, n, F₀, d) in scaled
-  // units: dK = U (dk − k ln x_r dn), dB = (U/V) (dc − c ln x_r dn), at U = F_s x_r⁻ⁿ.
-  static Matrix<5> in_si(const Matrix<5>& root, const Law& law, const Units& u) noexcept {
-    const double unit =
-        detail::saturate(u.force * detail::bounded_exp(-law.exponent * u.log_penetration));
-    const double damping_unit = detail::saturate(unit / u.velocity);
-    const double by_stiffness = detail::saturate(-law.stiffness * u.log_penetration);
-    const double by_damping = detail::saturate(-law.damping * u.log_penetration);
-    Matrix<5> result{};
-    for (std::size_t j = 0; j < 5; ++j) {
-      result[0][j] = unit * root[0][j] + by_stiffness * root[2][j];
-      result[1][j] = damping_unit * root[1][j] + by_damping * root[2][j];
-      result[2][j] = root[2][j];
-      result[3][j] = u.force * root[3][j];
-      result[4][j] = u.penetration * root[4][j];
-    }
-    return result;
   }
 
   Solver solver_;

@@ -24,48 +24,6 @@ enum class Role : std::uint8_t {
   unusable,  // light, where the law would pull
 };
 
-// Forces of neighbours: how many, and their sum.
-struct Neighbours {
-  double sum;
-  double count;
-};
-
-// The median of |ΔF| by steps up and down, of a 64th in the end, which leave it 8 % of scatter. A
-// sensor of coarse steps repeats itself: no step says nothing.
-class ForceNoise {
- public:
-  void learn(double step) noexcept {
-    if (!(step > 0.0)) return;
-    if (!(step_ > 0.0)) step_ = least_ = step;
-    least_ = std::min(least_, step);
-    if (pace_ < 64.0) {
-      pace_ += 1.0;
-      move_ = {pace_ / (pace_ + 1.0), (pace_ + 1.0) / pace_};
-    }
-    step_ *= move_[step > step_ ? 1 : 0];  // by place: as a branch it would be a toss-up
-  }
-
-  // The smallest step of the force seen, 0 before one: that of its resolution, if it has one.
-  double least() const noexcept { return least_; }
-
-  // 3σ: |ΔF| of white noise has a median of 0.6745 √2 σ.
-  double margin() const noexcept { return (3.0 / 0.954) * step_; }
-
-  // Whether neighbours on one side press beside a force `zero` in free air, by the margin over the
-  // root of their count. Without any it is the other side's to say.
-  static bool press(const Neighbours& them, double zero, double margin) noexcept {
-    if (!(them.count > 0.0)) return true;
-    const double excess = them.sum - them.count * zero;
-    return excess > 0.0 && excess * excess > margin * margin * them.count;
-  }
-
- private:
-  double step_ = 0.0;
-  double least_ = 0.0;
-  double pace_ = 0.0;             // steps are by one part in so many
-  std::array<double, 2> move_{};  // down, up
-};
-
 // The latest sample and seventeen before it, and how noisy their force is.
 class ContactSamples {
  public:
@@ -82,10 +40,16 @@ class ContactSamples {
 
   void push(const Sample& sample, Role role, bool pulls) noexcept {
     const Entry& last = entries_[newest_];
-    if (last.role != Role::none) noise_.learn(std::abs(sample.force - last.sample.force));
-    const std::size_t next = newest_ + 1 < entries_.size() ? newest_ + 1 : 0;
-    entries_[next] = {sample, 1.0, last.force + sample.force, last.count + 1, role, pulls};
-    newest_ = next;
+    if (last.role != Role::none) learn_noise(std::abs(sample.force - last.sample.force));
+    newest_ = newest_ + 1 < entries_.size() ? newest_ + 1 : 0;
+    // One by one: a whole entry goes through the stack, and its reading waits for the writing.
+    Entry& next = entries_[newest_];
+    next.sample = sample;
+    next.weight = 1.0;
+    next.force = last.force + sample.force;
+    next.count = last.count + 1;
+    next.role = role;
+    next.pulls = pulls;
   }
 
   Entry& ago(std::size_t age) noexcept { return entries_[place(age)]; }
@@ -104,8 +68,9 @@ class ContactSamples {
   // Whether the neighbours of the sample of `age` ago press, beside a force `zero` in free air. One
   // without neighbours is not doubted.
   bool pressed(std::size_t age, double zero) const noexcept {
-    return ForceNoise::press(between(age + side + 1, age + 1), zero, noise_.margin()) &&
-           ForceNoise::press(between(age, age - std::min(age, side)), zero, noise_.margin());
+    const Side before = between(age + side + 1, age + 1);
+    const Side after = between(age, age - std::min(age, side));
+    return exceeds(before, zero) && exceeds(after, zero);
   }
 
   void forget(double factor) noexcept {
@@ -115,22 +80,53 @@ class ContactSamples {
   // Forgets the samples; what is known of the noise stays.
   void clear() noexcept { entries_ = {}; }
 
-  double least_step() const noexcept { return noise_.least(); }
+  // The smallest step of the force seen, 0 before one: that of its resolution, if it has one.
+  double least_step() const noexcept { return least_step_; }
 
  private:
+  struct Side {
+    double sum;
+    double count;
+  };
+
   std::size_t place(std::size_t age) const noexcept {
     return newest_ >= age ? newest_ - age : newest_ + entries_.size() - age;
   }
 
   // The samples after the elder up to the younger. What was never there adds nothing.
-  Neighbours between(std::size_t elder, std::size_t younger) const noexcept {
+  Side between(std::size_t elder, std::size_t younger) const noexcept {
     const Entry &first = ago(elder), &last = ago(younger);
     return {last.force - first.force, static_cast<double>(last.count - first.count)};
   }
 
+  // Without neighbours on a side it is the other's to say.
+  bool exceeds(const Side& them, double zero) const noexcept {
+    if (!(them.count > 0.0)) return true;
+    const double excess = them.sum - them.count * zero;
+    // |ΔF| of white noise has a median of 0.6745 √2 σ.
+    const double deviations = (3.0 / 0.954) * step_;
+    return excess > 0.0 && excess * excess > deviations * deviations * them.count;
+  }
+
+  // The median of |ΔF| by steps up and down, of a 64th in the end, which leave it 8 % of scatter. A
+  // sensor of coarse steps repeats itself: no step says nothing.
+  void learn_noise(double step) noexcept {
+    if (!(step > 0.0)) return;
+    if (!(step_ > 0.0)) step_ = least_step_ = step;
+    least_step_ = std::min(least_step_, step);
+    if (pace_ < 64.0) {
+      pace_ += 1.0;
+      move_ = {pace_ / (pace_ + 1.0), (pace_ + 1.0) / pace_};
+    }
+    step_ *= move_[step > step_ ? 1 : 0];  // by place: as a branch it would be a toss-up
+  }
+
   std::array<Entry, 2 * side + 2> entries_{};
   std::size_t newest_ = 0;
-  ForceNoise noise_;
+  double step_ = 0.0;  // median |ΔF|
+  double least_step_ = 0.0;
+  double pace_ = 0.0;             // steps are by one part in so many
+  std::array<double, 2> move_{};  // down, up
 };
 
 }  // namespace palpate::detail

@@ -97,7 +97,7 @@ struct Curve {
 inline Curve curve_at(const ProjectionProblem& problem, const ProjectionPoint& point,
                       const SearchStart& start, double damping_weight) noexcept {
   const double prior = problem.settings.prior_dissipation;
-  const Matrix<4> m = information(problem, point, start.variance);
+  const Matrix<5> m = information(problem, point);
   const auto& [k, c, f0, cost, damped] = point.linear;
   const PowerSums::Values& d = point.sums.first;
   const double quadratic =

@@ -89,9 +89,8 @@ inline double offset_deviation(const ProjectionSolution& old) noexcept {
   return std::sqrt(old.offset * old.offset + dot(old.root[3], old.root[3]));
 }
 
-// The samples and the priors of one least-squares problem.
-struct ProjectionProblem {
-  const PowerSums& sums;
+// What the priors weigh beside samples of variance σ², whether these are sums or are there.
+struct Priors {
   const ProjectionSettings& settings;
 
   bool exponent_known() const noexcept { return settings.exponent > 0.0; }
@@ -102,11 +101,6 @@ struct ProjectionProblem {
     const double deviation = settings.offset_deviation;
     if (deviation > 0.0) return variance / (deviation * deviation);
     return std::min(variance, 1.0 / (20.0 * 20.0));
-  }
-
-  // 1 / (Σ1 + ρ_F), by which the offset is eliminated; 0 without one.
-  double offset_fraction(double variance) const noexcept {
-    return settings.offset ? 1.0 / (sums.weight() + offset_weight(variance) + tiny) : 0.0;
   }
 
   // ρ_b = σ²/(s k)² for a prior on c/k of deviation s.
@@ -126,16 +120,53 @@ struct ProjectionProblem {
     return variance * away * away;
   }
 
-  // σ² for the weight of the priors, from the least J. Few samples fit exactly: two more, with an
-  // error of 1 % of the rms force, keep the priors from vanishing then.
-  double prior_variance(double cost) const noexcept {
+  // σ² for the weight of the priors, from the least Σ r². Few samples fit exactly: two more, with
+  // an error of 1 % of the rms force, keep the priors from vanishing then.
+  double variance(double residual, double force_squared, double count) const noexcept {
     if (settings.noise > 0.0) return settings.noise * settings.noise;
-    const double n = sums.weight();
-    if (!(sums.force_squared() > 0.0)) return 1.0;
-    const double floor = 1e-4 * sums.force_squared() / std::max(n, 1.0);
-    const double residual = std::max(sums.force_squared() + cost, 0.0);
-    return (residual + 2.0 * floor) / (std::max(n - 4.0, 0.0) + 2.0);
+    if (!(force_squared > 0.0)) return 1.0;
+    const double floor = 1e-4 * force_squared / std::max(count, 1.0);
+    return (residual + 2.0 * floor) / (std::max(count - 4.0, 0.0) + 2.0);
   }
+
+  // σ² for error bars: from the residual, once ten degrees of freedom tell it to a quarter or so
+  // (1/√20). Of less than `rounding` there is no residual; a part of it keeps them above zero.
+  double noise_variance(double residual, double rounding, double freedom,
+                        double otherwise) const noexcept {
+    constexpr double fewest_degrees = 10.0;
+    if (settings.noise != 0.0 || freedom < fewest_degrees) return otherwise;
+    return std::max(residual, rounding) / freedom;
+  }
+
+  // Within a quarter of a node's step of an end of the range: the minimum may lie beyond it.
+  bool at_edge(double n) const noexcept {
+    const double low = settings.lowest_exponent, high = settings.highest_exponent;
+    const double margin = 0.25 * (high - low) / static_cast<double>(PowerSums::nodes - 1);
+    return !exponent_known() && (n < low + margin || n > high - margin);
+  }
+};
+
+// No force sensor is better than a hundred-thousandth; without any force, one unit.
+inline double least_variance(double force_squared, double count) noexcept {
+  return force_squared > 0.0 ? 1e-10 * force_squared / count : 1.0;
+}
+
+// The sums and the priors of one least-squares problem.
+struct ProjectionProblem : Priors {
+  ProjectionProblem(const PowerSums& of, const ProjectionSettings& under) noexcept
+      : Priors{under}, sums(of) {}
+
+  // 1 / (Σ1 + ρ_F), by which the offset is eliminated; 0 without one.
+  double offset_fraction(double variance) const noexcept {
+    return settings.offset ? 1.0 / (sums.weight() + offset_weight(variance) + tiny) : 0.0;
+  }
+
+  double prior_variance(double cost) const noexcept {
+    const double squares = sums.force_squared();
+    return variance(std::max(squares + cost, 0.0), squares, sums.weight());
+  }
+
+  const PowerSums& sums;
 };
 
 }  // namespace detail

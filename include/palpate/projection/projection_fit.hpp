@@ -45,21 +45,11 @@ class ProjectionFit {
     return answer(refine(problem(), start), start);
   }
 
-  // What the priors of (k, c, n, F₀) weigh, over what the samples do, in the root of a solution. An
-  // offset that there is none of is known.
+  // As Information has them, of a solution and in its root.
   Vector<4> prior_fractions(const ProjectionSolution& s) const noexcept {
-    const double variance = s.root_variance;
     const ProjectionPoint point{s.n, sums_.at(s.n), {s.k, s.c, s.offset, s.cost, true}};
-    const Matrix<4> samples = information(problem(), point, variance);
-    const auto fraction = [](double prior, double data) noexcept {
-      return std::clamp(prior / (data + tiny), 0.0, largest_parameter);
-    };
-    return {0.0, fraction(problem().damping_weight(s.k, variance), samples[1][1]),
-            problem().exponent_known()
-                ? largest_parameter
-                : fraction(problem().exponent_weight(variance), samples[2][2]),
-            settings_.offset ? fraction(problem().offset_weight(variance), sums_.weight())
-                             : largest_parameter};
+    const Matrix<5> samples = information(problem(), point);
+    return Information(samples, problem(), s.k, s.root_variance, 0.0).prior_fractions();
   }
 
  private:
@@ -108,48 +98,23 @@ class ProjectionFit {
     r.offset = point.linear.offset;
     r.n = point.n;
     r.prior_variance = start.variance;
-    r.noise_variance = noise_variance(point, start);
     r.cost = cost(point, start);
     r.residual = std::max(sums_.force_squared() + point.linear.cost, 0.0);
-    r.at_edge = at_edge(point.n);
+    // Below rounding of Σ F², some ε, there is no residual.
+    const double fitted = (settings_.offset ? 4.0 : 3.0) - (problem().exponent_known() ? 1.0 : 0.0);
+    r.noise_variance = problem().noise_variance(r.residual, 1e-15 * sums_.force_squared(),
+                                                sums_.weight() - fitted, start.variance);
+    r.at_edge = problem().at_edge(point.n);
     r.surface_found = true;
-    r.root_variance = std::max(r.noise_variance, least_variance());
-    const InverseRoot<4> inverse = covariance_root(problem(), point, r.root_variance);
-    for (std::size_t i = 0; i < 4; ++i) {
-      for (std::size_t j = 0; j < 4; ++j) r.root[i][j] = inverse.root[i][j];
-    }
-    r.damping_identifiable = !inverse.guarded[1];
-    r.exponent_identifiable =
-        problem().exponent_known() ||
-        (!inverse.guarded[2] && !inverse.guarded[3] && sums_.depth_spread() > smallest_spread);
+    r.root_variance =
+        std::max(r.noise_variance, least_variance(sums_.force_squared(), sums_.weight()));
+    const Matrix<5> samples = information(problem(), point);
+    const InverseRoot<5> inverse =
+        Information(samples, problem(), r.k, r.root_variance, 0.0).covariance_root();
+    r.root = inverse.root;
+    say_identifiable(r, inverse.guarded, problem(), sums_.depth_spread());
     return r;
   }
-
-  // From the residual, once ten degrees of freedom tell it to a quarter or so (1/√20).
-  double noise_variance(const ProjectionPoint& point, const SearchStart& start) const noexcept {
-    constexpr double fewest_degrees = 10.0;
-    const double fitted = (settings_.offset ? 4.0 : 3.0) - (problem().exponent_known() ? 1.0 : 0.0);
-    const double freedom = sums_.weight() - fitted;
-    if (settings_.noise != 0.0 || freedom < fewest_degrees) return start.variance;
-    // Below rounding of Σ F², some ε, there is no residual; a part of it keeps error bars above
-    // zero.
-    const double rounding = 1e-15 * sums_.force_squared();
-    return std::max(sums_.force_squared() + point.linear.cost, rounding) / freedom;
-  }
-
-  // No force sensor is better than a hundred-thousandth; without any force, one unit.
-  double least_variance() const noexcept {
-    if (!(sums_.force_squared() > 0.0)) return 1.0;
-    return 1e-10 * sums_.force_squared() / sums_.weight();
-  }
-
-  // Within a quarter of a step of the last node: there the minimum may lie beyond it.
-  bool at_edge(double n) const noexcept {
-    const double margin = 0.25 * sums_.step();
-    return n < sums_.lowest() + margin || n > sums_.highest() - margin;
-  }
-
-  static constexpr double smallest_spread = 1e-4;  // of ln ξ: 1 µm at 10 mm, beyond any sensor
 
   const ProjectionSettings& settings_;
   const PowerSums& sums_;

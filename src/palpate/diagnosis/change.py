@@ -3,7 +3,6 @@
 import itertools
 import math
 from dataclasses import dataclass
-from functools import partial
 from operator import attrgetter
 from typing import Any
 
@@ -12,7 +11,7 @@ from numpy.typing import NDArray
 
 from palpate.diagnosis.fit import WINDOWS_A_PERIOD, Cause, Fit
 from palpate.digits import rounded
-from palpate.estimators.least_squares import robust_covariance
+from palpate.estimators.least_squares import Fitted, least_squares, robust_covariance
 from palpate.force_laws import ForceLaw
 from palpate.validation import Floats
 
@@ -55,7 +54,12 @@ class Cut:
     exponent: float
     offset: float
     coefficients: Floats  # (episodes, own)
-    energy: float
+    least: Fitted  # of coefficients, exponent and offset
+
+    @property
+    def energy(self) -> float:
+        """Sum of squares that it leaves, N²."""
+        return float(self.least.residual @ self.least.residual)
 
 
 def changes(fit: Fit) -> Changes | None:
@@ -76,7 +80,7 @@ def changes(fit: Fit) -> Changes | None:
     for count in range(1, MOST_CHANGES + 1):
         if duration / (count + 1) <= FEWEST_PERIODS * fit.period:
             break
-        cuts = [_least_squares(fit, _programme(fit, c, count), n) for n, c in costs.items()]
+        cuts = [_fitted(fit, _programme(fit, c, count), n, held=True) for n, c in costs.items()]
         best = _refined(fit, min(cuts, key=_ENERGY), count)
         if best.energy > (1.0 - WORTH_ANOTHER) * energy and found is not None:
             break
@@ -84,14 +88,15 @@ def changes(fit: Fit) -> Changes | None:
     return None if found is None else _judged(fit, _sharpened(fit, found))
 
 
-def _basis(fit: Fit, exponent: float) -> Floats:
-    """Columns of an episode's own coefficients: xⁿ and xⁿv, or the law's own."""
+def _basis(fit: Fit, exponent: float, *, logarithm: bool = False) -> Floats:
+    """Columns of an episode's own coefficients: xⁿ and xⁿv, by n if so, or the law's own."""
     if math.isnan(exponent):
         return fit.solution.jacobian[:, : len(fit.solution.law.symbols)]
-    if exponent not in fit.powers:  # the searches come back to the same exponents
-        power = np.maximum(fit.x, 1e-12) ** exponent
-        fit.powers[exponent] = fit.band.mean(np.column_stack([power, power * fit.v]))
-    return fit.powers[exponent]
+    if (exponent, logarithm) not in fit.powers:  # the searches come back to the same exponents
+        depth = np.maximum(fit.x, 1e-12)
+        power = depth**exponent * (np.log(depth) if logarithm else 1.0)
+        fit.powers[exponent, logarithm] = fit.band.mean(np.column_stack([power, power * fit.v]))
+    return fit.powers[exponent, logarithm]
 
 
 def _refined(fit: Fit, start: Cut, count: int) -> Cut:
@@ -150,49 +155,35 @@ def _episodes(fit: Fit, borders: list[int]) -> list[slice]:
     return list(itertools.starmap(slice, itertools.pairwise([0, *borders, len(fit.band)])))
 
 
-def _least_squares(fit: Fit, borders: list[int], exponent: float) -> Cut:
-    """Coefficients of each episode and a common offset, by sums over each episode."""
-    basis, parts = _basis(fit, exponent), _episodes(fit, borders)
-    own, count = basis.shape[1], len(parts)
-    normal = np.zeros((count * own + fit.with_offset,) * 2)
-    right = np.empty(len(normal))
-    for k, part in enumerate(parts):
-        at, columns = slice(k * own, (k + 1) * own), basis[part]
-        normal[at, at] = columns.T @ columns
-        right[at] = columns.T @ fit.force[part]
-        if fit.with_offset:
-            normal[at, -1] = normal[-1, at] = columns.sum(axis=0)
-    if fit.with_offset:
-        normal[-1, -1], right[-1] = len(basis), fit.force.sum()
-    # A dozen well-scaled columns, solved some hundred times.
-    size = np.sqrt(np.diag(normal))
-    unit = np.where(size > 0.0, size, 1.0)
-    solved = np.linalg.lstsq(normal / np.outer(unit, unit), right / unit, rcond=1e-12)[0] / size
-    coefficients = solved[: count * own].reshape(count, own)
-    offset = float(solved[-1]) if fit.with_offset else 0.0
-    energy = 0.0
-    for part, row in zip(parts, coefficients, strict=True):
-        left = fit.force[part] - basis[part] @ row - offset
-        energy += float(left @ left)
-    return Cut(borders, exponent, offset, coefficients, energy)
+def _fitted(fit: Fit, borders: list[int], exponent: float, *, held: bool = False) -> Cut:
+    """Coefficients of each episode, and a common offset and exponent, which may be held."""
+    parts, linear = _episodes(fit, borders), math.isnan(exponent)
+    held = held or linear or bool(fit.fixed)
+    first = _basis(fit, exponent)
+    own, start = first.shape[1], 0.0 if linear else exponent
 
+    def model(parameters: Floats) -> tuple[Floats, Floats]:
+        coefficients, n = parameters[:-2].reshape(-1, own), float(parameters[-2])
+        basis = first if held else _basis(fit, n)
+        slopes = None if held else _basis(fit, n, logarithm=True)
+        columns = np.zeros((len(basis), len(parameters)))
+        for k, part in enumerate(parts):
+            columns[part, k * own : (k + 1) * own] = basis[part]
+            if slopes is not None:
+                columns[part, -2] = slopes[part] @ coefficients[k]
+        columns[:, -1] = fit.with_offset
+        residual = fit.force - columns[:, :-2] @ parameters[:-2] - parameters[-1]
+        return residual, columns
 
-def _fitted(fit: Fit, borders: list[int], exponent: float) -> Cut:
-    """Coefficients and offset by least squares; the exponent by golden section around its start."""
-    cut = partial(_least_squares, fit, borders)
-    if math.isnan(exponent) or fit.fixed:
-        return cut(exponent)
-    low, high = max(exponent - 0.4, 0.3), exponent + 0.4
-    golden = (math.sqrt(5.0) - 1.0) / 2.0
-    a, b = cut(high - golden * (high - low)), cut(low + golden * (high - low))
-    while high - low > 5e-3:
-        if a.energy < b.energy:
-            high, b = b.exponent, a
-            a = cut(high - golden * (high - low))
-        else:
-            low, a = a.exponent, b
-            b = cut(low + golden * (high - low))
-    return min(a, b, key=_ENERGY)
+    high = np.full(own * len(parts) + 2, np.inf)
+    low = -high
+    low[-2], high[-2] = (start, start) if held else (max(start - 0.4, 0.3), start + 0.4)
+    given = np.zeros(len(high))
+    given[-2] = start
+    found = least_squares(model, given, (low, high), 1e-6)
+    *coefficients, n, offset = found.parameters.tolist()
+    shares = np.reshape(coefficients, (-1, own))
+    return Cut(borders, math.nan if linear else n, offset, shares, found)
 
 
 def _sharpened(fit: Fit, cut: Cut) -> Cut:
@@ -221,13 +212,8 @@ def _without_slivers(fit: Fit, cut: Cut) -> Cut:
 
 
 def _judged(fit: Fit, cut: Cut) -> Changes | None:
-    basis, own = _basis(fit, cut.exponent), cut.coefficients.shape[1]
-    columns = np.ones((len(basis), cut.coefficients.size + fit.with_offset))
-    columns[:, : cut.coefficients.size] = 0.0
-    for k, part in enumerate(_episodes(fit, cut.borders)):
-        columns[part, k * own : (k + 1) * own] = basis[part]
-    solved = np.concatenate([cut.coefficients.reshape(-1), [cut.offset] * fit.with_offset])
-    residual = fit.force - columns @ solved
+    own, residual = cut.coefficients.shape[1], cut.least.residual
+    columns = np.delete(cut.least.jacobian, [-2] if fit.with_offset else [-2, -1], axis=1)
     covariance = robust_covariance(columns, residual, fit.band.shared)
     steps = np.diff(cut.coefficients, axis=0)
     wald = []

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from palpate.diagnosis.data import Data
 from palpate.diagnosis.finding import Laws
 from palpate.estimators.estimate import Estimate, Trace
-from palpate.estimators.least_squares import robust_covariance
+from palpate.estimators.least_squares import least_squares, robust_covariance
 from palpate.force_laws import ForceLaw, GeneralisedHuntCrossley, HuntCrossley, force_over_breaks
 from palpate.validation import Floats
 
@@ -162,7 +162,6 @@ def band_of(
 # The law fitted once more, in the motion's band, and all that its checks ask of that fit.
 
 EXPONENTS = (0.2, 6.0)  # beyond what any material shows; keeps powers finite
-MOST_STEPS = 25
 DEEP = 90.0  # percentile of the penetration that is looked at beside the working depth
 
 
@@ -280,7 +279,7 @@ class Fit:
         self.band: Band = self._band()
         self.x = self.penetration[self.band.samples] / self.units.depth
         self.v = data.velocity[self.band.samples] / self.units.speed
-        self.powers: dict[float, Floats] = {}  # xⁿ and xⁿv in the band, by n
+        self.powers: dict[tuple[float, bool], Floats] = {}  # xⁿ and xⁿv in the band, by n
         self.time = self.band.mean(data.time[self.band.samples])
         self.force = self.band.mean(data.force[self.band.samples])
 
@@ -331,19 +330,6 @@ class Fit:
         """Of the solution's parameters and offset, in local units, for a correlated residual."""
         return robust_covariance(self.solution.jacobian, self.solution.residual, self.band.shared)
 
-    def at(self, law: ForceLaw, offset: float, moved: "MovedSamples | None" = None) -> Solution:
-        """Jacobian and residual of a law in local units."""
-        motion = moved or MovedSamples(self.x, self.v, self.band, self.force)
-        gradient = motion.band.mean(law.parameter_gradient(np.maximum(motion.x, 1e-12), motion.v))
-        if linear := law.linear:
-            model = gradient[:, :linear] @ law.parameters[:linear]
-        else:
-            model = motion.band.mean(law.force(np.maximum(motion.x, 1e-12), motion.v))
-        gradient[:, self.fixed] = 0.0  # what was given no least squares moves
-        if self.with_offset:
-            gradient = np.column_stack([gradient, np.ones(len(gradient))])
-        return Solution(law, offset, gradient, motion.force - model - offset)
-
     def solve(
         self,
         law: ForceLaw,
@@ -351,28 +337,28 @@ class Fit:
         moved: "MovedSamples | None" = None,
         enough: float = 1e-9,
     ) -> Solution:
-        """Levenberg–Marquardt from a law in local units; one step where the law is linear.
+        """The least squares next to a law in local units, within ``enough`` of its energy."""
+        motion = moved or MovedSamples(self.x, self.v, self.band, self.force)
+        x, names = np.maximum(motion.x, 1e-12), len(law.symbols)
+        high = np.full(names + 1, np.inf)
+        low, linear = -high, law.linear
+        if law.power_law:
+            low[2], high[2] = EXPONENTS
 
-        Until a step gains less than ``enough`` of the energy.
-        """
-        best, damping, names = self.at(law, offset, moved), 1e-9, len(law.symbols)
-        for _ in range(MOST_STEPS):
-            change = _step(best.jacobian, best.residual, damping)
-            parameters = best.law.parameters + change[:names]
-            if law.power_law:
-                parameters[2] = min(max(parameters[2], EXPONENTS[0]), EXPONENTS[1])
-            after = best.offset + float(change[names:].sum())
-            trial = self.at(law.from_parameters(parameters), after, moved)
-            if not trial.energy < best.energy:
-                damping = max(damping, 1e-6) * 10.0
-                if damping > 1e3:
-                    break
-                continue
-            gained = best.energy - trial.energy
-            best, damping = trial, damping / 10.0
-            if gained < enough * best.energy:
-                break
-        return best
+        def model(parameters: Floats) -> tuple[Floats, Floats]:
+            trial = law.from_parameters(parameters[:names])
+            gradient = motion.band.mean(trial.parameter_gradient(x, motion.v))
+            if linear:
+                force = gradient[:, :linear] @ parameters[:linear]
+            else:
+                force = motion.band.mean(trial.force(x, motion.v))
+            gradient[:, self.fixed] = 0.0  # what was given no least squares moves
+            zero = np.full(len(gradient), float(self.with_offset))
+            return motion.force - force - parameters[names], np.column_stack([gradient, zero])
+
+        found = least_squares(model, np.array([*law.parameters, offset]), (low, high), enough)
+        law, offset = law.from_parameters(found.parameters[:names]), float(found.parameters[names])
+        return Solution(law, offset, found.jacobian[:, : names + self.with_offset], found.residual)
 
     def stiffness(self, law: ForceLaw) -> float:
         """∂F/∂x at the working depth of a law in local units, N/m."""
@@ -448,16 +434,6 @@ class MovedSamples:
     v: Floats
     band: Band
     force: Floats
-
-
-def _step(jacobian: Floats, residual: Floats, damping: float) -> Floats:
-    size = np.linalg.norm(jacobian, axis=0)
-    size[size == 0.0] = 1.0
-    unit = jacobian / size
-    held = np.sqrt(damping) * np.eye(len(size))
-    wanted = np.concatenate([residual, np.zeros(len(size))])
-    step: Floats = np.linalg.lstsq(np.vstack([unit, held]), wanted, rcond=None)[0] / size
-    return step
 
 
 # A cause of misfit: how significant it is, what it explains and how far it moves the numbers.

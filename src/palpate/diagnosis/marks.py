@@ -24,7 +24,7 @@ from palpate.estimators.law_verdicts import STRONG, Standing
 from palpate.estimators.least_squares import mean_error, robust_covariance
 from palpate.findings import Finding, Mark, Severity, worst
 from palpate.force_laws import ForceLaw, HuntCrossley
-from palpate.preparation.surfaces import Samples, placed
+from palpate.preparation.surfaces import placed
 from palpate.validation import Floats
 
 # How far a cause moves the numbers: judgement, not calibration.
@@ -137,28 +137,29 @@ def _in_doubt(named: Cause, rivals: list[Cause]) -> Cause:
 
 
 def _finding(cause: Cause, weight: float, ratio: float, *, leading: bool) -> Finding:
-    stiffness = mark_of(weight * abs(cause.stiffness), STOP_STIFFNESS)
-    damping = mark_of(weight * abs(cause.damping), STOP_DAMPING)
+    stiffness, damping = marks_of(cause, weight)
     if cause.name == "change" and abs(cause.stiffness) > STOP_CHANGE:
         stiffness = damping = "do-not-trust"
     if not leading:  # a rival is not what happened, so at most care
         stiffness, damping = (
             "with-care" if mark == "do-not-trust" else mark for mark in (stiffness, damping)
         )
-    severity: Severity = "with-care" if leading else "note"
     if cause.small and ratio < NOISE_LIKE:
-        stiffness, damping, severity = "trust", "trust", "note"
-    return Finding(
-        cause.name,
-        cause.sentence,
-        cause.remedy,
-        severity,
-        cause.z,
-        stiffness,
-        damping,
-        100.0 * cause.stiffness,
-        100.0 * cause.damping,
-    )
+        return finding_of(cause, "note", "trust", "trust")
+    return finding_of(cause, "with-care" if leading else "note", stiffness, damping)
+
+
+def finding_of(cause: Cause, severity: Severity, stiffness: Mark, damping: Mark) -> Finding:
+    """Return a cause as a finding, of this severity or what the marks make it."""
+    moves = 100.0 * cause.stiffness, 100.0 * cause.damping
+    words = cause.name, cause.sentence, cause.remedy
+    return Finding(*words, severity, cause.z, stiffness, damping, *moves)
+
+
+def marks_of(cause: Cause, weight: float = 1.0) -> tuple[Mark, Mark]:
+    """Return the marks of stiffness and damping, by how far a cause moves them."""
+    stiffness = mark_of(weight * abs(cause.stiffness), STOP_STIFFNESS)
+    return stiffness, mark_of(weight * abs(cause.damping), STOP_DAMPING)
 
 
 def mark_of(moved: float, stop: float) -> Mark:
@@ -221,27 +222,6 @@ def _apart(fit: Fit, laws: Laws) -> tuple[float, float]:
     return moved if math.isfinite(sum(moved)) else (0.0, 0.0)
 
 
-def finding_of(cause: Cause, *, late: bool) -> Finding:
-    """The better law as a finding; a note where stiffness and damping hold without it.
-
-    Parameters
-    ----------
-    cause : Cause
-        By :func:`better_law`.
-    late : bool
-        Whether the force may be late, which looks like another damper, or like memory.
-    """
-    return Finding(
-        "law",
-        cause.sentence,
-        f"{cause.remedy}; unless the force is late" if late else cause.remedy,
-        stiffness=mark_of(abs(cause.stiffness), STOP_STIFFNESS),
-        damping=mark_of(abs(cause.damping), STOP_DAMPING),
-        moves_stiffness_percent=100.0 * cause.stiffness,
-        moves_damping_percent=100.0 * cause.damping,
-    )
-
-
 # Surface: where the material begins, against where the penetration says that it does.
 
 MOST_IN_CONTACT, MOST_FREE = 3000, 1500
@@ -258,15 +238,9 @@ def surface(fit: Fit) -> list[Cause]:
         return []
     if not fit.free_air or fit.estimate.surface_standard_error:
         return []
-    samples = _samples(fit)
-    given = np.array([*law.parameters, fit.solution.offset, 0.0])
-    after = min(
-        (
-            placed(samples, np.array([*given[:4], start]), exponent_fixed=bool(fit.fixed))
-            for start in STARTS
-        ),
-        key=attrgetter("energy"),
-    )
+    given = (*law.parameters, fit.solution.offset)
+    starts = np.array([(*given, start) for start in STARTS])
+    after = placed(_samples(fit), starts, exponent_fixed=bool(fit.fixed))
     depth = after.parameters[4]
     if abs(depth) < max(FEWEST_MOVED, RESOLVED * fit.data.penetration_noise / fit.reference):
         return []
@@ -299,7 +273,7 @@ def _described(fit: Fit, found: Floats, error: float, gain: float) -> Cause:
     return Cause.of(fit, "surface", (z, gain, parameter), sentence, "--surface estimate", moves)
 
 
-def _samples(fit: Fit) -> Samples:
+def _samples(fit: Fit) -> Floats:
     """Contact, free approach and what lies between, thinned."""
     between, chosen = fit.outside & (fit.penetration >= 0.0), []
     for kept, most in ((fit.inside, MOST_IN_CONTACT), (fit.free, MOST_FREE), (between, MOST_FREE)):
@@ -307,7 +281,7 @@ def _samples(fit: Fit) -> Samples:
         chosen.append(index[:: -(-index.size // most) or 1])
     at, data = np.sort(np.concatenate(chosen)), fit.data
     x, v = fit.penetration[at] / fit.units.depth, data.velocity[at] / fit.units.speed
-    return Samples(x, v, data.force[at])
+    return np.array([x, v, data.force[at]])
 
 
 # Misfit, offset, excitation and the method's own error: checks of the fit as a whole.

@@ -1,7 +1,7 @@
-"""Error bars that hold when the residual is not white; recursive least squares of one's own."""
+"""Least squares of any law, error bars of any residual, and a recursion of one's own."""
 
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -10,6 +10,8 @@ import palpate._core as _core
 from palpate.errors import InvalidParameterError
 from palpate.settings import Configured
 from palpate.validation import Floats, arguments, covariance_matrix, signal
+
+MOST_STEPS = 25
 
 
 def long_run_covariance(
@@ -51,6 +53,62 @@ def robust_covariance(
     unit = jacobian / size
     scores = unit @ (np.linalg.pinv(unit.T @ unit, hermitian=True) / size)
     return long_run_covariance(scores, residual, shared, len(size) + others)
+
+
+class Fitted(NamedTuple):
+    """Parameters of the least Σ r², with r, shape (k,), and its negative slopes, shape (k, p)."""
+
+    parameters: Floats
+    residual: Floats
+    jacobian: Floats
+
+
+def least_squares(
+    model: Callable[[Floats], tuple[Floats, Floats]],
+    start: Floats,
+    bounds: tuple[Floats | float, Floats | float] = (-np.inf, np.inf),
+    enough: float = 1e-9,
+) -> Fitted:
+    """Levenberg–Marquardt from a start, of any law; in one step where the model is linear.
+
+    Of the Hunt–Crossley law on samples as they are ``_core.fit_samples`` finds the same minimum a
+    dozen times quicker; this one takes any gradient, and averages of it.
+
+    Parameters
+    ----------
+    model : callable
+        Gives the residual of parameters, shape (k,), and the force's gradient by them, (k, p); a
+        column of zeros keeps its parameter.
+    start : numpy.ndarray, shape (p,)
+        Where it begins.
+    bounds : tuple of numpy.ndarray
+        The lowest and the highest parameters.
+    enough : float
+        It ends when a step gains less than this of Σ r².
+    """
+    best, damping, (low, high) = Fitted(start, *model(start)), 1e-9, bounds
+    energy = float(best.residual @ best.residual)
+    for _ in range(MOST_STEPS):
+        slope, at = best.jacobian.T @ best.residual, best.parameters
+        held = ((at <= low) & (slope < 0.0)) | ((at >= high) & (slope > 0.0))
+        jacobian = np.where(held, 0.0, best.jacobian)
+        size = np.linalg.norm(jacobian, axis=0)
+        size[size == 0.0] = 1.0
+        unit = jacobian / size
+        # Damped, the condition is no worse than 1e9, so that normal equations will do.
+        normal = unit.T @ unit + max(damping, 1e-12) * np.eye(len(size))
+        trial = np.clip(at + np.linalg.solve(normal, slope / size) / size, low, high)
+        after = Fitted(trial, *model(trial))
+        gained = energy - float(after.residual @ after.residual)
+        if not gained > 0.0:
+            damping = max(damping, 1e-6) * 10.0
+            if damping > 1e3:
+                break
+            continue
+        best, energy, damping = after, energy - gained, damping / 10.0
+        if gained < enough * (energy + gained):
+            break
+    return best
 
 
 def mean_error(values: Floats) -> float:

@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from palpate.digits import rounded
 from palpate.errors import ExportRefusedError, InvalidParameterError, RecordingError
 from palpate.estimators.estimate import rmse_percent
+from palpate.estimators.least_squares import least_squares
 from palpate.findings import Finding
 from palpate.force_laws import ForceLaw, GeneralisedHuntCrossley, force_over_breaks
 from palpate.identifying import Identification
@@ -71,14 +72,8 @@ class ProbeMotion:
         """
         time: Floats = 1e-3 * np.arange(6000, dtype=np.float64)
         command = Probing(pause=0.0).at(time)
-        return cls(
-            time,
-            command.penetration,
-            command.velocity,
-            np.gradient(command.velocity, time),
-            command.penetration > FIRM,
-            source="the paper's motion",
-        )
+        x, v = command.penetration, command.velocity
+        return cls(time, x, v, np.gradient(v, time), x > FIRM, source="the paper's motion")
 
     @classmethod
     def recorded(cls, result: Identification | SavedResult) -> "ProbeMotion":
@@ -100,22 +95,15 @@ class ProbeMotion:
         parts = [np.flatnonzero(good[part]) + part.start for part in contact.segments()]
         kept = [part for part in parts if part.size > 1]
         whole = np.concatenate(kept) if kept else np.empty(0, dtype=np.int64)
-        acceleration = [np.gradient(contact.velocity[part], contact.time[part]) for part in kept]
+        time, velocity = contact.time[whole], contact.velocity[whole]
+        parts = [np.gradient(contact.velocity[part], contact.time[part]) for part in kept]
         penetration = contact.penetration[whole] - surface
         judged = result.trace.taken[whole] & (penetration > 0.0)
         if not judged.any():
             raise RecordingError(f"{contact.source}: no sample of it was taken; identify it again")
-        lengths = np.cumsum([0, *(part.size for part in kept[:-1])])
-        return cls(
-            contact.time[whole],
-            penetration,
-            contact.velocity[whole],
-            np.concatenate(acceleration),
-            judged,
-            tuple(int(k) for k in lengths),
-            contact.force[whole] - offset,
-            "the recorded motion",
-        )
+        starts = tuple(np.cumsum([0, *(part.size for part in kept[:-1])]).tolist())
+        motion = cls(time, penetration, velocity, np.concatenate(parts), judged, starts)
+        return replace(motion, force=contact.force[whole] - offset, source="the recorded motion")
 
     def __len__(self) -> int:
         return len(self.time)
@@ -404,9 +392,7 @@ def numbers_of(law: GeneralisedHuntCrossley) -> dict[str, float]:
 
 # The nearest law of a kind that an engine has, along a motion.
 
-_GOLDEN = 0.5 * (1.0 + 5.0**0.5)
-_EXPONENTS = (0.5, 3.0)
-_SECTIONS = 22  # n to 2.5/φ²² = 6·10⁻⁵; the error is flat there
+_EXPONENTS = (0.5, 3.0)  # what lies between x and x², and a little beyond them
 
 
 def with_exponents(
@@ -421,11 +407,28 @@ def with_exponents(
         same = own.exponent == n and (own.damping == 0.0 or own.damping_exponent == p)
         if same and own.damping >= 0.0:
             return GeneralisedHuntCrossley(own.stiffness, n, own.damping, p)
-    firm = motion.judged
-    x, v = motion.penetration[firm], motion.velocity[firm]
-    force = motion.force_by(law)[firm]
-    stiffness, damping = _least_squares(x**n, x**p * v, force)
-    return GeneralisedHuntCrossley(stiffness, n, damping, p)
+    return _nearest(law, motion, (n, n), p)
+
+
+def _nearest(
+    law: ForceLaw, motion: ProbeMotion, exponents: tuple[float, float], p: float
+) -> GeneralisedHuntCrossley:
+    """K, n within these exponents, and B ≥ 0 of least squares over the judged samples."""
+    firm, unit = motion.judged, motion.deepest  # in SI, K and n of a power are one
+    x, v = motion.penetration[firm] / unit, motion.velocity[firm]
+    force, damper, logarithm = motion.force_by(law)[firm], x**p * v, np.log(x)
+
+    def model(parameters: Floats) -> tuple[Floats, Floats]:
+        stiffness, n, damping = parameters
+        power = x**n
+        slopes = np.column_stack([power, stiffness * power * logarithm, damper])
+        slopes[:, 1] *= exponents[0] < exponents[1]
+        return force - stiffness * power - damping * damper, slopes
+
+    bounds = np.array([-np.inf, exponents[0], 0.0]), np.array([np.inf, exponents[1], np.inf])
+    found = least_squares(model, np.array([0.0, 0.5 * sum(exponents), 0.0]), bounds, 1e-12)
+    stiffness, n, damping = found.parameters.tolist()
+    return GeneralisedHuntCrossley(stiffness / unit**n, n, damping / unit**p, p)
 
 
 def with_one_exponent(
@@ -515,34 +518,9 @@ def without_memory(law: GeneralisedHuntCrossley, motion: ProbeMotion) -> Nearest
 
 
 def one_power(law: ForceLaw, motion: ProbeMotion) -> Nearest:
-    """Return the K xⁿ + B v nearest to a law of two powers of depth, K₁ x + K₂ x² + B v.
-
-    n by a golden section over what lies between the two powers and a little beyond them.
-    """
-
-    def member(n: float) -> Nearest:
-        nearest = with_exponents(law, motion, n, 0.0)
-        return Nearest.of(nearest, law, motion, "one power of depth nearest along this motion")
-
-    low, high = _EXPONENTS
-    for _ in range(_SECTIONS):
-        first, second = high - (high - low) / _GOLDEN, low + (high - low) / _GOLDEN
-        if member(first).error_percent < member(second).error_percent:
-            high = second
-        else:
-            low = first
-    return member(0.5 * (low + high))
-
-
-def _least_squares(elastic: Floats, damper: Floats, force: Floats) -> tuple[float, float]:
-    """K and B ≥ 0; both columns scaled, since x² and x² v differ by orders."""
-    columns = np.column_stack([elastic, damper])
-    sizes = np.sqrt(np.einsum("ij,ij->j", columns, columns))
-    sizes[sizes == 0.0] = 1.0
-    stiffness, damping = np.linalg.lstsq(columns / sizes, force, rcond=None)[0] / sizes
-    if damping >= 0.0:
-        return float(stiffness), float(damping)
-    return float(elastic @ force) / float(elastic @ elastic), 0.0
+    """Return the K xⁿ + B v nearest to a law of two powers of depth, K₁ x + K₂ x² + B v."""
+    nearest = _nearest(law, motion, _EXPONENTS, 0.0)
+    return Nearest.of(nearest, law, motion, "one power of depth nearest along this motion")
 
 
 # What an engine is, to an export: its ways of carrying a law, and what it makes of it.

@@ -8,11 +8,13 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+import palpate._core as _core
 from palpate.contact import slices_of
 from palpate.digits import rounded
 from palpate.errors import RecordingError
-from palpate.estimators.least_squares import robust_covariance
+from palpate.estimators.least_squares import Fitted, robust_covariance
 from palpate.findings import Finding
+from palpate.force_laws import HuntCrossley
 from palpate.preparation.gates import noise_of
 from palpate.validation import Floats
 
@@ -397,13 +399,8 @@ def _fitted(x: Floats, v: Floats, f: Floats, start: Surface) -> Surface | None:
         return None
     near = x > start.position - depth  # farther out it is free air, of which that is enough
     kept = slice(None, None, int(np.count_nonzero(near)) // MOST_FITTED + 1)
-    samples = Samples(
-        ((x[near] - start.position) / depth)[kept], (v[near] / speed)[kept], f[near][kept]
-    )
-    found = min(
-        (placed(samples, np.array([size, 0.0, n, 0.0, 0.0])) for n in GROWTHS),
-        key=lambda each: each.energy,
-    )
+    samples = np.array([(x[near] - start.position) / depth, v[near] / speed, f[near]])[:, kept]
+    found = placed(samples, np.array([(size, 0.0, n, 0.0, 0.0) for n in GROWTHS]))
     away = float(found.parameters[4]) * depth
     error = math.sqrt(robust_covariance(found.jacobian, found.residual)[-1, -1]) * depth
     near_start = abs(away) <= FARTHEST * start.deviation and 0.0 < error < depth
@@ -416,82 +413,34 @@ def _fitted(x: Floats, v: Floats, f: Floats, start: Surface) -> Surface | None:
 # Least squares of a Hunt–Crossley law, an offset and the surface, together.
 
 EXPONENT_RANGE = (0.2, 6.0)  # beyond what any material shows; keeps powers finite
-STEPS = 15
+SURFACE_RANGE = (-3.0, 0.9)  # working depths
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Samples:
-    """Contact, free approach and what lies between, thinned."""
-
-    x: Floats  # over the working depth
-    v: Floats  # over its rms
-    force: Floats  # N
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Placed:
-    """Least squares with the surface free: (k, c, n, F₀, d), what it leaves, and its Jacobian."""
-
-    parameters: Floats
-    residual: Floats
-    jacobian: Floats
-
-    @property
-    def energy(self) -> float:
-        """Sum of squares, N²."""
-        return float(self.residual @ self.residual)
-
-
-def _model(samples: Samples, parameters: Floats) -> tuple[Floats, Floats]:
-    """Force [N] and its gradient by (k, c, n, F₀, d), a row each."""
-    k, c, n, offset, depth = parameters
-    below = samples.x - depth
-    touching = below > 1e-9
-    below[~touching] = 1.0
-    power = below**n * touching
-    force = power * (k + c * samples.v)
-    rows = [power, power * samples.v, np.log(below) * force, np.ones_like(force)]
-    return force + offset, np.array([*rows, -n * force / below])
-
-
-def placed(samples: Samples, start: Floats, *, exponent_fixed: bool = False) -> Placed:
-    """Levenberg–Marquardt on (k, c, n, F₀, d), from a start.
+def placed(samples: Floats, starts: Floats, *, exponent_fixed: bool = False) -> Fitted:
+    """Least squares of (k, c, n, F₀, d), the lowest of those that the starts lead to.
 
     Parameters
     ----------
-    samples : Samples
-        Contact and free approach, without units.
-    start : numpy.ndarray, shape (5,)
+    samples : numpy.ndarray, shape (3, samples)
+        Depth over the working depth, velocity over its rms, and force [N], of contact and free
+        approach.
+    starts : numpy.ndarray, shape (starts, 5)
         N, N, 1, N, and depths.
     exponent_fixed : bool
-        Whether n stays what it is in the start.
+        Whether n stays what it is in the starts.
     """
-    parameters, damping = start.copy(), 1e-4
-    model, gradient = _model(samples, parameters)
-    gradient[2] *= not exponent_fixed
-    residual = samples.force - model
-    energy = float(residual @ residual)
-    for _ in range(STEPS):
-        normal = gradient @ gradient.T
-        size = np.sqrt(np.diag(normal))
-        size[size == 0.0] = 1.0
-        unit = normal / np.outer(size, size) + damping * np.eye(len(size))
-        trial = parameters + np.linalg.solve(unit, gradient @ residual / size) / size
-        trial[2] = min(max(trial[2], EXPONENT_RANGE[0]), EXPONENT_RANGE[1])
-        trial[4] = min(max(trial[4], -3.0), 0.9)
-        model, new_gradient = _model(samples, trial)
-        new_gradient[2] *= not exponent_fixed
-        new = samples.force - model
-        left = float(new @ new)
-        if left < energy:
-            ended = energy - left < 1e-7 * left
-            parameters, residual, gradient, energy = trial, new, new_gradient, left
-            damping = max(damping / 10.0, 1e-9)
-            if ended:
-                break
-        else:
-            damping *= 10.0
-    return Placed(parameters, residual, gradient.T)
+    exponents = (starts[0, 2],) * 2 if exponent_fixed else EXPONENT_RANGE
+    found = _core.fit_samples(np.ascontiguousarray(samples), starts, exponents, SURFACE_RANGE)
+    parameters = np.array(found)
+    law, (x, v, force) = HuntCrossley(*found[:3]), samples
+    below = x - parameters[4]
+    touching = (below > 0.0)[:, None]
+    below = np.where(below > 0.0, below, 1.0)
+    rows = [*law.parameter_gradient(below, v).T, -law.penetration_gradient(below, v)]
+    jacobian = np.insert(np.array(rows).T * touching, 3, 1.0, axis=1)
+    jacobian[:, 2] *= not exponent_fixed
+    residual = force - jacobian[:, [0, 1, 3]] @ parameters[[0, 1, 3]]
+    return Fitted(parameters, residual, jacobian)
 
 
 # Episodes of a probe that travels: times in which it stays at one place of the material.
