@@ -100,6 +100,18 @@ def run(monkeypatch, capsys):
 
 
 @pytest.fixture
+def printed(run):
+    """Runs a command that succeeds and says nothing on standard error; what it prints."""
+
+    def call(*arguments) -> str:
+        status, out, err = run(*arguments)
+        assert (status, err) == (0, "")
+        return out
+
+    return call
+
+
+@pytest.fixture
 def refused(run):
     """Runs a command that is refused in one line, which is returned."""
 

@@ -12,11 +12,7 @@ import pyarrow.parquet
 import scipy.io
 from recordings import SIGNALS
 
-COLUMNS = {
-    "time_s": SIGNALS.time,
-    "penetration_m": SIGNALS.penetration,
-    "force_N": SIGNALS.force,
-}
+COLUMNS = {"time_s": SIGNALS.time, "penetration_m": SIGNALS.penetration, "force_N": SIGNALS.force}
 
 
 def write_parquet(path: Path, columns: Mapping = COLUMNS, **more) -> Path:

@@ -34,8 +34,7 @@ settings_of_estimators = st.fixed_dictionaries(
             st.builds(FadingForgetting, st.floats(0.5, 1.0), st.floats(0.1, 100.0)),
         ),
         "perturbation": st.one_of(
-            st.none(),
-            st.builds(SelfPerturbation, st.floats(0.0, 1e20), st.floats(0.0, 1e40)),
+            st.none(), st.builds(SelfPerturbation, st.floats(0.0, 1e20), st.floats(0.0, 1e40))
         ),
         "gate": st.one_of(
             st.none(),

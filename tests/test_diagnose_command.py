@@ -1,6 +1,7 @@
-"""The verdict on the command line: what is printed, which remedies work, how it ends."""
+"""The verdict and the law on the command line: what is printed, what mends it, how it ends."""
 
 import json
+from pathlib import Path
 
 import faults
 import pytest
@@ -25,20 +26,18 @@ def result_of(output: str) -> dict:
     return result
 
 
-def test_diagnose_prints_every_finding_with_its_remedy(run, write):
+def test_diagnose_prints_every_finding_with_its_remedy(printed, write):
     path = write(faults.changed(0.2))
-    status, out, err = run("diagnose", path)
-    assert (status, err) == (0, "")
+    out = printed("diagnose", path)
     found = palpate.diagnose(path)
     assert all(finding.check.split()[0] in out for finding in found.findings)
     assert "→ --changes identifies each" in out
     assert f"{found.episodes[0].stop:.4g} s: stiffness = " in out
 
 
-def test_json_is_the_diagnosis_of_the_library(run, write):
+def test_json_is_the_diagnosis_of_the_library(printed, write):
     path = write(faults.changed(0.2))
-    status, out, _ = run("diagnose", path, "--json")
-    assert status == 0
+    out = printed("diagnose", path, "--json")
     assert json.loads(out)["schema_version"] == 2
     printed, found = result_of(out), palpate.diagnose(path)
     episodes = [{**episode, "verdict": None} for episode in printed["episodes"]]
@@ -112,11 +111,9 @@ REMEDIES = {
 
 
 @pytest.mark.parametrize("name", REMEDIES)
-def test_a_remedy_mends_what_it_is_for(run, write, name):
+def test_a_remedy_mends_what_it_is_for(printed, write, name):
     contact, options = REMEDIES[name]
-    status, out, err = run("identify", write(contact), *options, "--json")
-    assert (status, err) == (0, "")
-    result = result_of(out)
+    result = result_of(printed("identify", write(contact), *options, "--json"))
     assert result["verdict"]["overall"] == "trust"
     there = result["working_depth"]
     assert ("--at" in options) == (there["depth"] == 5e-3)
@@ -148,3 +145,48 @@ def test_compare_ranks_and_recommends_nothing_where_nothing_is_to_be_trusted(run
     assert all("exclude each other" in words for words in ranking["exclusions"])
     out = run("compare", write(faults.changed(1.0)))[1]
     assert "recommended: none of them" in out
+
+
+PHANTOM = Path(__file__).parents[1] / "examples" / "recordings" / "phantom.csv"
+BALL = PHANTOM.with_name("ball.csv")
+
+
+def test_a_law_is_chosen_and_said(printed):
+    out = printed("identify", PHANTOM, "--law", "auto")
+    result = palpate.identify(PHANTOM, law="auto", trace=False)
+    assert str(result.law_verdict.candidate) in out
+    assert "by viscoelastic" in out
+    assert "independent samples of" in " ".join(out.split())
+
+
+def test_the_diagnosis_is_of_the_law_that_is_asked_for(printed):
+    out = printed("diagnose", PHANTOM, "--law", "half-space", "--json")
+    [result] = json.loads(out)["results"]
+    assert result["law_verdict"]["law"] in ("half-space", "Kelvin–Voigt")
+    assert result["method"] == "viscoelastic"
+
+
+def test_what_an_oscillation_feels_is_printed_with_what_the_everyday_laws_say(run, printed):
+    own = palpate.identify(BALL, trace=False).dynamic_stiffness().frequency
+    out = printed("identify", BALL, "--frequency", f"{own:.6f}rad/s")
+    assert "of the everyday laws, by the same samples: Hunt–Crossley, before " in out
+    assert "a small oscillation of " in out
+    assert "K′ = 2000.7" in out
+    _, printed, _ = run("identify", BALL, "--frequency", f"{own:.6f}rad/s", "--json")
+    felt = json.loads(printed)["results"][0]["small_oscillation"]
+    assert felt["frequency"] == pytest.approx(own, abs=1e-6)
+
+
+def test_options_in_a_file_hold_the_law(run, tmp_path):
+    options = tmp_path / "options.toml"
+    run("identify", BALL, "--law", "half-space", "--save-config", options)
+    assert 'law = "half-space"' in options.read_text()
+    _, out, _ = run("identify", BALL, "--config", options, "--json")
+    [result] = json.loads(out)["results"]
+    assert result["law"]["damping_exponent"] == result["law"]["exponent"] - 1.0
+
+
+@pytest.mark.slow  # processes of its own
+def test_a_fleet_takes_the_law_too(printed, tmp_path):
+    out = printed("fleet", BALL, "-o", tmp_path / "out", "--law", "auto", "--json")
+    assert json.loads(out)["identified"] == 1

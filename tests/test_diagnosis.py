@@ -8,7 +8,7 @@ import pytest
 
 import palpate
 from palpate.diagnosis import Data
-from palpate.diagnosis.data import CHECKS, SOME, input_findings
+from palpate.diagnosis.data import CHECKS, SOME
 from palpate.diagnosis.delay import _within_segment, delay, relaxed
 from palpate.diagnosis.fit import Fit
 from palpate.estimators.least_squares import block_variance, mean_error, robust_covariance
@@ -94,11 +94,12 @@ def test_the_open_sign_of_a_springs_damping_is_no_fault(noise):
         assert found.verdict.damping == "trust"
 
 
-@pytest.mark.parametrize("name", CHECKS)
+@pytest.mark.parametrize("name", INPUTS)
 def test_a_fault_of_the_data_is_found_by_its_check_and_by_no_other(name):
-    found = [finding.check for finding in input_findings(Data(INPUTS[name]))]
+    found = [finding.check for finding in Data(INPUTS[name]).findings]
     others = ["velocity column"] if name == "time unit" else []
     assert [check for check in found if check not in others] == [name]
+    assert len(INPUTS) == len(CHECKS)
 
 
 def test_friction_that_jumps_as_the_probe_turns_is_not_called_spikes():
@@ -112,7 +113,7 @@ def test_friction_that_jumps_as_the_probe_turns_is_not_called_spikes():
 
 def test_each_sign_has_its_own_remedy():
     force, depth = faults.scaled(force=-1.0), faults.scaled(penetration=-1.0)
-    remedies = [input_findings(Data(contact))[0].remedy for contact in (force, depth)]
+    remedies = [Data(contact).findings[0].remedy for contact in (force, depth)]
     assert remedies == ["--flip-force", "--flip-penetration"]
 
 

@@ -95,8 +95,6 @@ LONG |= {ROOT / "docs" / name for name in ("exports.md", "exports-tutorial.md")}
     ids=lambda page: str(page.relative_to(ROOT)),
 )
 def test_the_snippets_of_a_page_run(page, at_home, briefly, run, capsys):
-    pytest.importorskip("mujoco")
-    pytest.importorskip("matplotlib")
     names = {"__name__": "snippet"}
     for snippet in SNIPPETS[page]:
         if snippet.language == "python":
@@ -127,8 +125,7 @@ def test_the_design_that_is_shown_is_the_design_that_is_printed(run):
 def test_the_result_that_is_shown_is_the_result_that_is_printed(run, monkeypatch):
     monkeypatch.chdir(ROOT)
     [shown] = [s for s in SNIPPETS[ROOT / "docs" / "identifying.md"] if s.language == "text"]
-    printed = run("identify", "examples/recordings/ball.csv")[1]
-    assert printed.split() == shown.text.split()
+    assert run("identify", "examples/recordings/ball.csv")[1].split() == shown.text.split()
 
 
 def test_the_json_that_is_shown_has_the_keys_that_are_printed(run):
@@ -142,7 +139,6 @@ def test_the_json_that_is_shown_has_the_keys_that_are_printed(run):
 
 @pytest.mark.parametrize("example", EXAMPLES, ids=lambda example: example.name)
 def test_an_example_runs(example, briefly, tmp_path, monkeypatch, capsys):
-    pytest.importorskip("mujoco")
     folder = [str(tmp_path)] if example.name == "make_recordings.py" else []
     monkeypatch.setattr(sys, "argv", [example.name, *folder])
     runpy.run_path(str(example), run_name="__main__")

@@ -4,15 +4,10 @@ import runpy
 from dataclasses import replace
 from pathlib import Path
 
+import mujoco
 import numpy as np
 import pytest
-from export_cases import (
-    BALL_LAW,
-    HALF_SPACE_LAW,
-    HERTZ_LAW,
-    PVC_LAW,
-    SPONGE_LAW,
-)
+from export_cases import BALL_LAW, HALF_SPACE_LAW, HERTZ_LAW, PVC_LAW, SPONGE_LAW
 from export_cases import KELVIN_VOIGT_LAW as KELVIN_VOIGT
 
 import palpate
@@ -21,8 +16,6 @@ from palpate.exports import Asked, Motion, engine_called, export
 from palpate.exports.engine import drop_to, force_error
 from palpate.exports.mujoco.fitting import PairRow, PairRows
 from palpate.exports.mujoco.robot import Scene
-
-mujoco = pytest.importorskip("mujoco", reason="needs MuJoCo: pip install 'palpate[lab]'")
 
 MOTION = Motion.of_paper()
 FIRM = MOTION.firm()
@@ -443,8 +436,7 @@ def test_a_model_without_passive_forces_has_no_pair_that_pulls(model, form, refu
 def test_a_surface_stays_where_it_is_in_a_model_with_defaults_for_pairs(model):
     # A margin of them made the contact 6 mm deep, and the force three times too large.
     path = model(within(SLIDE, "<default><pair margin='0.006' gap='0.005' condim='3'/></default>"))
-    fragment = fitted(KELVIN_VOIGT, model=path, geom="tip")
-    write(path.parent, fragment.files(()))
+    write(path.parent, fitted(KELVIN_VOIGT, model=path, geom="tip").files(()))
     found = mujoco.MjModel.from_xml_path(str(path.parent / "robot_scene.xml"))
     assert (found.pair_margin[0], found.pair_gap[0], found.pair_dim[0]) == (0.0, 0.0, 1)
 
@@ -493,12 +485,10 @@ def folder(made, tmp_path_factory):
     return folder
 
 
-def test_what_is_identified_from_the_scene_is_what_was_exported(run, folder, made, tmp_path):
+def test_what_is_identified_from_the_scene_is_what_was_exported(printed, folder, made, tmp_path):
     file = tmp_path / "again.csv"
     pressed = ("lab", folder / "scene.xml", "--probe", "ideal", "--bias", "0", "--resolution", "0")
-    status, out, err = run(*pressed, "--seconds", "6", "-o", file)
-    assert (status, err) == (0, "")
-    assert '"engine": "mujoco"' in out
+    assert '"engine": "mujoco"' in printed(*pressed, "--seconds", "6", "-o", file)
     found = palpate.identify(file, trace=False)
     # The stated error is one of force: what that moves a parameter by, at most, is s.e. · ε ‖F‖/σ.
     force = np.linalg.norm(found.contact.force[found.trace.taken])

@@ -1,4 +1,4 @@
-"""``palpate info`` on every kind of file: tables, JSON, strip charts, and refusals."""
+"""``palpate info`` on every kind of file, and the survey of clocks and channels behind it."""
 
 import json
 import re
@@ -14,17 +14,17 @@ from recordings import recording
 from palpate.figures.strips import MOST_STRIPS, draw_strips
 from palpate.recordings import Faults, Recording
 from palpate.recordings.survey import survey
+from palpate.recordings.times import clock_rank, clock_unit
 
 
-def test_what_is_lost_left_out_or_noted_is_printed_and_steers_no_terminal(run, tmp_path):
+def test_what_is_lost_left_out_or_noted_is_printed_and_steers_no_terminal(printed, tmp_path):
     path = write_hdf5(tmp_path / "a.h5", {"red\x1b[31m": np.arange(9.0), "time\r": np.arange(9.0)})
     with h5py.File(path, "r+") as file:
         file.create_dataset("huge", shape=(10**10,), dtype="f8", chunks=(1000,))
         file["words"] = ["a", "b"]
         file.attrs["subject"] = "phantom [3]"
         file.attrs["by"] = "me\x1b]0;title\x07"
-    status, out, _ = run("info", path)
-    assert status == 0
+    out = printed("info", path)
     assert not any(sign in out for sign in "\x1b\x07\r")
     assert "red\\x1b[31m" in out
     assert "note: subject: phantom [3]" in out
@@ -32,10 +32,9 @@ def test_what_is_lost_left_out_or_noted_is_printed_and_steers_no_terminal(run, t
     assert "lost: huge: nothing was written of its 10000000000 values" in out
 
 
-def test_the_json_has_all_that_the_tables_have(run, tmp_path):
+def test_the_json_has_all_that_the_tables_have(printed, tmp_path):
     columns = {**COLUMNS, "gap": np.where(np.arange(600) < 2, np.nan, 1.0)}
-    status, out, _ = run("info", write_parquet(tmp_path / "a.parquet", columns), "--json")
-    assert status == 0
+    out = printed("info", write_parquet(tmp_path / "a.parquet", columns), "--json")
     found = json.loads(out)
     [clock] = found["clocks"]
     assert (clock["name"], clock["rate"]) == ("time_s", pytest.approx(1000.0))
@@ -54,32 +53,27 @@ def test_channels_may_be_chosen(run, tmp_path):
     assert names == {"g1/time", "g1/f", "g2/time", "g2/f"}
 
 
-def test_a_curve_of_a_map_is_chosen_or_asked_for(run, tmp_path):
-    pytest.importorskip("afmformats")
+def test_a_curve_of_a_map_is_chosen_or_asked_for(run, printed, tmp_path):
     curves = [(np.arange(200) * k, np.arange(200)) for k in (1, 2)]
     path = write_jpk(tmp_path / "map.jpk-force-map", curves)
     status, out, err = run("info", path)
     assert (status, out) == (2, "")
     assert "--curve N" in err
-    status, out, err = run("info", path, "--curve", 1)
-    assert (status, err) == (0, "")
+    out = printed("info", path, "--curve", 1)
     assert "height (measured)" in out
     assert "spring constant: 0.02 N/m" in out
 
 
 def test_many_channels_are_cut_off_and_said(run, tmp_path):
     path = write_hdf5(tmp_path / "a.h5", {f"c{k:03}": np.arange(9.0) for k in range(100)})
-    out = run("info", path)[1]
-    assert "and 40 more channels: --channel NAME or --json" in out
+    assert "and 40 more channels: --channel NAME or --json" in run("info", path)[1]
 
 
-def test_a_strip_chart_has_a_strip_for_each_channel_that_varies(run, tmp_path):
+def test_a_strip_chart_has_a_strip_for_each_channel_that_varies(run, printed, tmp_path):
     columns = {**COLUMNS, "still": np.ones(600)}
     path, chart = write_parquet(tmp_path / "a.parquet", columns), tmp_path / "a.svg"
     content = path.read_bytes()
-    status, out, err = run("info", path, "--figure", chart, "--dark")
-    assert (status, err) == (0, "")
-    assert out.endswith(f"figure: {chart}\n")
+    assert printed("info", path, "--figure", chart, "--dark").endswith(f"figure: {chart}\n")
     ElementTree.parse(chart)
     for words in ("a.parquet: 2 of 4 channels, those that vary", "since the first of time_s [s]"):
         assert words in chart.read_text()
@@ -146,5 +140,71 @@ def test_the_description_that_is_shown_is_the_one_that_is_printed(run, tmp_path,
     monkeypatch.chdir(tmp_path)
     exec(re.search(r"```python\n(.*?)```", page, re.DOTALL)[1], {})
     shown = re.search(r"```text\n(.*?)```", page, re.DOTALL)[1]
-    printed = run("info", "probing.h5", "--figure", "probing.svg")[1]
-    assert printed.split() == shown.split()
+    assert run("info", "probing.h5", "--figure", "probing.svg")[1].split() == shown.split()
+
+
+def the_clock(times, unit: str | None = None, name: str = "time"):
+    units = {} if unit is None else {name: unit}
+    beside = name.replace(name.rpartition("/")[2], "x")
+    channels = {name: np.asarray(times), beside: np.zeros(len(times))}
+    [clock] = survey(Recording(channels, units)).clocks
+    return clock
+
+
+def test_a_clock_has_its_rate_by_the_median_step_and_its_span():
+    clock = the_clock(2.0 + np.arange(100) * 0.01)
+    assert (clock.name, clock.samples, clock.channels) == ("time", 100, ("x",))
+    assert clock.rate == pytest.approx(100.0)
+    assert (clock.start, clock.span) == pytest.approx((2.0, 0.99))
+    assert (clock.gaps, clock.repeated, clock.backward, clock.unknown) == (0, 0, 0, 0)
+
+
+def test_gaps_repeated_backward_and_unknown_times_are_counted():
+    times = np.arange(100) * 0.01
+    times[50:] += 0.2  # a step of 0.21 s
+    times[70:] += 0.08  # a step of nine: below what is called a gap
+    times[20] = times[19]
+    times[30], times[31] = times[31], times[30]
+    times[90] = np.nan
+    clock = the_clock(times)
+    assert (clock.gaps, clock.repeated, clock.backward, clock.unknown) == (1, 1, 1, 1)
+    assert clock.largest_gap == pytest.approx(0.21)
+    assert clock.rate == pytest.approx(100.0)
+
+
+def test_nanoseconds_keep_steps_of_a_microsecond_and_a_unit_may_stand_in_the_name():
+    clock = the_clock(1_763_800_000_000_000_000 + 1_000 * np.arange(50), "ns")
+    # A float of such seconds has steps of 0.24 µs.
+    assert clock.step == pytest.approx(1e-6, rel=1e-12)
+    assert clock.start == pytest.approx(1.7638e9)
+    for name in ("time_ms", "Time (ms)", "t_ms", "log/stamp_msec"):
+        assert clock_unit(name) == "ms"
+        assert the_clock(np.arange(10.0), name=name).rate == pytest.approx(1000.0)
+
+
+def test_other_words_are_no_clock_and_without_one_samples_are_counted():
+    for name in ("tension", "time_to_contact", "torque", "stamped", "x"):
+        assert clock_rank(name) is None
+    found = survey(Recording({"a": np.zeros(5), "b": np.zeros(7), "c": np.zeros(5)})).clocks
+    counted = [(clock.name, clock.samples, clock.channels) for clock in found]
+    assert counted == [("", 5, ("a", "c")), ("", 7, ("b",))]
+    assert all(np.isnan(clock.rate) for clock in found)
+
+
+def test_one_time_none_that_is_known_or_none_at_all_has_no_rate():
+    assert np.isnan(the_clock([1.0]).rate)
+    clock = the_clock([np.nan, np.inf])
+    assert clock.unknown == 2
+    assert np.isnan(clock.start)
+    assert survey(Recording({})).channels == ()
+    [channel] = survey(Recording({"x": np.empty(0)})).channels
+    assert channel.samples == 0
+
+
+def test_a_channel_has_its_range_and_what_is_not_known():
+    values = np.array([1.0, np.nan, -3.0, np.inf])
+    text = np.array(["a", "", " ", "b"], dtype=object)
+    ranged, words = survey(Recording({"f": values, "w": text}, {"f": "N"})).channels
+    assert (ranged.kind, ranged.unit, ranged.samples, ranged.known) == ("float64", "N", 4, 2)
+    assert (ranged.minimum, ranged.maximum) == (-3.0, 1.0)
+    assert (words.kind, words.known) == ("text", 2)

@@ -1,5 +1,6 @@
-"""A run on the bench: sensors, seeds, files, and what identification makes of them."""
+"""The laboratory: its materials and motions; sensors, seeds, files, and what is identified."""
 
+import json
 import os
 import subprocess
 import sys
@@ -10,6 +11,10 @@ import pytest
 import palpate
 from palpate import (
     GeneralisedHuntCrossley,
+    HuntCrossley,
+    InvalidParameterError,
+    KelvinVoigt,
+    RecordingError,
     SingleRelaxation,
     ViscoelasticContact,
     identify,
@@ -53,8 +58,6 @@ def test_without_a_pause_the_bias_stays_and_the_penetration_may_be_rounded():
 
 @pytest.mark.parametrize("probe", [IDEAL, lab.TwinPantograph()], ids=["ideal", "robot"])
 def test_the_same_seed_gives_the_same_file_and_another_does_not(probe, tmp_path):
-    if probe is not IDEAL:
-        pytest.importorskip("mujoco", reason="needs MuJoCo: pip install 'palpate[lab]'")
     bench = lab.Bench(lab.PVC, lab.THREE_SINES, probe)
     files = [tmp_path / f"{k}.csv" for k in range(3)]
     for file, seed in zip(files, (4, 4, 5), strict=True):
@@ -67,7 +70,6 @@ def test_the_same_seed_gives_the_same_file_and_another_does_not(probe, tmp_path)
 @pytest.mark.parametrize("seeds", [1, pytest.param(20, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("name", IN_CLASS)
 def test_identify_recovers_a_material_within_its_error_bars(name, seeds):
-    pytest.importorskip("mujoco", reason="needs MuJoCo: pip install 'palpate[lab]'")
     seconds = 5.0 if seeds == 1 else 10.0
     errors = [standardised(name, seed, seconds) for seed in range(seeds)]
     inside = sum(np.abs(error).max() < 3.0 for error in errors)
@@ -86,7 +88,6 @@ def test_identify_recovers_a_material_within_its_error_bars(name, seeds):
     ids=["half-space", "single", "half-space single"],
 )
 def test_what_the_robot_presses_is_found_with_its_memory(law, memory):
-    pytest.importorskip("mujoco", reason="needs MuJoCo: pip install 'palpate[lab]'")
     bench = lab.Bench(lab.Homogeneous(law), lab.THREE_SINES)
     for seed in range(4):
         estimate = identify(bench.run(seed).contact, ViscoelasticContact(memory=memory)).estimate
@@ -99,7 +100,6 @@ def test_what_the_robot_presses_is_found_with_its_memory(law, memory):
 
 @pytest.mark.slow
 def test_of_tissue_an_oscillation_feels_what_is_found():
-    pytest.importorskip("mujoco", reason="needs MuJoCo: pip install 'palpate[lab]'")
     for seed in range(4):
         contact = lab.Bench(lab.TISSUE, lab.THREE_SINES).run(seed).contact
         felt = identify(contact, ViscoelasticContact()).estimator.dynamic_stiffness()
@@ -111,7 +111,6 @@ def test_of_tissue_an_oscillation_feels_what_is_found():
 
 @pytest.mark.slow
 def test_the_file_does_not_depend_on_what_the_processor_can_do(tmp_path):
-    pytest.importorskip("mujoco", reason="needs MuJoCo: pip install 'palpate[lab]'")
     core = pytest.importorskip("numpy._core._multiarray_umath", reason="NumPy 1 names it otherwise")
     extensions = [name for name in core.__cpu_dispatch__ if core.__cpu_features__[name]]
     if not extensions:
@@ -125,3 +124,194 @@ def test_the_file_does_not_depend_on_what_the_processor_can_do(tmp_path):
         subprocess.run([sys.executable, "-c", program], env=environment, check=True)
     first, second = (file.read_bytes() for file in files)
     assert first == second
+
+
+TIME = np.arange(0.0, 3.0, 1e-3)
+DEPTH = 6e-3 + 4e-3 * np.sin(5.0 * TIME)
+SPEED = 20e-3 * np.cos(5.0 * TIME)
+HERE = np.zeros_like(TIME)
+
+
+@pytest.mark.parametrize("name", lab.MATERIALS)
+def test_a_step_at_a_time_a_material_feels_as_along_the_whole_motion(name):
+    material = lab.MATERIALS[name]
+    along = material.force(TIME, HERE, DEPTH, SPEED)
+    touch = material.touch()
+    steps = [touch(*sample) for sample in zip(TIME, HERE, DEPTH, SPEED, strict=True)]
+    # A spectrum is summed in another order: some roundings.
+    np.testing.assert_allclose(along, steps, rtol=1e-12, atol=1e-12)
+    # It says its truth in plain numbers.
+    assert json.loads(json.dumps(material.describe())) == material.describe()
+
+
+# What remembers lags behind a probe that leaves.
+@pytest.mark.parametrize("name", sorted(lab.MATERIALS.keys() - {"relaxing-sponge", "tissue"}))
+def test_a_material_pushes_where_it_is_touched_and_nowhere_else(name):
+    force = lab.MATERIALS[name].force(TIME, HERE, DEPTH - 6e-3, SPEED)
+    inside = DEPTH > 6e-3
+    assert (force[inside] > 0.0).all()
+    assert (force[~inside] == 0.0).all()
+
+
+def test_a_held_relaxing_material_relaxes_to_its_law_with_its_time_constant():
+    material = lab.Relaxing(lab.RELAXING_SPONGE.law, 150.0, 0.5)
+    depth = np.full_like(TIME, 0.01)
+    force = material.force(TIME[1:], HERE[1:], depth[1:], HERE[1:])
+    # It is touched at its first sample, where nothing has stretched the branch yet.
+    touch = material.touch()
+    touch(0.0, 0.0, 0.0, 0.0)
+    pressed = np.array([touch(t, 0.0, 0.01, 0.0) for t in TIME[1:]])
+    above = pressed - 300.0 * 0.01
+    # Pressed in within the first millisecond, then left alone: exact but for rounding.
+    np.testing.assert_allclose(above, above[0] * np.exp(-(TIME[1:] - TIME[1]) / 0.5), rtol=1e-9)
+    # Within that millisecond it relaxes already: the mean of e^(−t/τ) over it is left.
+    assert above[0] == pytest.approx(150.0 * 0.01 * (1.0 - np.exp(-0.002)) / 0.002, rel=1e-9)
+    np.testing.assert_allclose(force, 3.0)
+
+
+def test_a_relaxing_material_lags_behind_the_leaving_probe_and_never_pulls():
+    material = lab.Relaxing(lab.RELAXING_SPONGE.law, 3000.0, 0.1)
+    force = material.force(TIME, HERE, DEPTH - 5e-3, SPEED)
+    inside = DEPTH > 5e-3
+    assert force.min() == 0.0
+    assert (force[inside] == 0.0).any()
+    assert force.max() > 1.0
+
+
+def test_the_place_decides_between_zones_and_the_time_between_episodes():
+    laws = lab.PVC.law, lab.INCLUSION.law
+    parts = tuple(lab.Homogeneous(law) for law in laws)
+    soft, hard = (law.force(DEPTH, SPEED) for law in laws)
+    lateral_position = 0.01 * np.sin(TIME)
+    zones = lab.SpaceVaryingMaterial(parts, (0.002,)).force(TIME, lateral_position, DEPTH, SPEED)
+    np.testing.assert_array_equal(zones, np.where(lateral_position < 0.002, soft, hard))
+    episodes = lab.TimeVaryingMaterial(parts, (1.5,)).force(TIME, HERE, DEPTH, SPEED)
+    np.testing.assert_array_equal(episodes, np.where(TIME < 1.5, soft, hard))
+
+
+HC = HuntCrossley(1.0, 1.0, 1.0)
+PROBE = lab.IdealProbe()
+TWO, THREE = (lab.BALL, lab.PVC), (lab.BALL, lab.PVC, lab.PVC)
+
+
+@pytest.mark.parametrize(
+    "make, words",
+    [
+        (lambda: lab.Homogeneous("ball"), "law must be a ForceLaw"),
+        (lambda: lab.Homogeneous(KelvinVoigt(-1.0, 1.0)), "stiffness must be in"),
+        (lambda: lab.Relaxing(KelvinVoigt(1.0, 1.0), 1.0, 1.0), "law must be a HuntCrossley"),
+        (lambda: lab.Relaxing(HC, 1.0, 0.0), "relaxation_time must be"),
+        (lambda: lab.SpaceVaryingMaterial(TWO, ()), "borders must be one fewer"),
+        (lambda: lab.SpaceVaryingMaterial(THREE, (1.0, 0.0)), "borders must increase"),
+        (lambda: lab.TimeVaryingMaterial((lab.BALL, 3), (1.0,)), "must be a Material, not 3"),
+        (lambda: lab.TwinPantograph(counts_per_turn=-1.0), "counts_per_turn must be in"),
+        (lambda: lab.SplineTrajectory([0.0, 1.0], [0.0, 1.0]), "at least four"),
+        (lambda: lab.SplineTrajectory([0.0, 1.0, 1.0, 2.0], [0.0] * 4), "time must increase"),
+        (lambda: lab.Probing(clearance=-1.0), "clearance must be in"),
+        (lambda: lab.Palpation(shift=6.0), "shift must be in"),
+        (lambda: lab.Tapping(depths=()), "depths must name"),
+        (lambda: lab.Bench("ball", lab.THREE_SINES, PROBE), "material must be a Material"),
+        (lambda: lab.Bench(lab.BALL, "sines", PROBE), "trajectory must be a Trajectory"),
+        (lambda: lab.Bench(lab.BALL, lab.THREE_SINES, "robot"), "probe must be a Probe"),
+        (lambda: lab.Sensors(force_noise=-1.0), "force_noise must be in"),
+        (lambda: lab.Bench(lab.BALL, lab.ONE_SINE, PROBE).run(-1), "seed must be in"),
+    ],
+)
+def test_nonsense_is_refused_by_name(make, words):
+    with pytest.raises(InvalidParameterError, match=words):
+        make()
+
+
+CLOCK = np.arange(0.0, 40.0, 1e-3)
+MOVES = {
+    **lab.TRAJECTORIES,
+    "followed": lab.SplineTrajectory(CLOCK[::500], 1e-3 * np.sin(CLOCK[::500]), pause=0.0),
+}
+
+
+@pytest.mark.parametrize("name", MOVES)
+def test_the_commanded_speeds_are_the_slopes_of_the_commanded_places(name):
+    h = 1e-5
+    inside = CLOCK[10:-10]
+    ahead, behind, now = (MOVES[name].at(inside + shift) for shift in (h, -h, 0.0))
+    # Central differences: h² x‴/6 is below 1e-8 of these motions, and rounding below 1e-11.
+    slope = (ahead.penetration - behind.penetration) / (2.0 * h)
+    np.testing.assert_allclose(now.velocity, slope, atol=2e-6)
+    slope = (ahead.lateral_position - behind.lateral_position) / (2.0 * h)
+    np.testing.assert_allclose(now.lateral_velocity, slope, atol=2e-6)
+
+
+@pytest.mark.parametrize("name", lab.TRAJECTORIES)
+def test_nothing_moves_in_the_pause_and_the_probe_is_above_the_surface(name):
+    trajectory = lab.TRAJECTORIES[name]
+    assert trajectory.pause == 2.0
+    command = trajectory.at(CLOCK[CLOCK <= 2.0])
+    assert (command.penetration == command.penetration[0]).all()
+    assert command.penetration[0] < 0.0
+    assert (command.velocity == 0.0).all()
+    assert np.ptp(command.lateral_position) == 0.0
+
+
+def test_the_three_sines_are_those_of_the_paper_once_the_approach_is_over():
+    start = 2.417
+    after = CLOCK[start <= CLOCK]
+    command = lab.THREE_SINES.at(after)
+    t = after - start
+    x = 10e-3 + 1e-3 * np.sin(4 * t) + 1.8e-3 * np.sin(11 * t) + 1.8e-3 * np.sin(15 * t)
+    np.testing.assert_allclose(command.penetration, x, rtol=1e-12)
+    # They meet 2π later, at t = 8.7 s: where the paper sees condition 10 broken on the phantom.
+    later = (after > 3.0) & (after < 10.0)
+    assert after[later][np.argmax(command.velocity[later])] == pytest.approx(8.7, abs=0.01)
+    assert command.velocity.max() == pytest.approx(50.8e-3, rel=1e-4)
+
+
+@pytest.mark.parametrize("name", ["three-sines", "two-sines", "one-sine", "palpation"])
+def test_the_probe_stays_in_the_material_or_leaves_it_as_is_meant(name):
+    assert lab.TRAJECTORIES[name].at(CLOCK[CLOCK > 2.5]).penetration.min() > 4e-3
+    # Near the surface at speed now and then, tapping after every stroke.
+    command = lab.NEAR_SURFACE.at(CLOCK)
+    x, v = command.penetration, command.velocity
+    leaving = np.flatnonzero((x[1:] <= 0.0) & (x[:-1] > 0.0))
+    assert leaving.size >= 2
+    assert v[leaving].min() < -8e-3
+    x = lab.TAPPING.at(CLOCK).penetration
+    touches = np.count_nonzero((x[1:] > 0.0) & (x[:-1] <= 0.0))
+    assert touches == pytest.approx(1.4 * 38.0, abs=1.0)
+
+
+def test_palpation_changes_sides_every_five_seconds():
+    changes = CLOCK[1:][np.diff(lab.PALPATION.at(CLOCK).lateral_position >= 0.0)]
+    np.testing.assert_allclose(changes, 2.0 + 5.0 * np.arange(1, 8), atol=2e-3)
+
+
+def test_a_motion_of_ones_own_goes_through_its_samples_and_rests_before_and_after():
+    time = np.array([1.0, 1.5, 2.0, 2.5, 3.0])
+    depth = np.array([0.0, 1e-3, 3e-3, 2e-3, 0.0])
+    followed = lab.SplineTrajectory(time, depth)
+    np.testing.assert_allclose(followed.at(time).penetration, depth, atol=1e-18)
+    outside = followed.at(np.array([0.0, 4.0]))
+    assert (outside.penetration == 0.0).all()
+    assert (outside.velocity == 0.0).all()
+
+
+def test_a_motion_is_read_from_a_file_with_its_pause(tmp_path):
+    time = np.arange(0.0, 5.0, 0.01)
+    depth = np.where(time < 2.0, -1e-3, -1e-3 + 5e-3 * np.sin(time - 2.0) ** 2)
+    columns, header = np.column_stack([time, depth]), "time_s,penetration_m"
+    np.savetxt(tmp_path / "motion.csv", columns, "%.17g", ",", header=header, comments="")
+    followed = lab.SplineTrajectory.read(tmp_path / "motion.csv")
+    assert followed.pause == pytest.approx(2.0, abs=0.011)
+    np.testing.assert_allclose(followed.at(time).penetration, depth, atol=1e-15)
+
+
+@pytest.mark.parametrize(
+    "text, words",
+    [
+        ("time_s,depth\n0,1\n", r"motion\.csv: no column 'penetration_m'"),
+        ("time_s,penetration_m\n0,0\n1,0.001\n", r"motion\.csv: .* at least four finite samples"),
+    ],
+)
+def test_a_file_that_holds_no_motion_is_refused_by_its_name(tmp_path, text, words):
+    (tmp_path / "motion.csv").write_text(text)
+    with pytest.raises(RecordingError, match=words):
+        lab.SplineTrajectory.read(tmp_path / "motion.csv")

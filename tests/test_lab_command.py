@@ -1,4 +1,4 @@
-"""``palpate lab``, as a user meets it."""
+"""``palpate lab``, as a user meets it, and its robot: geometry, and what MuJoCo makes of it."""
 
 import json
 import math
@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 import palpate
-from palpate import lab
-from palpate.cli.tables import comparable
-
-pytest.importorskip("mujoco", reason="needs MuJoCo: pip install 'palpate[lab]'")
+from palpate import InvalidParameterError, lab
+from palpate.lab.figures import NoRendererError, photograph
+from palpate.lab.rig import Geometry
+from palpate.results.parameters import comparable
 
 QUICK = ("--seconds", "4", "--seed", "3")
 
@@ -82,19 +82,17 @@ LAWS = {
 
 
 @pytest.mark.parametrize("law", LAWS)
-def test_a_law_of_ones_own_is_pressed(run, tmp_path, law):
+def test_a_law_of_ones_own_is_pressed(printed, tmp_path, law):
     file = tmp_path / "own.csv"
-    status, _, err = run("lab", law, *LAWS[law].split(), "--probe", "ideal", "-o", file, *QUICK)
-    assert (status, err) == (0, "")
+    printed("lab", law, *LAWS[law].split(), "--probe", "ideal", "-o", file, *QUICK)
     assert json.loads(palpate.prepare(file).provenance["truth"])["kind"] == law
 
 
-def test_a_law_that_remembers_is_found_beside_a_truth_of_another_form(run, tmp_path):
+def test_a_law_that_remembers_is_found_beside_a_truth_of_another_form(run, printed, tmp_path):
     file = tmp_path / "own.csv"
     law = "extended-kelvin-voigt"
     run("lab", law, *LAWS[law].split(), "--probe", "ideal", "-o", file, *QUICK)
-    status, out, err = run("identify", file, "--law", "single")
-    assert (status, err) == (0, "")
+    out = printed("identify", file, "--law", "single")
     assert "relaxation" in out  # which the file's law has none of
 
 
@@ -108,9 +106,120 @@ def test_sensors_can_be_switched_off(run, tmp_path):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("ending", [".png", ".svg"])
-def test_the_rig_is_pictured(run, tmp_path, ending):
+def test_the_rig_is_pictured(printed, tmp_path, ending):
     picture = tmp_path / f"rig{ending}"
-    status, out, err = run("lab", "ball", "-o", tmp_path / "b.csv", "--picture", picture, *QUICK)
-    assert (status, err) == (0, "")
+    out = printed("lab", "ball", "-o", tmp_path / "b.csv", "--picture", picture, *QUICK)
     assert str(picture) in out
     assert picture.stat().st_size > 5000
+
+
+PLACE = np.linspace(-0.015, 0.015, 61)
+DEPTH = 6e-3 + 8e-3 * np.sin(400.0 * PLACE)
+COUNT = 2.0 * np.pi / 20_000.0  # rad
+
+
+def undisturbed(name: str, **settings) -> lab.Measurement:
+    """Three seconds on a material, without steps of encoders or sensors."""
+    robot = lab.TwinPantograph(counts_per_turn=0, **settings)
+    return lab.Bench(lab.MATERIALS[name], lab.THREE_SINES, robot, lab.PERFECT).run(seconds=5.0)
+
+
+@pytest.fixture(scope="module")
+def ball() -> lab.Measurement:
+    return undisturbed("ball")
+
+
+def test_forward_kinematics_undoes_inverse_kinematics():
+    geometry = Geometry()
+    angles = geometry.motor_angles(PLACE, DEPTH)
+    np.testing.assert_allclose(geometry.tip(angles), (PLACE, DEPTH), atol=1e-15)
+    # A count of an encoder moves the tip by some ten micrometres.
+    for motor in range(4):
+        turned = angles.copy()
+        turned[:, motor] += COUNT
+        moved = np.abs(geometry.tip(turned)[1] - DEPTH)
+        assert 2e-6 < moved.min() < moved.max() < 20e-6
+
+
+def test_the_speeds_of_the_motors_are_the_slopes_of_their_angles():
+    geometry, h = Geometry(), 1e-6
+    sideways, inward = np.cos(PLACE), np.sin(DEPTH)
+    angles = [
+        geometry.motor_angles(PLACE + s * h * sideways, DEPTH + s * h * inward) for s in (1, -1)
+    ]
+    _, speeds = geometry.motor_motion(lab.Command(DEPTH, inward, PLACE, sideways))
+    # Central differences of step h: rounding of 1e-16/h is the error.
+    np.testing.assert_allclose(speeds, (angles[0] - angles[1]) / (2.0 * h), rtol=1e-8, atol=1e-8)
+
+
+def test_the_closed_chains_hold_together_and_the_tip_feels_the_law_where_it_is(ball):
+    truth = ball.truth
+    # Kinematics of the true motor angles finds the true tip: the constraints give by less than
+    # half a micrometre under 25 N, a thirtieth of a count.
+    assert np.abs(ball.contact.penetration - truth.penetration).max() < 0.5e-6
+    # The torque steps once a millisecond, and the acceleration with it by some 0.1 m/s²: a slope
+    # over two milliseconds can tell no better.
+    slope = np.gradient(truth.penetration, 1e-3)
+    assert np.abs(slope - truth.velocity)[2:-2].max() < 0.1e-3
+    expected = lab.BALL.law.force(truth.penetration, truth.velocity)
+    np.testing.assert_allclose(truth.force, expected, rtol=1e-12)
+
+
+def test_half_the_time_step_gives_the_same_course(ball):
+    finer = undisturbed("ball", time_step=0.25e-3)
+    apart = np.abs(finer.truth.penetration - ball.truth.penetration)
+    assert apart.max() < 3e-6  # of 12 mm
+
+
+def test_the_probe_follows_the_command_imperfectly_and_a_firm_material_holds_it_back(ball):
+    lag = {}
+    for name, measurement in {"ball": ball, "sponge": undisturbed("sponge")}.items():
+        deep = measurement.truth.time > 2.5
+        lag[name] = (measurement.command.penetration - measurement.truth.penetration)[deep]
+    assert lag["ball"].mean() > 0.5e-3
+    assert 0.0 < lag["sponge"].mean() < 0.5 * lag["ball"].mean()
+    assert np.abs(lag["ball"]).max() < 3e-3
+
+
+def test_encoders_round_and_their_zero_is_anyones_guess():
+    bench = lab.Bench(lab.SPONGE, lab.THREE_SINES)
+    runs = [bench.run(seed, seconds=4.0) for seed in (0, 1)]
+    means = []
+    for run in runs:
+        error = (run.contact.penetration - run.truth.penetration)[run.truth.penetration > 1e-3]
+        assert 1e-6 < error.std() < 10e-6
+        assert np.abs(error).max() < 4.0 * 0.5 * 20e-6  # half a count of all four motors at worst
+        means.append(error.mean())
+    assert means[0] != means[1]
+
+
+def test_palpation_moves_sideways_over_the_border_in_contact():
+    run = lab.Bench(lab.SOFT_AND_HARD, lab.PALPATION).run(seconds=8.5)
+    truth, before, after = run.truth, run.truth.time < 6.7, run.truth.time > 7.3
+    touching = truth.time > 2.5
+    assert (truth.force[touching] > 0.5).all()
+    x, v, force = truth.penetration, truth.velocity, truth.force
+    soft, hard = lab.PVC.law.force(x, v), lab.INCLUSION.law.force(x, v)
+    np.testing.assert_allclose(force[before], soft[before])
+    np.testing.assert_allclose(force[after], hard[after])
+
+
+def test_the_rig_can_be_photographed_pressing():
+    try:
+        pixels = photograph(lab.Bench(lab.BALL, lab.THREE_SINES), size=(160, 100))
+    except NoRendererError as error:
+        pytest.skip(str(error))
+    assert pixels.shape == (100, 160, 3)
+    assert pixels.std() > 10.0  # not one colour
+
+
+def test_what_position_control_or_the_steps_cannot_resolve_is_refused(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    stiff = lab.Homogeneous(palpate.KelvinVoigt(1e4, 1e5))
+    for material, sensors, words in (
+        (lab.BALL, lab.Sensors(sample_time=0.1), "sample_time must be at most"),
+        (stiff, lab.Sensors(), r"breaks down at t = 2\.\d+ s"),
+    ):
+        with pytest.raises(InvalidParameterError, match=words):
+            lab.Bench(material, lab.THREE_SINES, sensors=sensors).run()
+    assert not list(tmp_path.iterdir())  # MuJoCo would leave a log there

@@ -2,6 +2,7 @@
 
 import math
 
+import mujoco
 import numpy as np
 import pytest
 
@@ -151,7 +152,6 @@ def test_fungs_tissue_relaxes_as_it_is_published():
 
 @pytest.mark.parametrize("power", [0.0, 1.0, 2.0])
 def test_a_contact_of_mujocos_has_the_law_of_its_solref(power):
-    mujoco = pytest.importorskip("mujoco")
     solref, width = (-9e4, -300.0), 0.02
     solimp = (1e-3, 1e-3, width, 0.5, 2.0) if not power else (1e-4, 1e-2, width, 0.999, power)
     model = mujoco.MjModel.from_xml_string(f"""

@@ -16,9 +16,6 @@ from palpate.paper.experiment import Seeds, all_claims
 from palpate.paper.judging import JUDGES, quantities
 from palpate.paper.rig import convergence_times, from_starts, identified, pressed, starts_of
 
-pytest.importorskip("mujoco")
-pytest.importorskip("matplotlib")
-
 # The others take seconds each: their motions are long, or they press often.
 QUICK = ("fig06", "fig07", "fig08", "fig16")
 # Two of them stand for all in what costs a run or a drawing of its own.

@@ -1,15 +1,44 @@
-"""The report: a page that needs nothing beside it, the same as JSON, and a table to paste."""
+"""``palpate paper``: judges, what runs and stays on disk, and a page that needs nothing else."""
 
 import json
+import math
+import os
 import re
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
 
 import pytest
-from paper_cases import Tiny
+from paper_cases import Tiny, no_processes
 from test_report_page import Reading
 
-from palpate.paper import EXPERIMENTS, Claim, SeedAnswer
+from palpate import PalpateError, RecordingError, paper
+from palpate.paper import EXPERIMENTS, Claim, SeedAnswer, running
 from palpate.paper.experiment import all_claims, claims_file
-from palpate.paper.report import Judgement, Report, abstract, figures_of, not_held, write_report
+from palpate.paper.judging import (
+    NEVER,
+    about,
+    between,
+    farthest_from,
+    increasing,
+    judge,
+    largest,
+    least,
+    number,
+)
+from palpate.paper.report import (
+    SIGNS,
+    Judgement,
+    Report,
+    Reproduction,
+    abstract,
+    figures_of,
+    not_held,
+    write_report,
+)
+from palpate.paper.running import run_paper
 
 DRAWING = """<?xml version="1.0"?>
 <svg xmlns="http://www.w3.org/2000/svg" width="9pt" height="9pt" viewBox="0 0 9 9">
@@ -115,3 +144,305 @@ def test_the_data_hold_the_same_and_what_is_held_against_nothing_with_its_reason
     rows = [line.replace("\\|", "") for line in markdown.splitlines() if line.startswith("|")]
     assert len(rows) == 2 + len(report.judgements)
     assert {row.count("|") for row in rows} == {7}
+
+
+@pytest.fixture
+def run(run):
+    """``palpate paper`` with these arguments."""
+    return lambda *arguments: run("paper", *arguments)
+
+
+@pytest.fixture
+def tiny(monkeypatch):
+    monkeypatch.setattr(paper, "EXPERIMENTS", {name: Tiny(name) for name in ("a", "b")})
+
+
+def test_it_prints_the_claims_and_where_the_page_is(run, tiny, tmp_path, monkeypatch):
+    monkeypatch.setattr("palpate.paper.running.processes", no_processes)
+    folder = tmp_path / "report"
+    status, out, err = run("-o", folder, "--seeds", 2, "--workers", 1)
+    assert status == 0
+    assert "reproduced in 1 of 2 seeds" in " ".join(out.split())
+    assert "4 claims: 0 reproduced, 2 partly reproduced" in out
+    assert out.splitlines()[-1] == f"page: {folder / 'report.html'}"
+    assert err.splitlines()[-1].endswith("6 of 6 tasks")
+    status, out, err = run("-o", folder, "--seeds", 2, "--only", "b")
+    assert err == "2 of 2 outcomes reused from an earlier run by the same code\n"
+    assert "2 claims" in out
+
+
+@pytest.mark.parametrize("module, extra", [("matplotlib", "figures"), ("mujoco", "lab")])
+def test_a_missing_extra_is_named_before_the_work(run, tmp_path, without, module, extra):
+    without(module)
+    status, out, err = run("-o", tmp_path / "report")
+    assert (status, out, err.count("\n"), f"palpate[{extra}]" in err) == (2, "", 1, True)
+    assert not (tmp_path / "report").exists()
+
+
+NUMBERS = {
+    "scatter α = 5 K [%]": 1.0,
+    "scatter α = 5 B [%]": 4.0,
+    "scatter α = 5 n [%]": 5.0,
+    "scatter α = 50 K [%]": 100.0,
+    "time slow K [s]": math.nan,
+    "time slow B [s]": 2.0,
+    "bias": -3.0,
+    "elsewhere bias": 4.0,
+}
+QUANTITIES = {
+    "a name is the largest that it begins": ("scatter α = 5", 5.0),
+    "of some symbols alone": ("scatter α = 5 K|B", 4.0),
+    "what never happens is infinite": ("time slow", None),
+    "the least": (least("scatter α = 5"), 1.0),
+    "the largest and the least of several": (largest(least("scatter α = 5", 7.0), 6.0), 6.0),
+    "names written as one": (least("scatter α = {5|50} K"), 1.0),
+    "a ratio": (number("scatter α = 50") / least("scatter α = 5"), 100.0),
+    "over nothing": (number("bias") / 0.0, None),
+    "a multiple": (number("bias") * 10.0, -30.0),
+    "the farthest": (farthest_from(3.2, "scatter α = 5"), 1.0),
+}
+
+
+@pytest.mark.parametrize("quantity, value", QUANTITIES.values(), ids=QUANTITIES)
+def test_a_quantity_is_computed_from_the_numbers(quantity, value):
+    assert judge(quantity)(NUMBERS) == SeedAnswer(None, value)  # without conditions: not checked
+
+
+BOUNDS = {
+    "above": (number("value") > "bias", (-2.9,), (-3.0,)),
+    "below": (number("value") < 4.0, (3.9,), (4.0,)),
+    "at least": (number("value") >= 4.0, (4.0,), (3.9,)),
+    "at most": (number("value") <= "scatter α = 5", (5.0,), (5.1,)),
+    "below all": (number("value") < "scatter α = 5{ K| B}", (0.9,), (1.0, 3.9)),
+    "between": (between("value", 1.0, 2.0), (1.0, 2.0), (0.9, 2.1)),
+    "about": (about("value", 90.0), (45.0, 180.0), (44.0, 181.0)),
+    "happens": (number("value") < NEVER, (0.0,), (math.inf,)),
+    "never": (number("value") >= NEVER, (math.inf,), (0.0,)),
+    "increasing": (increasing("bias", "value", "time slow"), (0.0,), (-3.0, math.inf)),
+}
+
+
+@pytest.mark.parametrize("bound, kept, broken", BOUNDS.values(), ids=BOUNDS)
+def test_a_bound_is_kept_or_broken_and_all_have_to_be_kept(bound, kept, broken):
+    for values, holds in ((kept, True), (broken, False)):
+        for value in values:
+            numbers = {**NUMBERS, "value": value}
+            assert judge(bound)(numbers).holds is holds
+            assert judge("bias", number("bias") < 0.0, bound)(numbers).holds is holds
+            assert judge("bias", number("bias") > 0.0, bound)(numbers).holds is False
+
+
+def test_what_is_not_known_cannot_be_checked():
+    numbers = {**NUMBERS, "error K [%]": math.nan, "error B [%]": 1.0}
+    for unknown in (number("error") > 3.0, number("bias") < "error", largest("bias", "error") < 3):
+        assert judge(unknown, number("bias") < 0.0)(numbers).holds is None
+    assert judge(number("bias") < "error").words([numbers]) == "error: not known"
+    assert judge()(NUMBERS) == SeedAnswer(None)
+    with pytest.raises(KeyError, match="scatter α = 6"):
+        judge("scatter α = 6")(NUMBERS)
+
+
+def test_the_words_say_every_other_number_that_was_used_with_its_unit_once():
+    words = judge(
+        number("scatter α = 50") / "scatter α = 5 K|B" > 3.0,
+        number("scatter α = 50") > "bias",
+        beside=["time {slow|slow}", least("time slow")],
+    ).words([NUMBERS])
+    assert words == (
+        "scatter α = 50: 100 %; scatter α = 5 K or B: 4.00 %; time slow: never; "
+        "least time slow: 2.00 s; bias: −3.00"
+    )
+    assert judge(number("bias") > "bias").words([NUMBERS]) == ""
+    seeds = [{"bias": 0.0, "time [s]": value} for value in (1.0, math.nan, 3.0)]
+    assert judge("bias", beside="time").words(seeds) == "time: 3.00 s (1.00 to never)"
+
+
+def test_a_second_material_is_judged_beside_the_first():
+    two = judge(number("bias") < 0.0, elsewhere="elsewhere")
+    assert two(NUMBERS).holds is True
+    assert two.words([NUMBERS]) == "On the elsewhere it does not hold (4.00)"
+    seeds = [NUMBERS, {**NUMBERS, "elsewhere bias": -4.0}]
+    assert two.words(seeds) == "On the elsewhere it holds in 1 of 2 seeds (0 (−4.00 to 4.00))"
+
+
+CLAIM = Claim("key", "V", "words", unit="mm")
+VERDICTS = {
+    "all seeds hold": ((True, True), Reproduction.REPRODUCED, "reproduced"),
+    "no seed holds": ((False, False), Reproduction.NOT_REPRODUCED, "not reproduced"),
+    "some hold": ((True, False, True), Reproduction.PARTLY, "reproduced in 2 of 3 seeds"),
+    "none can tell": ((None, None), Reproduction.UNCHECKED, "cannot be checked"),
+    "one cannot tell": (
+        (True, None),
+        Reproduction.REPRODUCED,
+        "reproduced (1 of 2 seeds can tell)",
+    ),
+}
+
+
+@pytest.mark.parametrize("holds, verdict, words", VERDICTS.values(), ids=VERDICTS)
+def test_a_verdict_counts_the_seeds_that_can_tell(holds, verdict, words):
+    judgement = Judgement("fig", CLAIM, tuple(SeedAnswer(each) for each in holds))
+    assert (judgement.verdict, judgement.verdict_words, judgement.ours) == (verdict, words, None)
+    assert len({SIGNS[each] for each in Reproduction}) == 4
+
+
+def ran(folder, *experiments, seeds=2, **options):
+    return run_paper(experiments, seeds=seeds, folder=folder, workers=1, **options)
+
+
+def made(folder):
+    return {path.name: path.stat().st_mtime_ns for path in (folder / "outcomes").iterdir()}
+
+
+@pytest.fixture
+def stored(tmp_path):
+    (tmp_path / "outcomes").mkdir()
+    running.write_outcome(tmp_path, Tiny(), Tiny().run(1))
+    return tmp_path, running.path_of(tmp_path, "tiny", 1)
+
+
+def test_an_outcome_survives_being_written_and_read(stored):
+    folder, path = stored
+    before, after = Tiny().run(1), running.read_outcome(folder, Tiny(), 1)
+    assert after.numbers["third"] == before.numbers["third"]  # to the last bit: judges ask for it
+    assert after.curves["line"][2] == pytest.approx(4.0 / 3.0, rel=1e-4)
+    assert math.isnan(after.curves["line"][1])  # null on disk
+    assert Tiny().findings(after) == Tiny().findings(before)
+    first = path.read_bytes()
+    assert b"NaN" not in first
+    running.write_outcome(folder, Tiny(), after)
+    assert path.read_bytes() == first
+
+
+CHANGES = [
+    {"provenance": {"versions": {"palpate": "0.0.1"}}}, {"seed": 2}, {"provenance": None},
+    "", "{", "[]", "{}", '{"provenance": 1}', "null",
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("change", CHANGES, ids=str)
+def test_an_outcome_of_another_version_or_seed_or_a_damaged_one_is_not_reused(stored, change):
+    folder, path = stored
+    assert running.read_outcome(folder, Tiny(seconds=1e-9), 1) is None  # of another setting
+    assert running.read_outcome(folder, Tiny(), 2) is None  # absent
+    assert running.read_outcome(folder, Tiny(), 1) is not None
+    whole = json.loads(path.read_text(encoding="utf-8"))
+    content = change if isinstance(change, str) else json.dumps({**whole, **change})
+    path.write_text(content, encoding="utf-8")
+    assert running.read_outcome(folder, Tiny(), 1) is None
+    root = Path(running.__file__).parents[1]  # what judges and reports is other code
+    assert all((root / name).exists() for name in running.NOT_MEASURING)
+
+
+def test_figures_are_reused_only_as_a_pair_of_as_many_seeds(tmp_path):
+    assert not running.figures_are_current(tmp_path, Tiny(), 1)
+    running.write_figures(tmp_path, Tiny(), 1, ("<svg/>", "<svg/>"))
+    assert running.figures_are_current(tmp_path, Tiny(), 1)
+    assert not running.figures_are_current(tmp_path, Tiny(), 2)
+    assert not running.figures_are_current(tmp_path, Tiny(seconds=1e-9), 1)
+    figures_of(tmp_path, "tiny")[1].write_text("<svg/>", encoding="utf-8")
+    assert not running.figures_are_current(tmp_path, Tiny(), 1)
+
+
+def test_a_run_writes_everything_and_a_second_runs_nothing_though_claims_are_reworded(
+    tmp_path, monkeypatch
+):
+    folder, steps, taken = tmp_path / "new" / "report", [], []
+    report = ran(folder, Tiny("a"), Tiny("b"), progress=lambda *step: steps.append(step))
+    assert [section.experiment.name for section in report.sections] == ["a", "b"]
+    assert [outcome.seed for outcome in report.sections[0].outcomes] == [0, 1]
+    assert [step[1:] for step in steps] == [(done, 6) for done in range(1, 7)]
+    files = {path.name for path in folder.iterdir()}
+    assert files == {"a.svg", "a-dark.svg", "b.svg", "b-dark.svg", "claims.md", "outcomes",
+                     "report.html", "report.json"}  # fmt: skip
+    before = made(folder)
+    monkeypatch.setattr("palpate.paper.running.processes", None)  # none is started
+    begun = {"begun": lambda report: taken.append(len(report.outcomes))}
+    again = ran(folder, Tiny("a"), Tiny("b"), **begun)
+    assert (taken, again.summary) == ([4], report.summary)
+    assert again.judgements[0].held == 1
+    monkeypatch.setattr(Tiny, "claims", (Claim("even", "I", "the seed is odd, it seems"),))
+    monkeypatch.setattr(Tiny, "judges", {"even": judge(number("third") > -1.0)})
+    assert ran(folder, Tiny("a"), Tiny("b")).judgements[0].held == 2
+    assert made(folder) == before
+    assert "odd, it seems" in (folder / "report.html").read_text(encoding="utf-8")
+
+
+def test_a_failure_names_experiment_and_seed_and_the_rest_is_done(tmp_path, monkeypatch):
+    monkeypatch.setattr("palpate.paper.running.processes", no_processes)
+    experiments = Tiny("bad", fails_at=1), Tiny("ugly", undrawable=True), Tiny("good")
+    with pytest.raises(PalpateError, match=r"^bad, seed 1: ArithmeticError: no such square") as end:
+        ran(tmp_path, *experiments)
+    assert "(and 1 more)" in str(end.value)
+    whole = json.loads((tmp_path / "report.json").read_text(encoding="utf-8"))
+    assert [each["name"] for each in whole["experiments"]] == ["ugly", "good"]
+    assert [words.split(":")[0] for words in whole["failures"]] == ["bad, seed 1", "ugly, figure"]
+    assert whole["unfinished"] == ["bad (1 of 2 seeds)", "ugly (no figure)"]
+
+
+def test_a_folder_that_cannot_be_written_is_said_before_the_work(tmp_path):
+    (tmp_path / "file").write_text("", encoding="utf-8")
+    for folder in (tmp_path / "file", tmp_path / "file" / "below"):
+        with pytest.raises(RecordingError, match="file"):
+            ran(folder, Tiny(seconds=1e6))
+
+
+def test_a_file_that_palpate_did_not_write_is_not_replaced_and_that_is_said_before_the_work(
+    tmp_path,
+):
+    for name in ("report.html", "claims.md", "a-dark.svg"):
+        (tmp_path / name).write_text("mine", encoding="utf-8")
+        with pytest.raises(RecordingError, match=f"{name}: palpate did not write this file"):
+            ran(tmp_path, Tiny("a"))
+        assert [path.name for path in tmp_path.iterdir()] == [name]
+        (tmp_path / name).unlink()
+
+
+SLOW = Tiny("b", group="slow", seconds=60.0, slow_from=2)
+COMMAND = """
+import sys
+from paper_cases import Tiny
+from palpate import cli, paper
+paper.EXPERIMENTS = {"a": Tiny("a"), "b": Tiny("b", group="slow", seconds=60.0, slow_from=2)}
+sys.argv = ["palpate", "paper", "--seeds", "4", "--workers", "1", "-o", sys.argv[1]]
+cli.main()
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(sys.platform == "win32", reason="no signal can be sent there")
+@pytest.mark.parametrize("how", ["to the parent", "as a terminal does", "kill -9"])
+def test_a_run_that_is_stopped_ends_at_once_and_is_resumed(tmp_path, how):
+    search = [str(Path(__file__).parent), *filter(None, [os.environ.get("PYTHONPATH")])]
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(search)}
+    process = subprocess.Popen(
+        [sys.executable, "-c", COMMAND, str(tmp_path)], env=environment, text=True,
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, start_new_session=True,
+    )  # fmt: skip
+    deadline = time.monotonic() + 60.0
+    while len(list(tmp_path.glob("outcomes/[ab]-seed*.json"))) < 6:  # the third of b takes long
+        assert time.monotonic() < deadline
+        time.sleep(0.02)
+    number_of_signal = signal.SIGKILL if how == "kill -9" else signal.SIGINT
+    (os.killpg if how == "as a terminal does" else os.kill)(process.pid, number_of_signal)
+    # Ends when the workers, which hold its streams, are gone too.
+    out, err = process.communicate(timeout=30.0)
+    before = made(tmp_path)
+    assert "b-seed2.json" not in before
+    if how != "kill -9":
+        assert (process.returncode, out) == (130, "")
+        assert "Traceback" not in err
+        assert err.splitlines()[-1].startswith("palpate: interrupted")
+        assert not [name for name in before if name.startswith(".")]
+        page = (tmp_path / "report.html").read_text(encoding="utf-8")
+        assert "Not finished" in page
+        assert "b (2 of 4 seeds)" in page
+        assert 'id="a"' in page  # what is finished can be read
+    if how == "as a terminal does":  # what is left does not depend on who was interrupted
+        return
+    taken = []
+    begun = {"begun": lambda report: taken.append(len(report.outcomes))}
+    ran(tmp_path, Tiny("a"), SLOW, seeds=1, **begun)
+    assert taken == [2]
+    after = made(tmp_path)
+    assert {name: after[name] for name in before} == before

@@ -26,9 +26,8 @@ def robot(tmp_path_factory):
     return path
 
 
-def test_a_robots_table_in_millimetres_needs_no_option(run, robot):
-    status, out, _ = run("identify", robot, "--json")
-    assert status == 0
+def test_a_robots_table_in_millimetres_needs_no_option(run, printed, robot):
+    out = printed("identify", robot, "--json")
     assert "in mm" in json.loads(out)["provenance"]["penetration"]
     assert result_of(out)["working_depth"]["stiffness"]["value"] == pytest.approx(2e3, rel=0.02)
     _, out, _ = run("identify", robot, "--normal", "0.48,-0.36,0.8", "--tare", "find")
@@ -61,10 +60,9 @@ def test_a_position_that_is_named_keeps_the_orientation_of_its_topic(run, tmp_pa
         assert found["working_depth"]["stiffness"]["value"] == pytest.approx(2e3, rel=0.02)
 
 
-def test_several_files_are_contacts_of_one_object(run, good, tmp_path):
+def test_several_files_are_contacts_of_one_object(run, printed, good, tmp_path):
     again = recording(tmp_path, "again.csv")
-    status, out, _ = run("identify", good, again, "--json")
-    assert status == 0
+    out = printed("identify", good, again, "--json")
     both = json.loads(out)
     assert both["files"] == [str(good), str(again)]
     assert both["samples"] == 1200
@@ -72,18 +70,16 @@ def test_several_files_are_contacts_of_one_object(run, good, tmp_path):
     assert result_of(out)["law"]["stiffness"] == pytest.approx(alone["stiffness"], rel=0.01)
 
 
-def test_options_come_from_a_file_and_the_command_line_has_the_last_word(run, tmp_path):
+def test_options_come_from_a_file_and_the_command_line_has_the_last_word(run, printed, tmp_path):
     rows = [[t, x, repr(1e3 * float(f))] for t, x, f in rows_of()]
     path = written(tmp_path / "n.csv", text_of(rows, ("t", "x", "load")))
     saved = tmp_path / "run.toml"
     given = ("--penetration", "x", "--unit", "force=mN", "--surface", "-0.1mm", "--strict")
-    status, out, _ = run("identify", path, "--json", *given, "--save-config", saved)
-    assert status == 0
+    out = printed("identify", path, "--json", *given, "--save-config", saved)
     changed = {"penetration": "x", "unit": ["force=mN"], "surface": "-0.1mm", "strict": True}
     assert tomllib.loads(saved.read_text()) == {"method": "variable-projection", **changed}
     assert "# force: column 'load', in mN" in saved.read_text()
-    again = run("identify", path, "--json", "--config", saved)
-    assert again[1] == out
+    assert run("identify", path, "--json", "--config", saved)[1] == out
     other = run("identify", path, "--json", f"--config={saved}", "--surface", "0mm")
     assert result_of(other[1])["law"] != result_of(out)["law"]
     text = 'quote " back \\ tab \t é 漢 \U0001f600'  # every text survives
@@ -98,12 +94,10 @@ def test_options_come_from_a_file_and_the_command_line_has_the_last_word(run, tm
         ("save-config = 'x'", "'save-config' is no option"),
         ("verbose = true", "'verbose' is no option"),
         ("[identify]\nlaw = 'auto'", "'identify' is no option"),
-        ("[surface]\nfit = 1", "[surface][fit]"),
         ("rate = 'fast'", "[rate]"),
         ("time = ", "not TOML"),
         ("time = " + "[" * 1000, "nests too deeply"),
         ("time = " + "[" * 1000 + "]" * 1000, "nests too deeply"),
-        ("delay = '5 parsecs'", "--delay must be a number and one of s"),
     ],
 )
 def test_a_wrong_file_of_options_is_refused_by_name(refused, good, tmp_path, text, words):
@@ -131,9 +125,6 @@ def test_units_are_given_one_by_one_or_together(run, tmp_path):
     [
         (("--normal", "w"), "normal must be x, y, z"),
         (("--surface", "deep"), "--surface must be a number and one of m"),
-        (("--tare", "soon"), "--tare must be START:STOP"),
-        (("--tool-weight", "heavy"), "--tool-weight must be a number and one of N"),
-        (("--spot", "wide"), "--spot must be a number and one of m"),
         (("--rate", "-1"), "rate must be in"),
         (("--force-frame", "world"), "force-frame"),
     ],

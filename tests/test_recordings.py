@@ -60,8 +60,7 @@ def has_penetration(path: Path) -> bool:
 def test_every_recording_runs_through_every_method(path):
     if not has_penetration(path):
         return
-    contact = prepare(path)
-    results = palpate.compare(contact)
+    results = palpate.compare(prepare(path))
     assert list(results) == list(ESTIMATORS)
     for result in results.values():
         assert result.trace.taken.any()
@@ -159,7 +158,6 @@ def test_every_recording_loses_energy_in_its_loops_and_says_what_follows(path):
 
 @pytest.mark.parametrize("path", files("afm_maps/*.jpk-force-map"))
 def test_every_curve_of_a_map_is_read_and_is_that_which_others_took_out(path):
-    pytest.importorskip("afmformats")
     with pytest.raises(RecordingError, match="curves; choose one with --curve N") as refusal:
         open_recording(path)
     count = int(str(refusal.value).partition("holds ")[2].split()[0])

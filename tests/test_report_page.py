@@ -13,8 +13,8 @@ from matplotlib.figure import Figure
 
 import palpate
 from palpate.identification import identified
-from palpate.reports import identification
 from palpate.reports.identification import Circumstances, page
+from palpate.results import view
 
 EXAMPLES = Path(__file__).parents[1] / "examples" / "recordings"
 HERE = Circumstances("today", "palpate identify <file>", 'method = "x"\n', ("a&b.csv",))
@@ -82,12 +82,10 @@ def test_the_page_is_a_megabyte_at_most(report):
 
 def test_the_verdict_stands_first_and_the_numbers_before_the_figure(report):
     words = Reading(report).words
-    order = ("trust", "2000.7 ± 0.5 N/m", "Correlations", "residual", "palpate identify")
+    order = ("trust", "2000.7 ± 0.5 N/m", "correlation", "residual", "palpate identify")
     places = [words.index(each) for each in order]
     assert places == sorted(places)
-    # Truth of the file stands beside the estimate with its distance.
-    assert "truth, by the file" in words
-    assert re.search(r"[+-]\d\.\d s\.e\.", words)
+    assert re.search(r"truth 2000, [+-]\d\.\d σ", words)
     # Words of a recording are no markup.
     assert "<i>not italic" in words
 
@@ -98,21 +96,37 @@ def test_the_colours_of_drawings_follow_the_page(report):
     assert not re.search(r"#[0-9a-f]{6}\b", body, re.IGNORECASE)
 
 
+def test_every_section_of_a_result_is_said_in_the_same_words_wherever_it_is_shown(
+    report, ball, run
+):
+    """A table over the renderers: terminal, plain text, report; of the first three a notebook."""
+    out = run("identify", EXAMPLES / "ball.csv")[1] + run("diagnose", EXAMPLES / "ball.csv")[1]
+    shown = [" ".join(each.split()) for each in (out, ball.summary(), Reading(report).words)]
+    card = " ".join(Reading(ball._repr_html_()).words.split())
+    told = [view.verdict(ball), view.depths(ball), view.law(ball)]
+    for section in (*told, view.follows(ball), view.findings(ball), view.preparation([ball])):
+        cells = [
+            part for row in section.table()[1] for cell in row for part in str(cell).split("\n")
+        ]
+        for words in (*cells, *(part for line in section.lines for part in line[:2])):
+            for each in (*shown, *([card] if section in told else [])):
+                assert " ".join(words.split()) in each
+
+
 def test_each_stretch_between_changes_is_a_row_and_the_fit_is_said_of_their_own_laws():
     result = palpate.identify(changed(0.3)).by_stretch()
-    words = "".join(identification.sections_of(result))
-    assert words.count("<tr>") == 1 + 2
+    [section] = view.parts(result)
+    assert len(section.rows) == 2
+    words = result.summary()
     assert "change detector" in words
-    assert "The stretches' own laws fit" in html.unescape("".join(identification.numbers(result)))
-    assert "the stretches' own laws fit" in result.summary()
+    assert "fit by the laws of each part" in words
 
 
 def test_a_contact_that_says_nothing_has_no_error_bars():
     time = np.arange(400) * 1e-3
     depth = np.full(400, 5e-3)
     contact = palpate.Contact(time, penetration=depth, velocity=0.0 * time, force=0.0 * time + 2.0)
-    result = palpate.identify(contact)
-    shown = "".join([*identification.verdict(result), *identification.numbers(result)])
+    shown = palpate.identify(contact)._repr_html_()
     assert "do-not-trust" in shown
     assert "± unknown" in shown
     assert Reading(shown).open == []

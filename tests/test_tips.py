@@ -22,8 +22,7 @@ def pressed(tip, exponent=None) -> Contact:
     """Three sines into the material by a tip, with a Hunt–Crossley damper."""
     power = tip.exponent if exponent is None else exponent
     stiffness = REDUCED * tip.factor * 10e-3 ** (tip.exponent - power)  # the same at 10 mm
-    law = palpate.HuntCrossley(stiffness, stiffness, power)
-    x = exciting(law, seconds=3.0, noise=0.02)
+    x = exciting(palpate.HuntCrossley(stiffness, stiffness, power), seconds=3.0, noise=0.02)
     return Contact(x.time, penetration=x.penetration, velocity=x.velocity, force=x.force)
 
 
@@ -129,12 +128,10 @@ def test_the_modulus_is_in_the_json_object_where_a_tip_is_wanted():
 def test_a_tip_that_cannot_be_is_refused():
     for kind, arguments, words in (
         (Sphere, {"radius": 0.0}, "radius must be in"),
-        (Sphere, {"radius": math.nan}, "radius must be finite"),
         (FlatPunch, {"radius": "wide"}, "radius must be a number"),
         (Cone, {"half_angle": 60.0}, r"half_angle must be in \(0, 1.57\]"),
         (Wanted, {"tip": "ball"}, "tip must be a Tip"),
         (Wanted, {"poisson_ratio": 0.6}, "poisson_ratio must be in"),
-        (Wanted, {"impact_speed": 0.0}, "impact_speed must be in"),
     ):
         with pytest.raises(InvalidParameterError, match=words):
             kind(**arguments)
@@ -152,16 +149,12 @@ def test_a_tip_is_told_by_its_radius_or_diameter_and_a_cone_by_half_its_opening(
     "options, words",
     [
         (["--tip", "ball"], "--tip must be such as sphere:radius=5mm"),
-        (["--tip", "cube:edge=5mm"], "not 'cube:edge=5mm'"),
         (["--tip", "sphere:radius=5"], "radius must be in (0, 1], not 5.0"),
         (["--tip", "sphere:radius=5mN"], "--tip sphere:radius must be a number and one of m,"),
-        (["--tip", "sphere:radius=0mm"], "radius must be in (0, 1], not 0.0"),
         (["--tip", "cone:angle=60"], "--tip cone:angle must be such as 30deg or 0.52rad, not '60'"),
-        (["--tip", "cone:angle=95deg"], "half_angle must be in (0, 1.57]"),
         (["--poisson", "0.4"], "--poisson needs --tip"),
         (["--tip", "sphere:radius=5mm", "--poisson", "0.7"], "--poisson must be in (-1, 0.5]"),
         (["--impact-speed", "fast"], "--impact-speed must be a number and one of m/s"),
-        (["--impact-speed", "0m/s"], "--impact-speed must be in (0, 1e+06]"),
     ],
 )
 def test_what_cannot_be_is_one_line_before_the_file_is_read(run, options, words):

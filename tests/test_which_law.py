@@ -19,8 +19,8 @@ from palpate import (
 from palpate.diagnosis.finding import Laws, remedy_of_memory
 from palpate.estimators.by_law import estimator_by_law, law_names
 from palpate.estimators.law_verdicts import Candidate, LawVerdict, Standing
-from palpate.reports import identification as law_section
-from palpate.results.summary import parameter_rows
+from palpate.results import view
+from palpate.results.parameters import parameter_rows
 
 # Of faults.LAW's stiffness; where the damper grows otherwise it is as large at 8 mm.
 N = faults.LAW.exponent
@@ -246,17 +246,15 @@ def test_a_negative_relaxed_stiffness_is_flagged():
 
 
 @pytest.mark.parametrize("law", [None, "auto"])
-def test_a_verdict_is_read_back_to_the_bit_and_a_report_says_how_all_laws_stand(monkeypatch, law):
-    monkeypatch.setattr(law_section, "drawing", lambda *_: ["<svg>"])  # drawn below
+def test_a_verdict_is_read_back_to_the_bit_and_all_laws_have_a_row(law):
     result = identified("half-space with a flat spectrum", law)
     written = json.loads(json.dumps(result.as_dict(), allow_nan=False))["law_verdict"]
     assert LawVerdict.from_dict(written) == result.law_verdict
     assert written["standings"][0]["parameters"] == 5
-    words = "".join(law_section.which_law(result))
-    chosen = "is the law that was chosen" if law else "explains these samples best"
-    assert f"Half-space with a flat spectrum {chosen}, before " in words
-    for each in result.law_verdict.standings:
-        assert f">{each.candidate}</th><td>{each.words}</td>" in words
+    [ranking] = view.which_law([result])
+    standings = result.law_verdict.standings
+    assert [row[0] for row in ranking.rows] == [str(each.candidate) for each in standings]
+    assert [row[-1] for row in ranking.rows] == [each.words for each in standings]
 
 
 @pytest.mark.parametrize("width", [None, 88e-3])

@@ -61,11 +61,21 @@ struct Fit {
   std::uint8_t flags = 0;
 };
 
-template <std::size_t Size>
-struct Estimate {
-  Vector<Size> parameters;  // of the law, SI
-  Matrix<Size> covariance;  // of the parameters, SI
-  Offset<Size> offset;
+// By the joint covariance of the law's parameters and, next, the offset.
+template <class Law, std::size_t Size>
+Fit<Law> fit_of(const Law& law, const Matrix<Size>& joint, double offset,
+                std::uint8_t flags) noexcept {
+  static_assert(Size > Law::size);
+  Fit<Law> fit{law, {}, {offset, joint[Law::size][Law::size], {}}, {}, flags};
+  for (std::size_t i = 0; i < Law::size; ++i) {
+    std::copy_n(joint[i].begin(), Law::size, fit.covariance[i].begin());
+    fit.offset.covariance[i] = joint[Law::size][i];
+  }
+  return fit;
+}
+
+// What is in every estimate, whatever the law.
+struct AnyEstimate {
   Surface surface;
   std::uint8_t flags;  // of IdentifiabilityFlag
   double validity_margin;
@@ -76,6 +86,13 @@ struct Estimate {
   std::uint64_t rejected;  // samples left out as outliers
 
   constexpr bool valid() const noexcept { return validity_margin > 0.0; }
+};
+
+template <std::size_t Size>
+struct Estimate : AnyEstimate {
+  Vector<Size> parameters;  // of the law, SI
+  Matrix<Size> covariance;  // of the parameters, SI
+  Offset<Size> offset;
 };
 
 // The part of an estimate that a trace writes down, and what a prediction needs beside.

@@ -11,8 +11,6 @@
 #include <new>
 #include <stdexcept>
 
-#include "update_method.hpp"
-
 namespace palpate::bindings {
 namespace {
 

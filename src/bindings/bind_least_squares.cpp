@@ -10,24 +10,17 @@
 #include "conversions.hpp"
 #include "palpate/error_widening.hpp"
 #include "palpate/least_squares.hpp"
-#include "state.hpp"
 
 namespace palpate::bindings {
 namespace {
-
-template <class Sequence>
-struct EngineOf;
-
-template <std::size_t... Index>
-struct EngineOf<std::index_sequence<Index...>> {
-  using type = std::variant<LeastSquares<Index + 1>...>;
-};
 
 constexpr std::size_t largest_order = 8;
 
 // One compiled recursion for each order, behind one Python class.
 struct Engine {
-  typename EngineOf<std::make_index_sequence<largest_order>>::type recursion;
+  std::variant<LeastSquares<1>, LeastSquares<2>, LeastSquares<3>, LeastSquares<4>, LeastSquares<5>,
+               LeastSquares<6>, LeastSquares<7>, LeastSquares<8>>
+      recursion;
 };
 
 std::string name_of(const Engine& engine) {

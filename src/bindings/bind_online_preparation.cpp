@@ -11,8 +11,6 @@
 
 #include "conversions.hpp"
 #include "palpate/online_preparation.hpp"
-#include "state.hpp"
-#include "update_method.hpp"
 
 namespace palpate::bindings {
 namespace {

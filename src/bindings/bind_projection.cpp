@@ -6,9 +6,13 @@
 namespace palpate::bindings {
 namespace {
 
-// `exponent` is 0 where it is looked for, within `exponents`.
-ProjectionSettings projection_settings(double noise, const Pair& exponents, double exponent,
-                                       bool offset, double offset_deviation, double force_unit) {
+// Noise, the range of exponents, the exponent or 0 where it is looked for, whether there is an
+// offset and its deviation.
+using Projection = std::tuple<double, Pair, double, bool, double>;
+
+ProjectionSettings settings_of(const Projection& given, const Loop& loop) {
+  const auto& [noise, exponents, exponent, offset, offset_deviation] = given;
+  const double force_unit = scale_of(loop)[2];
   return {.noise = noise / force_unit,
           .lowest_exponent = exponents[0],
           .highest_exponent = exponents[1],
@@ -25,60 +29,43 @@ nb::dict projection_defaults(const ProjectionSettings& settings, const Scale& sc
   return defaults;
 }
 
-constexpr Pair not_perturbed{no_perturbation.gain, no_perturbation.sensitivity};
-
 // Its search for the surface holds forty-one banks of sums, which an estimator without it does not.
 using Plain = VariableProjection;
 using Searching = VariableProjectionWithSurface;
 
-void make_projection(FaceOf<Plain>* self, double noise, const Pair& exponents, double exponent,
-                     bool offset, double offset_deviation, const std::optional<Pair>& surfaces,
-                     double surface_deviation, const Pair& forgetting,
-                     const std::optional<Detector>& changes, const std::optional<double>& outliers,
-                     const Triple& gate, const Triple& scale, double sample_time) {
-  auto projection =
-      projection_settings(noise, exponents, exponent, offset, offset_deviation, scale[2]);
-  projection.surface_deviation = surface_deviation / scale[0];
-  const Loop loop{forgetting, not_perturbed, changes, outliers, gate, scale, sample_time};
+void make_projection(FaceOf<Plain>* self, const Projection& given,
+                     const std::tuple<std::optional<Pair>, double>& surface, const Loop& loop) {
+  const auto& [surfaces, surface_deviation] = surface;
+  const double unit = scale_of(loop)[0];
+  ProjectionSettings projection = settings_of(given, loop);
+  projection.surface_deviation = surface_deviation / unit;
   if (surfaces) {
-    const SurfaceSettings surface{projection, (*surfaces)[0] / scale[0], (*surfaces)[1] / scale[0]};
-    new (self) FaceOf<Plain>(core_of<Searching>("VariableProjection", 1, surface, loop));
+    const SurfaceSettings searched{projection, (*surfaces)[0] / unit, (*surfaces)[1] / unit};
+    new (self) FaceOf<Plain>(core_of<Searching>("VariableProjection", 1, searched, loop));
   } else {
     new (self) FaceOf<Plain>(core_of<Plain>("VariableProjection", 0, projection, loop));
   }
 }
 
-constexpr Pair none_forgotten{no_forgetting.initial_factor, no_forgetting.rate};
-
-void make_drift_tracking(FaceOf<DriftTracking>* self, double noise, const Pair& exponents,
-                         double exponent, bool offset, double offset_deviation, const Triple& drift,
-                         const std::optional<Detector>& changes,
-                         const std::optional<double>& outliers, const Triple& gate,
-                         const Triple& scale, double sample_time) {
-  const auto projection =
-      projection_settings(noise, exponents, exponent, offset, offset_deviation, scale[2]);
-  new (self) FaceOf<DriftTracking>(core_of<DriftTracking>(
-      "DriftTracking", 0, {projection, {drift[0], drift[1] * scale[1], drift[2]}},
-      {none_forgotten, not_perturbed, changes, outliers, gate, scale, sample_time}));
+void make_drift_tracking(FaceOf<DriftTracking>* self, const Projection& given, const Triple& drift,
+                         const Loop& loop) {
+  const Vector<3> scaled{drift[0], drift[1] * scale_of(loop)[1], drift[2]};
+  new (self) FaceOf<DriftTracking>(
+      core_of<DriftTracking>("DriftTracking", 0, {settings_of(given, loop), scaled}, loop));
 }
 
-void bind_variable_projection(nb::module_& module) {
-  bind_face<Plain>(module, "VariableProjection")
-      .def("__init__", &make_projection, nb::arg(), nb::arg(), nb::arg(), nb::arg(), nb::arg(),
-           nb::arg().none(), nb::arg(), nb::arg(), nb::arg().none(), nb::arg().none(), nb::arg(),
-           nb::arg(), nb::arg());
+}  // namespace
+
+void bind_projection(nb::module_& module) {
+  bind_face<Plain>(module, "VariableProjection").def("__init__", &make_projection);
 
   const SurfaceSettings surface;
   nb::dict projection =
       projection_defaults(surface.projection, VariableProjection::Method::default_scale);
   projection["surface_range"] = nb::make_tuple(surface.lowest_surface, surface.highest_surface);
   module.attr("defaults")["VariableProjection"] = projection;
-}
 
-void bind_drift_tracking(nb::module_& module) {
-  bind_face<DriftTracking>(module, "DriftTracking")
-      .def("__init__", &make_drift_tracking, nb::arg(), nb::arg(), nb::arg(), nb::arg(), nb::arg(),
-           nb::arg(), nb::arg().none(), nb::arg().none(), nb::arg(), nb::arg(), nb::arg());
+  bind_face<DriftTracking>(module, "DriftTracking").def("__init__", &make_drift_tracking);
 
   const DriftTracking::Method::Settings drift;
   nb::dict tracking = projection_defaults(drift.projection, DriftTracking::Method::default_scale);
@@ -86,13 +73,6 @@ void bind_drift_tracking(nb::module_& module) {
   tracking["dissipation_drift"] = drift.drift[1];
   tracking["exponent_drift"] = drift.drift[2];
   module.attr("defaults")["DriftTracking"] = tracking;
-}
-
-}  // namespace
-
-void bind_projection(nb::module_& module) {
-  bind_variable_projection(module);
-  bind_drift_tracking(module);
 }
 
 }  // namespace palpate::bindings

@@ -13,17 +13,16 @@ namespace {
 
 using viscoelastic::RelaxationBranches;
 
-GeneralisedHuntCrossley law_of(const InputArray& parameters) {
+GeneralisedHuntCrossley law_in(const InputArray& parameters) {
   if (parameters.size() != GeneralisedHuntCrossley::size) {
     throw nb::value_error("a generalised Hunt-Crossley law has eight parameters");
   }
-  const double* p = parameters.data();
-  return {p[0], p[1], p[2], p[3], p[4], p[5], p[6], p[7]};
+  return law_of<GeneralisedHuntCrossley>(parameters.data());
 }
 
 // Relaxation times [s] and weights of the branches that stand for a law's spectrum.
 nb::tuple branches_of(const InputArray& parameters) {
-  const RelaxationBranches branches(law_of(parameters));
+  const RelaxationBranches branches(law_in(parameters));
   std::vector<double> times(branches.count()), weights(branches.count());
   for (std::size_t i = 0; i < branches.count(); ++i) {
     times[i] = branches.time(i);
@@ -37,7 +36,7 @@ nb::tuple branches_of(const InputArray& parameters) {
 void force_along(const InputArray& parameters, const InputArray& time_steps,
                  const InputArray& penetration, const InputArray& velocity,
                  const OutputArray& state, const OutputArray& force) {
-  const GeneralisedHuntCrossley law = law_of(parameters);
+  const GeneralisedHuntCrossley law = law_in(parameters);
   const RelaxationBranches branches(law);
   const std::size_t count = penetration.size();
   if (time_steps.size() != count || velocity.size() != count || force.size() != count ||
@@ -64,20 +63,13 @@ using ViscoelasticFace = FaceOf<Plain>;
 constexpr const char* name = "ViscoelasticContact";
 
 void make_viscoelastic(ViscoelasticFace* self, std::uint32_t offered, double exponent, bool offset,
-                       double offset_deviation, double surface_deviation, const Pair& forgetting,
-                       const std::optional<Detector>& changes,
-                       const std::optional<double>& outliers, const Triple& gate,
-                       const Triple& scale, double sample_time) {
+                       double offset_deviation, double surface_deviation, const Loop& loop) {
   const ViscoelasticSettings method{.offered = static_cast<viscoelastic::Offered>(offered),
                                     .exponent = exponent,
                                     .offset = offset,
-                                    .offset_deviation = offset_deviation / scale[2],
-                                    .surface_deviation = surface_deviation / scale[0],
-                                    .sample_time = sample_time};
-  const Loop loop{forgetting, {no_perturbation.gain, no_perturbation.sensitivity},
-                  changes,    outliers,
-                  gate,       scale,
-                  sample_time};
+                                    .offset_deviation = offset_deviation / scale_of(loop)[2],
+                                    .surface_deviation = surface_deviation / scale_of(loop)[0],
+                                    .sample_time = std::get<6>(loop)};
   if ((offered >> viscoelastic::everyday_candidates) != 0) {
     new (self) ViscoelasticFace(core_of<Full>(name, 1, method, loop));
   } else {
@@ -123,8 +115,7 @@ void bind_viscoelastic(nb::module_& module) {
                      "numpy.typing.NDArray[numpy.float64]]"));
   module.def("generalised_force_along", &force_along);
   bind_face<Plain>(module, name)
-      .def("__init__", &make_viscoelastic, nb::arg(), nb::arg(), nb::arg(), nb::arg(), nb::arg(),
-           nb::arg(), nb::arg().none(), nb::arg().none(), nb::arg(), nb::arg(), nb::arg())
+      .def("__init__", &make_viscoelastic)
       .def(
           "settle", [](ViscoelasticFace& self) { with(self, [](auto& core) { core.settle(); }); },
           "Work out verdict and estimate by all samples so far, at once, in 0.1 ms or, of all "

@@ -1,13 +1,23 @@
-// How the core's values look from Python.
+// How the core's values look from Python, how its objects are saved, and update() as a method.
 #pragma once
 
 #include <nanobind/nanobind.h>
 #include <nanobind/ndarray.h>
 
+#include <array>
+#include <bit>
 #include <cstddef>
 #include <cstdint>
+#include <cstring>
 #include <functional>
 #include <initializer_list>
+#include <span>
+#include <string>
+#include <string_view>
+#include <type_traits>
+#include <utility>
+
+#include "palpate/sample.hpp"
 
 namespace palpate::bindings {
 
@@ -37,5 +47,102 @@ void bind_least_squares(nb::module_& module);
 void bind_online_preparation(nb::module_& module);
 void bind_rows(nb::module_& module);
 void bind_viscoelastic(nb::module_& module);
+
+// A saved state: a line that says what it is of, and the memory of a trivially copyable core, or of
+// the parts of one.
+//
+//   palpate-state 3;0.1.0;VariableProjection.0;4320;1f0c…\n<bytes>
+//
+// What is restored has to be what was saved: of the same version, class and size, whole (by its
+// checksum), and learned under the same settings. Anything else is refused in words.
+using Memory = std::string_view;
+
+// `name` distinguishes what has the same size.
+nb::bytes saved(const std::string& name, std::span<const Memory> parts);
+
+// The bytes of the parts one after the other, as they are in a state of the like of `present`.
+Memory opened(const std::string& name, const nb::bytes& state, std::span<const Memory> present);
+
+void check_settings(bool same);
+
+// Of a part that there may not be.
+template <class Part>
+Memory memory_of(const Part* part) noexcept {
+  static_assert(std::is_trivially_copyable_v<Part>);
+  return part ? Memory(reinterpret_cast<const char*>(part), sizeof(Part)) : Memory();
+}
+
+// Takes a part off the front.
+template <class Part>
+Part taken(Memory& memory) noexcept {
+  std::array<std::byte, sizeof(Part)> bytes;
+  std::memcpy(bytes.data(), memory.data(), sizeof(Part));
+  memory.remove_prefix(sizeof(Part));
+  return std::bit_cast<Part>(bytes);
+}
+
+template <class Core>
+nb::bytes saved(const Core& core, const std::string& name) {
+  return saved(name, std::array{memory_of(&core)});
+}
+
+template <class Core>
+void restore(Core& core, const std::string& name, const nb::bytes& state) {
+  Memory memory = opened(name, state, std::array{memory_of(&core)});
+  const Core candidate = taken<Core>(memory);
+  check_settings(candidate.settings() == core.settings());
+  core = candidate;
+}
+
+// What an update() as a plain C method needs: a call costs about half of one through the binding
+// library's dispatcher, and it is made a thousand times a second.
+// The members of the Python enumeration, by value; filled when the enumeration is bound.
+inline std::array<PyObject*, status_count> status_members{};
+
+inline PyObject* member_of(Status status) noexcept {
+  PyObject* member = status_members[static_cast<std::size_t>(status)];
+  Py_INCREF(member);
+  return member;
+}
+
+// Puts positional and keyword arguments into their places; false, with a Python error set, where
+// they are not so many by these names. The last may be left out.
+template <std::size_t Size>
+bool place_arguments(PyObject* const* args, Py_ssize_t positional, PyObject* names,
+                     const std::array<const char*, Size>& parameters,
+                     std::array<PyObject*, Size>& placed) noexcept {
+  if (positional > static_cast<Py_ssize_t>(Size)) {
+    PyErr_Format(PyExc_TypeError, "update() takes at most %zu arguments", Size);
+    return false;
+  }
+  for (Py_ssize_t i = 0; i < positional; ++i) placed[static_cast<std::size_t>(i)] = args[i];
+  const Py_ssize_t named = names ? PyTuple_Size(names) : 0;
+  for (Py_ssize_t i = 0; i < named; ++i) {
+    PyObject* name = PyTuple_GetItem(names, i);
+    std::size_t place = 0;
+    while (place < Size && PyUnicode_CompareWithASCIIString(name, parameters[place]) != 0) ++place;
+    if (place == Size || placed[place]) {
+      PyErr_Format(PyExc_TypeError, "update() got an unexpected or repeated argument '%U'", name);
+      return false;
+    }
+    placed[place] = args[positional + i];
+  }
+  for (std::size_t place = 0; place + 1 < Size; ++place) {
+    if (placed[place]) continue;
+    PyErr_Format(PyExc_TypeError, "update() missing argument '%s'", parameters[place]);
+    return false;
+  }
+  return true;
+}
+
+// False, with a Python error set, where it is no number.
+inline bool number_of(PyObject* object, double& number) noexcept {
+  if (PyFloat_CheckExact(object)) [[likely]] {
+    number = PyFloat_AS_DOUBLE(object);
+    return true;
+  }
+  number = PyFloat_AsDouble(object);
+  return number != -1.0 || !PyErr_Occurred();
+}
 
 }  // namespace palpate::bindings

@@ -12,6 +12,7 @@
 
 #include <nanobind/stl/array.h>
 #include <nanobind/stl/optional.h>
+#include <nanobind/stl/tuple.h>
 
 #include <array>
 #include <atomic>
@@ -20,13 +21,13 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <tuple>
 #include <utility>
 
 #include "conversions.hpp"
-#include "estimate.hpp"
+#include "palpate/estimate.hpp"
 #include "palpate/recursive_estimator.hpp"
 #include "palpate/replay.hpp"
-#include "state.hpp"
 
 namespace palpate::bindings {
 
@@ -35,16 +36,39 @@ using Triple = std::array<double, 3>;
 // drift, threshold, noise, adaptation, warm-up, transition
 using Detector = std::array<double, 6>;
 
-// What the settings of every estimator have in common; an absent detector or rejection is none.
-struct Loop {
-  Pair forgetting;
-  Pair perturbation;
-  std::optional<Detector> changes;
-  std::optional<double> outliers;  // the threshold of their rejection
-  Triple gate;
-  Triple scale;
-  double sample_time;
+// What the settings of every estimator have in common: forgetting, perturbation, changes, the
+// threshold of outliers, gate, scale, sample time. An absent detector or rejection is none.
+using Loop =
+    std::tuple<Pair, Pair, std::optional<Detector>, std::optional<double>, Triple, Triple, double>;
+
+inline const Triple& scale_of(const Loop& loop) noexcept { return std::get<5>(loop); }
+
+// One class for the estimates of every law: numbers alone, which Python gives names.
+struct EstimateValue : AnyEstimate {
+  // Parameters of a law; the bare recursion's largest order.
+  static constexpr std::size_t capacity = 8;
+
+  std::size_t size;
+  double offset;
+  std::array<double, capacity> parameters;
+  std::array<double, (capacity + 1) * (capacity + 1)>
+      covariance;  // rows of size + 1: the offset's last
+
+  double& entry(std::size_t i, std::size_t j) { return covariance[i * (size + 1) + j]; }
 };
+
+template <std::size_t Size>
+EstimateValue value_of(const Estimate<Size>& estimate) {
+  static_assert(Size <= EstimateValue::capacity);
+  EstimateValue value{estimate, Size, estimate.offset.value, {}, {}};
+  for (std::size_t i = 0; i < Size; ++i) {
+    value.parameters[i] = estimate.parameters[i];
+    value.entry(i, Size) = value.entry(Size, i) = estimate.offset.covariance[i];
+    for (std::size_t j = 0; j < Size; ++j) value.entry(i, j) = estimate.covariance[i][j];
+  }
+  value.entry(Size, Size) = estimate.offset.variance;
+  return value;
+}
 
 // Memory of what is saved: zeros between the members, so that equal estimators have equal states.
 struct Zeroed {
@@ -148,18 +172,18 @@ class CoreOf final : public Core, public Zeroed {
 template <class Usual>
 std::unique_ptr<Core> core_of(const char* name, int kind,
                               const typename Usual::Method::Settings& method, const Loop& loop) {
-  typename CoreOf<Usual>::Settings settings{
-      .method = method,
-      .forgetting = {loop.forgetting[0], loop.forgetting[1]},
-      .perturbation = {loop.perturbation[0], loop.perturbation[1]},
-      .changes = {},
-      .outliers = {},
-      .gate = {loop.gate[0], loop.gate[1], loop.gate[2]},
-      .scale = {loop.scale[0], loop.scale[1], loop.scale[2]},
-      .sample_time = loop.sample_time};
-  if (loop.outliers) settings.outliers = {true, {*loop.outliers}};
-  if (loop.changes) {
-    const Detector& d = *loop.changes;
+  const auto& [forgetting, perturbation, changes, outliers, gate, scale, sample_time] = loop;
+  typename CoreOf<Usual>::Settings settings{.method = method,
+                                            .forgetting = {forgetting[0], forgetting[1]},
+                                            .perturbation = {perturbation[0], perturbation[1]},
+                                            .changes = {},
+                                            .outliers = {},
+                                            .gate = {gate[0], gate[1], gate[2]},
+                                            .scale = {scale[0], scale[1], scale[2]},
+                                            .sample_time = sample_time};
+  if (outliers) settings.outliers = {true, {*outliers}};
+  if (changes) {
+    const Detector& d = *changes;
     const auto warm_up = static_cast<std::uint32_t>(d[4]);
     const auto transition = static_cast<std::uint32_t>(d[5]);
     settings.changes = {true, {d[0], d[1], d[2], d[3], warm_up, transition}};

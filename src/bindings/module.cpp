@@ -4,12 +4,9 @@
 #include <cmath>
 #include <cstddef>
 #include <string>
-#include <utility>
 
-#include "conversions.hpp"
-#include "estimate.hpp"
+#include "face.hpp"
 #include "palpate/force_laws.hpp"
-#include "update_method.hpp"
 
 namespace palpate::bindings {
 namespace {
@@ -23,9 +20,7 @@ void bind_force(nb::module_& module, const char* name) {
         force.size() != penetration.size()) {
       throw nb::value_error("the arrays must have the law's size and the samples' number");
     }
-    const Law law = [own = parameters.data()]<std::size_t... I>(std::index_sequence<I...>) {
-      return Law{own[I]...};
-    }(std::make_index_sequence<Law::size>{});
+    const Law law = law_of<Law>(parameters.data());
     for (std::size_t k = 0; k < penetration.size(); ++k) {
       force.data()[k] = law.force(penetration.data()[k], velocity.data()[k]);
     }
@@ -49,37 +44,25 @@ void make_estimate(EstimateValue* self, const InputArray& parameters, const Inpu
                            " numbers, and covariance their square matrix")
                               .c_str());
   }
-  new (self) EstimateValue{};
-  self->size = size;
+  const AnyEstimate common{{}, 0, margin, status, samples, guarded, restarts, rejected};
+  new (self) EstimateValue{common, size, 0.0, {}, {}};
   std::copy_n(parameters.data(), size, self->parameters.begin());
-  std::copy_n(covariance.data(), size * size, self->covariance.begin());
-  self->status = status;
-  self->samples = samples;
-  self->validity_margin = margin;
-  self->guarded = guarded;
-  self->restarts = restarts;
-  self->rejected = rejected;
+  for (std::size_t i = 0; i < size; ++i) {
+    std::copy_n(covariance.data() + i * size, size, &self->entry(i, 0));
+  }
 }
 
-nb::object standard_errors_of(const EstimateValue& e) {
+nb::object standard_errors_of(EstimateValue& e) {
   std::array<double, EstimateValue::capacity> errors{};
-  for (std::size_t i = 0; i < e.size; ++i) {
-    errors[i] = std::sqrt(std::fmax(e.covariance[i * e.size + i], 0.0));
-  }
+  for (std::size_t i = 0; i < e.size; ++i) errors[i] = std::sqrt(std::fmax(e.entry(i, i), 0.0));
   return copied_array(errors.data(), {e.size});
 }
 
-// Of the law's parameters and, last, the force offset.
-nb::object joint_covariance_of(const EstimateValue& e) {
-  constexpr std::size_t most = EstimateValue::capacity + 1;
-  std::array<double, most * most> joint{};
-  const std::size_t size = e.size + 1;
-  for (std::size_t i = 0; i < e.size; ++i) {
-    for (std::size_t j = 0; j < e.size; ++j) joint[i * size + j] = e.covariance[i * e.size + j];
-    joint[i * size + e.size] = joint[e.size * size + i] = e.offset_covariance[i];
-  }
-  joint[e.size * size + e.size] = e.offset_variance;
-  return copied_array(joint.data(), {size, size});
+// Of the first so many numbers: the parameters and, last, the offset.
+nb::object covariance_of(const EstimateValue& e, std::size_t count) {
+  const auto row = static_cast<std::int64_t>(e.size + 1);
+  return nb::ndarray<nb::numpy, const double>(e.covariance.data(), {count, count}, {}, {row, 1})
+      .cast(nb::rv_policy::copy);
 }
 
 void bind_status(nb::module_& module) {
@@ -120,19 +103,17 @@ void bind_estimate(nb::module_& module) {
           [](const EstimateValue& e) { return copied_array(e.parameters.data(), {e.size}); },
           nb::sig("def parameters(self) -> numpy.typing.NDArray[numpy.float64]"))
       .def_prop_ro(
-          "covariance",
-          [](const EstimateValue& e) {
-            return copied_array(e.covariance.data(), {e.size, e.size});
-          },
+          "covariance", [](const EstimateValue& e) { return covariance_of(e, e.size); },
           nb::sig("def covariance(self) -> numpy.typing.NDArray[numpy.float64]"))
       .def_prop_ro("standard_errors", &standard_errors_of,
                    nb::sig("def standard_errors(self) -> numpy.typing.NDArray[numpy.float64]"))
-      .def_prop_ro("joint_covariance", &joint_covariance_of,
-                   nb::sig("def joint_covariance(self) -> numpy.typing.NDArray[numpy.float64]"))
+      .def_prop_ro(
+          "joint_covariance", [](const EstimateValue& e) { return covariance_of(e, e.size + 1); },
+          nb::sig("def joint_covariance(self) -> numpy.typing.NDArray[numpy.float64]"))
       .def_ro("offset", &EstimateValue::offset)
-      .def_ro("offset_variance", &EstimateValue::offset_variance)
-      .def_ro("surface", &EstimateValue::surface)
-      .def_ro("surface_variance", &EstimateValue::surface_variance)
+      .def_prop_ro("offset_variance", [](EstimateValue& e) { return e.entry(e.size, e.size); })
+      .def_prop_ro("surface", [](const EstimateValue& e) { return e.surface.value; })
+      .def_prop_ro("surface_variance", [](const EstimateValue& e) { return e.surface.variance; })
       .def_ro("flags", &EstimateValue::flags)
       .def_ro("validity_margin", &EstimateValue::validity_margin)
       .def_ro("status", &EstimateValue::status)

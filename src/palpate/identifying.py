@@ -14,7 +14,7 @@ from palpate.estimators.estimate import Traced, checked_trace
 from palpate.identification.identified import Identified
 from palpate.preparation.gates import choose_gate
 from palpate.preparation.preparing import Recorded, prepare
-from palpate.results.summary import line, summary
+from palpate.results import view
 from palpate.settings import ContactGate
 
 if TYPE_CHECKING:
@@ -59,7 +59,7 @@ class Identification(Identified):
     stretches: tuple["Identification", ...]
 
     def __repr__(self) -> str:
-        return line(self)
+        return view.line(self)
 
     def _repr_html_(self) -> str:
         """Shown by a notebook: verdict, numbers at working depth, and the law."""
@@ -69,7 +69,7 @@ class Identification(Identified):
 
     def summary(self) -> str:
         """Return verdict, numbers, 95 % intervals, correlations and findings, as text."""
-        return summary(self)
+        return view.summary(self)
 
     def plot(self, *, dark: bool = False, width: float | None = None) -> "Figure":
         """Draw it: :func:`palpate.figures.draw`."""

@@ -1,22 +1,108 @@
 """The page of a live run, in a browser: its curves move, its controls act, and it comes back."""
 
+import socket
+import socketserver
+import threading
 import time
+from contextlib import contextmanager, suppress
+from itertools import count
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import palpate
-from palpate.digits import rounded, with_error
-
-pytest.importorskip("uvicorn", reason="the extra live is not installed")
-pytest.importorskip("mcap", reason="the extra live is not installed")
-
-from live_runs import Wire, running
-
-from palpate.live.console import percent
+from palpate.live import run
+from palpate.live.page import Page
 from palpate.live.recorder import Recorder
 from palpate.live.running import default_estimator
+from palpate.live.sources import EndOfSourceError, Replay
+
+
+class Endless(Replay):
+    """A recording again and again at its own pace; every second time 1.6 times as firm."""
+
+    offers = {"material": ["as it is", "firmer"], "change": ["firmer", "softer"]}  # noqa: RUF012
+
+    def __init__(self, contact):
+        super().__init__(contact)
+        self.ended = threading.Event()
+        self.asked = []
+        columns = contact.time, contact.penetration, contact.force
+        rows = list(zip(*(column.tolist() for column in columns), strict=True))
+        span = rows[-1][0] - rows[0][0] + contact.sample_time
+        self._rows = (
+            (t + k * span, x, f * (1.6 if k % 2 else 1.0)) for k in count() for t, x, f in rows
+        )
+
+    def take(self, timeout):
+        if self.ended.is_set():
+            raise EndOfSourceError
+        return super().take(timeout)
+
+    def ask(self, options):
+        self.asked.append(options)
+        return f"the source was asked for {options}"
+
+
+@contextmanager
+def running(contact, *sinks, estimator=None):
+    """A run with its page: its source, and the page."""
+    source, page = Endless(contact), Page(port=0)
+    thread = threading.Thread(target=run, args=(source, estimator, [*sinks, page]))
+    thread.start()
+    try:
+        yield source, page
+    finally:
+        source.ended.set()
+        thread.join(30.0)
+        page.close()
+        assert not thread.is_alive()
+
+
+def _passed_on(source, sink):
+    with suppress(OSError):
+        while piece := source.recv(1 << 16):
+            sink.sendall(piece)
+    _cut(source, sink)
+
+
+def _cut(*ends):
+    for end in ends:
+        with suppress(OSError):
+            end.shutdown(socket.SHUT_RDWR)
+
+
+class Wire(socketserver.ThreadingTCPServer):
+    """Passes bytes between a browser and a server, until it is cut."""
+
+    daemon_threads = True
+
+    def __init__(self, port):
+        super().__init__(("127.0.0.1", 0), None)
+        self.whole, self._port, self._ends = True, port, []
+        threading.Thread(target=self.serve_forever, daemon=True).start()
+
+    @property
+    def url(self):
+        return f"http://127.0.0.1:{self.server_address[1]}/"
+
+    def finish_request(self, near, _):
+        if self.whole:
+            with socket.create_connection(("127.0.0.1", self._port)) as far:
+                self._ends += [near, far]
+                threading.Thread(target=_passed_on, args=(far, near), daemon=True).start()
+                _passed_on(near, far)
+
+    def cut(self):
+        self.whole = False
+        _cut(*self._ends)
+
+    def __exit__(self, *_):
+        self.cut()
+        self.shutdown()
+        self.server_close()
+
 
 pytestmark = pytest.mark.browser
 
@@ -288,29 +374,3 @@ def test_what_is_drawn_has_every_peak_of_what_came(page):
     gap = np.isnan(known) & (x > -9.0)
     assert 0.15 < np.ptp(x[gap]) < 0.25  # no line over what is missing
     assert np.all(np.diff(x) > 0.0)
-
-
-def test_numbers_are_written_as_everywhere_else(page):
-    generator = np.random.default_rng(8)
-    values = generator.choice([-1.0, 1.0], 3000) * 10.0 ** generator.uniform(-12, 12, 3000)
-    errors = np.abs(values) * 10.0 ** generator.uniform(-6, 3, 3000)
-    # Those that stand in the middle between two digits, and the edges of the rule.
-    edges = [
-        (2.5, 10.0), (3.5, 10.0), (0.5, 1.0), (1.25, 0.3), (1.35, 0.3), (12.0, 340.0), (0.0, 1e-6),
-        (25.0, 100.0), (35.0, 120.0), (1e5, 780.0), (99.95, 0.355), (1.0, 0.0949), (5.0, 0.095),
-        (5.0, float("nan")), (5.0, float("inf")),
-    ]  # fmt: skip
-    fractions = [1.0, 0.999_934, 0.9, 0.999_999_8, 0.5, 0.0]
-    pairs = [*edges, *zip(values.tolist(), errors.tolist(), strict=True)]
-    found = page.evaluate(
-        """async ([pairs, fractions]) => {
-        const { withError, rounded, percent } = await import("/static/digits.js");
-        return [...pairs.map(([value, error]) =>
-          [withError(value, [error], "N"), rounded(value, 4), rounded(error, 2)]),
-          ...fractions.map(percent)]; }""",
-        [pairs, fractions],
-    )
-    assert found == [
-        *([with_error(x, error, unit="N"), rounded(x, 4), rounded(error, 2)] for x, error in pairs),
-        *map(percent, fractions),
-    ]

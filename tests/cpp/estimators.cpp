@@ -211,7 +211,7 @@ TEST("an estimate reports condition 10 of its law at the last velocity") {
 TEST("the double stage skips its second stage while K + B v is not positive") {
   DoubleStageRLS::Settings settings;
   settings.method.initial = {1.0, 100.0, 1.0};
-  settings.method.stage_one_covariance = diagonal<2>({1e-9, 1e-9});
+  settings.method.initial_covariance = diagonal<3>({1e-9, 1e-9, 1e3});
   DoubleStageRLS estimator(settings);
   CHECK(estimator.update(0.01, -0.05, 1.0) == Status::updated);
   CHECK(estimator.law().exponent == 1.0);

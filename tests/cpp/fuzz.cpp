@@ -99,8 +99,8 @@ typename Estimator::Settings any_settings(RandomNumbers& random) noexcept {
   settings.method.initial.damping = one_of(0.0, 1e5, 1e300);
   const double variance = one_of(1e-20, 1e3, 1e20);
   if constexpr (std::is_same_v<Estimator, DoubleStageRLS>) {
-    settings.method.stage_one_covariance = diagonal<2>({variance, one_of(1e-20, 1e8, 1e20)});
-    settings.method.stage_two_covariance = one_of(1e-20, 1e3, 1e20);
+    settings.method.initial_covariance =
+        diagonal<3>({variance, one_of(1e-20, 1e8, 1e20), one_of(1e-20, 1e3, 1e20)});
     settings.method.initial.exponent = one_of(0.0, 1.0, -1e3, 1e300);
   } else {
     settings.method.initial_covariance[0][0] = variance;

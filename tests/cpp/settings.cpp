@@ -81,7 +81,7 @@ TEST("a method's own settings are checked") {
   CHECK(fault<KelvinVoigtRLS>([](auto& s) {
           s.method.initial_covariance = {{{1.0, 2.0}, {2.0, 1.0}}};
         }) == "method.initial_covariance must be positive definite");
-  CHECK(fault<DoubleStageRLS>([](auto& s) { s.method.stage_two_covariance = 0.0; }) ==
+  CHECK(fault<DoubleStageRLS>([](auto& s) { s.method.initial_covariance[2][2] = 0.0; }) ==
         "method.initial_covariance must have variances in [1e-20, 1e20]");
   CHECK(fault<VariableProjection>([](auto& s) { s.method.highest_exponent = 0.4; }) ==
         "method.highest_exponent must be 0.2 to 5 above lowest_exponent");

@@ -26,7 +26,6 @@ def advanced(bench, seconds, block=20):
 
 @pytest.mark.parametrize("block", [pytest.param(1, marks=pytest.mark.slow), 37])
 def test_a_bench_that_goes_on_is_the_batch_run_to_the_last_bit(block):
-    pytest.importorskip("mujoco")
     bench = lab.Bench(lab.SOFT_THEN_HARD, lab.PALPATION)
     size = 2500 // block * block
     batch = bench.run(4, seconds=size * STEP).contact
@@ -43,8 +42,7 @@ def test_whatever_is_asked_the_probe_goes_on_without_a_jump(ask):
     bench = ongoing()
     before = advanced(bench, 4.0)
     getattr(bench, ask)(lab.TAPPING if ask == "move" else lab.SPONGE)
-    after = advanced(bench, 6.0)
-    depth = np.concatenate([before, after])[:, 1]
+    depth = np.concatenate([before, advanced(bench, 6.0)])[:, 1]
     speed = np.diff(depth) / STEP
     # The quickest of both motions, and the way to the beginning of the other in 0.5 s.
     assert np.abs(speed).max() < 0.15
@@ -84,7 +82,6 @@ def test_of_many_wishes_in_a_transition_the_last_one_is_granted():
 
 
 def test_a_simulation_that_breaks_down_begins_again_on_the_first_material():
-    pytest.importorskip("mujoco")
     bench = ongoing(lab.TwinPantograph())
     advanced(bench, 3.0)
     bench.change(lab.Homogeneous(HuntCrossley(1e9, 1e9, 1.0), "a rock"))

@@ -1,34 +1,38 @@
-"""Which law it is, in the live loop: the verdict stands on the board, and survives what happens."""
+"""Law and diagnosis in the live loop: the verdict stands on the board, and survives."""
 
 import json
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
-from scripted import Scripted, Silence, T, arrivals, rings
+from cases import MATERIALS
+from message_files import typestore
+from scripted import Scripted, T, arrivals, looped, measured, pressed, rings
 
-from palpate import (
-    FlatSpectrum,
-    GeneralisedHuntCrossley,
-    OnlinePreparation,
-    SingleRelaxation,
-)
+import palpate
+from palpate import FlatSpectrum, GeneralisedHuntCrossley, OnlinePreparation, SingleRelaxation
 from palpate.estimators.by_law import estimator_by_law
+from palpate.live import run
 from palpate.live.choices import LiveCommand
-from palpate.live.law_numbers import (
-    NUMBERS,
-    certainty,
-    fields_of,
-    in_words,
-    numbers_of,
-    told,
-    verdict_on,
-)
+from palpate.live.diagnosing import Diagnosing, contact_of, diagnosed, outdated, recent
 from palpate.live.loop import Loop
 from palpate.live.page.watch import plain
 from palpate.live.publishing import Fields, words_of
 from palpate.live.recorder import described
+from palpate.live.ring import COLUMNS
 from palpate.live.running import default_estimator
+from palpate.live.sinks import Watching
+from palpate.live.sources import EndOfSourceError, Replay
+from palpate.live.view import (
+    NUMBERS,
+    certainty,
+    fields_of,
+    law_of,
+    numbers_of,
+    verdict_in_words,
+    verdict_on,
+)
 
 BOX = FlatSpectrum(2e-3, 2.048)
 LAWS = {
@@ -42,7 +46,7 @@ MEMORY = LAWS["Hunt–Crossley with a flat spectrum"]
 ONE_TIME = GeneralisedHuntCrossley(2e4, 1.5, 4e4, 1.5, 2e4, SingleRelaxation(0.1))
 
 
-def pressed(law, seconds=2.0, *, begins=0.0, seed=0):
+def swung(law, seconds=2.0, *, begins=0.0, seed=0):
     """Times, positions and forces: two sines to 11 mm, which begin and end each turn in the air.
 
     0.1 N beside some 10 N: 40 dB.
@@ -80,7 +84,7 @@ def watched(script, law="auto", at=(), commands=None, **known):
 @pytest.mark.parametrize("name", LAWS)
 def test_the_loop_finds_each_everyday_law_and_its_numbers(name):
     law = LAWS[name]
-    loop, _, verdict = watched(arrivals(*pressed(law)))
+    loop, _, verdict = watched(arrivals(*swung(law)))
     assert verdict["law"] == name
     assert certainty(verdict) == "strong"
     assert verdict["law"] == str(loop.estimator.verdict().candidate)
@@ -96,7 +100,7 @@ def test_the_loop_finds_each_everyday_law_and_its_numbers(name):
 
 
 def test_numbers_are_those_of_the_estimator_itself_and_every_field_is_a_word_or_in_si():
-    loop, _, verdict = watched(arrivals(*pressed(ONE_TIME)), law="any")
+    loop, _, verdict = watched(arrivals(*swung(ONE_TIME)), law="any")
     own, numbers = loop.estimator.dynamic_stiffness(), numbers_of(verdict)
     assert numbers["stiffness"] == (own.stiffness, own.stiffness_error)
     assert numbers["damping"] == (own.damping, own.damping_error)
@@ -115,23 +119,24 @@ def test_before_the_first_sample_there_is_no_law_and_no_number():
     fields = fields_of(before)
     assert fields["law"] == ""
     assert not any(math.isfinite(fields[name]) for name in (*NUMBERS, "depth", "frequency"))
-    assert in_words(before, numbers_of(before)) == "no law yet"
-    json.dumps(plain(told(before)), allow_nan=False)
+    assert verdict_in_words(before, numbers_of(before)) == "no law yet"
+    card = plain(law_of(before, math.nan))
+    assert (card["law-name"], card["law-badge"]) == ("Not known yet", "no verdict yet")
+    assert {words for _, words in card["law-numbers"]} == {"–"}
 
 
 def test_the_verdict_is_published_in_words_and_numbers():
-    typesys = pytest.importorskip("rosbags.typesys", reason="the extra live is not installed")
     from palpate.live.publishing import STATUS, RosEncoder
 
     data = RosEncoder().status("contact", "rig", 0, {"law": "spring", "lead": 1.0 / 3.0})
-    store = typesys.get_typestore(typesys.Stores.LATEST)
-    values = {each.key: each.value for each in store.deserialize_cdr(data, STATUS).status[0].values}
+    [status] = typestore().deserialize_cdr(data, STATUS).status
+    values = {each.key: each.value for each in status.values}
     assert values == {"law": "spring", "lead": "0.333333333333333"}
 
 
 def test_a_change_of_the_material_gives_the_evidence_up_until_there_is_a_verdict_of_the_new_one():
-    times, x, before = pressed(MEMORY, 4.0)
-    after = pressed(LAWS["half-space"], 4.0, seed=1)[2]
+    times, x, before = swung(MEMORY, 4.0)
+    after = swung(LAWS["half-space"], 4.0, seed=1)[2]
     force = [a if t < 2.0 else 3.0 * b for t, a, b in zip(times, before, after, strict=True)]
     loop, said, verdict = watched(arrivals(times, x, force), at=range(2000, 2600, 5))
     assert loop.counts.changes >= 1
@@ -144,44 +149,16 @@ def test_a_change_of_the_material_gives_the_evidence_up_until_there_is_a_verdict
     assert given_up
     for page in given_up:  # what stands meanwhile is said to be of before
         assert certainty(page) == "before"
-        assert "of before" in in_words(page, {})
+        assert "of before" in verdict_in_words(page, {})
         assert page["effective_samples"] == 0.0
         assert numbers_of(page) == {}
         assert page["changes"] == 0
 
 
 def test_a_law_that_is_alone_on_offer_never_changes():
-    _, _, verdict = watched(arrivals(*pressed(MEMORY)), law="half-space+single")
+    _, _, verdict = watched(arrivals(*swung(MEMORY)), law="half-space+single")
     assert certainty(verdict) == "alone"
     assert [law for _, law in verdict["turns"]] == ["half-space with one relaxation time"]
-
-
-def test_neither_silence_nor_a_long_time_out_of_contact_changes_the_verdict():
-    times, x, force = pressed(MEMORY, 2.0)
-    air = [times[-1] + T * k for k in range(1, 3001)]
-    noise = (0.01 * np.random.default_rng(5).standard_normal(len(air))).tolist()
-    free = arrivals(air, [-1e-3] * len(air), noise)
-    loop, said, verdict = watched([*arrivals(times, x, force), Silence(5.0), *free], at=(2000,))
-    assert loop.counts.silences == 1
-    touched = said[2000]
-    # The last samples of the contact are learned half a window later.
-    assert verdict["samples"] == pytest.approx(touched["samples"], abs=20)
-    assert verdict["since"] == touched["since"]
-    for name in ("law", "known", "changes"):
-        assert verdict[name] == touched[name]
-
-
-def test_a_touch_that_begins_in_contact_is_flagged_until_it_is_known_without_it():
-    # The position is not at rest before, so that what is remembered is not what it is taken for.
-    times, x, force = pressed(MEMORY, 3.0, begins=0.3)
-    _, said, verdict = watched(arrivals(times, x, force), at=range(200, 2400, 10))
-    flagged = [any("nobody saw" in flag for flag in page["flags"]) for page in said.values()]
-    assert flagged[0]
-    assert not flagged[-1]
-    assert flagged == sorted(flagged, reverse=True)
-    # What was found without memory stands unmarked at no time.
-    assert flagged == ["spectrum" not in page["law"] for page in said.values()]
-    assert "flat spectrum" in verdict["law"]
 
 
 def test_a_reset_forgets_the_verdict_and_another_method_has_none():
@@ -189,7 +166,7 @@ def test_a_reset_forgets_the_verdict_and_another_method_has_none():
         1500: LiveCommand("reset"),
         2500: LiveCommand("estimator", {"method": "single-stage"}),
     }
-    script = arrivals(*pressed(MEMORY, 3.0))
+    script = arrivals(*swung(MEMORY, 3.0))
     loop, said, verdict = watched(script, at=(1499, 1510), commands=commands)
     assert said[1499]["known"]
     assert certainty(said[1510]) == "none"
@@ -201,14 +178,14 @@ def test_a_reset_forgets_the_verdict_and_another_method_has_none():
 def test_a_verdict_that_flickers_is_said_to():
     # Without a damper both laws with a flat spectrum are the same, and take turns.
     law = GeneralisedHuntCrossley(2e4, 1.5, 0.0, 1.5, 2e4, SingleRelaxation(0.05))
-    _, said, _ = watched(arrivals(*pressed(law, 3.0)), at=range(400, 3000, 20))
+    _, said, _ = watched(arrivals(*swung(law, 3.0)), at=range(400, 3000, 20))
     flags = {flag.split(":")[0] for page in said.values() for flag in page["flags"]}
     assert "the verdict is not settled" in flags
     assert "B is 0" in flags
 
 
 def test_a_known_exponent_is_given_and_no_estimate():
-    loop, _, verdict = watched(arrivals(*pressed(MEMORY)), exponent=1.5)
+    loop, _, verdict = watched(arrivals(*swung(MEMORY)), exponent=1.5)
     page, estimator = loop.status(), loop.estimator
     assert verdict["fixed"] == ["exponent"]
     size = len(estimator.law_type.symbols)
@@ -223,3 +200,102 @@ def test_a_known_exponent_is_given_and_no_estimate():
     assert isinstance(said["verdict_stiffness"], float)
     assert said["verdict_since"] == pytest.approx(1000.0 + verdict["since"])  # the robot's clock
     assert described(page)["law"] == verdict["law"]
+
+
+SAMPLE = [COLUMNS.index(name) for name in ("time", "penetration", "velocity", "force", "status")]
+LATE = 9e-3  # s
+STATUS = {"method": "variable-projection", "sample_time": 1e-3}
+
+
+@pytest.fixture(scope="module")
+def samples():
+    """What the loop wrote of four seconds on the ball."""
+    _, rows = looped(arrivals(*measured(4.0)))
+    return rows[:, SAMPLE]
+
+
+def test_it_is_the_librarys_own(samples):
+    page = diagnosed(recent(samples, 20.0, LATE), STATUS)
+    known = samples[np.isfinite(samples).all(axis=1)]
+    diagnosis = palpate.identify(contact_of(known, 1e-3)).diagnosis
+    assert page["verdict"] == diagnosis.verdict.as_dict()
+    assert page["reason"] == diagnosis.reason
+    assert page["said"].startswith("trust")
+    depth = page["working_depths"][0]
+    stiffness = MATERIALS["ball"].stiffness_at(depth["depth"])
+    bars = depth["stiffness"]
+    assert abs(bars["value"] - stiffness) < 4.0 * bars["standard_error"] + bars["systematic"]
+
+
+def test_it_is_of_the_last_seconds_of_one_clock(samples):
+    short = recent(samples, 1.0, LATE)
+    assert short[-1, 0] - short[0, 0] == pytest.approx(1.0, abs=2e-3)
+    earlier = samples.copy()
+    earlier[:, 0] += 100.0
+    both = recent(np.concatenate([earlier, samples]), 20.0, LATE)
+    np.testing.assert_array_equal(both, recent(samples, 20.0, LATE))
+
+
+def test_it_is_of_what_is_touched_since_the_loop_noticed_a_change(samples):
+    times, positions, forces = measured(4.0)
+    softer = arrivals([4.0 + time for time in times], positions, [0.3 * f for f in forces])
+    _, rows = looped([*arrivals(times, positions, forces), *softer])
+    page = diagnosed(recent(rows[:, SAMPLE], 20.0, LATE), STATUS)
+    assert page["window"][0] == pytest.approx(4.0, abs=0.5)
+    assert page["verdict"]["overall"] == "trust"
+
+
+def test_a_gap_begins_another_segment_and_no_contact_is_said(samples):
+    known = recent(samples, 20.0, LATE)
+    contact = contact_of(np.concatenate([known[:1000], known[1500:]]), 1e-3)
+    assert len(list(contact.segments())) == 2
+    known[:, 1], known[:, 3] = -1e-3, 0.0  # free
+    page = diagnosed(known, STATUS)
+    assert page["verdict"] is None
+    assert page["reason"]
+
+
+def test_it_says_when_it_is_no_longer_of_what_the_loop_does(samples):
+    status = {**STATUS, "counts": {"changes": 1}, "tare": None}
+    page = diagnosed(recent(samples, 1.0, LATE), status)
+    assert outdated(page, status) == ""
+    later = {**status, "method": "single-stage", "counts": {"changes": 2}}
+    words = "another estimator runs now and the material has changed since"
+    assert outdated(page, later) == words
+    assert outdated(page, {**status, "tare": 0.3}) == "the force was tared since"
+
+
+class Reading:
+    """A sink that keeps what the diagnosis said."""
+
+    name = "reading"
+
+    def __init__(self, path):
+        self.path = path
+
+    def run(self, session, commands):
+        watching = Watching(session)
+        while watching.wait(0.1):
+            if said := watching.others()["diagnosis"].get("said"):
+                self.path.write_text(said)
+        watching.close()
+
+
+class Heard(Replay):
+    """A recording at its own pace, until its verdict has been read."""
+
+    said: Path
+
+    def take(self, timeout):
+        if self.said.exists():
+            raise EndOfSourceError
+        return super().take(timeout)
+
+
+@pytest.mark.slow
+def test_it_says_its_verdict_while_the_loop_runs(tmp_path):
+    source = Heard(palpate.Contact(**vars(pressed(30.0))))
+    source.said = tmp_path / "said"
+    status = run(source, None, [Diagnosing(every=1.0), Reading(source.said)])
+    assert source.said.read_text().startswith("trust")
+    assert status["counts"]["taken"] < 30_000

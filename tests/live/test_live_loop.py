@@ -5,26 +5,14 @@ import math
 
 import numpy as np
 import pytest
-from scripted import (
-    PLACE,
-    Scripted,
-    Silence,
-    T,
-    arrivals,
-    column,
-    looped,
-    measured,
-    pressed,
-    rings,
-)
+from scripted import PLACE, Scripted, Silence, T, arrivals, column, looped, measured, pressed, rings
 
 import palpate
-from palpate import ESTIMATORS, OnlinePreparation, Status, ViscoelasticContact
+from palpate import ESTIMATORS, OnlinePreparation, Status
 from palpate.estimators.estimate import Trace
 from palpate.findings import Finding
 from palpate.live.choices import LiveCommand, State
 from palpate.live.console import ShownDepth, at_depth
-from palpate.live.law_numbers import verdict_on
 from palpate.live.loop import Loop
 from palpate.live.ring import COLUMNS, SAMPLE
 from palpate.live.running import default_estimator
@@ -143,29 +131,9 @@ def test_the_shown_depth_stays_while_the_motion_repeats_and_follows_another(ever
     found = depths_shown(swing, every)[round(10.0 / every) :]
     assert found[0] == pytest.approx(8.85e-3, rel=0.06)
     assert (found == found[0]).all()
-    deeper = np.where(time < 20.0, swing, 1.3 * swing)
-    found = depths_shown(deeper, every)
+    found = depths_shown(np.where(time < 20.0, swing, 1.3 * swing), every)
     assert len(set(found[round(40.0 / every) :])) == 1
     assert found[-1] == pytest.approx(1.3 * 8.85e-3, rel=0.06)
-
-
-def test_a_law_is_shown_at_a_depth_that_stays():
-    """Of a loop that compares laws: the motion's own depth and frequency are a running mean."""
-    shown, depths, own = ShownDepth(), [], []
-
-    def look():
-        taken = loop.counts.taken
-        if taken % 250 == 0 and (verdict := shown.verdict(loop.status(), taken * T)):
-            depths.append(verdict["depth"])
-            own.append(verdict_on(loop.status())["depth"])
-
-    with rings() as (*rows, _):
-        estimator, script = ViscoelasticContact(), arrivals(*measured(8.0))
-        loop = Loop(Scripted(script), OnlinePreparation(), estimator, *rows, look)
-        loop.run()
-    assert len(set(own[8:])) > 1
-    assert len(set(depths[8:])) == 1
-    assert depths[-1] == pytest.approx(own[-1], rel=0.1)
 
 
 @pytest.mark.parametrize(
@@ -335,28 +303,10 @@ def test_another_estimator_and_what_there_is_not():
         assert words in said
 
 
-def test_vectors_are_taken_along_the_direction_and_kept_as_they_came():
-    down = [Arrival(t, (0.4, 0.0, -x), (0.1, 0.2, f), t) for t, x, f, _ in SCRIPT]
-    _, rows = looped(down, OnlinePreparation(direction=[0, 0, -2], flip=["force"]))
-    np.testing.assert_array_equal(column(rows, "position"), POSITIONS)
-    np.testing.assert_array_equal(column(rows, "raw_force"), [-force for force in FORCES])
-    np.testing.assert_array_equal(column(rows, "input_force_y"), 0.2)
-    assert column(rows, "parameter_0")[-1] == pytest.approx(2000.0, rel=0.05)
-
-
 @pytest.mark.parametrize("value, direction", [((0.0, 0.0, 0.0), None), (0.0, [0, 0, -1])])
 def test_a_direction_of_numbers_or_vectors_without_one_is_a_clear_line(value, direction):
     with pytest.raises(palpate.InvalidParameterError, match="--direction"):
         looped([Arrival(0.0, value, value, 0.0)], OnlinePreparation(direction=direction))
-
-
-def test_a_source_that_counts_too_is_added_up():
-    source = Scripted([SCRIPT[0], *SCRIPT[:20]])
-    source.counts.repeated, source.counts.lost = 4, 7
-    loop, _ = looped((), OnlinePreparation(sample_time=T), source=source)
-    counts = loop.status()["counts"]
-    assert [counts[name] for name in ("repeated", "lost", "taken")] == [5, 7, 21]
-    assert loop.preparation.status is Status.UPDATED
 
 
 def test_a_law_for_which_there_is_no_room_is_a_clear_line():

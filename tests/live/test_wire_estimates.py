@@ -12,6 +12,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+import zmq
 from scripted import arrivals, in_a_process, looped, measured, pressed
 from wire_robots import ROBOTS, free_port
 
@@ -49,7 +50,6 @@ class ZeroMQListener(Listener):
 
     def __init__(self) -> None:
         super().__init__()
-        zmq = pytest.importorskip("zmq", reason="no pyzmq: pip install 'palpate[live]'")
         self.zmq, self.context = zmq, zmq.Context()
         self.socket = self.context.socket(zmq.SUB)
         self.socket.rcvhwm, self.socket.reconnect_ivl = 0, 10
@@ -324,7 +324,6 @@ def test_an_address_in_use_is_one_clear_line() -> None:
 
 
 def test_nobody_there_is_one_clear_line() -> None:
-    pytest.importorskip("zenoh", reason="no eclipse-zenoh: pip install 'palpate[live]'")
     address = f"zenoh:/palpate?connect=tcp/127.0.0.1:{free_port()}"
     with pytest.raises(PalpateError, match=r"^zenoh: nobody answers at tcp/.*rmw_zenohd") as caught:
         open_publisher(address)

@@ -3,13 +3,12 @@
 import os
 import socket
 import struct
-import subprocess
-import sys
 import time
 
 import pytest
+import zenoh
+import zmq
 from message_files import Maker
-from scripted import in_a_process
 
 from palpate.live.sources import Arrival, SourceOptions, open_source
 
@@ -46,7 +45,6 @@ class ZeroMQRobot:
     """A PUB socket that knows of its subscribers."""
 
     def __init__(self, address: str = "") -> None:
-        zmq = pytest.importorskip("zmq", reason="no pyzmq: pip install 'palpate[live]'")
         self.context = zmq.Context()
         self.socket = self.context.socket(zmq.XPUB)
         self.socket.sndhwm, self.socket.linger = 0, 0
@@ -151,7 +149,6 @@ class ZenohRobot(RosRobot):
 
     def __init__(self, types: tuple[str, str] = (POSE, WRENCH), endpoint: str = "") -> None:
         super().__init__()
-        zenoh = pytest.importorskip("zenoh", reason="no eclipse-zenoh: pip install 'palpate[live]'")
         self.endpoint = endpoint or f"tcp/127.0.0.1:{free_port()}"
         config = zenoh.Config()
         config.insert_json5("mode", '"peer"')
@@ -194,22 +191,3 @@ class ZenohRobot(RosRobot):
 
 
 ROBOTS = {"zmq": ZeroMQRobot, "dds": DDSRobot, "zenoh": ZenohRobot}
-
-
-def sent_by_another_process(wire: str, count: int, pause: float) -> subprocess.Popen:
-    """A robot in a process of its own, at a pace; it prints its address, and begins when asked."""
-    code = f"import wire_robots; wire_robots.serve({wire!r}, {count}, {pause})"
-    return in_a_process(code, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
-
-
-def serve(wire: str, count: int, pause: float) -> None:
-    robot = ROBOTS[wire]()
-    print(getattr(robot, "address", getattr(robot, "endpoint", getattr(robot, "domain", ""))))
-    sys.stdout.flush()
-    sys.stdin.readline()
-    begin = time.monotonic() + 0.2
-    for k in range(count):
-        time.sleep(max(begin + k * pause - time.monotonic(), 0.0))
-        robot.send(k)
-    sys.stdin.readline()
-    robot.close()

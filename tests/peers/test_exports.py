@@ -16,7 +16,6 @@ from export_cases import (
 )
 
 from palpate import KelvinVoigt, exports
-from palpate.exports.drake.running import Plant, forces
 from palpate.exports.engine import drop_to
 from peers.installed import installed
 
@@ -117,8 +116,6 @@ def test_a_drop_of_too_many_steps_is_not_made() -> None:
 @pytest.mark.parametrize(
     "engine, law, further",
     [
-        ("drake", HERTZ_LAW, {}),
-        ("drake", KELVIN_VOIGT_LAW, {}),
         ("drake", PVC_LAW, {"time_step": 0.0}),
         ("opensim", HERTZ_LAW, {}),
     ],
@@ -130,15 +127,6 @@ def test_the_scene_runs(engine, law, further, tmp_path) -> None:
     # In a folder where OpenSim may leave its log.
     ran = subprocess.run(command, capture_output=True, text=True, check=True, cwd=tmp_path)
     assert "of the speed" in ran.stdout
-
-
-@pytest.mark.parametrize("law, further", [(HERTZ_LAW, {}), (KELVIN_VOIGT_LAW, {}), (PVC_LAW, SLAB)])
-def test_the_urdf_is_the_same_contact(law, further) -> None:
-    fragment = drake(law, **further)
-    files, motion = fragment.files([]), fragment.asked.motion.firm(20)
-    by_urdf = forces(Plant(files["contact.urdf"], fragment.setting, "urdf"), motion)
-    by_sdf = forces(Plant(files["contact.sdf"], fragment.setting), motion)
-    assert by_urdf == pytest.approx(by_sdf, rel=1e-9)
 
 
 @pytest.fixture

@@ -5,8 +5,11 @@ python3-geometry-msgs``. Everything listens on this machine only.
 """
 
 import os
+import shutil
 import signal
+import socket
 import subprocess
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -16,7 +19,6 @@ import pytest
 
 from palpate.errors import RecordingError
 from palpate.recordings import open_recording
-from peers.ros1 import PYTHON, absent, master, wait_for
 from peers.rosbag_publisher import numbers
 
 pytestmark = [pytest.mark.peers, pytest.mark.slow]
@@ -107,3 +109,55 @@ def test_what_a_killed_recorder_leaves_is_refused_and_read_once_it_is_reindexed(
     subprocess.run(cure.split(), env=ros, check=True, timeout=60, stdout=subprocess.DEVNULL)
     # A chunk of 16 kB has some 45 messages of each; what the recorder still held is gone.
     assert_begins_as_published(open_recording(path), COUNT // 2)
+
+
+PYTHON = "/usr/bin/python3"  # the one that Debian's packages are for
+
+
+def absent(*programs: str) -> str:
+    """What of ROS 1 is missing on this machine."""
+    missing = [name for name in (*programs, "rosmaster", PYTHON) if shutil.which(name) is None]
+    if not missing:
+        ask = [PYTHON, "-c", "import rospy, geometry_msgs.msg"]
+        if subprocess.run(ask, capture_output=True, env=clean()).returncode:
+            missing = ["rospy"]
+    return ", ".join(missing)
+
+
+def clean() -> dict[str, str]:
+    """The environment, without the paths of our Python."""
+    return {key: value for key, value in os.environ.items() if not key.startswith("PYTHON")}
+
+
+@contextmanager
+def master(home: Path) -> Iterator[dict[str, str]]:
+    """A master of its own, on a free port; the environment in which it is found."""
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    environment = clean() | {
+        "ROS_MASTER_URI": f"http://127.0.0.1:{port}",
+        "ROS_IP": "127.0.0.1",
+        "ROS_HOME": str(home),
+    }
+    with (home / "master.log").open("wb") as log:
+        command = ["rosmaster", "--core", "-p", str(port)]
+        process = subprocess.Popen(command, env=environment, stdout=log, stderr=log)
+    try:
+        wait_for(lambda: _listens(port), "rosmaster")
+        yield environment
+    finally:
+        process.terminate()
+        process.wait(10)
+
+
+def _listens(port: int) -> bool:
+    with socket.socket() as probe:
+        return probe.connect_ex(("127.0.0.1", port)) == 0
+
+
+def wait_for(done, what: str) -> None:
+    deadline = time.monotonic() + 20.0
+    while not done():
+        assert time.monotonic() < deadline, f"{what} did not come"
+        time.sleep(0.02)

@@ -27,9 +27,9 @@ class DoubleStageMethod {
 
   struct Settings {
     Law initial{0.1, 0.0, 1.0};
-    // Of [K, B], in scaled units. In SI φ² is near 1e-4: a smaller one would hold K at the start.
-    Matrix<2> stage_one_covariance = diagonal<2>({1e8, 1e8});
-    double stage_two_covariance = 1e3;  // of n
+    // Of [K, B], in scaled units, and of n, with none between the stages. In SI φ² is near 1e-4: a
+    // smaller one of K would hold it at the start.
+    Matrix<3> initial_covariance = diagonal<3>({1e8, 1e8, 1e3});
     // The start's is the truth, such as of a tip whose shape is known: no stage 2.
     bool exponent_known = false;
 
@@ -52,19 +52,14 @@ class DoubleStageMethod {
 
   DoubleStageMethod(const Settings& settings, const Units& units) noexcept
       : settings_(settings),
-        stage_one_({in_scaled_units(settings.initial, units), settings.stage_one_covariance}),
-        stage_two_(
-            {{detail::saturate(settings.initial.exponent)}, {{{settings.stage_two_covariance}}}}) {}
+        stage_one_({in_scaled_units(settings.initial, units), of_stage_one(settings)}),
+        stage_two_({{detail::saturate(settings.initial.exponent)}, of_stage_two(settings)}) {}
 
-  constexpr ContactGate::Settings gate(const ContactGate::Settings& given,
-                                       const Units&) const noexcept {
-    return given;
-  }
   bool in_range(const Sample& s) const noexcept {
     return detail::touching(s) && detail::within(s, largest_input);
   }
 
-  Row prepare(const Sample& sample) const noexcept {
+  Row prepare(const Sample& sample, double) const noexcept {
     const double depth = std::log(sample.penetration);
     // xⁿ stays within e^±100, so that its square is finite and far from the subnormal.
     const double power = std::exp(std::clamp(stage_two_.parameters()[0] * depth, -100.0, 100.0));
@@ -92,8 +87,8 @@ class DoubleStageMethod {
 
   // From the old answer, as uncertain as at the start.
   void reinitialise() noexcept {
-    stage_one_ = LeastSquares<2>({stage_one_.parameters(), settings_.stage_one_covariance});
-    stage_two_ = LeastSquares<1>({stage_two_.parameters(), {{{settings_.stage_two_covariance}}}});
+    stage_one_ = LeastSquares<2>({stage_one_.parameters(), of_stage_one(settings_)});
+    stage_two_ = LeastSquares<1>({stage_two_.parameters(), of_stage_two(settings_)});
   }
   void reinitialise_after_transient() noexcept { reinitialise(); }
 
@@ -126,6 +121,14 @@ class DoubleStageMethod {
   }
 
  private:
+  static Matrix<2> of_stage_one(const Settings& settings) noexcept {
+    const auto& p = settings.initial_covariance;
+    return {{{p[0][0], p[0][1]}, {p[1][0], p[1][1]}}};
+  }
+  static Matrix<1> of_stage_two(const Settings& settings) noexcept {
+    return {{{settings.initial_covariance[2][2]}}};
+  }
+
   static Vector<2> in_scaled_units(const Law& law, const Units& u) noexcept {
     const double unit = detail::bounded_exp(law.exponent * u.log_penetration) / u.force;
     return {detail::saturate(law.stiffness * unit),
@@ -162,8 +165,11 @@ constexpr const char* validate(const DoubleStageMethod::Settings& settings) noex
       return fault;
     }
   }
-  if (const char* fault = detail::validate_covariance(settings.stage_one_covariance)) return fault;
-  return detail::validate_covariance(Matrix<1>{{{settings.stage_two_covariance}}});
+  const auto& p = settings.initial_covariance;
+  if (p[0][2] != 0.0 || p[1][2] != 0.0) {
+    return "method.initial_covariance must be zero between [K, B] and n";
+  }
+  return detail::validate_covariance(p);
 }
 
 }  // namespace palpate

@@ -1,7 +1,7 @@
 """Checks of the recording itself, and what they ask of it, worked out once.
 
 Each looks at the data once, whatever law is fitted. To add one: a function of a :class:`Data`, and
-its row in ``CHECKS``.
+its name in ``CHECKS``.
 """
 
 import math
@@ -18,8 +18,6 @@ from palpate.findings import Finding
 from palpate.preparation.gates import noise_of
 from palpate.preparation.velocity import largest_of, spiked, step_of, window_samples
 from palpate.validation import Floats
-
-__all__ = ["CHECKS", "input_findings"]
 
 
 class Data:
@@ -82,9 +80,10 @@ class Data:
 
     @cached_property
     def findings(self) -> tuple[Finding, ...]:
-        """What the checks of the data found."""
+        """What the checks of the data found, and what its preparation said."""
         with np.errstate(all="ignore"):  # absurd samples overflow, and are then found
-            return tuple(input_findings(self))
+            found = [check(self) for check in (CHECKS if len(self) >= FEWEST else ())]
+        return (*(each for each in found if each is not None), *self.contact.findings)
 
     @cached_property
     def peak_force(self) -> float:
@@ -416,24 +415,10 @@ def _stretches(data: Data) -> tuple[Floats, Floats]:
     return data.penetration[last] - data.penetration[ends], gone[last] - gone[ends]
 
 
-#: Every check of the data, by its name.
-CHECKS: dict[str, Callable[[Data], Finding | None]] = {
-    "penetration unit": penetration_unit,
-    "force unit": force_unit,
-    "time unit": time_unit,
-    "signs": signs,
-    "velocity column": velocity_column,
-    "time stamps": stamps,
-    "held channel": held,
-    "spikes": spikes,
-    "coarse steps": coarse,
-}
+#: Every check of the data.
+CHECKS: tuple[Callable[[Data], Finding | None], ...] = (
+    *(penetration_unit, force_unit, time_unit, signs, velocity_column),
+    *(stamps, held, spikes, coarse),
+)
 
 FEWEST = 20  # samples, below which a recording is only short
-
-
-def input_findings(data: Data) -> list[Finding]:
-    """Run every check of the data, beside what its preparation said."""
-    checks = CHECKS.values() if len(data) >= FEWEST else ()
-    found = (check(data) for check in checks)
-    return [*(each for each in found if each is not None), *data.contact.findings]

@@ -23,6 +23,7 @@ from palpate.diagnosis.marks import (
     extrapolation,
     finding_of,
     judge,
+    marks_of,
     method,
     misfit,
     nothing_known,
@@ -37,7 +38,7 @@ from palpate.diagnosis.marks import (
 from palpate.digits import rounded
 from palpate.estimators.estimate import Estimate, Trace
 from palpate.estimators.law_verdicts import ONE_WAY
-from palpate.findings import MARKS, SEVERITIES, Finding, worst
+from palpate.findings import MARKS, SEVERITIES, Finding, Mark, worst
 from palpate.stages import timed
 
 SHORTEST = 5  # samples
@@ -71,20 +72,13 @@ def flat(fit: Fit) -> Finding | None:
     part = max(at_top, elsewhere)
     if part <= SOME_FLAT:
         return None
-    words = (
-        f"the force stays at its largest, {rounded(top, 3)} N, for {part:.1%} of the contact: "
-        "saturated?"
-        if at_top >= elsewhere
-        else f"the force stands still for {part:.1%} of the contact while the probe moves"
-    )
-    return Finding.of_both(
-        "do-not-trust" if part > MANY_FLAT else "with-care",
-        "saturation" if at_top >= elsewhere else "stuck force",
-        words,
-        "press less deep, or take a sensor of a larger range"
-        if at_top >= elsewhere
-        else "look after the sensor's connection",
-    )
+    mark: Mark = "do-not-trust" if part > MANY_FLAT else "with-care"
+    if at_top < elsewhere:
+        words = f"the force stands still for {part:.1%} of the contact while the probe moves"
+        return Finding.of_both(mark, "stuck force", words, "look after the sensor's connection")
+    words = f"the force stays at its largest, {rounded(top, 3)} N, for {part:.1%} of the contact"
+    remedy = "press less deep, or take a sensor of a larger range"
+    return Finding.of_both(mark, "saturation", f"{words}: saturated?", remedy)
 
 
 # Outliers that were left out: said always, and not to be trusted blindly where they are many.
@@ -92,26 +86,17 @@ def flat(fit: Fit) -> Finding | None:
 MANY_LEFT_OUT = 0.02  # of the samples in contact
 
 
-def left_out(fit: Fit) -> Finding | None:
-    """Samples that the rejection of outliers left out; more than 2 % call for care."""
-    count = int(np.count_nonzero(fit.rejected))
-    if count == 0:
-        return None
-    contact = int(np.count_nonzero(fit.inside)) + count
+def outliers(count: int, samples: int) -> Finding:
+    """Say how many of the samples in contact were left out; more than 2 % call for care."""
+    words = f"{count} samples were left out as outliers"
+    if count == 1:
+        words = "1 sample was left out as an outlier"
     return Finding(
         "outliers",
-        count_of_outliers(count, contact),
+        f"{words} ({rounded(100.0 * count / samples, 2)} %)",
         "look at the figure: if they are no outliers, --no-reject-outliers takes them",
-        severity="with-care" if count > MANY_LEFT_OUT * contact else "note",
+        "with-care" if count > MANY_LEFT_OUT * samples else "note",
     )
-
-
-def count_of_outliers(count: int, samples: int) -> str:
-    """Say how many samples were left out, and of how many."""
-    words = "1 sample was left out as an outlier"
-    if count != 1:
-        words = f"{count} samples were left out as outliers"
-    return f"{words} ({rounded(100.0 * count / samples, 2)} %)"
 
 
 # A motion that goes one way: it passes each depth once, at one speed.
@@ -171,6 +156,8 @@ def velocity_noise(fit: Fit) -> Finding | None:
 
 _LOGGER = logging.getLogger(__name__)
 
+#: Each looks at the fit as a whole.
+CHECKS = (flat, method, excitation, one_way, offset, velocity_noise, misfit, extrapolation)
 #: Each looks for causes beside the fit.
 SEARCHES: tuple[Search, ...] = (columns, memory, delay, surface)
 
@@ -201,8 +188,8 @@ def diagnose_parts(
     laws : Laws, optional
         What laws that are compared made of the same samples.
     notes : sequence of Finding
-        What the estimate says of itself. Of several materials it is left out: one law for all of
-        them is not identifiable by any motion.
+        What is to be known of the estimate and of its samples. Of several materials only what calls
+        for care: one law for all of them is not identifiable by any motion.
     """
     found = list(data.findings)
     with np.errstate(all="ignore"):  # a column of an absurd fit may overflow; it is then left out
@@ -230,17 +217,13 @@ def _diagnosed(
     if changed is not None:
         causes.append(changed.cause)
     judged = judge(causes, ratio(fit), unexplained(fit))
-    checks = (
-        *(flat, left_out, method, excitation, one_way),
-        *(offset, velocity_noise, misfit, extrapolation),
-    )
     if not any(finding.check == "change" for finding in judged.findings):
         changed = None
     if changed is None:  # of two materials one law is none
         judged = _with_better_law(fit, judged)
     named_surface = bool(judged.findings) and judged.findings[0].check == "surface"
     found += judged.findings
-    for check in checks:
+    for check in CHECKS:
         finding = check(fit)
         if finding is not None and not (finding.check == "offset" and named_surface):
             found.append(finding)
@@ -248,10 +231,10 @@ def _diagnosed(
     judged = _moved_by_velocity(fit, judged, found)
     depths = tuple(working_depth(fit.at_depth(depth), judged) for depth in (fit.depth, *others))
     found += sign(fit, depths[0], found)
-    if changed is not None:
-        return _whole(found, depths, _episodes(fit, changed), fit.laws)
+    episodes = () if changed is None else _episodes(fit, changed)
     said = {finding.message for finding in found}
-    return _whole([*found, *(n for n in notes if n.message not in said)], depths, (), fit.laws)
+    found += [n for n in notes if n.message not in said and not (episodes and n.severity == "note")]
+    return _whole(found, depths, episodes, fit.laws)
 
 
 def _with_better_law(fit: Fit, judged: Judged) -> Judged:
@@ -260,7 +243,9 @@ def _with_better_law(fit: Fit, judged: Judged) -> Judged:
     if cause is None:
         return judged
     checks = [finding.check for finding in judged.findings]
-    found = finding_of(cause, late="delay" in checks)
+    if "delay" in checks:  # which looks like another damper, or like memory
+        cause = replace(cause, remedy=f"{cause.remedy}; unless the force is late")
+    found = finding_of(cause, "note", *marks_of(cause))
     # What explains most is said first; of a memory that is what the memory's own finding says.
     first = cause.gain > max((each.gain for each, _ in judged.counted), default=0.0)
     place = 0 if first and checks[:1] not in (["memory"], ["surface"]) else 1

@@ -128,7 +128,7 @@ class Episode:
 
 
 @dataclass(frozen=True, slots=True)
-class Diagnosis:
+class Diagnosis(Plain):
     """What may be wrong with an identification, and how far its numbers can be trusted.
 
     Attributes
@@ -173,13 +173,7 @@ class Diagnosis:
 
     def as_dict(self) -> dict[str, Any]:
         """Return it as plain numbers and words; what is not defined is None."""
-        return {
-            "verdict": self.verdict.as_dict(),
-            "working_depth": self.working_depth.as_dict(),
-            "working_depths": [depth.as_dict() for depth in self.working_depths],
-            "findings": [finding.as_dict() for finding in self.findings],
-            "episodes": [episode.as_dict() for episode in self.episodes],
-        }
+        return {**Plain.as_dict(self), "working_depth": self.working_depth.as_dict()}
 
 
 # What laws that are compared made of the samples that were identified.

@@ -137,28 +137,29 @@ def _in_doubt(named: Cause, rivals: list[Cause]) -> Cause:
 
 
 def _finding(cause: Cause, weight: float, ratio: float, *, leading: bool) -> Finding:
-    stiffness = mark_of(weight * abs(cause.stiffness), STOP_STIFFNESS)
-    damping = mark_of(weight * abs(cause.damping), STOP_DAMPING)
+    stiffness, damping = marks_of(cause, weight)
     if cause.name == "change" and abs(cause.stiffness) > STOP_CHANGE:
         stiffness = damping = "do-not-trust"
     if not leading:  # a rival is not what happened, so at most care
         stiffness, damping = (
             "with-care" if mark == "do-not-trust" else mark for mark in (stiffness, damping)
         )
-    severity: Severity = "with-care" if leading else "note"
     if cause.small and ratio < NOISE_LIKE:
-        stiffness, damping, severity = "trust", "trust", "note"
-    return Finding(
-        cause.name,
-        cause.sentence,
-        cause.remedy,
-        severity,
-        cause.z,
-        stiffness,
-        damping,
-        100.0 * cause.stiffness,
-        100.0 * cause.damping,
-    )
+        return finding_of(cause, "note", "trust", "trust")
+    return finding_of(cause, "with-care" if leading else "note", stiffness, damping)
+
+
+def finding_of(cause: Cause, severity: Severity, stiffness: Mark, damping: Mark) -> Finding:
+    """Return a cause as a finding, of this severity or what the marks make it."""
+    moves = 100.0 * cause.stiffness, 100.0 * cause.damping
+    words = cause.name, cause.sentence, cause.remedy
+    return Finding(*words, severity, cause.z, stiffness, damping, *moves)
+
+
+def marks_of(cause: Cause, weight: float = 1.0) -> tuple[Mark, Mark]:
+    """Return the marks of stiffness and damping, by how far a cause moves them."""
+    stiffness = mark_of(weight * abs(cause.stiffness), STOP_STIFFNESS)
+    return stiffness, mark_of(weight * abs(cause.damping), STOP_DAMPING)
 
 
 def mark_of(moved: float, stop: float) -> Mark:
@@ -219,27 +220,6 @@ def _apart(fit: Fit, laws: Laws) -> tuple[float, float]:
     law = fit.units.local(fit.estimate.law)
     moved = fit.apart((whole.real, whole.imag / frequency), law)
     return moved if math.isfinite(sum(moved)) else (0.0, 0.0)
-
-
-def finding_of(cause: Cause, *, late: bool) -> Finding:
-    """The better law as a finding; a note where stiffness and damping hold without it.
-
-    Parameters
-    ----------
-    cause : Cause
-        By :func:`better_law`.
-    late : bool
-        Whether the force may be late, which looks like another damper, or like memory.
-    """
-    return Finding(
-        "law",
-        cause.sentence,
-        f"{cause.remedy}; unless the force is late" if late else cause.remedy,
-        stiffness=mark_of(abs(cause.stiffness), STOP_STIFFNESS),
-        damping=mark_of(abs(cause.damping), STOP_DAMPING),
-        moves_stiffness_percent=100.0 * cause.stiffness,
-        moves_damping_percent=100.0 * cause.damping,
-    )
 
 
 # Surface: where the material begins, against where the penetration says that it does.

@@ -14,7 +14,15 @@ from palpate.errors import InvalidParameterError
 from palpate.estimators.estimate import Estimate, Trace
 from palpate.estimators.law_verdicts import Candidate, Evidence, LawVerdict
 from palpate.force_laws import ForceLaw
-from palpate.settings import ChangeDetector, Configured, ContactGate, OutlierRejection, Scale
+from palpate.settings import (
+    ChangeDetector,
+    Configured,
+    ConstantForgetting,
+    ContactGate,
+    FadingForgetting,
+    OutlierRejection,
+    Scale,
+)
 from palpate.validation import (
     Floats,
     instance,
@@ -49,6 +57,8 @@ class ContactEstimator(Configured):
     exponents: ClassVar[tuple[float, float]] = (0.1, 10.0)
     #: Whether it chooses among laws, and has a verdict on them.
     chooses_law: ClassVar[bool] = False
+    #: Whether it gives way to another method of its law that is registered.
+    gives_way: ClassVar[bool] = False
     #: Whether it takes what a tare left, and how well the surface is known, from the contact.
     knows_offset: ClassVar[bool] = False
 
@@ -237,6 +247,9 @@ def register(kind: Kind) -> Kind:
     missing = [name for name in ("method", "law_type", *_FACE) if not hasattr(kind, name)]
     if missing:
         raise InvalidParameterError(f"{kind.__name__} lacks {', '.join(missing)}")
+    for name, other in list(ESTIMATORS.items()):
+        if other.gives_way and other.law_type is kind.law_type and other is not kind:
+            del ESTIMATORS[name]
     if ESTIMATORS.setdefault(kind.method, kind) is not kind:
         raise InvalidParameterError(
             f"method must be new: {kind.method!r} is {ESTIMATORS[kind.method].__name__}"
@@ -262,8 +275,12 @@ def estimator_named(name: str) -> type[ContactEstimator]:
 Rejection = OutlierRejection | Literal[False] | None
 
 
-def loop_settings(settings: dict[str, Any], default_scale: Scale) -> tuple[Any, ...]:
+def loop_settings(
+    settings: dict[str, Any], default_scale: Scale, perturbation: tuple[float, ...] = (0.0, 0.0)
+) -> tuple[Any, ...]:
     """Check them; an absent detector or rejection costs no memory and no time."""
+    forgetting = settings.get("forgetting")
+    instance("forgetting", forgetting, (ConstantForgetting, FadingForgetting, type(None)))
     detector, rejection = settings["change_detector"], settings["outlier_rejection"]
     gate, scale = settings["gate"], settings["scale"]
     instance("change_detector", detector, (ChangeDetector, type(None)))
@@ -274,6 +291,8 @@ def loop_settings(settings: dict[str, Any], default_scale: Scale) -> tuple[Any, 
     instance("gate", gate, (ContactGate, type(None)))
     instance("scale", scale, (Scale, type(None)))
     return (
+        (forgetting or ConstantForgetting())._plain(),
+        perturbation,
         None if detector is None else detector._plain(),
         rejection._plain() if rejection else None,
         (gate or ContactGate())._plain(),

@@ -19,7 +19,6 @@ from palpate.force_laws import ExtendedKelvinVoigt, ForceLaw, HuntCrossley, Kelv
 from palpate.settings import (
     SAMPLE_TIME,
     ChangeDetector,
-    ConstantForgetting,
     ContactGate,
     FadingForgetting,
     Forgetting,
@@ -96,25 +95,17 @@ class RecursiveLeastSquaresEstimator(CompiledEstimator):
         instance("initial", given["initial"], self.law_type)
         for name, value in given["initial"].as_dict().items():
             number_in(f"initial {name}", value, -1e100, 1e100)
-        instance("forgetting", given["forgetting"], (ConstantForgetting, FadingForgetting))
         instance("perturbation", given["perturbation"], (SelfPerturbation, type(None)))
+        perturbation = given["perturbation"] or SelfPerturbation(gain=0.0, sensitivity=0.0)
         start = given["initial"].parameters.tolist()
         covariance = covariance_matrix(
             "initial_covariance", given["initial_covariance"], len(start)
         )
-        is_known = []
-        if "exponent" in given:  # of a Hunt–Crossley law
-            exponent = known_exponent(given["exponent"])
-            is_known = [exponent is not None]
-            start[2] = start[2] if exponent is None else exponent
-        return (
-            start,
-            covariance.tolist(),
-            *is_known,
-            given["forgetting"]._plain(),
-            (given["perturbation"] or SelfPerturbation(gain=0.0, sensitivity=0.0))._plain(),
-            *loop_settings(given, Scale()),
-        )
+        exponent = known_exponent(given.get("exponent"))  # of a Hunt–Crossley law
+        if exponent is not None:
+            start[2] = exponent
+        loop = loop_settings(given, Scale(), perturbation._plain())
+        return start, covariance.tolist(), exponent is not None, loop
 
 
 class HuntCrossleyRLS(RecursiveLeastSquaresEstimator):

@@ -14,9 +14,7 @@ from palpate.force_laws import HuntCrossley
 from palpate.settings import (
     SAMPLE_TIME,
     ChangeDetector,
-    ConstantForgetting,
     ContactGate,
-    FadingForgetting,
     Forgetting,
     Scale,
 )
@@ -118,13 +116,9 @@ class VariableProjection(CompiledEstimator, _core.VariableProjection):
         loop = loop_settings(self._settings, PROBING)
         unit = (scale or PROBING).penetration
         least, most = _DEFAULTS["surface_range"]
-        super().__init__(
-            *projection_settings(self._settings),
-            surfaces_in(surface, surface_range, (least * unit, most * unit), 5.0 * unit),
-            positive_or_none("surface_deviation", surface_deviation),
-            forgotten(forgetting),
-            *loop,
-        )
+        surfaces = surfaces_in(surface, surface_range, (least * unit, most * unit), 5.0 * unit)
+        deviation = positive_or_none("surface_deviation", surface_deviation)
+        super().__init__(projection_settings(self._settings), (surfaces, deviation), loop)
 
 
 def projection_settings(
@@ -143,12 +137,6 @@ def projection_settings(
     instance("offset", offset, bool)
     tare = positive_or_none("offset_deviation", settings["offset_deviation"])
     return noise, (low, high), known, offset, tare
-
-
-def forgotten(forgetting: Forgetting | None) -> tuple[float, ...]:
-    """Check how the past is forgotten, as the compiled constructors take it."""
-    instance("forgetting", forgetting, (ConstantForgetting, FadingForgetting, type(None)))
-    return (forgetting or ConstantForgetting())._plain()
 
 
 def positive_or_none(name: str, value: float | None) -> float:
@@ -247,8 +235,5 @@ class DriftTracking(CompiledEstimator, _core.DriftTracking):
             raise InvalidParameterError(
                 f"exponent_drift must be 0 where the exponent is known, not {exponent_drift!r}"
             )
-        super().__init__(
-            *projection_settings(self._settings),
-            drift,
-            *loop_settings(self._settings, PROBING),
-        )
+        loop = loop_settings(self._settings, PROBING)
+        super().__init__(projection_settings(self._settings), drift, loop)

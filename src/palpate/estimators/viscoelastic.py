@@ -16,7 +16,7 @@ from palpate.estimators.law_verdicts import (
     LawVerdict,
     verdict_of,
 )
-from palpate.estimators.variable_projection import PROBING, forgotten, positive_or_none
+from palpate.estimators.variable_projection import PROBING, positive_or_none
 from palpate.force_laws import GeneralisedHuntCrossley
 from palpate.settings import (
     SAMPLE_TIME,
@@ -119,8 +119,7 @@ class ViscoelasticContact(CompiledEstimator, _core.ViscoelasticContact):
             offset,
             positive_or_none("offset_deviation", offset_deviation),
             positive_or_none("surface_deviation", surface_deviation),
-            forgotten(forgetting),
-            *loop_settings({**self._settings, "sample_time": self._step}, PROBING),
+            loop_settings({**self._settings, "sample_time": self._step}, PROBING),
         )
 
     @property

@@ -41,7 +41,8 @@ from palpate.figures.style import (
 )
 from palpate.identification.identified import Identified, rank
 from palpate.quantities.derived import SmallOscillation, band_of
-from palpate.results.summary import ParameterRow, felt, law_in_words, parameter_rows
+from palpate.results.parameters import ParameterRow, law_name, parameter_rows
+from palpate.results.view import felt
 from palpate.stages import timed
 
 if TYPE_CHECKING:
@@ -275,7 +276,7 @@ def _mark_frequencies(axes: "Axes", drawn: Sequence[float]) -> None:
 
 def _label(result: Identified) -> str:
     chosen = result.estimator.chooses_law
-    return law_in_words(result) if chosen else f"{result.law.kind}, {result.method}"
+    return law_name(result) if chosen else f"{result.law.kind}, {result.method}"
 
 
 # Stiffness and damping at working depth by several methods, as dots with their error bars.

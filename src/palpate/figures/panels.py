@@ -35,7 +35,7 @@ from palpate.figures.style import (
 )
 from palpate.force_laws import ForceLaw
 from palpate.identification.identified import Identified
-from palpate.results.summary import OFFERED, ParameterRow, parameter_rows
+from palpate.results.parameters import OFFERED, ParameterRow, parameter_rows
 from palpate.validation import Floats
 
 if TYPE_CHECKING:

@@ -24,7 +24,7 @@ from palpate.diagnosis import (
     diagnose_parts,
     stacked,
 )
-from palpate.diagnosis.diagnosing import count_of_outliers
+from palpate.diagnosis.diagnosing import outliers
 from palpate.diagnosis.fit import DEEP
 from palpate.diagnosis.marks import BETTER
 from palpate.digits import rounded, with_error
@@ -173,7 +173,7 @@ def findings_of(contact: Contact, trace: Trace, estimator: ContactEstimator) -> 
         yield Finding("guard", f"covariance guard acted on {estimate.guarded} samples")
     if left_out := int(np.count_nonzero(trace.rejected)):
         taken = int(np.count_nonzero(trace.taken))
-        yield Finding("outliers", count_of_outliers(left_out, left_out + taken))
+        yield outliers(left_out, left_out + taken)
     if (verdict := estimator.verdict()) is not None:
         if law.remembers:
             yield Finding(

@@ -19,8 +19,16 @@ from palpate.errors import printable
 from palpate.estimators.estimate import Estimate
 from palpate.force_laws import FORCE_LAWS
 from palpate.live.choices import State
-from palpate.live.law_numbers import in_words, law_lines, numbers_of, verdict_on
 from palpate.live.sinks import PLACE, Session, Watching, parameters_of, printed
+from palpate.live.view import (
+    COUNTED,
+    law_lines,
+    numbers_of,
+    seconds,
+    times_of,
+    verdict_in_words,
+    verdict_on,
+)
 from palpate.validation import Floats
 
 _IN_CONTACT = (State.CONTACT, State.CHANGED)
@@ -99,7 +107,7 @@ def at_depth(
     if not np.isfinite(parameters).all():
         return "nothing known yet"
     if verdict:
-        return in_words(verdict, numbers_of(verdict))
+        return verdict_in_words(verdict, numbers_of(verdict))
     law, taken = kind.from_parameters(parameters), Status(int(row[PLACE["status"]]))
     estimate = Estimate.from_law(law, covariance, status=taken, samples=1)
     stiffness = with_error(*estimate.stiffness_at(depth), unit="N/m")
@@ -107,44 +115,11 @@ def at_depth(
     return f"{stiffness}, {damping} at {rounded(1e3 * depth, 2)} mm"
 
 
-def seconds(value: float | None) -> str:
-    """A short time as a person reads it: 6.3 µs, 0.4 ms, 2 s."""
-    if value is None or not math.isfinite(value):
-        return "–"
-    units = (("s", 1.0), ("ms", 1e-3), ("µs", 1e-6))
-    unit, size = next((each for each in units if value >= each[1]), units[-1])
-    return f"{value / size:.3g} {unit}"
-
-
-def percent(fraction: float | None) -> str:
-    """Of 1, with as many digits as its distance from all needs: 99.993 %."""
-    if fraction is None or not math.isfinite(fraction):
-        return "–"
-    rest = round(100.0 * (1.0 - fraction), 9)
-    digits = 0 if rest <= 0.0 else min(max(1 - math.floor(math.log10(rest)), 0), 4)
-    # Rounded down, but for the error of doubles: what is not all is never written as all.
-    shown = math.floor(100.0 * fraction * 10**digits + 1e-6) / 10**digits
-    return f"{shown:.{digits}f} %"
-
-
 # A line of figures where the loop was started, and a summary at the end.
 
 _REFRESHED_EVERY = 0.2  # s, on a terminal
 _LINE_EVERY = 1.0  # s, elsewhere
 _OTHERS_END = 0.5  # s that the other sinks have to say their last
-#: What is counted, in the order of how grave it is; those that are 0 are left out of the line.
-COUNTED = (
-    ("lost", "lost before the loop"),
-    ("malformed", "malformed"),
-    ("unpaired", "unpaired"),
-    ("refused", "refused"),
-    ("repeated", "repeated"),
-    ("disordered", "out of order"),
-    ("gaps", "gaps"),
-    ("jumps", "jumps of the clock"),
-    ("silences", "silences"),
-    ("late", "late"),
-)
 
 
 class Console:
@@ -222,7 +197,7 @@ class Console:
 
 def _line(status: dict[str, Any], row: Floats, shown: ShownDepth) -> str:
     counts = status.get("counts", {})
-    wrong = [f"{counts[key]} {words}" for key, words in COUNTED if counts.get(key)]
+    wrong = [f"{counts[key]} {words}" for key, words in COUNTED.items() if counts.get(key)]
     lateness = status.get("lateness", {})
     state = "lost"  # of which there is no row
     if status.get("state") != "lost":
@@ -253,13 +228,9 @@ def summary(status: dict[str, Any], others: dict[str, dict[str, Any]]) -> Iterat
     changes = f"{(count := counts.get('changes', 0))} change{'' if count == 1 else 's'}"
     yield f"{status.get('source', '')}: {taken} samples, {learned} learned, {changes}"
     yield "                     p50      p99    p99.9      max   in time"
-    for name, words in (("cycle", "update, estimate"), ("lateness", "after its sample")):
-        figures = status.get(name, {})
-        known = figures if figures.get("count") else {}
-        columns = [seconds(known.get(key)) for key in ("p50", "p99", "p99.9", "max")]
-        limit = f"{percent(known.get('within'))} within {seconds(figures.get('limit'))}"
+    for words, *columns, limit in times_of(status):
         yield f"{words:<16}" + "".join(f"{each:>9}" for each in columns) + f"   {limit}"
-    yield ", ".join(f"{counts.get(key, 0)} {words}" for key, words in COUNTED)
+    yield ", ".join(f"{counts.get(key, 0)} {words}" for key, words in COUNTED.items())
     dropped = [f"{page.get('dropped', 0)} by the {name}" for name, page in others.items()]
     if dropped:
         yield f"rows dropped: {', '.join(dropped)}"

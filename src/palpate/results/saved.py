@@ -231,7 +231,6 @@ def of_one(result: "Identified") -> dict[str, Any]:
         "correlations": [[*map(defined, row)] for row in result.correlations.tolist()],
         **beside,
         **derived(result),
-        **({"law_verdict": result.law_verdict.as_dict()} if result.law_verdict else {}),
         "prediction_rmse_percent": defined(result.prediction_rmse_percent),
         "fit_rmse_percent": defined(result.fit_rmse_percent),
         "violated_fraction": defined(result.violated_fraction),

@@ -6,7 +6,7 @@ moves where it touches; and at the end a scene that an export wrote, read back.
 
 import json
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -290,24 +290,17 @@ def read(path: Path, geom: str | None, deepest: float) -> Robot:
     if not _touches(first, kind):
         raise InvalidParameterError(f"geom {geom} of {path.name} cannot move against a surface")
     counts = first.counts(deepest * np.array([0.05, 0.25, 0.5, 0.75, 1.0]))
-    mass = first.mass()
+    mass, contacts = first.mass(), max(1, *counts) if len(counts) == 1 else 1
     # Without springs and dampers MuJoCo leaves out every passive force.
     both = int(mujoco.mjtDisableBit.mjDSBL_SPRING) | int(mujoco.mjtDisableBit.mjDSBL_DAMPER)
-    return Robot(
-        path,
-        geom,
-        mobility,
-        mass,
-        max(1, *counts) if len(counts) == 1 else 1,
-        first.place,
-        float(model.opt.timestep),
-        (spec.meshdir, spec.texturedir),
-        int(model.opt.disableflags) & both != both,
-        (
-            *warned(*_warnings(kind, geom, counts, mass, mobility)),
-            *refused(*_refusals(mujoco, model, kind, geom, counts)),
-        ),
+    passive = int(model.opt.disableflags) & both != both
+    own = float(model.opt.timestep), (spec.meshdir, spec.texturedir), passive
+    felt = mobility, mass, contacts, first.place
+    findings = (
+        *refused(*_refusals(mujoco, model, kind, geom, counts)),
+        *warned(*_warnings(kind, geom, counts, mass, mobility)),
     )
+    return Robot(path, geom, *felt, *own, findings)
 
 
 def _spec(path: Path) -> Any:
@@ -398,47 +391,45 @@ def _turn(normal: Floats) -> Floats:
     return np.asarray(quaternion / np.linalg.norm(quaternion))
 
 
-def _warnings(kind: str, geom: str, counts: set[int], mass: float, mobility: float) -> list[str]:
-    found = []
+def _warnings(
+    kind: str, geom: str, counts: set[int], mass: float, mobility: float
+) -> Iterator[str]:
     if kind == "CAPSULE" and counts == {1}:
-        found.append(
+        yield (
             f"{geom} is a capsule, which touches with its end here: lying on its side it has two "
             "contacts, and twice the force"
         )
     elif len(counts) == 1 and max(counts) > 1:
-        found.append(
+        yield (
             f"{geom} is a {kind.lower()} that touches with {max(counts)} contacts as long as it "
             "lies flat: its numbers are those of one of them, and on an edge or a corner the force "
             "is less"
         )
     if not math.isclose(mass * mobility, 1.0, rel_tol=0.01):
-        found.append(
+        yield (
             f"an impact feels {mass:.4g} kg of the model in its first pose, and another mass in "
             "another pose: restitution and the largest time step are those of this one; scene.xml "
             f"has the {1.0 / mobility:.4g} kg that the numbers are for"
         )
-    return found
 
 
-def _refusals(mujoco: Any, model: Any, kind: str, geom: str, counts: set[int]) -> list[str]:
-    found = []
+def _refusals(mujoco: Any, model: Any, kind: str, geom: str, counts: set[int]) -> Iterator[str]:
     if kind in _WITHOUT_LAW:
-        found.append(
+        yield (
             f"{geom} is a {kind.lower()}, with which MuJoCo makes 1 to 3 contacts as it likes, and "
             "up to 3 times the force: give it a sphere, a capsule or a box to touch with"
         )
     elif counts == {0}:
-        found.append(f"{geom} makes no contact with a surface in this model")
+        yield f"{geom} makes no contact with a surface in this model"
     elif len(counts) > 1:
-        found.append(
+        yield (
             f"{geom} touches with {min(counts)} to {max(counts)} contacts, depending on depth, "
             "each of which pushes: give it a sphere to touch with"
         )
     if model.opt.enableflags & int(mujoco.mjtEnableBit.mjENBL_OVERRIDE):
-        found.append("the model overrides every contact's solref and solimp: <flag override>")
+        yield "the model overrides every contact's solref and solimp: <flag override>"
     if model.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_CONTACT):
-        found.append("the model switches contacts off: <flag contact>")
-    return found
+        yield "the model switches contacts off: <flag contact>"
 
 
 # A scene of MuJoCo that an export wrote, read from its file for the laboratory to press.

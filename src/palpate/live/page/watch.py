@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from palpate._core import Status
 from palpate.force_laws import FORCE_LAWS, ForceLaw, GeneralisedHuntCrossley
 from palpate.live.console import ShownDepth
-from palpate.live.law_numbers import told
 from palpate.live.ring import COLUMNS, MOST_PARAMETERS
 from palpate.live.sinks import PLACE, Session, Watching, parameters_of
+from palpate.live.view import certainty, change_in_words, facts_of, view_of
 from palpate.validation import Floats, plain
 
 #: In their order in a frame, beside the time.
@@ -349,13 +349,15 @@ class Watch:
             force = law.force(depth, np.zeros(_CURVE)) + np.nan_to_num(column(row, "offset"))
         return {"penetration": depth.tolist(), "force": force.tolist()}
 
-    def page(self, served: Mapping[str, Any]) -> dict[str, Any]:
+    def page(self, served: Mapping[str, Any], *, ended: bool = False) -> dict[str, Any]:
         """All that is said in words, as JSON takes it.
 
         Parameters
         ----------
         served : mapping
             What the server counted.
+        ended : bool
+            Whether the run is over.
         """
         now: dict[str, Any] = {}
         row, arrived = self.run.reader.now(), math.nan
@@ -365,18 +367,26 @@ class Watch:
                 now = {**self._of(row, self._law), "curve": self._curve(row)}
             for name in ("offset", "surface", "force", "penetration", "velocity"):
                 now[name] = float(column(row, name)[0])
-        verdict = self._shown.verdict(self.loop, arrived)
-        said: dict[str, Any] = plain(
-            {
-                "loop": {**self.loop, "verdict": told(verdict) if verdict else None},
-                "others": self.run.others(),
-                # Whether it has written anything lately, or its source is still being opened.
-                "alive": not self._begun or time.monotonic() - self._moved < ALIVE,
-                "shown": SHOWN,
-                "depth": {"value": self.depth, "chosen": math.isfinite(self.chosen_depth)},
-                "now": now,
-                "changes": list(self.changes),
-                "page": {**served, "dropped": self.run.dropped},
-            }
-        )
+        verdict, kept = self._shown.verdict(self.loop, arrived), self.history.rows()
+        sure = {**verdict, "certainty": certainty(verdict)} if verdict else {}
+        # Whether it has written anything lately, or its source is still being opened.
+        alive = not self._begun or time.monotonic() - self._moved < ALIVE
+        state = "dead" if not alive or ended else self.loop.get("state", "none")
+        if ended and self.loop.get("stopped"):
+            state = "ended"
+        page: dict[str, Any] = {
+            "loop": self.loop,
+            "others": self.run.others(),
+            "alive": alive,
+            "state": state,
+            "ended": ended,
+            "depth": {"value": self.depth, "chosen": math.isfinite(self.chosen_depth)},
+            "now": now,
+            "changes": [{**each, "words": change_in_words(each)} for each in self.changes],
+            "page": {**served, "dropped": self.run.dropped},
+        }
+        last = float(column(kept, "time")[-1]) if len(kept) else math.nan
+        page |= {"view": view_of(page, verdict, last), "facts": facts_of(page, state)}
+        sure.pop("covariance", None)
+        said: dict[str, Any] = plain({**page, "loop": {**self.loop, "verdict": sure or None}})
         return said

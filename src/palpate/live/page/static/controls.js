@@ -1,7 +1,6 @@
 // Buttons and forms: each asks the server for one thing.
 
-import { rounded } from "./digits.js";
-import { element, say, truthWords } from "./words.js";
+import { $, element } from "./words.js";
 
 const SETTINGS = {
   outlier_rejection: "leave outliers out", change_detector: "detect changes",
@@ -9,7 +8,6 @@ const SETTINGS = {
   dissipation_drift: "dissipation drift", exponent_drift: "exponent drift",
 };
 const OFFERS = { material: "Material", motion: "Motion", change: "Sudden change to" };
-const $ = (id) => document.getElementById(id);
 
 export class Controls {
   constructor({ ask, onPause, onDownload }) {
@@ -83,8 +81,6 @@ export class Controls {
     $("record").title = recorder ? "" : "started without a recorder";
     const recording = Boolean(recorder?.on);
     press("record", recording);
-    say($("recorded"), recording ? `${recorder.said || recorder.path}, ${rounded(recorder.bytes / 1e6, 2)} MB`
-      : (recorder?.said ?? ""));
     $("record").textContent = recording ? "Stop recording" : "Record";
     const running = JSON.stringify([loop.method, loop.settings]);
     if (running !== this.shown && loop.method && !$("estimator").contains(document.activeElement)) {
@@ -100,7 +96,6 @@ export class Controls {
       const chosen = loop.chosen?.[list.name];
       if (chosen && list !== document.activeElement) list.value = chosen;
     }
-    if ($("truth")) say($("truth"), truthWords(loop.chosen?.truth, loop.law));
   }
 
   showOffers(offers) {

@@ -1,7 +1,6 @@
 // Curves over the last ten seconds, drawn by uPlot.
 
-import { scaleOf } from "./digits.js";
-import { Range, spread } from "./ranges.js";
+import { Range, scaleOf, spread } from "./ranges.js";
 import { Pieces } from "./store.js";
 import { faint, theme } from "./theme.js";
 

@@ -1,8 +1,7 @@
 // Force over penetration: the loops of the last ten seconds, and the law at rest.
 
 import { axes, figure, RIGHT, tick } from "./curves.js";
-import { scaleOf } from "./digits.js";
-import { Range } from "./ranges.js";
+import { Range, scaleOf } from "./ranges.js";
 import { faint, theme } from "./theme.js";
 
 const uPlot = globalThis.uPlot;

@@ -38,3 +38,15 @@ export function spread(values, left = 0) {
   known.sort((a, b) => a - b);
   return [known[Math.floor(left * (known.length - 1))], known[Math.ceil((1 - left) * (known.length - 1))]];
 }
+
+const POWERS = { "-": "⁻", 0: "⁰", 1: "¹", 2: "²", 3: "³", 4: "⁴", 5: "⁵", 6: "⁶", 7: "⁷", 8: "⁸", 9: "⁹" };
+const PREFIXES = { 9: "G", 6: "M", 3: "k", 0: "", "-3": "m", "-6": "µ", "-9": "n", "-12": "p" };
+
+/** A unit in which the largest value is from 1 to below 1000, as the figures choose it. */
+export function scaleOf(largest, unit) {
+  if (!(Number.isFinite(largest) && largest > 0) || !/^[Nm]/.test(unit)) return { factor: 1, unit };
+  let power = 3 * Math.floor(Math.log10(largest * (1 + 1e-9)) / 3);
+  if (unit.startsWith("m")) power = Math.min(power, 0);
+  if (power in PREFIXES) return { factor: 10 ** -power, unit: PREFIXES[power] + unit };
+  return { factor: 10 ** -power, unit: `10${[...String(power)].map((sign) => POWERS[sign]).join("")} ${unit}` };
+}

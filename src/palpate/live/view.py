@@ -1,0 +1,549 @@
+"""What a run says, composed once in the process that shows it: for the console, wires, the page.
+
+First what follows from the loop's verdict on laws, which takes most of a millisecond that the loop
+has not; then every word of the page, which fills the places of its document with them.
+"""
+
+import math
+from base64 import b64decode
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from palpate._core import Status
+from palpate.diagnosis.data import in_words
+from palpate.digits import rounded, with_error
+from palpate.estimators.estimate import Estimate
+from palpate.estimators.law_verdicts import STRONG, UNDECIDED, Evidence, LawVerdict, verdict_of
+from palpate.findings import Finding
+from palpate.force_laws import GeneralisedHuntCrossley
+from palpate.quantities.derived import in_hertz
+from palpate.validation import or_nan
+
+# Of the samples, that are independent: AR(1) noise of 0.9 leaves a nineteenth, of 0.875 as many.
+_FEW = 1.0 / 15.0
+_DAMPING = GeneralisedHuntCrossley.names().index("damping")
+
+
+def verdict_on(status: Mapping[str, Any]) -> dict[str, Any] | None:
+    """Return the verdict of what a loop's board says, as plain numbers and words.
+
+    None of an estimator that compares no laws.
+
+    Parameters
+    ----------
+    status : mapping
+        What the board says.
+    """
+    page = status.get("verdict")
+    if page is None:
+        return None
+    evidence = Evidence(*page["evidence"])
+    estimate = estimate_of(page)
+    verdict = verdict_of(evidence, estimate)
+    known = bool(verdict.standings)
+    return {
+        **verdict.as_dict(),
+        "known": known,
+        "offered": [str(law) for law in evidence.laws],
+        "own": list(verdict.candidate.own),
+        "fixed": list(page["fixed"]),
+        "parameters": page["parameters"],
+        "covariance": page["covariance"],
+        "flags": [
+            *page["flags"],
+            *(verdict.flags if page["parameters"] else ()),
+            *(map(str, _open(page, verdict, estimate)) if known else ()),
+        ],
+        "since": page["turns"][-1][0] if page["turns"] else math.nan,
+        "changes": page["changes"],
+        "turns": [[time, law] for time, law, _ in page["turns"]],
+    }
+
+
+def estimate_of(page: Mapping[str, Any]) -> Estimate:
+    """Return the estimate of the board; of nothing learned one of a spring of nothing."""
+    if page["parameters"] is None:
+        law = GeneralisedHuntCrossley(0.0, 1.0, 0.0, 1.0)
+        size = law.parameters.size
+        return Estimate.from_law(law, np.zeros((size, size)), status=Status.WAITING, samples=0)
+    parameters = page["parameters"]
+    return Estimate.from_law(
+        GeneralisedHuntCrossley.from_parameters(parameters),
+        np.frombuffer(b64decode(page["covariance"])).reshape(len(parameters), -1),
+        status=Status.UPDATED,
+        samples=1,
+    )
+
+
+def _open(page: Mapping[str, Any], verdict: LawVerdict, estimate: Estimate) -> Iterator[Finding]:
+    """Say what the samples so far leave open of the verdict itself."""
+    late = [law for _, law, samples in page["turns"] if law and 2.0 * samples > verdict.samples]
+    # It flickers: twice another while the samples doubled; the first after a change is no turn.
+    if (count := min(len(late), page["changes"])) >= 2:
+        words = f"the verdict is not settled: it changed {count} times while the samples doubled"
+        yield Finding("which law", words)
+    if verdict.effective_samples < _FEW * verdict.samples:
+        yield Finding(
+            "misfit",
+            "what the best law leaves is correlated: so is the sensor's noise, or none of the laws "
+            "on offer holds, and their error bars do not say so",
+            "--law any offers all",
+        )
+    damping, error = estimate.parameters[_DAMPING], estimate.standard_errors[_DAMPING]
+    if verdict.candidate.damping != "none" and abs(damping) < 1e-6 * error:
+        yield Finding("damping", "B is 0: laws that differ by their damper alone are the same here")
+
+
+#: Of each number its unit, and what it is called in a sentence and in a row of its own.
+NUMBERS: Mapping[str, tuple[str, str, str]] = {
+    "stiffness": ("N/m", "K′", "Dynamic stiffness K′"),
+    "damping": ("N·s/m", "B′", "Dynamic damping B′"),
+    "loss_tangent": ("", "tan δ", "Loss tangent tan δ"),
+    "instantaneous_stiffness": ("N/m", "at once", "Stiffness at once"),
+    "relaxed_stiffness": ("N/m", "relaxed", "Stiffness once relaxed"),
+    "relaxation_time": ("s", "relaxation time", "Relaxation time"),
+}
+_FELT = tuple(NUMBERS)[:5]
+
+Numbers = dict[str, tuple[float, float]]
+
+
+def numbers_of(verdict: Mapping[str, Any]) -> Numbers:
+    """Return :data:`NUMBERS` that the law in force has, each with its standard error.
+
+    At the motion's own depth and frequency, outside whose band a law says nothing; none before the
+    first verdict, and until the next after a change of the material.
+
+    Parameters
+    ----------
+    verdict : mapping
+        Of :func:`verdict_on`.
+    """
+    parameters, depth, omega = verdict["parameters"], verdict["depth"], verdict["frequency"]
+    # The motion is that of the samples since; of a law of before it says no band.
+    if not (verdict["known"] and parameters and depth and omega and min(depth, omega) > 0.0):
+        return {}
+    estimate = estimate_of(verdict)
+
+    def felt(law: GeneralisedHuntCrossley) -> tuple[float, ...]:
+        whole = law.dynamic_stiffness(depth, omega)
+        return (
+            whole.real,
+            whole.imag / omega,
+            whole.imag / whole.real if whole.real else math.nan,
+            law.instantaneous().stiffness_at(depth),
+            law.relaxed().stiffness_at(depth),
+        )
+
+    values, errors = estimate.with_errors(felt)
+    found = dict(zip(_FELT, zip(values.tolist(), errors.tolist(), strict=True), strict=True))
+    law: GeneralisedHuntCrossley = estimate.law
+    if not law.remembers:  # it is one stiffness, whenever
+        del found["instantaneous_stiffness"], found["relaxed_stiffness"]
+    elif law.relaxation_time is not None:
+        found["relaxation_time"] = law.relaxation_time, float(estimate.standard_errors[7])
+    return found
+
+
+def certainty(verdict: Mapping[str, Any]) -> str:
+    """How sure the verdict is, in a word: none, before, alone, open, weak or strong."""
+    if not verdict["known"]:
+        return "none" if verdict["parameters"] is None else "before"
+    lead, second = lead_of(verdict)
+    if not second:
+        return "alone"
+    return "open" if lead < UNDECIDED else "weak" if lead < STRONG else "strong"
+
+
+def standing(verdict: Mapping[str, Any]) -> str:
+    """By how much the law in force leads, in words."""
+    lead, second = lead_of(verdict)
+    return {
+        "none": "no verdict yet",
+        "before": "of before: of the samples since there is no verdict yet",
+        "alone": "the only law that competes",
+        "open": f"cannot be told from {second}: before it by {rounded(max(lead, 0.0), 2)}",
+        "weak": f"not sure: before {second} by {rounded(lead, 2)}, and ten are strong evidence",
+        "strong": f"before {second} by {rounded(lead, 3)}",
+    }[certainty(verdict)]
+
+
+def lead_of(verdict: Mapping[str, Any]) -> tuple[float, str]:
+    """By how much the law in force leads before which other; NaN where there is none."""
+    own = [each["score"] for each in verdict["standings"] if each["law"] == verdict["law"]]
+    others = [each for each in verdict["standings"] if each["law"] != verdict["law"]]
+    if not (own and others):
+        return math.nan, ""
+    return float(others[0]["score"]) - float(own[0]), str(others[0]["law"])
+
+
+def verdict_in_words(verdict: Mapping[str, Any], numbers: Numbers) -> str:
+    """The verdict in a line of text."""
+    if verdict["parameters"] is None:
+        return "no law yet"
+    words = f"{verdict['law']} ({standing(verdict)})"
+    if numbers:
+        named = [
+            f"{NUMBERS[name][1]} {written(numbers, name)}" for name in ("stiffness", "damping")
+        ]
+        depth, often = rounded(1e3 * verdict["depth"], 2), in_hertz(verdict["frequency"])
+        words += f", {', '.join(named)} at {depth} mm and {often}"
+    return words
+
+
+def law_lines(verdict: Mapping[str, Any]) -> Iterator[str]:
+    """The verdict at the end of a run, in lines.
+
+    Parameters
+    ----------
+    verdict : mapping
+        As for :func:`numbers_of`.
+    """
+    numbers, changes = numbers_of(verdict), int(verdict["changes"])
+    turned = f", changed {changes} times" if changes and verdict["known"] else ""
+    yield f"law: {verdict_in_words(verdict, {})}{_evidence(verdict)}{turned}"
+    if numbers:
+        named = [f"{NUMBERS[name][1]} {written(numbers, name)}" for name in numbers]
+        yield f"{_about(verdict)}: {', '.join(named)}"
+    yield from verdict["flags"]
+
+
+def _evidence(verdict: Mapping[str, Any]) -> str:
+    if not verdict["known"]:
+        return ""
+    effective, of = rounded(verdict["effective_samples"], 3), rounded(verdict["samples"], 4)
+    return f"; {effective} independent samples of {of}"
+
+
+def _about(verdict: Mapping[str, Any]) -> str:
+    often, depth = in_hertz(verdict["frequency"]), in_words(verdict["depth"], "m")
+    return f"a small oscillation of {often} about {depth}"
+
+
+def written(numbers: Numbers, name: str) -> str:
+    """One of them with its error bar and unit."""
+    return with_error(*numbers[name], unit=NUMBERS[name][0])
+
+
+def fields_of(verdict: Mapping[str, Any], origin: float = 0.0) -> dict[str, float | str]:
+    """The verdict as fields of a message: words, and plain numbers in SI.
+
+    Parameters
+    ----------
+    verdict : mapping
+        As for :func:`numbers_of`.
+    origin : float
+        What the loop counts its times from, s.
+    """
+    fields: dict[str, float | str] = {
+        "law": str(verdict["law"]) if verdict["parameters"] is not None else "",
+        "standing": standing(verdict),
+        "lead": lead_of(verdict)[0],
+        "samples": or_nan(verdict["samples"]),
+        "independent_samples": or_nan(verdict["effective_samples"]),
+        "since": origin + float(verdict["since"]),
+        "changes": float(verdict["changes"]),
+        # Of a probe that has not moved there is neither.
+        "depth": or_nan(verdict["depth"] or None),
+        "frequency": or_nan(verdict["frequency"] or None),
+    }
+    numbers = numbers_of(verdict)
+    for name in NUMBERS:
+        value, error = numbers.get(name, (math.nan, math.nan))
+        fields |= {name: value, f"{name}_standard_error": error}
+    fields["flags"] = "; ".join(verdict["flags"])
+    return fields
+
+
+def _spectrum(parameters: Sequence[float] | None) -> tuple[float, float] | None:
+    """The shortest and the longest relaxation time of a spectrum, which are no estimates."""
+    if parameters is None:
+        return None
+    relaxation = GeneralisedHuntCrossley.from_parameters(parameters).relaxation
+    ends = (0.0, 0.0) if relaxation is None else relaxation.spectrum[1:]
+    return ends if ends[0] else None  # one time has no shortest
+
+
+# Times and counts of a run.
+
+#: What is counted, in the order of how grave it is; those that are 0 are left out of the line.
+COUNTED = {
+    "lost": "lost before the loop",
+    "malformed": "malformed",
+    "unpaired": "unpaired",
+    "refused": "refused",
+    "repeated": "repeated",
+    "disordered": "out of order",
+    "gaps": "gaps",
+    "jumps": "jumps of the clock",
+    "silences": "silences",
+    "late": "late",
+}
+
+
+def seconds(value: float | None) -> str:
+    """A short time as a person reads it: 6.3 µs, 0.4 ms, 2 s."""
+    if value is None or not math.isfinite(value):
+        return "–"
+    units = (("s", 1.0), ("ms", 1e-3), ("µs", 1e-6))
+    unit, size = next((each for each in units if value >= each[1]), units[-1])
+    return f"{value / size:.3g} {unit}"
+
+
+def percent(fraction: float | None) -> str:
+    """Of 1, with as many digits as its distance from all needs: 99.993 %."""
+    if fraction is None or not math.isfinite(fraction):
+        return "–"
+    rest = round(100.0 * (1.0 - fraction), 9)
+    digits = 0 if rest <= 0.0 else min(max(1 - math.floor(math.log10(rest)), 0), 4)
+    # Rounded down, but for the error of doubles: what is not all is never written as all.
+    shown = math.floor(100.0 * fraction * 10**digits + 1e-6) / 10**digits
+    return f"{shown:.{digits}f} %"
+
+
+def times_of(status: Mapping[str, Any]) -> Iterator[list[str]]:
+    """Of the loop's times each a row: name, median, 99 %, 99.9 %, longest, and how many in time."""
+    for name, words in (("cycle", "update, estimate"), ("lateness", "after its sample")):
+        figures = status.get(name) or {}
+        known = figures if figures.get("count") else {}
+        columns = [seconds(known.get(key)) for key in ("p50", "p99", "p99.9", "max")]
+        limit = f"{percent(known.get('within'))} within {seconds(figures.get('limit'))}"
+        yield [words, *columns, limit]
+
+
+# The page: what stands in each place of its document, by the place's name.
+
+_STATES = {
+    "free": ("○", "Free", "The probe touches nothing; the estimate is held."),
+    "contact": ("●", "Contact", "The estimate is refreshed with every sample."),
+    "held": ("Ⅱ", "Held", "On request: nothing is learned until it is resumed."),
+    "changed": ("◆", "Changed", "The material has changed; the estimate was reinitialised."),
+    "invalid": ("✕", "Invalid", "Samples come that cannot be taken; the estimate is held."),
+    "lost": ("?", "Lost", "No sample comes; the estimate is held."),
+    "taring": ("▽", "Taring", "The force without contact is measured: touch nothing."),
+    "none": ("·", "Starting", "The source is being opened."),
+    "dead": ("✕", "Stopped", "The loop does not answer any more; what it found last is shown."),
+    "ended": ("■", "Ended", "The run is over; what it found is shown."),
+}
+_BADGES = {
+    "none": ("no verdict yet", "open"), "before": ("of before", "no"),
+    "alone": ("alone on offer", "open"), "open": ("undecided", "no"),
+    "weak": ("not sure", "partly"), "strong": ("strong evidence", "yes"),
+}  # fmt: skip
+_MARKS = {"trust": "yes", "with-care": "partly", "do-not-trust": "no"}
+_NAMES = {
+    "K": "Stiffness", "B": "Damping", "n": "Exponent", "M": "Relaxing stiffness",
+    "α": "Spectrum's exponent", "τ₂": "Relaxation time",
+}  # fmt: skip
+_TURNS = 4
+_DECADES = 6.0  # of the bars: 1 to a million
+
+Words = dict[str, Any]
+
+
+def view_of(page: Mapping[str, Any], verdict: Mapping[str, Any] | None, now: float) -> Words:
+    """What of the page stands still while a person pauses it.
+
+    Parameters
+    ----------
+    page : mapping
+        What the watch has: loop, depth, now, changes.
+    verdict : mapping, optional
+        Of :func:`verdict_on`.
+    now : float
+        Time of the newest sample, s.
+    """
+    loop, depth, found = page["loop"], page["depth"], page["now"]
+    law = loop.get("law") or {}
+    known = math.isfinite(depth["value"])
+    at = f" at {in_words(depth['value'], 'm')}" if known else " at working depth"
+    names = ("Relaxed", "Damper") if law.get("remembers") else ("Stiffness", "Damping")
+    chosen = ", chosen" if known and depth["chosen"] else ""
+    tiles = [
+        [f"{name}{at}{chosen} [{unit}]", with_error(*found.get(key, (math.nan, math.nan)))]
+        for name, key, unit in zip(names, ("stiffness", "damping"), ("N/m", "N·s/m"), strict=True)
+    ]
+    panels = [[f"{names[0]}{at}", "N/m", "stiffness", "stiffness_error"]]
+    for k in _shown(law):
+        own, unit = law["symbols"][k], law["units"][k]
+        symbol = "τ" if own == "τ₂" else own  # alone it is the only one
+        name = f"{_NAMES.get(own, '')} {symbol}".strip() + (f" [{unit}]" if unit else "")
+        tiles.append([name, _parameter(found, law["names"][k], k, verdict)])
+        panels.append([symbol, unit, f"parameter_{k}", f"error_{k}"])
+    changes = [
+        [
+            f"{rounded(max(now - each['time'], 0.0), 3)} s ago",
+            _terms(each["law"], each.get("before", {})),
+            _terms(each["law"], each.get("after", {})),
+        ]
+        for each in reversed(page["changes"])
+    ]
+    view: Words = {"numbers": tiles, "curves": panels, "changes": changes or [["none"]]}
+    return view | (law_of(verdict, now) if verdict else {})
+
+
+def _parameter(
+    found: Mapping[str, Any], name: str, k: int, verdict: Mapping[str, Any] | None
+) -> str:
+    """A parameter as the law in force has it: its own with its error, one given, or none."""
+    if verdict and verdict["parameters"] is None:
+        return "unknown"
+    if verdict and name not in verdict["own"]:
+        return "not in this law"
+    if verdict and name in verdict["fixed"]:
+        return f"{rounded(verdict['parameters'][k], 6)} (given)"
+    if "parameters" not in found:
+        return "unknown"
+    return with_error(found["parameters"][k], found["errors"][k])
+
+
+def _terms(law: Mapping[str, Any], found: Mapping[str, Any]) -> list[str]:
+    """A line for each parameter: ``K = 99000 ± 1100 N/mⁿ``."""
+    terms = [
+        f"{law['symbols'][k]} = {with_error(value, found['errors'][k], unit=law['units'][k])}"
+        for k, value in enumerate(found.get("parameters", ()))
+        if k in _shown(law) and math.isfinite(value)
+    ]
+    return terms or ["unknown"]
+
+
+def _shown(law: Mapping[str, Any]) -> Sequence[int]:
+    """Places of the parameters that some law on offer has as its own."""
+    shown: Sequence[int] = law.get("shown", range(len(law.get("symbols", ()))))
+    return shown
+
+
+def change_in_words(change: Mapping[str, Any]) -> str:
+    """From which stiffness to which the material changed."""
+    ends = ((change.get(name) or {}).get("stiffness", [math.nan]) for name in ("before", "after"))
+    return f"{' → '.join(rounded(each[0], 3) for each in ends)} N/m"
+
+
+def law_of(verdict: Mapping[str, Any], now: float) -> Words:
+    """What the page's card of laws says at a time, s."""
+    sure, turns = certainty(verdict), verdict["turns"][: -_TURNS - 1 : -1]
+    since, (badge, kind) = "", _BADGES[sure]
+    if sure not in ("none", "before") and math.isfinite(verdict["since"]):
+        times = f"changed {verdict['changes']} times since" if verdict["changes"] else "as from"
+        since = f"In force for {_ago(now, verdict['since'])}; {times} the evidence began."
+    scores = {each["law"]: each["score"] for each in verdict["standings"] if verdict["known"]}
+    laws = []
+    for name in verdict["offered"]:
+        behind = max(scores.get(name, math.nan) - scores.get(verdict["law"], 0.0), 0.0)
+        chosen, words = name == verdict["law"] and name in scores, rounded(behind, 3)
+        width = 100.0 * min(math.log10(1.0 + behind) / _DECADES, 1.0) if name in scores else 0.0
+        words = "in force" if chosen else words if name in scores else "–"
+        laws.append([name, 0.0 if chosen else width, behind < STRONG, words, chosen])
+    numbers = numbers_of(verdict)
+    return {
+        "law-name": "Not known yet" if sure == "none" else verdict["law"],
+        "law-badge": badge,
+        "law-kind": kind,
+        "law-lead": f"{standing(verdict)}{_evidence(verdict)}",
+        "law-since": since,
+        "law-turns": [
+            *(f"{_ago(now, time)} ago: {law or 'evidence given up'}" for time, law in turns),
+            *[""] * (_TURNS - len(turns)),
+        ],
+        "law-rows": laws,
+        "law-at": _about(verdict) if numbers else "",
+        "law-numbers": [
+            [long, written(numbers, name) if name in numbers else _absent(verdict, numbers, name)]
+            for name, (_, _, long) in NUMBERS.items()
+        ],
+        "law-flags": verdict["flags"] or ["nothing is open"],
+    }
+
+
+def _ago(now: float, then: float) -> str:
+    return f"{max(now - then, 0.0):.1f} s"
+
+
+def _absent(verdict: Mapping[str, Any], numbers: Numbers, name: str) -> str:
+    """Why a law has no such number."""
+    if not numbers:
+        return "–"
+    if name != "relaxation_time":
+        return "as K′: no memory"
+    spectrum = _spectrum(verdict["parameters"])
+    if spectrum is None:
+        return "no memory"
+    return f"{rounded(spectrum[0], 2)} to {rounded(spectrum[1], 2)} s, assumed"
+
+
+def facts_of(page: Mapping[str, Any], state: str) -> Words:
+    """What of the page goes on while a person pauses it: state, counts, times, diagnosis.
+
+    Parameters
+    ----------
+    page : mapping
+        What the watch has: loop, others, page.
+    state : str
+        One of those that the page has words for.
+    """
+    loop, others = page["loop"], page["others"]
+    lamp, title, words = _STATES.get(state, _STATES["none"])
+    recorder, truth = others.get("recorder", {}), loop.get("chosen", {}).get("truth")
+    recorded = recorder.get("said") or ""
+    if recorder.get("on"):
+        size = rounded(recorder.get("bytes", math.nan) / 1e6, 2)
+        recorded = f"{recorded or recorder.get('path')}, {size} MB"
+    facts: Words = {
+        "lamp": lamp,
+        "state-name": title,
+        "state-words": (state not in ("dead", "ended") and loop.get("fault")) or words,
+        "source": loop.get("source", ""),
+        "recorded": recorded,
+        "said": loop.get("said", [])[::-1],
+        "times": list(times_of(loop)),
+        "counts": _counts(loop.get("counts", {}), others, page["page"]),
+    }
+    if isinstance(truth, Mapping):
+        numbers = {name: each for name, each in truth.items() if isinstance(each, float)}
+        terms = (f"{name.replace('_', ' ')} = {rounded(x, 4)}" for name, x in numbers.items())
+        facts["truth"] = f"Truth: {', '.join([str(truth.get('kind')), *terms])}"
+    if (found := others.get("diagnosis", {})).get("at"):
+        facts["diagnosis"] = list(_diagnosis(found))
+    return facts
+
+
+def _counts(
+    counts: Mapping[str, Any], others: Mapping[str, Any], own: Mapping[str, Any]
+) -> list[list[str]]:
+    """Counts, with those marked that ought to be none."""
+    rows = [[words, counts.get(key, 0), ""] for key, words in _FINE.items()]
+    rows += [[words, counts.get(key, 0), "bad"] for key, words in COUNTED.items()]
+    rows += [
+        ["page: dropped", own.get("dropped", 0), "bad"],
+        ["page: skipped for all", own.get("skipped", 0), "bad"],
+        ["page: bad requests", own.get("malformed", 0) + own.get("refused", 0), "bad"],
+        ["page: stalled", own.get("stalled", 0) + own.get("turned_away", 0), "bad"],
+        ["page: browsers", own.get("clients", 0), ""],
+    ]
+    rows += [[f"{name}: dropped", each.get("dropped", 0), "bad"] for name, each in others.items()]
+    return [[name, str(count), kind if count else ""] for name, count, kind in rows]
+
+
+_FINE = {"taken": "samples", "learned": "learned", "changes": "changes"}
+
+
+def _diagnosis(found: Mapping[str, Any]) -> Iterator[list[str]]:
+    """The last verdict, its reason, and the numbers at their depths: words, class and badge."""
+    if found.get("outdated"):
+        yield [f"Of before: {found['outdated']}.", "", ""]
+    mark = (found.get("verdict") or {}).get("overall", "")
+    kind = "open" if found.get("outdated") else _MARKS.get(mark, "open")
+    yield [f": {found.get('reason', '')}", kind, mark.replace("-", " ") or "no verdict"]
+    if found.get("remedy"):
+        yield [found["remedy"], "", ""]
+    for there in found.get("working_depths", ()):
+        both = []
+        for name, unit in (("stiffness", "N/m"), ("damping", "N·s/m")):
+            parts = (there[name][key] for key in ("value", "standard_error", "systematic"))
+            both.append(f"{name} {with_error(*map(or_nan, parts), unit=unit)}")
+        yield [f"At {in_words(there['depth'], 'm')}: {', '.join(both)}", "", ""]
+    last = rounded(found["window"][1] - found["window"][0], 2)
+    by = f"By {found['method']}, of the last {last} s at {found['at']}, {found['samples']} samples."
+    yield [by, "soft", ""]

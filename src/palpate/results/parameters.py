@@ -1,0 +1,225 @@
+"""The parameters of an identified law in words, and beside the truth that a recording states."""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from palpate.diagnosis import Quantity
+from palpate.diagnosis.data import in_words
+from palpate.digits import parameter, rounded, with_error
+from palpate.errors import InvalidParameterError
+from palpate.force_laws import ForceLaw, GeneralisedHuntCrossley
+from palpate.recordings.recording import truth_of
+
+if TYPE_CHECKING:
+    from palpate.identification.identified import Identified
+
+
+#: Name of the row of a spectrum's relaxation times.
+OFFERED = "relaxation_times"
+
+
+@dataclass(frozen=True, slots=True)
+class ParameterRow:
+    """A parameter of a law."""
+
+    #: Where it stands among the law's parameters.
+    index: int
+    name: str
+    symbol: str
+    #: As the law's exponents make it.
+    unit: str
+    #: The number and its standard error; or what it is bound to, such as ``n``.
+    words: str
+    #: Whether it is a number of its own, which was looked for.
+    estimated: bool = False
+
+    @property
+    def with_unit(self) -> str:
+        """The words, and the unit."""
+        return f"{self.words} {self.unit}".rstrip()
+
+    def __str__(self) -> str:
+        return f"{self.symbol} = {self.with_unit}"
+
+
+def terms_of(result: "Identified") -> str:
+    """Return a line for each parameter: ``K = 2002.0 ± 1.9 N/mⁿ``."""
+    return "\n".join(map(str, parameter_rows(result)))
+
+
+def law_name(result: "Identified") -> str:
+    """Return the law that was chosen; the kind of law of a method that has but one."""
+    verdict = result.estimator.verdict()
+    return str(result.law.kind if verdict is None else verdict.candidate)
+
+
+def parameter_rows(result: "Identified") -> list[ParameterRow]:
+    """Return the parameters that the law has, in its order."""
+    if result.law.relaxes:
+        return list(_generalised(result, result.law))
+    return [_number(result, k) for k in range(len(result.law.symbols))]
+
+
+def _number(result: "Identified", k: int, unit: str | None = None) -> ParameterRow:
+    law, name = result.law, result.law.names()[k]
+    fixed, unit = name in result.fixed, law.units[k] if unit is None else unit
+    words = parameter(float(law.parameters[k]), float(result.standard_errors[k]), fixed=fixed)
+    return ParameterRow(k, name, law.symbols[k], unit, words, not fixed)
+
+
+def _generalised(result: "Identified", law: GeneralisedHuntCrossley) -> Iterator[ParameterRow]:
+    stiffness, n, damping, p, relaxing, alpha, shortest, longest = range(len(law.symbols))
+    verdict, growth = result.estimator.verdict(), _growth_of(law)
+    chosen = None if verdict is None else verdict.candidate
+    linear = chosen is not None and chosen.linear
+    yield _number(result, stiffness, "N/m" if linear else None)
+    yield _bound(law, n, "1") if linear else _number(result, n)
+    if chosen is None or chosen.damping != "none":
+        units = {"n": "N·s/mⁿ⁺¹", "n − 1": "N·s/m" if linear else "N·s/mⁿ"}
+        yield _number(result, damping, units.get(growth or ""))
+        yield _number(result, p) if growth is None else _bound(law, p, growth)
+    if not law.remembers:
+        if chosen is not None and chosen.memory != "none":
+            yield _bound(law, relaxing, "0, no memory is better")
+        return
+    yield _number(result, relaxing, "N/m" if linear else None)
+    if law.relaxation_time is not None:
+        yield replace(_number(result, longest), name="relaxation_time", symbol="τ")
+        return
+    if law.spectrum_exponent:
+        yield _number(result, alpha)
+    ends = " to ".join(_time(each) for each in (law.shortest_time, law.longest_time))
+    yield ParameterRow(shortest, OFFERED, "τ", "", f"{ends} (as offered, not estimated)")
+
+
+def _growth_of(law: GeneralisedHuntCrossley) -> str | None:
+    """Return how the damper goes with the spring: ``n`` or ``n − 1``; None where by neither."""
+    if law.damping_exponent == law.exponent:
+        return "n"
+    return "n − 1" if law.damping_exponent == law.exponent - 1.0 else None
+
+
+def _time(seconds: float) -> str:
+    """Thousands of seconds are seconds still."""
+    return in_words(seconds, "s") if seconds < 1.0 else f"{rounded(seconds, 3)} s"
+
+
+def _bound(law: ForceLaw, k: int, words: str) -> ParameterRow:
+    return ParameterRow(k, law.names()[k], law.symbols[k], "", words)
+
+
+# The truth that a recording states, beside what was identified.
+
+# Of the logarithms of a spectrum's ends: 5 % of a time move M by less than 1 %.
+_SAME_TIME = 0.05
+
+
+def at_rest(law: ForceLaw, depth: float) -> tuple[float, float, float]:
+    """Return force, stiffness and damping of a law at a depth, SI."""
+    return (
+        float(law.force(depth, 0.0)),
+        float(law.stiffness_at(depth)),
+        float(law.damping_at(depth)),
+    )
+
+
+def truth_at_rest(result: "Identified") -> ForceLaw | None:
+    """Return the stated truth where its force, stiffness and damping at rest mean the same.
+
+    Where one of the two laws remembers what the other does not, they do not.
+    """
+    law, truth = result.law, truth_of(result.contact.provenance)
+    if truth is None or not (law.remembers or truth.remembers):
+        return truth
+    return truth if comparable(law, truth) else None
+
+
+def comparable(law: Any, truth: Any) -> set[str]:
+    """Return the parameters of a law that mean what the truth's of the same names do.
+
+    Those of a law of another kind do not; of two generalised laws they do where the same relaxes,
+    the same kind of spectrum over the same times; but B is in N·s/mᵖ⁺¹.
+    """
+    names = set(law.names())
+    if law.kind != truth.kind:
+        return set()
+    if not (law.relaxes and truth.relaxes):
+        return names
+    if not _same_memory(law, truth):
+        return set()
+    pair = (law, truth)
+    dampers = {round(each.damping_exponent - each.exponent, 6) for each in pair if each.damping}
+    return names if len(dampers) < 2 else names - {"damping", "damping_exponent"}
+
+
+def _same_memory(law: GeneralisedHuntCrossley, truth: GeneralisedHuntCrossley) -> bool:
+    if not (law.remembers and truth.remembers):
+        return law.remembers == truth.remembers
+    if type(law.relaxation) is not type(truth.relaxation):
+        return False
+    ends = [[each.shortest_time, each.longest_time] for each in (law, truth)]
+    # One relaxation time is identified, and so is its difference from the truth.
+    return 0.0 in ends[0] or bool(np.ptp(np.log(ends), axis=0).max() < _SAME_TIME)
+
+
+def felt_beside_truth(result: "Identified") -> str:
+    """Say what a small oscillation feels, and the truth of it; empty where nothing remembers."""
+    truth = truth_of(result.contact.provenance)
+    if truth is None or not (truth.remembers or result.law.remembers):
+        return ""
+    try:
+        felt = result.dynamic_stiffness()
+        real = GeneralisedHuntCrossley.of(truth).dynamic_stiffness(felt.depth, felt.frequency)
+    except InvalidParameterError:  # a probe that never moved, or a truth of another form
+        return ""
+    exact = (real.real, "N/m"), (real.imag / felt.frequency, "N·s/m")
+    words = (
+        f"{both(found)} {unit} ({beside_truth(found.value, value, found.whole_error)})"
+        for found, (value, unit) in zip((felt.stiffness, felt.damping), exact, strict=True)
+    )
+    same = comparable(result.law, truth) == set(result.law.names())
+    other = "" if same else "the file's law is another; "
+    return (
+        f"{other}an oscillation of {rounded(felt.frequency, 3)} rad/s about "
+        f"{rounded(1e3 * felt.depth, 3)} mm feels {' and '.join(words)}"
+    )
+
+
+def beside_truth(value: float, truth: float, error: float) -> str:
+    """Return the truth, and how many standard errors away from it a number is."""
+    words = f"truth {rounded(truth, 5)}"
+    if not (error > 0.0 and math.isfinite(value) and math.isfinite(error)):
+        return words
+    return f"{words}, {signed((value - truth) / error, 2)} σ"
+
+
+def truths(result: "Identified") -> list[str]:
+    """The truth beside each parameter, where it is a law of the same kind."""
+    law, truth, rows = result.law, truth_of(result.contact.provenance), parameter_rows(result)
+    if truth is not None:
+        alike = law.simplest()
+        law = alike if alike.kind == truth.kind else law
+    if truth is None or truth.kind != law.kind:
+        return [""] * len(rows)
+    # How far it is from the truth only where the two mean the same.
+    same = comparable(law, truth)
+    values, real, words = law.as_dict(), truth.as_dict(), []
+    for row in rows:
+        error = float(result.standard_errors[row.index]) if row.name in same else 0.0
+        known = row.name in real and row.estimated
+        words.append(beside_truth(values[row.name], real[row.name], error) if known else "")
+    return words
+
+
+def both(quantity: Quantity) -> str:
+    """A number with both error bars: what repeats, and what the findings would move."""
+    return with_error(quantity.value, quantity.standard_error, quantity.systematic)
+
+
+def signed(value: float, digits: int) -> str:
+    """A number in so many digits, with its sign."""
+    return f"{'-' if value < 0.0 else '+'}{rounded(abs(value), digits)}"
