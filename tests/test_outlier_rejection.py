@@ -157,7 +157,8 @@ def test_any_estimator_leaves_the_same_samples_out() -> None:
     force[hit] += 50.0
     for name, result in compare(contact_of(motion, force)).items():
         assert np.flatnonzero(result.trace.rejected).tolist() == hit.tolist(), name
-        assert "3 samples were left out as outliers (0.05 %)" in result.flags
+        said = [finding.message for finding in result.findings]
+        assert "3 samples were left out as outliers (0.05 %)" in said
         assert result.as_dict()["rejected_samples"] == 3
 
 

@@ -485,10 +485,10 @@ def test_joints_are_found_by_their_names_wherever_they_stand():
 @pytest.mark.parametrize(
     "kind, path, vectors, words",
     [
-        ("geometry_msgs/msg/PoseStamped", "pose.place", True, "has no field pose.place"),
+        ("geometry_msgs/msg/PoseStamped", "pose.place", True, "has no pose.place, but"),
         ("geometry_msgs/msg/PoseStamped", "pose.position.z", True, "a direction asks for vectors"),
         ("geometry_msgs/msg/PoseStamped", "pose.position", False, "say --direction"),
-        ("geometry_msgs/msg/PoseStamped", "header.frame_id", False, "neither a number nor a"),
+        ("geometry_msgs/msg/PoseStamped", "header.frame_id", False, "has no header.frame_id, but"),
         ("my_msgs/msg/Force", "force", True, "which ROS itself does not define"),
     ],
 )

@@ -1,6 +1,5 @@
 // Which samples of a whole curve are firm contact, light contact or free air, and what free air
-// says of the offset: the choice of variable projection (contact_samples.hpp), a sample at a time
-// with the noise and the offset known by then, but without its sums.
+// says of the offset: the choice of variable projection (contact_samples.hpp), a sample at a time.
 #pragma once
 
 #include <algorithm>
@@ -8,7 +7,6 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
-#include <limits>
 
 #include "palpate/curves/curve_sums.hpp"
 #include "palpate/projection/contact_samples.hpp"
@@ -73,39 +71,40 @@ class CurveSelection {
       : x_(memory.column(0)),
         w_(memory.column(1)),
         f_(memory.column(2)),
-        force_(memory.column(3)),
         index_(memory.column(4)),
         role_(reinterpret_cast<unsigned char*>(memory.column(5))) {}
 
   // With the surface known; `largest_depth` in its unit.
   void choose(const CurveArrays& curve, const Units& units, double largest_depth) noexcept {
     constexpr std::size_t side = ContactSamples::side;
-    force_[0] = 0.0;
-    const std::size_t end = last_ones(curve, units, largest_depth, side);
-    std::array<Known, side> recent{};
+    ContactSamples recent;
+    // All but the last ones are judged once more, with the neighbours after them.
+    std::size_t last = curve.count;
+    for (std::size_t left = side; last > 0 && left > 0; --last) {
+      left -= usable(sample(curve, units, last - 1), largest_depth) ? 1 : 0;
+    }
+    const auto settle = [&](std::size_t age) noexcept {
+      if (count_ <= age || at(count_ - 1 - age) == Role::free) return;
+      give(count_ - 1 - age, recent.pressed(age, air_.mean()) ? Role::sure : Role::light);
+    };
     for (std::size_t i = 0; i < curve.count; ++i) {
-      const Sample given{curve.penetration[i], curve.velocity[i], curve.force[i]};
-      const Sample s = scaled(given, units);
+      const Sample s = sample(curve, units, i);
       if (!usable(s, largest_depth)) continue;
-      const bool below = given.penetration > 0.0;
-      push(s, below ? Role::light : Role::free, i);
-      if (!below) air_.add(s.penetration, s.force, 1.0);
-      if (i >= end) recent[(count_ - 1) % side] = {noise_.step(), air_.mean()};
-      if (count_ > side && at(count_ - 1 - side) != Role::free) {
-        settle(count_ - 1 - side, count_ - 1, {noise_.step(), air_.mean()});
-      }
+      const Role role = curve.penetration[i] > 0.0 ? Role::light : Role::free;
+      recent.push(s, role, false);
+      push(s, role, i);
+      if (role == Role::free) air_.add(s.penetration, s.force, 1.0);
+      if (i >= last) settle(0);
+      settle(side);
     }
-    // The last ones never had all their neighbours: what was known of each at its own time counts.
-    for (std::size_t i = count_ - std::min(count_, side); i < count_; ++i) {
-      settle(i, i, recent[i % side]);
-    }
+    least_step_ = recent.least_step();
   }
 
   // With the surface unknown all of them count, from a depth on: the approach too.
   void take_all(const CurveArrays& curve, const Units& units, double from,
                 double largest_depth) noexcept {
     for (std::size_t i = 0; i < curve.count; ++i) {
-      const Sample s = scaled({curve.penetration[i], curve.velocity[i], curve.force[i]}, units);
+      const Sample s = sample(curve, units, i);
       if (!usable(s, largest_depth) || !(s.penetration > from)) continue;
       push(s, Role::sure, i);
     }
@@ -121,7 +120,7 @@ class CurveSelection {
   std::size_t index(std::size_t i) const noexcept { return static_cast<std::size_t>(index_[i]); }
 
   const FreeAir& air() const noexcept { return air_; }
-  double least_step() const noexcept { return noise_.least(); }
+  double least_step() const noexcept { return least_step_; }
 
   // The samples of a role into arrays of their own, forces from `zero` on; `place` their indices.
   void copy(Role role, double zero, CurveSamples& to, double* place) const noexcept {
@@ -138,85 +137,29 @@ class CurveSelection {
   }
 
  private:
-  struct Known {
-    double step;
-    double zero;
-  };
-
-  // The median of |ΔF|, as ContactSamples learns it.
-  class ForceNoise {
-   public:
-    void learn(double step) noexcept {
-      if (!(step > 0.0)) return;
-      if (!(step_ > 0.0)) step_ = least_ = step;
-      least_ = std::min(least_, step);
-      if (pace_ < 64.0) {
-        pace_ += 1.0;
-        move_ = {pace_ / (pace_ + 1.0), (pace_ + 1.0) / pace_};
-      }
-      step_ *= move_[step > step_ ? 1 : 0];
-    }
-    double step() const noexcept { return step_; }
-    double least() const noexcept { return least_; }
-
-   private:
-    double step_ = 0.0;
-    double least_ = 0.0;
-    double pace_ = 0.0;
-    std::array<double, 2> move_{};
-  };
-
-  // From where on there are no more than so many usable samples.
-  static std::size_t last_ones(const CurveArrays& curve, const Units& units, double largest_depth,
-                               std::size_t count) noexcept {
-    std::size_t i = curve.count;
-    while (i > 0 && count > 0) {
-      --i;
-      const Sample s = scaled({curve.penetration[i], curve.velocity[i], curve.force[i]}, units);
-      if (usable(s, largest_depth)) --count;
-    }
-    return i;
+  static Sample sample(const CurveArrays& curve, const Units& units, std::size_t i) noexcept {
+    return scaled({curve.penetration[i], curve.velocity[i], curve.force[i]}, units);
   }
 
   static bool usable(const Sample& s, double largest_depth) noexcept {
     return s.penetration < largest_depth && within(s, 1e8);  // NaN is not
   }
 
+  void give(std::size_t i, Role role) noexcept { role_[i] = static_cast<unsigned char>(role); }
+
   void push(const Sample& s, Role role, std::size_t i) noexcept {
-    if (count_ > 0) noise_.learn(std::abs(s.force - f_[count_ - 1]));
     x_[count_] = s.penetration;
     w_[count_] = s.velocity;
     f_[count_] = s.force;
     index_[count_] = static_cast<double>(i);
-    role_[count_] = static_cast<unsigned char>(role);
-    force_[count_ + 1] = force_[count_] + s.force;
-    ++count_;
-  }
-
-  // The role of sample i by its neighbours up to `newest`.
-  void settle(std::size_t i, std::size_t newest, const Known& known) noexcept {
-    if (at(i) == Role::free) return;
-    constexpr std::size_t side = ContactSamples::side;
-    const std::size_t first = i - std::min(i, side), last = std::min(newest, i + side);
-    const bool pressed = exceeds(force_[i] - force_[first], i - first, known) &&
-                         exceeds(force_[last + 1] - force_[i + 1], last - i, known);
-    role_[i] = static_cast<unsigned char>(pressed ? Role::sure : Role::light);
-  }
-
-  static bool exceeds(double sum, std::size_t neighbours, const Known& known) noexcept {
-    if (neighbours == 0) return true;
-    const double count = static_cast<double>(neighbours);
-    const double excess = sum - count * known.zero;
-    const double deviations = (3.0 / 0.954) * known.step;
-    return excess > 0.0 && excess * excess > deviations * deviations * count;
+    give(count_++, role);
   }
 
   double *x_, *w_, *f_;
-  double* force_;  // Σ F of all before
   double* index_;  // in the curve
   unsigned char* role_;
   std::size_t count_ = 0;
-  ForceNoise noise_;
+  double least_step_ = 0.0;
   FreeAir air_;
 };
 

@@ -41,9 +41,15 @@ class ContactSamples {
   void push(const Sample& sample, Role role, bool pulls) noexcept {
     const Entry& last = entries_[newest_];
     if (last.role != Role::none) learn_noise(std::abs(sample.force - last.sample.force));
-    const std::size_t next = newest_ + 1 < entries_.size() ? newest_ + 1 : 0;
-    entries_[next] = {sample, 1.0, last.force + sample.force, last.count + 1, role, pulls};
-    newest_ = next;
+    newest_ = newest_ + 1 < entries_.size() ? newest_ + 1 : 0;
+    // One by one: a whole entry goes through the stack, and its reading waits for the writing.
+    Entry& next = entries_[newest_];
+    next.sample = sample;
+    next.weight = 1.0;
+    next.force = last.force + sample.force;
+    next.count = last.count + 1;
+    next.role = role;
+    next.pulls = pulls;
   }
 
   Entry& ago(std::size_t age) noexcept { return entries_[place(age)]; }

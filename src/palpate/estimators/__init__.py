@@ -17,9 +17,12 @@ from palpate.estimators.recursive_least_squares import (
     RecursiveLeastSquaresEstimator as RecursiveLeastSquaresEstimator,
 )
 from palpate.estimators.recursive_least_squares import SingleStageRLS as SingleStageRLS
+from palpate.estimators.registered_law import watch as _watch
 from palpate.estimators.variable_projection import DriftTracking as DriftTracking
 from palpate.estimators.variable_projection import VariableProjection as VariableProjection
 from palpate.estimators.viscoelastic import ViscoelasticContact as ViscoelasticContact
+from palpate.force_laws import FORCE_LAWS as _FORCE_LAWS
+from palpate.force_laws.laws import WATCHERS as _WATCHERS
 
 # In this order they stand in tables, and are asked which fits best: the default first.
 for _kind in (
@@ -27,3 +30,6 @@ for _kind in (
     DriftTracking, ViscoelasticContact,
 ):  # fmt: skip
     register(_kind)
+_WATCHERS.append(_watch)
+for _law in _FORCE_LAWS.values():
+    _watch(_law)

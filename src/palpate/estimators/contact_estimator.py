@@ -57,6 +57,8 @@ class ContactEstimator(Configured):
     exponents: ClassVar[tuple[float, float]] = (0.1, 10.0)
     #: Whether it chooses among laws, and has a verdict on them.
     chooses_law: ClassVar[bool] = False
+    #: Whether it gives way to another method of its law that is registered.
+    gives_way: ClassVar[bool] = False
     #: Whether it takes what a tare left, and how well the surface is known, from the contact.
     knows_offset: ClassVar[bool] = False
 
@@ -245,6 +247,9 @@ def register(kind: Kind) -> Kind:
     missing = [name for name in ("method", "law_type", *_FACE) if not hasattr(kind, name)]
     if missing:
         raise InvalidParameterError(f"{kind.__name__} lacks {', '.join(missing)}")
+    for name, other in list(ESTIMATORS.items()):
+        if other.gives_way and other.law_type is kind.law_type and other is not kind:
+            del ESTIMATORS[name]
     if ESTIMATORS.setdefault(kind.method, kind) is not kind:
         raise InvalidParameterError(
             f"method must be new: {kind.method!r} is {ESTIMATORS[kind.method].__name__}"

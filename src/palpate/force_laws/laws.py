@@ -4,6 +4,7 @@ Equation numbers are those of Haddadi & Hashtrudi-Zaad, *Real-Time Identificatio
 Dynamic Models of Contact Environments*, IEEE T-RO 28(3), 2012.
 """
 
+import re
 from collections.abc import Callable
 from dataclasses import dataclass, fields, is_dataclass
 from typing import Any, ClassVar, Self, TypeVar, overload
@@ -66,6 +67,16 @@ class ForceLaw:
     def as_dict(self) -> dict[str, float]:
         """Return the parameters by name, SI."""
         return {name: getattr(self, name) for name in self.names()}
+
+    @classmethod
+    def sizes(cls, depth: float, speed: float, force: float) -> Floats:
+        """Return how large its parameters may be, by a depth [m], a speed [m/s] and a force [N].
+
+        By their units. Where a fit begins the others are a hundredth to a hundred times this, and
+        those without unit a tenth to ten; a law whose parameters are otherwise says so here.
+        """
+        own = {"N": force, "m": depth, "s": depth / speed if speed > 0.0 else 1.0}
+        return np.array([_size_of(unit, own) for unit in cls.units])
 
     @property
     def remembers(self) -> bool:
@@ -177,10 +188,25 @@ class ForceLaw:
         return found[0], found[1]
 
 
+def _size_of(unit: str, own: dict[str, float]) -> float:
+    """The size of a unit, such as ``N·s/m²``; what is none of N, m and s counts as 1."""
+    size, sign = 1.0, 1
+    for symbol, separator in re.findall(r"([^·/]*)([·/]?)", unit):
+        power = re.sub("[^0-9]", "", symbol.translate(_SUPERSCRIPTS)) or "1"
+        size *= own.get(symbol.rstrip("⁰¹²³⁴⁵⁶⁷⁸⁹ⁿᵖ⁺⁻"), 1.0) ** (sign * int(power))
+        sign = -1 if separator == "/" else sign
+    return size
+
+
+_SUPERSCRIPTS = str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹", "0123456789")
+
 Law = TypeVar("Law", bound=type[ForceLaw])
 
 #: Every force law by its kind.
 FORCE_LAWS: dict[str, type[ForceLaw]] = {}
+
+# What is to know of each law that is registered: estimators, which stand above the laws.
+WATCHERS: list[Callable[[type[ForceLaw]], None]] = []
 
 
 def register(law: Law) -> Law:
@@ -202,6 +228,8 @@ def register(law: Law) -> Law:
         raise InvalidParameterError(f"{law.__name__} must have a unit and a symbol a parameter")
     if FORCE_LAWS.setdefault(law.kind, law) is not law:
         raise InvalidParameterError(f"kind must be new: {law.kind!r} is {FORCE_LAWS[law.kind]}")
+    for watch in WATCHERS:
+        watch(law)
     return law
 
 

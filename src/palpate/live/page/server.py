@@ -29,8 +29,7 @@ from palpate.errors import InvalidParameterError
 from palpate.estimators import estimator_named
 from palpate.live.choices import CHOICES, NUMBERS, SWITCHES, LiveCommand, chosen, offered
 from palpate.live.page.watch import CHANNELS, MOST_ROWS, History, Watch
-from palpate.reports.html import STYLE
-from palpate.results.colours import DARK, LIGHT
+from palpate.reports.html import DRAWINGS, STYLE
 from palpate.validation import number_in, shown
 
 ABORT = "palpate.abort"  # in the scope of a connection: ends it at once, without a word
@@ -318,12 +317,7 @@ STATIC = Path(__file__).parent / "static"
 
 def style_sheet() -> str:
     """Return it, with the colours of figures as variables, light and dark."""
-    light, dark = (
-        "".join(f"{name}: {colour}; " for name, colour in look.variables().items())
-        for look in (LIGHT, DARK)
-    )
-    colours = f":root {{ {light}}}\n@media (prefers-color-scheme: dark) {{ :root {{ {dark}}} }}"
-    return "\n".join([STYLE, colours, (STATIC / "live.css").read_text(encoding="utf-8")])
+    return STYLE + DRAWINGS + (STATIC / "live.css").read_text(encoding="utf-8")
 
 
 # One page, and a WebSocket to each browser that shows it.
