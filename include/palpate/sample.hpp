@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <initializer_list>
 
 namespace palpate {
 
@@ -25,15 +26,36 @@ struct Scale {
   bool operator==(const Scale&) const = default;
 };
 
+namespace detail {
+
+// What settings have to be, in words that a user reads where they are not.
+struct Requirement {
+  bool met;
+  const char* words;
+};
+
+constexpr const char* first_fault(std::initializer_list<Requirement> requirements) noexcept {
+  for (const auto& [met, words] : requirements) {
+    if (!met) return words;
+  }
+  return nullptr;
+}
+
+// False for NaN.
+constexpr bool lies_in(double value, double least, double most) noexcept {
+  return value >= least && value <= most;
+}
+
+}  // namespace detail
+
 // What is wrong with these settings, in words; null where they are sound.
 constexpr const char* validate(const Scale& scale) noexcept {
   // Products and quotients of three units stay within the range of a double.
-  constexpr double least = 1e-30, most = 1e30;
-  const auto unit = [](double value) noexcept { return value >= least && value <= most; };
-  if (!unit(scale.penetration)) return "scale.penetration must be in [1e-30, 1e30] m";
-  if (!unit(scale.velocity)) return "scale.velocity must be in [1e-30, 1e30] m/s";
-  if (!unit(scale.force)) return "scale.force must be in [1e-30, 1e30] N";
-  return nullptr;
+  const auto unit = [](double value) noexcept { return detail::lies_in(value, 1e-30, 1e30); };
+  return detail::first_fault(
+      {{unit(scale.penetration), "scale.penetration must be in [1e-30, 1e30] m"},
+       {unit(scale.velocity), "scale.velocity must be in [1e-30, 1e30] m/s"},
+       {unit(scale.force), "scale.force must be in [1e-30, 1e30] N"}});
 }
 
 // A scale with what the way there and back needs, worked out once.

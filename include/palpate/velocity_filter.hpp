@@ -28,7 +28,7 @@
 #include <cstdint>
 #include <limits>
 
-#include "palpate/lost_positions.hpp"
+#include "palpate/outlier_rejection.hpp"
 #include "palpate/sample.hpp"
 
 namespace palpate {
@@ -45,17 +45,14 @@ struct VelocityFilterSettings {
 // What is wrong with these settings, in words; null where they are sound.
 constexpr const char* validate(const VelocityFilterSettings& settings,
                                std::size_t maximum_samples) noexcept {
-  // No velocity leaves the range of a double, which a metre within less than 1e-100 s might.
-  if (!(settings.sample_time >= 1e-100 && settings.sample_time <= 1e6)) {
-    return "sample_time must be in [1e-100, 1e6] s";
-  }
-  if (settings.samples < 3 || settings.samples % 2 == 0 || settings.samples > maximum_samples) {
-    return "samples must be odd, at least 3, and no more than the filter holds";
-  }
-  if (!(settings.longest_gap >= 0.0 && settings.longest_gap <= 1e12)) {
-    return "longest_gap must be in [0, 1e12] s";
-  }
-  return nullptr;
+  return detail::first_fault({
+      // No velocity leaves the range of a double, which a metre within less than 1e-100 s might.
+      {detail::lies_in(settings.sample_time, 1e-100, 1e6),
+       "sample_time must be in [1e-100, 1e6] s"},
+      {settings.samples >= 3 && settings.samples % 2 == 1 && settings.samples <= maximum_samples,
+       "samples must be odd, at least 3, and no more than the filter holds"},
+      {detail::lies_in(settings.longest_gap, 0.0, 1e12), "longest_gap must be in [0, 1e12] s"},
+  });
 }
 
 // What a filter gives: a sample of a while ago, with its velocity.

@@ -85,14 +85,10 @@ class DriftTrackingMethod {
   DriftTrackingMethod(const Settings& settings, const Units& units) noexcept
       : settings_(settings), start_(settings.projection, units), units_(units) {}
 
-  constexpr ContactGate::Settings gate(const ContactGate::Settings& given,
-                                       const Units&) const noexcept {
-    return given;
-  }
   bool in_range(const Sample& s) const noexcept { return start_.in_range(s); }
 
-  Row prepare(const Sample& sample) noexcept {
-    if (!tracking_) return start_.prepare(sample);
+  Row prepare(const Sample& sample, double dt) noexcept {
+    if (!tracking_) return start_.prepare(sample, dt);
     return {sample, force(sample)};
   }
 
@@ -139,17 +135,7 @@ class DriftTrackingMethod {
     const Law law = tracked_law(units);
     Matrix<4> joint = detail::congruence(jacobian(law, units), detail::cholesky(known()));
     detail::bound_variances(joint, detail::largest_variance);
-    Fit<Law> fit{.law = law,
-                 .covariance = {},
-                 .offset = {state_[3] * units.force, joint[3][3], {}},
-                 .surface = {},
-                 .flags = {}};
-    if (walk_.too_slow()) fit.flags |= walk_too_slow;
-    for (std::size_t i = 0; i < order; ++i) {
-      for (std::size_t j = 0; j < order; ++j) fit.covariance[i][j] = joint[i][j];
-      fit.offset.covariance[i] = joint[3][i];
-    }
-    return fit;
+    return fit_of(law, joint, state_[3] * units.force, walk_.too_slow() ? walk_too_slow : 0);
   }
 
   Snapshot<Law> snapshot(const Units& units) const noexcept {
