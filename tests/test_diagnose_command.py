@@ -113,8 +113,7 @@ REMEDIES = {
 @pytest.mark.parametrize("name", REMEDIES)
 def test_a_remedy_mends_what_it_is_for(printed, write, name):
     contact, options = REMEDIES[name]
-    out = printed("identify", write(contact), *options, "--json")
-    result = result_of(out)
+    result = result_of(printed("identify", write(contact), *options, "--json"))
     assert result["verdict"]["overall"] == "trust"
     there = result["working_depth"]
     assert ("--at" in options) == (there["depth"] == 5e-3)

@@ -261,8 +261,7 @@ def test_the_three_sines_are_those_of_the_paper_once_the_approach_is_over():
     np.testing.assert_allclose(command.penetration, x, rtol=1e-12)
     # They meet 2π later, at t = 8.7 s: where the paper sees condition 10 broken on the phantom.
     later = (after > 3.0) & (after < 10.0)
-    fastest = after[later][np.argmax(command.velocity[later])]
-    assert fastest == pytest.approx(8.7, abs=0.01)
+    assert after[later][np.argmax(command.velocity[later])] == pytest.approx(8.7, abs=0.01)
     assert command.velocity.max() == pytest.approx(50.8e-3, rel=1e-4)
 
 
@@ -281,8 +280,7 @@ def test_the_probe_stays_in_the_material_or_leaves_it_as_is_meant(name):
 
 
 def test_palpation_changes_sides_every_five_seconds():
-    command = lab.PALPATION.at(CLOCK)
-    changes = CLOCK[1:][np.diff(command.lateral_position >= 0.0)]
+    changes = CLOCK[1:][np.diff(lab.PALPATION.at(CLOCK).lateral_position >= 0.0)]
     np.testing.assert_allclose(changes, 2.0 + 5.0 * np.arange(1, 8), atol=2e-3)
 
 

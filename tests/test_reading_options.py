@@ -79,8 +79,7 @@ def test_options_come_from_a_file_and_the_command_line_has_the_last_word(run, pr
     changed = {"penetration": "x", "unit": ["force=mN"], "surface": "-0.1mm", "strict": True}
     assert tomllib.loads(saved.read_text()) == {"method": "variable-projection", **changed}
     assert "# force: column 'load', in mN" in saved.read_text()
-    again = run("identify", path, "--json", "--config", saved)
-    assert again[1] == out
+    assert run("identify", path, "--json", "--config", saved)[1] == out
     other = run("identify", path, "--json", f"--config={saved}", "--surface", "0mm")
     assert result_of(other[1])["law"] != result_of(out)["law"]
     text = 'quote " back \\ tab \t é 漢 \U0001f600'  # every text survives

@@ -22,8 +22,7 @@ def pressed(tip, exponent=None) -> Contact:
     """Three sines into the material by a tip, with a Hunt–Crossley damper."""
     power = tip.exponent if exponent is None else exponent
     stiffness = REDUCED * tip.factor * 10e-3 ** (tip.exponent - power)  # the same at 10 mm
-    law = palpate.HuntCrossley(stiffness, stiffness, power)
-    x = exciting(law, seconds=3.0, noise=0.02)
+    x = exciting(palpate.HuntCrossley(stiffness, stiffness, power), seconds=3.0, noise=0.02)
     return Contact(x.time, penetration=x.penetration, velocity=x.velocity, force=x.force)
 
 

@@ -6,14 +6,15 @@ through to.
 """
 
 import errno
+import json
 import os
 import stat
 import sys
 import tempfile
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import IO
+from typing import IO, Any
 
 from palpate.errors import RecordingError
 
@@ -54,6 +55,11 @@ def write_bytes(path: Path, content: bytes, inputs: Sequence[Path] = ()) -> None
 def write_text(path: Path, text: str, inputs: Sequence[Path] = ()) -> None:
     """Write text as UTF-8, as :func:`write_bytes` does."""
     write_bytes(path, encoded(text), inputs)
+
+
+def as_json(whole: Mapping[str, Any]) -> str:
+    """An object as the text of a file of JSON, a field a line."""
+    return json.dumps(whole, ensure_ascii=False, allow_nan=False, indent=1) + "\n"
 
 
 def encoded(text: str) -> bytes:

@@ -234,8 +234,7 @@ class Interrupting(Looking):
 def test_ctrl_c_between_two_sinks_that_are_started_leaves_nobody_behind(tmp_path):
     before = signal.getsignal(signal.SIGINT)
     sinks = [Interrupting(tmp_path / "one", "one"), Looking(tmp_path / "two", "two")]
-    status = run(Endless(), None, sinks)
-    assert status["counts"]["taken"] == 0
+    assert run(Endless(), None, sinks)["counts"]["taken"] == 0
     assert (tmp_path / "one").read_text() == "0 0 True"
     assert not (tmp_path / "two").exists()
     assert multiprocessing.active_children() == []

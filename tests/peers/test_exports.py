@@ -116,8 +116,6 @@ def test_a_drop_of_too_many_steps_is_not_made() -> None:
 @pytest.mark.parametrize(
     "engine, law, further",
     [
-        ("drake", HERTZ_LAW, {}),
-        ("drake", KELVIN_VOIGT_LAW, {}),
         ("drake", PVC_LAW, {"time_step": 0.0}),
         ("opensim", HERTZ_LAW, {}),
     ],

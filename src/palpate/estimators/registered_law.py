@@ -203,16 +203,16 @@ class LeastSquaresOfLaw(PythonEstimator):
         return found + step if near else found, joint
 
     def _commit(self, *, search: bool) -> None:
-        rows = _Rows(self)
-        starts = [] if self._found is None else [self._found]
+        start = self._found
         if search:
             self._search = 2 * self._samples
-            starts += _Rows(self, most=_SEARCHED).starts(self._noise)
-        fits = [rows.solved(each, self._noise) for each in starts]
-        best, energy = min(fits, key=itemgetter(1), default=(self._found, math.inf))
-        if math.isfinite(energy):
-            self._found, self._noise = best, rows.noise(energy)
-            self._fitted = self._samples
+            start = _Rows(self, most=_SEARCHED).best_start(start, self._noise)
+        if start is not None:
+            rows = _Rows(self)
+            found, energy = rows.solved(start, self._noise)
+            if math.isfinite(energy):
+                self._found, self._noise = found, rows.noise(energy)
+                self._fitted = self._samples
 
     def _add(self, x: float, v: float, force: float) -> None:
         deep, fast = self._range or (math.ldexp(1.0, math.frexp(x)[1]),) * 2
@@ -327,20 +327,21 @@ class _Rows:
                 break
         return best[3], best[0]
 
-    def starts(self, noise: float) -> list[Floats]:
-        """The most promising of many starts."""
+    def best_start(self, before: Floats | None, noise: float) -> Floats | None:
+        """The best of a last fit and of many starts; None where the law has no finite force."""
         free = [k for k in range(len(self.sizes)) if k not in self.linear]
         count = _STARTS.get(len(free), 3)
         decades = [_DECADES if self.law.units[k] else 0.5 * _DECADES for k in free]
-        factors = [np.logspace(-each, each, count).tolist() for each in decades]
-        found = []
-        for chosen in itertools.product(*factors):
+        starts = []
+        for factors in itertools.product(*(np.logspace(-each, each, count) for each in decades)):
             start = np.append(self.sizes, 0.0)
-            start[free] *= chosen
-            energy, _, _, start = self.projected(start, noise)
-            found.append((energy, start))
-        found.sort(key=lambda each: each[0])
-        return [start for energy, start in found[:_POLISHED] if math.isfinite(energy)]
+            start[free] *= factors
+            starts.append(self.projected(start, noise))
+        starts.sort(key=itemgetter(0))
+        tried = [] if before is None else [before]
+        tried += [start for *_, start in starts[:_POLISHED]]
+        found, energy = min((self.solved(each, noise) for each in tried), key=itemgetter(1))
+        return found if math.isfinite(energy) else None
 
     def noise(self, energy: float) -> float:
         """Standard deviation of the force, N, where the rows leave an energy."""
