@@ -17,7 +17,6 @@ from palpate.live.loop import Loop
 from palpate.live.ring import COLUMNS, SAMPLE
 from palpate.live.running import default_estimator
 from palpate.live.sources import Arrival, EndOfSourceError, Replay
-from palpate.live.view import verdict_on
 
 TIMES, POSITIONS, FORCES = measured()
 SCRIPT = arrivals(TIMES, POSITIONS, FORCES)
