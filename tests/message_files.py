@@ -162,42 +162,42 @@ class Maker:
 
     def __init__(self, ros1: bool = False) -> None:
         self.store = typestore(ros1)
-        self.ros1 = ros1
 
-    def make(self, name: str, *parts: object) -> object:
-        return self.store.types[name.replace("/", "/msg/")](*parts)
+    def make(self, kind: str, **fields: object) -> object:
+        """One with these fields, which hold theirs by name or in order; zeros elsewhere."""
+        kind = kind if "/msg/" in kind else kind.replace("/", "/msg/")
+        parts = self.store.fielddefs[kind][1]
+        values = [self._part(node, what, fields.get(name)) for name, (node, what) in parts]
+        return self.store.types[kind](*values)
 
-    def header(self, stamp: int, frame: str) -> object:
-        time = self.make("builtin_interfaces/Time", *split(stamp))
-        return self.make("std_msgs/Header", *([7] if self.ros1 else []), time, frame)
+    def _part(self, node: Nodetype, what, given):
+        if node == Nodetype.NAME:
+            if not isinstance(given, dict):
+                names = [name for name, _ in self.store.fielddefs[what][1]]
+                given = {} if given is None else dict(zip(names, given, strict=True))
+            return self.make(what, **given)
+        if node == Nodetype.SEQUENCE and what[0][0] == Nodetype.NAME:
+            return [self._part(*what[0], each) for each in given or ()]
+        if given is None and node == Nodetype.BASE:
+            return "" if what[0] == "string" else 0
+        return np.zeros(what[1] if node == Nodetype.ARRAY else 0) if given is None else given
+
+    def header(self, stamp: int, frame: str = "") -> dict:
+        return {"stamp": split(stamp), "frame_id": frame}
 
     def wrench(self, stamp: int, numbers: np.ndarray, frame: str = "sensor") -> object:
-        force = self.make("geometry_msgs/Vector3", *numbers[:3])
-        torque = self.make("geometry_msgs/Vector3", *numbers[3:])
-        wrench = self.make("geometry_msgs/Wrench", force, torque)
-        return self.make("geometry_msgs/WrenchStamped", self.header(stamp, frame), wrench)
+        parts = {"force": numbers[:3], "torque": numbers[3:]}
+        head = self.header(stamp, frame)
+        return self.make("geometry_msgs/WrenchStamped", header=head, wrench=parts)
 
     def pose(self, stamp: int, numbers: np.ndarray, frame: str = "base") -> object:
-        place = self.make("geometry_msgs/Point", *numbers[:3])
-        turn = self.make("geometry_msgs/Quaternion", *numbers[3:])
-        pose = self.make("geometry_msgs/Pose", place, turn)
-        return self.make("geometry_msgs/PoseStamped", self.header(stamp, frame), pose)
+        parts = {"position": numbers[:3], "orientation": numbers[3:]}
+        return self.make("geometry_msgs/PoseStamped", header=self.header(stamp, frame), pose=parts)
 
     def transforms(self, stamp: int, numbers: np.ndarray, *pairs: tuple[str, str]) -> object:
-        made = []
-        for parent, child in pairs:
-            place = self.make("geometry_msgs/Vector3", *numbers[:3])
-            turn = self.make("geometry_msgs/Quaternion", *numbers[3:])
-            moved = self.make("geometry_msgs/Transform", place, turn)
-            head = self.header(stamp, parent)
-            made.append(self.make("geometry_msgs/TransformStamped", head, child, moved))
-        return self.make("tf2_msgs/TFMessage", made)
-
-    def joints(self, stamp: int, names: list[str], positions: np.ndarray) -> object:
-        none = np.empty(0)
-        return self.make(
-            "sensor_msgs/JointState", self.header(stamp, ""), names, positions, none, none
-        )
+        moved = numbers[:3], numbers[3:]
+        each = [(self.header(stamp, parent), child, moved) for parent, child in pairs]
+        return self.make("tf2_msgs/TFMessage", transforms=each)
 
 
 Message = tuple[str, str, int, object]  # topic, type, time, message
@@ -217,8 +217,8 @@ def wrenches_and_poses(
 
 def cdr(name: str, message: object, order: str = "<") -> bytes:
     """A message as rmw writes it."""
-    store, name = typestore(), name.replace("/", "/msg/")
-    return bytes(store.serialize_cdr(message, name, little_endian=order == "<"))
+    name = name if "/msg/" in name else name.replace("/", "/msg/")
+    return bytes(typestore().serialize_cdr(message, name, little_endian=order == "<"))
 
 
 def cdr_wrench(stamp: int, forces: np.ndarray, frame: str = "sensor", order: str = "<") -> bytes:

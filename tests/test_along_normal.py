@@ -99,8 +99,7 @@ def test_a_wrench_in_the_tools_frame_is_turned_by_the_orientation():
 
 
 def test_frames_that_the_recording_names_decide():
-    felt = hand(2.0)
-    recorded = topics_of(felt)
+    recorded = topics_of(hand(2.0))
     for frame, severity in (("base_link", None), ("ft_sensor", "with-care")):
         recorded.frames.update({"/ft.wrench.force.x": frame, "/pose.pose.position.x": "base_link"})
         found = [r.severity for r in prepare(recorded).findings if r.check == "force frame"]
@@ -234,8 +233,7 @@ def test_a_probe_that_travels_is_cut_into_places(sign):
     contact = prepare(recorded)
     assert len(contact.prepared.places) == 2
     assert any("2 places" in finding.message for finding in contact.findings)
-    tip = palpate.Wanted(tip=FlatPunch(0.1))
-    result = identify(contact).wanting(tip).by_place()
+    result = identify(contact).wanting(palpate.Wanted(tip=FlatPunch(0.1))).by_place()
     assert len(result.stretches) == 2
     for part, law in zip(result.stretches, (BALL, SPONGE), strict=True):
         assert off(part, law) < 4.0

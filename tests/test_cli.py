@@ -58,8 +58,7 @@ MEASURES = ("prediction_rmse_percent", "fit_rmse_percent", "violated_fraction")
 
 
 def test_json_is_one_object_of_the_agreed_shape_with_the_numbers_of_the_library(printed, good):
-    out = printed("compare", good, "--json")
-    whole = json.loads(out)
+    whole = json.loads(printed("compare", good, "--json"))
     assert (whole["file"], whole["samples"]) == (str(good), 600)
     printed = {result["method"]: result for result in whole["results"]}
     results = palpate.compare(palpate.prepare(good))

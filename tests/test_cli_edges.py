@@ -73,8 +73,7 @@ def test_the_c_locale_carries_what_is_printed_and_written(good):
 )
 def test_any_width_carries_the_tables(printed, good, monkeypatch, command, columns):
     monkeypatch.setenv("COLUMNS", str(columns))
-    out = printed(command, *([] if command == "--help" else [good]))
-    assert len(out.splitlines()) > 20
+    assert len(printed(command, *([] if command == "--help" else [good])).splitlines()) > 20
 
 
 def test_json_is_one_line_that_any_encoding_carries(run, tmp_path):
@@ -245,10 +244,9 @@ WHICH = (slice(300, 301), slice(0, None, 7), slice(None))
 FAR = ((1,), (2,), (1, 2))
 
 
-@pytest.mark.parametrize("vectors", [False, True])
 @pytest.mark.parametrize(
-    "size, which, columns",
-    [(SIZES[(i + j) % 3], WHICH[i], FAR[j]) for i in range(3) for j in range(3)],
+    "size, which, columns, vectors",
+    [(SIZES[(i + j) % 3], WHICH[i], FAR[j], i != j) for i in range(3) for j in range(3)],
 )
 def test_values_beyond_any_measurement_are_no_numbers(
     run, refused, tmp_path, size, which, columns, vectors

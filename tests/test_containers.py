@@ -29,8 +29,8 @@ from containers import (
     write_parquet,
 )
 
-from palpate import MissingExtraError, RecordingError, prepare
-from palpate.recordings import FORMATS, Recording, open_recording, opening
+from palpate import MissingExtraError, RecordingError, errors, prepare
+from palpate.recordings import FORMATS, Recording, open_recording
 
 RNG = np.random.default_rng(5)
 NOW = 1_763_800_000_123_456_789  # ns since 1970; a float is exact to 256 of them
@@ -501,8 +501,8 @@ def test_a_missing_package_is_an_error_that_says_how_to_install_it(tmp_path, mon
     def absent(name):
         raise ModuleNotFoundError("No module named 'h5py'", name="h5py")
 
-    monkeypatch.setattr(opening, "import_module", absent)
-    with pytest.raises(MissingExtraError, match=r"h5py.*pip install '\.\[recordings\]'"):
+    monkeypatch.setattr(errors, "import_module", absent)
+    with pytest.raises(MissingExtraError, match=r"h5py.*pip install 'palpate\[recordings\]'"):
         open_recording(path)
 
 

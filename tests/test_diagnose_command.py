@@ -113,8 +113,7 @@ REMEDIES = {
 @pytest.mark.parametrize("name", REMEDIES)
 def test_a_remedy_mends_what_it_is_for(printed, write, name):
     contact, options = REMEDIES[name]
-    out = printed("identify", write(contact), *options, "--json")
-    result = result_of(out)
+    result = result_of(printed("identify", write(contact), *options, "--json"))
     assert result["verdict"]["overall"] == "trust"
     there = result["working_depth"]
     assert ("--at" in options) == (there["depth"] == 5e-3)
@@ -182,8 +181,7 @@ def test_options_in_a_file_hold_the_law(run, tmp_path):
     options = tmp_path / "options.toml"
     run("identify", BALL, "--law", "half-space", "--save-config", options)
     assert 'law = "half-space"' in options.read_text()
-    _, out, _ = run("identify", BALL, "--config", options, "--json")
-    [result] = json.loads(out)["results"]
+    [result] = json.loads(run("identify", BALL, "--config", options, "--json")[1])["results"]
     assert result["law"]["damping_exponent"] == result["law"]["exponent"] - 1.0
 
 

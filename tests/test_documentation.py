@@ -125,8 +125,7 @@ def test_the_design_that_is_shown_is_the_design_that_is_printed(run):
 def test_the_result_that_is_shown_is_the_result_that_is_printed(run, monkeypatch):
     monkeypatch.chdir(ROOT)
     [shown] = [s for s in SNIPPETS[ROOT / "docs" / "identifying.md"] if s.language == "text"]
-    printed = run("identify", "examples/recordings/ball.csv")[1]
-    assert printed.split() == shown.text.split()
+    assert run("identify", "examples/recordings/ball.csv")[1].split() == shown.text.split()
 
 
 def test_the_json_that_is_shown_has_the_keys_that_are_printed(run):

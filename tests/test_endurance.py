@@ -98,8 +98,7 @@ def test_the_guard_ends_wind_up_at_a_million_times_the_start(kind):
 
 @pytest.mark.parametrize("name", ["kelvin-voigt", "single-stage"])
 def test_motion_after_a_long_rest_is_learned_again(name):
-    law = MATERIALS["ball"]
-    signals = exciting(law, seconds=2.0, noise=0.05, seed=2)
+    signals = exciting(MATERIALS["ball"], seconds=2.0, noise=0.05, seed=2)
     estimator = KINDS[name](forgetting=ConstantForgetting(0.99))
     estimator.replay(*signals.arrays)
     expected = estimator.estimate().parameters
@@ -111,6 +110,5 @@ def test_motion_after_a_long_rest_is_learned_again(name):
 
 def test_the_guard_leaves_exciting_signals_alone(kind, noisy):
     estimator = kind(forgetting=ConstantForgetting(0.99))
-    trace = estimator.replay(*noisy.arrays)
-    assert np.all(trace.status == Status.UPDATED)
+    assert np.all(estimator.replay(*noisy.arrays).status == Status.UPDATED)
     assert estimator.estimate().guarded == 0

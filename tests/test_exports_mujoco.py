@@ -436,8 +436,7 @@ def test_a_model_without_passive_forces_has_no_pair_that_pulls(model, form, refu
 def test_a_surface_stays_where_it_is_in_a_model_with_defaults_for_pairs(model):
     # A margin of them made the contact 6 mm deep, and the force three times too large.
     path = model(within(SLIDE, "<default><pair margin='0.006' gap='0.005' condim='3'/></default>"))
-    fragment = fitted(KELVIN_VOIGT, model=path, geom="tip")
-    write(path.parent, fragment.files(()))
+    write(path.parent, fitted(KELVIN_VOIGT, model=path, geom="tip").files(()))
     found = mujoco.MjModel.from_xml_path(str(path.parent / "robot_scene.xml"))
     assert (found.pair_margin[0], found.pair_gap[0], found.pair_dim[0]) == (0.0, 0.0, 1)
 
@@ -489,8 +488,7 @@ def folder(made, tmp_path_factory):
 def test_what_is_identified_from_the_scene_is_what_was_exported(printed, folder, made, tmp_path):
     file = tmp_path / "again.csv"
     pressed = ("lab", folder / "scene.xml", "--probe", "ideal", "--bias", "0", "--resolution", "0")
-    out = printed(*pressed, "--seconds", "6", "-o", file)
-    assert '"engine": "mujoco"' in out
+    assert '"engine": "mujoco"' in printed(*pressed, "--seconds", "6", "-o", file)
     found = palpate.identify(file, trace=False)
     # The stated error is one of force: what that moves a parameter by, at most, is s.e. · ε ‖F‖/σ.
     force = np.linalg.norm(found.contact.force[found.trace.taken])
@@ -513,19 +511,16 @@ def test_the_file_has_the_force_of_the_fragment_in_memory(folder, made):
     assert force.max() > 5.0
 
 
-def test_what_is_no_scene_of_ours_or_pressed_by_a_robot_is_refused(run, folder, tmp_path):
-    status, _, err = run("lab", folder / "scene.xml", "-o", tmp_path / "no.csv", "--seconds", "4")
-    assert status == 2
-    assert "--probe ideal" in err
+def test_what_is_no_scene_of_ours_or_pressed_by_a_robot_is_refused(run, refused, folder, tmp_path):
+    no = tmp_path / "no.csv"
+    assert "--probe ideal" in refused("lab", folder / "scene.xml", "-o", no, "--seconds", "4")
     other = tmp_path / "other.xml"
     for text, words in (
         ("<mujoco><worldbody/></mujoco>", "no scene that palpate export wrote"),
         ("<mujoco>", "MuJoCo cannot read it"),
     ):
         other.write_text(text)
-        status, _, err = run("lab", other, "--probe", "ideal", "-o", tmp_path / "no.csv")
-        assert (status, err.count("\n")) == (2, 1)
-        assert words in err
+        assert words in refused("lab", other, "--probe", "ideal", "-o", no)
     own = (folder / "scene.xml").read_bytes()
     run("lab", folder / "scene.xml", "--probe", "ideal", "-o", folder / "scene.xml")
     assert (folder / "scene.xml").read_bytes() == own

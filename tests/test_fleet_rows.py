@@ -21,8 +21,7 @@ from palpate.identification.identified import NEGATIVE_STIFFNESS
 
 def test_a_row_says_what_identify_says():
     touch = contact()
-    table = identify_many([touch], diagnosis="full")
-    [row] = table.to_pylist()
+    [row] = identify_many([touch], diagnosis="full").to_pylist()
     result = identify(touch)
     assert [row[name] for name in result.law.names()] == result.law.parameters.tolist()
     errors = [row[f"{name}_standard_error"] for name in result.law.names()]
@@ -73,8 +72,7 @@ def test_a_contact_that_fails_is_a_row_with_its_reason(tmp_path):
 
 def test_arrays_are_fitted_together_as_the_recursion_fits_each():
     x, v, f = curves(6)
-    places = {"x": list(range(6))}
-    table = fitted(x, v, f, source="touches", places=places)
+    table = fitted(x, v, f, source="touches", places={"x": list(range(6))})
     for k, row in enumerate(table):
         own = identify(one(x[k], v[k], f[k]))
         assert (row["source"], row["index"], row["fit"]) == ("touches", k, "whole-curve")
@@ -287,8 +285,7 @@ def test_batches_hold_every_contact_once_and_keep_chunks_whole():
     assert [first for first, _ in found] == [0, *(end for _, end in found[:-1])]
     assert found[-1][1] == 10_007 + 70 + 65
     rows = [row for batch in sorted(cut, key=lambda b: b.first) for row in batch.table.to_pylist()]
-    numbers = [*range(10_007), *[None] * 70, *range(65)]
-    assert [row["index"] for row in rows] == numbers
+    assert [row["index"] for row in rows] == [*range(10_007), *[None] * 70, *range(65)]
     assert all(first % 300 == 0 for first, _ in found if first < 10_007)
     again = zip(cut, batches(sources, work), strict=True)
     assert all(one.table.equals(other.table) for one, other in again)
@@ -317,8 +314,7 @@ def force_maps():
 def test_curves_of_a_force_map_are_rows_with_their_places():
     surface = {"surface": "estimate"}
     settings = Settings(estimator={**surface, "exponent": 1.5}, preparation=surface)
-    name = str(force_maps()[0])
-    batch = tasks_table([name] * 4, ["map"] * 4, [2, 0, 1, 9])
+    batch = tasks_table([str(force_maps()[0])] * 4, ["map"] * 4, [2, 0, 1, 9])
     rows = identify_batch(batch, settings).to_pylist()
     assert [row["index"] for row in rows] == [2, 0, 1, 9]
     assert [row["error"] is None for row in rows] == [True, True, True, False]
@@ -444,20 +440,17 @@ def test_a_map_says_of_which_places_the_numbers_are_not_to_be_trusted():
         (["x", "x"], "one or two columns"),
     ],
 )
-def test_a_map_over_what_is_not_there_is_refused(by, words, run, tmp_path):
+def test_a_map_over_what_is_not_there_is_refused(by, words, refused, tmp_path):
     with pytest.raises(InvalidParameterError, match=words):
         map_of(grid(), by)
-    status, _, err = run("map", tmp_path)
-    assert (status, err.count("\n")) == (2, 1)
-    assert "holds no results of palpate fleet" in err
+    assert "holds no results of palpate fleet" in refused("map", tmp_path)
 
 
 def written(folder, table):
     """A folder of results that holds these rows."""
     sources = [ContactSource("all", "file")]
     [batch] = batches(sources, [1.0])
-    results = Results.begin(folder, Settings(), sources)
-    results.write(batch, table, np.ones(table.num_rows))
+    Results.begin(folder, Settings(), sources).write(batch, table, np.ones(table.num_rows))
     return folder
 
 

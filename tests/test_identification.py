@@ -61,8 +61,7 @@ def test_identify_keeps_the_settings_it_is_given_and_leaves_the_estimator_as_it_
     assert (first.gate, first.scale) == (gate, scale)
     assert given._state() == before
     assert bits(first.trace) == bits(second.trace)  # it starts afresh
-    result = identify(CONTACT, plain := kind())
-    assert result.gate is not None
+    assert identify(CONTACT, plain := kind()).gate is not None
     assert plain.settings["gate"] is None
 
 

@@ -66,16 +66,14 @@ def test_a_curve_of_a_map_is_chosen_or_asked_for(run, printed, tmp_path):
 
 def test_many_channels_are_cut_off_and_said(run, tmp_path):
     path = write_hdf5(tmp_path / "a.h5", {f"c{k:03}": np.arange(9.0) for k in range(100)})
-    out = run("info", path)[1]
-    assert "and 40 more channels: --channel NAME or --json" in out
+    assert "and 40 more channels: --channel NAME or --json" in run("info", path)[1]
 
 
 def test_a_strip_chart_has_a_strip_for_each_channel_that_varies(run, printed, tmp_path):
     columns = {**COLUMNS, "still": np.ones(600)}
     path, chart = write_parquet(tmp_path / "a.parquet", columns), tmp_path / "a.svg"
     content = path.read_bytes()
-    out = printed("info", path, "--figure", chart, "--dark")
-    assert out.endswith(f"figure: {chart}\n")
+    assert printed("info", path, "--figure", chart, "--dark").endswith(f"figure: {chart}\n")
     ElementTree.parse(chart)
     for words in ("a.parquet: 2 of 4 channels, those that vary", "since the first of time_s [s]"):
         assert words in chart.read_text()
@@ -142,8 +140,7 @@ def test_the_description_that_is_shown_is_the_one_that_is_printed(run, tmp_path,
     monkeypatch.chdir(tmp_path)
     exec(re.search(r"```python\n(.*?)```", page, re.DOTALL)[1], {})
     shown = re.search(r"```text\n(.*?)```", page, re.DOTALL)[1]
-    printed = run("info", "probing.h5", "--figure", "probing.svg")[1]
-    assert printed.split() == shown.split()
+    assert run("info", "probing.h5", "--figure", "probing.svg")[1].split() == shown.split()
 
 
 def the_clock(times, unit: str | None = None, name: str = "time"):

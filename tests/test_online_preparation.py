@@ -116,8 +116,7 @@ def test_a_motion_has_no_lost_positions(noise, resolution):
     if resolution:
         x = resolution * np.round(x / resolution)
     x[5000:8000] = x[5000]  # a hold
-    preparation = OnlinePreparation()
-    given = len(preparation.replay(x, np.ones_like(x)))
+    given = len(OnlinePreparation().replay(x, np.ones_like(x)))
     # Of normal noise one value in thousands is eight deviations from the median of five, once three
     # times farther than its neighbours lie from each other: none is expected in 20 000.
     assert given == x.size - LATE - 7

@@ -60,8 +60,7 @@ def has_penetration(path: Path) -> bool:
 def test_every_recording_runs_through_every_method(path):
     if not has_penetration(path):
         return
-    contact = prepare(path)
-    results = palpate.compare(contact)
+    results = palpate.compare(prepare(path))
     assert list(results) == list(ESTIMATORS)
     for result in results.values():
         assert result.trace.taken.any()

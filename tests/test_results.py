@@ -168,17 +168,18 @@ def test_a_damaged_result_is_one_line(saved, tmp_path, spoil, words):
 
 def test_a_result_of_the_first_schema_is_read_as_before(saved, tmp_path):
     shutil.copytree(saved, tmp_path, dirs_exist_ok=True)
-    results = json.loads((saved / "result.json").read_text())["results"]
-    for each in results[0]["findings"]:
-        each["sentence"] = each.pop("message")
-    remark = {"step": "tool weight", "sentence": "it turns", "remedy": None, "numbers": True}
     whole = json.loads((saved / "result.json").read_text())
-    del whole["findings"]
-    whole |= {"schema_version": 1, "results": results}
-    whole["remarks"] = [{**remark, "severity": "with-care"}]
+    for each in whole["results"][0]["findings"]:
+        each["sentence"] = each.pop("message")
+    laws = whole["results"][0]["law_verdict"]
+    laws["flags"] = ["it may be another"]
+    del whole["findings"], laws["findings"]
+    remark = {"step": "tool weight", "sentence": "it turns", "remedy": None, "numbers": True}
+    whole |= {"schema_version": 1, "remarks": [{**remark, "severity": "with-care"}]}
     (tmp_path / "result.json").write_text(json.dumps(whole))
     found = palpate.load_result(tmp_path)
     assert repr(found.findings) == repr(palpate.load_result(saved).findings)
+    assert found.law_verdict.flags == ("it may be another",)
     weight = Finding.of_both("with-care", "tool weight", "it turns")
     assert repr(found.contact.findings) == repr((weight,))
 

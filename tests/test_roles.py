@@ -15,8 +15,7 @@ SPACE = {"position": ("px_m", "py_m", "pz_m"), "force": ("fx_N", "fy_N", "fz_N")
 
 
 def recording(*names: str, **units: str) -> Recording:
-    values = {name: np.arange(5.0) for name in names}
-    return Recording(values, units=units, source="r.csv")
+    return Recording({name: np.arange(5.0) for name in names}, units=units, source="r.csv")
 
 
 WRITTEN = "time_s penetration_m force_N velocity_m_s segment"
@@ -182,14 +181,12 @@ def test_whole_nanoseconds_stay_exact():
 def test_the_faster_of_two_clocks_is_interpolated_at_the_times_of_the_slower(every):
     recorded = topics_of(hand(2.0), every=every)
     signals = signals_of(recorded, roles_of(recorded))
-    step = np.median(np.diff(signals.time))
-    assert step == pytest.approx(every * 1e-3)
+    assert np.median(np.diff(signals.time)) == pytest.approx(every * 1e-3)
     assert every == 1 or "at the times of '/pose" in signals.made["force"]
     # A straight line between two samples 1 ms apart is off by ẍ Δt²/8 at most: some 40 nm here.
     truth = hand(2.0)
     along = np.interp(signals.time, truth.time, truth.position[:, 2])
-    error = np.abs(signals.depth[:, 2] - along)
-    assert np.median(error) < 2e-6
+    assert np.median(np.abs(signals.depth[:, 2] - along)) < 2e-6
 
 
 def changed(recorded: Recording, **channels) -> Recording:

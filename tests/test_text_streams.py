@@ -118,8 +118,8 @@ def test_small_blocks_and_either_parser_read_the_same(tmp_path, monkeypatch, con
     with monkeypatch.context() as without:
         without.setattr(text, "_pyarrow_csv", lambda: None)
         same(open_recording(path), expected)
-    for module in (gzip, bz2, lzma):
-        same(open_recording(written(path, module.compress(content.encode()))), expected)
+    module = (gzip, bz2, lzma)[len(content) % 3]
+    same(open_recording(written(path, module.compress(content.encode()))), expected)
 
 
 def test_progress_runs_from_nothing_to_all(tmp_path, monkeypatch):

@@ -122,8 +122,7 @@ def test_all_of_it_is_on_disk_before_it_takes_its_place(old, monkeypatch):
     synced = []
 
     def note(descriptor):
-        kind = stat.S_IFMT(os.fstat(descriptor).st_mode)
-        synced.append((kind, old.read_bytes()))
+        synced.append((stat.S_IFMT(os.fstat(descriptor).st_mode), old.read_bytes()))
 
     monkeypatch.setattr(os, "fsync", note)
     write_bytes(old, NEW)

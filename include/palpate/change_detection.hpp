@@ -29,28 +29,8 @@ struct TakenSample {
   double dt;      // s since the one before it
 };
 
-class ChangeDetector;
-
-// In place of a detector where no change is looked for: it costs no memory and no time.
-class NoChangeDetector {
- public:
-  static constexpr bool active = false;
-
-  struct Settings {
-    bool operator==(const Settings&) const = default;
-  };
-
-  constexpr explicit NoChangeDetector(const Settings&) noexcept {}
-
-  static constexpr ChangeDetector* watcher() noexcept { return nullptr; }
-};
-
-constexpr const char* validate(const NoChangeDetector::Settings&) noexcept { return nullptr; }
-
 class ChangeDetector {
  public:
-  static constexpr bool active = true;
-
   struct Settings {
     // White noise has z = 1 on average; with 4 and 60 noise, white or correlated, alarmed once in
     // 13 h, and 5 % of stiffness are found in 2 to 3 ms (docs/accuracy/alarms.md).
@@ -215,24 +195,17 @@ class ChangeDetector {
 };
 
 constexpr const char* validate(const ChangeDetector::Settings& settings) noexcept {
-  // Below 1 white noise alone adds up; z is at most 25.
-  if (!(settings.drift >= 1.0 && settings.drift <= 24.0)) {
-    return "changes.drift must be in [1, 24]";
-  }
-  if (!(settings.threshold > 0.0 && settings.threshold <= 1e12)) {
-    return "changes.threshold must be in (0, 1e12]";
-  }
-  if (!(settings.noise >= 0.0 && settings.noise <= 1e30)) {
-    return "changes.noise must be in [0, 1e30] N";
-  }
-  if (!(settings.adaptation >= 0.0 && settings.adaptation <= 1.0)) {
-    return "changes.adaptation must be in [0, 1]";
-  }
-  if (!(settings.warm_up >= 10 && settings.warm_up <= 1000000)) {
-    return "changes.warm_up must be in [10, 1000000] samples";
-  }
-  if (!(settings.transition <= 100)) return "changes.transition must be in [0, 100] samples";
-  return nullptr;
+  using detail::lies_in;
+  return detail::first_fault({
+      // Below 1 white noise alone adds up; z is at most 25.
+      {lies_in(settings.drift, 1.0, 24.0), "changes.drift must be in [1, 24]"},
+      {settings.threshold > 0.0 && settings.threshold <= 1e12,
+       "changes.threshold must be in (0, 1e12]"},
+      {lies_in(settings.noise, 0.0, 1e30), "changes.noise must be in [0, 1e30] N"},
+      {lies_in(settings.adaptation, 0.0, 1.0), "changes.adaptation must be in [0, 1]"},
+      {lies_in(settings.warm_up, 10, 1e6), "changes.warm_up must be in [10, 1000000] samples"},
+      {settings.transition <= 100, "changes.transition must be in [0, 100] samples"},
+  });
 }
 
 }  // namespace palpate

@@ -61,6 +61,19 @@ struct Fit {
   std::uint8_t flags = 0;
 };
 
+// By the joint covariance of the law's parameters and, next, the offset.
+template <class Law, std::size_t Size>
+Fit<Law> fit_of(const Law& law, const Matrix<Size>& joint, double offset,
+                std::uint8_t flags) noexcept {
+  static_assert(Size > Law::size);
+  Fit<Law> fit{law, {}, {offset, joint[Law::size][Law::size], {}}, {}, flags};
+  for (std::size_t i = 0; i < Law::size; ++i) {
+    std::copy_n(joint[i].begin(), Law::size, fit.covariance[i].begin());
+    fit.offset.covariance[i] = joint[Law::size][i];
+  }
+  return fit;
+}
+
 // What is in every estimate, whatever the law.
 struct AnyEstimate {
   Surface surface;

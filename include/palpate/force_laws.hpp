@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
+#include <utility>
 
 #include "palpate/matrix.hpp"
 
@@ -98,5 +99,13 @@ struct GeneralisedHuntCrossley {
   }
   bool operator==(const GeneralisedHuntCrossley&) const = default;
 };
+
+// The law of so many parameters, in its order.
+template <class Law>
+constexpr Law law_of(const double* parameters) noexcept {
+  return [parameters]<std::size_t... I>(std::index_sequence<I...>) {
+    return Law{parameters[I]...};
+  }(std::make_index_sequence<Law::size>{});
+}
 
 }  // namespace palpate

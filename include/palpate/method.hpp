@@ -52,16 +52,14 @@ class ContactGate {
 };
 
 constexpr const char* validate(const ContactGate::Settings& settings) noexcept {
-  if (!(settings.minimum_penetration >= 0.0 && settings.minimum_penetration <= 1e100)) {
-    return "gate.minimum_penetration must be in [0, 1e100] m";
-  }
-  if (!(settings.make_force >= 0.0 && settings.make_force <= 1e100)) {
-    return "gate.make_force must be in [0, 1e100] N";
-  }
-  if (!(settings.break_force >= 0.0 && settings.break_force <= settings.make_force)) {
-    return "gate.break_force must be in [0, make_force]";
-  }
-  return nullptr;
+  const auto& [minimum_penetration, make_force, break_force] = settings;
+  return detail::first_fault({
+      {detail::lies_in(minimum_penetration, 0.0, 1e100),
+       "gate.minimum_penetration must be in [0, 1e100] m"},
+      {detail::lies_in(make_force, 0.0, 1e100), "gate.make_force must be in [0, 1e100] N"},
+      {detail::lies_in(break_force, 0.0, make_force),
+       "gate.break_force must be in [0, make_force]"},
+  });
 }
 
 // How fast the past is forgotten, and how an abrupt change reopens the covariance.
@@ -77,14 +75,11 @@ class Forgetting {
   };
 
   Forgetting(const Settings& settings, double sample_time) noexcept
-      : settings_(settings),
-        sample_time_(sample_time),
-        decay_(std::exp(-settings.rate * sample_time)),
-        departure_(1.0 - settings.initial_factor) {}
+      : settings_(settings), sample_time_(sample_time) {}
 
   double factor() const noexcept { return 1.0 - departure_; }
 
-  void rearm() noexcept { departure_ = initial_departure(); }
+  void rearm() noexcept { departure_ = 1.0 - settings_.initial_factor; }
 
   void advance(double dt) noexcept {
     departure_ *= dt == sample_time_ ? decay_ : std::exp(-settings_.rate * dt);
@@ -94,21 +89,17 @@ class Forgetting {
   }
 
  private:
-  double initial_departure() const noexcept { return 1.0 - settings_.initial_factor; }
-
   Settings settings_;
   double sample_time_;
-  double decay_;
-  double departure_;  // 1 − λ
+  double decay_ = std::exp(-settings_.rate * sample_time_);
+  double departure_ = 1.0 - settings_.initial_factor;  // 1 − λ
 };
 
 constexpr const char* validate(const Forgetting::Settings& settings) noexcept {
   const double factor = settings.initial_factor;
-  if (!(factor > 0.0 && factor <= 1.0)) return "forgetting.initial_factor must be in (0, 1]";
-  if (!(settings.rate >= 0.0 && settings.rate <= 1e6)) {
-    return "forgetting.rate must be in [0, 1e6] 1/s";
-  }
-  return nullptr;
+  return detail::first_fault(
+      {{factor > 0.0 && factor <= 1.0, "forgetting.initial_factor must be in (0, 1]"},
+       {detail::lies_in(settings.rate, 0.0, 1e6), "forgetting.rate must be in [0, 1e6] 1/s"}});
 }
 
 // Nothing is forgotten.
@@ -140,13 +131,10 @@ struct SelfPerturbation {
 inline constexpr SelfPerturbation no_perturbation{.gain = 0.0, .sensitivity = 0.0};
 
 constexpr const char* validate(const SelfPerturbation& settings) noexcept {
-  if (!(settings.gain >= 0.0 && settings.gain <= 1e20)) {
-    return "perturbation.gain must be in [0, 1e20]";
-  }
-  if (!(settings.sensitivity >= 0.0 && settings.sensitivity <= 1e40)) {
-    return "perturbation.sensitivity must be in [0, 1e40] 1/N²";
-  }
-  return nullptr;
+  return detail::first_fault(
+      {{detail::lies_in(settings.gain, 0.0, 1e20), "perturbation.gain must be in [0, 1e20]"},
+       {detail::lies_in(settings.sensitivity, 0.0, 1e40),
+        "perturbation.sensitivity must be in [0, 1e40] 1/N²"}});
 }
 
 // What a method must offer to run in the loop of recursive_estimator.hpp.
@@ -155,63 +143,58 @@ constexpr const char* validate(const SelfPerturbation& settings) noexcept {
 // that neither allocates nor throws. It sees samples in scaled units, within contact and within its
 // range only, and answers in SI.
 //
-// Where it has them, the loop also calls `free(sample, λ)`, or `free(sample, dt, λ)`, for a finite
-// sample out of contact, `interrupt()` where contact ends without one, `pass(dt)` for a sample that
-// is refused or left out, and `prepare(sample, dt)` in place of `prepare(sample)`. A sample of
-// which it is in doubt whether it touches has status `held` from learn(), whatever the method keeps
-// of it.
-
+// Where it has them, the loop also calls `free(sample, dt, λ)` for a finite sample out of contact,
+// `interrupt()` where contact ends without one, `pass(dt)` for a sample that is refused or left
+// out, and `gate(given, units)` for the gate that it works behind, if it wants more samples than
+// the given one lets through. A sample of which it is in doubt whether it touches has status `held`
+// from learn(), whatever the method keeps of it.
 template <class M>
-concept Method = std::is_trivially_copyable_v<M> &&
-                 requires(M method, const M known, const Sample& sample, const Units& units,
-                          double number, const typename M::Settings& settings,
-                          const typename M::Row& row, const ContactGate::Settings& gate) {
-                   // The force law that it identifies, of M::Law::size parameters.
-                   typename M::Law;
-                   // Built from settings, whose defaults are those of the named estimator, and the
-                   // units. What is wrong with them `validate` says in words; it returns null where
-                   // they are sound.
-                   requires std::constructible_from<M, const typename M::Settings&, const Units&>;
-                   { validate(settings) } -> std::same_as<const char*>;
-                   { M::default_forgetting } -> std::convertible_to<Forgetting::Settings>;
-                   { M::default_scale } -> std::convertible_to<Scale>;
+concept Method =
+    std::is_trivially_copyable_v<M> &&
+    requires(M method, const M known, const Sample& sample, const Units& units, double number,
+             const typename M::Settings& settings, const typename M::Row& row) {
+      // The force law that it identifies, of M::Law::size parameters.
+      typename M::Law;
+      // Built from settings, whose defaults are those of the named estimator, and the
+      // units. What is wrong with them `validate` says in words; it returns null where
+      // they are sound.
+      requires std::constructible_from<M, const typename M::Settings&, const Units&>;
+      { validate(settings) } -> std::same_as<const char*>;
+      { M::default_forgetting } -> std::convertible_to<Forgetting::Settings>;
+      { M::default_scale } -> std::convertible_to<Scale>;
 
-                   // Whether it heeds the forgetting factor and the self-perturbation that learn()
-                   // is given. Settings that would be ignored are refused by `validate`.
-                   { M::forgets } -> std::convertible_to<bool>;
-                   { M::perturbs } -> std::convertible_to<bool>;
+      // Whether it heeds the forgetting factor and the self-perturbation that learn()
+      // is given. Settings that would be ignored are refused by `validate`.
+      { M::forgets } -> std::convertible_to<bool>;
+      { M::perturbs } -> std::convertible_to<bool>;
 
-                   // The gate that it works behind: the given one, unless it wants more samples.
-                   { method.gate(gate, units) } -> std::same_as<ContactGate::Settings>;
-                   // Whether its arithmetic can take a sample.
-                   { known.in_range(sample) } -> std::same_as<bool>;
+      // Whether its arithmetic can take a sample.
+      { known.in_range(sample) } -> std::same_as<bool>;
 
-                   // What the sample is to the method, such as a regressor and an output.
-                   { method.prepare(sample) } -> std::same_as<typename M::Row>;
-                   // The a-priori force in scaled units, before the sample is learned.
-                   { known.predict(row) } -> std::same_as<double>;
-                   // Takes a prepared sample, `dt` [s] after the one before it, with the forgetting
-                   // factor λ and the perturbation π: whole (updated, guarded) or not at all (any
-                   // other status).
-                   {
-                     method.learn(row, number /* dt */, number /* λ */, number /* π */)
-                   } -> std::same_as<Status>;
+      // What a sample is to the method, such as a regressor and an output.
+      { method.prepare(sample, number /* dt */) } -> std::same_as<typename M::Row>;
+      // The a-priori force in scaled units, before the sample is learned.
+      { known.predict(row) } -> std::same_as<double>;
+      // Takes a prepared sample, `dt` [s] after the one before it, with the forgetting
+      // factor λ and the perturbation π: whole (updated, guarded) or not at all (any
+      // other status).
+      {
+        method.learn(row, number /* dt */, number /* λ */, number /* π */)
+      } -> std::same_as<Status>;
 
-                   // Starts again from the present answer as a prior, after a change of what is
-                   // touched …
-                   { method.reinitialise() };
-                   // … and once more when its transient is over, from the same prior.
-                   { method.reinitialise_after_transient() };
+      // Starts again from the present answer as a prior, after a change of what is
+      // touched …
+      { method.reinitialise() };
+      // … and once more when its transient is over, from the same prior.
+      { method.reinitialise_after_transient() };
 
-                   // The answer now, in SI: force [N] that the sensor would show, the law,
-                   // everything that is known, and the part of it that a trace writes down.
-                   {
-                     known.force(units, number /* x, m */, number /* v, m/s */)
-                   } -> std::same_as<double>;
-                   { known.law(units) } -> std::same_as<typename M::Law>;
-                   { known.fit(units) } -> std::same_as<Fit<typename M::Law>>;
-                   { known.snapshot(units) } -> std::same_as<Snapshot<typename M::Law>>;
-                 };
+      // The answer now, in SI: force [N] that the sensor would show, the law,
+      // everything that is known, and the part of it that a trace writes down.
+      { known.force(units, number /* x, m */, number /* v, m/s */) } -> std::same_as<double>;
+      { known.law(units) } -> std::same_as<typename M::Law>;
+      { known.fit(units) } -> std::same_as<Fit<typename M::Law>>;
+      { known.snapshot(units) } -> std::same_as<Snapshot<typename M::Law>>;
+    };
 
 // A method may also offer `withdraw(count)`: at most eight of the latest samples were outliers
 // after all, and it is to forget them. Those that do not keep them, as they are few. And

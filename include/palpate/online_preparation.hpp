@@ -35,21 +35,16 @@ struct OnlinePreparationSettings {
 constexpr const char* validate(const OnlinePreparationSettings& settings,
                                std::size_t maximum_samples) noexcept {
   if (const char* fault = validate(settings.filter, maximum_samples)) return fault;
-  if (!(settings.surface >= -1e6 && settings.surface <= 1e6)) {
-    return "surface must be in [-1e6, 1e6] m";
-  }
-  if (!(settings.force_offset >= -1e30 && settings.force_offset <= 1e30)) {
-    return "force_offset must be in [-1e30, 1e30] N";
-  }
-  if (!(settings.tare_time >= 0.0 && settings.tare_time <= 1e6)) {
-    return "tare_time must be in [0, 1e6] s";
-  }
   double length = 0.0;
   for (const double part : settings.direction) length += part * part;
-  if (!(length == 0.0 || (length > 1.0 - 1e-6 && length < 1.0 + 1e-6))) {
-    return "direction must be of length 1";
-  }
-  return nullptr;
+  return detail::first_fault({
+      {detail::lies_in(settings.surface, -1e6, 1e6), "surface must be in [-1e6, 1e6] m"},
+      {detail::lies_in(settings.force_offset, -1e30, 1e30),
+       "force_offset must be in [-1e30, 1e30] N"},
+      {detail::lies_in(settings.tare_time, 0.0, 1e6), "tare_time must be in [0, 1e6] s"},
+      {length == 0.0 || (length > 1.0 - 1e-6 && length < 1.0 + 1e-6),
+       "direction must be of length 1"},
+  });
 }
 
 template <std::size_t MaximumSamples = 15>

@@ -1,3 +1,144 @@
+// What no probe and no material can have made: lost positions, and outliers of velocity and force.
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <limits>
+#include <utility>
+
+#include "palpate/sample.hpp"
+
+namespace palpate::detail {
+
+// The median of sizes: up by a ratio where one is larger, down where it is smaller. No size moves
+// it far, however large; a size of zero is that of a held or rounded value and says nothing.
+class RunningMedian {
+ public:
+  double value() const noexcept { return value_; }
+
+  // What it is to be multiplied by to be relied on: the median of 30 normal sizes is within a
+  // quarter, that of the first few within four times.
+  double doubt() const noexcept { return seen_ >= few ? 1.0 : seen_ >= 4 ? 4.0 : unknown; }
+  // Whether one outlier moves it by little.
+  bool settled() const noexcept { return seen_ >= 2 * few; }
+
+  void learn(double size) noexcept {
+    if (!(size > smallest)) return;
+    if (seen_ >= slow) [[likely]] {
+      // Looked up: which way it goes no processor can guess, and a wrong guess costs 5 ns.
+      value_ *= steps[size > value_];
+      return;
+    }
+    if (++seen_ == 1) value_ = std::min(size, largest);
+    const double part = (seen_ < few ? 8.0 : 2.0) / static_cast<double>(seen_);
+    const double ratio = 1.0 + std::min(1.0, part);
+    value_ = size > value_ ? value_ * ratio : value_ / ratio;
+  }
+
+  // What it was learned from is no longer so.
+  void raise_to(double size) noexcept { value_ = std::clamp(size, value_, largest); }
+
+ private:
+  // The first sizes move it twofold, as a motion may begin slowly, then the k-th by 8/k, from the
+  // thirtieth on by 2/k, and in the end by a 256th: a burst of outliers moves it little.
+  static constexpr std::uint32_t few = 30, slow = 512;
+  static constexpr double steps[2] = {1.0 / (1.0 + 2.0 / slow), 1.0 + 2.0 / slow};
+  static constexpr double smallest = 1e-150, largest = 1e150;
+  static constexpr double unknown = std::numeric_limits<double>::infinity();
+
+  double value_ = 0.0;
+  std::uint32_t seen_ = 0;
+};
+
+}  // namespace palpate::detail
+
+namespace palpate {
+
+// Lost positions: single samples that leave their neighbours, as where one packet or one count is
+// lost. In a velocity filter one of them would spoil a whole window.
+//
+//   away > max(8 σ, 2 % of the largest position, 1.5 steps)   and   away > 3 range
+//
+// `away` is how far a sample is from the median of itself and the two before and after it, `range`
+// what those four span. The top of a sine at 66 Hz is 2 % above its neighbours, and a lever that
+// shakes is no noise of all the recording: hence the range. σ is that of white noise by the running
+// median of the fourth differences, which suppress a motion as (ωT)⁴ and have 70 times its
+// variance. The offline rule is the same, with σ, the largest position and the step of the whole
+// recording in place of those so far.
+class LostPositions {
+ public:
+  // How many samples have to come after one before it can be judged.
+  static constexpr std::size_t ahead = 2;
+
+  // Takes a position [m], and says whether the one of two samples ago is lost. The first two after
+  // a break have no neighbours before them, and are taken.
+  bool observe(double position) noexcept {
+    for (std::size_t age = size - 1; age > 0; --age) recent_[age] = recent_[age - 1];
+    recent_[0] = position;
+    if (held_ > 0) learn_step(std::abs(recent_[0] - recent_[1]));
+    if (held_ < size && ++held_ < size) return false;
+    if (seen_ < few) ++seen_;
+
+    const double difference =
+        recent_[0] + recent_[4] - 4.0 * (recent_[1] + recent_[3]) + 6.0 * recent_[2];
+    const bool lost = leaves(limit());
+    noise_.learn(std::abs(difference));
+    if (!lost) largest_ = std::max(fading * largest_, std::abs(recent_[2]));
+    return lost;
+  }
+
+  // The next position does not follow the latest.
+  void interrupt() noexcept { held_ = 0; }
+
+ private:
+  static constexpr std::size_t size = 2 * ahead + 1;
+  static constexpr double beyond = 8.0;  // σ
+  static constexpr double least = 0.02;  // of the largest position
+  static constexpr double steps = 1.5;   // a value that rounds up and down is not lost
+  static constexpr double alone = 3.0;   // times the range of its neighbours
+  // Median of |Δ⁴| of normal noise, over its deviation: 0.6745 √70.
+  static constexpr double difference_median = 5.6432;
+  // Noise is known from so many samples on, though all were rounded alike.
+  static constexpr std::uint32_t few = 30;
+  // A position that was no position is no longer the largest some ten thousand samples later.
+  static constexpr double fading = 1.0 - 1e-4;
+  static constexpr double unlimited = std::numeric_limits<double>::infinity();
+
+  void learn_step(double step) noexcept {
+    if (step > 0.0) step_ = std::min(step_, step);
+  }
+
+  double limit() const noexcept {
+    const double doubt = seen_ >= few ? 1.0 : noise_.doubt();
+    if (doubt == unlimited) return unlimited;
+    const double rounding = step_ < unlimited ? steps * step_ : 0.0;
+    const double noise = beyond / difference_median * doubt * noise_.value();
+    return std::max({noise, least * largest_, rounding});
+  }
+
+  bool leaves(double limit) const noexcept {
+    const auto [after, next, own, before, first] = recent_;
+    // Of the many samples that hardly leave their neighbours' mean none is lost.
+    if (!(std::abs(own - 0.5 * (next + before)) > 0.5 * limit)) [[likely]]
+      return false;
+    std::array<double, size> sorted = recent_;
+    std::sort(sorted.begin(), sorted.end());
+    const double away = std::abs(own - sorted[size / 2]);
+    const auto [low, high] = std::minmax({after, next, before, first});
+    return away > limit && away > alone * (high - low);
+  }
+
+  std::array<double, size> recent_{};  // the newest first
+  std::size_t held_ = 0;
+  detail::RunningMedian noise_;  // |Δ⁴|
+  std::uint32_t seen_ = 0;
+  double largest_ = 0.0;
+  double step_ = unlimited;  // the least that is not zero
+};
+
 // Samples that no probe and no material can have made: lost positions, spikes of velocity and
 // force, and forces beyond the sensor's range. They are left out before a method learns them.
 //
@@ -10,42 +151,8 @@
 // median of the left side in contact, over 0.6745. What was off by as much before is a fast motion,
 // not an outlier: the left side counts from there where that makes it less. A longer run is another
 // material, place or speed, and is taken, so that a change is found a few samples late.
-#pragma once
-
-#include <algorithm>
-#include <cmath>
-#include <cstddef>
-#include <cstdint>
-#include <limits>
-#include <utility>
-
-#include "palpate/running_median.hpp"
-#include "palpate/sample.hpp"
-
-namespace palpate {
-
-class OutlierRejection;
-
-// In place of a rejection where nothing is left out: it costs no memory and no time.
-class NoOutlierRejection {
- public:
-  static constexpr bool active = false;
-
-  struct Settings {
-    bool operator==(const Settings&) const = default;
-  };
-
-  constexpr explicit NoOutlierRejection(const Settings&) noexcept {}
-
-  static constexpr OutlierRejection* watcher() noexcept { return nullptr; }
-};
-
-constexpr const char* validate(const NoOutlierRejection::Settings&) noexcept { return nullptr; }
-
 class OutlierRejection {
  public:
-  static constexpr bool active = true;
-
   struct Settings {
     double threshold = 10.0;  // standard deviations
 

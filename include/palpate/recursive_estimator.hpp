@@ -17,6 +17,23 @@
 
 namespace palpate {
 
+// In place of what only a run may tell whether it watches, where nothing is watched for: it costs
+// no memory and no time.
+template <class Watcher>
+class NotWatching {
+ public:
+  struct Settings {
+    bool operator==(const Settings&) const = default;
+    friend constexpr const char* validate(const Settings&) noexcept { return nullptr; }
+  };
+
+  constexpr explicit NotWatching(const Settings&) noexcept {}
+
+  static constexpr Watcher* watcher() noexcept { return nullptr; }
+};
+using NoChangeDetector = NotWatching<ChangeDetector>;
+using NoOutlierRejection = NotWatching<OutlierRejection>;
+
 template <Method M, class Detector = NoChangeDetector, class Rejection = NoOutlierRejection>
 struct EstimatorSettings {
   typename M::Settings method{};
@@ -35,23 +52,19 @@ struct EstimatorSettings {
 // ask: settings that come from elsewhere are for this to check.
 template <Method M, class Detector, class Rejection>
 constexpr const char* validate(const EstimatorSettings<M, Detector, Rejection>& settings) noexcept {
-  if (const char* fault = validate(settings.method)) return fault;
-  if (const char* fault = validate(settings.forgetting)) return fault;
-  if (const char* fault = validate(settings.perturbation)) return fault;
-  if (const char* fault = validate(settings.changes)) return fault;
-  if (const char* fault = validate(settings.outliers)) return fault;
-  if (const char* fault = validate(settings.gate)) return fault;
-  if (const char* fault = validate(settings.scale)) return fault;
-  if (!(settings.sample_time > 0.0 && settings.sample_time <= 1e6)) {
-    return "sample_time must be in (0, 1e6] s";
+  for (const char* fault :
+       {validate(settings.method), validate(settings.forgetting), validate(settings.perturbation),
+        validate(settings.changes), validate(settings.outliers), validate(settings.gate),
+        validate(settings.scale)}) {
+    if (fault) return fault;
   }
-  if (!M::forgets && settings.forgetting != no_forgetting) {
-    return "forgetting must be none: this method does not forget by a factor";
-  }
-  if (!M::perturbs && settings.perturbation.active()) {
-    return "perturbation must be none: this method has no covariance to reopen";
-  }
-  return nullptr;
+  return detail::first_fault(
+      {{settings.sample_time > 0.0 && settings.sample_time <= 1e6,
+        "sample_time must be in (0, 1e6] s"},
+       {M::forgets || settings.forgetting == no_forgetting,
+        "forgetting must be none: this method does not forget by a factor"},
+       {M::perturbs || !settings.perturbation.active(),
+        "perturbation must be none: this method has no covariance to reopen"}});
 }
 
 // The loop but for its watchers, which each call brings: compiled once a method, not once for each
@@ -70,7 +83,7 @@ class Recursion {
   explicit Recursion(const Settings& settings) noexcept
       : units_(settings.scale),
         method_(settings.method, units_),
-        gate_(method_.gate(settings.gate, units_)),
+        gate_(gate_of(method_, settings.gate, units_)),
         forgetting_(settings.forgetting, settings.sample_time) {}
 
   // Brings an answer up to date that is worked out a little at every sample.
@@ -146,8 +159,6 @@ class Recursion {
     }
     if constexpr (requires { method_.free(inner, dt, 1.0); }) {
       method_.free(inner, dt, forgetting_.factor());
-    } else if constexpr (requires { method_.free(inner, 1.0); }) {
-      method_.free(inner, forgetting_.factor());
     }
     enter(phase);
     return {status_, predicted};
@@ -174,13 +185,10 @@ class Recursion {
     if constexpr (requires { method_.pass(dt); }) method_.pass(dt);
   }
 
-  // What a sample is to a method, which may ask how long after the last one it came.
-  typename M::Row prepared(const Sample& inner, double dt) noexcept {
-    if constexpr (requires { method_.prepare(inner, dt); }) {
-      return method_.prepare(inner, dt);
-    } else {
-      return method_.prepare(inner);
-    }
+  static ContactGate::Settings gate_of(M& method, const ContactGate::Settings& given,
+                                       const Units& units) noexcept {
+    if constexpr (requires { method.gate(given, units); }) return method.gate(given, units);
+    return given;
   }
 
   // A sample in contact and in range. Nothing of the loop changes before the method has learned it.
@@ -195,7 +203,7 @@ class Recursion {
     }
 
     double predicted = std::numeric_limits<double>::quiet_NaN(), error = 0.0;
-    const typename M::Row row = prepared(inner, dt);
+    const typename M::Row row = method_.prepare(inner, dt);
     if (predict_force || changes || self_perturbation.active()) {
       predicted = method_.predict(row) * units_.force;
       error = detail::saturate(sample.force - predicted);
@@ -269,7 +277,7 @@ class Recursion {
     for (std::size_t age = samples; age-- > 0;) {
       const TakenSample& past = changes.recent(age);
       if (age + 1 < samples) forgetting.advance(past.dt);
-      method_.learn(prepared(past.sample, past.dt), past.dt, forgetting.factor(), 0.0);
+      method_.learn(method_.prepare(past.sample, past.dt), past.dt, forgetting.factor(), 0.0);
     }
   }
 

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <initializer_list>
 
 namespace palpate {
 
@@ -25,32 +26,47 @@ struct Scale {
   bool operator==(const Scale&) const = default;
 };
 
+namespace detail {
+
+// What settings have to be, in words that a user reads where they are not.
+struct Requirement {
+  bool met;
+  const char* words;
+};
+
+constexpr const char* first_fault(std::initializer_list<Requirement> requirements) noexcept {
+  for (const auto& [met, words] : requirements) {
+    if (!met) return words;
+  }
+  return nullptr;
+}
+
+// False for NaN.
+constexpr bool lies_in(double value, double least, double most) noexcept {
+  return value >= least && value <= most;
+}
+
+}  // namespace detail
+
 // What is wrong with these settings, in words; null where they are sound.
 constexpr const char* validate(const Scale& scale) noexcept {
   // Products and quotients of three units stay within the range of a double.
-  constexpr double least = 1e-30, most = 1e30;
-  const auto unit = [](double value) noexcept { return value >= least && value <= most; };
-  if (!unit(scale.penetration)) return "scale.penetration must be in [1e-30, 1e30] m";
-  if (!unit(scale.velocity)) return "scale.velocity must be in [1e-30, 1e30] m/s";
-  if (!unit(scale.force)) return "scale.force must be in [1e-30, 1e30] N";
-  return nullptr;
+  const auto unit = [](double value) noexcept { return detail::lies_in(value, 1e-30, 1e30); };
+  return detail::first_fault(
+      {{unit(scale.penetration), "scale.penetration must be in [1e-30, 1e30] m"},
+       {unit(scale.velocity), "scale.velocity must be in [1e-30, 1e30] m/s"},
+       {unit(scale.force), "scale.force must be in [1e-30, 1e30] N"}});
 }
 
 // A scale with what the way there and back needs, worked out once.
 struct Units : Scale {
-  explicit Units(const Scale& scale) noexcept
-      : Scale(scale),
-        per_penetration(1.0 / scale.penetration),
-        per_velocity(1.0 / scale.velocity),
-        per_force(1.0 / scale.force),
-        log_penetration(std::log(scale.penetration)),
-        log_force(std::log(scale.force)) {}
+  explicit Units(const Scale& scale) noexcept : Scale(scale) {}
 
-  double per_penetration;
-  double per_velocity;
-  double per_force;
-  double log_penetration;
-  double log_force;
+  double per_penetration = 1.0 / penetration;
+  double per_velocity = 1.0 / velocity;
+  double per_force = 1.0 / force;
+  double log_penetration = std::log(penetration);
+  double log_force = std::log(force);
 };
 
 namespace detail {

@@ -16,8 +16,8 @@
 // Why not sooner: a backward difference is half a sample late and has the position's noise, and a
 // mean of past samples lags the force; both are errors of stiffness and damping, not of the noise.
 //
-// A lost position (lost_positions.hpp) is left out of every window, and its sample is not given. To
-// know one takes the two samples after it, and the output is those two later.
+// A lost position (outlier_rejection.hpp) is left out of every window, and its sample is not given.
+// To know one takes the two samples after it, and the output is those two later.
 #pragma once
 
 #include <algorithm>
@@ -28,7 +28,7 @@
 #include <cstdint>
 #include <limits>
 
-#include "palpate/lost_positions.hpp"
+#include "palpate/outlier_rejection.hpp"
 #include "palpate/sample.hpp"
 
 namespace palpate {
@@ -45,17 +45,14 @@ struct VelocityFilterSettings {
 // What is wrong with these settings, in words; null where they are sound.
 constexpr const char* validate(const VelocityFilterSettings& settings,
                                std::size_t maximum_samples) noexcept {
-  // No velocity leaves the range of a double, which a metre within less than 1e-100 s might.
-  if (!(settings.sample_time >= 1e-100 && settings.sample_time <= 1e6)) {
-    return "sample_time must be in [1e-100, 1e6] s";
-  }
-  if (settings.samples < 3 || settings.samples % 2 == 0 || settings.samples > maximum_samples) {
-    return "samples must be odd, at least 3, and no more than the filter holds";
-  }
-  if (!(settings.longest_gap >= 0.0 && settings.longest_gap <= 1e12)) {
-    return "longest_gap must be in [0, 1e12] s";
-  }
-  return nullptr;
+  return detail::first_fault({
+      // No velocity leaves the range of a double, which a metre within less than 1e-100 s might.
+      {detail::lies_in(settings.sample_time, 1e-100, 1e6),
+       "sample_time must be in [1e-100, 1e6] s"},
+      {settings.samples >= 3 && settings.samples % 2 == 1 && settings.samples <= maximum_samples,
+       "samples must be odd, at least 3, and no more than the filter holds"},
+      {detail::lies_in(settings.longest_gap, 0.0, 1e12), "longest_gap must be in [0, 1e12] s"},
+  });
 }
 
 // What a filter gives: a sample of a while ago, with its velocity.
@@ -72,13 +69,7 @@ class VelocityFilter {
   using Settings = VelocityFilterSettings;
 
   // Settings that come from elsewhere are for validate() to check.
-  explicit VelocityFilter(const Settings& settings = {}) noexcept
-      : settings_(settings),
-        half_(settings.samples / 2),
-        longest_gap_(settings.longest_gap > 0.0 ? settings.longest_gap
-                                                : settings.sample_time * settings.samples),
-        longest_window_(settings.sample_time * settings.samples + longest_gap_),
-        delay_(settings.sample_time * static_cast<double>(lag())) {
+  explicit VelocityFilter(const Settings& settings = {}) noexcept : settings_(settings) {
     const double h = static_cast<double>(half_);
     per_sum_ = 3.0 / (settings.sample_time * h * (h + 1.0) * (2.0 * h + 1.0));
   }
@@ -227,7 +218,8 @@ class VelocityFilter {
       depth[h + k] = ago(h - k).penetration - middle.penetration;
       depth[h - k] = ago(h + k).penetration - middle.penetration;
     }
-    if (s[2 * h] - s[0] > longest_window_) return std::numeric_limits<double>::quiet_NaN();
+    if (s[2 * h] - s[0] > window_time_ + longest_gap_)
+      return std::numeric_limits<double>::quiet_NaN();
     const double unit = std::max(s[2 * h], -s[0]), per_unit = 1.0 / unit;
     for (std::size_t i = 0; i <= 2 * h; ++i) s[i] *= per_unit;
 
@@ -256,11 +248,11 @@ class VelocityFilter {
   }
 
   Settings settings_;
-  std::uint32_t half_;     // h
-  double longest_gap_;     // s
-  double longest_window_;  // s
-  double delay_;           // s
-  double per_sum_;         // 1/(T Σ k²), 1/s
+  std::uint32_t half_ = settings_.samples / 2;                                               // h
+  double window_time_ = settings_.sample_time * settings_.samples;                           // s
+  double longest_gap_ = settings_.longest_gap > 0.0 ? settings_.longest_gap : window_time_;  // s
+  double delay_ = settings_.sample_time * static_cast<double>(lag());                        // s
+  double per_sum_;  // 1/(T Σ k²), 1/s
   LostPositions lost_;
   std::array<Entry, capacity> window_{};
   std::array<Entry, LostPositions::ahead> pending_{};  // the newest first; not yet judged

@@ -39,13 +39,6 @@ inline nb::object copied_array(const double* data, std::initializer_list<std::si
 void each_row(std::size_t rows, std::size_t size, std::size_t threads,
               const std::function<void(std::size_t row, double* spare)>& work);
 
-template <class Law>
-Law law_of(const double* parameters) {
-  return [parameters]<std::size_t... I>(std::index_sequence<I...>) {
-    return Law{parameters[I]...};
-  }(std::make_index_sequence<Law::size>{});
-}
-
 void bind_face(nb::module_& module);
 void bind_estimators(nb::module_& module);
 void bind_projection(nb::module_& module);

@@ -1,5 +1,6 @@
 """What palpate raises. Every message says what is wrong, where, and what to do."""
 
+from importlib import import_module
 from typing import Any
 
 
@@ -74,3 +75,23 @@ def _listed(names: list[str]) -> str:
 
 class MissingExtraError(PalpateError, ImportError):
     """An optional dependency is absent: the message names the extra that brings it."""
+
+    @classmethod
+    def of(cls, error: ImportError, what: str, extra: str) -> "MissingExtraError":
+        """Return the error of a package that cannot be imported, and that something needs."""
+        package = (error.name or "a package").partition(".")[0]
+        return cls(f"{what} needs {package}: pip install 'palpate[{extra}]'")
+
+
+def needed(module: str, what: str, extra: str) -> Any:
+    """Return a module of an extra.
+
+    Raises
+    ------
+    MissingExtraError
+        It is not installed; the message says what needs it.
+    """
+    try:
+        return import_module(module)
+    except ImportError as error:
+        raise MissingExtraError.of(error, what, extra) from None

@@ -6,14 +6,15 @@ through to.
 """
 
 import errno
+import json
 import os
 import stat
 import sys
 import tempfile
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import IO
+from typing import IO, Any
 
 from palpate.errors import RecordingError
 
@@ -54,6 +55,22 @@ def write_bytes(path: Path, content: bytes, inputs: Sequence[Path] = ()) -> None
 def write_text(path: Path, text: str, inputs: Sequence[Path] = ()) -> None:
     """Write text as UTF-8, as :func:`write_bytes` does."""
     write_bytes(path, encoded(text), inputs)
+
+
+def abandon_output() -> None:
+    """Let go of standard output, which nobody reads or which is full.
+
+    Else Python would try again on its way out, and complain.
+    """
+    with suppress(OSError, ValueError, AttributeError):  # it may have no descriptor
+        nowhere = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(nowhere, sys.stdout.fileno())
+        os.close(nowhere)
+
+
+def as_json(whole: Mapping[str, Any]) -> str:
+    """An object as the text of a file of JSON, a field a line."""
+    return json.dumps(whole, ensure_ascii=False, allow_nan=False, indent=1) + "\n"
 
 
 def encoded(text: str) -> bytes:

@@ -19,7 +19,8 @@ using Rejecting = WithOutlierRejection<Estimator>;
 template <class Test>
 void for_every_rejection(Test&& test) {
   for_every_estimator([&]<class Estimator>() {
-    if constexpr (!Estimator::Outliers::active) test.template operator()<Rejecting<Estimator>>();
+    if constexpr (std::is_same_v<typename Estimator::Outliers, NoOutlierRejection>)
+      test.template operator()<Rejecting<Estimator>>();
   });
 }
 

@@ -42,8 +42,7 @@ def test_whatever_is_asked_the_probe_goes_on_without_a_jump(ask):
     bench = ongoing()
     before = advanced(bench, 4.0)
     getattr(bench, ask)(lab.TAPPING if ask == "move" else lab.SPONGE)
-    after = advanced(bench, 6.0)
-    depth = np.concatenate([before, after])[:, 1]
+    depth = np.concatenate([before, advanced(bench, 6.0)])[:, 1]
     speed = np.diff(depth) / STEP
     # The quickest of both motions, and the way to the beginning of the other in 0.5 s.
     assert np.abs(speed).max() < 0.15

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from cases import MATERIALS
-from rosbags import typesys
+from message_files import typestore
 from scripted import Scripted, T, arrivals, looped, measured, pressed, rings
 
 import palpate
@@ -129,8 +129,8 @@ def test_the_verdict_is_published_in_words_and_numbers():
     from palpate.live.publishing import STATUS, RosEncoder
 
     data = RosEncoder().status("contact", "rig", 0, {"law": "spring", "lead": 1.0 / 3.0})
-    store = typesys.get_typestore(typesys.Stores.LATEST)
-    values = {each.key: each.value for each in store.deserialize_cdr(data, STATUS).status[0].values}
+    [status] = typestore().deserialize_cdr(data, STATUS).status
+    values = {each.key: each.value for each in status.values}
     assert values == {"law": "spring", "lead": "0.333333333333333"}
 
 

@@ -131,8 +131,7 @@ def test_the_shown_depth_stays_while_the_motion_repeats_and_follows_another(ever
     found = depths_shown(swing, every)[round(10.0 / every) :]
     assert found[0] == pytest.approx(8.85e-3, rel=0.06)
     assert (found == found[0]).all()
-    deeper = np.where(time < 20.0, swing, 1.3 * swing)
-    found = depths_shown(deeper, every)
+    found = depths_shown(np.where(time < 20.0, swing, 1.3 * swing), every)
     assert len(set(found[round(40.0 / every) :])) == 1
     assert found[-1] == pytest.approx(1.3 * 8.85e-3, rel=0.06)
 

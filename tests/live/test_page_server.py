@@ -6,10 +6,10 @@ import struct
 import threading
 import time
 from contextlib import ExitStack, contextmanager, suppress
-from dataclasses import dataclass, field
 from http.client import HTTPConnection
 from multiprocessing import Pipe
 from pathlib import Path
+from types import SimpleNamespace
 from typing import NamedTuple
 
 import numpy as np
@@ -33,18 +33,8 @@ from palpate.live.sources import EndOfSourceError, Replay
 EXAMPLES = Path(__file__).parents[2] / "examples" / "recordings"
 
 
-@dataclass
-class Served:
+class Served(SimpleNamespace):
     """What a test has of a page that is served."""
-
-    page: Page
-    writer: Writer
-    estimates: Writer
-    board: Board
-    own: Board
-    commands: object
-    loop: Loop
-    rows: list = field(default_factory=list)
 
     @property
     def origin(self) -> str:
@@ -113,7 +103,7 @@ def served(recording="tapping.csv", *, seconds=3.0, estimator=None, **options):
     thread = threading.Thread(target=page.run, args=(session, theirs))
     thread.start()
     try:
-        yield Served(page, writer, estimates, board, own, ours, loop, list(written[-1]))
+        yield Served(page=page, writer=writer, own=own, commands=ours, loop=loop, rows=written[-1])
     finally:
         board.write({**loop.status(), "stopped": True})
         thread.join(20.0)
@@ -542,8 +532,7 @@ def test_a_browser_that_takes_nothing_holds_up_nobody_and_is_closed(monkeypatch)
                 total = page.writer.count
                 seen = max(seen, frame(client)[0].first)
             assert seen > total // 2
-        counts = page.counts()
-        assert counts["stalled"] == 1
+        assert page.counts()["stalled"] == 1
         # The page's own rows, touched here first, are 18 MB, and what it imports some 20.
         assert resident() - before < 6e7
         stuck.close()

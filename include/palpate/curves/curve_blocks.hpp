@@ -57,25 +57,10 @@ enum CurveSum : std::size_t {
   unknown_sums
 };
 
-// The kinds over means at one exponent: of p², p²w, p²w², p, pw, pF, pwF, and the same with ln(x −
-// d).
-inline constexpr std::size_t power_sums = 7;
-
-// Means at one surface, and their powers at the exponents of a grid, one after the other.
-struct CurvePowers {
-  double* log;
-  double* power;
-  double* ratio;  // by which the power changes from exponent to exponent
-};
-
 struct CurveKernels {
   void (*known_surface)(const CurveColumns&, const CurveLaw&, double* sums);
   void (*unknown_surface)(const CurveColumns&, const CurveLaw&, double* sums);
   void (*logarithms)(const double* x, double* log, std::size_t count);
-  void (*place)(const CurveColumns&, const CurvePowers&, double surface, double exponent,
-                double step);
-  void (*powers)(const CurveColumns&, const CurvePowers&, double* sums);
-  void (*powers_and_slopes)(const CurveColumns&, const CurvePowers&, double* sums);
 };
 
 }  // namespace palpate::curves

@@ -204,59 +204,7 @@ inline void logarithms(const double* x, double* log, std::size_t count) noexcept
   }
 }
 
-inline void place(const CurveColumns& means, const CurvePowers& to, double surface, double exponent,
-                  double step) noexcept {
-  const std::size_t padded = (means.count + curve_block - 1) / curve_block * curve_block;
-  for (std::size_t i = 0; i < padded; i += register_size) {
-    const Doubles depth = load(means.x + i) - surface;
-    const auto below = depth > all(shallowest);
-    const Doubles log = ln(below ? depth : all(1.0));
-    store(to.log + i, log);
-    store(to.power + i, below ? power_of(log, exponent) : all(0.0));
-    store(to.ratio + i, power_of(log, step));
-  }
-}
-
-PALPATE_INLINE void add_powers(Doubles* total, const Doubles& p, const Doubles& weighted,
-                               const Doubles& w, const Doubles& f) noexcept {
-  const Doubles square = weighted * p, by_speed = square * w, once = weighted * w;
-  total[0] += square;
-  total[1] += by_speed;
-  total[2] += by_speed * w;
-  total[3] += weighted;
-  total[4] += once;
-  total[5] += weighted * f;
-  total[6] += once * f;
-}
-
-// The sums at the present exponent, and the powers on to the next.
-template <bool Slopes>
-void powers(const CurveColumns& means, const CurvePowers& at, double* sums) noexcept {
-  RunningSums<power_sums> plain;
-  RunningSums<Slopes ? power_sums : 1> sloped;
-  for (std::size_t first = 0; first < means.count; first += curve_block) {
-    plain.add([&](std::size_t i, Doubles* total) noexcept {
-      const std::size_t j = first + i;
-      const Doubles p = load(at.power + j);
-      add_powers(total, p, p, load(means.w + j), load(means.f + j));
-    });
-    if constexpr (Slopes) {
-      sloped.add([&](std::size_t i, Doubles* total) noexcept {
-        const std::size_t j = first + i;
-        const Doubles p = load(at.power + j);
-        add_powers(total, p, p * load(at.log + j), load(means.w + j), load(means.f + j));
-      });
-    }
-    for (std::size_t i = first; i < first + curve_block; i += register_size) {
-      store(at.power + i, load(at.power + i) * load(at.ratio + i));
-    }
-  }
-  plain.give(sums);
-  if constexpr (Slopes) sloped.give(sums + power_sums);
-}
-
-inline constexpr CurveKernels kernels{&pass<false>, &pass<true>,    &logarithms,
-                                      &place,       &powers<false>, &powers<true>};
+inline constexpr CurveKernels kernels{&pass<false>, &pass<true>, &logarithms};
 
 }  // namespace PALPATE_INSTRUCTION_SET
 }  // namespace palpate::curves

@@ -31,7 +31,7 @@ inline CurveMinima lowest_minima(const CurveModel& model, const CurveData& data)
   constexpr double coarse_tolerance = 1e-4, tolerance = 1e-8;
   constexpr int coarse_passes = 12, most_passes = 40;
   const bool known = !model.finds_surface();
-  const CurveMeans means(data, known ? CurveMeans::most : CurveMeans::most / 2);
+  const CurveMeans means(data);
   if (known) take_logarithms(model, means.samples());
   const CurveCost coarse(model, means.data()), cost(model, data);
   const CurveStarts starts =

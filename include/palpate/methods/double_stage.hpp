@@ -55,15 +55,11 @@ class DoubleStageMethod {
         stage_one_({in_scaled_units(settings.initial, units), of_stage_one(settings)}),
         stage_two_({{detail::saturate(settings.initial.exponent)}, of_stage_two(settings)}) {}
 
-  constexpr ContactGate::Settings gate(const ContactGate::Settings& given,
-                                       const Units&) const noexcept {
-    return given;
-  }
   bool in_range(const Sample& s) const noexcept {
     return detail::touching(s) && detail::within(s, largest_input);
   }
 
-  Row prepare(const Sample& sample) const noexcept {
+  Row prepare(const Sample& sample, double) const noexcept {
     const double depth = std::log(sample.penetration);
     // xⁿ stays within e^±100, so that its square is finite and far from the subnormal.
     const double power = std::exp(std::clamp(stage_two_.parameters()[0] * depth, -100.0, 100.0));

@@ -85,14 +85,10 @@ class DriftTrackingMethod {
   DriftTrackingMethod(const Settings& settings, const Units& units) noexcept
       : settings_(settings), start_(settings.projection, units), units_(units) {}
 
-  constexpr ContactGate::Settings gate(const ContactGate::Settings& given,
-                                       const Units&) const noexcept {
-    return given;
-  }
   bool in_range(const Sample& s) const noexcept { return start_.in_range(s); }
 
-  Row prepare(const Sample& sample) noexcept {
-    if (!tracking_) return start_.prepare(sample);
+  Row prepare(const Sample& sample, double dt) noexcept {
+    if (!tracking_) return start_.prepare(sample, dt);
     return {sample, force(sample)};
   }
 
@@ -107,14 +103,12 @@ class DriftTrackingMethod {
 
   void reinitialise() noexcept {
     start_.reinitialise();
-    tracking_ = false;
-    learned_ = 0;
+    start_again();
   }
 
   void reinitialise_after_transient() noexcept {
     start_.reinitialise_after_transient();
-    tracking_ = false;
-    learned_ = 0;
+    start_again();
   }
 
   Law law(const Units& units) const noexcept {
@@ -139,17 +133,7 @@ class DriftTrackingMethod {
     const Law law = tracked_law(units);
     Matrix<4> joint = detail::congruence(jacobian(law, units), detail::cholesky(known()));
     detail::bound_variances(joint, detail::largest_variance);
-    Fit<Law> fit{.law = law,
-                 .covariance = {},
-                 .offset = {state_[3] * units.force, joint[3][3], {}},
-                 .surface = {},
-                 .flags = {}};
-    if (walk_.too_slow()) fit.flags |= walk_too_slow;
-    for (std::size_t i = 0; i < order; ++i) {
-      for (std::size_t j = 0; j < order; ++j) fit.covariance[i][j] = joint[i][j];
-      fit.offset.covariance[i] = joint[3][i];
-    }
-    return fit;
+    return fit_of(law, joint, state_[3] * units.force, walk_.too_slow() ? walk_too_slow : 0);
   }
 
   Snapshot<Law> snapshot(const Units& units) const noexcept {
@@ -169,6 +153,11 @@ class DriftTrackingMethod {
   // Of the exponent: an eighth of a step from spring to sphere to cone, where the filter's first
   // order is good.
   static constexpr double largest_exponent_error = 0.05;
+
+  void start_again() noexcept {
+    tracking_ = false;
+    learned_ = 0;
+  }
 
   bool exponent_known() const noexcept { return settings_.projection.exponent > 0.0; }
 
@@ -195,11 +184,9 @@ class DriftTrackingMethod {
                                per_stiffness * units_.velocity, 0.0, 0.0},
                               {0.0, 0.0, 1.0, 0.0},
                               {0.0, 0.0, 0.0, units_.per_force}}};
-    covariance_ = detail::congruence(to_state, detail::cholesky(joint(fit)));
     // The material drifted while it was taken for constant: ten times the deviation covers that.
-    for (auto& row : covariance_) {
-      for (double& entry : row) entry *= 100.0;
-    }
+    covariance_ =
+        detail::multiply(detail::congruence(to_state, detail::cholesky(joint(fit))), 100.0);
     // Of what is not estimated the entry of the state stays: 1e-30 is no variance, and definite.
     if (!settings_.projection.offset) covariance_[3][3] = 1e-30;
     if (exponent_known()) covariance_[2][2] = 1e-30;

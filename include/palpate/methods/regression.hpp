@@ -4,8 +4,10 @@
 // SI.
 #pragma once
 
+#include <array>
 #include <cmath>
 #include <cstddef>
+#include <cstdint>
 #include <type_traits>
 #include <utility>
 
@@ -24,82 +26,72 @@ struct RegressionRow {
   double output;            // y
 };
 
-namespace detail {
+// What multiplies a parameter in a force that is linear in all of them.
+enum class Term : std::uint8_t { depth, depth_squared, velocity };
 
-// The diagonal of J P Jᵀ for a diagonal J.
-template <std::size_t Order>
-constexpr Vector<Order> scaled_diagonal(const Matrix<Order>& p, const Matrix<Order>& j) noexcept {
-  Vector<Order> result{};
-  for (std::size_t i = 0; i < Order; ++i) result[i] = j[i][i] * j[i][i] * p[i][i];
-  return result;
-}
+// y = F, φ and θ term by term.
+template <class FittedLaw, Term... terms>
+struct LinearRegression {
+  using Law = FittedLaw;
+  static constexpr std::size_t order = Law::size;
 
-}  // namespace detail
+  static constexpr RegressionRow<order> row(const Sample& s) noexcept {
+    return {{times(1.0, terms, s.penetration, s.velocity)...}, s.force};
+  }
+  static constexpr double force(const Vector<order>& theta, const Vector<order>& phi) noexcept {
+    return detail::dot(phi, theta);
+  }
+  static constexpr Vector<order> coefficients(const Law& law, const Units& u) noexcept {
+    Vector<order> theta = law.parameters();
+    for (std::size_t i = 0; i < order; ++i) {
+      theta[i] = detail::saturate(times(theta[i], all[i], u.penetration, u.velocity) / u.force);
+    }
+    return theta;
+  }
+  static constexpr Law law(Vector<order> theta, const Units& u) noexcept {
+    for (std::size_t i = 0; i < order; ++i) {
+      theta[i] = detail::saturate(per(theta[i] * u.force, all[i], u));
+    }
+    return law_of<Law>(theta.data());
+  }
+  static constexpr Matrix<order> jacobian(const Law&, const Units& u) noexcept {
+    return diagonal<order>({per(u.force, terms, u)...});
+  }
+  static constexpr Vector<order> variances(const Matrix<order>& p, const Law& law,
+                                           const Units& u) noexcept {
+    const Matrix<order> j = jacobian(law, u);
+    Vector<order> result{};
+    for (std::size_t i = 0; i < order; ++i) result[i] = j[i][i] * j[i][i] * p[i][i];
+    return result;
+  }
 
-// y = F, φ = [x, v], θ = [K, B].
-struct KelvinVoigtRegression {
-  using Law = KelvinVoigt;
-  static constexpr std::size_t order = 2;
+ private:
+  static constexpr std::array<Term, order> all{terms...};
+
+  static constexpr double times(double value, Term term, double depth, double velocity) noexcept {
+    if (term == Term::velocity) return value * velocity;
+    return term == Term::depth ? value * depth : value * depth * depth;
+  }
+  static constexpr double per(double value, Term term, const Units& u) noexcept {
+    if (term == Term::velocity) return value / u.velocity;
+    return term == Term::depth ? value / u.penetration : value / u.penetration / u.penetration;
+  }
+};
+
+// φ = [x, v], θ = [K, B].
+struct KelvinVoigtRegression : LinearRegression<KelvinVoigt, Term::depth, Term::velocity> {
   // Near nothing, as the paper starts (its 0 has no logarithm; methods alike start alike).
   static constexpr Law initial{0.1, 0.0};
   // In SI φ² is near 1e-4 (10 mm): a thousand samples outweigh a prior from 1e4 on by far.
   static constexpr Vector<order> initial_variances{1e8, 1e8};
-
-  static constexpr RegressionRow<order> row(const Sample& s) noexcept {
-    return {{s.penetration, s.velocity}, s.force};
-  }
-  static constexpr double force(const Vector<order>& theta, const Vector<order>& phi) noexcept {
-    return detail::dot(phi, theta);
-  }
-  static constexpr Vector<order> coefficients(const Law& law, const Units& u) noexcept {
-    return {detail::saturate(law.stiffness * u.penetration / u.force),
-            detail::saturate(law.damping * u.velocity / u.force)};
-  }
-  static constexpr Law law(const Vector<order>& theta, const Units& u) noexcept {
-    return {detail::saturate(theta[0] * u.force / u.penetration),
-            detail::saturate(theta[1] * u.force / u.velocity)};
-  }
-  static constexpr Matrix<order> jacobian(const Law&, const Units& u) noexcept {
-    return diagonal<order>({u.force / u.penetration, u.force / u.velocity});
-  }
-  static constexpr Vector<order> variances(const Matrix<order>& p, const Law& law,
-                                           const Units& u) noexcept {
-    return detail::scaled_diagonal(p, jacobian(law, u));
-  }
 };
 
-// y = F, φ = [x, x², v], θ = [K₁, K₂, B].
-struct ExtendedKelvinVoigtRegression {
-  using Law = ExtendedKelvinVoigt;
-  static constexpr std::size_t order = 3;
+// φ = [x, x², v], θ = [K₁, K₂, B].
+struct ExtendedKelvinVoigtRegression
+    : LinearRegression<ExtendedKelvinVoigt, Term::depth, Term::depth_squared, Term::velocity> {
   static constexpr Law initial{0.1, 0.0, 0.0};
   // In SI x² is near 1e-4 and φ² near 1e-8: under a smaller variance K₂ never moves.
   static constexpr Vector<order> initial_variances{1e10, 1e10, 1e10};
-
-  static constexpr RegressionRow<order> row(const Sample& s) noexcept {
-    return {{s.penetration, s.penetration * s.penetration, s.velocity}, s.force};
-  }
-  static constexpr double force(const Vector<order>& theta, const Vector<order>& phi) noexcept {
-    return detail::dot(phi, theta);
-  }
-  static constexpr Vector<order> coefficients(const Law& law, const Units& u) noexcept {
-    return {detail::saturate(law.stiffness * u.penetration / u.force),
-            detail::saturate(law.quadratic_stiffness * u.penetration * u.penetration / u.force),
-            detail::saturate(law.damping * u.velocity / u.force)};
-  }
-  static constexpr Law law(const Vector<order>& theta, const Units& u) noexcept {
-    return {detail::saturate(theta[0] * u.force / u.penetration),
-            detail::saturate(theta[1] * u.force / u.penetration / u.penetration),
-            detail::saturate(theta[2] * u.force / u.velocity)};
-  }
-  static constexpr Matrix<order> jacobian(const Law&, const Units& u) noexcept {
-    return diagonal<order>(
-        {u.force / u.penetration, u.force / u.penetration / u.penetration, u.force / u.velocity});
-  }
-  static constexpr Vector<order> variances(const Matrix<order>& p, const Law& law,
-                                           const Units& u) noexcept {
-    return detail::scaled_diagonal(p, jacobian(law, u));
-  }
 };
 
 // The single-stage method (eqs. 9, 12): y = ln F, φ = [1, v, ln x], θ = [ln K, B/K, n].
@@ -150,8 +142,7 @@ struct HuntCrossleyLogRegression {
 };
 
 // The same where the exponent is known: y = ln F − n ln x, φ = [1, v], θ = [ln K, B/K].
-struct KnownExponentLogRegression {
-  using Law = HuntCrossley;
+struct KnownExponentLogRegression : HuntCrossleyLogRegression {
   static constexpr std::size_t order = 2;
   static constexpr Law initial{0.1, 0.0, 1.5};  // of which n is the known one; a sphere's
   static constexpr Vector<order> initial_variances{1e3, 1e3};
@@ -176,32 +167,16 @@ struct KnownExponentLogRegression {
   Law law(const Vector<order>& theta, const Units& u) const noexcept {
     return HuntCrossleyLogRegression::law({theta[0], theta[1], exponent}, u);
   }
-  // Of the law by (ln K, B/K, n), of which the last has no error.
-  static Matrix<3> jacobian(const Law& law, const Units& u) noexcept {
-    return HuntCrossleyLogRegression::jacobian(law, u);
-  }
-  static Vector<3> variances(const Matrix<3>& p, const Law& law, const Units& u) noexcept {
-    return HuntCrossleyLogRegression::variances(p, law, u);
-  }
-
-  double exponent;
+  double exponent;  // which has no error among (ln K, B/K, n)
 };
 
 namespace detail {
-
-template <std::size_t Size>
-constexpr bool all_within(const Vector<Size>& values, double limit) noexcept {
-  for (const double value : values) {
-    if (!(value >= -limit && value <= limit)) return false;
-  }
-  return true;
-}
 
 // Variances whose squares and reciprocals are far from both ends of a double.
 template <std::size_t Size>
 constexpr const char* validate_covariance(const Matrix<Size>& p) noexcept {
   for (std::size_t i = 0; i < Size; ++i) {
-    if (!(p[i][i] >= 1e-20 && p[i][i] <= 1e20)) {
+    if (!lies_in(p[i][i], 1e-20, 1e20)) {
       return "method.initial_covariance must have variances in [1e-20, 1e20]";
     }
     for (std::size_t j = 0; j < i; ++j) {
@@ -214,14 +189,17 @@ constexpr const char* validate_covariance(const Matrix<Size>& p) noexcept {
 
 // What is known of an exponent that is not to be identified.
 constexpr const char* validate_known_exponent(double exponent) noexcept {
-  const bool sound = exponent >= 0.1 && exponent <= 10.0;
-  return sound ? nullptr : "method: a known exponent must be in [0.1, 10]";
+  return lies_in(exponent, 0.1, 10.0) ? nullptr : "method: a known exponent must be in [0.1, 10]";
 }
 
 template <class Law>
 constexpr const char* validate_initial(const Law& law) noexcept {
-  const bool sound = all_within(law.parameters(), largest_parameter);
-  return sound ? nullptr : "method.initial must be finite parameters, within ±1e100";
+  for (const double value : law.parameters()) {
+    if (!lies_in(value, -largest_parameter, largest_parameter)) {
+      return "method.initial must be finite parameters, within ±1e100";
+    }
+  }
+  return nullptr;
 }
 
 }  // namespace detail
@@ -301,15 +279,11 @@ class RegressionMethod {
         least_squares_(
             {Regression::coefficients(settings.initial, units), settings.initial_covariance}) {}
 
-  constexpr ContactGate::Settings gate(const ContactGate::Settings& given,
-                                       const Units&) const noexcept {
-    return given;
-  }
   bool in_range(const Sample& s) const noexcept {
     return detail::touching(s) && detail::within(s, largest_input);
   }
 
-  Row prepare(const Sample& sample) const noexcept { return regression_.row(sample); }
+  Row prepare(const Sample& sample, double) const noexcept { return regression_.row(sample); }
 
   double predict(const Row& row) const noexcept {
     if constexpr (requires { Regression::predict(least_squares_.parameters(), row); }) {

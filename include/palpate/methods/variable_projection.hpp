@@ -57,7 +57,7 @@ class VariableProjectionMethod {
            detail::within(s, largest_input);
   }
 
-  Row prepare(const Sample& sample) noexcept {
+  Row prepare(const Sample& sample, double) noexcept {
     refresh();
     return {sample, last_solution_.force(sample)};
   }
@@ -74,7 +74,7 @@ class VariableProjectionMethod {
   }
 
   // A sample out of contact tells of the force's offset.
-  void free(const Sample& sample, double forgetting_factor) noexcept {
+  void free(const Sample& sample, double, double forgetting_factor) noexcept {
     if constexpr (requires { solver_.free(sample, forgetting_factor); }) {
       if (detail::within(sample, largest_input)) solver_.free(sample, forgetting_factor);
     }
@@ -151,15 +151,8 @@ class VariableProjectionMethod {
   Fit<Law> fit(const Solution& now, const Matrix<5>& root, const Units& units) const noexcept {
     const Law law = this->law(now, units);
     const Matrix<5> joint = detail::covariance_in_si(root, law, units);
-    Fit<Law> fit{.law = law,
-                 .covariance = {},
-                 .offset = {now.offset * units.force, joint[3][3], {}},
-                 .surface = {now.surface * units.penetration, joint[4][4]},
-                 .flags = flags(now, root)};
-    for (std::size_t i = 0; i < order; ++i) {
-      for (std::size_t j = 0; j < order; ++j) fit.covariance[i][j] = joint[i][j];
-      fit.offset.covariance[i] = joint[3][i];
-    }
+    Fit<Law> fit = fit_of(law, joint, now.offset * units.force, flags(now, root));
+    fit.surface = {now.surface * units.penetration, joint[4][4]};
     return fit;
   }
 

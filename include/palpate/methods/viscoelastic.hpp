@@ -12,11 +12,42 @@
 #include "palpate/method.hpp"
 #include "palpate/projection/free_air.hpp"
 #include "palpate/sample.hpp"
-#include "palpate/viscoelastic/settings.hpp"
 #include "palpate/viscoelastic/solution.hpp"
 #include "palpate/viscoelastic/solver.hpp"
 
 namespace palpate {
+
+// What an estimator of laws with memory is asked for.
+struct ViscoelasticSettings {
+  // Which of viscoelastic::candidates compete, a bit each: those that the everyday bank tells
+  // apart.
+  viscoelastic::Offered offered = (1U << viscoelastic::everyday_candidates) - 1U;
+  double exponent = 0.0;  // n where it is known, as of a tip whose shape is; 0: it is looked for
+  bool offset = true;
+  double offset_deviation = 0.0;  // of the prior F₀ ~ N(0, ·²), as a tare leaves; 0: none was made
+  // Of the surface, in scaled units: one that is off looks like an offset of as many units of
+  // force.
+  double surface_deviation = 0.0;
+  double sample_time = 1e-3;  // s; the shortest relaxation time is two of them
+
+  bool operator==(const ViscoelasticSettings&) const = default;
+};
+
+constexpr const char* validate(const ViscoelasticSettings& s) noexcept {
+  using viscoelastic::Grid;
+  return detail::first_fault({
+      {s.offered != 0 && (s.offered >> viscoelastic::candidates.size()) == 0,
+       "method.offered must name at least one law"},
+      {s.exponent == 0.0 ||
+           detail::lies_in(s.exponent, Grid::lowest_exponent, Grid::highest_exponent),
+       "method.exponent must be in [0.5, 3.25], or 0 where it is not known"},
+      {detail::lies_in(s.offset_deviation, 0.0, 1e60),
+       "method.offset_deviation must be in [0, 1e60] units of force"},
+      {detail::lies_in(s.surface_deviation, 0.0, 1e60),
+       "method.surface_deviation must be in [0, 1e60] units of penetration"},
+      {s.sample_time > 0.0 && s.sample_time <= 1e6, "method.sample_time must be in (0, 1e6] s"},
+  });
+}
 
 // `Sums` are those of the everyday tier or of the full one.
 template <class Sums>
@@ -48,14 +79,9 @@ class ViscoelasticMethod {
         surface_deviation_(settings.surface_deviation),
         offered_(settings.offered) {}
 
-  static ContactGate::Settings gate(const ContactGate::Settings& given, const Units&) noexcept {
-    return given;
-  }
   static bool in_range(const Sample& s) noexcept {
     return s.penetration > 0.0 && detail::within(s, largest_input);
   }
-
-  Row prepare(const Sample& sample) noexcept { return prepare(sample, sample_time()); }
 
   Row prepare(const Sample& sample, double dt) noexcept {
     advance(sample, dt);
@@ -114,7 +140,9 @@ class ViscoelasticMethod {
     outlived_ = outlived_ && !solver_.decided();
   }
 
-  Law law(const Units& units) const noexcept { return law(solver_.solution(), units); }
+  Law law(const Units& units) const noexcept {
+    return viscoelastic::law_in_si(solver_.solution(), solver_.samples().branches().times(), units);
+  }
 
   double force(const Units& units, double x, double v) const noexcept {
     const Sample sample{x * units.per_penetration, v * units.per_velocity, 0.0};
@@ -123,26 +151,16 @@ class ViscoelasticMethod {
 
   Fit<Law> fit(const Units& units) const noexcept {
     const viscoelastic::Solution& now = solver_.solution();
-    const Law law = this->law(now, units);
-    const Matrix<viscoelastic::joint_size> joint = covariance(law, units);
-    Fit<Law> fit{
-        .law = law,
-        .covariance = {},
-        .offset = {now.fit.value[viscoelastic::offset] * units.force, joint[order][order], {}},
-        .surface = {},
-        .flags = flags(now)};
-    for (std::size_t i = 0; i < order; ++i) {
-      for (std::size_t j = 0; j < order; ++j) fit.covariance[i][j] = joint[i][j];
-      fit.offset.covariance[i] = joint[order][i];
-    }
-    return fit;
+    const Law law = this->law(units);
+    return fit_of(law, covariance(law, units), now.fit.value[viscoelastic::offset] * units.force,
+                  flags(now));
   }
 
   Snapshot<Law> snapshot(const Units& units) const noexcept {
-    const viscoelastic::Solution& now = solver_.solution();
-    const Law law = this->law(now, units);
+    const Law law = this->law(units);
     const Matrix<viscoelastic::joint_size> joint = covariance(law, units);
-    Snapshot<Law> snapshot{law, {}, now.fit.value[viscoelastic::offset] * units.force, 0.0};
+    const double offset = solver_.solution().fit.value[viscoelastic::offset];
+    Snapshot<Law> snapshot{law, {}, offset * units.force};
     for (std::size_t i = 0; i < order; ++i) snapshot.variances[i] = joint[i][i];
     return snapshot;
   }
@@ -235,10 +253,6 @@ class ViscoelasticMethod {
     const auto& samples = solver_.samples();
     return viscoelastic::covariance_in_si(solver_.solution(), law, samples.branches().times(),
                                           samples.motion(), units);
-  }
-
-  Law law(const viscoelastic::Solution& now, const Units& units) const noexcept {
-    return viscoelastic::law_in_si(now, solver_.samples().branches().times(), units);
   }
 
   std::uint8_t flags(const viscoelastic::Solution& now) const noexcept {

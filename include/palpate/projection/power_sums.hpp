@@ -56,6 +56,12 @@ class PowerSums {
     return sums_[power];
   }
 
+  constexpr Values node(std::size_t j) const noexcept {
+    Values values;
+    for (std::size_t power = 0; power < power_count; ++power) values[power] = sums_[power][j];
+    return values;
+  }
+
   // Adds a sample in scaled units; one that does not touch (ξ ≤ 0) informs F₀ only.
   void add(const Sample& s, double forgetting_factor) noexcept {
     if (forgetting_factor != 1.0) forget(forgetting_factor);
@@ -116,11 +122,7 @@ class PowerSums {
   // one exponent there are no derivatives: they are zero.
   Local at(double n) const noexcept {
     if (one_exponent()) {
-      Local local{};
-      for (std::size_t power = 0; power < power_count; ++power) {
-        local.value[power] = sums_[power].front();
-      }
-      return local;
+      return {node(0), {}, {}};
     }
     // The first of the ten nodes around it, and how many steps it is behind that.
     const double position = (n - lowest_) / step_, centred = std::floor(position) - 4.0;

@@ -12,7 +12,6 @@ from palpate.cli import complain
 from palpate.cli.fleet import require_figures
 from palpate.cli.options import names_in
 from palpate.cli.printing import Terminal, bar, print_table, say, say_path
-from palpate.errors import InvalidParameterError
 
 if TYPE_CHECKING:
     from palpate.paper import Experiment
@@ -79,12 +78,10 @@ def paper(
 
 def _chosen(only: tuple[str, ...]) -> "list[Experiment]":
     from palpate.paper import EXPERIMENTS
+    from palpate.validation import one_of
 
     for name in only:
-        if name not in EXPERIMENTS:
-            raise InvalidParameterError(
-                f"--only must name some of {', '.join(EXPERIMENTS)}, not {name!r}"
-            )
+        one_of("--only", name, EXPERIMENTS)
     return [each for name, each in EXPERIMENTS.items() if not only or name in only]
 
 

@@ -119,11 +119,16 @@ def print_table(
     """
     from rich.table import Table  # here, so that help, which has none, comes at once
 
-    texts = [[as_text(cell) for cell in row] for row in rows]
-    shown = [k for k in range(len(headings)) if any(row[k].plain not in _NOTHING for row in texts)]
-    plain = {k: headings[k].removeprefix(">") for k in shown}
-    widths = {k: max(map(_width, [plain[k], *(row[k].plain for row in texts)])) for k in shown}
-    least = {k: min(w, _NARROWEST_PROSE if headings[k] in prose else w) for k, w in widths.items()}
+    texts = [list(map(as_text, row)) for row in rows]
+    shown, plain, widths, least = list[int](), dict[int, str](), dict[int, int](), dict[int, int]()
+    for k, column in enumerate(zip(*texts, strict=True)):
+        words = list(map(str, column))
+        if set(words).issubset(_NOTHING):
+            continue
+        shown.append(k)
+        plain[k] = headings[k].removeprefix(">")
+        widths[k] = max(map(_width, [plain[k], *words]))
+        least[k] = min(widths[k], _NARROWEST_PROSE) if headings[k] in prose else widths[k]
     if sum(least.values()) + _GAP * (len(shown) - 1) <= console.width:
         table = Table(box=None, pad_edge=False, padding=(0, _GAP, 0, 0), header_style="bold")
         for k in shown:

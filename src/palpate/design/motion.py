@@ -1,6 +1,5 @@
 """A motion as it is planned, as a robot plays it from rest to rest, and its file."""
 
-import io
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
@@ -11,8 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from palpate.errors import InvalidParameterError
+from palpate.recordings.opening import write_formatted
 from palpate.validation import Floats, instance, number_in
-from palpate.writing import write_text
 
 
 @dataclass(frozen=True, slots=True)
@@ -245,17 +244,14 @@ def write_motion(
     RecordingError
         The path cannot be written.
     """
-    table = np.column_stack(command.sampled(sample_time)) + 0.0  # no -0
+    names = ("time_s", "penetration_m", "velocity_m_s")
+    sampled = zip(names, command.sampled(sample_time), strict=True)
+    columns = {name: (values + 0.0, "%.9g") for name, values in sampled}  # no -0
     ends = (
         f"at rest {1e3 * command.clearance:.4g} mm above the surface until {PAUSE:g} s and at the "
         f"end; the sines from {command.start:.6g} s to {command.stop:.6g} s"
     )
-    text = io.StringIO()
-    for name, words in {**(notes or {}), "phases": ends}.items():
-        text.write(f"# {name}: {' '.join(words.split())}\n")
-    text.write("time_s,penetration_m,velocity_m_s\n")
-    np.savetxt(text, table, fmt="%.9g", delimiter=",")
-    write_text(Path(path), text.getvalue())
+    write_formatted(columns, Path(path), {**(notes or {}), "phases": ends})
 
 
 def _outward(motion: Motion, earliest: float) -> float:

@@ -38,7 +38,7 @@ from palpate.diagnosis.marks import (
 from palpate.digits import rounded
 from palpate.estimators.estimate import Estimate, Trace
 from palpate.estimators.law_verdicts import ONE_WAY
-from palpate.findings import MARKS, SEVERITIES, Finding, worst
+from palpate.findings import MARKS, SEVERITIES, Finding, Mark, worst
 from palpate.stages import timed
 
 SHORTEST = 5  # samples
@@ -72,20 +72,13 @@ def flat(fit: Fit) -> Finding | None:
     part = max(at_top, elsewhere)
     if part <= SOME_FLAT:
         return None
-    words = (
-        f"the force stays at its largest, {rounded(top, 3)} N, for {part:.1%} of the contact: "
-        "saturated?"
-        if at_top >= elsewhere
-        else f"the force stands still for {part:.1%} of the contact while the probe moves"
-    )
-    return Finding.of_both(
-        "do-not-trust" if part > MANY_FLAT else "with-care",
-        "saturation" if at_top >= elsewhere else "stuck force",
-        words,
-        "press less deep, or take a sensor of a larger range"
-        if at_top >= elsewhere
-        else "look after the sensor's connection",
-    )
+    mark: Mark = "do-not-trust" if part > MANY_FLAT else "with-care"
+    if at_top < elsewhere:
+        words = f"the force stands still for {part:.1%} of the contact while the probe moves"
+        return Finding.of_both(mark, "stuck force", words, "look after the sensor's connection")
+    words = f"the force stays at its largest, {rounded(top, 3)} N, for {part:.1%} of the contact"
+    remedy = "press less deep, or take a sensor of a larger range"
+    return Finding.of_both(mark, "saturation", f"{words}: saturated?", remedy)
 
 
 # Outliers that were left out: said always, and not to be trusted blindly where they are many.

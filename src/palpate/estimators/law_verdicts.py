@@ -295,8 +295,12 @@ ONE_WAY = 0.8
 _NOISY = 0.02
 
 
-def _open_law(evidence: Evidence, standings: tuple[Standing, ...]) -> Iterator[Finding]:
-    """What the samples leave open of which law it is."""
+def _open_law(
+    evidence: Evidence, standings: tuple[Standing, ...], law: GeneralisedHuntCrossley
+) -> Iterator[Finding]:
+    """What the samples leave open of which law it is; nothing before the first verdict."""
+    if not standings:
+        return
     # A motion at one speed, such as an approach alone, tells damper and spring apart by the noise.
     if tied := [str(each.candidate) for each in standings[1:] if each.score < UNDECIDED]:
         yield Finding(
@@ -306,32 +310,24 @@ def _open_law(evidence: Evidence, standings: tuple[Standing, ...]) -> Iterator[F
             "press and let go, at several speeds",
         )
     stand = {each.candidate for each in standings}
-    if stand and any(law.memory != "none" and law not in stand for law in evidence.laws):
+    if any(each.memory != "none" and each not in stand for each in evidence.laws):
         yield Finding(
             "which law",
             "no law with memory competes yet: five numbers fit any hundred samples; stiffness and "
             "damping may be those of one",
         )
     # At one speed v damper, memory and spring are functions of the depth alone, x = vt.
-    if standings and abs(evidence.one_way) > ONE_WAY:
+    if abs(evidence.one_way) > ONE_WAY:
         yield Finding(
             "one way",
             "the motion goes one way at nearly one speed: damping, memory and stiffness are "
             "distinguished by the shape of the law alone, and may be far off",
             "press and let go, at several speeds",
         )
-
-
-def _light_samples(
-    evidence: Evidence, standings: tuple[Standing, ...], law: GeneralisedHuntCrossley
-) -> Iterator[Finding]:
-    """Say that light samples are taken by their own force, where noise is as large.
-
-    Those that noise makes negative count as out of contact, and what is left is too firm: E(F | F >
-    0) > F, and the stiffness too low.
-    """
+    # Light samples are taken by their own force: those that noise makes negative count as out of
+    # contact, and what is left is too firm, E(F | F > 0) > F, and the stiffness too low.
     depth, shallowest = evidence.depth, evidence.shallowest
-    if shallowest is None or not (standings and depth > 0.0 and law.stiffness > 0.0):
+    if shallowest is None or not (depth > 0.0 and law.stiffness > 0.0):
         return
     n, noise = law.exponent, standings[0].rms_error
     force = law.stiffness * depth**n
@@ -403,8 +399,7 @@ def verdict_of(evidence: Evidence, estimate: Estimate) -> LawVerdict:
         for index, score, mean_square in ranked
     )
     findings = (
-        *_open_law(evidence, standings),
-        *_light_samples(evidence, standings, estimate.law),
+        *_open_law(evidence, standings, estimate.law),
         *_open_memory(evidence, estimate),
     )
     numbers = {name: getattr(evidence, name) for name in _NUMBERS}

@@ -72,14 +72,8 @@ class ProbeMotion:
         """
         time: Floats = 1e-3 * np.arange(6000, dtype=np.float64)
         command = Probing(pause=0.0).at(time)
-        return cls(
-            time,
-            command.penetration,
-            command.velocity,
-            np.gradient(command.velocity, time),
-            command.penetration > FIRM,
-            source="the paper's motion",
-        )
+        x, v = command.penetration, command.velocity
+        return cls(time, x, v, np.gradient(v, time), x > FIRM, source="the paper's motion")
 
     @classmethod
     def recorded(cls, result: Identification | SavedResult) -> "ProbeMotion":
@@ -101,22 +95,15 @@ class ProbeMotion:
         parts = [np.flatnonzero(good[part]) + part.start for part in contact.segments()]
         kept = [part for part in parts if part.size > 1]
         whole = np.concatenate(kept) if kept else np.empty(0, dtype=np.int64)
-        acceleration = [np.gradient(contact.velocity[part], contact.time[part]) for part in kept]
+        time, velocity = contact.time[whole], contact.velocity[whole]
+        parts = [np.gradient(contact.velocity[part], contact.time[part]) for part in kept]
         penetration = contact.penetration[whole] - surface
         judged = result.trace.taken[whole] & (penetration > 0.0)
         if not judged.any():
             raise RecordingError(f"{contact.source}: no sample of it was taken; identify it again")
-        lengths = np.cumsum([0, *(part.size for part in kept[:-1])])
-        return cls(
-            contact.time[whole],
-            penetration,
-            contact.velocity[whole],
-            np.concatenate(acceleration),
-            judged,
-            tuple(int(k) for k in lengths),
-            contact.force[whole] - offset,
-            "the recorded motion",
-        )
+        starts = tuple(np.cumsum([0, *(part.size for part in kept[:-1])]).tolist())
+        motion = cls(time, penetration, velocity, np.concatenate(parts), judged, starts)
+        return replace(motion, force=contact.force[whole] - offset, source="the recorded motion")
 
     def __len__(self) -> int:
         return len(self.time)

@@ -14,7 +14,14 @@ from palpate.exports.engine import Asked, Engine, Fragment, ProbeMotion, engine_
 from palpate.exports.statement import Exportable, ExportedLaw, Statement, compared
 from palpate.lab.materials import Touch
 from palpate.validation import Floats, number_in
-from palpate.writing import check_own, check_writable, encoded, make_folder, write_text
+from palpate.writing import (
+    as_json,
+    check_own,
+    check_writable,
+    encoded,
+    make_folder,
+    write_text,
+)
 
 STATEMENT = ("statement.json", "statement.md")
 
@@ -205,8 +212,7 @@ def _written(
     digests = {name: _digest(text) for name, text in texts.items()}
     digests |= {name: earlier[name] for name in left}
     whole = {**statement.as_dict(), "files": list(files), "left": list(left), "sha256": digests}
-    text = json.dumps(whole, ensure_ascii=False, allow_nan=False, indent=1)
-    return {**texts, number: text + "\n"}
+    return {**texts, number: as_json(whole)}
 
 
 # An exported fragment, for the laboratory to press: the engine's force in place of a law's.
@@ -251,18 +257,11 @@ class InAnEngine:
         self, time: Floats, lateral_position: Floats, penetration: Floats, velocity: Floats
     ) -> Floats:
         """Force of the engine [N] along a whole motion, shapes (k,); 0 out of contact."""
-        force = np.zeros_like(time)
-        below = np.flatnonzero(penetration > 0.0)
+        force, below = np.zeros_like(time), np.flatnonzero(penetration > 0.0)
         if below.size:
-            force[below] = self._pushed(
-                ProbeMotion(
-                    time[below],
-                    penetration[below],
-                    velocity[below],
-                    np.gradient(velocity, time)[below],
-                    np.ones(below.size, dtype=np.bool_),
-                )
-            )
+            acceleration = np.gradient(velocity, time)
+            t, x, v, a = (each[below] for each in (time, penetration, velocity, acceleration))
+            force[below] = self._pushed(ProbeMotion(t, x, v, a, np.ones(below.size, dtype=bool)))
         return force
 
 

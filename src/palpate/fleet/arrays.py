@@ -13,7 +13,7 @@ from dataclasses import dataclass, field, fields, replace
 from functools import partial
 from pathlib import Path
 from time import perf_counter
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -35,7 +35,7 @@ from palpate.fleet.rows import (
     table_of,
     table_of_rows,
 )
-from palpate.fleet.tasks import DiagnosisDepth, Settings, cores
+from palpate.fleet.tasks import DiagnosisDepth, Settings, Table, cores
 from palpate.identification.identified import (
     FEWEST_ABOVE,
     NEGATIVE_DAMPING,
@@ -49,9 +49,6 @@ from palpate.preparation.preparing import Recorded, prepare
 from palpate.preparation.velocity import spikes_of_rows, step_of, velocity_of
 from palpate.recordings.recording import Recording, printable
 from palpate.validation import Floats, number_in, real_array, whole_in
-
-if TYPE_CHECKING:
-    import pyarrow as pa
 
 # What the bits of an estimate's flags say, for each of their combinations.
 _ADVICE_OF = [tuple(map(str, findings_of(bits))) for bits in range(256)]
@@ -250,7 +247,7 @@ def row_of_curve(contact: Contact, settings: Settings) -> dict[str, Any]:
 
 def identify_curves(
     curves: Curves, settings: Settings, *, threads: int = 1
-) -> "tuple[pa.Table, Floats]":
+) -> tuple[Table, Floats]:
     """Identify each of the curves: a table with a row for each, in their order, and its seconds.
 
     By the whole-curve fit where the settings allow that, else one by one by the recursion.
@@ -281,7 +278,7 @@ Given: TypeAlias = tuple[Row, Any]
 
 def identify_each(
     contacts: Iterable[Given], settings: Settings, *, searching: bool = False
-) -> "tuple[pa.Table, Floats]":
+) -> tuple[Table, Floats]:
     """Identify contacts one by one: a table with a row for each, or one a place; and its seconds.
 
     Parameters
@@ -324,7 +321,7 @@ def _named(curves: Curves) -> dict[str, Any]:
     return {"source": [curves.source] * len(curves), **index, **curves.places}
 
 
-def _together(curves: Curves, settings: Settings, threads: int) -> "pa.Table":
+def _together(curves: Curves, settings: Settings, threads: int) -> Table:
     curves = curves.known()
     chosen = {name: settings.estimator[name] for name in _SHARED if name in settings.estimator}
     if not settings.searches_surface and "surface_deviation" not in chosen:
@@ -470,7 +467,7 @@ def identify_many(
     preparation: Mapping[str, Any] | None = None,
     source: str = "",
     threads: int | None = None,
-) -> "pa.Table":
+) -> Table:
     """Identify many contacts: a table with a row for each.
 
     Contacts of equal length are best given as arrays: the default method then fits all of them at

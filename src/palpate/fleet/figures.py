@@ -16,10 +16,10 @@ from palpate.figures.style import (
     style,
 )
 from palpate.fleet.maps import Map, Repeats, numbers
+from palpate.fleet.tasks import Table
 from palpate.validation import Floats
 
 if TYPE_CHECKING:
-    import pyarrow as pa
     from matplotlib.axes import Axes
     from matplotlib.cm import ScalarMappable
     from matplotlib.figure import Figure
@@ -33,9 +33,7 @@ _HISTOGRAM_SPAN = (0.5, 99.5)
 _DECADES = 100.0
 
 
-def draw_distributions(
-    table: "pa.Table", *, dark: bool = False, width: float | None = None
-) -> "Figure":
+def draw_distributions(table: Table, *, dark: bool = False, width: float | None = None) -> "Figure":
     """Draw histograms of what was identified, and of how well that is known.
 
     Stiffness and damping at working depth and the exponent, where one was identified; below each
@@ -108,7 +106,7 @@ def draw_repeats(
     return figure
 
 
-def _varies(table: "pa.Table", name: str) -> bool:
+def _varies(table: Table, name: str) -> bool:
     """Whether a parameter was identified; one that was given has no error."""
     return bool((numbers(table, f"{name}_standard_error") > 0.0).any())
 

@@ -12,21 +12,17 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from palpate.errors import FleetError, MissingExtraError, RecordingError
 from palpate.fleet.arrays import Curves
-from palpate.fleet.tasks import Batch, ContactSource, Settings, digest_of, line_of, needed
-from palpate.recordings.opening import FORCE_CURVES, FORMATS
+from palpate.fleet.tasks import Batch, ContactSource, Settings, Table, digest_of, needed
+from palpate.recordings.opening import FORCE_CURVES, FORMATS, first_line
 from palpate.recordings.recording import UNITS, plain_unit, printable
 from palpate.validation import Floats
-from palpate.writing import make_folder, temporary_file, write_bytes, write_text
-
-if TYPE_CHECKING:
-    import pyarrow as pa
-
+from palpate.writing import as_json, make_folder, temporary_file, write_bytes, write_text
 
 _ZARR_ENDINGS = (".zarr", ".zarr.zip")
 _MARKS = ("zarr.json", ".zgroup", ".zarray")
@@ -112,7 +108,7 @@ def curves_of(name: str, first: int, count: int) -> Curves:
     except RecordingError:
         raise
     except Exception as error:
-        raise RecordingError(f"{name}: cannot be read: {line_of(error)}") from None
+        raise RecordingError(f"{name}: cannot be read: {first_line(error)}") from None
     time = found.get("time")
     if time is None:
         step = group.attrs.get(_CLOCK)
@@ -168,7 +164,7 @@ def _fetched(fsspec: Any, name: str) -> Iterator[bytes]:
             while piece := file.read(_PIECE):
                 yield piece
     except Exception as error:
-        raise RecordingError(f"{name}: cannot be fetched: {line_of(error)}") from None
+        raise RecordingError(f"{name}: cannot be fetched: {first_line(error)}") from None
 
 
 def _opened(name: str) -> Any:
@@ -177,7 +173,7 @@ def _opened(name: str) -> Any:
         return zarr.open_group(_on_disk(name), mode="r")
     except Exception as error:
         raise RecordingError(
-            f"{name}: is no group of arrays by Zarr that can be opened: {line_of(error)}"
+            f"{name}: is no group of arrays by Zarr that can be opened: {first_line(error)}"
         ) from None
 
 
@@ -282,7 +278,7 @@ class Results:
                 )
         else:
             _check_empty(folder)
-            write_text(path, json.dumps(wanted, ensure_ascii=False, indent=1) + "\n")
+            write_text(path, as_json(wanted))
         make_folder(folder / TIMES)
         return cls(folder, wanted["contacts"])
 
@@ -303,7 +299,7 @@ class Results:
         kinds: list[str | None] = _joined(self.folder, ["error_kind"])["error_kind"].to_pylist()
         return kinds
 
-    def write(self, batch: Batch, table: "pa.Table", seconds: Floats) -> None:
+    def write(self, batch: Batch, table: Table, seconds: Floats) -> None:
         """Write the rows of a batch, whole or not at all; its times first.
 
         Raises
@@ -321,7 +317,7 @@ class Results:
             write_bytes(folder / name, written.getvalue())
 
 
-def read_results(folder: Path) -> "pa.Table":
+def read_results(folder: Path) -> Table:
     """Read the rows of a fleet, in the order of its sources.
 
     Raises
@@ -340,12 +336,12 @@ def read_results(folder: Path) -> "pa.Table":
     return table
 
 
-def read_seconds(folder: Path) -> "pa.Table":
+def read_seconds(folder: Path) -> Table:
     """Read how long each row took: ``source``, ``index`` and ``seconds``."""
     return _joined(folder, place=TIMES)
 
 
-def _joined(folder: Path, columns: list[str] | None = None, place: str = ".") -> "pa.Table":
+def _joined(folder: Path, columns: list[str] | None = None, place: str = ".") -> Table:
     pa = needed("pyarrow", "a table of contacts")
     parquet = needed("pyarrow.parquet", "a table of contacts")
     parts = [folder / place / path.name for _, path in _parts(folder)]
@@ -354,7 +350,7 @@ def _joined(folder: Path, columns: list[str] | None = None, place: str = ".") ->
     try:
         return pa.concat_tables([parquet.read_table(part, columns=columns) for part in parts])
     except (OSError, pa.ArrowException) as error:
-        raise FleetError(f"{folder}: cannot be read: {line_of(error)}") from None
+        raise FleetError(f"{folder}: cannot be read: {first_line(error)}") from None
 
 
 def _parts(folder: Path) -> list[tuple[tuple[int, int], Path]]:
@@ -517,17 +513,12 @@ def _file(name: str, path: Path) -> ContactSource:
 
 def _curves_in(path: Path) -> int | None:
     """How many curves a map holds; None where it cannot be read, which its row will say."""
+    reader = FORCE_CURVES.reader()
     try:
-        from palpate.recordings.afm import count_curves
-    except ModuleNotFoundError as error:
-        raise MissingExtraError(
-            f"{FORCE_CURVES.name} files are read with the package {error.name}, which is not "
-            f"installed: pip install 'palpate[{FORCE_CURVES.extra}]'"
-        ) from None
-    try:
-        return count_curves(path)
+        count: int = reader.count_curves(path)
     except RecordingError:
         return None
+    return count
 
 
 def _remote(text: str) -> Iterator[ContactSource]:
@@ -543,7 +534,7 @@ def _remote(text: str) -> Iterator[ContactSource]:
     except ImportError as error:
         raise MissingExtraError(f"{text}: {error}; it goes beside 'palpate[fleet]'") from None
     except Exception as error:
-        raise RecordingError(f"{text}: cannot be listed: {line_of(error)}") from None
+        raise RecordingError(f"{text}: cannot be listed: {first_line(error)}") from None
     entries = sorted(each for each in listed if each[1].get("type") != "directory")
     arrays = _arrays_among([name for name, _ in entries])
     for name in sorted(arrays):

@@ -6,7 +6,7 @@ from collections import Counter, defaultdict
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import PurePosixPath
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,14 +14,11 @@ from numpy.typing import NDArray
 from palpate.digits import rounded, with_error
 from palpate.errors import InvalidParameterError
 from palpate.fleet.rows import AT_DEPTH, at_depth
+from palpate.fleet.tasks import Table
 from palpate.force_laws import FORCE_LAWS
 from palpate.identification.identified import NEGATIVE_STIFFNESS
 from palpate.results.view import depth_of
 from palpate.validation import Floats, number_in, shown
-
-if TYPE_CHECKING:
-    import pyarrow as pa
-
 
 #: At the working depth, whose repeats are held against their errors.
 JUDGED = ("stiffness", "damping")
@@ -67,24 +64,24 @@ class Repeats:
         return self.z < DISAGREES
 
 
-def numbers(table: "pa.Table", name: str) -> Floats:
+def numbers(table: Table, name: str) -> Floats:
     """A column of numbers; NaN where there is none."""
     cells = table.column(name).to_pylist()
     return np.array([math.nan if cell is None else cell for cell in cells], dtype=np.float64)
 
 
-def _errors(table: "pa.Table", name: str) -> Floats:
+def _errors(table: Table, name: str) -> Floats:
     """What repeats of a quantity at depth, and what the findings would move where that is known."""
     error, moved = (numbers(table, f"{name}_{kind}") for kind in ("standard_error", "systematic"))
     return np.where(np.isfinite(moved), np.hypot(error, moved), error)
 
 
-def _each(table: "pa.Table", *names: str) -> Iterator[tuple[Any, ...]]:
+def _each(table: Table, *names: str) -> Iterator[tuple[Any, ...]]:
     """These columns, row by row."""
     return zip(*(table.column(name).to_pylist() for name in names), strict=True)
 
 
-def names_of(table: "pa.Table") -> list[str]:
+def names_of(table: Table) -> list[str]:
     """What each row is called: its source, and the number of its contact and of its place."""
     found = []
     for source, index, part in _each(table, "source", "index", "part"):
@@ -94,7 +91,7 @@ def names_of(table: "pa.Table") -> list[str]:
     return found
 
 
-def repeats_of(table: "pa.Table", quantity: str) -> list[Repeats]:
+def repeats_of(table: Table, quantity: str) -> list[Repeats]:
     """Hold contacts with one thing against their own errors: χ² = Σ (v − v̄)²/σ².
 
     One thing is one place, to the last bit, where places are known; else one folder of recordings.
@@ -123,7 +120,7 @@ def repeats_of(table: "pa.Table", quantity: str) -> list[Repeats]:
     ]
 
 
-def _things(table: "pa.Table") -> list[str]:
+def _things(table: Table) -> list[str]:
     """What each row is a contact with; empty where nothing says it."""
     found = []
     for source, index, *place in _each(table, "source", "index", *"xyz"):
@@ -157,7 +154,7 @@ def kinds_of(sentences: Iterable[Sequence[str] | None]) -> list[tuple[str, int, 
     )
 
 
-def reasons_of(table: "pa.Table") -> list[tuple[str, int, str]]:
+def reasons_of(table: Table) -> list[tuple[str, int, str]]:
     """Why rows have no numbers: in words without names and numbers, how many, and the first."""
     errors = zip(names_of(table), _each(table, "source", "error"), strict=True)
     return _counted(
@@ -201,7 +198,7 @@ class Outlier:
     distance: float
 
 
-def outliers_of(table: "pa.Table") -> list[Outlier]:
+def outliers_of(table: Table) -> list[Outlier]:
     """Rows whose stiffness or damping is beyond five robust deviations, the farthest first.
 
     Of ln v, for materials differ by factors, with the row's own error beside the deviation; a value
@@ -228,7 +225,7 @@ def outliers_of(table: "pa.Table") -> list[Outlier]:
     return sorted(found, key=lambda each: -each.distance)
 
 
-def slowest(times: "pa.Table", most: int = 10) -> list[tuple[str, float, int]]:
+def slowest(times: Table, most: int = 10) -> list[tuple[str, float, int]]:
     """The sources that took longest: name, seconds, and how many rows."""
     found: dict[str, list[float]] = defaultdict(list)
     for source, seconds in _each(times, "source", "seconds"):
@@ -319,13 +316,9 @@ class Map:
     def _beside(self) -> list[str]:
         """What to know beside the numbers."""
         hidden = len(self.places) - len(np.unique(self.places, axis=0))
+        unknown = int(np.isnan(self.value).sum()) - self.shallow
         counts = (
-            (
-                int(np.isnan(self.value).sum()) - self.shallow,
-                "place has",
-                "places have",
-                "no number",
-            ),
+            (unknown, "place has", "places have", "no number"),
             (self.shallow, "place was", "places were", "not pressed so deep"),
             (self.rows - len(self.value), "row has", "rows have", "no place"),
             (hidden if len(self.axes) > 1 else 0, "lies", "lie", "on others"),
@@ -339,7 +332,7 @@ class Map:
 
 
 def map_of(
-    results: "pa.Table",
+    results: Table,
     by: Sequence[str],
     *,
     of: Quantity = "stiffness",
@@ -386,24 +379,14 @@ def map_of(
     units = tuple((field.metadata or {}).get(b"unit", b"").decode() for field in fields)
     deep = depths[there & np.isfinite(depths)]
     span = (float(deep.min()), float(deep.max())) if deep.size else (np.nan, np.nan)
-    return Map(
-        of,
-        "" if of == "exponent" else AT_DEPTH[of],
-        value[there],
-        error[there],
-        axes,
-        units,
-        places[there],
-        depth,
-        span,
-        results.num_rows,
-        int(np.count_nonzero(short[there])),
-        mistrusted[there],
-        _doubts(results, there),
-    )
+    unit, doubts = "" if of == "exponent" else AT_DEPTH[of], _doubts(results, there)
+    shallow, mistrusted = int(np.count_nonzero(short[there])), mistrusted[there]
+    value, error, places, rows = value[there], error[there], places[there], results.num_rows
+    at = depth, span
+    return Map(of, unit, value, error, axes, units, places, *at, rows, shallow, mistrusted, doubts)
 
 
-def mistrusted_of(results: "pa.Table", of: str) -> NDArray[np.bool_]:
+def mistrusted_of(results: Table, of: str) -> NDArray[np.bool_]:
     """Say of each row whether its number is not to be trusted, by verdict, findings or flags."""
     verdict = f"verdict_{of}" if of in ("stiffness", "damping") else "verdict"
     marks = (f"{of} not", f"{of} at the edge", NEGATIVE_STIFFNESS.message)
@@ -418,7 +401,7 @@ def mistrusted_of(results: "pa.Table", of: str) -> NDArray[np.bool_]:
     )
 
 
-def _doubts(results: "pa.Table", there: NDArray[np.bool_]) -> tuple[str, ...]:
+def _doubts(results: Table, there: NDArray[np.bool_]) -> tuple[str, ...]:
     """What the checks say of how many places, the worst and the most frequent first."""
     inside = results.filter(there)
     kinds: Counter[tuple[str, ...]] = Counter()
@@ -434,7 +417,7 @@ def _doubts(results: "pa.Table", there: NDArray[np.bool_]) -> tuple[str, ...]:
     return (*words, *(["the data were not checked"] if unchecked else []))
 
 
-def _numbers(results: "pa.Table", name: str) -> Floats:
+def _numbers(results: Table, name: str) -> Floats:
     if name not in results.schema.names:
         raise InvalidParameterError(
             f"by: there is no column {name!r}; there are {', '.join(results.schema.names)}"
@@ -445,7 +428,7 @@ def _numbers(results: "pa.Table", name: str) -> Floats:
         raise InvalidParameterError(f"by: the column {name} holds no numbers") from None
 
 
-def _values(results: "pa.Table", of: str, depth: float | None) -> tuple[Floats, Floats, Floats]:
+def _values(results: Table, of: str, depth: float | None) -> tuple[Floats, Floats, Floats]:
     depths = numbers(results, "depth")
     if of == "exponent":
         if "exponent" not in results.schema.names:

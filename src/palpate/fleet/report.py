@@ -6,7 +6,6 @@ from datetime import UTC, datetime
 from functools import partial
 from html import escape
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -16,13 +15,10 @@ from palpate.fleet.figures import draw_distributions, draw_map, draw_repeats
 from palpate.fleet.files import REPORT, manifest_of, read_results, read_seconds
 from palpate.fleet.maps import map_of
 from palpate.fleet.rows import AT_DEPTH
+from palpate.fleet.tasks import Table
 from palpate.reports import html
 from palpate.reports.html import DRAWINGS, REPORT_STYLE, STYLE, drawing
 from palpate.writing import write_text
-
-if TYPE_CHECKING:
-    import pyarrow as pa
-
 
 #: Rows of a list; a page with more is read by nobody, and the dataset has them all.
 MOST = 20
@@ -93,7 +89,7 @@ def fleet_page(folder: Path) -> str:
     return html.document(f"{name}: what a fleet found", style, parts)
 
 
-def _tiles(table: "pa.Table") -> Iterator[str]:
+def _tiles(table: Table) -> Iterator[str]:
     count = table.num_rows
     failed = sum(error is not None for error in table.column("error").to_pylist())
     parts = any(part is not None for part in table.column("part").to_pylist())
@@ -134,7 +130,7 @@ def _percent(count: int, of: int) -> str:
     return f"{100.0 * count / max(of, 1):.3g}\N{NO-BREAK SPACE}%"
 
 
-def _distributions(table: "pa.Table") -> Iterator[str]:
+def _distributions(table: Table) -> Iterator[str]:
     known = np.isfinite(maps.numbers(table, "stiffness_at_depth"))
     if np.count_nonzero(known) < _FEWEST:
         return
@@ -145,7 +141,7 @@ def _distributions(table: "pa.Table") -> Iterator[str]:
     yield from drawing("distributions", partial(draw_distributions, table), words)
 
 
-def _map(table: "pa.Table") -> Iterator[str]:
+def _map(table: Table) -> Iterator[str]:
     """Over the first two coordinates that vary, where there are two."""
     spans = {}
     for axis in "xyz":
@@ -161,7 +157,7 @@ def _map(table: "pa.Table") -> Iterator[str]:
     yield from drawing("over-place", partial(draw_map, found), words)
 
 
-def _repeats(table: "pa.Table") -> Iterator[str]:
+def _repeats(table: Table) -> Iterator[str]:
     for quantity in maps.JUDGED:
         if not (found := maps.repeats_of(table, quantity)):
             continue
@@ -197,7 +193,7 @@ def _kinds(title: str, sentences: Iterable[Sequence[str] | None], count: int) ->
     yield from _list(title, ["what is said", "rows", ""], rows)
 
 
-def _outliers(table: "pa.Table") -> Iterator[str]:
+def _outliers(table: Table) -> Iterator[str]:
     found = maps.outliers_of(table)
     if found:
         yield (

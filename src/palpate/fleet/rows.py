@@ -4,7 +4,7 @@ import json
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -13,22 +13,18 @@ from palpate.contact import Contact
 from palpate.diagnosis import Data
 from palpate.estimators.estimate import Estimate
 from palpate.findings import Finding
-from palpate.fleet.tasks import Settings, line_of, needed
+from palpate.fleet.tasks import Settings, Table, needed
 from palpate.force_laws import ForceLaw
 from palpate.identification.identified import Identified
 from palpate.preparation.along_penetration import at_places
 from palpate.validation import Floats
-
-if TYPE_CHECKING:
-    import pyarrow as pa
-
 
 Row = dict[str, Any]
 #: At the working depth: what it is, and its unit.
 AT_DEPTH = {"force": "N", "stiffness": "N/m", "damping": "N·s/m"}
 
 
-def schema_of(settings: Settings) -> "pa.Schema":
+def schema_of(settings: Settings) -> Any:
     """Return the columns of a table: type, unit and description of each, settings of the whole."""
     pa = needed("pyarrow", "a table of contacts")
     whole, text, number = pa.int64(), pa.string(), pa.float64()
@@ -92,7 +88,7 @@ def schema_of(settings: Settings) -> "pa.Schema":
     return pa.schema(fields, metadata=notes)
 
 
-def table_of(columns: Mapping[str, Any], count: int, settings: Settings) -> "pa.Table":
+def table_of(columns: Mapping[str, Any], count: int, settings: Settings) -> Table:
     """Return columns of so many rows as a table; of the others only who made them is known."""
     pa = needed("pyarrow", "a table of contacts")
     schema = schema_of(settings)
@@ -104,7 +100,7 @@ def table_of(columns: Mapping[str, Any], count: int, settings: Settings) -> "pa.
     return pa.Table.from_arrays(arrays, schema=schema)
 
 
-def table_of_rows(rows: Sequence[Mapping[str, Any]], settings: Settings) -> "pa.Table":
+def table_of_rows(rows: Sequence[Mapping[str, Any]], settings: Settings) -> Table:
     """Return rows, of which each says what it knows, as a table of the settings' schema."""
     pa = needed("pyarrow", "a table of contacts")
     schema = schema_of(settings)
@@ -112,7 +108,7 @@ def table_of_rows(rows: Sequence[Mapping[str, Any]], settings: Settings) -> "pa.
     return pa.Table.from_pylist([{**nothing, **row} for row in rows], schema=schema)
 
 
-def _nothing(schema: "pa.Schema", settings: Settings) -> Row:
+def _nothing(schema: Any, settings: Settings) -> Row:
     """A row of which nothing is known but who made it."""
     unknown = {each.name: math.nan if each.type == "double" else None for each in schema}
     made = {"method": settings.method, "checked": settings.diagnosis, "version": settings.version}
@@ -178,7 +174,8 @@ def row_of(contact: Contact, settings: Settings) -> Row:
 
 def failure(error: Exception) -> Row:
     """Return what a row says of a contact that could not be identified."""
-    return {"error": line_of(error), "error_kind": type(error).__name__}
+    words = " ".join(str(error).split()) or type(error).__name__
+    return {"error": words, "error_kind": type(error).__name__}
 
 
 def in_words(finding: Finding) -> str:

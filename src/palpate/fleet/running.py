@@ -14,7 +14,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -30,15 +30,12 @@ from palpate.fleet.arrays import (
 )
 from palpate.fleet.files import Results, curves_of, on_this_machine, sources_of
 from palpate.fleet.rows import Row, table_of_rows
-from palpate.fleet.tasks import Batch, Settings, batches, cores, line_of, needed
+from palpate.fleet.tasks import Batch, Settings, Table, batches, cores, needed
 from palpate.preparation import prepare
 from palpate.recordings import open_recording
+from palpate.recordings.opening import FORCE_CURVES, first_line
 from palpate.recordings.recording import printable
 from palpate.validation import Floats, whole_in
-
-if TYPE_CHECKING:
-    import pyarrow as pa
-
 
 #: A source, and which of its contacts; None where it is one.
 Named = tuple[str, int | None]
@@ -46,9 +43,7 @@ _NAMES = ("source", "index")
 _SAMPLES = ("time", "penetration", "velocity", "force", "segment")
 
 
-def identify_batch(
-    batch: "pa.Table | pa.RecordBatch", settings: Settings, *, threads: int = 1
-) -> "pa.Table":
+def identify_batch(batch: Table, settings: Settings, *, threads: int = 1) -> Table:
     """Identify a batch of contacts.
 
     It depends on nothing but its arguments and what these name, and changes nothing: any engine may
@@ -83,9 +78,7 @@ def identify_batch(
     return timed_batch(batch, settings, threads=threads)[0]
 
 
-def timed_batch(
-    batch: "pa.Table | pa.RecordBatch", settings: Settings, *, threads: int = 1
-) -> "tuple[pa.Table, Floats]":
+def timed_batch(batch: Table, settings: Settings, *, threads: int = 1) -> tuple[Table, Floats]:
     """Identify a batch as :func:`identify_batch` does; and the seconds that each row took."""
     if settings.version != __version__:
         raise FleetError(
@@ -107,7 +100,7 @@ def timed_batch(
     return pa.concat_tables([table for table, _ in found]), np.concatenate([s for _, s in found])
 
 
-def _runs(batch: "pa.Table | pa.RecordBatch") -> Iterator[tuple[str, list[Named]]]:
+def _runs(batch: Table) -> Iterator[tuple[str, list[Named]]]:
     """Rows next to each other that are read together: of one array or map, or any files."""
     columns = (batch.column(name).to_pylist() for name in ("kind", "source", "index"))
     rows = zip(*columns, strict=True)
@@ -119,7 +112,7 @@ def _runs(batch: "pa.Table | pa.RecordBatch") -> Iterator[tuple[str, list[Named]
 
 def _identified(
     kind: str, named: list[Named], settings: Settings, threads: int
-) -> "tuple[pa.Table, Floats]":
+) -> tuple[Table, Floats]:
     if kind != "zarr":
         return identify_each(_in_files(kind, named), settings, searching=kind == "map")
     source, numbers = named[0][0], [index or 0 for _, index in named]
@@ -145,9 +138,8 @@ def _in_files(kind: str, named: list[Named]) -> Iterator[Given]:
         try:
             with on_this_machine(source) as path:
                 if kind == "map":
-                    from palpate.recordings.afm import read_curves
-
-                    found = read_curves(path, [index or 0 for _, index in some])
+                    numbers = [index or 0 for _, index in some]
+                    found = FORCE_CURVES.reader().read_curves(path, numbers)
                 else:
                     found = iter([open_recording(path, curve=some[0][1])])
                 for recording in found:
@@ -160,7 +152,7 @@ def _in_files(kind: str, named: list[Named]) -> Iterator[Given]:
             yield from [(_name(each), why) for each in left]
 
 
-def _held(batch: "pa.Table | pa.RecordBatch", settings: Settings) -> Iterator[Given]:
+def _held(batch: Table, settings: Settings) -> Iterator[Given]:
     """Contacts whose samples are in the batch itself."""
     columns = {name: batch.column(name) for name in batch.schema.names}
 
@@ -219,7 +211,7 @@ def client_of(
         client = distributed.Client(scheduler, timeout=PATIENCE, set_as_default=False)
     except (OSError, ValueError, TypeError, TimeoutError) as error:
         raise FleetError(
-            f"{scheduler}: no scheduler of Dask answers ({line_of(error)}); start one by dask "
+            f"{scheduler}: no scheduler of Dask answers ({first_line(error)}); start one by dask "
             "scheduler, or leave --scheduler out to use the cores of this machine"
         ) from None
     with client:
@@ -339,7 +331,7 @@ def _check_workers(client: Any, scheduler: str) -> None:
     try:
         found = client.run(version)
     except Exception as error:
-        raise FleetError(f"{scheduler}: its workers cannot be asked: {line_of(error)}") from None
+        raise FleetError(f"{scheduler}: its workers cannot be asked: {first_line(error)}") from None
     for worker, answer in sorted(found.items()):
         if answer != f"palpate {__version__}":
             raise FleetError(
@@ -498,8 +490,8 @@ def _worked(
 
 
 def _answer(
-    client: Any, future: Any, table: "pa.Table", settings: Settings, *, alone: bool = False
-) -> "tuple[pa.Table, Floats]":
+    client: Any, future: Any, table: Table, settings: Settings, *, alone: bool = False
+) -> tuple[Table, Floats]:
     """What a task gave; where it ended its workers, what its ever smaller parts give.
 
     Four workers have ended over the whole: by one of its contacts, or by chance, and then the parts
@@ -517,7 +509,7 @@ def _answer(
     except FleetError:
         raise
     except Exception as error:
-        words = f"{type(error).__name__}: {line_of(error)}"
+        words = f"{type(error).__name__}: {first_line(error)}"
         raise FleetError(f"a worker cannot work: {words}") from None
     size = -(-table.num_rows // _PARTS)
     answers = []

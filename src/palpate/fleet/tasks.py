@@ -7,14 +7,15 @@ import json
 import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from importlib import import_module
-from typing import TYPE_CHECKING, Any, Literal, get_args
+from functools import partial
+from typing import Any, Literal, TypeAlias, get_args
 
 import numpy as np
 
+from palpate import errors
 from palpate._core import __version__
 from palpate.contact import Contact
-from palpate.errors import InvalidParameterError, MissingExtraError
+from palpate.errors import InvalidParameterError
 from palpate.estimators import ContactEstimator, estimator_named
 from palpate.force_laws import ForceLaw
 from palpate.preparation import Columns, choose_gate
@@ -22,35 +23,10 @@ from palpate.preparation.settings import Preparation
 from palpate.settings import ContactGate
 from palpate.validation import shown
 
-if TYPE_CHECKING:
-    import pyarrow as pa
-
-
-def needed(name: str, what: str) -> Any:
-    """Import a package of the extra ``fleet``.
-
-    Parameters
-    ----------
-    name : str
-        Of the module.
-    what : str
-        What takes it, for the message.
-
-    Raises
-    ------
-    MissingExtraError
-        It is not installed.
-    """
-    try:
-        return import_module(name)
-    except ImportError:
-        package = name.partition(".")[0]
-        raise MissingExtraError(f"{what} needs {package}: pip install 'palpate[fleet]'") from None
-
-
-def line_of(error: Exception) -> str:
-    """Return what a library says of an error, on one line."""
-    return " ".join(str(error).split()) or type(error).__name__
+#: A table of pyarrow, which has no types, and is imported where one is made.
+Table: TypeAlias = Any
+#: Import a package of the extra ``fleet``, or say what needs it.
+needed = partial(errors.needed, extra="fleet")
 
 
 def cores() -> int:
@@ -137,7 +113,7 @@ class Batch:
     """
 
     first: int
-    table: "pa.Table"
+    table: Table
     seconds: float
 
     @property
@@ -146,9 +122,7 @@ class Batch:
         return self.first + int(self.table.num_rows)
 
 
-def tasks_table(
-    names: Sequence[str], kinds: Sequence[str], indices: Sequence[int | None]
-) -> "pa.Table":
+def tasks_table(names: Sequence[str], kinds: Sequence[str], indices: Sequence[int | None]) -> Table:
     """Return a table of what is to be identified: ``source``, ``kind`` and ``index``."""
     pa = needed("pyarrow", "a table of contacts")
     kinds_of_columns = {"source": pa.string(), "kind": pa.string(), "index": pa.int64()}

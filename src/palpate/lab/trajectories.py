@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from palpate.design.motion import PAPER_MOTION, Motion
-from palpate.errors import InvalidParameterError, MissingExtraError, RecordingError
+from palpate.errors import InvalidParameterError, RecordingError, needed
 from palpate.validation import Floats, instance, number_in, signals
 
 # Elementary functions of the C library, over arrays.
@@ -209,12 +209,7 @@ class SplineTrajectory:
     """
 
     def __init__(self, time: "ArrayLike", penetration: "ArrayLike", *, pause: float = 0.0) -> None:
-        try:
-            from scipy.interpolate import CubicSpline
-        except ImportError:
-            raise MissingExtraError(
-                "a motion of one's own needs SciPy: pip install 'palpate[lab]'"
-            ) from None
+        interpolate = needed("scipy.interpolate", "a motion of one's own", "lab")
         t, x = signals(time=time, penetration=penetration)
         if t.size < 4 or not (np.isfinite(t).all() and np.isfinite(x).all()):
             raise InvalidParameterError(
@@ -224,7 +219,7 @@ class SplineTrajectory:
             raise InvalidParameterError("time must increase from 0 s or later")
         self.pause = number_in("pause", pause, 0.0, 1e4)
         self._ends = float(t[0]), float(t[-1])
-        self._spline = CubicSpline(t, x, bc_type="clamped")
+        self._spline = interpolate.CubicSpline(t, x, bc_type="clamped")
 
     @classmethod
     def read(cls, path: str | Path) -> "SplineTrajectory":

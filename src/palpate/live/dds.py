@@ -104,7 +104,7 @@ def raw_type(type_name: str) -> Any:
     made = _struct(message_fields(type_name, "ros2msg", ""))
     # A base class would become part of the type that peers compare.
     made.deserialize = made.deserialize_key = made.of = classmethod(_of_bytes)
-    made.serialize = _bytes_of
+    made.serialize = lambda message, *_, **__: message.raw
     return made
 
 
@@ -112,10 +112,6 @@ def _of_bytes(cls: Any, data: bytes, *_: Any, **__: Any) -> Any:
     message = cls.__new__(cls)
     message.raw = data
     return message
-
-
-def _bytes_of(message: Any, *_: Any, **__: Any) -> Any:
-    return message.raw
 
 
 @lru_cache(maxsize=256)

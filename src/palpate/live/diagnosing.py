@@ -93,14 +93,10 @@ def recent(samples: Floats, window: float, delay: float) -> Floats:
 def contact_of(samples: Floats, sample_time: float) -> Contact:
     """Return a contact of time, penetration, velocity, force and status, cut at gaps."""
     gaps = np.diff(samples[:, 0], prepend=samples[:1, 0]) > _GAP * sample_time
-    return Contact(
-        samples[:, 0],
-        penetration=samples[:, 1],
-        velocity=samples[:, 2],
-        force=samples[:, 3],
-        segment=np.cumsum(gaps),
-        source="the last seconds",
-    )
+    time, *columns = samples[:, :4].T
+    names = ("penetration", "velocity", "force")
+    signals: dict[str, Any] = dict(zip(names, columns, strict=True))
+    return Contact(time, **signals, segment=np.cumsum(gaps), source="the last seconds")
 
 
 def _estimator(status: dict[str, Any]) -> ContactEstimator | None:

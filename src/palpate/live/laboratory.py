@@ -1,6 +1,5 @@
 """The laboratory as a source: its stepping runs beside the loop, a little ahead of the clock."""
 
-import multiprocessing
 import time
 from collections import deque
 from contextlib import suppress
@@ -183,17 +182,11 @@ class Laboratory:
 
     def open(self) -> None:
         """Start the process, and wait until the rig stands."""
-        context = multiprocessing.get_context("spawn")
         self._ring = Writer(CAPACITY, WIDTH)
         self._reader = Reader(self._ring.address)
-        self._connection, theirs = context.Pipe()
-        self._process = context.Process(
-            target=press, args=(self._setup, self._ring.address, theirs), name="laboratory"
-        )
-        self._process.daemon = True
-        start(self._process)
+        given = self._setup, self._ring.address
+        self._process, self._connection = start("laboratory", press, *given)
         self._open = True
-        theirs.close()
         if not self._connection.poll(_STARTING):
             raise RecordingError("the laboratory did not begin within a minute")
         if not self._listen():

@@ -351,22 +351,9 @@ class Loop:
             took += self._estimate()
         position, force = self._axes(arrival.position), self._axes(arrival.force)
         late = time.monotonic() - arrival.there
-        self.samples.write(
-            prepared[0],
-            arrival.time,
-            position[0],
-            force[0],
-            *prepared[1:],
-            predicted,
-            status,
-            self.preparation.status,
-            self.state,
-            took,
-            late,
-            self.estimates.count - 1,
-            *position[1:],
-            *force[1:],
-        )
+        came = prepared[0], arrival.time, position[0], force[0]
+        seen = status, self.preparation.status, self.state, took, late, self.estimates.count - 1
+        self.samples.write(*came, *prepared[1:], predicted, *seen, *position[1:], *force[1:])
         if sample is not None and not self.held:
             self.cycle.add(took)
         self.lateness.add(late)

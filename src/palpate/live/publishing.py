@@ -19,12 +19,12 @@ from typing import Any, Protocol
 import numpy as np
 
 from palpate.digits import parameter
-from palpate.errors import InvalidParameterError, PalpateError
+from palpate.errors import InvalidParameterError, PalpateError, needed
 from palpate.live.choices import State
 from palpate.live.loop import TAKEN
 from palpate.live.ordering import NANO
 from palpate.live.sinks import PLACE, Session, Sink, Watching, parameters_of
-from palpate.live.sources import NO_ROS1, imported
+from palpate.live.sources import NO_ROS1
 from palpate.live.view import fields_of, verdict_on
 from palpate.validation import Floats, shown
 
@@ -374,7 +374,7 @@ def open_publisher(address: str) -> Sink:
         raise InvalidParameterError(f"--publish must be one of {known}, not {shown(address)}")
 
     module, wire = PUBLISHERS[scheme]
-    made: Wire = getattr(imported(module), wire)(rest)
+    made: Wire = getattr(needed(module, scheme, "live"), wire)(rest)
     try:
         made.open()  # so that an address in use is known before the loop begins
     finally:

@@ -2,33 +2,42 @@
 
 import ctypes
 import gc
+import multiprocessing
 import os
 import platform
 import signal
 import struct
 import sys
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from multiprocessing import resource_tracker
+from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
+from typing import Any
 
 
-def start(process: BaseProcess) -> None:
+def start(name: str, target: Callable[..., None], *given: Any) -> tuple[BaseProcess, Connection]:
     """Start a process that Ctrl-C does not reach, from its first instruction on.
 
     A terminal sends it to every process in front; who started them ends them in order. It is
     held back meanwhile, and not ignored: one that comes during the start comes after it here.
+    Returned are the process and a connection; its function has the other end as last argument.
     """
+    context = multiprocessing.get_context("spawn")
+    ours, theirs = context.Pipe()
+    process = context.Process(target=target, args=(*given, theirs), name=name, daemon=True)
     if sys.platform == "win32":
         process.start()
-        return
-    resource_tracker.ensure_running()  # its own start would lift what is held back
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-    try:
-        process.start()  # a child begins with its parent's mask
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+    else:
+        resource_tracker.ensure_running()  # its own start would lift what is held back
+        before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+        try:
+            process.start()  # a child begins with its parent's mask
+        finally:
+            signal.pthread_sigmask(signal.SIG_SETMASK, before)
+    theirs.close()
+    return process, ours
 
 
 def end(processes: Sequence[BaseProcess], patience: float) -> None:

@@ -8,12 +8,11 @@ import time
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import suppress
 from datetime import datetime
-from importlib.util import find_spec
 from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
 
-from palpate.errors import MissingExtraError
+from palpate.errors import needed
 from palpate.live.ordering import NANO
 from palpate.live.ring import MOST_PARAMETERS
 from palpate.live.sinks import PLACE, Session, Watching
@@ -116,8 +115,7 @@ class Recorder:
     gently = False
 
     def __init__(self, path: Path | None = None, folder: Path | None = None) -> None:
-        if find_spec("mcap") is None:
-            raise MissingExtraError("a recording needs mcap: pip install 'palpate[live]'")
+        needed("mcap", "a recording", "live")
         self._path, self.every_sample = path, path is not None
         self._folder = Path() if folder is None else folder
 

@@ -28,13 +28,11 @@ from palpate.live.ordering import (
 )
 from palpate.live.sources import Arrival, Counts, SourceOptions, Value
 from palpate.recordings.messages.layout import (
-    Field,
-    Group,
     Layout,
     MessageNumber,
-    Number,
     TimeAt,
     UndecodableError,
+    leaves_of_empty,
     message_fields,
     walk_cdr,
 )
@@ -137,30 +135,14 @@ class MessageReader:
             raise InvalidParameterError(
                 f"topic {topic} is of the type {type_name}, which ROS itself does not define"
             ) from None
-        for path in paths:
-            self._check(f"topic {topic} of the type {type_name}", path)
-
-    def _check(self, where: str, path: str) -> None:
-        """Refuse a path that no message of the type can have; those into lists are seen later."""
-        if "[" in path:
-            return
-        found: Field = self._fields
-        for name in path.split(".") if path else ():
-            below = dict(found.fields) if isinstance(found, Group) else {}
-            if name not in below:
-                known = ", ".join(below) or "nothing more"
-                raise InvalidParameterError(f"{where} has no field {path}: there is {known[:200]}")
-            found = below[name]
-        axes = dict(found.fields) if isinstance(found, Group) else {}
-        vector = all(isinstance(axes.get(axis), Number) for axis in "xyz")
-        if isinstance(found, Number) and self._vectors:
-            raise InvalidParameterError(
-                f"{where}: {path} is a number, where a direction asks for vectors"
-            )
-        if vector and not self._vectors:
-            raise InvalidParameterError(f"{where}: {_vector_words(path)}")
-        if not vector and not isinstance(found, Number):
-            raise InvalidParameterError(f"{where}: {path} is neither a number nor a vector")
+        leaves = leaves_of_empty(self._fields)
+        try:  # a path that no message of the type can have; those into lists are seen later
+            for path in paths:
+                if "[" not in path:
+                    self._leaves(leaves, path)
+        except InvalidParameterError as error:
+            where = f"topic {topic} of the type {type_name}"
+            raise InvalidParameterError(f"{where}: {error}") from None
 
     def read(self, message: bytes) -> RosReading:
         """Return what a message says.

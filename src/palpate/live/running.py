@@ -1,6 +1,5 @@
 """A session: one loop in this process, each sink in a process of its own."""
 
-import multiprocessing
 import signal
 import threading
 import time
@@ -161,23 +160,17 @@ def _started(
     sinks: Sequence[Sink], session: Session, loop: Loop, board: Board, failed: dict[str, int]
 ) -> Iterator[dict[str, Connection]]:
     """Start the sinks' processes; at the end they have a while to finish; failures are noted."""
-    context = multiprocessing.get_context("spawn")
     processes: list[BaseProcess] = []
     connections: dict[str, Connection] = {}
     try:
         for sink in sinks:
             if loop.stopped:
                 break
-            ours, theirs = context.Pipe()
             own = replace(session, own=session.boards[sink.name])
-            process = context.Process(target=_serve, args=(sink, own, theirs), name=sink.name)
-            process.daemon = True
-            start(process)
-            theirs.close()
+            process, connections[sink.name] = start(sink.name, _serve, sink, own)
+            processes.append(process)
             # What it opened in this process, such as a port, is the other's own now.
             getattr(sink, "handed_over", lambda: None)()
-            processes.append(process)
-            connections[sink.name] = ours
         until = time.monotonic() + _IMPORTING
         waiting = list(connections.values())
         while waiting and not loop.stopped and time.monotonic() < until:

@@ -3,12 +3,11 @@
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from importlib import import_module
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol, TypeAlias
 
 from palpate.contact import Contact
-from palpate.errors import InvalidParameterError, MissingExtraError
+from palpate.errors import InvalidParameterError, needed
 from palpate.validation import number_in, shown
 
 #: A number, or three along the axes of the recording's frame.
@@ -249,15 +248,6 @@ NO_ROS1 = (
 )
 
 
-def imported(module: str) -> Any:
-    """Return a wire's module, or say what it needs."""
-    try:
-        return import_module(module)
-    except ImportError as error:
-        wire, needed = module.rpartition(".")[2], str(error.name).partition(".")[0]
-        raise MissingExtraError(f"{wire} needs {needed}: pip install 'palpate[live]'") from None
-
-
 def open_source(address: str, options: SourceOptions | None = None) -> Source:
     """Return the source of an address; :meth:`Source.open` begins it.
 
@@ -280,7 +270,8 @@ def open_source(address: str, options: SourceOptions | None = None) -> Source:
     given = options or SourceOptions()
     scheme, colon, rest = address.partition(":")
     if colon and scheme in SOURCES:
-        source: Source = imported(SOURCES[scheme].module).open_source(rest, given)
+        module = needed(SOURCES[scheme].module, scheme, "live")
+        source: Source = module.open_source(rest, given)
         return source
     if scheme == "ros1":
         raise InvalidParameterError(NO_ROS1)

@@ -16,6 +16,7 @@ from palpate.diagnosis.data import in_words
 from palpate.digits import rounded, with_error
 from palpate.estimators.estimate import Estimate
 from palpate.estimators.law_verdicts import STRONG, UNDECIDED, Evidence, LawVerdict, verdict_of
+from palpate.findings import Finding
 from palpate.force_laws import GeneralisedHuntCrossley
 from palpate.quantities.derived import in_hertz
 from palpate.validation import or_nan
@@ -53,7 +54,7 @@ def verdict_on(status: Mapping[str, Any]) -> dict[str, Any] | None:
         "flags": [
             *page["flags"],
             *(verdict.flags if page["parameters"] else ()),
-            *(_open(page, verdict, estimate) if known else ()),
+            *(map(str, _open(page, verdict, estimate)) if known else ()),
         ],
         "since": page["turns"][-1][0] if page["turns"] else math.nan,
         "changes": page["changes"],
@@ -76,24 +77,23 @@ def estimate_of(page: Mapping[str, Any]) -> Estimate:
     )
 
 
-def _open(page: Mapping[str, Any], verdict: LawVerdict, estimate: Estimate) -> list[str]:
+def _open(page: Mapping[str, Any], verdict: LawVerdict, estimate: Estimate) -> Iterator[Finding]:
     """Say what the samples so far leave open of the verdict itself."""
     late = [law for _, law, samples in page["turns"] if law and 2.0 * samples > verdict.samples]
     # It flickers: twice another while the samples doubled; the first after a change is no turn.
-    flags, count = list[str](), min(len(late), page["changes"])
-    if count >= 2:
-        flags.append(
-            f"the verdict is not settled: it changed {count} times while the samples doubled"
-        )
+    if (count := min(len(late), page["changes"])) >= 2:
+        words = f"the verdict is not settled: it changed {count} times while the samples doubled"
+        yield Finding("which law", words)
     if verdict.effective_samples < _FEW * verdict.samples:
-        flags.append(
+        yield Finding(
+            "misfit",
             "what the best law leaves is correlated: so is the sensor's noise, or none of the laws "
-            "on offer holds, and their error bars do not say so; --law any offers all"
+            "on offer holds, and their error bars do not say so",
+            "--law any offers all",
         )
     damping, error = estimate.parameters[_DAMPING], estimate.standard_errors[_DAMPING]
     if verdict.candidate.damping != "none" and abs(damping) < 1e-6 * error:
-        flags.append("B is 0: laws that differ by their damper alone are the same here")
-    return flags
+        yield Finding("damping", "B is 0: laws that differ by their damper alone are the same here")
 
 
 #: Of each number its unit, and what it is called in a sentence and in a row of its own.

@@ -7,7 +7,7 @@ import uuid
 from queue import Empty, SimpleQueue
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from palpate.errors import InvalidParameterError, MissingExtraError, PalpateError
+from palpate.errors import InvalidParameterError, PalpateError, needed
 from palpate.live import ros
 from palpate.live.ordering import WireAddress, parsed, topics_of
 from palpate.live.publishing import RosWire
@@ -63,12 +63,7 @@ def opened(address: WireAddress) -> "zenoh.Session":
     PalpateError
         Nobody answers, or the address to listen on is in use.
     """
-    try:
-        import zenoh
-    except ImportError:
-        raise MissingExtraError(
-            "ROS 2 over Zenoh needs eclipse-zenoh: pip install 'palpate[live]'"
-        ) from None
+    zenoh = needed("zenoh", "ROS 2 over Zenoh", "live")
     listen = _endpoints(address, "listen", "")
     connect = _endpoints(address, "connect", "" if listen else ROUTER)
     scouting = address.one_of("scouting", ("no", "yes")) == "yes"
@@ -89,7 +84,7 @@ def opened(address: WireAddress) -> "zenoh.Session":
             f"zenoh: an address must be such as {ROUTER}: {_first_line(error)}"
         ) from None
     try:
-        return zenoh.open(config)
+        return zenoh.open(config)  # type: ignore[no-any-return]
     except zenoh.ZError as error:
         if "Address already in use" in str(error):
             raise PalpateError(f"zenoh: {', '.join(listen)}: address already in use") from None
@@ -179,17 +174,10 @@ class Zenoh(RosTopics):
             if queue.qsize() >= WAITING:
                 return
             payload, extra = sample.payload, sample.attachment
-            length = len(payload)
-            queue.put(
-                _Came(
-                    index,
-                    str(sample.key_expr),
-                    payload.to_bytes() if length <= LONGEST else None,
-                    extra.to_bytes() if extra is not None and len(extra) < LONGEST else None,
-                    time.time_ns(),
-                    length,
-                )
-            )
+            length, key = len(payload), str(sample.key_expr)
+            data = payload.to_bytes() if length <= LONGEST else None
+            about = extra.to_bytes() if extra is not None and len(extra) < LONGEST else None
+            queue.put(_Came(index, key, data, about, time.time_ns(), length))
 
         return take
 

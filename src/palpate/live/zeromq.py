@@ -11,7 +11,7 @@ import time
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from palpate.errors import InvalidParameterError, MissingExtraError, PalpateError
+from palpate.errors import InvalidParameterError, PalpateError, needed
 from palpate.live.ordering import Order, Origin, Receipt, Succession, WireAddress, parsed
 from palpate.live.publishing import AFTER, BEFORE
 from palpate.live.ring import MOST_PARAMETERS
@@ -152,10 +152,7 @@ class Endpoint:
 
     def _open(self, kind: str, options: Mapping[str, int | bytes]) -> "zmq.Socket[bytes]":
         """Bind or connect; a peer that is not there yet is waited for in the background."""
-        try:
-            import zmq
-        except ImportError:
-            raise MissingExtraError("ZeroMQ needs pyzmq: pip install 'palpate[live]'") from None
+        zmq = needed("zmq", "ZeroMQ", "live")
         self._context = zmq.Context()
         self._socket = socket = self._context.socket(getattr(zmq, kind))
         for name, value in options.items():

@@ -19,6 +19,11 @@ Numbers = Mapping[str, float]
 _TIMES = ("s", "ms")
 
 
+def _compared(by: Callable[[float, float], bool]) -> Callable[..., "Condition"]:
+    """A comparison of the first quantity with each of the others."""
+    return lambda *of: _condition(lambda v: all(by(v[0], each) for each in v[1:]), *of)
+
+
 @dataclass(frozen=True, slots=True)
 class PaperQuantity:
     """What ``of`` makes of an outcome's numbers, which have the ``name``, or of ``parts``.
@@ -48,17 +53,8 @@ class PaperQuantity:
     def __mul__(self, factor: float) -> "PaperQuantity":
         return _computed(math.prod, (factor, self))
 
-    def __lt__(self, other: "Of") -> "Condition":
-        return _compared(operator.lt, self, other)
-
-    def __le__(self, other: "Of") -> "Condition":
-        return _compared(operator.le, self, other)
-
-    def __gt__(self, other: "Of") -> "Condition":
-        return _compared(operator.gt, self, other)
-
-    def __ge__(self, other: "Of") -> "Condition":
-        return _compared(operator.ge, self, other)
+    __lt__, __le__ = _compared(operator.lt), _compared(operator.le)
+    __gt__, __ge__ = _compared(operator.gt), _compared(operator.ge)
 
 
 @dataclass(frozen=True, slots=True)
@@ -245,10 +241,6 @@ def judge(
     if isinstance(ours, Condition):
         return Judge(ours.parts[0], (ours, *kept), others, elsewhere)
     return Judge(None if ours is None else number(ours), kept, others, elsewhere)
-
-
-def _compared(by: Callable[[float, float], bool], of: PaperQuantity, other: Of) -> Condition:
-    return _condition(lambda v: all(by(v[0], each) for each in v[1:]), of, other)
 
 
 def between(of: Of, low: float, high: float) -> Condition:

@@ -1,7 +1,6 @@
 """What becomes of the claims over the seeds: a page that needs nothing beside it, and data."""
 
 import enum
-import json
 import math
 import os
 import platform
@@ -23,7 +22,7 @@ from palpate.paper.judging import SeedAnswer, said
 from palpate.paper.rig import GATE, START
 from palpate.reports import html
 from palpate.reports.html import DRAWINGS, STYLE, inline
-from palpate.writing import write_text
+from palpate.writing import as_json, write_text
 
 TITLE = "Haddadi & Hashtrudi-Zaad (2012), run again"
 ABOUT = (
@@ -297,10 +296,9 @@ def write_report(report: Report) -> None:
         "not_held": not_held(),
         "experiments": [_section_as_dict(each) for each in report.sections],
     }
-    text = json.dumps(whole, ensure_ascii=False, allow_nan=False, indent=1)
     style = STYLE + DRAWINGS + Path(__file__).with_name("report.css").read_text(encoding="utf-8")
     write_text(folder / "report.html", html.document(TITLE, style, parts))
-    write_text(folder / "report.json", text + "\n")
+    write_text(folder / "report.json", as_json(whole))
     write_text(folder / "claims.md", _markdown(report))
 
 

@@ -10,10 +10,11 @@ import pyarrow.compute as compute
 import pyarrow.ipc as ipc
 import pyarrow.parquet as parquet
 from numpy.typing import NDArray
+from rich.filesize import decimal as in_words
 
 from palpate.errors import RecordingError
 from palpate.recordings.nested import MOST_COLUMNS, text_of
-from palpate.recordings.opening import LARGEST, Draft, Request, first_line, in_words
+from palpate.recordings.opening import LARGEST, Draft, Request, first_line
 from palpate.recordings.recording import Faults, Recording, printable
 
 # What Arrow raises on a damaged file, whichever part of it is met.

@@ -9,6 +9,7 @@ from typing import Any
 
 import h5py
 import numpy as np
+from rich.filesize import decimal as in_words
 
 from palpate.errors import RecordingError
 from palpate.recordings.nested import (
@@ -20,7 +21,7 @@ from palpate.recordings.nested import (
     plain_numbers,
     text_of,
 )
-from palpate.recordings.opening import FORCE_CURVES, LARGEST, Request, first_line, in_words
+from palpate.recordings.opening import FORCE_CURVES, LARGEST, Request, first_line
 from palpate.recordings.recording import Recording, printable
 
 # What HDF5 raises on a damaged file, whichever part of it is met.

@@ -17,10 +17,11 @@ from typing import Any, BinaryIO, Literal
 
 import numpy as np
 from numpy.typing import NDArray
+from rich.filesize import decimal as in_words
 
-from palpate.errors import RecordingError
+from palpate.errors import RecordingError, needed
 from palpate.recordings.nested import OBJECTS, UNIT_FIELDS, Findings, no_class, plain_numbers
-from palpate.recordings.opening import LARGEST, Request, in_words
+from palpate.recordings.opening import LARGEST, Request
 from palpate.recordings.recording import Recording, printable
 
 Order = Literal["little", "big"]
@@ -83,9 +84,10 @@ def read(path: Path, request: Request) -> Recording:
     with path.open("rb") as file:
         begin = file.read(128)
     if begin.startswith((b"MATLAB 7.3", b"\x89HDF")):
-        from palpate.recordings.hdf5 import read_matlab  # needs h5py, and version 5 does not
-
-        return read_matlab(path, request)
+        # It needs h5py, and version 5 does not.
+        hdf5 = needed("palpate.recordings.hdf5", "a file of MATLAB 7.3", "recordings")
+        recording: Recording = hdf5.read_matlab(path, request)
+        return recording
     if not begin.startswith(b"MATLAB 5.0"):
         raise RecordingError(
             f"{source}: this is no MATLAB file of version 5 to 7.3; save it again with "

@@ -1,6 +1,6 @@
 """Arrays in groups: which channels they are, and which array is the clock of which."""
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -40,6 +40,13 @@ _CURES = {
     "table": "s = table2struct(t, 'ToScalar', true)",
     "datetime": "s = posixtime(d)",
     "duration": "s = seconds(d)",
+}
+_NO_SERIES = {
+    "cell": "holds cells, and no series of numbers",
+    **dict.fromkeys(("char", "string"), "holds text, and no series of numbers"),
+    "function_handle": "holds a function, and no series of numbers",
+    "complex": "holds complex numbers",
+    "sparse": "is a sparse matrix, and no series",
 }
 # What a library raises where it meets damage.
 _FAULTS = (ArithmeticError, LookupError, OSError, RuntimeError, TypeError, ValueError)
@@ -82,7 +89,7 @@ class Leaf:
 class Findings(Draft):
     """What is found in a file of groups, before any number of it is read."""
 
-    leaves: list[Leaf] = field(default_factory=list)
+    leaves: dict[tuple[tuple[str, ...], str], Leaf] = field(default_factory=dict)
     group_frames: dict[str, str] = field(default_factory=dict)
 
     def note(self, name: str, words: object) -> None:
@@ -116,7 +123,7 @@ class Findings(Draft):
             squeezed = lambda: _plain(read()).reshape(lengths)  # noqa: E731
             if len(lengths) == 2 or clock_rank(name) is None:  # it is the unit of what is measured
                 unit = unit or group_unit
-            self.leaves.append(Leaf(group, name, channel, lengths, squeezed, unit))
+            self.leaves[group, name] = Leaf(group, name, channel, lengths, squeezed, unit)
 
     def recording(self) -> Recording:
         """Read the channels that are asked for, each with its clock.
@@ -126,12 +133,15 @@ class Findings(Draft):
         RecordingError
             There is nothing to read, or it is damaged and the request is strict.
         """
-        clocks, request = _Clocks(self.leaves), self.request
-        wanted = {
-            leaf.channel: clocks.of(leaf) for leaf in self.leaves if request.wants(leaf.channel)
-        }
-        needed = {clock.channel for clock in wanted.values() if clock is not None}
-        chosen = [leaf for leaf in self.leaves if leaf.channel in wanted or leaf.channel in needed]
+        ranked: dict[tuple[str, ...], list[Leaf]] = {}
+        for leaf in self.leaves.values():
+            if leaf.rank is not None:
+                ranked.setdefault(leaf.group, []).append(leaf)
+        request, every = self.request, self.leaves.values()
+        asked = [leaf for leaf in every if request.wants(leaf.channel)]
+        wanted = {leaf.channel: self._clock_of(leaf, ranked) for leaf in asked}
+        needed = {*wanted, *(clock.channel for clock in wanted.values() if clock is not None)}
+        chosen = [leaf for leaf in every if leaf.channel in needed]
         for k, leaf in enumerate(chosen):
             self._read(leaf, wanted.get(leaf.channel))
             request.report((k + 1) / len(chosen))
@@ -145,6 +155,19 @@ class Findings(Draft):
             if within(channel, name)
         }
         return self.done()
+
+    def _clock_of(self, leaf: Leaf, ranked: Mapping[tuple[str, ...], list[Leaf]]) -> Leaf | None:
+        """The times of an array: of its own name, else of its group, else of those above."""
+        for form in _OWN_CLOCKS:
+            own = self.leaves.get((leaf.group, form.format(leaf.name)))
+            if own is not None and _fits(own, leaf):
+                return own
+        for depth in range(len(leaf.group), -1, -1):
+            fitting = [each for each in ranked.get(leaf.group[:depth], ()) if _fits(each, leaf)]
+            if fitting:
+                best = min(fitting, key=lambda each: each.rank or 0)
+                return None if best is leaf else best
+        return None
 
     def _read(self, leaf: Leaf, clock: Leaf | None) -> None:
         try:
@@ -171,36 +194,10 @@ class Findings(Draft):
         if self.losses:
             return f"nothing in it can be read: {self.losses[0]}"
         if self.request.channels is not None and self.leaves:
-            names = ", ".join(leaf.channel for leaf in self.leaves[:20])
+            names = ", ".join([leaf.channel for leaf in self.leaves.values()][:20])
             return f"none of the channels {', '.join(self.request.channels)}; there are {names}"
         why = f" ({self.omissions[0]})" if self.omissions else ""
         return f"there are no arrays of numbers in it{why}; look at what wrote it"
-
-
-class _Clocks:
-    """Which array is the clock of which."""
-
-    def __init__(self, leaves: Sequence[Leaf]) -> None:
-        self.named = {(leaf.group, leaf.name): leaf for leaf in leaves}
-        self.ranked: dict[tuple[str, ...], list[tuple[int, int, Leaf]]] = {}
-        for k, leaf in enumerate(leaves):
-            if leaf.rank is not None:
-                self.ranked.setdefault(leaf.group, []).append((leaf.rank, k, leaf))
-
-    def of(self, leaf: Leaf) -> Leaf | None:
-        """Return the times of an array: of its own name, else of its group, else of those above."""
-        for form in _OWN_CLOCKS:
-            own = self.named.get((leaf.group, form.format(leaf.name)))
-            if own is not None and _fits(own, leaf):
-                return own
-        for depth in range(len(leaf.group), -1, -1):
-            fitting = [
-                each for each in self.ranked.get(leaf.group[:depth], ()) if _fits(each[2], leaf)
-            ]
-            if fitting:
-                best = min(fitting)[2]
-                return None if best is leaf else best
-        return None
 
 
 def text_of(value: object) -> str | None:
@@ -252,13 +249,8 @@ def _whole_times(values: NDArray[Any]) -> NDArray[Any]:
 
 def no_class(name: str) -> str:
     """Say that a class holds no array that can be read, and how to save it."""
-    if name in ("cell", "string", "function_handle", "char"):
-        words = {"function_handle": "a function", "char": "text", "string": "text"}
-        return f"holds {words.get(name, 'cells')}, and no series of numbers"
-    if name == "complex":
-        return "holds complex numbers"
-    if name == "sparse":
-        return "is a sparse matrix, and no series"
+    if name in _NO_SERIES:
+        return _NO_SERIES[name]
     cure = _CURES.get(name, "a struct of arrays")
     return f"is of MATLAB's class {name}, which only MATLAB can read; save {cure} instead"
 

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.contact import Contact
-from palpate.errors import InvalidParameterError, MissingExtraError, RecordingError
+from palpate.errors import InvalidParameterError, RecordingError, needed
 from palpate.findings import Finding
 from palpate.recordings.recording import Faults, Recording, printable
 from palpate.writing import scratch_file, write_bytes, write_text
@@ -92,16 +92,14 @@ class Format:
         MissingExtraError
             A package that it takes is not installed.
         """
-        try:
-            recording: Recording = import_module(self.module).read(path, request)
-            return recording
-        except ModuleNotFoundError as error:
-            if self.extra is None or (error.name or "").startswith("palpate"):
-                raise
-            raise MissingExtraError(
-                f"{self.name} files are read with the package {error.name}, which is not "
-                f"installed: pip install '.[{self.extra}]' in a checkout of palpate"
-            ) from None
+        recording: Recording = self.reader().read(path, request)
+        return recording
+
+    def reader(self) -> Any:
+        """Return its module."""
+        if self.extra is None:
+            return import_module(self.module)
+        return needed(self.module, f"a file of {self.name}", self.extra)
 
 
 _HERE = "palpate.recordings"
@@ -226,6 +224,8 @@ def _copy_stream(file: Path, source: str, content: IO[bytes]) -> None:
 
 def _log(recording: Recording, seconds: float) -> None:
     """Say what was read, and how long that took."""
+    if not _LOGGER.isEnabledFor(logging.INFO):
+        return
     sizes = {len(values) for values in recording.channels.values()}
     samples = " or ".join(map(str, sorted(sizes)[:3])) or "no"
     words = f"{len(recording.channels)} channels of {samples} samples"
@@ -297,15 +297,6 @@ def unreadable(source: str, error: Exception) -> Exception:
         return error
     reason = getattr(error, "strerror", None) or "cannot be read"
     return RecordingError(f"{source}: {reason}; check the path")
-
-
-def in_words(size: float) -> str:
-    """Return a number of bytes as a person says it."""
-    for unit in ("bytes", "kB", "MB", "GB", "TB"):
-        if size < 1000 or unit == "TB":
-            break
-        size /= 1000
-    return f"{size:.3g} {unit}" if size < 1000 else f"{size:.0f} {unit}"
 
 
 def first_line(error: BaseException) -> str:
@@ -428,13 +419,8 @@ def has_parquet() -> bool:
 def _as_parquet(
     columns: Mapping[str, NDArray[Any]], units: Mapping[str, str], notes: Mapping[str, str]
 ) -> bytes:
-    try:
-        import pyarrow as pa
-        import pyarrow.parquet as parquet
-    except ImportError:
-        raise MissingExtraError(
-            "Parquet needs pyarrow: pip install 'palpate[recordings]', or write .csv"
-        ) from None
+    pa = needed("pyarrow", "Parquet, in place of which .csv may be written,", "recordings")
+    parquet = needed("pyarrow.parquet", "Parquet", "recordings")
     # Not by pa.array, which imports pandas to ask it whether the values are its own.
     arrays = []
     for values in columns.values():
@@ -517,7 +503,14 @@ def write_contact(
     columns["force_N"] = contact.force, "%.7g"
     if contact.segment[-1:].any():
         columns["segment"] = (contact.segment + 1).astype(np.float64), "%d"
-    text = _head(head, columns)
+    write_formatted(columns, Path(path), head)
+
+
+def write_formatted(
+    columns: Mapping[str, tuple[NDArray[np.float64], str]], path: Path, notes: Mapping[str, str]
+) -> None:
+    """Write numbers as CSV below notes, each column with a form such as ``"%.9g"``."""
+    text = _head(notes, columns)
     table = np.column_stack([values for values, _ in columns.values()])
     np.savetxt(text, table, fmt=[form for _, form in columns.values()], delimiter=",")
-    write_text(Path(path), text.getvalue())
+    write_text(path, text.getvalue())

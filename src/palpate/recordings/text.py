@@ -35,7 +35,6 @@ from palpate.recordings.text_layout import (
 )
 from palpate.recordings.times import (
     epoch_of,
-    is_iso_time,
     is_nanoseconds,
     is_timelike,
     iso_nanoseconds,
@@ -218,30 +217,6 @@ class _Text:
             self.losses.append(f"what follows {made >> 30} GiB of text is not read")
 
 
-class _Losses:
-    """Whole rows that were left out, by the reason; at the first a RecordingError, where strict."""
-
-    def __init__(self, source: str, strict: bool) -> None:
-        self.source, self.strict = source, strict
-        self._found: dict[str, tuple[int, int]] = {}
-
-    def add(self, what: str, row: int) -> None:
-        """Count a row of which something is said: ``"has more cells than the header"``."""
-        if self.strict:
-            raise RecordingError(f"{self.source}: row {row} {what}")
-        count, first = self._found.get(what, (0, row))
-        self._found[what] = count + 1, first
-
-    def sentences(self) -> list[str]:
-        """Return what was lost, a sentence a reason."""
-        return [
-            f"row {first} {what}: left out"
-            if count == 1
-            else f"{count} rows were left out, as each {what}; the first is row {first}"
-            for what, (count, first) in self._found.items()
-        ]
-
-
 class _Column:
     """A column while it fills; NaN where a cell of numbers holds none.
 
@@ -360,7 +335,7 @@ def _column_for(name: str, cells: Sequence[str], decimal: str, kind: str | None)
     filled = [cell for cell in cells if cell.strip()]
     most = 0.5 * len(filled)
     if kind is None and filled:
-        if sum(map(is_iso_time, filled)) > most:
+        if sum(iso_nanoseconds(cell) is not None for cell in filled) > most:
             return _Column(name, ".", "dates")
         if is_timelike(name) and sum(map(is_nanoseconds, filled)) > most:
             return _Column(name, ".", "nanoseconds")
@@ -389,7 +364,7 @@ class _Table:
         self.source = printable(path)
         self.request = request
         self.columns: list[_Column] = []
-        self.losses = _Losses(self.source, request.strict)
+        self.lost: dict[str, tuple[int, int]] = {}  # rows, and the first, by what is said of them
         self.text = _Text(path, self.source)
         self.rows: list[Sequence[int]] = []  # of the file, that samples stand in
         blocks = self.text.blocks()
@@ -417,13 +392,19 @@ class _Table:
             lines = self.text.decode(first).split("\n")[:-1]
             layout = layout_of(lines, self.source)
         self.layout: TextLayout = layout
-        silent, self.losses = self.losses, _Losses(self.source, strict=False)
-        probed = list(self._records(lines[layout.first : layout.first + PROBED], 0))
-        self.losses = silent
+        some = lines[layout.first : layout.first + PROBED]
+        probed = list(self._records(some, 0, lambda *_: None))
         cells = _turned([found for _, found in probed], len(layout.header))
         for name, found in zip(layout.header, cells, strict=True):
             kind = kinds.get(name) if self.request.wants(name) else "nothing"
             self.columns.append(_column_for(name, found, layout.decimal, kind))
+
+    def _lose(self, what: str, row: int) -> None:
+        """Count a row that is left out, of which is said such as "has more cells than …"."""
+        if self.request.strict:
+            raise RecordingError(f"{self.source}: row {row} {what}")
+        count, first = self.lost.get(what, (0, row))
+        self.lost[what] = count + 1, first
 
     def _add(self, block: bytes, row: int) -> None:
         arrays = self._parsed_at_once(block) if block else None
@@ -444,7 +425,9 @@ class _Table:
             if cells is not None:
                 self._add_cells(range(row, row + len(cells[0])), cells)
             else:
-                records = list(self._records(self.text.decode(piece).split("\n")[:-1], row))
+                records = list(
+                    self._records(self.text.decode(piece).split("\n")[:-1], row, self._lose)
+                )
                 if records:
                     rows, found = zip(*records, strict=True)
                     self._add_cells(rows, _turned(found, len(self.columns)))
@@ -455,7 +438,7 @@ class _Table:
         for column, found in zip(self.columns, columns, strict=True):
             for k in column.refused(found):
                 if keep[k]:
-                    self.losses.add(f"holds no time in column {column.name!r}", rows[k])
+                    self._lose(f"holds no time in column {column.name!r}", rows[k])
                 keep[k] = False
         if not keep.all():
             columns = [list(itertools.compress(found, keep)) for found in columns]
@@ -464,7 +447,9 @@ class _Table:
             column.take(found)
         self.rows.append(rows)
 
-    def _records(self, lines: Sequence[str], row: int) -> Iterator[tuple[int, list[str]]]:
+    def _records(
+        self, lines: Sequence[str], row: int, lose: Callable[[str, int], None]
+    ) -> Iterator[tuple[int, list[str]]]:
         """The row in the file and the cells of each record; ``row`` is the first line's."""
         width, delimiter = len(self.layout.header), self.layout.delimiter
         k = 0
@@ -472,7 +457,7 @@ class _Table:
             line, at = lines[k], row + k
             k += 1
             if "\0" in line:
-                self.losses.add("holds zero bytes", at)
+                lose("holds zero bytes", at)
                 continue
             if unclosed(line):
                 end = next((j for j in range(k, min(k + MOST_LINES, len(lines)))
@@ -480,16 +465,16 @@ class _Table:
                 line = "" if end is None else "\n".join(lines[k - 1 : end + 1])
                 # Two marks that are too many, far apart, are no cell with the rows between them.
                 if end is None or len(cells_of(line, delimiter)) != width:
-                    self.losses.add("cannot be read: a quotation begins there and does not end", at)
+                    lose("cannot be read: a quotation begins there and does not end", at)
                     continue
                 k = end + 1
             cells = cells_of(line, delimiter)
             fitting = cells if len(cells) == width else padded(cells, width)
             # Of a wide table an all but empty row would be many numbers that no one wrote.
             if width > WIDE and 2 * len(cells) < width:
-                self.losses.add("has less than half of the header's cells", at)
+                lose("has less than half of the header's cells", at)
             elif fitting is None:
-                self.losses.add("has more cells than the header", at)
+                lose("has more cells than the header", at)
             else:
                 yield at, fitting
 
@@ -546,7 +531,7 @@ class _Table:
             ends = [len((each.rsplit(mark, 1) or [b""])[-1]) for each in above]
             cut = len((line[:-1].rsplit(mark, 1) or [b""])[-1]) < min(ends)
         if cut:
-            self.losses.add("is cut off, for the file ends within it", row)
+            self._lose("is cut off, for the file ends within it", row)
         return cut
 
     def recording(self) -> Recording:
@@ -574,7 +559,13 @@ class _Table:
             raise MissingChannelError(self.request.channels[0], self.layout.header, self.source)
         draft.channels = wanted
         draft.units = {name: unit for name, unit in units.items() if name in wanted}
-        draft.losses = self.losses.sentences() + self.text.losses
+        draft.losses = [
+            f"row {first} {what}: left out"
+            if count == 1
+            else f"{count} rows were left out, as each {what}; the first is row {first}"
+            for what, (count, first) in self.lost.items()
+        ]
+        draft.losses += self.text.losses
         if ignored := ", ".join(each.name for each in self.columns if each.kind == "nothing"):
             draft.omit("columns that were not asked for", ignored)
         if self.text.encoding != "utf-8":

@@ -126,21 +126,16 @@ def _delimiter(lines: Sequence[str]) -> str:
     counts[SPACES] = [len(line.split()) - 1 for line in unquoted]
 
     def fits(each: str) -> bool:
-        below = counts[each][1:]
-        return counts[each][0] > 0 and (
-            below.count(counts[each][0]) > 0.5 * len(below) or not below
-        )
+        first, *below = counts[each]
+        return first > 0 and (not below or below.count(first) > 0.5 * len(below))
 
     # Columns that are padded to look well have tabs here and spaces there.
-    if not any(counts[each][0] for each in ",;|") and len(set(counts["\t"])) > 1 == len(
-        set(counts[SPACES])
-    ):
+    padded = len(set(counts["\t"])) > 1 == len(set(counts[SPACES]))
+    if padded and not any(counts[each][0] for each in ",;|"):
         return SPACES
-    for each in sorted(DELIMITERS, key=lambda each: -counts[each][0]):
-        if fits(each):
-            return each
-    most = max(DELIMITERS, key=lambda each: counts[each][0])
-    return SPACES if fits(SPACES) and not counts[most][0] else most
+    ranked = sorted(DELIMITERS, key=lambda each: -counts[each][0])
+    usual = SPACES if fits(SPACES) and not counts[ranked[0]][0] else ranked[0]
+    return next(filter(fits, ranked), usual)
 
 
 def _cells(line: str, delimiter: str, source: str, row: int) -> list[str]:
@@ -182,11 +177,9 @@ def _units_below(body: Sequence[str], delimiter: str, width: int, decimal: str) 
     units = [plain_unit(cell) for cell in cells]
     filled = [unit for unit in units if unit]
     known = [unit for unit in filled if unit in KNOWN or unit in OTHER_UNITS]
-    if len(cells) != width or not any(unit in KNOWN for unit in filled):
+    if len(cells) != width or KNOWN.isdisjoint(filled) or 2 * len(known) < len(filled):
         return None
-    if 2 * len(known) < len(filled) or any(
-        parsed_number(cell, decimal) is not None and cell != "1" for cell in cells
-    ):
+    if any(parsed_number(cell, decimal) is not None for cell in cells if cell != "1"):
         return None
     return ["" if unit in ("-", "–") else unit for unit in units]
 

@@ -151,8 +151,10 @@ _CHECKS = "z: standard errors; S, C: stiffness and damping at working depth"
 
 def verdict(result: "Identified") -> ViewSection:
     """The verdict, its reason and what to do about it; of stretches between changes theirs too."""
-    stretches = (_verdict(part, _when(part)) for part in between(result))
-    return ViewSection("Verdict", [_verdict(result), *stretches])
+    stretches = between(result)
+    return ViewSection(
+        "Verdict", [_verdict(result), *map(_verdict, stretches, map(_when, stretches))]
+    )
 
 
 def _verdict(result: "Identified", name: str = "") -> Line:
@@ -179,7 +181,7 @@ def depths(result: "Identified") -> ViewSection:
             cells.append(words)
         columns.append(cells)
     known = [_BARS, *([_RELAXED] if result.law.remembers else []), *([_LEGEND] if truth else [])]
-    rows = list(zip((name for name, _ in _ROWS), *columns, strict=True))
+    rows = list(zip(dict(_ROWS), *columns, strict=True))
     return ViewSection("At working depth", [Line("; ".join(known), tone="soft")], headings, rows)
 
 
@@ -202,7 +204,7 @@ def parts(result: "Identified") -> Iterator[ViewSection]:
             cells = (times, at, depth, *both_numbers, modulus, "", "")
         rows.append([*cells, Marked(marks.overall, marks.overall)])
     if rows:
-        headings = ["time\ns", ">at x, y, z\nmm", ">depth\nmm", *_NUMBERS, ">Young's\nmodulus"]
+        headings = ["time\ns", ">at x, y, z\nmm", ">depth\nmm", *_NUMBERS, ">Young's modulus"]
         yield ViewSection(
             "Each by itself", (), [*headings, "contact model", ">fit", "verdict"], rows
         )
@@ -345,14 +347,16 @@ def laws(ordered: "Sequence[Identified]") -> ViewSection:
 def preparation(results: "Sequence[Identified]", *, whole: bool = False) -> ViewSection:
     """The samples, what was assumed on the way from the recording, and flags of the methods.
 
-    Without what the verdict says again, unless it is to be whole.
+    Without what the verdict says too, or, of the whole, a finding of the diagnosis.
     """
     first = results[0]
-    lines, reason = [Line(_samples(first))], "" if whole else first.diagnosis.reason
+    found = first.diagnosis
+    said = "\n".join(each.message for each in found.findings) if whole else found.reason
+    lines = [Line(_samples(first))]
     lines += (
         Line(each.message, each.check, remedy=each.remedy)
         for each in first.contact.findings
-        if each.severity == "note" or each.message not in reason
+        if each.message not in said
     )
     for result in results:
         # One law for two materials is not identifiable by any motion: its flags would mislead.
@@ -384,18 +388,14 @@ def share(value: float) -> str:
     return "–" if math.isnan(value) else f"{value:.1%}"
 
 
-_PREFIXES = dict(zip("GMk mµnpfa", range(9, -19, -3), strict=True))
-
-
 def with_prefix(quantity: Quantity, unit: str, *, as_of: float | None = None) -> str:
     """A quantity, SI, with its errors and a prefix to the unit, that of a value or its own."""
     value = quantity.value if as_of is None else as_of
     size = abs(value) if math.isfinite(value) and value else 1.0
-    prefix, power = next(
-        (each for each in _PREFIXES.items() if size >= 10.0 ** each[1]), ("a", -18)
-    )
-    values = (quantity.value, quantity.standard_error, quantity.systematic)
-    return with_error(*(each / 10.0**power for each in values), unit=f"{prefix.strip()}{unit}")
+    step = min(max(math.floor(math.log10(size) / 3.0 + 1e-12), -6), 3)
+    scale, prefix = 1e3**step, "afpnµm kMG"[step + 6].strip()
+    errors = quantity.standard_error / scale, quantity.systematic / scale
+    return with_error(quantity.value / scale, *errors, unit=f"{prefix}{unit}")
 
 
 def _plain(value: float, unit: str) -> str:

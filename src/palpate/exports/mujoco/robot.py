@@ -290,24 +290,17 @@ def read(path: Path, geom: str | None, deepest: float) -> Robot:
     if not _touches(first, kind):
         raise InvalidParameterError(f"geom {geom} of {path.name} cannot move against a surface")
     counts = first.counts(deepest * np.array([0.05, 0.25, 0.5, 0.75, 1.0]))
-    mass = first.mass()
+    mass, contacts = first.mass(), max(1, *counts) if len(counts) == 1 else 1
     # Without springs and dampers MuJoCo leaves out every passive force.
     both = int(mujoco.mjtDisableBit.mjDSBL_SPRING) | int(mujoco.mjtDisableBit.mjDSBL_DAMPER)
-    return Robot(
-        path,
-        geom,
-        mobility,
-        mass,
-        max(1, *counts) if len(counts) == 1 else 1,
-        first.place,
-        float(model.opt.timestep),
-        (spec.meshdir, spec.texturedir),
-        int(model.opt.disableflags) & both != both,
-        (
-            *refused(*_refusals(mujoco, model, kind, geom, counts)),
-            *warned(*_warnings(kind, geom, counts, mass, mobility)),
-        ),
+    passive = int(model.opt.disableflags) & both != both
+    own = float(model.opt.timestep), (spec.meshdir, spec.texturedir), passive
+    felt = mobility, mass, contacts, first.place
+    findings = (
+        *refused(*_refusals(mujoco, model, kind, geom, counts)),
+        *warned(*_warnings(kind, geom, counts, mass, mobility)),
     )
+    return Robot(path, geom, *felt, *own, findings)
 
 
 def _spec(path: Path) -> Any:

@@ -380,6 +380,13 @@ def walk_cdr(message: bytes, fields: Group) -> Layout:
     return _Walk(message, 4, *_CDR[message[1]]).walk(fields)
 
 
+def leaves_of_empty(fields: Group) -> dict[str, MessageNumber]:
+    """Return the numbers of a message of ROS 2 in which every list and text is empty."""
+    walk = _Walk(bytes(8 * fields.smallest + 64), 4, "<", 8)
+    walk.group(fields, "")
+    return walk.entity.leaves
+
+
 class _Walk:
     """A message being walked; from ``begin`` on, where its first field is, CDR aligns."""
 
@@ -394,7 +401,7 @@ class _Walk:
 
     def walk(self, fields: Group) -> Layout:
         self.layout.entities.append(self.entity)
-        self._group(fields, "")
+        self.group(fields, "")
         # Some middlewares pad a message to whole words of 4 bytes.
         padding = len(self.message) - self.position
         if padding < 0 or padding > (3 if self.begin else 0):
@@ -404,7 +411,7 @@ class _Walk:
             )
         return self.layout
 
-    def _group(self, group: Group, path: str) -> None:
+    def group(self, group: Group, path: str) -> None:
         if group.name in (TIME, DURATION):
             return self._time(group, path)
         names: list[str] = []
@@ -429,7 +436,7 @@ class _Walk:
             if not self.quiet and path and not path.endswith("."):
                 self.entity.leaves[path] = NumberAt(at, _dtype(field, self.order))
         elif isinstance(field, Group):
-            self._group(field, path)
+            self.group(field, path)
         elif isinstance(field, Text):
             self._skip_text()
         else:
@@ -472,7 +479,7 @@ class _Walk:
     def _transform(self, group: Field) -> None:
         assert isinstance(group, Group)
         above, self.entity = self.entity, Entity()
-        self._group(group, "")
+        self.group(group, "")
         frames = self.entity.frames
         name = f"[{frames.get('header.frame_id', '')}>{frames.get('child_frame_id', '')}]"
         self.layout.entities.append(Entity(name, self.entity.leaves, self.entity.types, frames))
