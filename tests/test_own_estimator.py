@@ -227,7 +227,7 @@ def test_one_class_is_pressed_identified_compared_diagnosed_drawn_kept_and_expor
     status, out, _ = run("identify", file, "--law", "fung", "-o", folder)
     assert "truth 0.004" in out  # from the file's notes
     saved = palpate.load_result(folder)
-    assert saved.law.as_dict() == result["law"]
+    assert {"kind": "fung", **saved.law.as_dict()} == result["law"]
     report = (folder / "report.html").read_text(encoding="utf-8")
     assert "Contact model: fung" in report
     assert (
