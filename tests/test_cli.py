@@ -242,7 +242,6 @@ def test_a_completion_that_cannot_be_made_is_one_line(refused, good, home, monke
 
 @pytest.fixture(scope="module")
 def robot(tmp_path_factory):
-    """A robot's table, with units in the names."""
     recorded = table_of(hand(4.0))
     path = tmp_path_factory.mktemp("robot") / "robot.csv"
     names = list(recorded.channels)

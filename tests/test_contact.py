@@ -18,7 +18,6 @@ def contact(**changes) -> Contact:
 
 
 def at(time, segment=None) -> Contact:
-    """Ones at these times."""
     ones = np.ones(len(time))
     return Contact(time, penetration=ones, velocity=ones, force=ones, segment=segment)
 

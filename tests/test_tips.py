@@ -32,7 +32,6 @@ TIPS = [BALL, FlatPunch(0.2), Cone(math.radians(70.0))]
 
 
 def pressed(tip, exponent=None) -> Contact:
-    """Three sines into the material by a tip, with a Hunt–Crossley damper."""
     power = tip.exponent if exponent is None else exponent
     stiffness = REDUCED * tip.factor * 10e-3 ** (tip.exponent - power)  # the same at 10 mm
     x = exciting(palpate.HuntCrossley(stiffness, stiffness, power), seconds=3.0, noise=0.02)

@@ -43,7 +43,6 @@ BARE = ("--no-page", "--no-diagnosis")
 
 
 def started(*arguments, **options):
-    """``palpate live`` of its own, without page and diagnosis."""
     command = [sys.executable, "-m", "palpate", "live", *map(str, arguments), *BARE]
     return subprocess.Popen(command, **options)
 

@@ -34,8 +34,6 @@ EXAMPLES = Path(__file__).parents[2] / "examples" / "recordings"
 
 
 class Served(SimpleNamespace):
-    """What a test has of a page that is served."""
-
     @property
     def origin(self) -> str:
         return f"http://127.0.0.1:{self.page.port}"
@@ -63,7 +61,6 @@ class Served(SimpleNamespace):
         return found
 
     def counted(self, name, count, *, seconds=10.0):
-        """Wait until so many are counted."""
         until = time.monotonic() + seconds
         while (found := self.counts()[name]) < count and time.monotonic() < until:
             pass
@@ -114,8 +111,6 @@ def served(recording="tapping.csv", *, seconds=3.0, estimator=None, **options):
 
 
 class Head(NamedTuple):
-    """What a frame says of itself."""
-
     every: int
     first: int
     dropped: int
@@ -448,7 +443,6 @@ def connected(page):
 
 
 def handshaken(page):
-    """A bare connection after the handshake."""
     made = connected(page)
     made.sendall(
         f"GET /socket HTTP/1.1\r\nHost: 127.0.0.1:{page.page.port}\r\nOrigin: {page.origin}\r\n"
