@@ -9,10 +9,10 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 import palpate
-from benchmarks.curve_reference import Reference
+from benchmarks.curve_reference import Reference, stated_cost
 from benchmarks.curve_sets import DEPTH, MOTIONS, Curves, approach_and_retract, random_curves
 from palpate import Contact, CurveFits, HuntCrossley, InvalidParameterError, Scale, fit_curves
-from palpate.estimators.curves import STATUS_WORDS, stated_cost
+from palpate.estimators.curves import STATUS_WORDS
 from palpate.preparation.gates import suggest_scale
 
 SURFACES = (-0.2 * DEPTH, 0.2 * DEPTH)

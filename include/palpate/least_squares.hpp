@@ -104,22 +104,12 @@ class LeastSquares {
 
   // Covariance of θ: the noise variance times P.
   constexpr Matrix<Order> scaled_covariance() const noexcept {
-    Matrix<Order> result = state_.covariance;
-    const double noise = noise_variance();
-    for (auto& line : result) {
-      for (double& entry : line) entry *= noise;
-    }
-    return result;
+    return detail::multiply(state_.covariance, noise_variance());
   }
 
   // The lower triangle L of scaled_covariance() = L Lᵀ.
   Matrix<Order> scaled_root() const noexcept {
-    Matrix<Order> result = detail::cholesky(state_.covariance);
-    const double deviation = std::sqrt(noise_variance());
-    for (auto& line : result) {
-      for (double& entry : line) entry *= deviation;
-    }
-    return result;
+    return detail::multiply(detail::cholesky(state_.covariance), std::sqrt(noise_variance()));
   }
 
  private:

@@ -119,8 +119,7 @@ void bind_viscoelastic(nb::module_& module) {
       .def(
           "settle", [](ViscoelasticFace& self) { with(self, [](auto& core) { core.settle(); }); },
           "Work out verdict and estimate by all samples so far, at once, in 0.1 ms or, of all "
-          "laws, "
-          "1 ms: what is spread over the next samples otherwise.")
+          "laws, 1 ms: what is spread over the next samples otherwise.")
       .def(
           "_evidence",
           [](ViscoelasticFace& self) {
@@ -131,9 +130,7 @@ void bind_viscoelastic(nb::module_& module) {
 
   nb::dict defaults;
   const ViscoelasticSettings settings;
-  const Scale scale = ViscoelasticContact::Method::default_scale;
   defaults["offset"] = settings.offset;
-  defaults["scale"] = nb::make_tuple(scale.penetration, scale.velocity, scale.force);
   defaults["exponent_range"] =
       nb::make_tuple(viscoelastic::Grid::lowest_exponent, viscoelastic::Grid::highest_exponent);
   nb::list laws;  // damping, memory, whether n is 1 and not looked for

@@ -103,14 +103,12 @@ class DriftTrackingMethod {
 
   void reinitialise() noexcept {
     start_.reinitialise();
-    tracking_ = false;
-    learned_ = 0;
+    start_again();
   }
 
   void reinitialise_after_transient() noexcept {
     start_.reinitialise_after_transient();
-    tracking_ = false;
-    learned_ = 0;
+    start_again();
   }
 
   Law law(const Units& units) const noexcept {
@@ -156,6 +154,11 @@ class DriftTrackingMethod {
   // order is good.
   static constexpr double largest_exponent_error = 0.05;
 
+  void start_again() noexcept {
+    tracking_ = false;
+    learned_ = 0;
+  }
+
   bool exponent_known() const noexcept { return settings_.projection.exponent > 0.0; }
 
   // The covariance as it is printed: a known exponent has no error.
@@ -181,11 +184,9 @@ class DriftTrackingMethod {
                                per_stiffness * units_.velocity, 0.0, 0.0},
                               {0.0, 0.0, 1.0, 0.0},
                               {0.0, 0.0, 0.0, units_.per_force}}};
-    covariance_ = detail::congruence(to_state, detail::cholesky(joint(fit)));
     // The material drifted while it was taken for constant: ten times the deviation covers that.
-    for (auto& row : covariance_) {
-      for (double& entry : row) entry *= 100.0;
-    }
+    covariance_ =
+        detail::multiply(detail::congruence(to_state, detail::cholesky(joint(fit))), 100.0);
     // Of what is not estimated the entry of the state stays: 1e-30 is no variance, and definite.
     if (!settings_.projection.offset) covariance_[3][3] = 1e-30;
     if (exponent_known()) covariance_[2][2] = 1e-30;

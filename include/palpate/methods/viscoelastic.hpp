@@ -151,17 +151,17 @@ class ViscoelasticMethod {
 
   Fit<Law> fit(const Units& units) const noexcept {
     const viscoelastic::Solution& now = solver_.solution();
-    const auto& samples = solver_.samples();
-    const auto& times = samples.branches().times();
-    const Law law = viscoelastic::law_in_si(now, times, units);
-    return fit_of(law, viscoelastic::covariance_in_si(now, law, times, samples.motion(), units),
-                  now.fit.value[viscoelastic::offset] * units.force, flags(now));
+    const Law law = this->law(units);
+    return fit_of(law, covariance(law, units), now.fit.value[viscoelastic::offset] * units.force,
+                  flags(now));
   }
 
   Snapshot<Law> snapshot(const Units& units) const noexcept {
-    const Fit<Law> now = fit(units);
-    Snapshot<Law> snapshot{now.law, {}, now.offset.value, 0.0};
-    for (std::size_t i = 0; i < order; ++i) snapshot.variances[i] = now.covariance[i][i];
+    const Law law = this->law(units);
+    const Matrix<viscoelastic::joint_size> joint = covariance(law, units);
+    const double offset = solver_.solution().fit.value[viscoelastic::offset];
+    Snapshot<Law> snapshot{law, {}, offset * units.force};
+    for (std::size_t i = 0; i < order; ++i) snapshot.variances[i] = joint[i][i];
     return snapshot;
   }
 
@@ -247,6 +247,12 @@ class ViscoelasticMethod {
     detail::OffsetPrior prior = tare ? detail::OffsetPrior{0.0, declared} : air;
     prior.deviation = std::hypot(prior.deviation, surface_deviation_);
     solver_.know_offset(prior);
+  }
+
+  Matrix<viscoelastic::joint_size> covariance(const Law& law, const Units& units) const noexcept {
+    const auto& samples = solver_.samples();
+    return viscoelastic::covariance_in_si(solver_.solution(), law, samples.branches().times(),
+                                          samples.motion(), units);
   }
 
   std::uint8_t flags(const viscoelastic::Solution& now) const noexcept {

@@ -35,7 +35,6 @@ from palpate.recordings.text_layout import (
 )
 from palpate.recordings.times import (
     epoch_of,
-    is_iso_time,
     is_nanoseconds,
     is_timelike,
     iso_nanoseconds,
@@ -336,7 +335,7 @@ def _column_for(name: str, cells: Sequence[str], decimal: str, kind: str | None)
     filled = [cell for cell in cells if cell.strip()]
     most = 0.5 * len(filled)
     if kind is None and filled:
-        if sum(map(is_iso_time, filled)) > most:
+        if sum(iso_nanoseconds(cell) is not None for cell in filled) > most:
             return _Column(name, ".", "dates")
         if is_timelike(name) and sum(map(is_nanoseconds, filled)) > most:
             return _Column(name, ".", "nanoseconds")
