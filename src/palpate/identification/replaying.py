@@ -23,6 +23,7 @@ from palpate.estimators import (
 )
 from palpate.estimators.estimate import Estimate, Trace, Traced, thinned
 from palpate.estimators.law_verdicts import CANDIDATES
+from palpate.estimators.least_squares import robust_covariance
 from palpate.force_laws import ForceLaw
 from palpate.preparation.gates import choose_gate, suggest_scale, suggest_surface_deviation
 from palpate.settings import OutlierRejection
@@ -149,7 +150,7 @@ def _widths(contact: Contact, trace: Trace, estimator: ContactEstimator) -> Floa
         law,
         contact.penetration[taken],
         contact.velocity[taken],
-        contact.force[taken],
+        contact.force[taken] - estimate.offset,
         logarithmic=estimator.minimises == "logarithm",
         fixed=estimate.fixed,
     )
@@ -173,7 +174,7 @@ def widening(
     Parameters
     ----------
     law : force law
-        What the method ended with, of two or three parameters.
+        What the method ended with.
     penetration, velocity, force : numpy.ndarray, shape (k,)
         The samples that it took, SI.
     logarithmic : bool
@@ -204,7 +205,11 @@ def widening(
         # Neither squares nor sums leave the range of a double in units of their own.
         unit = weight.max()
         found = np.empty_like(white)
-        correlated_variances(weighted / (unit * units), residual / noise, unit * inverse, found)
+        if slopes.shape[1] in (2, 3):
+            rows = weighted / (unit * units)
+            correlated_variances(rows, residual / noise, unit * inverse, found)
+        else:
+            found[:] = np.diag(robust_covariance(slopes / units, residual / noise))
         wide = np.sqrt(np.maximum(found * noise**2 / white, 1.0))
     if (white > 0.0).all():
         factors[own] = np.where(np.isfinite(wide), wide, 1.0)
