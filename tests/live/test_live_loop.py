@@ -24,7 +24,6 @@ PREPARED = "time", "penetration", "velocity", "force"
 
 
 def touch(**more):
-    """The same as a recording."""
     return palpate.Contact(**vars(pressed()), **more)
 
 
@@ -112,7 +111,6 @@ def test_the_end_of_a_run_has_the_last_estimate():
 
 
 def depths_shown(depths, every=0.2):
-    """What is shown of a motion, at each look."""
     shown, found = ShownDepth(), []
     rows = np.zeros((len(depths), len(COLUMNS)))
     rows[:, PLACE["time"]] = T * np.arange(len(depths))

@@ -1,5 +1,10 @@
 // Which law it is, and its parameters, worked out a little at every sample: rounds in which every
 // candidate that is offered is fitted to all samples so far, and in between the chosen one alone.
+//
+// It stands apart from the fit of one Hunt–Crossley law (projection/projection_fit.hpp): columns of
+// other powers and of branches that relax take products of all of them at pairs of exponents, kept
+// for every candidate, where that law needs seven sums an exponent, and an update would cost as
+// much more.
 #pragma once
 
 #include <algorithm>
