@@ -1,10 +1,130 @@
-"""The stated cost of a curve minimised by SciPy from many starts."""
+"""The cost that ``fit_curves`` states, written down, and minimised by SciPy from many starts."""
+
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import least_squares
 
-from palpate.estimators.curves import StatedCost
+from palpate import InvalidParameterError, Scale, fit_curves
+from palpate.estimators import curves as core
 from palpate.validation import Floats
+
+#: What a sample is to a fit, by the codes of :attr:`StatedCost.roles`.
+ROLES = ("absent", "free air", "firm contact", "light contact", "left out")
+_FIRM, _LIGHT = ROLES.index("firm contact"), ROLES.index("light contact")
+# Of the priors, as in include/palpate/projection/priors.hpp.
+_EXPONENT, _EXPONENT_DEVIATION, _DISSIPATION_DEVIATION = 1.3, 1.0, 1.0
+_OFFSET_WITHOUT_TARE = 20.0  # standard deviations of the noise, where a unit of force is less
+
+
+@dataclass(frozen=True, eq=False)
+class StatedCost:
+    """J = Σ (F − F̂)² + σ² [(n − 1.3)² + (b/b_s)² + (F₀ − m)²/s²], over the samples chosen.
+
+    b = B/K is in units of the scale, b_s = 1, and σ² is that of the residual which J ends with.
+
+    Attributes
+    ----------
+    penetration, velocity, force : numpy.ndarray, shape (j,)
+        The samples that it is over, SI.
+    roles : numpy.ndarray of uint8, shape (k,)
+        What each sample of the curve is, by the codes of :data:`ROLES`.
+    scale : Scale
+        The units of the arithmetic.
+    offset_mean, offset_deviation : float
+        The prior of F₀, N; a deviation of 0 is none: one unit of force then, or 20 σ.
+    variance : float
+        σ² of the priors, N².
+    exponent : float or None
+        Where it is fixed.
+    offset : bool
+        Whether F₀ is fitted.
+    """
+
+    penetration: Floats
+    velocity: Floats
+    force: Floats
+    roles: NDArray[np.uint8]
+    scale: Scale
+    offset_mean: float
+    offset_deviation: float
+    variance: float
+    exponent: float | None
+    offset: bool
+
+    def residuals(self, parameters: Floats) -> Floats:
+        """Residuals of which the squares sum to J, N: of the samples, then of the priors.
+
+        Parameters
+        ----------
+        parameters : numpy.ndarray, shape (5,)
+            K, B, n, F₀ and d, SI.
+        """
+        stiffness, damping, exponent, offset, surface = parameters
+        depth = self.penetration - surface
+        power = np.where(depth > 0.0, np.abs(depth) ** exponent, 0.0)
+        model = power * (stiffness + damping * self.velocity) + offset
+        noise = np.sqrt(self.variance)
+        parts = [noise * damping / stiffness * self.scale.velocity / _DISSIPATION_DEVIATION]
+        if self.exponent is None:
+            parts.append(noise * (exponent - _EXPONENT) / _EXPONENT_DEVIATION)
+        if self.offset:
+            parts.append((offset - self.offset_mean) * noise / self.offset_width)
+        return np.concatenate([self.force - model, parts])
+
+    @property
+    def offset_width(self) -> float:
+        """Standard deviation of the prior of F₀, N."""
+        if self.offset_deviation > 0.0:
+            return self.offset_deviation
+        return max(self.scale.force, _OFFSET_WITHOUT_TARE * float(np.sqrt(self.variance)))
+
+    def value(self, parameters: Floats) -> float:
+        """J at K, B, n, F₀ and d, N²."""
+        return float(np.sum(self.residuals(parameters) ** 2))
+
+
+def stated_cost(
+    penetration: "ArrayLike",
+    velocity: "ArrayLike",
+    force: "ArrayLike",
+    *,
+    exponent: float | None = None,
+    offset: bool = True,
+    **settings: Any,
+) -> StatedCost:
+    """Write down the cost of which :func:`fit_curves` gives the minimum, for one curve.
+
+    Parameters
+    ----------
+    penetration, velocity, force : array_like, shape (samples,)
+        m, m/s and N.
+    exponent, offset, **settings
+        As :func:`fit_curves` takes them.
+
+    Raises
+    ------
+    InvalidParameterError
+        As :func:`fit_curves` does; or nothing of the curve is contact.
+    """
+    curves = core._checked_curves(penetration, velocity, force)
+    if len(curves[0]) != 1:
+        raise InvalidParameterError(f"the cost of one curve is asked for, not of {len(curves[0])}")
+    roles = np.empty(curves[0].shape, np.uint8)
+    usual: dict[str, Any] = fit_curves.__kwdefaults__ or {}
+    if unknown := settings.keys() - usual.keys():
+        raise InvalidParameterError(f"there is no setting {', '.join(sorted(unknown))}")
+    checked = core._checked(1, {**usual, "exponent": exponent, "offset": offset, **settings})
+    numbers, _, _, codes = core._fitted(curves, checked, 1, roles)
+    if codes[0, 1] == core.STATUS_WORDS.index("no contact"):
+        raise InvalidParameterError("nothing of the curve is contact")
+    chosen = (roles[0] == _FIRM) | (roles[0] == _LIGHT)
+    units, prior = numbers[0, 7:10].tolist(), numbers[0, 10:].tolist()
+    found: list[Any] = [values[0, chosen] for values in curves]
+    found += [roles[0], Scale(*units), *prior, exponent, offset]
+    return StatedCost(*found)
 
 
 class Reference:

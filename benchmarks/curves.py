@@ -14,13 +14,13 @@ from rich.console import Console
 from rich.progress import track
 
 from benchmarks import machine, report
-from benchmarks.curve_reference import Reference
+from benchmarks.curve_reference import Reference, stated_cost
 from benchmarks.curve_sets import DEPTH, MOTIONS, Curves, approach_and_retract, random_curves
 from benchmarks.native_programs import BuildError, native_programs
 from benchmarks.report import Limit, Row, Section
 from palpate import SingleStageRLS, VariableProjection
 from palpate.contact import Contact
-from palpate.estimators.curves import CurveFits, fit_curves, stated_cost
+from palpate.estimators.curves import CurveFits, fit_curves
 from palpate.preparation.gates import suggest_scale
 from palpate.writing import check_outputs, write_text
 

@@ -181,8 +181,7 @@ def test_options_in_a_file_hold_the_law(run, tmp_path):
     options = tmp_path / "options.toml"
     run("identify", BALL, "--law", "half-space", "--save-config", options)
     assert 'law = "half-space"' in options.read_text()
-    _, out, _ = run("identify", BALL, "--config", options, "--json")
-    [result] = json.loads(out)["results"]
+    [result] = json.loads(run("identify", BALL, "--config", options, "--json")[1])["results"]
     assert result["law"]["damping_exponent"] == result["law"]["exponent"] - 1.0
 
 

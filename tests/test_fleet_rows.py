@@ -440,16 +440,13 @@ def test_a_map_says_of_which_places_the_numbers_are_not_to_be_trusted():
         (["x", "x"], "one or two columns"),
     ],
 )
-def test_a_map_over_what_is_not_there_is_refused(by, words, run, tmp_path):
+def test_a_map_over_what_is_not_there_is_refused(by, words, refused, tmp_path):
     with pytest.raises(InvalidParameterError, match=words):
         map_of(grid(), by)
-    status, _, err = run("map", tmp_path)
-    assert (status, err.count("\n")) == (2, 1)
-    assert "holds no results of palpate fleet" in err
+    assert "holds no results of palpate fleet" in refused("map", tmp_path)
 
 
 def written(folder, table):
-    """A folder of results that holds these rows."""
     sources = [ContactSource("all", "file")]
     [batch] = batches(sources, [1.0])
     Results.begin(folder, Settings(), sources).write(batch, table, np.ones(table.num_rows))

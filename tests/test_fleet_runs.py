@@ -29,7 +29,6 @@ pytestmark = pytest.mark.filterwarnings("ignore::ResourceWarning", "ignore::Depr
 
 @pytest.fixture(scope="module")
 def recordings(tmp_path_factory):
-    """Three recordings, one that is damaged, an array, and what is no recording."""
     folder = tmp_path_factory.mktemp("fleet")
     write_recordings(folder / "all", 3)
     (folder / "all" / "bad.csv").write_text("time_s,penetration_m\n1,2\n")
@@ -38,7 +37,9 @@ def recordings(tmp_path_factory):
     return folder / "all"
 
 
-def test_a_folder_of_all_kinds_becomes_a_row_each(run, printed, recordings, tmp_path, monkeypatch):
+def test_a_folder_of_all_kinds_becomes_a_row_each(
+    printed, refused, recordings, tmp_path, monkeypatch
+):
     monkeypatch.setattr("palpate.fleet.report.drawing", lambda *_: iter(()))
     results = tmp_path / "results"
     out = printed("fleet", recordings, "-o", results, "--workers", 1, "--report")
@@ -55,16 +56,12 @@ def test_a_folder_of_all_kinds_becomes_a_row_each(run, printed, recordings, tmp_
     assert "no column" in page
 
     before = {path: path.stat().st_mtime_ns for path in parts(results)}
-    status, out, err = run("fleet", recordings, "-o", results, "--json")  # starts no worker
-    assert (status, err) == (0, "")
-    counts = [json.loads(out)[name] for name in ("reused", "rows", "failures", "identified")]
-    assert counts == [9, 0, 1, 8]
+    whole = json.loads(printed("fleet", recordings, "-o", results, "--json"))  # starts no worker
+    assert [whole[k] for k in ("reused", "rows", "failures", "identified")] == [9, 0, 1, 8]
     assert {path: path.stat().st_mtime_ns for path in parts(results)} == before
 
-    status, _, err = run("fleet", recordings, "-o", results, "--method", "single-stage")
-    assert status == 2
-    assert 'run with method "variable-projection", and this asks "single-stage"' in err
-    assert err.count("\n") == 1
+    line = refused("fleet", recordings, "-o", results, "--method", "single-stage")
+    assert 'run with method "variable-projection", and this asks "single-stage"' in line
 
 
 def begun(recordings, folder, **settings):
@@ -297,13 +294,11 @@ def test_arrays_in_other_units_are_identified_in_si(tmp_path):
     ],
 )
 def test_a_scheduler_that_is_not_there_and_a_wrong_option_are_said_in_a_line(
-    options, words, run, recordings, tmp_path, monkeypatch
+    options, words, refused, recordings, tmp_path, monkeypatch
 ):
     monkeypatch.setattr(running, "PATIENCE", 0.5)
-    status, _, err = run("fleet", recordings, "-o", tmp_path / "results", *options)
-    assert status == 2
-    assert err.startswith(f"palpate: {words}")
-    assert err.count("\n") == 1
+    line = refused("fleet", recordings, "-o", tmp_path / "results", *options)
+    assert line.startswith(f"palpate: {words}")
 
 
 # What follows runs palpate as a person does, in processes that end in many ways.
@@ -431,7 +426,6 @@ reader.read = ended
 
 @pytest.fixture
 def scheduler(tmp_path):
-    """A scheduler of one's own, on loopback, without workers."""
     about = tmp_path / "scheduler.json"
     command = [sys.executable, "-m", "distributed.cli.dask_scheduler", "--host", "127.0.0.1"]
     command += ["--port", "0", "--no-dashboard", "--scheduler-file", str(about)]

@@ -106,7 +106,6 @@ def test_what_is_no_recording_is_refused_in_words(bad):
             call(bad)
 
 
-ALL_ARRAYS = vars(SIGNALS)
 SOME = np.arange(600) % 100 == 3
 WRONG_ARRAYS = {
     "^time must be given": {**ARRAYS, "time": None},
@@ -117,7 +116,7 @@ WRONG_ARRAYS = {
     r"sample 1 is 0\.0 s after 0\.0 s": {**ARRAYS, "time": np.zeros(600)},
     **{
         rf"{name} must not be masked, as 6 values are": {
-            **ARRAYS, name: np.ma.masked_array(ALL_ARRAYS[name], SOME),
+            **ARRAYS, name: np.ma.masked_array(vars(SIGNALS)[name], SOME),
         }
         for name in ("penetration", "velocity", "force")
     },

@@ -152,6 +152,14 @@ constexpr Matrix<Size> multiply(const Matrix<Size>& a, const Matrix<Size>& b) no
   return product;
 }
 
+template <std::size_t Size>
+constexpr Matrix<Size> multiply(Matrix<Size> matrix, double factor) noexcept {
+  for (auto& row : matrix) {
+    for (double& entry : row) entry *= factor;
+  }
+  return matrix;
+}
+
 // R Rᵀ: positive semidefinite but for rounding of its own size, and symmetric to the last bit.
 template <std::size_t Size>
 constexpr Matrix<Size> squared(const Matrix<Size>& root) noexcept {

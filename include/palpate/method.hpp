@@ -75,14 +75,11 @@ class Forgetting {
   };
 
   Forgetting(const Settings& settings, double sample_time) noexcept
-      : settings_(settings),
-        sample_time_(sample_time),
-        decay_(std::exp(-settings.rate * sample_time)),
-        departure_(1.0 - settings.initial_factor) {}
+      : settings_(settings), sample_time_(sample_time) {}
 
   double factor() const noexcept { return 1.0 - departure_; }
 
-  void rearm() noexcept { departure_ = initial_departure(); }
+  void rearm() noexcept { departure_ = 1.0 - settings_.initial_factor; }
 
   void advance(double dt) noexcept {
     departure_ *= dt == sample_time_ ? decay_ : std::exp(-settings_.rate * dt);
@@ -92,12 +89,10 @@ class Forgetting {
   }
 
  private:
-  double initial_departure() const noexcept { return 1.0 - settings_.initial_factor; }
-
   Settings settings_;
   double sample_time_;
-  double decay_;
-  double departure_;  // 1 − λ
+  double decay_ = std::exp(-settings_.rate * sample_time_);
+  double departure_ = 1.0 - settings_.initial_factor;  // 1 − λ
 };
 
 constexpr const char* validate(const Forgetting::Settings& settings) noexcept {

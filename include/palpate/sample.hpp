@@ -48,6 +48,9 @@ constexpr bool lies_in(double value, double least, double most) noexcept {
 
 }  // namespace detail
 
+// Of the probing of a hand-sized robot.
+inline constexpr Scale probing_scale{.penetration = 10e-3, .velocity = 20e-3, .force = 1.0};
+
 // What is wrong with these settings, in words; null where they are sound.
 constexpr const char* validate(const Scale& scale) noexcept {
   // Products and quotients of three units stay within the range of a double.
@@ -60,19 +63,13 @@ constexpr const char* validate(const Scale& scale) noexcept {
 
 // A scale with what the way there and back needs, worked out once.
 struct Units : Scale {
-  explicit Units(const Scale& scale) noexcept
-      : Scale(scale),
-        per_penetration(1.0 / scale.penetration),
-        per_velocity(1.0 / scale.velocity),
-        per_force(1.0 / scale.force),
-        log_penetration(std::log(scale.penetration)),
-        log_force(std::log(scale.force)) {}
+  explicit Units(const Scale& scale) noexcept : Scale(scale) {}
 
-  double per_penetration;
-  double per_velocity;
-  double per_force;
-  double log_penetration;
-  double log_force;
+  double per_penetration = 1.0 / penetration;
+  double per_velocity = 1.0 / velocity;
+  double per_force = 1.0 / force;
+  double log_penetration = std::log(penetration);
+  double log_force = std::log(force);
 };
 
 namespace detail {

@@ -69,13 +69,7 @@ class VelocityFilter {
   using Settings = VelocityFilterSettings;
 
   // Settings that come from elsewhere are for validate() to check.
-  explicit VelocityFilter(const Settings& settings = {}) noexcept
-      : settings_(settings),
-        half_(settings.samples / 2),
-        longest_gap_(settings.longest_gap > 0.0 ? settings.longest_gap
-                                                : settings.sample_time * settings.samples),
-        longest_window_(settings.sample_time * settings.samples + longest_gap_),
-        delay_(settings.sample_time * static_cast<double>(lag())) {
+  explicit VelocityFilter(const Settings& settings = {}) noexcept : settings_(settings) {
     const double h = static_cast<double>(half_);
     per_sum_ = 3.0 / (settings.sample_time * h * (h + 1.0) * (2.0 * h + 1.0));
   }
@@ -224,7 +218,8 @@ class VelocityFilter {
       depth[h + k] = ago(h - k).penetration - middle.penetration;
       depth[h - k] = ago(h + k).penetration - middle.penetration;
     }
-    if (s[2 * h] - s[0] > longest_window_) return std::numeric_limits<double>::quiet_NaN();
+    if (s[2 * h] - s[0] > window_time_ + longest_gap_)
+      return std::numeric_limits<double>::quiet_NaN();
     const double unit = std::max(s[2 * h], -s[0]), per_unit = 1.0 / unit;
     for (std::size_t i = 0; i <= 2 * h; ++i) s[i] *= per_unit;
 
@@ -253,11 +248,11 @@ class VelocityFilter {
   }
 
   Settings settings_;
-  std::uint32_t half_;     // h
-  double longest_gap_;     // s
-  double longest_window_;  // s
-  double delay_;           // s
-  double per_sum_;         // 1/(T Σ k²), 1/s
+  std::uint32_t half_ = settings_.samples / 2;                                               // h
+  double window_time_ = settings_.sample_time * settings_.samples;                           // s
+  double longest_gap_ = settings_.longest_gap > 0.0 ? settings_.longest_gap : window_time_;  // s
+  double delay_ = settings_.sample_time * static_cast<double>(lag());                        // s
+  double per_sum_;  // 1/(T Σ k²), 1/s
   LostPositions lost_;
   std::array<Entry, capacity> window_{};
   std::array<Entry, LostPositions::ahead> pending_{};  // the newest first; not yet judged

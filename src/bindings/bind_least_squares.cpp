@@ -3,8 +3,8 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <span>
 #include <string>
-#include <utility>
 #include <variant>
 #include <vector>
 
@@ -15,37 +15,25 @@
 namespace palpate::bindings {
 namespace {
 
-constexpr std::size_t largest_order = 8;
-
 // One compiled recursion for each order, behind one Python class.
-struct Engine {
-  std::variant<LeastSquares<1>, LeastSquares<2>, LeastSquares<3>, LeastSquares<4>, LeastSquares<5>,
-               LeastSquares<6>, LeastSquares<7>, LeastSquares<8>>
-      recursion;
-};
+using Engine = std::variant<LeastSquares<1>, LeastSquares<2>, LeastSquares<3>, LeastSquares<4>,
+                            LeastSquares<5>, LeastSquares<6>, LeastSquares<7>, LeastSquares<8>>;
 
 std::string name_of(const Engine& engine) {
-  return "LeastSquares." + std::to_string(engine.recursion.index() + 1);
+  return "LeastSquares." + std::to_string(engine.index() + 1);
 }
 
-template <std::size_t Order>
-Engine make_engine(const InputArray& initial, const InputArray& covariance) {
-  typename LeastSquares<Order>::Settings settings;
-  for (std::size_t i = 0; i < Order; ++i) {
-    settings.initial[i] = initial.data()[i];
-    for (std::size_t j = 0; j < Order; ++j) {
-      settings.initial_covariance[i][j] = covariance.data()[i * Order + j];
-    }
+template <std::size_t Order = 1>
+Engine make_engine(std::size_t order, const double* initial, const double* covariance) {
+  if constexpr (Order < std::variant_size_v<Engine>) {
+    if (order != Order) return make_engine<Order + 1>(order, initial, covariance);
   }
-  return {LeastSquares<Order>(settings)};
-}
-
-template <std::size_t... Index>
-Engine make_engine(std::size_t order, const InputArray& initial, const InputArray& covariance,
-                   std::index_sequence<Index...>) {
-  using Make = Engine (*)(const InputArray&, const InputArray&);
-  constexpr Make make[] = {&make_engine<Index + 1>...};
-  return make[order - 1](initial, covariance);
+  typename LeastSquares<Order>::Settings settings;
+  std::copy_n(initial, Order, settings.initial.begin());
+  for (std::size_t i = 0; i < Order; ++i) {
+    std::copy_n(covariance + i * Order, Order, settings.initial_covariance[i].begin());
+  }
+  return LeastSquares<Order>(settings);
 }
 
 // What it knows, whatever its order.
@@ -68,17 +56,15 @@ Knowledge known(const Engine& engine) {
                          recursion.samples(),
                          memory_of(&recursion)};
       },
-      engine.recursion);
+      engine);
 }
 
-using Regressor = std::array<double, largest_order>;
-
-// Reads a sequence of exactly `order` numbers without allocating.
-Regressor regressor_of(const nb::sequence& sequence, std::size_t order) {
+// Reads a sequence of as many numbers without allocating.
+void read(const nb::sequence& sequence, std::span<double> regressor) {
+  const std::size_t order = regressor.size();
   if (nb::len(sequence) != order) {
     throw nb::value_error(("regressor must have " + std::to_string(order) + " entries").c_str());
   }
-  Regressor regressor{};
   for (std::size_t i = 0; i < order; ++i) {
     if (!nb::try_cast(sequence[i], regressor[i])) {
       throw nb::type_error(
@@ -86,34 +72,34 @@ Regressor regressor_of(const nb::sequence& sequence, std::size_t order) {
               .c_str());
     }
   }
-  return regressor;
 }
 
 Status update(Engine& engine, const nb::sequence& sequence, double output, double forgetting_factor,
               double perturbation) {
-  const Regressor regressor = regressor_of(sequence, engine.recursion.index() + 1);
-  const auto finite = [](double number) { return std::isfinite(number); };
-  if (!finite(output) || !finite(perturbation) || !std::ranges::all_of(regressor, finite)) {
-    return Status::not_finite;
-  }
-  if (!(forgetting_factor > 0.0 && forgetting_factor <= 1.0) || perturbation < 0.0) {
-    return Status::out_of_range;
-  }
   return std::visit(
       [&]<std::size_t Order>(LeastSquares<Order>& recursion) {
-        Vector<Order> own;
-        std::copy_n(regressor.begin(), Order, own.begin());
-        return recursion.update(own, output, forgetting_factor, perturbation);
+        Vector<Order> regressor;
+        read(sequence, regressor);
+        const auto finite = [](double number) { return std::isfinite(number); };
+        if (!finite(output) || !finite(perturbation) || !std::ranges::all_of(regressor, finite)) {
+          return Status::not_finite;
+        }
+        if (!(forgetting_factor > 0.0 && forgetting_factor <= 1.0) || perturbation < 0.0) {
+          return Status::out_of_range;
+        }
+        return recursion.update(regressor, output, forgetting_factor, perturbation);
       },
-      engine.recursion);
+      engine);
 }
 
 double predict(const Engine& engine, const nb::sequence& sequence) {
-  const Knowledge now = known(engine);
-  const Regressor regressor = regressor_of(sequence, now.order);
-  double sum = regressor[0] * now.parameters[0];
-  for (std::size_t i = 1; i < now.order; ++i) sum += regressor[i] * now.parameters[i];
-  return sum;
+  return std::visit(
+      [&]<std::size_t Order>(const LeastSquares<Order>& recursion) {
+        Vector<Order> regressor;
+        read(sequence, regressor);
+        return recursion.predict(regressor);
+      },
+      engine);
 }
 
 // Fills Σ d_k D_k of scores by rows, one a sample in the order of time, and of the residual: the
@@ -198,8 +184,7 @@ void bind_least_squares(nb::module_& module) {
       .def("__init__",
            [](Engine* self, std::size_t order, const InputArray& initial,
               const InputArray& covariance) {
-             new (self) Engine(make_engine(order, initial, covariance,
-                                           std::make_index_sequence<largest_order>{}));
+             new (self) Engine(make_engine(order, initial.data(), covariance.data()));
            })
       .def("update", &update, nb::arg("regressor"), nb::arg("output"),
            nb::arg("forgetting_factor") = 1.0, nb::arg("perturbation") = 0.0,
@@ -236,8 +221,7 @@ before it is divided by λ. Numbers out of their range are refused with a :class
       .def("_state",
            [](const Engine& self) { return saved(name_of(self), std::array{known(self).memory}); })
       .def("_restore", [](Engine& self, const nb::bytes& state) {
-        std::visit([&](auto& recursion) { restore(recursion, name_of(self), state); },
-                   self.recursion);
+        std::visit([&](auto& recursion) { restore(recursion, name_of(self), state); }, self);
       });
   module.def("long_run_covariance", &long_run_covariance, nb::arg("scores"), nb::arg("residual"),
              nb::arg("shares"), nb::arg("fitted"), nb::arg("result"),

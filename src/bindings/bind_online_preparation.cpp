@@ -73,7 +73,9 @@ force : float or sequence of 3 floats
 time : float, optional
     s, by any clock; ``sample_time`` after the call before unless given.)";
 
-bool vector_of(PyObject* object, std::array<double, 3>& vector) noexcept {
+using bindings::number_of;
+
+bool number_of(PyObject* object, std::array<double, 3>& vector) noexcept {
   PyObject* sequence = PySequence_Fast(object, "with a direction, position and force are vectors");
   if (!sequence) return false;
   bool good = PySequence_Fast_GET_SIZE(sequence) == 3;
@@ -106,20 +108,14 @@ PyObject* online_update(PyObject* self, PyObject* const* args, Py_ssize_t positi
   const bool timed = placed[2] && placed[2] != Py_None;
   double time = 0.0;
   if (timed && !number_of(placed[2], time)) return nullptr;
-  const auto update = [&](const auto& position, const auto& force) noexcept {
-    return timed ? core.update_at(position, force, time) : core.update(position, force);
+  const auto update = [&]<class Number>(Number position, Number force) noexcept {
+    if (!number_of(placed[0], position) || !number_of(placed[1], force)) return false;
+    timed ? core.update_at(position, force, time) : core.update(position, force);
+    return true;
   };
-  Status status;
-  if (directed(core)) {
-    std::array<double, 3> position, force;
-    if (!vector_of(placed[0], position) || !vector_of(placed[1], force)) return nullptr;
-    status = update(position, force);
-  } else {
-    double position, force;
-    if (!number_of(placed[0], position) || !number_of(placed[1], force)) return nullptr;
-    status = update(position, force);
-  }
-  if (status != Status::updated) Py_RETURN_NONE;
+  using Vector3 = std::array<double, 3>;
+  if (!(directed(core) ? update(Vector3{}, Vector3{}) : update(0.0, 0.0))) return nullptr;
+  if (core.status() != Status::updated) Py_RETURN_NONE;
   return prepared_sample(core);
 }
 

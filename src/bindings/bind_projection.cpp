@@ -21,11 +21,10 @@ ProjectionSettings settings_of(const Projection& given, const Loop& loop) {
           .offset_deviation = offset_deviation / force_unit};
 }
 
-nb::dict projection_defaults(const ProjectionSettings& settings, const Scale& scale) {
+nb::dict projection_defaults(const ProjectionSettings& settings) {
   nb::dict defaults;
   defaults["offset"] = settings.offset;
   defaults["exponent_range"] = nb::make_tuple(settings.lowest_exponent, settings.highest_exponent);
-  defaults["scale"] = nb::make_tuple(scale.penetration, scale.velocity, scale.force);
   return defaults;
 }
 
@@ -60,15 +59,16 @@ void bind_projection(nb::module_& module) {
   bind_face<Plain>(module, "VariableProjection").def("__init__", &make_projection);
 
   const SurfaceSettings surface;
-  nb::dict projection =
-      projection_defaults(surface.projection, VariableProjection::Method::default_scale);
+  const Scale scale = VariableProjection::Method::default_scale;
+  nb::dict projection = projection_defaults(surface.projection);
+  projection["scale"] = nb::make_tuple(scale.penetration, scale.velocity, scale.force);
   projection["surface_range"] = nb::make_tuple(surface.lowest_surface, surface.highest_surface);
   module.attr("defaults")["VariableProjection"] = projection;
 
   bind_face<DriftTracking>(module, "DriftTracking").def("__init__", &make_drift_tracking);
 
   const DriftTracking::Method::Settings drift;
-  nb::dict tracking = projection_defaults(drift.projection, DriftTracking::Method::default_scale);
+  nb::dict tracking = projection_defaults(drift.projection);
   tracking["stiffness_drift"] = drift.drift[0];
   tracking["dissipation_drift"] = drift.drift[1];
   tracking["exponent_drift"] = drift.drift[2];

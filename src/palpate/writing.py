@@ -57,6 +57,17 @@ def write_text(path: Path, text: str, inputs: Sequence[Path] = ()) -> None:
     write_bytes(path, encoded(text), inputs)
 
 
+def abandon_output() -> None:
+    """Let go of standard output, which nobody reads or which is full.
+
+    Else Python would try again on its way out, and complain.
+    """
+    with suppress(OSError, ValueError, AttributeError):  # it may have no descriptor
+        nowhere = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(nowhere, sys.stdout.fileno())
+        os.close(nowhere)
+
+
 def as_json(whole: Mapping[str, Any]) -> str:
     """An object as the text of a file of JSON, a field a line."""
     return json.dumps(whole, ensure_ascii=False, allow_nan=False, indent=1) + "\n"

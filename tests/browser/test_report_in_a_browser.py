@@ -9,7 +9,6 @@ import palpate
 
 pytestmark = pytest.mark.browser
 
-LOOKS = {"desk": 1280, "phone": 390}
 
 # Letters of SVG text as the screen shows them, in pixels, of drawings that are shown.
 SMALLEST_LETTERS = """() => Math.min(...[...document.querySelectorAll(".drawing text")]
@@ -41,7 +40,7 @@ def reports(tmp_path_factory):
     ],
 )
 def test_a_report_is_readable(reports, opened, name, drawings, look, dark):
-    width = LOOKS[look]
+    width = {"desk": 1280, "phone": 390}[look]
     url = (reports / name / "report.html").as_uri()
     with opened(url, "h1", width=width, dark=dark) as page:
         page.assert_readable()

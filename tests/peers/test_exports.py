@@ -21,7 +21,6 @@ from peers.installed import installed
 
 pytestmark = pytest.mark.peers
 
-RADIUS = 0.0225
 SLAB = {"form": "hydroelastic", "tip_radius": 0.03}
 
 
@@ -29,7 +28,7 @@ def there(engine, law, **further):
     """An export to an engine that is there; a sphere's to OpenSim."""
     installed({"drake": "pydrake.all", "opensim": "opensim"}[engine])
     if engine == "opensim":
-        further = {"tip_radius": RADIUS, **further}
+        further = {"tip_radius": 0.0225, **further}
     return fitted(engine, law, **further)
 
 

@@ -103,14 +103,12 @@ class DriftTrackingMethod {
 
   void reinitialise() noexcept {
     start_.reinitialise();
-    tracking_ = false;
-    learned_ = 0;
+    start_again();
   }
 
   void reinitialise_after_transient() noexcept {
     start_.reinitialise_after_transient();
-    tracking_ = false;
-    learned_ = 0;
+    start_again();
   }
 
   Law law(const Units& units) const noexcept {
@@ -154,7 +152,12 @@ class DriftTrackingMethod {
   static constexpr std::uint64_t fewest_samples = 192;
   // Of the exponent: an eighth of a step from spring to sphere to cone, where the filter's first
   // order is good.
-  static constexpr double largest_exponent_error = 0.05;
+  static constexpr double largest_start_error = 0.05;
+
+  void start_again() noexcept {
+    tracking_ = false;
+    learned_ = 0;
+  }
 
   bool exponent_known() const noexcept { return settings_.projection.exponent > 0.0; }
 
@@ -169,7 +172,7 @@ class DriftTrackingMethod {
     if (++learned_ % samples_between_looks != 0 || learned_ < fewest_samples) return;
     // What drifts widens the bars of a law that does not: by these it would never start.
     const Fit<Law> fit = start_.fit_in_white_noise(units_);
-    constexpr double most_variance = largest_exponent_error * largest_exponent_error;
+    constexpr double most_variance = largest_start_error * largest_start_error;
     const bool known =
         fit.flags == 0 && fit.law.stiffness > 0.0 && fit.covariance[2][2] < most_variance;
     if (!known) return;
@@ -181,11 +184,9 @@ class DriftTrackingMethod {
                                per_stiffness * units_.velocity, 0.0, 0.0},
                               {0.0, 0.0, 1.0, 0.0},
                               {0.0, 0.0, 0.0, units_.per_force}}};
-    covariance_ = detail::congruence(to_state, detail::cholesky(joint(fit)));
     // The material drifted while it was taken for constant: ten times the deviation covers that.
-    for (auto& row : covariance_) {
-      for (double& entry : row) entry *= 100.0;
-    }
+    covariance_ =
+        detail::multiply(detail::congruence(to_state, detail::cholesky(joint(fit))), 100.0);
     // Of what is not estimated the entry of the state stays: 1e-30 is no variance, and definite.
     if (!settings_.projection.offset) covariance_[3][3] = 1e-30;
     if (exponent_known()) covariance_[2][2] = 1e-30;

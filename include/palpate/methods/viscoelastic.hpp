@@ -63,8 +63,7 @@ class ViscoelasticMethod {
   };
 
   static constexpr Forgetting::Settings default_forgetting = no_forgetting;
-  // The probing of a hand-sized robot.
-  static constexpr Scale default_scale{.penetration = 10e-3, .velocity = 20e-3, .force = 1.0};
+  static constexpr Scale default_scale = probing_scale;
   static constexpr bool forgets = true;
   static constexpr bool perturbs = false;
   // The answer changes only when it is published.
@@ -151,17 +150,17 @@ class ViscoelasticMethod {
 
   Fit<Law> fit(const Units& units) const noexcept {
     const viscoelastic::Solution& now = solver_.solution();
-    const auto& samples = solver_.samples();
-    const auto& times = samples.branches().times();
-    const Law law = viscoelastic::law_in_si(now, times, units);
-    return fit_of(law, viscoelastic::covariance_in_si(now, law, times, samples.motion(), units),
-                  now.fit.value[viscoelastic::offset] * units.force, flags(now));
+    const Law law = this->law(units);
+    return fit_of(law, covariance(law, units), now.fit.value[viscoelastic::offset] * units.force,
+                  flags(now));
   }
 
   Snapshot<Law> snapshot(const Units& units) const noexcept {
-    const Fit<Law> now = fit(units);
-    Snapshot<Law> snapshot{now.law, {}, now.offset.value, 0.0};
-    for (std::size_t i = 0; i < order; ++i) snapshot.variances[i] = now.covariance[i][i];
+    const Law law = this->law(units);
+    const Matrix<viscoelastic::joint_size> joint = covariance(law, units);
+    const double offset = solver_.solution().fit.value[viscoelastic::offset];
+    Snapshot<Law> snapshot{law, {}, offset * units.force};
+    for (std::size_t i = 0; i < order; ++i) snapshot.variances[i] = joint[i][i];
     return snapshot;
   }
 
@@ -249,12 +248,14 @@ class ViscoelasticMethod {
     solver_.know_offset(prior);
   }
 
+  Matrix<viscoelastic::joint_size> covariance(const Law& law, const Units& units) const noexcept {
+    const auto& samples = solver_.samples();
+    return viscoelastic::covariance_in_si(solver_.solution(), law, samples.branches().times(),
+                                          samples.motion(), units);
+  }
+
   std::uint8_t flags(const viscoelastic::Solution& now) const noexcept {
     using namespace viscoelastic;
-    // Twice this and a sphere (1.5) is not distinct from a cone (2) or a spring (1).
-    constexpr double largest_exponent_error = 0.2;
-    // Of the elastic force, at the speed of the scale.
-    constexpr double largest_damping_error = 0.25;
     std::uint8_t found = 0;
     const double exponent =
         Grid::step * std::sqrt(now.covariance[in_triangle(exponent_node, exponent_node)]);

@@ -142,10 +142,6 @@ inline void say_identifiable(ProjectionSolution& p, const std::array<bool, 5>& g
 
 // What a solution leaves open, by the root of the covariance that is printed.
 inline std::uint8_t open_flags(const ProjectionSolution& p, const Matrix<5>& root) noexcept {
-  // Twice this and a sphere (1.5) is not distinct from a cone (2) or a spring (1).
-  constexpr double largest_exponent_error = 0.2;
-  // Of the elastic force: B v is unknown to a quarter of K at the speed of the scale.
-  constexpr double largest_damping_error = 0.25;
   const double exponent = std::sqrt(dot(root[2], root[2]));
   const double damping = std::sqrt(dot(root[1], root[1]));
   std::uint8_t found = p.at_edge ? exponent_at_edge : 0;

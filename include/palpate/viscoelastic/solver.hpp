@@ -1,5 +1,10 @@
 // Which law it is, and its parameters, worked out a little at every sample: rounds in which every
 // candidate that is offered is fitted to all samples so far, and in between the chosen one alone.
+//
+// It stands apart from the fit of one Hunt–Crossley law (projection/projection_fit.hpp): columns of
+// other powers and of branches that relax take products of all of them at pairs of exponents, kept
+// for every candidate, where that law needs seven sums an exponent, and an update would cost as
+// much more.
 #pragma once
 
 #include <algorithm>
@@ -95,14 +100,7 @@ class Solver {
   }
 
  private:
-  enum class Stage : std::uint8_t {
-    idle,
-    searching,
-    judging,
-    publishing,
-    refining,
-    publishing_refined
-  };
+  enum class Stage : std::uint8_t { idle, searching, judging, publishing, refining, republishing };
 
   // Fewer samples than three for each number of the widest law say nothing.
   static constexpr std::uint32_t least_fewest = 20;
@@ -146,10 +144,10 @@ class Solver {
         judge();
         break;
       case Stage::refining:
-        if (searched(chosen_)) stage_ = Stage::publishing_refined;
+        if (searched(chosen_)) stage_ = Stage::republishing;
         break;
       case Stage::publishing:
-      case Stage::publishing_refined:
+      case Stage::republishing:
         publish();
         break;
     }
@@ -270,7 +268,7 @@ class Solver {
     const Point answer = problem.at(place, normal);
     const double variance = variance_of(answer, samples_.weight() - problem.law.parameters());
     // What the search saw last is of this candidate, if it was this one's.
-    const bool refined = stage_ == Stage::publishing_refined;
+    const bool refined = stage_ == Stage::republishing;
     const Matrix<unknowns> covariance =
         covariance_of(problem, answer, normal, variance, refined ? search_.curvature() : Place{});
     // Between the rungs one time is interpolated: without this, 80 to 82 % of 100 bars of K′ held

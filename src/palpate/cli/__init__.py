@@ -12,6 +12,7 @@ import sys
 from contextlib import suppress
 
 from palpate.errors import PalpateError, printable
+from palpate.writing import abandon_output
 
 # A word of a person or a file that is no word is shown by its beginning and its end; a path of the
 # usual length is shown whole.
@@ -48,10 +49,10 @@ def main() -> None:
         complain(str(error))
         status = 2
     except BrokenPipeError:
-        _abandon_output()
+        abandon_output()
         status = 141  # as of a program that SIGPIPE ended
     except OSError as error:
-        _abandon_output()
+        abandon_output()
         complain(f"{error.filename or 'standard output'}: {error.strerror or error}")
         status = 2
     if status:
@@ -94,14 +95,6 @@ def complain(words: str) -> None:
     line = _TOO_LONG.sub(r"\1…\2", printable(" ".join(words.split())))
     with suppress(OSError):  # there is nobody left to tell
         print(f"palpate: {line[:_LONGEST_LINE]}", file=sys.stderr)
-
-
-def _abandon_output() -> None:
-    """Let go of what cannot be written: Python would try again on its way out, and complain."""
-    with suppress(OSError, ValueError, AttributeError):  # it may have no descriptor
-        nowhere = os.open(os.devnull, os.O_WRONLY)
-        os.dup2(nowhere, sys.stdout.fileno())
-        os.close(nowhere)
 
 
 def _in_plain_signs(error: UnicodeError) -> tuple[str | bytes, int]:

@@ -12,7 +12,7 @@ speed.
 import math
 from bisect import bisect_left
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, fields
 from typing import Any
 
 import numpy as np
@@ -20,7 +20,7 @@ import numpy as np
 from palpate.design.motion import Motion
 from palpate.digits import rounded
 from palpate.force_laws import ForceLaw, HuntCrossley
-from palpate.validation import Floats, defined, number_in
+from palpate.validation import Floats, number_in, plain
 
 # Harmonics of the rounding error that are distinct from white noise: at least 87 % of its power.
 _MOST = 4
@@ -499,31 +499,17 @@ class PredictedPrecision:
         """Return plain numbers and words; what is infinite or undefined is None."""
         names = ("stiffness", "damping", "exponent")
 
-        def rows(key: str, values: Sequence[float], table: Floats) -> list[dict[str, float | None]]:
-            known = (map(defined, row) for row in table.tolist())
-            return [
-                {key: value, **dict(zip(names, row, strict=True))}
-                for value, row in zip(values, known, strict=True)
-            ]
+        def rows(key: str, values: Sequence[float], table: Floats) -> list[dict[str, float]]:
+            every = zip(values, table.tolist(), strict=True)
+            return [{key: value, **dict(zip(names, row, strict=True))} for value, row in every]
 
-        return {
-            "motion": {
-                "depth": self.motion.depth,
-                "amplitudes": list(self.motion.amplitudes),
-                "frequencies": list(self.motion.frequencies),
-            },
-            "relative_errors": rows("duration", self.durations, self.relative_errors),
-            "expected_errors": rows("duration", self.durations, self.expected_errors),
-            "times": rows("relative_error", self.targets, self.times),
-            "least_penetration": self.least_penetration,
-            "peak_penetration": self.peak_penetration,
-            "leaves_contact": self.leaves_contact,
-            "peak_speed": self.peak_speed,
-            "rms_speed": self.rms_speed,
-            "violated_fraction": defined(self.violated_fraction),
-            "peak_force": self.peak_force,
-            "notes": list(self.notes),
-        }
+        own = {each.name: getattr(self, each.name) for each in fields(self)}
+        own |= {"motion": asdict(self.motion), "leaves_contact": self.leaves_contact}
+        own["relative_errors"] = rows("duration", own.pop("durations"), self.relative_errors)
+        own["expected_errors"] = rows("duration", self.durations, self.expected_errors)
+        own["times"] = rows("relative_error", own.pop("targets"), self.times)
+        whole: dict[str, Any] = plain(own)
+        return whole
 
 
 def predict_precision(

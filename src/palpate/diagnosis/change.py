@@ -4,7 +4,6 @@ import itertools
 import math
 from dataclasses import dataclass
 from operator import attrgetter
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -72,6 +71,8 @@ def changes(fit: Fit) -> Changes | None:
     if rows < 4 * BLOCKS:
         return None
     law = fit.solution.law
+    if not fit.linear:
+        return None
     starts = (law.parameters[2], *EXPONENTS) if law.power_law else (math.nan,)
     starts = starts[:1] if fit.fixed else starts
     costs = {float(n): _cost(fit, float(n), fit.solution.offset) for n in starts}
@@ -89,9 +90,9 @@ def changes(fit: Fit) -> Changes | None:
 
 
 def _basis(fit: Fit, exponent: float, *, logarithm: bool = False) -> Floats:
-    """Columns of an episode's own coefficients: xⁿ and xⁿv, by n if so, or the law's own."""
+    """Columns of an episode's own coefficients: xⁿ and xⁿv, by n if so, or other linear ones."""
     if math.isnan(exponent):
-        return fit.solution.jacobian[:, : len(fit.solution.law.symbols)]
+        return fit.solution.jacobian[:, fit.linear]
     if (exponent, logarithm) not in fit.powers:  # the searches come back to the same exponents
         depth = np.maximum(fit.x, 1e-12)
         power = depth**exponent * (np.log(depth) if logarithm else 1.0)
@@ -116,7 +117,7 @@ def _refined(fit: Fit, start: Cut, count: int) -> Cut:
 def _cost(fit: Fit, exponent: float, offset: float) -> Floats:
     """Energy that own coefficients leave of blocks i … j − 1, shape (49, 49)."""
     basis = _basis(fit, exponent)
-    wide = np.column_stack([basis, fit.force - offset])
+    wide = np.column_stack([basis, fit.by_linear - offset])
     products = np.add.reduceat(wide[:, :, None] * wide[:, None, :], _edges(fit)[:-1], axis=0)
     sums = np.concatenate([np.zeros((1, *products.shape[1:])), np.cumsum(products, axis=0)])
     of = sums[None, :] - sums[:, None]
@@ -172,7 +173,7 @@ def _fitted(fit: Fit, borders: list[int], exponent: float, *, held: bool = False
             if slopes is not None:
                 columns[part, -2] = slopes[part] @ coefficients[k]
         columns[:, -1] = fit.with_offset
-        residual = fit.force - columns[:, :-2] @ parameters[:-2] - parameters[-1]
+        residual = fit.by_linear - columns[:, :-2] @ parameters[:-2] - parameters[-1]
         return residual, columns
 
     high = np.full(own * len(parts) + 2, np.inf)
@@ -189,7 +190,7 @@ def _fitted(fit: Fit, borders: list[int], exponent: float, *, held: bool = False
 def _sharpened(fit: Fit, cut: Cut) -> Cut:
     """Move each border to the row where one law's residual becomes smaller than the other's."""
     basis, half = _basis(fit, cut.exponent), len(fit.band) // BLOCKS
-    target = fit.force - cut.offset
+    target = fit.by_linear - cut.offset
     borders = []
     for k, border in enumerate(cut.borders):
         near = slice(max(border - half, 1), min(border + half, len(target) - 1))
@@ -211,6 +212,15 @@ def _without_slivers(fit: Fit, cut: Cut) -> Cut:
         cut = min((_fitted(fit, each, cut.exponent) for each in kept), key=_ENERGY)
 
 
+def _law_of(fit: Fit, cut: Cut, own: Floats) -> ForceLaw:
+    law = fit.solution.law
+    parameters = law.parameters
+    parameters[fit.linear] = own
+    if not math.isnan(cut.exponent):
+        parameters[2] = cut.exponent
+    return law.from_parameters(parameters)
+
+
 def _judged(fit: Fit, cut: Cut) -> Changes | None:
     own, residual = cut.coefficients.shape[1], cut.least.residual
     columns = np.delete(cut.least.jacobian, [-2] if fit.with_offset else [-2, -1], axis=1)
@@ -222,9 +232,7 @@ def _judged(fit: Fit, cut: Cut) -> Changes | None:
         spread = covariance[first, first] + covariance[second, second]
         spread = spread - covariance[first, second] - covariance[second, first]
         wald.append(math.sqrt(max(float(step @ np.linalg.pinv(spread) @ step), 0.0)))
-    kind: Any = type(fit.solution.law)
-    shape = [] if math.isnan(cut.exponent) else [cut.exponent]
-    laws = tuple(fit.units.restored(kind(*row, *shape)) for row in cut.coefficients)
+    laws = tuple(fit.units.restored(_law_of(fit, cut, row)) for row in cut.coefficients)
     values = [fit.stiffness(fit.units.local(law)) for law in laws]
     size = [abs(b / a - 1.0) if a else math.inf for a, b in itertools.pairwise(values)]
     if min(wald, default=0.0) <= SIGNIFICANT or max(size) <= SMALLEST_STEP:

@@ -13,6 +13,7 @@ from palpate.diagnosis.data import Data
 from palpate.diagnosis.finding import Laws
 from palpate.estimators.estimate import Estimate, Trace
 from palpate.estimators.least_squares import least_squares, robust_covariance
+from palpate.estimators.registered_law import linear_in
 from palpate.force_laws import ForceLaw, GeneralisedHuntCrossley, HuntCrossley, force_over_breaks
 from palpate.validation import Floats
 
@@ -309,7 +310,7 @@ class Fit:
         solution, sizes = self.solution, np.array(self.sizes)
         numbers = [solution.law.parameters, solution.residual, solution.jacobian.reshape(-1), sizes]
         known = bool(np.isfinite(np.concatenate(numbers)).all())
-        return known and self.period > 0.0 and bool((sizes > 0.0).all())
+        return known and bool(np.ptp(self.x) > 0.0 and (sizes > 0.0).all())
 
     @cached_property
     def solution(self) -> Solution:
@@ -324,6 +325,19 @@ class Fit:
     def gain(self, energy: float) -> float:
         """Fraction of the solution's energy that is gone where so much is left."""
         return 1.0 - energy / max(self.solution.energy, np.finfo(float).tiny)
+
+    @cached_property
+    def linear(self) -> list[int]:
+        """Places of the law's parameters in which the force is linear."""
+        return list(range(self.law.linear) or linear_in(type(self.law)))
+
+    @cached_property
+    def by_linear(self) -> Floats:
+        """The force less what is there of the law where these are 0, N."""
+        if self.law.linear:
+            return self.force
+        own, found = self.linear, self.solution
+        return found.residual + found.offset + found.jacobian[:, own] @ found.law.parameters[own]
 
     @cached_property
     def covariance(self) -> Floats:
@@ -346,12 +360,13 @@ class Fit:
             low[2], high[2] = EXPONENTS
 
         def model(parameters: Floats) -> tuple[Floats, Floats]:
-            trial = law.from_parameters(parameters[:names])
-            gradient = motion.band.mean(trial.parameter_gradient(x, motion.v))
             if linear:
+                trial = law.from_parameters(parameters[:names])
+                gradient = motion.band.mean(trial.parameter_gradient(x, motion.v))
                 force = gradient[:, :linear] @ parameters[:linear]
             else:
-                force = motion.band.mean(trial.force(x, motion.v))
+                both = law.force_and_gradient(parameters[:names], x, motion.v)
+                force, gradient = map(motion.band.mean, both)
             gradient[:, self.fixed] = 0.0  # what was given no least squares moves
             zero = np.full(len(gradient), float(self.with_offset))
             return motion.force - force - parameters[names], np.column_stack([gradient, zero])

@@ -26,12 +26,12 @@ ADVICE = {
         "pass the same depths at different speeds, both ways",
     ),
     4: Finding(
-        "exponent",
+        "exponent range",
         "exponent at the edge of its range",
         "widen exponent_range, or check the surface",
     ),
     8: Finding(
-        "surface",
+        "surface range",
         "surface at the edge of its range",
         "widen surface_range, or record the approach",
     ),

@@ -134,6 +134,15 @@ class ForceLaw:
         """∂F/∂θ in contact, shape (k, p), at penetrations > 0 [m] and velocities [m/s], (k,)."""
         raise NotImplementedError
 
+    @classmethod
+    def force_and_gradient(cls, parameters: Floats, x: Floats, v: Floats) -> tuple[Floats, Floats]:
+        """Force [N] and ∂F/∂θ in contact by parameters; NaN where there is no such law."""
+        try:
+            law = cls.from_parameters(parameters)
+            return law.force(x, v), law.parameter_gradient(x, v)
+        except (InvalidParameterError, ArithmeticError):
+            return np.full_like(x, np.nan), np.full((len(x), len(parameters)), np.nan)
+
     def penetration_gradient(self, penetration: Floats, velocity: Floats) -> Floats:
         """∂F/∂x in contact, N/m, shape (k,), at penetrations > 0 [m] and velocities [m/s], (k,)."""
         raise NotImplementedError

@@ -150,7 +150,7 @@ def _widths(contact: Contact, trace: Trace, estimator: ContactEstimator) -> Floa
         law,
         contact.penetration[taken],
         contact.velocity[taken],
-        contact.force[taken],
+        contact.force[taken] - estimate.offset,
         logarithmic=estimator.minimises == "logarithm",
         fixed=estimate.fixed,
     )
@@ -174,7 +174,7 @@ def widening(
     Parameters
     ----------
     law : force law
-        What the method ended with, of two or three parameters.
+        What the method ended with.
     penetration, velocity, force : numpy.ndarray, shape (k,)
         The samples that it took, SI.
     logarithmic : bool

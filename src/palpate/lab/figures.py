@@ -4,6 +4,7 @@ import io
 import os
 import sys
 import warnings
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -107,24 +108,15 @@ def save_rig(bench: Bench, path: str | Path, *, dark: bool = False) -> str:
     if not isinstance(bench.probe, TwinPantograph):
         raise InvalidParameterError(f"an {bench.probe.name} has no rig to draw; use a robot")
     if path.suffix.lower() == ".png":
-        try:
-            pixels = photograph(bench)
-        except NoRendererError:
-            pass
-        else:
-            write_bytes(path, _as_png(pixels))
+        with suppress(NoRendererError), style(LIGHT):
+            from matplotlib.image import imsave
+
+            file = io.BytesIO()
+            imsave(file, photograph(bench), format="png")
+            write_bytes(path, file.getvalue())
             return "rendered"
     save(draw_rig(bench, dark=dark), path)
     return "drawn"
-
-
-def _as_png(pixels: NDArray[Any]) -> bytes:
-    with style(LIGHT):
-        from matplotlib.image import imsave
-
-        file = io.BytesIO()
-        imsave(file, pixels, format="png")
-        return file.getvalue()
 
 
 def draw_rig(bench: Bench, *, dark: bool = False) -> "Figure":

@@ -2,10 +2,8 @@
 
 import math
 import multiprocessing
-import os
 import sys
 import time
-from contextlib import suppress
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from typing import Any, Protocol
@@ -14,6 +12,7 @@ import numpy as np
 
 from palpate.live.ring import COLUMNS, MOST_PARAMETERS, Address, Board, RowReader, Taken
 from palpate.validation import Floats
+from palpate.writing import abandon_output
 
 # Printing where the loop was started, which nobody may hear any more.
 
@@ -27,10 +26,7 @@ def printed(words: str, end: str = "\n") -> bool:
     try:
         print(words, end=end, flush=True)
     except (OSError, ValueError):
-        with suppress(OSError, ValueError, AttributeError):  # it may have no descriptor
-            nowhere = os.open(os.devnull, os.O_WRONLY)
-            os.dup2(nowhere, sys.stdout.fileno())
-            os.close(nowhere)
+        abandon_output()
         return False
     return sys.stdout is not None
 

@@ -41,6 +41,13 @@ _CURES = {
     "datetime": "s = posixtime(d)",
     "duration": "s = seconds(d)",
 }
+_NO_SERIES = {
+    "cell": "holds cells, and no series of numbers",
+    **dict.fromkeys(("char", "string"), "holds text, and no series of numbers"),
+    "function_handle": "holds a function, and no series of numbers",
+    "complex": "holds complex numbers",
+    "sparse": "is a sparse matrix, and no series",
+}
 # What a library raises where it meets damage.
 _FAULTS = (ArithmeticError, LookupError, OSError, RuntimeError, TypeError, ValueError)
 
@@ -242,13 +249,8 @@ def _whole_times(values: NDArray[Any]) -> NDArray[Any]:
 
 def no_class(name: str) -> str:
     """Say that a class holds no array that can be read, and how to save it."""
-    if name in ("cell", "string", "function_handle", "char"):
-        words = {"function_handle": "a function", "char": "text", "string": "text"}
-        return f"holds {words.get(name, 'cells')}, and no series of numbers"
-    if name == "complex":
-        return "holds complex numbers"
-    if name == "sparse":
-        return "is a sparse matrix, and no series"
+    if name in _NO_SERIES:
+        return _NO_SERIES[name]
     cure = _CURES.get(name, "a struct of arrays")
     return f"is of MATLAB's class {name}, which only MATLAB can read; save {cure} instead"
 

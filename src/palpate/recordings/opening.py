@@ -224,6 +224,8 @@ def _copy_stream(file: Path, source: str, content: IO[bytes]) -> None:
 
 def _log(recording: Recording, seconds: float) -> None:
     """Say what was read, and how long that took."""
+    if not _LOGGER.isEnabledFor(logging.INFO):
+        return
     sizes = {len(values) for values in recording.channels.values()}
     samples = " or ".join(map(str, sorted(sizes)[:3])) or "no"
     words = f"{len(recording.channels)} channels of {samples} samples"

@@ -161,15 +161,10 @@ class Recording:
 
     def place(self, name: str, sample: int | None = None) -> str:
         """Where a channel, or a sample of it, is found: file, column and row, in words."""
-        words = f"{self.source}: " if self.source else ""
-        words += f"column {name!r}"
+        words = f"{self.source}: " * bool(self.source) + f"column {name!r}"
         if sample is None:
             return words
-        return (
-            f"{words}, sample {sample}"
-            if self.rows is None
-            else f"{words}, row {self.rows[sample]}"
-        )
+        return words + (f", sample {sample}" if self.rows is None else f", row {self.rows[sample]}")
 
     def _numbers_of_text(self, name: str, values: NDArray[Any], *, strict: bool) -> Floats:
         found = [_number_of(value) for value in values]

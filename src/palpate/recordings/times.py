@@ -26,11 +26,6 @@ _PAIRS = {"secs": "nsecs", "sec": "nsec", "seconds": "nanoseconds"}
 _LAST = re.compile(r"(.*?)([./_]?)(secs|sec|seconds)$")
 
 
-def is_iso_time(cell: str) -> bool:
-    """Whether a cell is a date with a time, by ISO 8601."""
-    return iso_nanoseconds(cell) is not None
-
-
 def iso_nanoseconds(cell: str) -> int | None:
     """Return the nanoseconds from 1970 to a date with a time; None where a cell is none.
 

@@ -19,7 +19,15 @@ from palpate.exports.drake.running import (
     simulated_rebound,
     steps_down,
 )
-from palpate.exports.drake.shapes import FINEST, Slab, Spheres, nested_spheres, one_sphere, slab
+from palpate.exports.drake.shapes import (
+    FINEST,
+    ROUNDING,
+    Slab,
+    Spheres,
+    nested_spheres,
+    one_sphere,
+    slab,
+)
 from palpate.exports.engine import (
     Asked,
     Drop,
@@ -144,13 +152,9 @@ class Sap:
 
     def force(self, penetration: Floats, velocity: Floats, step: float) -> Floats:
         """Return the force, N, once the surface was met where the step [s] began."""
-        met = penetration - step * velocity >= 0.0
+        met = penetration - step * velocity >= -ROUNDING
         force: Floats = np.maximum(self.law.force(penetration, velocity), 0.0) * met
         return force
-
-    def at(self, penetration: float, velocity: float, _step: float) -> float:
-        """The same of one state on the way through, N."""
-        return max(self.law.stiffness * penetration + self.law.damping * velocity, 0.0)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -205,7 +209,11 @@ class DrakeContact(Fragment):
     def predicted_rebound(self, drop: Drop) -> float:
         """Restitution by the formula and by the plant's own steps."""
         step = self.setting.time_step
-        return rebound_by_steps(lambda x, v: self.contact.at(x, v, step), drop, step)
+
+        def force(x: float, v: float) -> float:
+            return float(self.contact.force(np.array([x]), np.array([v]), step)[0])
+
+        return rebound_by_steps(force, drop, step)
 
     def replay(self, motion: ProbeMotion) -> Replayed:
         """Return Drake's force at every state of a motion."""

@@ -31,8 +31,8 @@ MOST_SPHERES = 8
 # A fit takes so many samples at most; more do not change its second digit.
 _MOST_SAMPLES = 1000
 _MOST_STEPS = 60
-# m: of the differences between positions of some centimetres.
-_ROUNDING = 1e-15
+#: m: of the differences between positions of some centimetres.
+ROUNDING = 1e-15
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -59,17 +59,9 @@ class Spheres:
         """
         spring = np.maximum(penetration[:, None] - self.gaps, 0.0) * self.stiffness
         damped = np.maximum(1.0 + velocity[:, None] * self.dissipation, 0.0)
-        met = (penetration - step * velocity)[:, None] >= self.gaps - _ROUNDING
+        met = (penetration - step * velocity)[:, None] >= self.gaps - ROUNDING
         force: Floats = (spring * damped * met).sum(axis=1)
         return force
-
-    def at(self, penetration: float, velocity: float, step: float = 0.0) -> float:
-        """The same of one state."""
-        force, before = 0.0, penetration - step * velocity + _ROUNDING
-        for gap, k, d in zip(self.gaps, self.stiffness, self.dissipation, strict=True):
-            if before >= gap:
-                force += k * max(penetration - gap, 0.0) * max(1.0 + d * velocity, 0.0)
-        return float(force)
 
 
 def one_sphere(law: GeneralisedHuntCrossley) -> Spheres:
@@ -248,10 +240,6 @@ class Slab:
         elastic, damper = shapes(penetration, self.radius, self.halvings)
         per_volume = self.modulus / self.thickness
         return np.maximum(per_volume * (elastic + self.dissipation * velocity * damper), 0.0)
-
-    def at(self, penetration: float, velocity: float, _step: float = 0.0) -> float:
-        """The same of one state."""
-        return float(self.force(np.array([penetration]), np.array([velocity]))[0])
 
 
 def slab(law: GeneralisedHuntCrossley, motion: ProbeMotion, radius: float) -> Slab:
