@@ -53,13 +53,11 @@ def pytest_collection_modifyitems(config, items):
 
 @pytest.fixture(scope="session", params=KINDS.values(), ids=KINDS)
 def kind(request):
-    """Each estimator's class."""
     return request.param
 
 
 @pytest.fixture(scope="session", params=MATERIALS.values(), ids=MATERIALS)
 def material(request):
-    """Each material's force law."""
     return request.param
 
 

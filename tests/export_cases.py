@@ -17,12 +17,10 @@ HALF_SPACE_LAW = GeneralisedHuntCrossley(2e4, 1.5, 300.0, 0.5)
 
 
 def asked(law, **further):
-    """An export of a law, along the paper's motion."""
     return Asked(law=law, motion=Motion.of_paper(), **further)
 
 
 def fitted(engine, law, **further):
-    """A law in an engine's numbers, along the paper's motion."""
     return engine_called(engine).fit(asked(law, **further))
 
 

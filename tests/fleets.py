@@ -22,21 +22,18 @@ def curves(count, *, law=LAW, noise=0.01, seed=5, samples=600):
 
 
 def contact(**options):
-    """One of them."""
     x, v, f = (rows[0] for rows in curves(1, **options))
     time = STEP * np.arange(x.size)
     return Contact(time, penetration=x, velocity=v, force=f, source="touch")
 
 
 def write_recordings(folder, count, seed=7):
-    """Write so many recordings of touches as text."""
     folder.mkdir(exist_ok=True)
     for k in range(count):
         write_contact(contact(seed=seed + k), folder / f"touch-{k:03d}.csv")
 
 
 def write_zarr(path, count, **options):
-    """Write so many touches as arrays."""
     import zarr
 
     x, v, f = curves(count, **options)

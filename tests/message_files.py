@@ -91,7 +91,6 @@ def raw_mcap(
 
 
 def protobuf_class(syntax: str = "proto3") -> Callable[..., object]:
-    """A message of every kind of number."""
     kinds = ["double", "float", "int64", "uint64", "int32", "sint32", "sint64"]
     kinds += ["fixed32", "fixed64", "bool"]
     of = dict.fromkeys([f"a_{kind}" for kind in kinds], "LABEL_OPTIONAL")
@@ -113,7 +112,6 @@ def protobuf_class(syntax: str = "proto3") -> Callable[..., object]:
 
 
 def protobuf_mcap(path: Path, messages: list[object]) -> Path:
-    """MCAP by the ``mcap`` package and its support of protobuf."""
     with path.open("wb") as file:
         writer = ProtobufWriter(file)
         for k, message in enumerate(messages):
@@ -158,8 +156,6 @@ def typestore(ros1: bool = False):
 
 
 class Maker:
-    """Messages of ROS."""
-
     def __init__(self, ros1: bool = False) -> None:
         self.store = typestore(ros1)
 
@@ -237,7 +233,6 @@ POSE = schema("geometry_msgs/msg/PoseStamped")
 
 
 def wrench_mcap(path: Path, given: Values, **settings: object) -> Path:
-    """MCAP of wrenches and poses."""
     messages = [
         (topic, time, cdr(name, each)) for topic, name, time, each in wrenches_and_poses(given)
     ]
@@ -245,7 +240,6 @@ def wrench_mcap(path: Path, given: Values, **settings: object) -> Path:
 
 
 def rosbag1(path: Path, messages: list[Message], compression: str | None = None) -> Path:
-    """A bag of ROS 1 by rosbags."""
     writer = Rosbag1Writer(path)
     if compression is not None:
         writer.set_compression(Rosbag1Writer.CompressionFormat[compression])
@@ -255,7 +249,6 @@ def rosbag1(path: Path, messages: list[Message], compression: str | None = None)
 def rosbag2(
     path: Path, messages: list[Message], storage: str = "SQLITE3", mode: str | None = None
 ) -> Path:
-    """A bag of ROS 2 by rosbags."""
     writer = Rosbag2Writer(path, version=9, storage_plugin=StoragePlugin[storage])
     if mode is not None:
         writer.set_compression(CompressionMode[mode], CompressionFormat.ZSTD)

@@ -262,7 +262,6 @@ def test_one_curve_alone_needs_no_choice_and_comes_back_through_hdf5_and_text(tm
 
 
 def cut(path, size: int):
-    """The first bytes of a file."""
     path.write_bytes(path.read_bytes()[:size])
     return path
 
@@ -300,7 +299,6 @@ def test_the_whole_variables_of_a_matlab_file_that_is_cut_off_are_read(packed, t
 
 
 def damage(path, at: int) -> None:
-    """Forty zeros in a file."""
     content = bytearray(path.read_bytes())
     content[at : at + 40] = bytes(40)
     path.write_bytes(content)

@@ -101,8 +101,6 @@ class Toy(Engine):
 
 @pytest.fixture
 def toy(monkeypatch):
-    """Set what the engine called toy is like."""
-
     def become(**settings):
         monkeypatch.setattr(Toy, "settings", settings)
 

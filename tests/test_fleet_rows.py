@@ -447,7 +447,6 @@ def test_a_map_over_what_is_not_there_is_refused(by, words, refused, tmp_path):
 
 
 def written(folder, table):
-    """A folder of results that holds these rows."""
     sources = [ContactSource("all", "file")]
     [batch] = batches(sources, [1.0])
     Results.begin(folder, Settings(), sources).write(batch, table, np.ones(table.num_rows))

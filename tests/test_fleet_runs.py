@@ -29,7 +29,6 @@ pytestmark = pytest.mark.filterwarnings("ignore::ResourceWarning", "ignore::Depr
 
 @pytest.fixture(scope="module")
 def recordings(tmp_path_factory):
-    """Three recordings, one that is damaged, an array, and what is no recording."""
     folder = tmp_path_factory.mktemp("fleet")
     write_recordings(folder / "all", 3)
     (folder / "all" / "bad.csv").write_text("time_s,penetration_m\n1,2\n")
@@ -427,7 +426,6 @@ reader.read = ended
 
 @pytest.fixture
 def scheduler(tmp_path):
-    """A scheduler of one's own, on loopback, without workers."""
     about = tmp_path / "scheduler.json"
     command = [sys.executable, "-m", "distributed.cli.dask_scheduler", "--host", "127.0.0.1"]
     command += ["--port", "0", "--no-dashboard", "--scheduler-file", str(about)]

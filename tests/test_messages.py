@@ -175,7 +175,6 @@ def wrenches(tmp_path, make):
 
 
 def cdr(tmp_path, definition: str, bodies: list[bytes], form: str = "ros2msg"):
-    """Messages of a type of one's own, in CDR."""
     schema = ("cdr", form, "own_msgs/msg/Own", definition.encode())
     messages = [("/own", files.BEGIN + k, b"\0\1\0\0" + body) for k, body in enumerate(bodies)]
     return open_recording(files.raw_mcap(tmp_path / "own.mcap", messages, {"/own": schema}))

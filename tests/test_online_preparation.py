@@ -30,7 +30,6 @@ def measured(seconds=1.0, *, position_noise=2e-6, force_noise=0.05, seed=0, time
 
 
 def fed(preparation, *columns):
-    """What ``update`` gives, a sample at a time."""
     given = [preparation.update(*row) for row in zip(*map(np.ndarray.tolist, columns), strict=True)]
     return [sample for sample in given if sample is not None]
 

@@ -334,16 +334,6 @@ def test_an_outcome_of_another_version_or_seed_or_a_damaged_one_is_not_reused(st
     assert all((root / name).exists() for name in running.NOT_MEASURING)
 
 
-def test_figures_are_reused_only_as_a_pair_of_as_many_seeds(tmp_path):
-    assert not running.figures_are_current(tmp_path, Tiny(), 1)
-    running.write_figures(tmp_path, Tiny(), 1, ("<svg/>", "<svg/>"))
-    assert running.figures_are_current(tmp_path, Tiny(), 1)
-    assert not running.figures_are_current(tmp_path, Tiny(), 2)
-    assert not running.figures_are_current(tmp_path, Tiny(seconds=1e-9), 1)
-    figures_of(tmp_path, "tiny")[1].write_text("<svg/>", encoding="utf-8")
-    assert not running.figures_are_current(tmp_path, Tiny(), 1)
-
-
 def test_a_run_writes_everything_and_a_second_runs_nothing_though_claims_are_reworded(
     tmp_path, monkeypatch
 ):

@@ -23,7 +23,6 @@ POSIX = pytest.mark.skipif(os.name != "posix", reason="no such pipes or devices"
 
 
 def same(one, other) -> None:
-    """Two recordings hold the same, to the last bit."""
     assert list(one.channels) == list(other.channels)
     for name, values in one.channels.items():
         assert values.dtype == other.channels[name].dtype

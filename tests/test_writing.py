@@ -178,7 +178,6 @@ def test_text_is_utf_8_whatever_it_quotes(tmp_path):
 
 
 def test_only_this_module_opens_files_to_write():
-    """Nothing else in the package may know how."""
     package = Path(writing.__file__).parent
     for path in set(package.rglob("*.py")) - {Path(writing.__file__)}:
         code = path.read_text(encoding="utf-8")

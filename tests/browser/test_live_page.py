@@ -47,7 +47,6 @@ class Endless(Replay):
 
 @contextmanager
 def running(contact, *sinks, estimator=None):
-    """A run with its page: its source, and the page."""
     source, page = Endless(contact), Page(port=0)
     thread = threading.Thread(target=run, args=(source, estimator, [*sinks, page]))
     thread.start()
@@ -126,7 +125,6 @@ def folder(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def live(folder):
-    """A run that records and its page: the source, and where it is."""
     with running(BALL, Recorder(folder=folder)) as (source, page):
         yield source, page.url
 
@@ -139,7 +137,6 @@ def page(live, opened):
 
 
 def until_true(condition, seconds=30.0):
-    """Wait until it is so."""
     until = time.monotonic() + seconds
     while not condition():
         assert time.monotonic() < until
@@ -208,7 +205,7 @@ def test_the_card_says_which_law_it_is_and_nothing_moves_when_that_changes(opene
             assert page.evaluate("globalThis.shifts") < 0.005  # as above
             assert seen["laws"] == seen["offered"]
             assert sum(score == "in force" for score in seen["scores"]) == 1
-            assert "Relaxing stiffness M" in seen["numbers"]
+            assert "Relaxation stiffness M" in seen["numbers"]
             assert "τ" not in seen["numbers"]  # no law on offer has one of its own
             assert "p" not in seen["panels"]
             assert "K′" in seen["felt"]

@@ -170,8 +170,6 @@ class Looking:
 
 
 class Hanging:
-    """One that does not listen to anybody."""
-
     name = "hanging"
 
     def __init__(self, path):
@@ -185,7 +183,6 @@ class Hanging:
 
 
 def resident():
-    """What this process takes, bytes."""
     return int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
 
 
@@ -196,8 +193,6 @@ def in_a_process(code, **options):
 
 
 class Failing:
-    """One that ends at once."""
-
     name = "failing"
 
     def run(self, session, commands):

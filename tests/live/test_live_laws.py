@@ -59,7 +59,6 @@ def swung(law, seconds=2.0, *, begins=0.0, seed=0):
 
 
 def read(loop):
-    """The verdict as a sink reads it from the board."""
     return verdict_on(json.loads(json.dumps(loop.status())))
 
 

@@ -34,8 +34,6 @@ EXAMPLES = Path(__file__).parents[2] / "examples" / "recordings"
 
 
 class Served(SimpleNamespace):
-    """What a test has of a page that is served."""
-
     @property
     def origin(self) -> str:
         return f"http://127.0.0.1:{self.page.port}"
@@ -63,7 +61,6 @@ class Served(SimpleNamespace):
         return found
 
     def counted(self, name, count, *, seconds=10.0):
-        """Wait until so many are counted."""
         until = time.monotonic() + seconds
         while (found := self.counts()[name]) < count and time.monotonic() < until:
             pass
@@ -114,8 +111,6 @@ def served(recording="tapping.csv", *, seconds=3.0, estimator=None, **options):
 
 
 class Head(NamedTuple):
-    """What a frame says of itself."""
-
     every: int
     first: int
     dropped: int
@@ -357,7 +352,6 @@ def test_what_a_person_asks_arrives_at_the_loop(page, name, options):
     "text, words",
     [
         ("", "must be JSON"),
-        ("[]", '"ask"'),
         ('{"ask": 1}', '"ask"'),
         ("[" * 2000, "must be JSON"),
         ('{"ask": NaN}', "must be JSON"),
@@ -367,15 +361,13 @@ def test_what_a_person_asks_arrives_at_the_loop(page, name, options):
         ('{"ask": "tare"}', "options must be seconds"),
         ('{"ask": "tare", "seconds": 1e9}', "seconds must be in"),
         ('{"ask": "tare", "seconds": [1]}', "seconds must be a number"),
-        ('{"ask": "depth", "value": -1}', "value must be in"),
         ('{"ask": "every", "value": 3}', "value must be one of"),
-        ('{"ask": "every", "value": [1]}', "value must be one of"),
         ('{"ask": "estimator", "method": "none"}', "method must be one of"),
         ('{"ask": "estimator", "method": "kelvin-voigt", "gate": 1}', "main settings only"),
         ('{"ask": "estimator", "method": "kelvin-voigt", "forgetting_factor": 2}', "factor"),
         ('{"ask": "estimator", "method": "kelvin-voigt", "change_detector": 7}', "change_detector"),
-        ('{"ask": "source", "material": "ball"}', "the source offers no such 'material'"),
         ('{"ask": "source"}', "one thing at a time"),
+        ('{"ask": "source", "material": "ball"}', "the source offers no such 'material'"),
     ],
 )
 def test_what_cannot_be_done_is_refused_in_words(page, text, words):
@@ -453,7 +445,6 @@ def connected(page):
 
 
 def handshaken(page):
-    """A bare connection after the handshake."""
     made = connected(page)
     made.sendall(
         f"GET /socket HTTP/1.1\r\nHost: 127.0.0.1:{page.page.port}\r\nOrigin: {page.origin}\r\n"

@@ -238,7 +238,6 @@ SINCE_1970 = 1_700_000_000_000 * MS
 
 
 def judged(stamps, numbers=None) -> tuple[list[int], Counts]:
-    """Places of the samples that are taken, and what was counted."""
     counts = Counts()
     order = Order(counts)
     numbers = [None] * len(stamps) if numbers is None else numbers
@@ -327,7 +326,6 @@ def test_times_since_1970_keep_their_digits():
 
 @pytest.fixture
 def now(monkeypatch):
-    """The machine's clock, as a list of one time."""
     times = [0.0]
     monkeypatch.setattr("time.monotonic", lambda: times[0])
     return times

@@ -196,11 +196,6 @@ def test_sap_ignores_the_dissipation_and_the_others_the_relaxation_time(stepping
     assert (otherwise.force == shown_by(f"drake-{stepping}").force).all()
 
 
-def test_sap_takes_the_relaxation_time() -> None:
-    law = engines.drake_sap(stiffness=STIFFNESS, relaxation_time=2.0 * RELAXATION)
-    assert beside(probed(DrakeProbe("sap", relaxation=2.0 * RELAXATION)), law) < 1e-7
-
-
 def test_the_force_belongs_to_the_state_after_the_step_and_not_before() -> None:
     contact = shown_by("drake-sap")
     late = Contact(
