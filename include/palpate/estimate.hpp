@@ -37,6 +37,11 @@ enum IdentifiabilityFlag : std::uint8_t {
   started_in_contact = 128,
 };
 
+// Twice this and a sphere (1.5) is not distinct from a cone (2) or a spring (1).
+inline constexpr double largest_exponent_error = 0.2;
+// Of the elastic force: B v is unknown to a quarter of K at the speed of the scale.
+inline constexpr double largest_damping_error = 0.25;
+
 // A force offset that is estimated beside the law: what the removal of the sensor's bias left.
 template <std::size_t Size>
 struct Offset {

@@ -85,7 +85,8 @@ class LeastSquares {
     if (freedom < 1.0) return 1.0;
     Vector<Order> moved{};
     for (std::size_t i = 0; i < Order; ++i) moved[i] = state_.parameters[i] - settings_.initial[i];
-    const double prior = state_.prior_weight * information_of(moved);
+    const double information = detail::dot(moved, detail::multiply(initial_information_, moved));
+    const double prior = state_.prior_weight * information;
     return std::max(state_.residual - prior, 0.0) / freedom;
   }
 
@@ -174,24 +175,6 @@ class LeastSquares {
     state_.prior_weight *= step.perturbation != 0.0 || state_.prior_weight < 1e-30 ? 0.0 : lambda;
     ++state_.samples;
     return status;
-  }
-
-  // dᵀ P₀⁻¹ d; a start without covariances is the usual one.
-  constexpr double information_of(const Vector<Order>& d) const noexcept {
-    if (!is_diagonal(initial_information_))
-      return detail::dot(d, detail::multiply(initial_information_, d));
-    double sum = initial_information_[0][0] * d[0] * d[0];
-    for (std::size_t i = 1; i < Order; ++i) sum += initial_information_[i][i] * d[i] * d[i];
-    return sum;
-  }
-
-  static constexpr bool is_diagonal(const Matrix<Order>& matrix) noexcept {
-    for (std::size_t i = 0; i < Order; ++i) {
-      for (std::size_t j = i + 1; j < Order; ++j) {
-        if (matrix[i][j] != 0.0) return false;
-      }
-    }
-    return true;
   }
 
   Settings settings_;

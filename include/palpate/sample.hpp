@@ -48,6 +48,9 @@ constexpr bool lies_in(double value, double least, double most) noexcept {
 
 }  // namespace detail
 
+// Of the probing of a hand-sized robot.
+inline constexpr Scale probing_scale{.penetration = 10e-3, .velocity = 20e-3, .force = 1.0};
+
 // What is wrong with these settings, in words; null where they are sound.
 constexpr const char* validate(const Scale& scale) noexcept {
   // Products and quotients of three units stay within the range of a double.

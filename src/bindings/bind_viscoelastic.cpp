@@ -1,6 +1,4 @@
 // Laws with memory: their force along a motion, and the estimators of them.
-#include <nanobind/stl/vector.h>
-
 #include <cmath>
 #include <limits>
 
@@ -23,13 +21,8 @@ GeneralisedHuntCrossley law_in(const InputArray& parameters) {
 // Relaxation times [s] and weights of the branches that stand for a law's spectrum.
 nb::tuple branches_of(const InputArray& parameters) {
   const RelaxationBranches branches(law_in(parameters));
-  std::vector<double> times(branches.count()), weights(branches.count());
-  for (std::size_t i = 0; i < branches.count(); ++i) {
-    times[i] = branches.time(i);
-    weights[i] = branches.weight(i);
-  }
-  return nb::make_tuple(copied_array(times.data(), {times.size()}),
-                        copied_array(weights.data(), {weights.size()}));
+  return nb::make_tuple(copied_array(branches.times.data(), {branches.count}),
+                        copied_array(branches.weights.data(), {branches.count}));
 }
 
 // Fills `force` along a motion, and takes the state with it.
@@ -40,7 +33,7 @@ void force_along(const InputArray& parameters, const InputArray& time_steps,
   const RelaxationBranches branches(law);
   const std::size_t count = penetration.size();
   if (time_steps.size() != count || velocity.size() != count || force.size() != count ||
-      state.size() != branches.count() + 1) {
+      state.size() != branches.count + 1) {
     throw nb::value_error("the arrays must have the samples' number, the state one a branch more");
   }
   double passed = 0.0;  // since the last sample whose place is known

@@ -86,24 +86,6 @@ TEST("free air is not known better than coarse steps and correlation let it be")
   CHECK(std::abs(slow.prior(1e-9).deviation / (4.36 * white) - 1.0) < 0.15);
 }
 
-TEST("samples that are taken out of the sums again leave what was there before") {
-  detail::PowerSums sums(0.3, 3.6);
-  RandomNumbers random(6);
-  for (int k = 0; k < 100; ++k) {
-    sums.add({random.between(0.1, 1.0), random.between(-1.0, 1.0), random.between(0.0, 1.0)}, 1.0);
-  }
-  const detail::PowerSums before = sums;
-  const Sample more{0.7, 0.3, 1.0};
-  sums.add(more, 1.0);
-  sums.add_weighted(more, -1.0);
-  CHECK(std::abs(sums.weight() - before.weight()) < 1e-12);
-  for (std::size_t j = 0; j < detail::PowerSums::nodes; ++j) {
-    for (const detail::Power p : {detail::pp, detail::ppw, detail::pf, detail::pwf}) {
-      CHECK(std::abs(sums.column(p)[j] - before.column(p)[j]) < 1e-12);
-    }
-  }
-}
-
 TEST("withdrawn samples change nothing in the end") {
   auto solver = detail::ContactSolver(ProjectionSettings{});
   auto clean = detail::ContactSolver(ProjectionSettings{});
@@ -121,13 +103,4 @@ TEST("withdrawn samples change nothing in the end") {
   const auto one = solver.solve(), other = clean.solve();
   CHECK(std::abs(one.n - other.n) < 1e-9);
   CHECK(std::abs(one.k - other.k) < 1e-9);
-}
-
-TEST("a force threshold is honoured, and a depth alone takes forces of either sign") {
-  const ContactGate::Settings force{0.0, 0.5, 0.4}, depth{1e-3, 0.0, 0.0};
-  detail::ContactSolver solver{ProjectionSettings{}};
-  const Units units{Scale{}};
-  CHECK(solver.gate(force, units) == force);
-  CHECK(solver.gate(depth, units).minimum_penetration == 1e-3);
-  CHECK(solver.gate(depth, units).make_force < -1e300);
 }

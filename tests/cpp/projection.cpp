@@ -21,11 +21,6 @@ VariableProjection projection() noexcept {
   return VariableProjection({.method = {}, .scale = probing});
 }
 
-// On clean data what is left is the interpolation of the sums and the rounding of J's slope.
-bool close(double value, double truth, double tolerance = 3e-6) noexcept {
-  return std::abs(value - truth) <= tolerance * std::abs(truth);
-}
-
 template <class Estimator>
 void fuzz(const Estimator& fresh, std::uint64_t seed, int count) {
   Estimator estimator = fresh;
@@ -160,26 +155,6 @@ TEST("where the power of the depth is too small to square no stiffness is made o
   CHECK(std::isfinite(found.cost));
 }
 
-TEST("clean probing gives the material, without a start") {
-  for (const HuntCrossley law : {HuntCrossley{2000.0, 2000.0, 1.0}, HuntCrossley{1e5, 2e5, 2.0},
-                                 HuntCrossley{300.0, 3000.0, 1.0}, HuntCrossley{50.0, 10.0, 0.6}}) {
-    VariableProjection estimator({.method = {.offset = false}, .scale = probing});
-    probe(estimator, law, 2.0);
-    const auto now = estimator.estimate();
-    CHECK(close(now.parameters[0], law.stiffness));
-    CHECK(close(now.parameters[1], law.damping));
-    CHECK(close(now.parameters[2], law.exponent));
-    CHECK(now.flags == 0);
-  }
-}
-
-TEST("a held contact leaves the exponent and the damping not identifiable") {
-  VariableProjection estimator = projection();
-  for (int k = 0; k < 2000; ++k) estimator.update(0.01, 0.0, 20.0);
-  CHECK(estimator.estimate().flags & exponent_not_identifiable);
-  CHECK(estimator.estimate().flags & damping_not_identifiable);
-}
-
 TEST("asking for an estimate changes nothing") {
   VariableProjection estimator = projection();
   probe(estimator, HuntCrossley{2000.0, 2000.0, 1.0}, 0.3);
@@ -187,38 +162,6 @@ TEST("asking for an estimate changes nothing") {
   estimator.estimate();
   estimator.predict(0.01, 0.0);
   CHECK(bytes_of(estimator) == before);
-}
-
-TEST("the surface is found from a free approach") {
-  VariableProjectionWithSurface estimator({.method = {}, .scale = probing});
-  const HuntCrossley law{1e5, 2e5, 2.0};
-  const double surface = 0.7e-3;
-  for (int k = 0; k < 4000; ++k) {
-    const double t = 1e-3 * k;
-    const double x = -2e-3 + 10e-3 * (1.0 - std::cos(2.0 * t)) / 2.0;
-    const double v = 10e-3 * std::sin(2.0 * t);
-    estimator.update(x + surface, v, law.force(x, v));
-  }
-  const auto now = estimator.estimate();
-  CHECK(std::abs(now.surface.value - surface) < 10e-6);
-  CHECK(close(now.parameters[0], law.stiffness, 0.01));
-}
-
-TEST("a change is noticed, and the new material found") {
-  WithChangeDetector<VariableProjection> estimator({.method = {}, .scale = probing});
-  RandomNumbers random(1);
-  Status noticed = Status::waiting;
-  for (int k = 0; k < 4000; ++k) {
-    const HuntCrossley law = k < 2000 ? HuntCrossley{1e5, 2e5, 2.0} : HuntCrossley{3e5, 3e5, 2.0};
-    Sample s = probed(law, 1e-3 * k);
-    s.force += random.between(-0.05, 0.05);
-    const Status status = update(estimator, s);
-    if (status == Status::restarted) noticed = status;
-  }
-  CHECK(noticed == Status::restarted);
-  CHECK(estimator.estimate().restarts == 1);
-  // In 2 s of 0.03 N noise the stiffness is known to about half a percent.
-  CHECK(close(estimator.estimate().parameters[0], 3e5, 0.02));
 }
 
 TEST("arbitrary samples leave what stands on variable projection sound") {
@@ -244,29 +187,4 @@ TEST("the latest answer is a few samples old, and predicts as the present one do
     older += predicted != present ? 1 : 0;
   }
   CHECK(older > 1000);
-}
-
-TEST("a known exponent is kept, without an error, by every method whose law has one") {
-  const auto keeps = [](auto estimator) {
-    RandomNumbers random(7);
-    for (int k = 0; k < 3000; ++k) {
-      Sample s = probed(HuntCrossley{3e4, 2e4, 1.5}, 1e-3 * k);
-      s.force += random.between(-0.05, 0.05);
-      update(estimator, s);
-    }
-    const auto now = estimator.estimate();
-    CHECK(now.parameters[2] == 1.5 && now.covariance[2][2] == 0.0);
-    CHECK((now.flags & exponent_not_identifiable) == 0);
-    CHECK(close(now.parameters[0], 3e4, 0.01));
-  };
-  const ProjectionSettings projection{.exponent = 1.5};
-  keeps(VariableProjection({.method = projection, .scale = probing}));
-  keeps(DriftTracking({.method = {.projection = projection}, .scale = probing}));
-  const HuntCrossley start{0.1, 0.0, 1.5};
-  keeps(SingleStageKnownExponentRLS({.method = {.initial = start}, .scale = probing}));
-  keeps(DoubleStageRLS({.method = {.initial = start, .exponent_known = true}, .scale = probing}));
-  CHECK(validate(ProjectionSettings{.exponent = 11.0}) != nullptr);
-  CHECK(validate(DriftTrackingMethod::Settings{projection, {0.02, 0.0, 0.1}}) != nullptr);
-  CHECK(validate(DoubleStageMethod::Settings{.initial = {0.1, 0.0, 0.0}, .exponent_known = true}) !=
-        nullptr);
 }

@@ -44,7 +44,7 @@ Sample moved(double t) noexcept {
 // What a law says along that motion, with noise.
 std::vector<Sample> pressed(const GeneralisedHuntCrossley& law, std::size_t count, double noise) {
   const RelaxationBranches branches(law);
-  std::vector<double> state(branches.count() + 1, 0.0);
+  std::vector<double> state(branches.count + 1, 0.0);
   RandomNumbers random(3);
   std::vector<Sample> samples;
   for (std::size_t k = 0; k < count; ++k) {

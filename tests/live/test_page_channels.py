@@ -187,10 +187,17 @@ def test_an_estimate_is_never_shown_by_the_law_of_another_estimator(watched):
             samples.write(*row[: len(SAMPLE)])
         seen.take()
 
-    board.write({"sample_time": 1e-3, "generation": 0, "law": {"kind": "hunt-crossley"}})
+    law = {name: getattr(HuntCrossley, name) for name in ("kind", "symbols", "units")}
+    law["names"] = HuntCrossley.names()
+    board.write({"sample_time": 1e-3, "generation": 0, "law": law, "state": "contact"})
     write(0.0, 0.2)
     write(0.4, status=float(Status.RESTARTED))
     seen.look()
+    page = seen.page({"clients": 1}, ended=True)
+    assert page["view"]["numbers"][2] == ["Stiffness K [N/mⁿ]", "2000"]
+    assert page["view"]["changes"][0][1][0] == "K = 2000 N/mⁿ"
+    assert page["facts"]["state-name"] == "Stopped"  # not by a word of its own
+    assert ["page: browsers", "1", ""] in page["facts"]["counts"]
     assert seen.page({})["now"]["parameters"] == [2000.0, 3000.0, 1.3]
     board.write({"sample_time": 1e-3, "generation": 1, "law": {"kind": "kelvin-voigt"}})
     seen.look()

@@ -312,7 +312,7 @@ class CurveFitter {
     p.tare_refuted = tare_refuted_;
     const Matrix<5> widening =
         projection_widening(haar_levels(columns, firm_.count), known.prior_fractions(), p,
-                            units_.log_penetration, ResidualOf::the_fit);
+                            units_.log_penetration, true);
     const Matrix<5> root = multiply(p.root, widening);
     const HuntCrossley law = law_in_si(p, units_);
     fit.parameters = {law.stiffness, law.damping, law.exponent, p.offset * force,

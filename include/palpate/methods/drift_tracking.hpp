@@ -152,7 +152,7 @@ class DriftTrackingMethod {
   static constexpr std::uint64_t fewest_samples = 192;
   // Of the exponent: an eighth of a step from spring to sphere to cone, where the filter's first
   // order is good.
-  static constexpr double largest_exponent_error = 0.05;
+  static constexpr double largest_start_error = 0.05;
 
   void start_again() noexcept {
     tracking_ = false;
@@ -172,7 +172,7 @@ class DriftTrackingMethod {
     if (++learned_ % samples_between_looks != 0 || learned_ < fewest_samples) return;
     // What drifts widens the bars of a law that does not: by these it would never start.
     const Fit<Law> fit = start_.fit_in_white_noise(units_);
-    constexpr double most_variance = largest_exponent_error * largest_exponent_error;
+    constexpr double most_variance = largest_start_error * largest_start_error;
     const bool known =
         fit.flags == 0 && fit.law.stiffness > 0.0 && fit.covariance[2][2] < most_variance;
     if (!known) return;

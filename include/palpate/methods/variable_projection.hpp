@@ -35,8 +35,7 @@ class VariableProjectionMethod {
   };
 
   static constexpr Forgetting::Settings default_forgetting = no_forgetting;
-  // The probing of a hand-sized robot.
-  static constexpr Scale default_scale{.penetration = 10e-3, .velocity = 20e-3, .force = 1.0};
+  static constexpr Scale default_scale = probing_scale;
   static constexpr bool forgets = true;
   static constexpr bool perturbs = false;
   // With the limit on ξⁿ below, sums of what is squared here stay finite.

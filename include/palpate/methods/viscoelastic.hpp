@@ -63,8 +63,7 @@ class ViscoelasticMethod {
   };
 
   static constexpr Forgetting::Settings default_forgetting = no_forgetting;
-  // The probing of a hand-sized robot.
-  static constexpr Scale default_scale{.penetration = 10e-3, .velocity = 20e-3, .force = 1.0};
+  static constexpr Scale default_scale = probing_scale;
   static constexpr bool forgets = true;
   static constexpr bool perturbs = false;
   // The answer changes only when it is published.
@@ -257,10 +256,6 @@ class ViscoelasticMethod {
 
   std::uint8_t flags(const viscoelastic::Solution& now) const noexcept {
     using namespace viscoelastic;
-    // Twice this and a sphere (1.5) is not distinct from a cone (2) or a spring (1).
-    constexpr double largest_exponent_error = 0.2;
-    // Of the elastic force, at the speed of the scale.
-    constexpr double largest_damping_error = 0.25;
     std::uint8_t found = 0;
     const double exponent =
         Grid::step * std::sqrt(now.covariance[in_triangle(exponent_node, exponent_node)]);

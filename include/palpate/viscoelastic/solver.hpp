@@ -100,14 +100,7 @@ class Solver {
   }
 
  private:
-  enum class Stage : std::uint8_t {
-    idle,
-    searching,
-    judging,
-    publishing,
-    refining,
-    publishing_refined
-  };
+  enum class Stage : std::uint8_t { idle, searching, judging, publishing, refining, republishing };
 
   // Fewer samples than three for each number of the widest law say nothing.
   static constexpr std::uint32_t least_fewest = 20;
@@ -151,10 +144,10 @@ class Solver {
         judge();
         break;
       case Stage::refining:
-        if (searched(chosen_)) stage_ = Stage::publishing_refined;
+        if (searched(chosen_)) stage_ = Stage::republishing;
         break;
       case Stage::publishing:
-      case Stage::publishing_refined:
+      case Stage::republishing:
         publish();
         break;
     }
@@ -275,7 +268,7 @@ class Solver {
     const Point answer = problem.at(place, normal);
     const double variance = variance_of(answer, samples_.weight() - problem.law.parameters());
     // What the search saw last is of this candidate, if it was this one's.
-    const bool refined = stage_ == Stage::publishing_refined;
+    const bool refined = stage_ == Stage::republishing;
     const Matrix<unknowns> covariance =
         covariance_of(problem, answer, normal, variance, refined ? search_.curvature() : Place{});
     // Between the rungs one time is interpolated: without this, 80 to 82 % of 100 bars of K′ held

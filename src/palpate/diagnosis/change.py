@@ -90,7 +90,7 @@ def changes(fit: Fit) -> Changes | None:
 
 
 def _basis(fit: Fit, exponent: float, *, logarithm: bool = False) -> Floats:
-    """Columns of an episode's own coefficients: xⁿ and xⁿv, by n if so, or where the law is linear."""
+    """Columns of an episode's own coefficients: xⁿ and xⁿv, by n if so, or other linear ones."""
     if math.isnan(exponent):
         return fit.solution.jacobian[:, fit.linear]
     if (exponent, logarithm) not in fit.powers:  # the searches come back to the same exponents

@@ -310,7 +310,7 @@ class Fit:
         solution, sizes = self.solution, np.array(self.sizes)
         numbers = [solution.law.parameters, solution.residual, solution.jacobian.reshape(-1), sizes]
         known = bool(np.isfinite(np.concatenate(numbers)).all())
-        return known and self.period > 0.0 and bool((sizes > 0.0).all())
+        return known and bool(np.ptp(self.x) > 0.0 and (sizes > 0.0).all())
 
     @cached_property
     def solution(self) -> Solution:

@@ -24,7 +24,6 @@ from palpate.figures.panels import (
     draw_residual,
     draw_residual_rows,
     fit_of,
-    force_at_depth,
     name_of,
     parameters_of,
     verdict_of,
@@ -145,7 +144,7 @@ def _in_a_column(new_figure: "type[Figure]", result: Identified, look: Look) -> 
         draw_condition(panels[5], result, course, look)
     stack(panels[2:])
     figure.align_ylabels(panels)
-    title = [verdict_of(result), fit_of(result), force_at_depth(result), parameters_of(result)]
+    title = [verdict_of(result), fit_of(result), at_depth(result, ["force"]), parameters_of(result)]
     set_titles(figure, look.sheet, title, _caption(result), lines=3)
     return figure
 

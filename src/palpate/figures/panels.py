@@ -1,7 +1,7 @@
 """Panels of what was identified: parameters over time, forces, residuals, and their titles."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
@@ -36,6 +36,7 @@ from palpate.figures.style import (
 from palpate.force_laws import ForceLaw
 from palpate.identification.identified import Identified
 from palpate.results.parameters import OFFERED, ParameterRow, parameter_rows
+from palpate.results.view import depth_of
 from palpate.validation import Floats
 
 if TYPE_CHECKING:
@@ -57,29 +58,18 @@ def parameters_of(result: Identified) -> str:
     return ", ".join(str(row).replace(" ", JOINED) for row in rows)
 
 
-def at_depth(result: Identified) -> str:
-    """Force, stiffness and damping at working depth."""
-    there = result.diagnosis.working_depth
-    quantities = (
-        ("force", there.force, "N"),
-        ("stiffness", there.stiffness, "N/m"),
-        ("damping", there.damping, "N·s/m"),
-    )
-    words = [
-        f"{name} {kept_together(q.value, q.standard_error, q.systematic, unit=unit)}"
-        for name, q, unit in quantities
-    ]
-    length = scale_of(there.depth, "m")
+_UNITS = {"force": "N", "stiffness": "N/m", "damping": "N·s/m"}
+
+
+def at_depth(result: Identified, names: Iterable[str] = _UNITS) -> str:
+    """Force, stiffness and damping at working depth, or those of these names."""
+    there, words = result.diagnosis.working_depth, []
+    for name in names:
+        found: Quantity = getattr(there, name)
+        errors = found.standard_error, found.systematic
+        words.append(f"{name} {kept_together(found.value, *errors, unit=_UNITS[name])}")
     relaxed = ", once relaxed" if result.law.remembers else ""
-    return f"at {length.factor * there.depth:.4g} {length.unit}{relaxed}: {', '.join(words)}"
-
-
-def force_at_depth(result: Identified) -> str:
-    """Force at working depth."""
-    there = result.diagnosis.working_depth
-    length, force = scale_of(there.depth, "m"), there.force
-    words = kept_together(force.value, force.standard_error, force.systematic, unit="N")
-    return f"force at {length.factor * there.depth:.4g} {length.unit}: {words}"
+    return f"at {depth_of(there.depth)}{relaxed}: {', '.join(words)}"
 
 
 def name_of(result: Identified) -> str:

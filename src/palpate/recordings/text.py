@@ -269,22 +269,19 @@ class _Column:
         if self.kind == "text":
             # As objects, for one long cell would widen all; and each label is held but once.
             words = np.array(list(map(sys.intern, cells)), dtype=object)
-            numbers, filled = (
-                sum(map(self._is_number, cells)),
-                sum(map(bool, map(str.strip, cells))),
-            )
-            self.extend(words, len(cells) - numbers, len(cells) - filled)
+            wrong = len(cells) - sum(map(self._is_number, cells))
+            self.extend(words, wrong, sum(not cell.strip() for cell in cells))
         elif (values := self._at_once(cells)) is not None:
             self.extend(values)
         else:
             unknown = [np.nan] * self.width if self.kind == "vectors" else np.nan
             found = list(map(self._value, cells))
-            wrong = [k for k, value in enumerate(found) if value is None]
-            if wrong and self.wrong is None:
-                self.wrong = self.size + wrong[0], cells[wrong[0]]
+            unread = [k for k, value in enumerate(found) if value is None]
+            if unread and self.wrong is None:
+                self.wrong = self.size + unread[0], cells[unread[0]]
             dtype = np.int64 if self.kind in ("dates", "nanoseconds") else np.float64
             values = np.array([unknown if each is None else each for each in found], dtype)
-            self.extend(values, len(wrong), sum(not cells[k].strip() for k in wrong))
+            self.extend(values, len(unread), sum(not cells[k].strip() for k in unread))
 
     def _at_once(self, cells: Sequence[str]) -> NDArray[Any] | None:
         if self.kind == "dates":
