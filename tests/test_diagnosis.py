@@ -11,7 +11,7 @@ from palpate.diagnosis import Data
 from palpate.diagnosis.data import CHECKS, SOME
 from palpate.diagnosis.delay import _within_segment, delay, relaxed
 from palpate.diagnosis.fit import Fit
-from palpate.estimators.least_squares import block_variance, mean_error, robust_covariance
+from palpate.estimators.least_squares import mean_error, robust_covariance
 from palpate.preparation.velocity import spiked
 
 
@@ -244,28 +244,28 @@ def test_the_data_are_checked_once_for_all_methods_and_diagnosed_once():
 def test_error_bars_grow_with_the_residuals_correlation():
     random = np.random.default_rng(0)
     x = np.column_stack([np.ones(4000), np.linspace(-1.0, 1.0, 4000)])
-    white = random.standard_normal(4000)
+    white = random.standard_normal((100, 4000))
     slow = np.repeat(random.standard_normal(80), 50)
-    even = np.sqrt(np.diag(robust_covariance(x, white)))
+    even = np.median([np.sqrt(np.diag(robust_covariance(x, each))) for each in white], axis=0)
     assert even == pytest.approx([1 / 4000**0.5, (3 / 4000) ** 0.5], rel=0.25)
     assert np.all(np.sqrt(np.diag(robust_covariance(x, slow))) > 4.0 * even)
-    assert mean_error(slow) > 4.0 * mean_error(white)
-    assert np.all(block_variance(x * white[:, None], np.zeros(2)) > 0.0)
+    assert mean_error(slow) > 4.0 * np.median([mean_error(each) for each in white])
 
 
-def test_error_bars_of_overlapping_windows_are_those_of_their_samples():
+@pytest.mark.parametrize("rows", [40, 600])
+def test_error_bars_of_overlapping_windows_are_those_of_their_samples(rows):
     """Windows that share two thirds scatter √3 times as far as as many that share nothing."""
-    random, slopes, errors, by_blocks = np.random.default_rng(2), [], [], []
-    x = np.sin(np.linspace(0.0, 20.0, 600))[:, None]
-    shared = [np.full(600 - lag, 1.0 - lag / 3.0) for lag in (1, 2)]
+    random, slopes, errors, unaware = np.random.default_rng(2), [], [], []
+    x = np.sin(np.arange(rows) / 30.0)[:, None]
+    shared = [np.full(rows - lag, 1.0 - lag / 3.0) for lag in (1, 2)]
     for _ in range(200):
-        noise = np.convolve(random.standard_normal(602), np.ones(3) / 3.0, "valid")
+        noise = np.convolve(random.standard_normal(rows + 2), np.ones(3) / 3.0, "valid")
         slopes.append(float(x[:, 0] @ noise / (x**2).sum()))
         residual = noise - slopes[-1] * x[:, 0]
         errors.append(robust_covariance(x, residual, shared)[0, 0])
-        by_blocks.append(robust_covariance(x, residual)[0, 0])
-    assert np.mean(np.square(slopes)) == pytest.approx(np.mean(errors), rel=0.25)
-    assert np.mean(errors) > 1.2 * np.mean(by_blocks)
+        unaware.append(robust_covariance(x, residual)[0, 0])
+    assert np.mean(np.square(slopes)) == pytest.approx(np.median(errors), rel=0.25)
+    assert rows > 40 or np.median(errors) > 2.0 * np.median(unaware)  # no levels tell of it yet
 
 
 def test_a_delay_is_sought_within_each_segment():

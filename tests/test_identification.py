@@ -31,7 +31,7 @@ from palpate import (
 )
 from palpate.estimators.contact_estimator import CompiledEstimator
 from palpate.estimators.estimate import prediction_rmse_percent, rmse_percent, violated_fraction
-from palpate.preparation.gates import suggest_gate, suggest_scale
+from palpate.preparation.gates import choose_gate, suggest_scale
 
 RECORDED = Path(__file__).parents[1] / "examples" / "recordings" / "ball.csv"
 CONTACT = contact_of(tapping(MATERIALS["ball"], noise=0.02, seed=1))
@@ -39,7 +39,7 @@ CONTACT = contact_of(tapping(MATERIALS["ball"], noise=0.02, seed=1))
 
 def test_identify_chooses_the_gate_and_the_scale_it_is_not_given(kind):
     result = identify(CONTACT, kind())
-    assert result.gate == suggest_gate(CONTACT)
+    assert result.gate == choose_gate(CONTACT)
     assert result.scale == suggest_scale(CONTACT)
     assert bits(identify(CONTACT, kind.method).trace) == bits(result.trace)
     assert identify(CONTACT).method == "variable-projection"  # unless it is told

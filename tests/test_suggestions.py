@@ -13,7 +13,7 @@ from probing import BALL, felt
 
 import palpate
 from palpate import Contact, ContactGate, InvalidParameterError, Scale, lab
-from palpate.preparation.gates import choose_gate, noise_of, suggest_gate, suggest_scale, touches_of
+from palpate.preparation.gates import choose_gate, noise_of, suggest_scale, touches_of
 
 
 def contact_of(signals, length: float = 1.0, force: float = 1.0) -> Contact:
@@ -52,22 +52,22 @@ def test_the_scale_is_the_largest_of_each_channel_in_contact():
 
 def test_the_gate_is_ten_times_the_noise_and_a_spike_sets_none():
     signals = exciting(MATERIALS["pvc"], seconds=20.0, noise=0.08, seed=4)
-    gate = suggest_gate(contact_of(signals))
+    gate = choose_gate(contact_of(signals))
     assert gate.make_force == 10.0 * noise_of(signals.force)
     assert gate.make_force == pytest.approx(0.8, rel=MEDIAN_TOLERANCE)
     assert gate.break_force == 0.8 * gate.make_force
     signals = exciting(MATERIALS["ball"], seconds=2.0, noise=0.05, seed=6)
-    before = suggest_gate(contact_of(signals))
+    before = choose_gate(contact_of(signals))
     signals.force[700] = 1e6
     # One of 2000 samples moves a median and a percentile by a rank or so.
-    after = suggest_gate(contact_of(signals))
+    after = choose_gate(contact_of(signals))
     assert after.make_force == pytest.approx(before.make_force, rel=0.02)
 
 
 @pytest.mark.parametrize("noise, fraction", [(0.0, 0.01), (30.0, 0.10)], ids=["clean", "noisy"])
 def test_the_gate_stays_between_one_and_ten_percent_of_the_largest_values(noise, fraction):
     signals = exciting(MATERIALS["ball"], seconds=5.0, noise=noise, seed=5)
-    gate = suggest_gate(contact_of(signals))
+    gate = choose_gate(contact_of(signals))
     touching = signals.force[signals.force > 0.0]
     # Clean in penetration, whatever the force.
     assert gate.make_force == pytest.approx(fraction * np.percentile(touching, 99.0), rel=1e-12)
@@ -81,7 +81,7 @@ def test_a_sample_that_no_estimator_takes_sets_nothing(channel, bad):
     signals = exciting(MATERIALS["ball"], seconds=0.1, noise=0.05, seed=7)
     largest = suggest_scale(contact_of(signals))
     getattr(signals, channel)[50] = bad
-    gate, scale = suggest_gate(contact_of(signals)), suggest_scale(contact_of(signals))
+    gate, scale = choose_gate(contact_of(signals)), suggest_scale(contact_of(signals))
     assert 0.0 < gate.make_force < 0.11 * largest.force
     assert 0.0 < gate.minimum_penetration < 0.11 * largest.penetration
     pairs = zip(dataclasses.astuple(scale), dataclasses.astuple(largest), strict=True)
@@ -92,7 +92,7 @@ def test_a_sample_that_no_estimator_takes_sets_nothing(channel, bad):
 def test_a_probe_that_never_touches_gets_what_refuses_nothing(sign):
     same = np.full(50, sign)
     away = Contact(np.arange(50.0), penetration=same, velocity=np.zeros(50), force=same)
-    assert suggest_gate(away) == ContactGate()
+    assert choose_gate(away) == ContactGate()
     assert suggest_scale(away) == Scale()
 
 
@@ -102,7 +102,7 @@ def test_suggestions_go_with_the_units(length, force):
     ours, theirs = contact_of(signals), contact_of(signals, length, force)
     for suggest, units in (
         (suggest_scale, (length, length, force)),
-        (suggest_gate, (length, force, force)),
+        (choose_gate, (length, force, force)),
     ):
         expected = np.multiply(dataclasses.astuple(suggest(ours)), units)
         assert dataclasses.astuple(suggest(theirs)) == pytest.approx(expected, rel=1e-12)
@@ -135,7 +135,7 @@ def test_what_is_identified_does_not_depend_on_the_units(method, unit):
 @pytest.mark.parametrize("given", [{}, {"minimum_penetration": 7e-3}, {"minimum_force": 5.0}])
 def test_a_threshold_that_is_given_wins_and_the_other_is_chosen(given):
     contact = contact_of(exciting(MATERIALS["ball"], noise=0.05, seed=3))
-    chosen, suggested = choose_gate(contact, **given), suggest_gate(contact)
+    chosen, suggested = choose_gate(contact, **given), choose_gate(contact)
     force = given.get("minimum_force")
     assert chosen == ContactGate(
         given.get("minimum_penetration", suggested.minimum_penetration),
@@ -155,7 +155,7 @@ def test_a_threshold_of_no_sense_is_refused_by_the_name_it_was_given_by(name, ba
 
 def test_near_the_surface_the_depth_decides_and_not_the_noise_of_the_force():
     contact = lab.Bench(lab.SPONGE, lab.NEAR_SURFACE, lab.IdealProbe()).run().contact
-    gate = suggest_gate(contact)
+    gate = choose_gate(contact)
     assert gate.break_force == 0.0
     deeper = contact.force[contact.penetration > gate.minimum_penetration]
     # One in a thousand of the samples that touch.
@@ -168,7 +168,7 @@ def test_where_no_depth_tells_touching_from_free_the_force_decides():
     contact = lab.Bench(lab.SPONGE, lab.NEAR_SURFACE, lab.IdealProbe()).run().contact
     # A probe that lifts what it touches off its table: deep, by its own account, and free.
     lifted = np.where(contact.time > 8.0, 0.1, contact.force)
-    gate = suggest_gate(dataclasses.replace(contact, force=lifted))
+    gate = choose_gate(dataclasses.replace(contact, force=lifted))
     assert gate.break_force == 0.8 * gate.make_force
     assert gate.minimum_penetration < 0.1 * contact.penetration.max()
 

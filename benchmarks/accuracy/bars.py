@@ -9,7 +9,9 @@ from scipy.signal import butter, lfilter
 from benchmarks.accuracy.campaign import Campaign
 from benchmarks.accuracy.probing import BALL, NOISE, PVC, SYMBOLS, Floats, sines
 from benchmarks.accuracy.table import Group, Limit, Line
-from palpate import ContactGate, HuntCrossley, VariableProjection
+from palpate import Contact, ContactGate, HuntCrossley, VariableProjection, identify
+from palpate.diagnosis.fit import Fit
+from palpate.diagnosis.marks import standard_errors
 
 MATERIALS = {
     "ball": BALL,
@@ -42,16 +44,20 @@ def bars(campaign: Campaign) -> list[Group]:
                     for material in MATERIALS
                 ]
             )
-            errors, deviations, white = np.moveaxis(cells, 2, 0)  # materials × seeds × (K, B, n)
+            # materials × seeds × (K, B, n, S, C)
+            errors, deviations, white = np.moveaxis(cells, 2, 0)
             covered = 100.0 * (np.abs(errors) < 1.96 * deviations).mean(axis=1)
-            wider = float(np.median(deviations / white))
-            needed = float(np.median(np.sqrt((errors**2).mean(axis=1)) / np.median(white, axis=1)))
+            ratios = np.sqrt((errors**2).mean(axis=1)) / np.median(white, axis=1)
             lines.append(
                 Line(
                     f"{kind}, {motion}",
-                    (*covered.mean(axis=0), float(covered.min())),
-                    (of_mean, of_mean, of_mean, of_cell),
-                    (wider, needed),
+                    (float(covered.min()), *covered.mean(axis=0)),
+                    (of_cell, of_mean),
+                    tuple(
+                        float(np.median(each[..., some]))
+                        for some in (slice(3), slice(3, 5))
+                        for each in (deviations / white, ratios)
+                    ),
                 )
             )
     return [
@@ -59,22 +65,23 @@ def bars(campaign: Campaign) -> list[Group]:
             "Coverage of the 95 % interval, whatever the noise",
             f"True x and v, noise of {NOISE:g} N (rms) and an unknown offset, five materials; "
             f"contact from the depth at which the spring gives {LIGHTEST:g} N; "
-            "`VariableProjection()`. Beside it the standard error and the error (rms), over the "
-            "standard error that white noise would leave (Cramér–Rao).",
-            (*SYMBOLS, "lowest cell"),
+            "`VariableProjection()`, and the diagnosis's S and C at working depth. Beside it the "
+            "standard error and the error (rms), over the standard error that white noise would "
+            "leave (Cramér–Rao): of K, B and n, and of S and C.",
+            ("lowest cell", *SYMBOLS, "S", "C"),
             lines,
-            ("bar / white", "error / white"),
+            ("bar / white", "error / white", "bar / white, S, C", "error / white, S, C"),
             precision=".3g",
             notes=[
                 f"%, mean of five materials, {campaign.seeds} seeds each. The lowest cell is the "
-                "least of fifteen, a material and a parameter each."
+                "least of twenty-five, a material and a number each."
             ],
         )
     ]
 
 
 def _contact(material: str, motion: str, kind: str, seed: int) -> Floats:
-    """Errors of K, B and n, their standard errors, and those of white noise; shape (3, 3)."""
+    """Errors of K, B, n, S and C, their standard errors, and those of white noise; shape (3, 5)."""
     law = MATERIALS[material]
     x, v = MOTIONS[motion]()
     where = list(MATERIALS).index(material), list(MOTIONS).index(motion), NOISES.index(kind)
@@ -84,12 +91,27 @@ def _contact(material: str, motion: str, kind: str, seed: int) -> Floats:
     estimator = VariableProjection(gate=ContactGate(minimum_penetration=depth))
     estimator.replay(x, v, f)
     estimate = estimator.estimate()
+    contact = Contact(np.arange(len(x)) / RATE, penetration=x, velocity=v, force=f)
+    result = identify(contact, estimator.replace())
+    fit = Fit(result.data, result.trace, result.estimate)
+    numbers = [*estimate.parameters, *_felt(result.law, fit.depth)]
+    bars = [*estimate.standard_errors, *standard_errors(fit)[1:]]
     inside = x > depth
     slopes = law.parameter_gradient(x[inside], v[inside])
     slopes = np.column_stack([slopes, np.ones(len(slopes))])
     size = np.linalg.norm(slopes, axis=0)
-    white = NOISE * np.sqrt(np.diag(np.linalg.inv((slopes / size).T @ (slopes / size)))) / size
-    return np.array([estimate.parameters - law.parameters, estimate.standard_errors, white[:3]])
+    inverse = np.linalg.inv((slopes / size).T @ (slopes / size)) / np.outer(size, size)
+    k, b, n = law.parameters
+    power, log = fit.depth**n, np.log(fit.depth)
+    by_stiffness = [n * power / fit.depth, 0.0, k * power / fit.depth * (1.0 + n * log), 0.0]
+    gradients = np.vstack([np.eye(3, 4), by_stiffness, [0.0, power, b * power * log, 0.0]])
+    white = NOISE * np.sqrt(np.einsum("ij,jk,ik->i", gradients, inverse, gradients))
+    truth = [*law.parameters, *_felt(law, fit.depth)]
+    return np.array([np.subtract(numbers, truth), bars, white])
+
+
+def _felt(law: HuntCrossley, depth: float) -> tuple[float, float]:
+    return law.stiffness_at(depth), law.damping_at(depth)
 
 
 def correlated(kind: str, rng: np.random.Generator, count: int) -> Floats:

@@ -10,7 +10,6 @@
 #include <array>
 #include <cmath>
 #include <cstddef>
-#include <cstdint>
 
 #include "palpate/haar_levels.hpp"
 #include "palpate/matrix.hpp"
@@ -24,17 +23,24 @@ inline double widened_quantile(double freedom) noexcept {
   return 1.0 + r * (1.210365 + r * (1.440077 + r * 1.304029));
 }
 
-// Of which fit the residuals are: of earlier samples alone, as a-priori errors are, or of these
-// too.
-enum class ResidualOf : std::uint8_t { earlier_samples, the_fit };
+// How many parameters went into the residuals, and of which fit these are: of earlier samples
+// alone, as a-priori errors are, or of these too.
+struct Fitted {
+  double parameters;
+  bool all_samples = false;
+};
 
-// d_k/σ² ≥ 1 of each level and, last, of what has no partner.
+// d_k/σ² of each level and, last, of what has no partner, over what white noise makes of it, ≥ 1.
 struct LevelNoise {
   // The largest that counts: error bars a million times those of white noise.
   static constexpr double largest = 1e12;
+  static constexpr std::size_t most = HaarLevels<1>::most + 1;
+  using Each = std::array<double, most>;
 
+  // `white` is d_k/σ² of white noise: 1, unless the residuals are averages that share samples.
   template <std::size_t Size>
-  LevelNoise(const HaarLevels<Size>& levels, double variance, ResidualOf residual) noexcept
+  LevelNoise(const HaarLevels<Size>& levels, double variance, const Fitted& fitted,
+             const Each* white = nullptr) noexcept
       : used(levels.used()) {
     // Eight pairs tell a variance to a half.
     constexpr double fewest_pairs = 8.0;
@@ -43,9 +49,9 @@ struct LevelNoise {
       pairs[measured] = level.older_pairs;
       // p/2m of residuals goes into a fit of p parameters; into one of earlier samples only, which
       // a-priori errors are of, half of it. (AR(1) 0.98, 1 s: covers 94, without it 92 %.)
-      const double per_pair = residual == ResidualOf::the_fit ? 0.5 : 0.25;
-      const double lost = per_pair * static_cast<double>(Size) / level.older_pairs;
+      const double lost = (fitted.all_samples ? 0.5 : 0.25) * fitted.parameters / pairs[measured];
       ratio[measured] = level.residual_variance() * (1.0 + lost) / variance;
+      if (white != nullptr) ratio[measured] /= (*white)[measured];
     }
     if (measured > 0) extrapolate();
     for (double& value : ratio) value = value > 1.0 ? std::min(value, largest) : 1.0;
@@ -78,8 +84,30 @@ struct LevelNoise {
     if (measured <= used) ratio[used] = ratio[last] * (1.0 + u);
   }
 
-  std::array<double, HaarLevels<1>::most + 1> ratio{};
-  std::array<double, HaarLevels<1>::most + 1> pairs{};
+  // Satterthwaite's of Σ term(k), term(k) = d_k yᵀ D_k y: levels that are measured have their own
+  // scatter, and all that go by the last of these one in common; those that count as σ² have next
+  // to none.
+  template <class Term>
+  double degrees(const Term& term) const noexcept {
+    double whole = 0.0, spread = 0.0, common = 0.0;
+    for (std::size_t k = 0; k <= used; ++k) {
+      const double part = term(k);
+      whole += part;
+      if (!(ratio[k] > 1.0)) continue;
+      if (k + 1 < measured) {
+        spread += part * part * 2.0 / pairs[k];
+      } else {
+        common += part;
+      }
+    }
+    spread += common * common * scatter;
+    return spread > 0.0 ? std::min(2.0 * whole * whole / spread, most_freedom) : most_freedom;
+  }
+
+  static constexpr double most_freedom = 1e6;
+
+  Each ratio{};
+  Each pairs{};
   std::size_t used;
   std::size_t measured = 0;
   double scatter = 0.0;  // relative variance of the last measured level and of what goes by it
@@ -93,36 +121,24 @@ template <std::size_t Size, std::size_t Rows>
 class ErrorWidening {
  public:
   ErrorWidening(const HaarLevels<Size>& levels, const Vector<Size>& prior, double variance,
-                ResidualOf residual = ResidualOf::earlier_samples) noexcept
+                bool of_all_samples = false) noexcept
       : levels_(levels),
         rest_(levels.rest()),
-        noise_(levels, variance, residual),
-        root_(inverse_root(prior)),
-        variance_(variance) {}
+        noise_(levels, variance, {static_cast<double>(Size), of_all_samples}),
+        root_(inverse_root(prior)) {}
 
   // The lower triangle W; the unit matrix while too few samples tell.
   [[gnu::noinline]] Matrix<Size> root(const std::array<Vector<Size>, Rows>& rows) const noexcept {
     Matrix<Size> unit{};
     for (std::size_t i = 0; i < Size; ++i) unit[i][i] = 1.0;
     if (noise_.measured == 0) return unit;
-    double freedom = most_freedom;
+    double freedom = LevelNoise::most_freedom;
     for (const Vector<Size>& row : rows) freedom = std::min(freedom, degrees(multiply(root_, row)));
     const Matrix<Size> widened = cholesky(whitened(widened_quantile(freedom)));
     for (std::size_t i = 0; i < Size; ++i) {
       if (!(widened[i][i] >= 0.5 && widened[i][i] <= LevelNoise::largest)) return unit;
     }
     return widened;
-  }
-
-  // Variance of yᵀ Σ J e, of an influence y on the scores of the levels' own slopes and residuals,
-  // with its own quantile.
-  double variance(const Vector<Size>& influence) const noexcept {
-    double whole = 0.0;
-    for (std::size_t k = 0; k <= noise_.used; ++k) {
-      whole += noise_.ratio[k] * quadratic(part(k), influence);
-    }
-    const double quantile = noise_.measured > 0 ? widened_quantile(degrees(influence)) : 1.0;
-    return quantile * quantile * variance_ * whole;
   }
 
  private:
@@ -147,22 +163,8 @@ class ErrorWidening {
     return result;
   }
 
-  // Satterthwaite's of yᵀ (Σ d_k D_k) y: levels that are measured have their own scatter, and all
-  // that go by the last of these one in common; those that count as σ² have next to none.
   double degrees(const Vector<Size>& y) const noexcept {
-    double whole = 0.0, spread = 0.0, common = 0.0;
-    for (std::size_t k = 0; k <= noise_.used; ++k) {
-      const double term = noise_.ratio[k] * quadratic(part(k), y);
-      whole += term;
-      if (!(noise_.ratio[k] > 1.0)) continue;
-      if (k + 1 < noise_.measured) {
-        spread += term * term * 2.0 / noise_.pairs[k];
-      } else {
-        common += term;
-      }
-    }
-    spread += common * common * noise_.scatter;
-    return spread > 0.0 ? std::min(2.0 * whole * whole / spread, most_freedom) : most_freedom;
+    return noise_.degrees([&](std::size_t k) { return noise_.ratio[k] * quadratic(part(k), y); });
   }
 
   // From a unit diagonal, so that nothing overflows. Where rounding has eaten a pivot the samples
@@ -188,8 +190,6 @@ class ErrorWidening {
     }
     return inverse.root;
   }
-
-  static constexpr double most_freedom = 1e6;
 
   static void add(Matrix<Size>& sum, const Matrix<Size>& upper, double factor) noexcept {
     for (std::size_t i = 0; i < Size; ++i) {
@@ -217,7 +217,6 @@ class ErrorWidening {
   Matrix<Size> rest_;
   LevelNoise noise_;
   Matrix<Size> root_;
-  double variance_;
 };
 
 }  // namespace palpate::detail

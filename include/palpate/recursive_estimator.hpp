@@ -12,7 +12,7 @@
 #include "palpate/change_detection.hpp"
 #include "palpate/estimate.hpp"
 #include "palpate/method.hpp"
-#include "palpate/outlier_rejection.hpp"
+#include "palpate/outliers.hpp"
 #include "palpate/sample.hpp"
 
 namespace palpate {

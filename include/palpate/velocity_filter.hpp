@@ -16,8 +16,8 @@
 // Why not sooner: a backward difference is half a sample late and has the position's noise, and a
 // mean of past samples lags the force; both are errors of stiffness and damping, not of the noise.
 //
-// A lost position (outlier_rejection.hpp) is left out of every window, and its sample is not given.
-// To know one takes the two samples after it, and the output is those two later.
+// A lost position (outliers.hpp) is left out of every window, and its sample is not given. To
+// know one takes the two samples after it, and the output is those two later.
 #pragma once
 
 #include <algorithm>
@@ -28,7 +28,7 @@
 #include <cstdint>
 #include <limits>
 
-#include "palpate/outlier_rejection.hpp"
+#include "palpate/outliers.hpp"
 #include "palpate/sample.hpp"
 
 namespace palpate {

@@ -6,6 +6,7 @@
 #include <span>
 #include <string>
 #include <variant>
+#include <vector>
 
 #include "conversions.hpp"
 #include "palpate/error_widening.hpp"
@@ -101,36 +102,79 @@ double predict(const Engine& engine, const nb::sequence& sequence) {
       engine);
 }
 
-// Variances of influence · Σ J e over all samples, J and e of this order in time.
-template <std::size_t Size>
-void variances(const InputRows& slopes, const InputArray& residual, const InputRows& influence,
-               const OutputArray& result) {
-  detail::HaarLevels<Size> levels;
-  double energy = 0.0;
-  for (std::size_t i = 0; i < residual.size(); ++i) {
-    Vector<Size> slope{};
-    std::copy_n(slopes.data() + i * Size, Size, slope.begin());
-    levels.add(slope, residual.data()[i], 1.0);
-    energy += residual.data()[i] * residual.data()[i];
+// Fills Σ d_k D_k of scores by rows, one a sample in the order of time, and of the residual: the
+// covariance of a least squares of which the scores are the influence, with Student's quantile.
+// `shares` says which part of its window a row has in common with the next, the next but one …;
+// `fitted`, how many parameters went into the residual.
+void long_run_covariance(const InputRows& scores, const InputArray& residual,
+                         const InputArray& shares, double fitted, const OutputArray& result) {
+  using detail::LevelNoise;
+  const std::size_t size = scores.shape(1), square = size * size;
+  std::size_t count = residual.size();
+  if (scores.shape(0) != count || result.size() != square) {
+    throw nb::value_error("scores must have a row for each residual, the result as many squared");
   }
-  const double count = static_cast<double>(residual.size()), size = static_cast<double>(Size);
-  const double variance = std::max(energy / std::max(count - size, 1.0), 1e-300);
-  const detail::ErrorWidening<Size, 1> widening(levels, {}, variance);
-  for (std::size_t i = 0; i < Size; ++i) {
-    Vector<Size> row{};
-    std::copy_n(influence.data() + i * Size, Size, row.begin());
-    result.data()[i] = widening.variance(row);
-  }
-}
+  std::vector<double> sums(scores.data(), scores.data() + scores.size());
+  std::vector<double> errors(residual.data(), residual.data() + count);
+  std::vector<double> parts(LevelNoise::most * square);
+  const auto add = [&](std::size_t k, const double* a, const double* b, double per_pair) {
+    for (std::size_t i = 0; i < size; ++i) {
+      for (std::size_t j = 0; j < size; ++j) {
+        parts[k * square + i * size + j] += (a[i] - b[i]) * (a[j] - b[j]) * per_pair;
+      }
+    }
+  };
+  double all = 1.0, energy = 0.0;
+  for (std::size_t l = 0; l < shares.size(); ++l) all += 2.0 * shares.data()[l];
+  for (const double error : errors) energy += error * error;
+  const double freedom = std::max(static_cast<double>(count) - all * fitted, 1.0);
+  const double variance = std::max(energy / freedom, 1e-300);
 
-void correlated_variances(const InputRows& slopes, const InputArray& residual,
-                          const InputRows& influence, const OutputArray& result) {
-  const std::size_t size = slopes.shape(1);
-  if ((size != 2 && size != 3) || slopes.shape(0) != residual.size() ||
-      influence.shape(0) != size || influence.shape(1) != size || result.size() != size) {
-    throw nb::value_error("slopes must have two or three columns, influence as many squared");
+  detail::HaarLevels<1> levels;
+  LevelNoise::Each white;
+  white.fill(all);
+  constexpr std::size_t rest = LevelNoise::most - 1;
+  const std::vector<double> nothing(size);
+  double length = 1.0;
+  for (std::size_t k = 0; count > 0; ++k, length *= 2.0) {
+    const std::size_t pairs = k < rest ? count / 2 : 0;
+    for (std::size_t i = 2 * pairs; i < count; ++i) {
+      add(rest, &sums[i * size], nothing.data(), 1.0 / length);
+    }
+    count = pairs;
+    if (pairs == 0) break;
+    for (std::size_t i = 0; i < pairs; ++i) {
+      const double *const first = &sums[2 * i * size], *const second = first + size;
+      add(k, first, second, 0.5 / length);
+      for (std::size_t j = 0; j < size; ++j) sums[i * size + j] = first[j] + second[j];
+      const double apart = errors[2 * i] - errors[2 * i + 1];
+      levels[k].older += apart * apart * 0.5 / length;
+      errors[i] = errors[2 * i] + errors[2 * i + 1];
+    }
+    levels[k].older_pairs = static_cast<double>(pairs);
+    // The autocorrelation of a Haar wavelet says what white noise comes to in shared windows.
+    white[k] = 1.0;
+    for (std::size_t l = 0; l < shares.size(); ++l) {
+      const double lag = static_cast<double>(l + 1) / length;
+      white[k] += shares.data()[l] * (lag < 1.0 ? 2.0 - 3.0 * lag : std::min(lag - 2.0, 0.0));
+    }
+    white[k] = std::max(white[k], 1e-3);
   }
-  (size == 2 ? variances<2> : variances<3>)(slopes, residual, influence, result);
+
+  const LevelNoise noise(levels, variance, {fitted, true}, &white);
+  const auto term = [&](std::size_t k, std::size_t entry) {
+    return noise.ratio[k] * white[k] * parts[k * square + entry];
+  };
+  std::vector<double> quantile(size);
+  for (std::size_t i = 0; i < size; ++i) {
+    const auto own = [&](std::size_t k) { return term(k, i * size + i); };
+    quantile[i] = noise.measured > 0 ? detail::widened_quantile(noise.degrees(own)) : 1.0;
+  }
+  for (std::size_t entry = 0; entry < square; ++entry) {
+    double sum = 0.0;
+    for (std::size_t k = 0; k <= rest; ++k) sum += term(k, entry);
+    result.data()[entry] = quantile[entry / size] * quantile[entry % size] * variance * sum;
+  }
 }
 
 }  // namespace
@@ -179,10 +223,9 @@ before it is divided by λ. Numbers out of their range are refused with a :class
       .def("_restore", [](Engine& self, const nb::bytes& state) {
         std::visit([&](auto& recursion) { restore(recursion, name_of(self), state); }, self);
       });
-  module.def("correlated_variances", &correlated_variances, nb::arg("slopes"), nb::arg("residual"),
-             nb::arg("influence"), nb::arg("result"),
-             "Fills the variances of influence · Σ J e, where the residual e is correlated: J by "
-             "rows, influence too.");
+  module.def("long_run_covariance", &long_run_covariance, nb::arg("scores"), nb::arg("residual"),
+             nb::arg("shares"), nb::arg("fitted"), nb::arg("result"),
+             "Fills the covariance of Σ u e, of scores u by rows and a correlated residual e.");
 }
 
 }  // namespace palpate::bindings

@@ -8,11 +8,14 @@
 #include <cmath>
 #include <cstddef>
 #include <thread>
+#include <utility>
 #include <vector>
 
+#include "channel.hpp"
 #include "conversions.hpp"
 #include "gate.hpp"
-#include "spikes.hpp"
+#include "palpate/force_laws.hpp"
+#include "palpate/outliers.hpp"
 
 namespace palpate::bindings {
 namespace {
@@ -54,6 +57,24 @@ void mark_spikes(const InputRows& values, bool screened, const StatusArray& mark
     if (screened && !rows::may_hold_a_spike(own, spare)) return;
     rows::mark_spikes(own, marks.data() + row * samples, spare);
   });
+}
+
+double end_of_range(const InputArray& time, const InputArray& penetration,
+                    const InputArray& velocity, const InputArray& force,
+                    const std::array<double, 3>& parameters) {
+  const std::size_t count = penetration.size();
+  check(time.size() == count && velocity.size() == count && force.size() == count);
+  const HuntCrossley model{parameters[0], parameters[1], parameters[2]};
+  const auto law = [&](double x, double v) noexcept { return model.force(x, v); };
+  OutlierRejection rejection{OutlierRejection::Settings{}};
+  double before = NAN;
+  for (std::size_t k = 0; k < count; ++k) {
+    const Sample sample{penetration.data()[k], velocity.data()[k], force.data()[k]};
+    if (!detail::finite(sample)) continue;
+    const double now = time.data()[k];
+    rejection.rejects(sample, now - std::exchange(before, now), detail::touching(sample), law);
+  }
+  return rejection.range();
 }
 
 std::array<double, 3> gate_of(const InputArray& penetration, const InputArray& velocity,
@@ -122,6 +143,10 @@ void bind_rows(nb::module_& module) {
              nb::arg("threads"),
              "Marks the spikes of each row: where they are screened, only of rows in which one "
              "leaves its two neighbours as a spike does.");
+  module.def("end_of_range", &end_of_range, nb::arg("time"), nb::arg("penetration"),
+             nb::arg("velocity"), nb::arg("force"), nb::arg("parameters"),
+             "The force at which the range of its sensor ends; infinite where none does: of a "
+             "contact below its surface, whose Hunt-Crossley law has these parameters.");
   module.def("gate_of", &gate_of, nb::arg("penetration"), nb::arg("velocity"), nb::arg("force"),
              "The three settings of a gate for a contact, SI.");
   module.def("working_depths", &working_depths, nb::arg("penetration"), nb::arg("force"),

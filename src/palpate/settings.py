@@ -3,9 +3,12 @@
 from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any, Self, TypeVar
 
+import numpy as np
+from numpy.typing import NDArray
+
 import palpate._core as _core
 from palpate.errors import InvalidParameterError
-from palpate.validation import kept, shown
+from palpate.validation import Floats, kept, shown
 
 # Each default stands once, in the C++ headers, with its reason.
 _FADING = _core.defaults["FadingForgetting"]
@@ -58,6 +61,11 @@ class ContactGate(_Numbers):
                 f"break_force must be in [0, make_force = {make:g}], not {shown(given)}"
             )
         kept(self, "minimum_penetration", 0.0, 1e100)
+
+    def makes(self, penetration: Floats, force: Floats) -> NDArray[np.bool_]:
+        """Whether contact is made at each sample."""
+        found: NDArray[np.bool_] = penetration > self.minimum_penetration
+        return found & (force > self.make_force)
 
 
 @dataclass(frozen=True, slots=True)

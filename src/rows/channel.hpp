@@ -1,14 +1,16 @@
-// What the numbers of one channel say of it alone: its noise, its steps, whether one stands out.
+// What the numbers of one channel say of it alone: its noise, its steps, its spikes.
 #pragma once
 
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstddef>
+#include <cstdint>
 #include <limits>
 #include <utility>
 
 #include "order.hpp"
+#include "palpate/outliers.hpp"
 
 namespace palpate::rows {
 
@@ -103,6 +105,32 @@ inline bool may_hold_a_spike(Channel channel, double* spare) noexcept {
   if (middle >= known) return true;
   const double limit = typical * two_in_order({away, known}, middle)[0];
   return !(*std::max_element(farthest.begin(), farthest.end()) < limit);
+}
+
+// 99.9th percentile of the size of those that are finite, so that a spike sets nothing; 0 of none.
+// `spare` holds as many numbers as the channel.
+inline double largest_of(Channel channel, double* spare) noexcept {
+  const Numbers all = kept(channel, std::numeric_limits<double>::infinity(), spare);
+  for (std::size_t k = 0; k < all.count; ++k) all.data[k] = std::abs(all.data[k]);
+  return all.count > 0 ? percentile(all, 99.9 / 100.0) : 0.0;
+}
+
+// Writes 1 to `marks` where a finite sample is a spike among those. `spare` holds three
+// times as many numbers as the channel.
+inline void mark_spikes(Channel channel, std::uint8_t* marks, double* spare) noexcept {
+  const Numbers all = kept(channel, std::numeric_limits<double>::infinity(), spare);
+  if (all.count < 5) return;
+  const Channel finite{all.data, all.count};
+  double* const more = spare + channel.count;
+  const double noise = noise_of(finite, more), top = largest_of(finite, more);
+  const double limit = palpate::detail::least_spike(noise, top, step_of(finite, more));
+  std::size_t place = 0;  // of the sample among the finite ones
+  for (std::size_t k = 0; k < channel.count; ++k) {
+    if (!std::isfinite(channel.data[k])) continue;
+    const std::size_t own = place++;
+    if (own < 2 || own + 2 >= all.count) continue;
+    if (palpate::detail::is_spike(all.data + own - 2, limit)) marks[k] = 1;
+  }
 }
 
 }  // namespace palpate::rows

@@ -10,50 +10,34 @@ namespace {
 constexpr ContactGate::Settings gate_settings{
     .minimum_penetration = 1e-3, .make_force = 1.0, .break_force = 0.8};
 
-// Takes the sample and says where it led.
-Phase after(ContactGate& gate, double penetration, double force) noexcept {
-  gate.enter(gate.next(penetration, force));
-  return gate.phase();
-}
+struct Step {
+  double penetration;
+  double force;
+  Phase phase;  // that it leads to
+};
 
 }  // namespace
 
-TEST("before the first contact the gate waits") {
+TEST("contact is made above one force, lost at or below the other, and deeper than the minimum") {
+  constexpr Phase waiting = Phase::waiting, contact = Phase::contact, held = Phase::held;
   ContactGate gate(gate_settings);
-  CHECK(gate.phase() == Phase::waiting);
-  CHECK(after(gate, -0.01, 0.0) == Phase::waiting);
-  CHECK(after(gate, 0.01, 0.9) == Phase::waiting);
-  CHECK(after(gate, 0.01, 1.0) == Phase::waiting);
-}
-
-TEST("contact is made above the one force and lost at or below the other") {
-  ContactGate gate(gate_settings);
-  CHECK(after(gate, 0.01, 1.01) == Phase::contact);
-  CHECK(after(gate, 0.01, 0.9) == Phase::contact);
-  CHECK(after(gate, 0.01, 0.81) == Phase::contact);
-  CHECK(after(gate, 0.01, 0.8) == Phase::held);
-  CHECK(after(gate, 0.01, 0.9) == Phase::held);
-  CHECK(after(gate, 0.01, 1.01) == Phase::contact);
-}
-
-TEST("noise between the two forces neither makes nor breaks contact") {
-  ContactGate gate(gate_settings);
-  for (int k = 0; k < 100; ++k) CHECK(after(gate, 0.01, k % 2 ? 0.85 : 0.95) == Phase::waiting);
-  after(gate, 0.01, 2.0);
-  for (int k = 0; k < 100; ++k) CHECK(after(gate, 0.01, k % 2 ? 0.85 : 0.95) == Phase::contact);
-}
-
-TEST("a sample has to be deeper than the minimum, whatever its force") {
-  ContactGate gate(gate_settings);
-  CHECK(after(gate, 1e-3, 100.0) == Phase::waiting);
-  CHECK(after(gate, 1.001e-3, 100.0) == Phase::contact);
-  CHECK(after(gate, 1e-3, 100.0) == Phase::held);
-}
-
-TEST("asking what a sample leads to changes nothing") {
-  ContactGate gate(gate_settings);
-  CHECK(gate.next(0.01, 2.0) == Phase::contact);
-  CHECK(gate.phase() == Phase::waiting);
+  CHECK(gate.phase() == waiting);
+  for (const Step& s : {Step{-0.01, 0.0, waiting},
+                        {0.01, 0.9, waiting},
+                        {0.01, 1.0, waiting},
+                        {1e-3, 100.0, waiting},
+                        {0.01, 1.01, contact},
+                        {0.01, 0.81, contact},
+                        {0.01, 0.95, contact},
+                        {0.01, 0.8, held},
+                        {0.01, 0.9, held},
+                        {1.001e-3, 1.01, contact},
+                        {1e-3, 100.0, held}}) {
+    const Phase before = gate.phase();
+    const Phase next = gate.next(s.penetration, s.force);
+    CHECK(next == s.phase && gate.phase() == before);  // asking changes nothing
+    gate.enter(next);
+  }
 }
 
 TEST("an estimator waits, learns in contact, holds outside it and resumes") {

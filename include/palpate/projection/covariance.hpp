@@ -117,9 +117,11 @@ inline void say_identifiable(ProjectionSolution& p, const std::array<bool, 5>& g
 // What widens the root of a solution's covariance, as the levels of its errors tell: by how sure K,
 // B and n are, in SI but for their units. The surface, whose slope is not kept, is as much wider as
 // the widest of the others.
-[[gnu::noinline]] inline Matrix<5> projection_widening(
-    const HaarLevels<4>& levels, const Vector<4>& prior_fractions, const ProjectionSolution& p,
-    double log_penetration, ResidualOf residual = ResidualOf::earlier_samples) noexcept {
+[[gnu::noinline]] inline Matrix<5> projection_widening(const HaarLevels<4>& levels,
+                                                       const Vector<4>& prior_fractions,
+                                                       const ProjectionSolution& p,
+                                                       double log_penetration,
+                                                       bool of_all_samples = false) noexcept {
   std::array<Vector<4>, 3> rows{};
   for (std::size_t j = 0; j < 4; ++j) {
     rows[0][j] = p.root[0][j] - p.k * log_penetration * p.root[2][j];
@@ -127,7 +129,7 @@ inline void say_identifiable(ProjectionSolution& p, const std::array<bool, 5>& g
     rows[2][j] = p.root[2][j];
   }
   const Matrix<4> root =
-      ErrorWidening<4, 3>(levels, prior_fractions, p.root_variance, residual).root(rows);
+      ErrorWidening<4, 3>(levels, prior_fractions, p.root_variance, of_all_samples).root(rows);
   Matrix<5> widening{};
   double widest = 1.0;
   for (std::size_t i = 0; i < 4; ++i) {

@@ -78,7 +78,7 @@ class ResidualNoise {
     const detail::HaarLevels<1> levels(levels_);
     const double own = levels.residual_variance();
     const double variance = own > 0.0 ? std::min(whole_variance, own) : whole_variance;
-    const detail::LevelNoise noise(levels, variance, detail::ResidualOf::earlier_samples);
+    const detail::LevelNoise noise(levels, variance, {1.0});
     // Slower than the slowest that was measured, the few pairs that there are count together, less
     // the deviation of so few: error bars guess how it goes on, but a criterion that did would find
     // no law of a short record.

@@ -182,13 +182,7 @@ class Reading:
 
     def settings(self, contact: "Contact", kind: "type[ContactEstimator]") -> dict[str, Any]:
         """Return what an estimator of this kind is to be made with."""
-        from palpate.settings import ContactGate
-
-        gate = self.gate(contact)
-        if gate is not None and kind.chooses_samples:  # nothing beside what is asked for
-            force = self.min_force or 0.0
-            gate = ContactGate(self.min_penetration or 0.0, force, force)
-        return {"gate": gate, **self.chosen(kind)}
+        return {"gate": self._gate(contact, alone=kind.chooses_samples), **self.chosen(kind)}
 
     def chosen(self, kind: "type[ContactEstimator]") -> dict[str, Any]:
         """Return the settings of an estimator that options ask for, but for its gate."""
@@ -210,17 +204,12 @@ class Reading:
 
         outliers = None if self.reject_outliers else False
         settings = {"outlier_rejection": outliers, "exponent": self.exponent, **watched}
-        return compare(contact, gate=self.gate(contact), **settings)
+        return compare(contact, gate=self._gate(contact), **settings)
 
-    def gate(self, contact: "Contact") -> "ContactGate | None":
-        """Return the gate asked for, the rest of it chosen from the data; None where none is."""
-        from palpate.preparation import choose_gate
+    def _gate(self, contact: "Contact", *, alone: bool = False) -> "ContactGate | None":
+        from palpate.preparation.gates import gate_asked_for
 
-        if self.min_penetration is None and self.min_force is None:
-            return None
-        return choose_gate(
-            contact, minimum_penetration=self.min_penetration, minimum_force=self.min_force
-        )
+        return gate_asked_for(contact, self.min_penetration, self.min_force, alone=alone)
 
 
 def flipped(options: Any) -> tuple[str, ...]:

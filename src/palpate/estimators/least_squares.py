@@ -12,68 +12,47 @@ from palpate.settings import Configured
 from palpate.validation import Floats, arguments, covariance_matrix, signal
 
 MOST_STEPS = 25
-FEWEST_BLOCKS = 8  # fewer say too little of a variance
 
 
-def block_variance(scores: Floats, floor: Floats) -> Floats:
-    """Variance of the sum of correlated scores: the largest over dyadic blocks.
+def long_run_covariance(
+    scores: Floats, residual: Floats, shared: Sequence[Floats] = (), fitted: int = 0
+) -> Floats:
+    """Covariance of Σ u e for a residual e that is correlated, whatever with.
 
-    Over m blocks of b = 1, 2, 4 … samples V_b = Σ (Σ u)² m/(m − 1); of the longer ones only what
-    exceeds their own scatter counts, V_b (1 − √(2/m)).
+    Σ d_k D_k of Haar levels, with t₀.₉₇₅(ν)/1.96, as in ``docs/variable-projection.md``: the
+    estimator of all error bars.
 
     Parameters
     ----------
     scores : numpy.ndarray, shape (k, p)
-        One row a sample, in the order of time.
-    floor : numpy.ndarray, shape (p,)
-        The variance if the samples were independent.
+        u, one row a sample, in the order of time: the influence of its residual.
+    residual : numpy.ndarray, shape (k,)
+        e, of a fit to these samples.
+    shared : sequence of numpy.ndarray
+        Where residuals are averages over windows: the part of its window that each row shares with
+        the next, with the next but one, and so on.
+    fitted : int
+        How many parameters the fit has.
     """
-    largest, length = floor, 1
-    while len(scores) // length >= FEWEST_BLOCKS:
-        count = len(scores) // length
-        sums = scores[: count * length].reshape(count, length, -1).sum(axis=1)
-        variance = (sums**2).sum(axis=0) * count / (count - 1.0)
-        trusted = 1.0 if length == 1 else 1.0 - np.sqrt(2.0 / count)
-        largest = np.maximum(largest, variance * trusted)
-        length *= 2
-    return largest
+    covariance = np.empty((scores.shape[1],) * 2)
+    shares = np.array([part.sum() / (len(residual) - k) for k, part in enumerate(shared, start=1)])
+    _core.long_run_covariance(np.ascontiguousarray(scores), residual, shares, fitted, covariance)
+    return covariance
 
 
 def robust_covariance(
     jacobian: Floats, residual: Floats, shared: Sequence[Floats] = (), others: int = 0
 ) -> Floats:
-    """Covariance of least squares from the influence of each row, in blocks of every length.
+    """Covariance of a least squares from its Jacobian and what it leaves.
 
-    With u_i = (JᵀJ)⁻¹ J_i r_i, the white covariance r²(JᵀJ)⁻¹ JᵀRJ (JᵀJ)⁻¹ is widened on both
-    sides, so that its correlations stay and its variances are those of :func:`block_variance`.
-
-    Parameters
-    ----------
-    jacobian : numpy.ndarray, shape (k, p)
-        Of the fit.
-    residual : numpy.ndarray, shape (k,)
-        What it leaves.
-    shared : sequence of numpy.ndarray
-        R for white samples: the part of its window that each row shares with the next, with the
-        next but one, and so on. Blocks alone find but 2.2 of the 3 times that windows which share
-        two thirds take: bars of 0.85 of their width.
-    others : int
-        Parameters that were fitted too, whose columns are orthogonal to these.
+    ``others`` is how many parameters were fitted too, whose columns are orthogonal to these; for
+    ``shared`` see :func:`long_run_covariance`.
     """
     size = np.linalg.norm(jacobian, axis=0)
     size[size == 0.0] = 1.0
     unit = jacobian / size
-    inverse = np.linalg.pinv(unit.T @ unit, hermitian=True)
-    scores = unit @ inverse
-    white = scores.T @ scores
-    for lag, part in enumerate(shared, start=1):
-        both = scores[:-lag].T @ (scores[lag:] * part[:, None])
-        white += both + both.T
-    white *= float(residual @ residual) / max(len(residual) - len(size) - others, 1)
-    variances = np.diag(white).clip(min=np.finfo(float).tiny)
-    widening = np.sqrt(block_variance(scores * residual[:, None], variances) / variances)
-    covariance: Floats = white * np.outer(widening, widening) / np.outer(size, size)
-    return covariance
+    scores = unit @ (np.linalg.pinv(unit.T @ unit, hermitian=True) / size)
+    return long_run_covariance(scores, residual, shared, len(size) + others)
 
 
 class Fitted(NamedTuple):
@@ -134,9 +113,9 @@ def least_squares(
 
 def mean_error(values: Floats) -> float:
     """Standard error of the mean of correlated values."""
-    deviations = (values - values.mean()) / len(values)
-    white = (deviations**2).sum()
-    return float(np.sqrt(block_variance(deviations[:, None], np.array([white]))[0]))
+    count = len(values)
+    scores = np.full((count, 1), 1.0 / count)
+    return float(np.sqrt(long_run_covariance(scores, values - values.mean(), (), 1)[0, 0]))
 
 
 # The bare recursion of eq. 13, for a regression of one's own.

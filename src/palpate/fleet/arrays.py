@@ -46,7 +46,7 @@ from palpate.identification.identified import (
 from palpate.identification.replaying import estimator_of
 from palpate.preparation.gates import choose_gate, resolutions_of
 from palpate.preparation.preparing import Recorded, prepare
-from palpate.preparation.velocity import spikes_of_rows, step_of, velocity_of
+from palpate.preparation.velocity import spikes_of_rows, velocity_of
 from palpate.recordings.recording import Recording, printable
 from palpate.validation import Floats, number_in, real_array, whole_in
 
@@ -120,11 +120,6 @@ class Curves:
         )
 
 
-# Equal forces at the top that are no chance, and by how many of its steps the law's force moves
-# meanwhile, as in include/palpate/outlier_rejection.hpp.
-_FLAT, _FLAT_STEPS = 5, 4.0
-
-
 def fitted(
     curves: Curves, chosen: dict[str, Any], *, rejects: bool, threads: int
 ) -> tuple[CurveFits, Curves, NDArray[np.int64]]:
@@ -149,7 +144,7 @@ def fitted(
         force[marks] = np.nan
     fits = fit_curves(*signals, threads=threads, **chosen)
     if rejects:
-        ends = _ends_of_range(signals, fits)
+        ends = _ends_of_range(curves, force, fits)
         force[ends] = np.nan
         rows = np.flatnonzero(ends.any(axis=1))
         own: dict[str, Any] = {
@@ -162,21 +157,18 @@ def fitted(
     return fits, replace(curves, force=force), np.count_nonzero(marks, axis=1)
 
 
-def _ends_of_range(signals: list[Floats], fits: CurveFits) -> NDArray[np.bool_]:
-    """Forces at the end of the sensor's range: equal ones on top while the law's force moves."""
-    found = np.zeros(signals[2].shape, dtype=np.bool_)
+def _ends_of_range(curves: Curves, force: Floats, fits: CurveFits) -> NDArray[np.bool_]:
+    """Forces at the end of the sensor's range, of rows in which as many are equal as it takes."""
+    found = np.zeros(force.shape, dtype=np.bool_)
     with np.errstate(invalid="ignore"):
-        highest = np.fmax.reduce(signals[2], axis=1, initial=-np.inf)
-        often = (signals[2] == highest[:, None]).sum(axis=1) >= _FLAT
+        highest = np.fmax.reduce(force, axis=1, initial=-np.inf)
+        often = (force == highest[:, None]).sum(axis=1) >= 5
     for row in np.flatnonzero(often & np.isfinite(fits.stiffness)).tolist():
-        penetration, velocity, force = (values[row] for values in signals)
-        top = force == highest[row]
-        runs = np.flatnonzero(np.diff(top, prepend=False, append=False)).reshape(-1, 2)
-        law = fits.law(row).force(penetration - fits.surface[row], velocity)
-        least = _FLAT_STEPS * step_of(force[np.isfinite(force)])
-        for first, end in runs.tolist():
-            if end - first >= _FLAT and np.ptp(law[first:end]) > least:
-                found[row] = top
+        assert curves.velocity is not None
+        below = curves.penetration[row] - fits.surface[row]
+        motion = curves.clock(row), below, curves.velocity[row]
+        end = _core.end_of_range(*motion, force[row], fits.law(row).parameters.tolist())
+        found[row] = force[row] == end
     return found
 
 

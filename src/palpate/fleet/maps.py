@@ -201,8 +201,9 @@ class Outlier:
 def outliers_of(table: Table) -> list[Outlier]:
     """Rows whose stiffness or damping is beyond five robust deviations, the farthest first.
 
-    Of ln v, for materials differ by factors, with the row's own error beside the deviation; a value
-    that is not positive is none of these.
+    The rule of all outliers, the median departure over 0.6745 for σ: of ln v, for materials differ
+    by factors, with the row's own error beside the deviation. A value that is not positive is none
+    of these.
     """
     found: list[Outlier] = []
     names = names_of(table)

@@ -18,9 +18,9 @@ from palpate.contact import Contact
 from palpate.errors import InvalidParameterError
 from palpate.estimators import ContactEstimator, estimator_named
 from palpate.force_laws import ForceLaw
-from palpate.preparation import Columns, choose_gate
+from palpate.preparation import Columns
+from palpate.preparation.gates import gate_asked_for
 from palpate.preparation.settings import Preparation
-from palpate.settings import ContactGate
 from palpate.validation import shown
 
 #: A table of pyarrow, which has no types, and is imported where one is made.
@@ -267,13 +267,9 @@ class Settings:
     def estimator_for(self, contact: Contact) -> ContactEstimator:
         """Return a fresh estimator, with a gate for this contact where one is asked for."""
         made = estimator_named(self.method)().replace(**self.estimator)
-        if self.minimum_penetration is None and self.minimum_force is None:
-            return made
-        depth, force = self.minimum_penetration, self.minimum_force
-        if made.chooses_samples:  # nothing beside what is asked for
-            return made.replace(gate=ContactGate(depth or 0.0, force or 0.0, force or 0.0))
-        gate = choose_gate(contact, minimum_penetration=depth, minimum_force=force)
-        return made.replace(gate=gate)
+        asked = self.minimum_penetration, self.minimum_force
+        gate = gate_asked_for(contact, *asked, alone=made.chooses_samples)
+        return made if gate is None else made.replace(gate=gate)
 
     def plain(self) -> dict[str, Any]:
         """Return them as JSON has it."""

@@ -91,7 +91,7 @@ def nothing_taken(contact: Contact, gate: ContactGate) -> str:
     where = f"{contact.source}: " if contact.source else ""
     if not len(contact):
         return f"{where}there are no samples"
-    inside = (contact.penetration > gate.minimum_penetration) & (contact.force > gate.make_force)
+    inside = gate.makes(contact.penetration, contact.force)
     if inside.any() and not np.isfinite(contact.velocity[inside]).any():
         return (
             f"{where}no sample of the contact has a velocity: {not_finite(contact)}; without that "
@@ -299,9 +299,7 @@ class Identified:
     def _firm_penetration(self) -> Floats:
         contact, inside = self.contact, self.trace.taken
         if self.estimator.chooses_samples:
-            gate = choose_gate(contact)
-            firm = contact.penetration > gate.minimum_penetration
-            inside = inside & firm & (contact.force > gate.make_force)
+            inside = inside & choose_gate(contact).makes(contact.penetration, contact.force)
         penetration: Floats = contact.penetration[inside] - self.estimate.surface
         return penetration
 

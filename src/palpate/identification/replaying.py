@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from palpate._core import Status, correlated_variances
+from palpate._core import Status
 from palpate.contact import Contact
 from palpate.diagnosis import Data, Laws
 from palpate.errors import InvalidParameterError
@@ -23,7 +23,7 @@ from palpate.estimators import (
 )
 from palpate.estimators.estimate import Estimate, Trace, Traced, thinned
 from palpate.estimators.law_verdicts import CANDIDATES
-from palpate.estimators.least_squares import robust_covariance
+from palpate.estimators.least_squares import long_run_covariance
 from palpate.force_laws import ForceLaw
 from palpate.preparation.gates import choose_gate, suggest_scale, suggest_surface_deviation
 from palpate.settings import OutlierRejection
@@ -202,14 +202,8 @@ def widening(
             return factors
         inverse = np.linalg.pinv(information / np.outer(units, units), hermitian=True)
         white = np.diag(inverse) * (np.sum(weight * residual**2) / freedom)
-        # Neither squares nor sums leave the range of a double in units of their own.
-        unit = weight.max()
-        found = np.empty_like(white)
-        if slopes.shape[1] in (2, 3):
-            rows = weighted / (unit * units)
-            correlated_variances(rows, residual / noise, unit * inverse, found)
-        else:
-            found[:] = np.diag(robust_covariance(slopes / units, residual / noise))
+        scores = (weighted / units) @ inverse
+        found = np.diag(long_run_covariance(scores, residual / noise, fitted=len(units)))
         wide = np.sqrt(np.maximum(found * noise**2 / white, 1.0))
     if (white > 0.0).all():
         factors[own] = np.where(np.isfinite(wide), wide, 1.0)

@@ -1,12 +1,12 @@
 """What the data say of a contact: a gate and a scale, its touches, and its noise."""
 
-import dataclasses
 import math
 from dataclasses import dataclass
 
 import numpy as np
 
 import palpate._core as _core
+from palpate._core import noise_of as noise_of
 from palpate.contact import Contact, slices_of
 from palpate.settings import ContactGate, Scale
 from palpate.validation import Floats, Plain, number_in
@@ -20,7 +20,13 @@ def choose_gate(
     minimum_penetration: float | None = None,
     minimum_force: float | None = None,
 ) -> ContactGate:
-    """Return the gate of a contact: the thresholds that are given, the suggested ones elsewhere.
+    """Return the gate of a contact: the thresholds that are given, and the rest by its samples.
+
+    That is at ten times the noise, kept between 1 % and 10 % of the largest values. A force near
+    its threshold is taken where noise made it large, which biases: probing near the surface costs a
+    soft material 10 % of K. Where that is more than 3 % of the contact the depth decides instead,
+    where it separates them: contact is then what is deeper than where the force falls short of its
+    threshold.
 
     Parameters
     ----------
@@ -31,13 +37,33 @@ def choose_gate(
     minimum_force : float, optional
         Contact is made and lost at this force, N, in [0, 1e100].
     """
-    gate = suggest_gate(contact)
+    depth, make, lost = _core.gate_of(contact.penetration, contact.velocity, contact.force)
     if minimum_penetration is not None:
-        gate = dataclasses.replace(gate, minimum_penetration=minimum_penetration)
+        depth = minimum_penetration
     if minimum_force is not None:
-        force = number_in("minimum_force", minimum_force, 0.0, LARGEST)
-        gate = dataclasses.replace(gate, make_force=force, break_force=force)
-    return gate
+        make = lost = number_in("minimum_force", minimum_force, 0.0, LARGEST)
+    return ContactGate(depth, make, lost)
+
+
+def gate_asked_for(
+    contact: Contact,
+    minimum_penetration: float | None,
+    minimum_force: float | None,
+    *,
+    alone: bool = False,
+) -> ContactGate | None:
+    """Return the gate of thresholds that are asked for; None where none is.
+
+    ``alone`` is for a method that chooses its samples itself: it gets no threshold beside these.
+    """
+    if minimum_penetration is None and minimum_force is None:
+        return None
+    if alone:
+        force = minimum_force or 0.0
+        return ContactGate(minimum_penetration or 0.0, force, force)
+    return choose_gate(
+        contact, minimum_penetration=minimum_penetration, minimum_force=minimum_force
+    )
 
 
 def suggest_scale(contact: Contact) -> Scale:
@@ -46,25 +72,6 @@ def suggest_scale(contact: Contact) -> Scale:
     touching = (x > 0.0) & (force > 0.0) & (x < LARGEST) & (speed < LARGEST) & (force < LARGEST)
     largest = [np.max(each[touching], initial=0.0) for each in (x, speed, force)]
     return Scale(*(float(np.clip(each, 1e-30, 1e30)) if each > 0.0 else 1.0 for each in largest))
-
-
-def suggest_gate(contact: Contact) -> ContactGate:
-    """Thresholds at ten times the noise, kept between 1 % and 10 % of the largest values.
-
-    A force near its threshold is taken where noise made it large, which biases: probing near the
-    surface costs a soft material 10 % of K. Where that is more than 3 % of the contact the depth
-    decides instead, where it separates them: contact is then what is deeper than where the force
-    falls short of its threshold.
-    """
-    return ContactGate(*_core.gate_of(contact.penetration, contact.velocity, contact.force))
-
-
-def noise_of(values: Floats) -> float:
-    """Return the standard deviation of white noise on a smooth signal, from its fourth differences.
-
-    They suppress the signal as (ωT)⁴ and have 70 times the noise's variance.
-    """
-    return _core.noise_of(values)
 
 
 # The touches of a contact, found and numbered.

@@ -4,6 +4,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 import palpate._core as _core
+from palpate._core import largest_of as largest_of
+from palpate._core import step_of as step_of
 from palpate.validation import Floats, number_in
 
 Indices = NDArray[np.intp]
@@ -150,13 +152,3 @@ def spikes_of_rows(
     found = np.zeros(values.shape, dtype=np.uint8)
     _core.mark_spikes(values, screened, found, threads)
     return found.view(np.bool_)
-
-
-def largest_of(values: Floats) -> float:
-    """99.9th percentile of the values' size, so that a spike sets nothing."""
-    return _core.largest_of(values)
-
-
-def step_of(values: Floats) -> float:
-    """Median gap between the distinct values of a channel; 0 of a constant one."""
-    return _core.step_of(values)

@@ -1,4 +1,16 @@
-// What no probe and no material can have made: lost positions, and outliers of velocity and force.
+// Outliers: samples that no probe and no material can have made. One rule says which,
+//
+//   |departure| > max(k σ, a part of the size, …),   σ = median |departure|/0.6745,
+//
+// so that no outlier sets what an outlier is. Who asks decides what a sample departs from:
+//
+// - a spike, from the median of five, itself among them: where its neighbours on both sides are
+//   there. LostPositions asks it of a position, before a velocity filter, where one would spoil a
+//   whole window; over arrays src/rows/channel.hpp does, of any channel, with the σ, size and step
+//   of the whole in place of those so far;
+// - an outlier, from where the sample before it was going: OutlierRejection, in a loop, where a
+//   sample has to be taken or left before the next one comes. Over an array it says where the
+//   sensor's range ends.
 #pragma once
 
 #include <algorithm>
@@ -11,7 +23,12 @@
 
 #include "palpate/sample.hpp"
 
-namespace palpate::detail {
+namespace palpate {
+
+namespace detail {
+
+// Median of |e| of normal errors, over their deviation.
+constexpr double normal_median = 0.6745;
 
 // The median of sizes: up by a ratio where one is larger, down where it is smaller. No size moves
 // it far, however large; a size of zero is that of a held or rounded value and says nothing.
@@ -53,21 +70,32 @@ class RunningMedian {
   std::uint32_t seen_ = 0;
 };
 
-}  // namespace palpate::detail
+// How far a spike is from the median of five at least: a value that rounds up and down is none.
+inline double least_spike(double noise, double largest, double step) noexcept {
+  return std::max({8.0 * noise, 0.02 * largest, 1.5 * step});
+}
 
-namespace palpate {
+// Whether the middle one of five samples is farther than that from their median, and three times
+// farther than its neighbours lie from each other: the top of a sine at 66 Hz is 2 % above them,
+// and a lever that shakes for a tenth of a second is no noise of all the recording.
+inline bool is_spike(const double* five, double limit) noexcept {
+  constexpr double alone = 3.0;
+  // Of the many samples that hardly leave their neighbours' mean none is a spike.
+  if (!(std::abs(five[2] - 0.5 * (five[1] + five[3])) > 0.5 * limit)) [[likely]]
+    return false;
+  std::array<double, 5> sorted;
+  std::copy_n(five, 5, sorted.begin());
+  std::sort(sorted.begin(), sorted.end());
+  const double away = std::abs(five[2] - sorted[2]);
+  const auto [low, high] = std::minmax({five[0], five[1], five[3], five[4]});
+  return away > limit && away > alone * (high - low);
+}
 
-// Lost positions: single samples that leave their neighbours, as where one packet or one count is
-// lost. In a velocity filter one of them would spoil a whole window.
-//
-//   away > max(8 σ, 2 % of the largest position, 1.5 steps)   and   away > 3 range
-//
-// `away` is how far a sample is from the median of itself and the two before and after it, `range`
-// what those four span. The top of a sine at 66 Hz is 2 % above its neighbours, and a lever that
-// shakes is no noise of all the recording: hence the range. σ is that of white noise by the running
-// median of the fourth differences, which suppress a motion as (ωT)⁴ and have 70 times its
-// variance. The offline rule is the same, with σ, the largest position and the step of the whole
-// recording in place of those so far.
+}  // namespace detail
+
+// Lost positions: spikes, as where one packet or one count is lost. σ is that of white noise by the
+// running median of the fourth differences, which suppress a motion as (ωT)⁴ and have 70 times its
+// variance.
 class LostPositions {
  public:
   // How many samples have to come after one before it can be judged.
@@ -84,7 +112,7 @@ class LostPositions {
 
     const double difference =
         recent_[0] + recent_[4] - 4.0 * (recent_[1] + recent_[3]) + 6.0 * recent_[2];
-    const bool lost = leaves(limit());
+    const bool lost = detail::is_spike(recent_.data(), limit());
     noise_.learn(std::abs(difference));
     if (!lost) largest_ = std::max(fading * largest_, std::abs(recent_[2]));
     return lost;
@@ -95,10 +123,6 @@ class LostPositions {
 
  private:
   static constexpr std::size_t size = 2 * ahead + 1;
-  static constexpr double beyond = 8.0;  // σ
-  static constexpr double least = 0.02;  // of the largest position
-  static constexpr double steps = 1.5;   // a value that rounds up and down is not lost
-  static constexpr double alone = 3.0;   // times the range of its neighbours
   // Median of |Δ⁴| of normal noise, over its deviation: 0.6745 √70.
   static constexpr double difference_median = 5.6432;
   // Noise is known from so many samples on, though all were rounded alike.
@@ -114,21 +138,8 @@ class LostPositions {
   double limit() const noexcept {
     const double doubt = seen_ >= few ? 1.0 : noise_.doubt();
     if (doubt == unlimited) return unlimited;
-    const double rounding = step_ < unlimited ? steps * step_ : 0.0;
-    const double noise = beyond / difference_median * doubt * noise_.value();
-    return std::max({noise, least * largest_, rounding});
-  }
-
-  bool leaves(double limit) const noexcept {
-    const auto [after, next, own, before, first] = recent_;
-    // Of the many samples that hardly leave their neighbours' mean none is lost.
-    if (!(std::abs(own - 0.5 * (next + before)) > 0.5 * limit)) [[likely]]
-      return false;
-    std::array<double, size> sorted = recent_;
-    std::sort(sorted.begin(), sorted.end());
-    const double away = std::abs(own - sorted[size / 2]);
-    const auto [low, high] = std::minmax({after, next, before, first});
-    return away > limit && away > alone * (high - low);
+    const double noise = doubt * noise_.value() / difference_median;
+    return detail::least_spike(noise, largest_, step_ < unlimited ? step_ : 0.0);
   }
 
   std::array<double, size> recent_{};  // the newest first
@@ -139,8 +150,7 @@ class LostPositions {
   double step_ = unlimited;  // the least that is not zero
 };
 
-// Samples that no probe and no material can have made: lost positions, spikes of velocity and
-// force, and forces beyond the sensor's range. They are left out before a method learns them.
+// Outliers of velocity, force and the sensor's range:
 //
 //   force:   |F − F′| > max(10 σ, a tenth of the median force),     three in a row at most
 //   motion:  |x − x′ − ½(v + v′)T| > max(10 σ, 1.2 T median |v|),   twenty in a row at most
@@ -160,7 +170,7 @@ class OutlierRejection {
   };
 
   explicit OutlierRejection(const Settings& settings) noexcept
-      : factor_(settings.threshold / normal_median) {}
+      : factor_(settings.threshold / detail::normal_median) {}
 
   OutlierRejection* watcher() noexcept { return this; }
   const OutlierRejection* watcher() const noexcept { return this; }
@@ -211,12 +221,13 @@ class OutlierRejection {
   // was left out: those with which a run at the end of the range began. Asked once.
   std::size_t withdrawn() noexcept { return std::exchange(withdrawn_, 0); }
 
+  // The force at which the sensor's range ends, as far as it is known; infinite until then.
+  double range() const noexcept { return range_; }
+
   // Samples left out so far.
   std::uint64_t rejected() const noexcept { return rejected_; }
 
  private:
-  // Median of |e| of normal errors, over their deviation.
-  static constexpr double normal_median = 0.6745;
   // Off by a tenth, a sample of a hundred moves the mean force by 0.1 %; and where a fast probe
   // turns round, damping makes such steps.
   static constexpr double least_force = 0.1;
