@@ -294,7 +294,8 @@ class DDSWire(RosWire):
             topic: Any = Topic(member, f"rt{name}", kind)
             self._writers.append((DataWriter(member, topic, qos=qos), kind))
 
-    def _put(self, topic: int, data: bytes) -> bool:
+    def put(self, topic: int, data: bytes) -> bool:
+        """Write a message; whether it was taken in time."""
         from cyclonedds.core import DDSException
 
         writer, kind = self._writers[topic]

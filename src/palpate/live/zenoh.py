@@ -238,7 +238,7 @@ class ZenohWire(RosWire):
         declare = self._session.liveliness().declare_token
         self._tokens = [declare(f"{node}/0/NN/%/%/palpate")]
         for index, (name, type_name) in enumerate(self.topics):
-            kind, checksum = dds_type(type_name), self.encoder.store.hash_rihs01(type_name)
+            kind, checksum = dds_type(type_name), self.store.hash_rihs01(type_name)
             self._publishers.append(
                 self._session.declare_publisher(
                     key_of(self._domain, name, type_name, checksum),
@@ -251,8 +251,8 @@ class ZenohWire(RosWire):
             published = f"{mangled}/{kind}/{checksum}/::,1000:,:,:,,"
             self._tokens.append(declare(f"{node}/{index + 1}/MP/%/%/palpate/{published}"))
 
-    def _put(self, topic: int, data: bytes) -> bool:
-        """It waits where there is no room."""
+    def put(self, topic: int, data: bytes) -> bool:
+        """Send a message; it waits where there is no room."""
         import zenoh
 
         self._numbers[topic] += 1

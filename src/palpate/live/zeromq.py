@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from palpate.errors import InvalidParameterError, PalpateError, needed
 from palpate.live.ordering import Receipt, Succession, WireAddress, WireSource, parsed
-from palpate.live.publishing import AFTER, BEFORE
+from palpate.live.publishing import AFTER, BEFORE, TOPICS, Wire
 from palpate.live.ring import MOST_PARAMETERS
 from palpate.live.sources import SourceOptions, Value
 from palpate.validation import plain, shown
@@ -243,7 +243,7 @@ SINK_OPTIONS = ("bind", "format")
 BINARY = struct.Struct(f"<Q{len(BEFORE) + 2 * MOST_PARAMETERS}d")
 
 
-class ZeroMQWire(Endpoint):
+class ZeroMQWire(Endpoint, Wire):
     """A PUB socket: frames ``estimate`` and the numbers, or ``status`` and words, in JSON.
 
     Parameters
@@ -265,15 +265,9 @@ class ZeroMQWire(Endpoint):
         # without a word.
         self._open("PUB", {"LINGER": 200, "SNDHWM": WAITING, "XPUB_NODROP": 1})
 
-    def send(self, names: tuple[str, ...], values: Sequence[Sequence[float]]) -> int:
-        """Send estimates; return how many there was no room for."""
-        refused = 0
-        for each in values:
-            self._number += 1
-            refused += not self._put(b"estimate", self._packed(names, each))
-        return refused
-
-    def _packed(self, names: tuple[str, ...], values: Sequence[float]) -> bytes:
+    def estimate(self, names: tuple[str, ...], values: Sequence[float]) -> bytes:
+        """Return the second frame of one sample."""
+        self._number += 1
         if self._binary:
             values = values[: -len(AFTER)]  # which the status has too: the layout stays
             size = (len(values) - len(BEFORE)) // 2
@@ -282,17 +276,17 @@ class ZeroMQWire(Endpoint):
             return BINARY.pack(self._number, *values[:first], *rest, *values[first:], *rest)
         return _json({"number": self._number, **dict(zip(names, values, strict=True))})
 
-    def tell(self, state: str, source: str, stamp: int, values: dict[str, str | float]) -> None:
-        """Send what is said in words."""
-        said = {"state": state, "source": source, "time": 1e-9 * stamp, **values}
-        self._put(b"status", _json(said))
+    def status(self, state: str, source: str, stamp: int, values: dict[str, str | float]) -> bytes:
+        """Return the second frame of what is said in words."""
+        return _json({"state": state, "source": source, "time": 1e-9 * stamp, **values})
 
-    def _put(self, topic: bytes, data: bytes) -> bool:
+    def put(self, topic: int, data: bytes) -> bool:
+        """Send two frames; whether there was room for them."""
         import zmq
 
         assert self._socket is not None  # it is open
         try:
-            self._socket.send_multipart([topic, data], zmq.NOBLOCK)
+            self._socket.send_multipart([TOPICS[topic][0].encode(), data], zmq.NOBLOCK)
         except zmq.Again:
             return False
         return True
