@@ -125,9 +125,11 @@ def test_before_the_first_sample_there_is_no_law_and_no_number():
 
 
 def test_the_verdict_is_published_in_words_and_numbers():
-    from palpate.live.publishing import STATUS, RosEncoder
+    from palpate.live.publishing import STATUS, RosWire
 
-    data = RosEncoder().status("contact", "rig", 0, {"law": "spring", "lead": 1.0 / 3.0})
+    wire = RosWire("dds", "/palpate")
+    wire.open()
+    data = wire.status("contact", "rig", 0, {"law": "spring", "lead": 1.0 / 3.0})
     [status] = typestore().deserialize_cdr(data, STATUS).status
     values = {each.key: each.value for each in status.values}
     assert values == {"law": "spring", "lead": "0.333333333333333"}

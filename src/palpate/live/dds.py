@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Any
 
 from palpate.errors import InvalidParameterError, MissingExtraError, PalpateError
 from palpate.live import ros
-from palpate.live.ordering import WireAddress, parsed, topics_of
+from palpate.live.ordering import parsed, topics_of
 from palpate.live.publishing import RosWire
-from palpate.live.ros import Message, RosTopics, dds_type
-from palpate.live.sources import Arrival, SourceOptions
+from palpate.live.ros import RosTopics, dds_type
+from palpate.live.sources import SourceOptions
 from palpate.recordings.messages.layout import Field, Group, Many, Number, Text
 
 if TYPE_CHECKING:
@@ -146,15 +146,9 @@ def _type(field: Field) -> Any:
 
 # Samples of ROS 2 over DDS, without an installation of ROS: ``dds:/pose,/wrench``.
 
-SOURCE_OPTIONS = (*ros.OPTIONS, "domain", "interface")
 #: s: that ``open`` waits for the topics, so that one of a wrong type is refused at once.
 TAKING_PATIENCE = 0.5
 _AT_ONCE = 256  # messages that are taken together
-
-
-def open_source(address: str, options: SourceOptions | None = None) -> "DDS":
-    """Return the source of an address such as ``/pose,/wrench?domain=3&interface=eth0``."""
-    return DDS(parsed("dds", address, SOURCE_OPTIONS), options or SourceOptions())
 
 
 class DDS(RosTopics):
@@ -162,17 +156,19 @@ class DDS(RosTopics):
 
     Parameters
     ----------
-    address : WireAddress
-        Topics and options: those of :class:`~palpate.live.ros.RosTopics`, ``domain``,
-        and ``interface``, of the network: this machine only unless given.
+    address : str
+        Topics and options, such as ``/pose,/wrench?domain=3&interface=eth0``: those of
+        :class:`~palpate.live.ros.RosTopics`, ``domain``, and ``interface``, of the network: this
+        machine only unless given.
     options : SourceOptions
         What is known of the samples.
     """
 
-    def __init__(self, address: WireAddress, options: SourceOptions) -> None:
-        super().__init__(address, options)
-        self._domain = address.whole("domain", 0, 0, 230)
-        self._interface = address.options.get("interface")
+    def __init__(self, address: str, options: SourceOptions) -> None:
+        given = parsed("dds", address, (*ros.OPTIONS, *OPTIONS))
+        super().__init__(given, options)
+        self._domain = given.whole("domain", 0, 0, 230)
+        self._interface = given.options.get("interface")
         self._participant: DomainParticipant | None = None
         self._discovery: BuiltinDataReader | None = None
         self._waits: WaitSet | None = None
@@ -208,11 +204,11 @@ class DDS(RosTopics):
         for found in self._discovery.take(_AT_ONCE):
             if found.sample_info.instance_state != InstanceState.Alive:
                 continue
-            for index, name in enumerate(self.names):
-                if found.topic_name == f"rt{name}":
+            for index, topic in enumerate(self.topics):
+                if found.topic_name == f"rt{topic.name}":
                     type_name = ros.ros2_type(found.type_name)
                     if self.accept(index, type_name) and index not in self._readers:
-                        self._readers[index] = self._reader(name, type_name, found.qos)
+                        self._readers[index] = self._reader(topic.name, type_name, found.qos)
 
     def _reader(self, name: str, type_name: str, offered: Any) -> "DataReader[Any]":
         from cyclonedds.core import Policy, Qos
@@ -237,41 +233,21 @@ class DDS(RosTopics):
         self._wake_for(reader)
         return reader
 
-    def take(self, timeout: float) -> Arrival | None:
-        """Return the next sample, or None where none came in time [s]."""
+    def _receive(self, seconds: float) -> bool:
         if self._waits is None:
-            raise PalpateError(f"{self.name} is not open")
-        until, waited = time.monotonic() + timeout, False
-        ready = self.ready
-        while not ready:
-            if self._receive(waited=waited):
-                if not ready and time.monotonic() >= until:
-                    return None
-                continue
-            left = until - time.monotonic()
-            if left <= 0.0:
-                self.settle()
-                return None
-            waited = True
-            self._waits.wait(round(1e9 * left))
+            raise self.closed()
+        if seconds > 0.0:
+            self._waits.wait(round(1e9 * seconds))
             self._discover()
-        return ready.popleft()
-
-    def _receive(self, *, waited: bool) -> bool:
-        """Take what is there; whether there was anything."""
         something = False
         for index, reader in self._readers.items():
-            first = waited
+            waited = seconds > 0.0
             for message in reader.take(_AT_ONCE):
                 something = True
-                info = message.sample_info
-                if not info.valid_data:  # a publisher has gone
-                    continue
-                sent = Message(
-                    index, message.raw, info.source_timestamp, sender=info.publication_handle
-                )
-                self.receive(sent, waited=first)
-                first = False
+                if (info := message.sample_info).valid_data:  # else a publisher has gone
+                    sender, written = info.publication_handle, info.source_timestamp
+                    self.receive(index, message.raw, written, sender=sender, waited=waited)
+                    waited = False
         return something
 
     def close(self) -> None:
@@ -318,7 +294,8 @@ class DDSWire(RosWire):
             topic: Any = Topic(member, f"rt{name}", kind)
             self._writers.append((DataWriter(member, topic, qos=qos), kind))
 
-    def _put(self, topic: int, data: bytes) -> bool:
+    def put(self, topic: int, data: bytes) -> bool:
+        """Write a message; whether it was taken in time."""
         from cyclonedds.core import DDSException
 
         writer, kind = self._writers[topic]

@@ -11,8 +11,8 @@ from statistics import median_high
 from typing import Any, NamedTuple
 from urllib.parse import parse_qsl
 
-from palpate.errors import InvalidParameterError
-from palpate.live.sources import Counts, Value
+from palpate.errors import InvalidParameterError, PalpateError
+from palpate.live.sources import Arrival, Counts, SourceOptions, Value
 from palpate.validation import number_in, one_of, shown, whole_in
 
 # What follows the scheme of a wire's address: ``/pose,/wrench?domain=3&tolerance=0.002``.
@@ -281,6 +281,70 @@ class Followed:
             return False
         self._who, self._heard = who, now
         return True
+
+
+# What every source on a wire has, whatever its messages are.
+
+#: Letters of what is said of a message: a name in it may have as many as a peer likes.
+LONGEST_WORDS = 300
+
+
+class WireSource:
+    """A source, but for the messages, which a wire turns into arrivals.
+
+    Parameters
+    ----------
+    name : str
+        Scheme and address.
+    options : SourceOptions
+        What is known of the samples.
+    streams : int
+        Of messages, each of which has an order of its own.
+    """
+
+    def __init__(self, name: str, options: SourceOptions, streams: int = 1) -> None:
+        self.name, self.sample_time = name, options.sample_time or 1e-3
+        self.counts, self._origin, self._vectors = Counts(), Origin(), options.vectors
+        self._orders = [Order(self.counts) for _ in range(streams)]
+        self._ready: deque[Arrival] = deque()
+
+    @property
+    def origin(self) -> int:
+        """What times are counted from, ns by the sender's clock."""
+        return self._origin.value or 0
+
+    def take(self, timeout: float) -> Arrival | None:
+        """Return the next sample, or None where none came in time [s]."""
+        until = time.monotonic() + timeout
+        while not self._ready:
+            something = self._receive(0.0) or self._receive(max(until - time.monotonic(), 0.0))
+            if not self._ready and time.monotonic() >= until:
+                if not something:
+                    self.settle()
+                return None
+        return self._ready.popleft()
+
+    def _receive(self, seconds: float) -> bool:
+        """Take what is there, or what comes within a time [s]; whether there was anything."""
+        raise NotImplementedError
+
+    def closed(self) -> PalpateError:
+        """Return the error of a source that is asked for samples before it is opened."""
+        return PalpateError(f"{self.name} is not open")
+
+    def give(self, stamp: int, position: Value, force: Value, there: float) -> None:
+        """Have a sample taken next."""
+        self._ready.append(Arrival(self._origin.seconds(stamp), position, force, there))
+
+    def refuse(self, words: str) -> None:
+        """Count a message that holds no sample."""
+        self.counts.malformed += 1
+        self.counts.last_fault = words[:LONGEST_WORDS]  # a peer's own may be in it
+
+    def settle(self) -> None:
+        """Count what is missing so far."""
+        for order in self._orders:
+            order.settle()
 
 
 # Positions and forces that come on two topics, brought together by their stamps.

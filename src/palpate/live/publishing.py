@@ -14,7 +14,7 @@ import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
@@ -90,14 +90,70 @@ TOPICS = (("estimate", ESTIMATE), ("status", STATUS))
 _LEVELS = {"invalid": 1, "held": 1, "lost": 3}
 
 
-class RosEncoder:
-    """Makes messages of ROS 2, in CDR."""
+class Wire:
+    """One way of publishing: it makes messages of what was found, and sends them."""
 
-    def __init__(self) -> None:
+    #: Scheme and address.
+    name: str
+
+    def open(self) -> None:
+        """Begin; PalpateError where it cannot."""
+        raise NotImplementedError
+
+    def estimate(self, names: tuple[str, ...], values: Sequence[float]) -> bytes:
+        """Return the message of one sample."""
+        raise NotImplementedError
+
+    def status(self, state: str, source: str, stamp: int, values: dict[str, str | float]) -> bytes:
+        """Return the message that says the state in words, and a few numbers.
+
+        Parameters
+        ----------
+        state : str
+            A :class:`~palpate.live.choices.State`, in small letters.
+        source : str
+            Where the samples come from.
+        stamp : int
+            ns, by the robot's clock.
+        values : dict
+            What is said, by name.
+        """
+        raise NotImplementedError
+
+    def put(self, topic: int, data: bytes) -> bool:
+        """Send a message on one of :data:`TOPICS`; whether there was room for it."""
+        raise NotImplementedError
+
+    def close(self) -> None:
+        """End; may be called twice."""
+        raise NotImplementedError
+
+
+class RosWire(Wire):
+    """What wires of ROS have in common: a prefix of topics, and messages of ROS 2, in CDR.
+
+    Parameters
+    ----------
+    scheme, prefix : str
+        Of the address; topics are ``<prefix>/estimate`` and ``<prefix>/status``.
+    """
+
+    def __init__(self, scheme: str, prefix: str) -> None:
+        self.name = f"{scheme}:{prefix}"
+        #: Names and types of the topics.
+        self.topics = [(f"{prefix}/{end}", kind) for end, kind in TOPICS]
+        self._names, self._head = tuple[str, ...](), b""
+        self.store: Any = None
+
+    def open(self) -> None:
+        """Make what only the process can have that publishes."""
         from rosbags.typesys import Stores, get_typestore
 
         self.store = get_typestore(Stores.LATEST)
-        self._names, self._head = tuple[str, ...](), b""
+
+    def close(self) -> None:
+        """Forget it."""
+        self.store = None
 
     def estimate(self, names: tuple[str, ...], values: Sequence[float]) -> bytes:
         """Return the message of one sample; only its numbers are written anew."""
@@ -111,19 +167,7 @@ class RosEncoder:
         return self._head + np.array(values, dtype="<f8").tobytes()
 
     def status(self, state: str, source: str, stamp: int, values: dict[str, str | float]) -> bytes:
-        """Return the message that says the state in words.
-
-        Parameters
-        ----------
-        state : str
-            A :class:`~palpate.live.choices.State`, in small letters.
-        source : str
-            Where the samples come from.
-        stamp : int
-            ns, by the robot's clock.
-        values : dict
-            What is said, by name; numbers are written with 15 digits.
-        """
+        """Return the message that says the state in words; numbers have 15 digits."""
         types = self.store.types
         time = types["builtin_interfaces/msg/Time"](*divmod(max(stamp, 0), NANO))
         header = types["std_msgs/msg/Header"](time, "")
@@ -149,26 +193,6 @@ LEVELS = {"do-not-trust": 0.0, "with-care": 1.0, "trust": 2.0}
 _PAUSE = 1e-3  # s: how often new rows are looked for
 _ASKED_EVERY = 0.02  # s: whether the loop has stopped
 _TOLD_EVERY = 0.25  # s: the status, and the sink's own board
-
-
-class Wire(Protocol):
-    """One way of publishing."""
-
-    @property
-    def name(self) -> str:
-        """Scheme and address."""
-
-    def open(self) -> None:
-        """Begin; PalpateError where it cannot."""
-
-    def send(self, names: tuple[str, ...], values: Sequence[Sequence[float]]) -> int:
-        """Send estimates, one after the other; return how many of them could not be sent."""
-
-    def tell(self, state: str, source: str, stamp: int, values: dict[str, str | float]) -> None:
-        """Send what is said in words, and a few numbers."""
-
-    def close(self) -> None:
-        """End; may be called twice."""
 
 
 class Publisher:
@@ -236,11 +260,10 @@ class Publisher:
         self._watching.dropped += int(np.count_nonzero(rows[:, GENERATION] < fields.generation))
         if mine.any():
             values = fields.values(rows[mine], self._after(page, rows[mine])).tolist()
-            self._last, self._seen = (
-                dict(zip(fields.names, values[-1], strict=True)),
-                time.monotonic(),
-            )
-            refused = self._wire.send(fields.names, values)
+            self._last = dict(zip(fields.names, values[-1], strict=True))
+            self._seen = time.monotonic()
+            messages = (self._wire.estimate(fields.names, each) for each in values)
+            refused = sum(not self._wire.put(0, each) for each in messages)
             self._watching.dropped += refused  # they came to nobody, as those that the ring lost
             self._sent += len(values) - refused
         return rows[rows[:, GENERATION] > fields.generation]
@@ -268,7 +291,7 @@ class Publisher:
         state = "lost" if lost else State(int(last["state"])).name.lower()
         said = words_of(page, self._fields, {**last, "age": last["age"] + now - self._seen})
         said |= self._watching.diagnosis(page)
-        self._wire.tell(state, page["source"], stamp, said)
+        self._wire.put(1, self._wire.status(state, page["source"], stamp, said))
         self._watching.tell({"published": self._sent})
 
 
@@ -308,41 +331,6 @@ def _parameter(value: float, error: float, unit: str, *, fixed: bool) -> str:
     if math.isfinite(error):
         return parameter(value, error, unit=unit, fixed=fixed)
     return f"{value:.4g} {unit}".strip() + ", error not known"
-
-
-class RosWire:
-    """What wires of ROS have in common: a prefix of topics, and messages.
-
-    Parameters
-    ----------
-    scheme, prefix : str
-        Of the address; topics are ``<prefix>/estimate`` and ``<prefix>/status``.
-    """
-
-    def __init__(self, scheme: str, prefix: str) -> None:
-        self.name = f"{scheme}:{prefix}"
-        #: Names and types of the topics.
-        self.topics = [(f"{prefix}/{end}", kind) for end, kind in TOPICS]
-
-    def open(self) -> None:
-        """Make what only the process can have that publishes."""
-        self.encoder = RosEncoder()
-
-    def close(self) -> None:
-        """Forget it."""
-        self.__dict__.pop("encoder", None)
-
-    def send(self, names: tuple[str, ...], values: Sequence[Sequence[float]]) -> int:
-        """Send estimates; return how many nobody took in time."""
-        return sum(not self._put(0, self.encoder.estimate(names, each)) for each in values)
-
-    def tell(self, state: str, source: str, stamp: int, values: dict[str, str | float]) -> None:
-        """Send what is said in words."""
-        self._put(1, self.encoder.status(state, source, stamp, values))
-
-    def _put(self, topic: int, data: bytes) -> bool:
-        """Send a message; whether it was taken."""
-        raise NotImplementedError
 
 
 # From the options of the command line to sinks.

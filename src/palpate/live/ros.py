@@ -18,15 +18,15 @@ from palpate.live.ordering import (
     NANO,
     Followed,
     Order,
-    Origin,
     Pairing,
     Receipt,
     Stamped,
     Succession,
     WireAddress,
+    WireSource,
     topics_of,
 )
-from palpate.live.sources import Arrival, Counts, SourceOptions, Value
+from palpate.live.sources import SourceOptions, Value
 from palpate.recordings.messages.layout import (
     Layout,
     MessageNumber,
@@ -192,33 +192,6 @@ def _vector_words(path: str) -> str:
 
 #: Options of an address that all wires of ROS know.
 OPTIONS = ("position", "force", "at", "tolerance")
-#: Letters of what is said of a message: a name in it may have as many as a peer likes.
-LONGEST_WORDS = 300
-
-
-@dataclass(frozen=True, slots=True)
-class Message:
-    """A message as it came.
-
-    Attributes
-    ----------
-    topic : int
-        Which of the topics of the address.
-    payload : bytes
-        In CDR, with its head.
-    written : int
-        When it was sent, ns since 1970, or when it came where the wire does not say.
-    number : int, optional
-        By the sender's count.
-    sender : object
-        By which publishers are distinguished.
-    """
-
-    topic: int
-    payload: bytes
-    written: int
-    number: int | None = None
-    sender: object = None
 
 
 @dataclass(slots=True)
@@ -233,7 +206,7 @@ class _Topic:
     reader: MessageReader | None = None
 
 
-class RosTopics:
+class RosTopics(WireSource):
     """Takes messages, gives arrivals: a source, but for the wire that the messages come on.
 
     Parameters
@@ -248,30 +221,19 @@ class RosTopics:
     """
 
     def __init__(self, address: WireAddress, options: SourceOptions) -> None:
-        #: The topics, and with the scheme before them.
-        self.names = names = topics_of(address, 2)
-        self.name = f"{address.scheme}:{','.join(names)}"
-        self.sample_time = options.sample_time or 1e-3
-        self.counts, self._origin = Counts(), Origin()
-        self.ready: deque[Arrival] = deque()
+        names = topics_of(address, 2)
+        super().__init__(f"{address.scheme}:{','.join(names)}", options, len(names))
         self._news: list[str] = []
-        self._vectors, self._scheme = options.vectors, address.scheme
+        self._scheme = address.scheme
         read = [
             ("position", address.options.get("position"), POSITIONS),
             ("force", address.options.get("force"), FORCES),
         ]
         parts = [read] if len(names) == 1 else [[each] for each in read]
-        self.topics = [
-            _Topic(name, part, Order(self.counts)) for name, part in zip(names, parts, strict=True)
-        ]
+        self.topics = [_Topic(*each) for each in zip(names, parts, self._orders, strict=True)]
         self._leads = ("position", "force").index(address.one_of("at", ("position", "force")))
         tolerance = address.number("tolerance", 2.0 * self.sample_time, 0.0, 10.0)
         self._pairing = Pairing(round(tolerance * NANO), self.counts)
-
-    @property
-    def origin(self) -> int:
-        """What times are counted from, ns by the sender's clock."""
-        return self._origin.value or 0
 
     def accept(self, index: int, type_name: str) -> bool:
         """Learn the type of a topic; whether it is the one that is followed.
@@ -311,45 +273,57 @@ class RosTopics:
         if waiting:
             self._news.append(f"nobody publishes {' or '.join(waiting)} yet: waiting")
 
-    def receive(self, message: Message, *, waited: bool) -> None:
-        """Take a message; what comes of it is in ``ready``."""
-        topic = self.topics[message.topic]
+    def receive(
+        self,
+        index: int,
+        payload: bytes,
+        written: int,
+        number: int | None = None,
+        *,
+        sender: object,
+        waited: bool,
+    ) -> None:
+        """Take a message, and give what comes of it.
+
+        Parameters
+        ----------
+        index : int
+            Which of the topics of the address.
+        payload : bytes
+            In CDR, with its head.
+        written : int
+            When it was sent, ns since 1970, or when it came where the wire does not say.
+        number : int, optional
+            By the sender's count.
+        sender : object
+            By which publishers are distinguished.
+        waited : bool
+            Whether it was waited for, or was there before.
+        """
+        topic = self.topics[index]
         assert topic.reader is not None  # it was accepted before
-        if not topic.followed.accepts(message.sender):
+        if not topic.followed.accepts(sender):
             self.refuse(f"a second publisher sends on {topic.name}: it is not followed")
             return
         try:
-            reading = topic.reader.read(message.payload)
+            reading = topic.reader.read(payload)
         except PalpateError as fault:
             self.refuse(f"{topic.name}: {fault}")
             return
-        stamp = message.written if reading.stamp is None else reading.stamp
-        verdict = topic.order.admit(stamp, message.number)
+        stamp = written if reading.stamp is None else reading.stamp
+        verdict = topic.order.admit(stamp, number)
         if verdict is Succession.REFUSED:
             return
         there = topic.receipt.there(stamp, waited=waited)
         if len(self.topics) == 1:
-            self._give(stamp, reading.values[0], reading.values[1], there)
+            self.give(stamp, reading.values[0], reading.values[1], there)
             return
         sample, anew = Stamped(stamp, reading.values[0], there), verdict is Succession.ANEW
-        leads = message.topic == self._leads
+        leads = index == self._leads
         for pair in (self._pairing.lead if leads else self._pairing.follow)(sample, anew=anew):
             first, second = pair.leader, pair.follower
             position, force = (second, first) if self._leads else (first, second)
-            self._give(pair.stamp, position, force, pair.there)
-
-    def _give(self, stamp: int, position: Value, force: Value, there: float) -> None:
-        self.ready.append(Arrival(self._origin.seconds(stamp), position, force, there))
-
-    def refuse(self, words: str, count: int = 1) -> None:
-        """Count messages that hold no sample."""
-        self.counts.malformed += count
-        self.counts.last_fault = words[:LONGEST_WORDS]  # a peer's own may be in it
-
-    def settle(self) -> None:
-        """Count what is missing so far."""
-        for topic in self.topics:
-            topic.order.settle()
+            self.give(pair.stamp, position, force, pair.there)
 
 
 def ros2_type(dds_name: str) -> str:

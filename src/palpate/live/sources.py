@@ -195,8 +195,8 @@ class Kind(NamedTuple):
 
     Attributes
     ----------
-    module : str
-        Has ``open_source(address, options)``, which returns the source, not yet open.
+    module, opener : str
+        Where it is, and what of an address and options makes the source, not yet open.
     form : str
         How its address is written.
     words : str
@@ -204,6 +204,7 @@ class Kind(NamedTuple):
     """
 
     module: str
+    opener: str
     form: str
     words: str
 
@@ -235,10 +236,10 @@ class SourceOptions:
 
 #: Every kind of source, by what stands before the colon; without one it is a recording's path.
 SOURCES: Mapping[str, Kind] = {
-    "lab": Kind("palpate.live.laboratory", "lab:ball", "the laboratory"),
-    "zmq": Kind("palpate.live.zeromq", "zmq:tcp://127.0.0.1:5555", "ZeroMQ"),
-    "dds": Kind("palpate.live.dds", "dds:/pose,/wrench", "ROS 2 over DDS"),
-    "zenoh": Kind("palpate.live.zenoh", "zenoh:/pose,/wrench", "ROS 2 over Zenoh"),
+    "lab": Kind("palpate.live.laboratory", "open_source", "lab:ball", "the laboratory"),
+    "zmq": Kind("palpate.live.zeromq", "ZeroMQ", "zmq:tcp://127.0.0.1:5555", "ZeroMQ"),
+    "dds": Kind("palpate.live.dds", "DDS", "dds:/pose,/wrench", "ROS 2 over DDS"),
+    "zenoh": Kind("palpate.live.zenoh", "Zenoh", "zenoh:/pose,/wrench", "ROS 2 over Zenoh"),
 }
 
 #: What an address that begins with ros1: gets for an answer, as a source or for --publish.
@@ -270,8 +271,8 @@ def open_source(address: str, options: SourceOptions | None = None) -> Source:
     given = options or SourceOptions()
     scheme, colon, rest = address.partition(":")
     if colon and scheme in SOURCES:
-        module = needed(SOURCES[scheme].module, scheme, "live")
-        source: Source = module.open_source(rest, given)
+        kind = SOURCES[scheme]
+        source: Source = getattr(needed(kind.module, scheme, "live"), kind.opener)(rest, given)
         return source
     if scheme == "ros1":
         raise InvalidParameterError(NO_ROS1)
@@ -283,6 +284,3 @@ def open_source(address: str, options: SourceOptions | None = None) -> Source:
     from palpate.preparation import prepare
 
     return Replay(prepare(Path(address), **(given.reading or {})), speed=given.speed)
-
-
-# Where live samples come from: a recording, the laboratory, or a robot on the wire.

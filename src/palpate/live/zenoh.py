@@ -11,8 +11,8 @@ from palpate.errors import InvalidParameterError, PalpateError, needed
 from palpate.live import ros
 from palpate.live.ordering import WireAddress, parsed, topics_of
 from palpate.live.publishing import RosWire
-from palpate.live.ros import LONGEST, Message, RosTopics, dds_type
-from palpate.live.sources import Arrival, SourceOptions
+from palpate.live.ros import LONGEST, RosTopics, dds_type
+from palpate.live.sources import SourceOptions
 from palpate.validation import shown
 
 if TYPE_CHECKING:
@@ -115,15 +115,9 @@ def _first_line(error: Exception) -> str:
 
 # Samples of ROS 2 over Zenoh, as rmw_zenoh sends them: ``zenoh:/pose,/wrench``.
 
-SOURCE_OPTIONS = (*ros.OPTIONS, *OPTIONS)
 # Messages that wait for the loop, 10 s of two topics at 1 kHz. What comes beyond them is lost, and
 # known by its number.
 WAITING = 20_000
-
-
-def open_source(address: str, options: SourceOptions | None = None) -> "Zenoh":
-    """Return the source of an address: ``/pose,/wrench?connect=tcp/192.168.1.2:7447``."""
-    return Zenoh(parsed("zenoh", address, SOURCE_OPTIONS), options or SourceOptions())
 
 
 class _Came(NamedTuple):
@@ -140,18 +134,18 @@ class Zenoh(RosTopics):
 
     Parameters
     ----------
-    address : WireAddress
-        Topics and options: those of :class:`~palpate.live.ros.RosTopics`, ``domain``;
-        ``connect``, where a router or peer listens; ``listen``, to be a peer oneself; ``scouting``
-        to find others by multicast.
+    address : str
+        Topics and options, such as ``/pose,/wrench?connect=tcp/192.168.1.2:7447``: those of
+        :class:`~palpate.live.ros.RosTopics`, ``domain``; ``connect``, where a router or peer
+        listens; ``listen``, to be a peer oneself; ``scouting`` to find others by multicast.
     options : SourceOptions
         What is known of the samples.
     """
 
-    def __init__(self, address: WireAddress, options: SourceOptions) -> None:
-        super().__init__(address, options)
-        self._address = address
-        self._domain = address.whole("domain", 0, 0, 1_000_000)
+    def __init__(self, address: str, options: SourceOptions) -> None:
+        self._address = parsed("zenoh", address, (*ros.OPTIONS, *OPTIONS))
+        super().__init__(self._address, options)
+        self._domain = self._address.whole("domain", 0, 0, 1_000_000)
         self._queue: SimpleQueue[_Came] = SimpleQueue()
         self._session: zenoh.Session | None = None
 
@@ -160,8 +154,8 @@ class Zenoh(RosTopics):
         self._session = opened(self._address)
         import zenoh
 
-        for index, name in enumerate(self.names):
-            key = key_of(self._domain, name, "*", "*")
+        for index, topic in enumerate(self.topics):
+            key = key_of(self._domain, topic.name, "*", "*")
             # In Zenoh's own thread: another one between would cost each message a change of thread.
             took = zenoh.handlers.Callback(self._taker(index), lambda: None, indirect=False)
             self._session.declare_subscriber(key, took)
@@ -181,40 +175,27 @@ class Zenoh(RosTopics):
 
         return take
 
-    def take(self, timeout: float) -> Arrival | None:
-        """Return the next sample, or None where none came in time [s]."""
+    def _receive(self, seconds: float) -> bool:
         if self._session is None:
-            raise PalpateError(f"{self.name} is not open")
-        until, ready = time.monotonic() + timeout, self.ready
-        while not ready:
-            waited = self._queue.empty()
-            try:
-                came = self._queue.get(timeout=max(until - time.monotonic(), 0.0))
-            except Empty:
-                self.settle()
-                return None
-            self._receive(came, waited=waited)
-            if not ready and time.monotonic() >= until:
-                return None
-        return ready.popleft()
-
-    def _receive(self, came: _Came, *, waited: bool) -> None:
-        topic = self.topics[came.topic]
+            raise self.closed()
+        try:
+            came = self._queue.get(timeout=seconds)
+        except Empty:
+            return False
+        topic, extra = self.topics[came.topic], came.attachment
+        known = (None, came.written, b"") if extra is None else attached(extra)
         if not self.accept(came.topic, ros.ros2_type(came.key.split("/")[-2])):
-            return
+            return True
         if came.payload is None:
             self.refuse(f"{topic.name}: a message of {came.length} bytes")
-            return
-        written, number, sender = came.written, None, b""
-        if came.attachment is not None:
-            known = attached(came.attachment)
-            if known is None:
-                size = len(came.attachment)
-                self.refuse(f"{topic.name}: an attachment of {size} bytes that is not rmw_zenoh's")
-                return
+        elif known is None:
+            size = len(extra or b"")
+            self.refuse(f"{topic.name}: an attachment of {size} bytes that is not rmw_zenoh's")
+        else:
             number, written, sender = known
-        message = Message(came.topic, came.payload, written, number, sender)
-        self.receive(message, waited=waited)
+            waited = seconds > 0.0
+            self.receive(came.topic, came.payload, written, number, sender=sender, waited=waited)
+        return True
 
     def close(self) -> None:
         """Close the session."""
@@ -257,7 +238,7 @@ class ZenohWire(RosWire):
         declare = self._session.liveliness().declare_token
         self._tokens = [declare(f"{node}/0/NN/%/%/palpate")]
         for index, (name, type_name) in enumerate(self.topics):
-            kind, checksum = dds_type(type_name), self.encoder.store.hash_rihs01(type_name)
+            kind, checksum = dds_type(type_name), self.store.hash_rihs01(type_name)
             self._publishers.append(
                 self._session.declare_publisher(
                     key_of(self._domain, name, type_name, checksum),
@@ -270,8 +251,8 @@ class ZenohWire(RosWire):
             published = f"{mangled}/{kind}/{checksum}/::,1000:,:,:,,"
             self._tokens.append(declare(f"{node}/{index + 1}/MP/%/%/palpate/{published}"))
 
-    def _put(self, topic: int, data: bytes) -> bool:
-        """It waits where there is no room."""
+    def put(self, topic: int, data: bytes) -> bool:
+        """Send a message; it waits where there is no room."""
         import zenoh
 
         self._numbers[topic] += 1

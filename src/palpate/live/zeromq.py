@@ -7,15 +7,14 @@ Little-endian: number uint64, time float64 [s], position 1 or 3 float64 [m], for
 import json
 import math
 import struct
-import time
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from palpate.errors import InvalidParameterError, PalpateError, needed
-from palpate.live.ordering import Order, Origin, Receipt, Succession, WireAddress, parsed
-from palpate.live.publishing import AFTER, BEFORE
+from palpate.live.ordering import Receipt, Succession, WireAddress, WireSource, parsed
+from palpate.live.publishing import AFTER, BEFORE, TOPICS, Wire
 from palpate.live.ring import MOST_PARAMETERS
-from palpate.live.sources import Arrival, Counts, SourceOptions, Value
+from palpate.live.sources import SourceOptions, Value
 from palpate.validation import plain, shown
 
 if TYPE_CHECKING:
@@ -175,45 +174,33 @@ class Endpoint:
 
 # Samples by ZeroMQ, from a controller in any language: ``zmq:tcp://127.0.0.1:5555``.
 
-SOURCE_OPTIONS = ("socket", "bind", "topic")
 # Packets that wait in the socket, 20 s at 1 kHz: the default of 1000 would lose what comes while
 # the loop is held up for a second.
 WAITING = 20_000
 
 
-def open_source(address: str, options: SourceOptions | None = None) -> "ZeroMQ":
-    """Return the source of an address such as ``tcp://127.0.0.1:5555?socket=pull&bind=yes``."""
-    return ZeroMQ(parsed("zmq", address, SOURCE_OPTIONS), options or SourceOptions())
-
-
-class ZeroMQ(Endpoint):
+class ZeroMQ(Endpoint, WireSource):
     """A SUB or PULL socket, that connects or binds.
 
     Parameters
     ----------
-    address : WireAddress
-        An endpoint of ZeroMQ, and options: ``socket`` (``sub`` or ``pull``), ``bind`` (``no`` or
-        ``yes``), and ``topic``, by which a SUB chooses: the beginning of the first frame of two.
+    address : str
+        An endpoint of ZeroMQ, and options, such as ``tcp://127.0.0.1:5555?socket=pull&bind=yes``:
+        ``socket`` (``sub`` or ``pull``), ``bind`` (``no`` or ``yes``), and ``topic``, by which a
+        SUB chooses: the beginning of the first frame of two.
     options : SourceOptions
         What is known of the samples.
     """
 
-    def __init__(self, address: WireAddress, options: SourceOptions) -> None:
-        self._pull = address.one_of("socket", ("sub", "pull")) == "pull"
-        self._topic = address.options.get("topic", "")
+    def __init__(self, address: str, options: SourceOptions) -> None:
+        given = parsed("zmq", address, ("socket", "bind", "topic"))
+        self._pull = given.one_of("socket", ("sub", "pull")) == "pull"
+        self._topic = given.options.get("topic", "")
         if self._pull and self._topic:
             raise InvalidParameterError("zmq: topic is for socket=sub; a PULL socket takes all")
-        super().__init__(address, "tcp://127.0.0.1:5555 or ipc:///tmp/robot", binds=False)
-        self._vectors = options.vectors
-        self.sample_time = options.sample_time or 1e-3
-        self.counts, self._origin, self._receipt = Counts(), Origin(), Receipt()
-        self._order = Order(self.counts)
-        self._poller: zmq.Poller | None = None
-
-    @property
-    def origin(self) -> int:
-        """What times are counted from, ns by the sender's clock."""
-        return self._origin.value or 0
+        Endpoint.__init__(self, given, "tcp://127.0.0.1:5555 or ipc:///tmp/robot", binds=False)
+        WireSource.__init__(self, self.name, options)
+        self._receipt = Receipt()
 
     def open(self) -> None:
         """Bind or connect; a peer that is not there yet is waited for in the background."""
@@ -221,52 +208,29 @@ class ZeroMQ(Endpoint):
         options: dict[str, int | bytes] = {"LINGER": 0, "RCVHWM": WAITING}
         if not self._pull:
             options["SUBSCRIBE"] = self._topic.encode()
-        socket = self._open("PULL" if self._pull else "SUB", options)
-        import zmq
+        self._open("PULL" if self._pull else "SUB", options)
 
-        self._poller = zmq.Poller()
-        self._poller.register(socket, zmq.POLLIN)
-
-    def take(self, timeout: float) -> Arrival | None:
-        """Return the next sample, or None where none came in time [s]."""
-        socket = self._socket
-        if socket is None:
-            raise PalpateError(f"{self.name} is not open")
-        until = time.monotonic() + timeout
-        while True:
-            waited = not self._poll(0.0)
-            if waited and not self._poll(until - time.monotonic()):
-                self._order.settle()
-                return None
-            arrival = self._next(socket, waited=waited)
-            if arrival is not None or time.monotonic() >= until:
-                return arrival
-
-    def _poll(self, seconds: float) -> bool:
-        """Whether a packet is there, or comes in time."""
-        assert self._poller is not None  # it is open
-        return bool(self._poller.poll(max(round(1e3 * seconds), 0)))
-
-    def _next(self, socket: "zmq.Socket[bytes]", *, waited: bool) -> Arrival | None:
-        """The sample of the packet that is there, or None where it holds none."""
-        counts = self.counts
-        frames = socket.recv_multipart()  # the topic may be the first
+    def _receive(self, seconds: float) -> bool:
+        if self._socket is None:
+            raise self.closed()
+        if not self._socket.poll(round(1e3 * seconds)):
+            return False
+        frames = self._socket.recv_multipart()  # the topic may be the first
         try:
             if len(frames) > 2:
                 raise PacketError(f"a message of {len(frames)} frames, not 1 or 2")
             packet = unpacked(frames[-1], vectors=self._vectors)
         except PacketError as fault:
-            counts.malformed += 1
-            counts.last_fault = str(fault)
-            return None
-        if self._order.admit(packet.stamp, packet.number) is Succession.REFUSED:
-            return None
-        there = self._receipt.there(packet.stamp, waited=waited)
-        return Arrival(self._origin.seconds(packet.stamp), packet.position, packet.force, there)
+            self.refuse(str(fault))
+            return True
+        if self._orders[0].admit(packet.stamp, packet.number) is not Succession.REFUSED:
+            there = self._receipt.there(packet.stamp, waited=seconds > 0.0)
+            self.give(packet.stamp, packet.position, packet.force, there)
+        return True
 
     def close(self) -> None:
         """Close the socket."""
-        self._order.settle()
+        self.settle()
         super().close()
 
 
@@ -279,7 +243,7 @@ SINK_OPTIONS = ("bind", "format")
 BINARY = struct.Struct(f"<Q{len(BEFORE) + 2 * MOST_PARAMETERS}d")
 
 
-class ZeroMQWire(Endpoint):
+class ZeroMQWire(Endpoint, Wire):
     """A PUB socket: frames ``estimate`` and the numbers, or ``status`` and words, in JSON.
 
     Parameters
@@ -301,15 +265,9 @@ class ZeroMQWire(Endpoint):
         # without a word.
         self._open("PUB", {"LINGER": 200, "SNDHWM": WAITING, "XPUB_NODROP": 1})
 
-    def send(self, names: tuple[str, ...], values: Sequence[Sequence[float]]) -> int:
-        """Send estimates; return how many there was no room for."""
-        refused = 0
-        for each in values:
-            self._number += 1
-            refused += not self._put(b"estimate", self._packed(names, each))
-        return refused
-
-    def _packed(self, names: tuple[str, ...], values: Sequence[float]) -> bytes:
+    def estimate(self, names: tuple[str, ...], values: Sequence[float]) -> bytes:
+        """Return the second frame of one sample."""
+        self._number += 1
         if self._binary:
             values = values[: -len(AFTER)]  # which the status has too: the layout stays
             size = (len(values) - len(BEFORE)) // 2
@@ -318,17 +276,17 @@ class ZeroMQWire(Endpoint):
             return BINARY.pack(self._number, *values[:first], *rest, *values[first:], *rest)
         return _json({"number": self._number, **dict(zip(names, values, strict=True))})
 
-    def tell(self, state: str, source: str, stamp: int, values: dict[str, str | float]) -> None:
-        """Send what is said in words."""
-        said = {"state": state, "source": source, "time": 1e-9 * stamp, **values}
-        self._put(b"status", _json(said))
+    def status(self, state: str, source: str, stamp: int, values: dict[str, str | float]) -> bytes:
+        """Return the second frame of what is said in words."""
+        return _json({"state": state, "source": source, "time": 1e-9 * stamp, **values})
 
-    def _put(self, topic: bytes, data: bytes) -> bool:
+    def put(self, topic: int, data: bytes) -> bool:
+        """Send two frames; whether there was room for them."""
         import zmq
 
         assert self._socket is not None  # it is open
         try:
-            self._socket.send_multipart([topic, data], zmq.NOBLOCK)
+            self._socket.send_multipart([TOPICS[topic][0].encode(), data], zmq.NOBLOCK)
         except zmq.Again:
             return False
         return True
