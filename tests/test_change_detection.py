@@ -237,19 +237,6 @@ def test_trace_identification_and_estimate_tell_the_same_changes() -> None:
     assert result.estimate.rejected <= 2 * 3
 
 
-def test_saving_and_restoring_around_an_alarm_changes_nothing() -> None:
-    motion, force = recording("off the inclusion", 5)
-    whole = VariableProjection(change_detector=ChangeDetector())
-    fed(whole, motion, force)
-    for cut in (SWITCH - 50, SWITCH - 1, SWITCH, SWITCH + 1, SWITCH + 100):
-        first = VariableProjection(change_detector=ChangeDetector())
-        second = fed(first, motion[:cut], force[:cut]).copy()
-        fed(second, motion[cut:], force[cut:])
-        assert second.estimate().restarts == 1
-        assert np.array_equal(second.estimate().parameters, whole.estimate().parameters)
-        assert np.array_equal(second.estimate().joint_covariance, whole.estimate().joint_covariance)
-
-
 def smeared(speed: Floats, at: int, kick: float, half: int = 7) -> Floats:
     """The speed as a centred filter shows it that jumps by ``kick`` m/s and comes back."""
     wrong, around = speed.copy(), np.arange(-half, half + 1)
