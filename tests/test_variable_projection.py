@@ -185,27 +185,24 @@ def errors_of(law: HuntCrossley, seconds: float, seeds: range, **settings) -> tu
         ),
     ],
 )
-@pytest.mark.parametrize("offset", [False, True])
+@pytest.mark.parametrize("settings", [{"offset": False}, {}, {"noise": NOISE}], ids=str)
 @pytest.mark.parametrize("name", WELL_EXCITED)
-def test_errors_are_at_the_cramer_rao_bound(name, offset, seconds, seeds, limit) -> None:
+def test_errors_are_at_the_cramer_rao_bound_and_95_percent_intervals_hold_the_truth(
+    name, settings, seconds, seeds, limit
+) -> None:
     law, motion = WELL_EXCITED[name], three_sines(seconds)
-    bound = cramer_rao_bound(law, motion.x, motion.v, NOISE, offset=offset)[:3]
-    errors, _ = errors_of(law, seconds, seeds, offset=offset)
-    assert (np.sqrt(np.mean(errors**2, axis=0)) <= limit * bound).all()
-
-
-@pytest.mark.parametrize(
-    "seeds", [range(300, 500), pytest.param(range(3000, 7000), marks=pytest.mark.slow)], ids=len
-)
-@pytest.mark.parametrize("noise", [None, NOISE])
-@pytest.mark.parametrize("name", WELL_EXCITED)
-def test_the_95_percent_interval_holds_the_truth_95_times_in_100(name, noise, seeds) -> None:
-    errors, deviations = errors_of(WELL_EXCITED[name], 1.0, seeds, noise=noise)
+    bound = cramer_rao_bound(law, motion.x, motion.v, NOISE, offset=settings.get("offset", True))
+    errors, deviations = errors_of(law, seconds, seeds, **settings)
+    assert (np.sqrt(np.mean(errors**2, axis=0)) <= limit * bound[:3]).all()
     inside = np.count_nonzero(np.abs(errors) < 1.96 * deviations, axis=0)
     # Beyond them a true 95 % would be one time in 500 on each side.
     assert (inside >= binom.ppf(0.002, len(seeds), 0.95)).all()
     # A bar that allows for correlation pays for not knowing that there is none: 98 % in a second.
     assert (inside <= binom.ppf(0.998, len(seeds), 0.985)).all()
+    # Never below white, by how much the variances of blocks scatter, and by t₀.₉₇₅(ν)/1.96.
+    ratio = np.median(deviations, axis=0) / bound[:3]
+    assert (ratio > 0.99).all()
+    assert (ratio < 1.25).all() or seconds < 5.0
 
 
 @pytest.mark.parametrize("unit", [1e-4, 1e-3, 3e-3, 30e-3, 0.1, 1.0])
