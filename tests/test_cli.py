@@ -349,6 +349,7 @@ def test_units_are_given_one_by_one_or_together(run, refused, tmp_path):
     [
         (("--normal", "w"), "normal must be x, y, z"),
         (("--surface", "deep"), "--surface must be a number and one of m"),
+        (("--tare", "soon"), "--tare must be START:STOP"),
         (("--rate", "-1"), "rate must be in"),
         (("--force-frame", "world"), "force-frame"),
     ],

@@ -60,6 +60,8 @@ def test_another_segment_begins_where_the_label_changes(labels):
 def test_labels_of_no_sense_are_refused(labels):
     with pytest.raises(InvalidParameterError, match="segment must be one label a sample"):
         at(range(3), segment=labels)
+    with pytest.raises(InvalidParameterError, match="time has 3, segment has 2"):
+        at(range(3), segment=[0, 1])
 
 
 BAD_TIMES = {

@@ -114,6 +114,7 @@ NOISE = bytes((37 * k * k + k) % 256 for k in range(5000))
 # Content, and the words that the one line must hold beside the file's name.
 BAD_FILES = {
     "empty": ("", ["empty"]),
+    "of blank lines": ("\n \n\n", ["empty"]),
     "of notes that say something": ("# by: me\n\n% of: a day\n", ["holds notes only; expected a"]),
     "of Excel's first line and a note": ("sep=,\n#a: b", ["holds notes only; expected a header"]),
     "of a header only": (",".join(HEADER) + "\n", ["columns but no samples"]),

@@ -189,6 +189,7 @@ def test_the_callback_runs_as_a_program_and_in_the_users_own_model(model, capsys
     peak, leaves = (float(word) for word in capsys.readouterr().out.split() if word[0].isdigit())
     drop = drop_to(BALL_LAW, 1.0 / fragment.mobility, MOTION.deepest)
     assert leaves / drop.speed == pytest.approx(drop.restitution, rel=5e-3)
+    assert fragment.rebound(drop) == pytest.approx(drop.restitution, rel=5e-3)
     assert peak > 2000.0 * MOTION.deepest
 
 

@@ -73,6 +73,19 @@ def test_several_that_could_be_it_are_named_with_the_option():
         assert roles_of(both, Columns(force=name)).force == tuple(names[:3])
 
 
+def test_of_several_orientations_the_positions_own_topic_has_the_right_one():
+    places = [f"{topic}.pose.position.{axis}" for topic in ("/camera", "/arm") for axis in "xyz"]
+    turns = [name.replace("position", "orientation") for name in places]
+    turns += [f"{topic}.pose.orientation.w" for topic in ("/camera", "/arm")]
+    force = [f"/ft.wrench.force.{axis}" for axis in "xyz"]
+    both = recording("time", *places, *turns, *force)
+    for name in ("/arm", "/arm.pose.position"):
+        own = roles_of(both, Columns(position=name)).orientation
+        assert own == tuple(f"/arm.pose.orientation.{axis}" for axis in "xyzw")
+    given = roles_of(both, Columns(position="/arm", orientation="/camera")).orientation
+    assert given == tuple(f"/camera.pose.orientation.{axis}" for axis in "xyzw")
+
+
 def test_what_is_not_there_is_said_with_what_is():
     with pytest.raises(MissingChannelError, match=r"r\.csv: no column 'force_N'; there are t, z$"):
         roles_of(recording("t", "z"))

@@ -108,7 +108,9 @@ def test_suggestions_go_with_the_units(length, force):
         assert dataclasses.astuple(suggest(theirs)) == pytest.approx(expected, rel=1e-12)
 
 
-@pytest.mark.parametrize("method", palpate.ESTIMATORS)
+@pytest.mark.parametrize(
+    "method", [m for m, kind in palpate.ESTIMATORS.items() if "stiffness" in kind.law_type.names()]
+)
 @pytest.mark.parametrize("unit", [1e-9, 1e9])
 def test_what_is_identified_does_not_depend_on_the_units(method, unit):
     """Lengths and forces a thousand million times as large: the same numbers in those units."""

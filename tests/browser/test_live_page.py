@@ -205,7 +205,7 @@ def test_the_card_says_which_law_it_is_and_nothing_moves_when_that_changes(opene
             assert page.evaluate("globalThis.shifts") < 0.005  # as above
             assert seen["laws"] == seen["offered"]
             assert sum(score == "in force" for score in seen["scores"]) == 1
-            assert "Relaxing stiffness M" in seen["numbers"]
+            assert "Relaxation stiffness M" in seen["numbers"]
             assert "τ" not in seen["numbers"]  # no law on offer has one of its own
             assert "p" not in seen["panels"]
             assert "K′" in seen["felt"]

@@ -75,6 +75,8 @@ def recording(tmp_path):
         ),
         ("lab:ball --law magic", "law must be one of hunt-crossley, auto, any"),
         ("lab:ball --direction down", "--direction must be three numbers"),
+        ("lab:ball --tare soon", "--tare must be a number"),
+        ("lab:ball --seconds -1", "--seconds must be in"),
         ("lab:ball --rate 20", "--rate must be from 100 to 10000 samples a second, not 20"),
         ("lab:ball --speed 2", "--speed has no effect: lab:ball is no recording"),
         ("lab:ball --publish fax:1", "--publish must be one of"),

@@ -8,7 +8,7 @@ import pytest
 from scripted import PLACE, Scripted, Silence, T, arrivals, column, looped, measured, pressed, rings
 
 import palpate
-from palpate import ESTIMATORS, OnlinePreparation, Status
+from palpate import ESTIMATORS, OnlinePreparation, Status, ViscoelasticContact
 from palpate.estimators.estimate import Trace
 from palpate.findings import Finding
 from palpate.live.choices import LiveCommand, State
@@ -17,6 +17,7 @@ from palpate.live.loop import Loop
 from palpate.live.ring import COLUMNS, SAMPLE
 from palpate.live.running import default_estimator
 from palpate.live.sources import Arrival, EndOfSourceError, Replay
+from palpate.live.view import verdict_on
 
 TIMES, POSITIONS, FORCES = measured()
 SCRIPT = arrivals(TIMES, POSITIONS, FORCES)
@@ -132,6 +133,25 @@ def test_the_shown_depth_stays_while_the_motion_repeats_and_follows_another(ever
     found = depths_shown(np.where(time < 20.0, swing, 1.3 * swing), every)
     assert len(set(found[round(40.0 / every) :])) == 1
     assert found[-1] == pytest.approx(1.3 * 8.85e-3, rel=0.06)
+
+
+def test_a_law_is_shown_at_a_depth_that_stays():
+    """Of a loop that compares laws: the motion's own depth and frequency are a running mean."""
+    shown, depths, own = ShownDepth(), [], []
+
+    def look():
+        taken = loop.counts.taken
+        if taken % 250 == 0 and (verdict := shown.verdict(loop.status(), taken * T)):
+            depths.append(verdict["depth"])
+            own.append(verdict_on(loop.status())["depth"])
+
+    with rings() as (*rows, _):
+        estimator, script = ViscoelasticContact(), arrivals(*measured(8.0))
+        loop = Loop(Scripted(script), OnlinePreparation(), estimator, *rows, look)
+        loop.run()
+    assert len(set(own[8:])) > 1
+    assert len(set(depths[8:])) == 1
+    assert depths[-1] == pytest.approx(own[-1], rel=0.1)
 
 
 @pytest.mark.parametrize(

@@ -354,6 +354,7 @@ def test_what_a_person_asks_arrives_at_the_loop(page, name, options):
         ("", "must be JSON"),
         ('{"ask": 1}', '"ask"'),
         ("[" * 2000, "must be JSON"),
+        ('{"ask": NaN}', "must be JSON"),
         ('{"ask": "stop"}', "nothing is called 'stop'"),
         ('{"ask": "hold", "path": "/etc/passwd"}', "options must be none"),
         ('{"ask": "record", "path": "/etc/passwd"}', "options must be on"),
@@ -365,6 +366,7 @@ def test_what_a_person_asks_arrives_at_the_loop(page, name, options):
         ('{"ask": "estimator", "method": "kelvin-voigt", "gate": 1}', "main settings only"),
         ('{"ask": "estimator", "method": "kelvin-voigt", "forgetting_factor": 2}', "factor"),
         ('{"ask": "estimator", "method": "kelvin-voigt", "change_detector": 7}', "change_detector"),
+        ('{"ask": "source"}', "one thing at a time"),
         ('{"ask": "source", "material": "ball"}', "the source offers no such 'material'"),
     ],
 )

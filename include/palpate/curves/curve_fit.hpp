@@ -72,7 +72,7 @@ class CurveFitter {
 
  private:
   // As ContactSolver has them, and with what reason.
-  static constexpr double suspect_offset = 3.0, largest_offset = 5.0, largest_excess = 3.0;
+  static constexpr double largest_excess = 3.0;
   static constexpr double fewest_usable = 0.9;
 
   static Scale scale_of(const CurveArrays& curve, const CurveSettings& settings) noexcept {
@@ -103,25 +103,17 @@ class CurveFitter {
     take_logarithms(model_, light_);
   }
 
-  // The tighter of what a tare and free air say; free air where it contradicts the tare.
   void choose_offset_prior() noexcept {
     ProjectionSettings& s = model_.settings;
-    const FreeAir& air = selection_.air();
-    const double declared = s.offset_deviation;
-    of_air_ = !(declared > 0.0);
-    if (s.offset && air.known()) {
-      const OffsetPrior said = air.prior(selection_.least_step());
-      tare_refuted_ = declared > 0.0 &&
-                      std::abs(said.mean) > suspect_offset * std::hypot(declared, said.deviation);
-      if (!(declared > 0.0) || tare_refuted_ || !(declared < said.deviation)) {
-        prior_mean_ = said.mean;
-        s.offset_deviation = said.deviation;
-        of_air_ = true;
-      }
-    }
+    const Tare tare =
+        measured_offset(s.offset, s.offset_deviation, selection_.air(), selection_.least_step());
+    prior_mean_ = tare.prior.mean;
+    s.offset_deviation = tare.prior.deviation;
     if (s.offset_deviation > 0.0) {
       s.offset_deviation = std::hypot(s.offset_deviation, s.surface_deviation);
     }
+    of_air_ = tare.of_air;
+    tare_refuted_ = tare.refuted;
   }
 
   static CurveData of(const CurveSamples& one) noexcept { return {{one}, 1, force_squared(one)}; }

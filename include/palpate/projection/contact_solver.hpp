@@ -179,38 +179,16 @@ class ContactSolver {
 
  private:
   static constexpr double largest_excess = 3.0;
-  // Of the offset beside its prior, in deviations: from the one it is flagged, beyond the other the
-  // prior is dropped. A surface 10 µm off moves the offset by four of what a pause leaves: dropped
-  // at three, the ball under the paper's sensors for 20 s has 0.92 of the bound, at five 0.70.
-  static constexpr double suspect_offset = 3.0;
-  static constexpr double largest_offset = 5.0;
   static constexpr double fewest_usable = 0.9;
-
-  struct Tare {
-    OffsetPrior prior;
-    bool of_air;   // free air or an earlier answer says it, not a tare
-    bool refuted;  // a tare was made, and free air is beyond it
-  };
 
   // The tightest of what a tare, free air and the answer before a restart say.
   Tare offset_prior() const noexcept {
-    Tare tare = measured_offset();
+    Tare tare =
+        measured_offset(settings_.offset, settings_.offset_deviation, air_, recent_.least_step());
     double& deviation = tare.prior.deviation;
     if (deviation > 0.0) deviation = std::hypot(deviation, settings_.surface_deviation);
     const bool looser = kept_offset_ > 0.0 && !(deviation > 0.0 && deviation <= kept_offset_);
     return looser ? Tare{{0.0, kept_offset_}, true, tare.refuted} : tare;
-  }
-
-  // The tighter of what a tare and free air say; free air where it contradicts the tare.
-  Tare measured_offset() const noexcept {
-    const double declared = settings_.offset_deviation;
-    const bool told = declared > 0.0;
-    if (!settings_.offset || !air_.known()) return {{0.0, declared}, !told, false};
-    const OffsetPrior air = air_.prior(recent_.least_step());
-    const bool refuted =
-        told && std::abs(air.mean) > suspect_offset * std::hypot(declared, air.deviation);
-    const bool tare = told && !refuted && declared < air.deviation;
-    return {tare ? OffsetPrior{0.0, declared} : air, !tare, refuted};
   }
 
   // How far the offset of a fit that hardly knew it before is from a prior.

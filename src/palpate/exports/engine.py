@@ -7,6 +7,7 @@ at the end what an engine is, and which there are.
 
 import math
 import re
+import string
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -14,7 +15,7 @@ from importlib import import_module, resources
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from types import MappingProxyType
-from typing import ClassVar, TypeAlias
+from typing import Any, ClassVar, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -337,10 +338,17 @@ def _until_surface(force: Pointwise, mass: float, x: float, v: float, step: floa
 # Text for engines and about them: numbers that read back exactly, errors, and comments.
 
 
-def template(name: str, **values: str) -> str:
+class _Digits(string.Formatter):
+    """Fills in numbers so that they read back as the same."""
+
+    def format_field(self, value: Any, format_spec: str) -> str:
+        return digits(value) if isinstance(value, int | float) else str(value)
+
+
+def template(name: str, **values: Any) -> str:
     """Return one of the engines' texts, which lie in ``templates``, with its places filled in."""
     text = resources.files("palpate.exports") / "templates" / name
-    return text.read_text(encoding="utf-8").format(**values)
+    return _Digits().format(text.read_text(encoding="utf-8"), **values)
 
 
 def digits(value: float) -> str:

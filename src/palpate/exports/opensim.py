@@ -19,7 +19,6 @@ from palpate.exports.engine import (
     ProbeMotion,
     Replayed,
     came_back,
-    digits,
     hash_comment,
     state_by_state,
     template,
@@ -104,25 +103,14 @@ class SphereOnHalfSpace(Fragment):
     def files(self, notes: Sequence[str]) -> Mapping[str, str]:
         """Return a model, with the force to paste, and a script that drops the tip."""
         mass, radius = self.asked.mass_or_one, self.numbers["radius"]
-        modulus = self.numbers["stiffness"]
-        model = template(
-            "opensim.osim",
-            comment=xml_comment([*notes, *_HEED]),
-            mass=digits(mass),
-            # Of a solid sphere; on its slide the tip does not turn.
-            inertia=digits(0.4 * mass * radius**2),
-            above=digits(-radius),
-            radius=digits(radius),
-            stiffness=digits(modulus),
-            dissipation=digits(self.numbers["dissipation"]),
-            rigid=digits(RIGID * modulus),
-        )
-        scene = template(
-            "opensim_scene.py.txt",
-            comment=hash_comment([*notes, *_HEED]),
-            speed=digits(self.asked.motion.fastest),
-            time_step=digits(self.asked.time_step),
-        )
+        # Of a solid sphere; on its slide the tip does not turn.
+        tip = {"mass": mass, "inertia": 0.4 * mass * radius**2, "above": -radius}
+        contact = {**self.numbers, "rigid": RIGID * self.numbers["stiffness"]}
+        comment = xml_comment([*notes, *_HEED])
+        model = template("opensim.osim", comment=comment, **tip, **contact)
+        comment = hash_comment([*notes, *_HEED])
+        how = {"speed": self.asked.motion.fastest, "time_step": self.asked.time_step}
+        scene = template("opensim_scene.py.txt", comment=comment, **how)
         return {"contact.osim": model, "scene.py": scene}
 
     def replay(self, motion: ProbeMotion) -> Replayed:

@@ -13,7 +13,6 @@ from palpate.exports.engine import (
     Asked,
     Engine,
     Fragment,
-    digits,
     hash_comment,
     is_kelvin_voigt,
     kelvin_voigt,
@@ -38,13 +37,10 @@ class _Material(Fragment):
     """One material, of two numbers."""
 
     def files(self, notes: Sequence[str]) -> Mapping[str, str]:
-        stiffness, damping, *_ = map(digits, self.numbers.values())
-        asked, comment = self.asked, hash_comment(notes)
-        scene = {"radius": digits(asked.radius_or_any), "mass": digits(asked.mass_or_one)}
+        law, asked, comment = self.engine_law, self.asked, hash_comment(notes)
+        scene = {"radius": asked.radius_or_any, "mass": asked.mass_or_one}
         return {
-            "material.usda": template(
-                "usd_material.usda", comment=comment, stiffness=stiffness, damping=damping
-            ),
+            "material.usda": template("usd_material.usda", comment=comment, law=law),
             "scene.usda": template("usd_scene.usda", comment=comment, **scene),
         }
 

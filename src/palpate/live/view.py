@@ -333,10 +333,6 @@ _BADGES = {
     "weak": ("not sure", "partly"), "strong": ("strong evidence", "yes"),
 }  # fmt: skip
 _MARKS = {"trust": "yes", "with-care": "partly", "do-not-trust": "no"}
-_NAMES = {
-    "K": "Stiffness", "B": "Damping", "n": "Exponent", "M": "Relaxing stiffness",
-    "α": "Spectrum's exponent", "τ₂": "Relaxation time",
-}  # fmt: skip
 _TURNS = 4
 _DECADES = 6.0  # of the bars: 1 to a million
 
@@ -367,10 +363,12 @@ def view_of(page: Mapping[str, Any], verdict: Mapping[str, Any] | None, now: flo
     ]
     panels = [[f"{names[0]}{at}", "N/m", "stiffness", "stiffness_error"]]
     for k in _shown(law):
-        own, unit = law["symbols"][k], law["units"][k]
-        symbol = "τ" if own == "τ₂" else own  # alone it is the only one
-        name = f"{_NAMES.get(own, '')} {symbol}".strip() + (f" [{unit}]" if unit else "")
-        tiles.append([name, _parameter(found, law["names"][k], k, verdict)])
+        symbol, unit, name = law["symbols"][k], law["units"][k], law["names"][k]
+        words = _parameter(found, name, k, verdict)
+        if name == "longest_time":  # alone it is the only one
+            symbol, name = "τ", "relaxation time"
+        title = f"{name.replace('_', ' ').capitalize()} {symbol}"
+        tiles.append([f"{title} [{unit}]" if unit else title, words])
         panels.append([symbol, unit, f"parameter_{k}", f"error_{k}"])
     changes = [
         [

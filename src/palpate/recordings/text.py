@@ -332,15 +332,17 @@ def _column_for(name: str, cells: Sequence[str], decimal: str, kind: str | None)
     filled = [cell for cell in cells if cell.strip()]
     most = 0.5 * len(filled)
     if kind is None and filled:
-        if sum(iso_nanoseconds(cell) is not None for cell in filled) > most:
-            return _Column(name, ".", "dates")
+        numbers = sum(parsed_number(cell, decimal) is not None for cell in filled)
         if is_timelike(name) and sum(map(is_nanoseconds, filled)) > most:
             return _Column(name, ".", "nanoseconds")
-        numbers = sum(parsed_number(cell, decimal) is not None for cell in filled)
-        vectors = [len(found) for cell in filled if (found := vector_in(cell, decimal))]
-        if numbers < most and len(vectors) > most:
-            return _Column(name, decimal, "vectors", max(set(vectors), key=vectors.count))
-        kind = "numbers" if numbers >= most else "text"
+        kind = "numbers"
+        if numbers < most:
+            if sum(iso_nanoseconds(cell) is not None for cell in filled) > most:
+                return _Column(name, ".", "dates")
+            vectors = [len(found) for cell in filled if (found := vector_in(cell, decimal))]
+            if len(vectors) > most:
+                return _Column(name, decimal, "vectors", max(set(vectors), key=vectors.count))
+            kind = "text"
     return _Column(name, decimal, kind or "numbers")
 
 
@@ -551,11 +553,11 @@ class _Table:
         joined = joined_stamps(channels)
         channels |= joined
         units |= dict.fromkeys(joined, "ns")
-        wanted = {n: values for n, values in channels.items() if self.request.wants(n)}
-        if self.request.channels and not wanted:
+        for name in [each for each in channels if not self.request.wants(each)]:
+            del channels[name]
+            units.pop(name, None)
+        if self.request.channels and not channels:
             raise MissingChannelError(self.request.channels[0], self.layout.header, self.source)
-        draft.channels = wanted
-        draft.units = {name: unit for name, unit in units.items() if name in wanted}
         draft.losses = [
             f"row {first} {what}: left out"
             if count == 1

@@ -174,12 +174,13 @@ def _units_below(body: Sequence[str], delimiter: str, width: int, decimal: str) 
     if not body:
         return None
     cells = [cell.strip() for cell in cells_of(body[0], delimiter)]
+    numbers = any(parsed_number(cell, decimal) is not None for cell in cells if cell != "1")
+    if numbers or len(cells) != width:
+        return None
     units = [plain_unit(cell) for cell in cells]
     filled = [unit for unit in units if unit]
-    known = [unit for unit in filled if unit in KNOWN or unit in OTHER_UNITS]
-    if len(cells) != width or KNOWN.isdisjoint(filled) or 2 * len(known) < len(filled):
-        return None
-    if any(parsed_number(cell, decimal) is not None for cell in cells if cell != "1"):
+    known = sum(unit in KNOWN or unit in OTHER_UNITS for unit in filled)
+    if KNOWN.isdisjoint(filled) or 2 * known < len(filled):
         return None
     return ["" if unit in ("-", "–") else unit for unit in units]
 

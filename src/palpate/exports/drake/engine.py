@@ -126,19 +126,10 @@ def bodies(parts: Parts, file: str, comment: str) -> str:
         )
         for tip in parts.tips
     ]
-    return template(
-        whole,
-        comment=comment,
-        surface=properties(parts.surface),
-        tips="\n".join(tips),
-        width=digits(parts.width),
-        height=digits(parts.height),
-        middle=digits(-0.5 * parts.height),
-        radius=digits(parts.radius),
-        mass=digits(parts.mass),
-        # Of a solid sphere; on its slide the tip does not turn.
-        inertia=digits(0.4 * parts.mass * parts.radius**2),
-    )
+    # Of a solid sphere; on its slide the tip does not turn.
+    worked_out = {"middle": -0.5 * parts.height, "inertia": 0.4 * parts.mass * parts.radius**2}
+    texts = {"surface": properties(parts.surface), "tips": "\n".join(tips)}
+    return template(whole, comment=comment, parts=parts, **texts, **worked_out)
 
 
 # A law as Drake's contacts: what is written, what it will do, and what it does.
@@ -191,14 +182,8 @@ class DrakeContact(Fragment):
             f'discrete_contact_approximation="{setting.approximation}")',
             *self.heed,
         ]
-        scene = template(
-            "drake_scene.py.txt",
-            comment=hash_comment(said),
-            speed=digits(self.asked.motion.fastest),
-            time_step=digits(setting.time_step),
-            contact_model=setting.contact_model,
-            approximation=setting.approximation,
-        )
+        how = {"speed": self.asked.motion.fastest, "setting": setting}
+        scene = template("drake_scene.py.txt", comment=hash_comment(said), **how)
         texts = {file: bodies(self.parts, file, xml_comment(said)) for file in DIALECTS}
         return {**texts, "scene.py": scene}
 

@@ -23,7 +23,6 @@ from palpate.exports.engine import (
     Fragment,
     ProbeMotion,
     Replayed,
-    digits,
     drop_to,
     force_error,
     is_kelvin_voigt,
@@ -91,15 +90,10 @@ class InMuJoCo(Fragment):
             replace(row, spring=n * row.spring, damper=n * row.damper, adhesion=n * row.adhesion)
             for row in self.rows.rows
         ]
-        return template(
-            "mujoco_scene.xml",
-            **sections(rows, TIP, Placement()),
-            comment=xml_comment(notes),
-            time_step=digits(self.asked.time_step),
-            radius=digits(max(0.03, 2.0 * depth)),
-            mass=digits(1.0 / self.mobility),
-            velocity=digits(-speed),
-        )
+        numbers = {"time_step": self.asked.time_step, "radius": max(0.03, 2.0 * depth)}
+        numbers |= {"mass": 1.0 / self.mobility, "velocity": -speed}
+        both = sections(rows, TIP, Placement())
+        return template("mujoco_scene.xml", comment=xml_comment(notes), **both, **numbers)
 
     def fragment(self, notes: Sequence[str]) -> str:
         """What is to be pasted into a model, or included by it; without rows the surface alone."""
