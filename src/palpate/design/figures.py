@@ -131,7 +131,7 @@ def _draw_precision(
     first = max(min(0.1, 0.2 * durations[0]), 10.0 * design.sample_time)
     times = np.geomspace(min(first, durations[-1]), durations[-1], _DURATIONS)
     for name, of, colour, dashes in motions:
-        bounds = [design.measurement.relative_errors(of.motion, t, quick=True) for t in times]
+        bounds = [design.relative_errors(of.motion, t, quick=True) for t in times]
         rows = zip(panels, 100.0 * np.transpose(bounds), of.expected_errors.T, strict=True)
         for axes, errors, expected in rows:
             known = np.where(np.isfinite(errors), errors, np.nan)
