@@ -29,7 +29,6 @@ from palpate import (
     ContactEstimator,
     ExtendedKelvinVoigtRLS,
     HuntCrossley,
-    KelvinVoigt,
     KelvinVoigtRLS,
     SingleStageRLS,
     Status,
@@ -132,17 +131,6 @@ def test_a_material_outside_the_model_class_does_not_alarm_for_ever(noise: float
         assert (found < 10_000).all()
 
 
-def test_a_kelvin_voigt_estimator_notices_too() -> None:
-    motion = three_sines(5.0)
-    clean = switched(KelvinVoigt(2000.0, 20.0), KelvinVoigt(2200.0, 20.0), motion, SWITCH)
-    for seed in range(10):
-        estimator = KelvinVoigtRLS(change_detector=ChangeDetector())
-        (found,) = alarms(estimator, motion, clean + white(len(motion), seed))
-        assert SWITCH <= found <= SWITCH + A_FEW_MS
-        # 0.05 N of 22 N over 2000 samples is far less; what fading forgetting weighs is a fifth.
-        assert estimator.estimate().law.stiffness == pytest.approx(2200.0, rel=2e-3)
-
-
 @pytest.mark.parametrize("material", [BALL, SPONGE])
 def test_correlated_noise_and_a_single_outlier_are_no_changes(material: HuntCrossley) -> None:
     motion = three_sines(30.0)
@@ -235,19 +223,6 @@ def test_trace_identification_and_estimate_tell_the_same_changes() -> None:
     assert result.as_dict()["changes"] == result.changes.tolist()
     assert (result.trace.taken | result.trace.rejected).all()
     assert result.estimate.rejected <= 2 * 3
-
-
-def test_saving_and_restoring_around_an_alarm_changes_nothing() -> None:
-    motion, force = recording("off the inclusion", 5)
-    whole = VariableProjection(change_detector=ChangeDetector())
-    fed(whole, motion, force)
-    for cut in (SWITCH - 50, SWITCH - 1, SWITCH, SWITCH + 1, SWITCH + 100):
-        first = VariableProjection(change_detector=ChangeDetector())
-        second = fed(first, motion[:cut], force[:cut]).copy()
-        fed(second, motion[cut:], force[cut:])
-        assert second.estimate().restarts == 1
-        assert np.array_equal(second.estimate().parameters, whole.estimate().parameters)
-        assert np.array_equal(second.estimate().joint_covariance, whole.estimate().joint_covariance)
 
 
 def smeared(speed: Floats, at: int, kick: float, half: int = 7) -> Floats:

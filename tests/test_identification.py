@@ -93,6 +93,7 @@ def test_the_figures_of_merit_are_of_the_samples_taken(kind):
     assert result.fit_rmse_percent == rmse_percent(CONTACT.force[taken], fitted)
     # 0.02 N of noise on some 4 N is 0.5 %, beside what one law in place of another leaves.
     assert 0.1 < result.fit_rmse_percent < 10.0
+    assert result.estimate.valid == (result.estimate.validity_margin > 0.0)
     if result.law.kind == "hunt-crossley":
         assert result.violated_fraction == np.mean(~result.trace.validity[taken])
     else:
