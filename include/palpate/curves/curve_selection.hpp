@@ -10,7 +10,6 @@
 
 #include "palpate/curves/curve_sums.hpp"
 #include "palpate/projection/contact_samples.hpp"
-#include "palpate/projection/free_air.hpp"
 #include "palpate/sample.hpp"
 
 namespace palpate {
