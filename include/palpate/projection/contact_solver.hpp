@@ -15,7 +15,6 @@
 #include "palpate/projection/power_sums.hpp"
 #include "palpate/projection/priors.hpp"
 #include "palpate/projection/projection_fit.hpp"
-#include "palpate/projection/solution.hpp"
 #include "palpate/sample.hpp"
 
 namespace palpate::detail {

@@ -9,7 +9,7 @@
 
 #include "palpate/matrix.hpp"
 #include "palpate/projection/covariance.hpp"
-#include "palpate/projection/linear_solve.hpp"
+#include "palpate/projection/priors.hpp"
 
 namespace palpate::detail {
 

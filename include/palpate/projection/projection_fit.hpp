@@ -16,7 +16,6 @@
 #include "palpate/projection/exponent_search.hpp"
 #include "palpate/projection/power_sums.hpp"
 #include "palpate/projection/priors.hpp"
-#include "palpate/projection/solution.hpp"
 
 namespace palpate::detail {
 
