@@ -10,7 +10,7 @@
 
 #include "palpate/curves/curve_cost.hpp"
 #include "palpate/curves/curve_sums.hpp"
-#include "palpate/projection/exponent_search.hpp"
+#include "palpate/projection/projection_fit.hpp"
 
 namespace palpate::detail {
 

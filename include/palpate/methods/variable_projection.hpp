@@ -14,7 +14,7 @@
 #include "palpate/projection/covariance.hpp"
 #include "palpate/projection/kept_exponent.hpp"
 #include "palpate/projection/priors.hpp"
-#include "palpate/projection/projection_solver.hpp"
+#include "palpate/projection/projection_fit.hpp"
 #include "palpate/projection/surface_solver.hpp"
 #include "palpate/sample.hpp"
 
