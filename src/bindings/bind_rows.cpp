@@ -91,7 +91,7 @@ std::array<double, 3> gate_of(const InputArray& penetration, const InputArray& v
   const auto touching = [&, speed = velocity.data()](std::size_t k) noexcept {
     return contact.touches(k) & (std::abs(speed[k]) < rows::largest);
   };
-  std::vector<double> spare(2 * count);
+  std::vector<double> spare(count);
   const ContactGate::Settings gate = rows::gate_of(contact, touching, spare.data());
   return {gate.minimum_penetration, gate.make_force, gate.break_force};
 }
@@ -101,9 +101,9 @@ void working_depths(const InputRows& penetration, const InputRows& force,
   const std::size_t count = penetration.shape(0), samples = penetration.shape(1);
   check(force.size() == penetration.size() && surfaces.size() == count &&
         result.size() == 2 * count);
-  each_row(count, 3 * samples, threads, [&](std::size_t row, double* spare) {
+  each_row(count, 2 * samples, threads, [&](std::size_t row, double* spare) {
     const double* place = penetration.data() + row * samples;
-    double* depth = spare + 2 * samples;
+    double* depth = spare + samples;
     for (std::size_t k = 0; k < samples; ++k) depth[k] = place[k] - surfaces.data()[row];
     const std::array<double, 2> found =
         rows::working_depths({depth, force.data() + row * samples, samples}, spare);

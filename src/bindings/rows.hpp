@@ -306,7 +306,7 @@ inline double threshold(double noise, double top) noexcept {
   return std::min(std::max(noise_factor * noise, 0.01 * top), 0.10 * top);
 }
 
-// Thresholds for contact, of samples `touching`; `spare` holds twice as many numbers as there are
+// Thresholds for contact, of samples `touching`; `spare` holds as many numbers as there are
 // samples.
 //
 // A force near its threshold is taken where noise made it large, which biases: probing near the
@@ -343,7 +343,7 @@ ContactGate::Settings gate_of(const Pressed& in, const Touching& touching, doubl
 }
 
 // Median and largest penetration where contact is firm, as its gate says; NaN where it never is.
-// `spare` holds twice as many numbers as there are samples.
+// `spare` holds as many numbers as there are samples.
 inline std::array<double, 2> working_depths(const Pressed& in, double* spare) noexcept {
   const auto touching = [&](std::size_t k) noexcept { return in.touches(k); };
   const ContactGate::Settings gate = gate_of(in, touching, spare);
