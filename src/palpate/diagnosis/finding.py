@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from palpate.digits import rounded
+from palpate.digits import rounded, with_error
 from palpate.estimators import ContactEstimator, LawVerdict
 from palpate.estimators.law_verdicts import EVERYDAY, RELAXATION_STIFFNESS, verdict_of
 from palpate.findings import Finding, Mark
@@ -53,6 +53,14 @@ class Quantity(Plain):
     def whole_error(self) -> float:
         """What repeats and what the findings would move together; NaN where one is unknown."""
         return math.hypot(self.standard_error, self.systematic)
+
+    def scaled(self, factor: float) -> "Quantity":
+        """Return so many times the quantity."""
+        return Quantity(*(factor * x for x in (self.value, self.standard_error, self.systematic)))
+
+    def words(self, unit: str = "") -> str:
+        """It with both error bars, what repeats and what the findings would move, and a unit."""
+        return with_error(self.value, self.standard_error, self.systematic, unit=unit)
 
 
 @dataclass(frozen=True, slots=True)

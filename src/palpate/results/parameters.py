@@ -7,9 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from palpate.diagnosis import Quantity
 from palpate.diagnosis.data import in_words
-from palpate.digits import parameter, rounded, with_error
+from palpate.digits import parameter, rounded
 from palpate.errors import InvalidParameterError
 from palpate.force_laws import ForceLaw, GeneralisedHuntCrossley
 from palpate.recordings.recording import truth_of
@@ -178,7 +177,7 @@ def felt_beside_truth(result: "Identified") -> str:
         return ""
     exact = (real.real, "N/m"), (real.imag / felt.frequency, "N·s/m")
     words = (
-        f"{both(found)} {unit} ({beside_truth(found.value, value, found.whole_error)})"
+        f"{found.words(unit)} ({beside_truth(found.value, value, found.whole_error)})"
         for found, (value, unit) in zip((felt.stiffness, felt.damping), exact, strict=True)
     )
     same = comparable(result.law, truth) == set(result.law.names())
@@ -213,11 +212,6 @@ def truths(result: "Identified") -> list[str]:
         known = row.name in real and row.estimated
         words.append(beside_truth(values[row.name], real[row.name], error) if known else "")
     return words
-
-
-def both(quantity: Quantity) -> str:
-    """A number with both error bars: what repeats, and what the findings would move."""
-    return with_error(quantity.value, quantity.standard_error, quantity.systematic)
 
 
 def signed(value: float, digits: int) -> str:
