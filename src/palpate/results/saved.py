@@ -462,7 +462,7 @@ def to_pandas(result: "Identified") -> "pandas.DataFrame":
 
 def to_xarray(result: "Identified") -> "xarray.Dataset":
     """The samples along ``time``, the law's parameters along ``parameter``; units as attributes."""
-    xarray = needed("xarray", "to_xarray", "notebook")
+    module = needed("xarray", "to_xarray", "notebook")
     law, trace, (columns, units) = result.law, result.trace, trace_columns(result)
     own = {name for each in law.names() for name in (each, f"{each}_standard_error")}
     variables: dict[str, Any] = {
@@ -475,7 +475,7 @@ def to_xarray(result: "Identified") -> "xarray.Dataset":
     variables["standard_errors"] = (("time", "parameter"), errors)
     variables["covariance"] = (("parameter", "other_parameter"), result.covariance)
     names = np.array(law.names())
-    found: xarray.Dataset = xarray.Dataset(
+    found: xarray.Dataset = module.Dataset(
         variables,
         coords={
             "time": ("time", columns["time"], {"units": "s"}),
