@@ -200,21 +200,16 @@ def signs(data: Data) -> Finding | None:
     deep, shallow = float(force[x >= high].mean()), float(force[x <= low].mean())
     if deep >= shallow:
         return None
+    remedy = "--flip-penetration"
+    words = (
+        f"the force falls from {rounded(shallow, 3)} N to {rounded(deep, 3)} N as the "
+        "penetration grows: is it positive into the material?"
+    )
     if deep < 0.0 and abs(deep) > abs(shallow):
-        remedy, words = (
-            "--flip-force",
-            (
-                f"the force is negative, {rounded(deep, 3)} N, where the penetration is largest: "
-                "compression must be positive"
-            ),
-        )
-    else:
-        remedy, words = (
-            "--flip-penetration",
-            (
-                f"the force falls from {rounded(shallow, 3)} N to {rounded(deep, 3)} N as the "
-                "penetration grows: is it positive into the material?"
-            ),
+        remedy = "--flip-force"
+        words = (
+            f"the force is negative, {rounded(deep, 3)} N, where the penetration is largest: "
+            "compression must be positive"
         )
     return Finding.of_both("do-not-trust", "signs", words, remedy)
 

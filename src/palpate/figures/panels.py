@@ -32,7 +32,6 @@ from palpate.figures.style import (
     set_titles,
     shown,
 )
-from palpate.force_laws import ForceLaw
 from palpate.identification.identified import Identified
 from palpate.results.parameters import OFFERED, ParameterRow, parameter_rows
 from palpate.results.view import depth_of
@@ -150,28 +149,11 @@ def course_of(result: Identified, depth: float) -> Course:
 
 def _known(estimate: Estimate, depth: float) -> list[float]:
     """Stiffness, its error, damping, its error; NaN for what overflows."""
-    with np.errstate(all="ignore"):
-        try:
-            law = estimate.law
-            values = law.stiffness_at(depth), law.damping_at(depth)
-        except ValueError:  # of parameters that are not finite there is no law
-            return [np.nan] * 4
-        slopes = _slopes(law, depth)
-        errors = np.sqrt(np.einsum("ij,jk,ik->i", slopes, estimate.covariance, slopes))
-    return [values[0], float(errors[0]), values[1], float(errors[1])]
-
-
-def _slopes(law: ForceLaw, depth: float) -> Floats:
-    """∂S/∂θ and ∂C/∂θ at a depth and at rest, shape (2, p).
-
-    By S = ∂F/∂x and C = ∂F/∂v they are the slopes of ∂F/∂θ over x and v. A step of 1e-5 of the
-    depth leaves 1e-10 of its curvature, and 1e-11 of rounding.
-    """
-    step, slow = 1e-5 * depth, 1e-3
-    by_depth = law.parameter_gradient(depth + step * np.array([1.0, -1.0]), np.zeros(2))
-    by_speed = law.parameter_gradient(np.full(2, depth), slow * np.array([1.0, -1.0]))
-    rows = (by_depth[0] - by_depth[1]) / (2.0 * step), (by_speed[0] - by_speed[1]) / (2.0 * slow)
-    return np.array(rows)
+    try:
+        values, errors = estimate.with_errors(lambda law: law.at_rest(depth)[1:])
+    except ValueError:  # of parameters that are not finite there is no law
+        return [np.nan] * 4
+    return np.column_stack([values, errors]).reshape(-1).tolist()
 
 
 # What the final law leaves of the force, over time, depth and speed.

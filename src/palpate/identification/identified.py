@@ -35,7 +35,6 @@ from palpate.estimators.estimate import (
     Trace,
     Traced,
     checked_trace,
-    has_prediction_error,
     prediction_rmse_percent,
     rmse_percent,
     violated_fraction,
@@ -162,7 +161,7 @@ def findings_of(contact: Contact, trace: Trace, estimator: ContactEstimator) -> 
     violated = violated_fraction(trace) if estimator.needs_condition_10 else 0.0
     if violated > 0.0:
         yield Finding("condition 10", f"condition 10 violated in {violated:.1%} of the contact")
-    if not has_prediction_error(trace, contact.force, contact.time_steps):
+    if math.isnan(prediction_rmse_percent(trace, contact.force, contact.time_steps)):
         yield Finding("prediction", "less than 0.2 s of contact: no prediction error")
     if estimate.guarded:
         yield Finding("guard", f"covariance guard acted on {estimate.guarded} samples")

@@ -117,15 +117,6 @@ def _bound(law: ForceLaw, k: int, words: str) -> ParameterRow:
 _SAME_TIME = 0.05
 
 
-def at_rest(law: ForceLaw, depth: float) -> tuple[float, float, float]:
-    """Return force, stiffness and damping of a law at a depth, SI."""
-    return (
-        float(law.force(depth, 0.0)),
-        float(law.stiffness_at(depth)),
-        float(law.damping_at(depth)),
-    )
-
-
 def truth_at_rest(result: "Identified") -> ForceLaw | None:
     """Return the stated truth where its force, stiffness and damping at rest mean the same.
 

@@ -22,7 +22,6 @@ from palpate.preparation.gates import touches_of
 from palpate.quantities.derived import band_of, in_hertz
 from palpate.recordings.recording import truth_of
 from palpate.results.parameters import (
-    at_rest,
     beside_truth,
     felt_beside_truth,
     law_name,
@@ -170,7 +169,7 @@ def depths(result: "Identified") -> ViewSection:
     headings, columns = [""], []
     for each, name in zip(there, names, strict=False):
         headings.append(f"at {depth_of(each.depth)}\n{name}")
-        real = None if truth is None else at_rest(truth, each.depth)
+        real = None if truth is None else truth.at_rest(each.depth)
         cells = []
         for k, (quantity, unit) in enumerate(_ROWS):
             found: Quantity = getattr(each, quantity)
@@ -316,7 +315,7 @@ def numbers(ordered: "Sequence[Identified]", exclusions: Sequence[str]) -> ViewS
             verdicts.append(_verdict(result, result.method))
     if truth := truth_of(ordered[0].contact.provenance):
         at = ordered[0].diagnosis.working_depth.depth
-        real = (rounded(each, 4) for each in (1e3 * at, *at_rest(truth, at)[1:]))
+        real = (rounded(each, 4) for each in (1e3 * at, *truth.at_rest(at)[1:]))
         rows.append(("truth", "", *real))
     if remembered:
         lines.append(Line(remembered, tone="soft"))
