@@ -83,7 +83,7 @@ def test_the_page_is_whole_and_fetches_nothing(report):
 
 def test_the_verdict_stands_first_and_the_numbers_before_the_figure(report):
     words = Reading(report).words
-    order = ("trust", "2000.7 ± 0.5 N/m", "correlation", "residual", "palpate identify")
+    order = ("trust", "2000.7 ± 0.6 N/m", "correlation", "residual", "palpate identify")
     places = [words.index(each) for each in order]
     assert places == sorted(places)
     assert re.search(r"truth 2000, [+-]\d\.\d σ", words)
