@@ -102,6 +102,8 @@ def test_shapes_go_together_as_in_numpy(law, depth, speed, result):
     by_base = palpate.ForceLaw.damping_at(law, x)  # of a law of one's own
     damping = law.damping_at(x)
     np.testing.assert_allclose(by_base, damping, rtol=1e-9)  # a difference of forces at 1 mm/s
+    slope = (law.force(x + 1e-7, v) - law.force(x - 1e-7, v)) / 2e-7
+    np.testing.assert_allclose(law.stiffness_at(x, v), slope, rtol=1e-6)
     for values, shape, one in (
         (law.force(x, v), result, law.force(0.01, 0.02)),
         (law.stiffness_at(x, v), result, law.stiffness_at(0.01, 0.02)),

@@ -26,6 +26,8 @@ from palpate import (
 
 LINEAR, PROJECTION, DRIFT = KelvinVoigtRLS, palpate.VariableProjection, palpate.DriftTracking
 DETECTOR, MEMORY = palpate.ChangeDetector, palpate.ViscoelasticContact
+ONLINE, TIME = palpate.OnlinePreparation, np.arange(10.0)
+OFFLINE = partial(palpate.prepare, time=TIME, penetration=TIME, force=TIME)
 SEARCHING, NEEDLE = partial(PROJECTION, surface="estimate"), Scale(1e-6, 1.0, 1.0)
 
 # What is called, the argument that is named, its value, and the range as the message gives it.
@@ -80,6 +82,14 @@ REFUSED = [
     (SEARCHING, "surface_range", (0.0, math.nan), "be finite"),
     (partial(SEARCHING, scale=NEEDLE), "surface_range", (0.0, 1e-3), "[-5e-06, 5e-06], not 0.001"),
     (palpate.OutlierRejection, "threshold", 2.9, "in"),  # noise exceeds it
+    (ONLINE, "sample_time", 0.0, "be"),
+    (ONLINE, "velocity_window", -1.0, "be"),
+    (ONLINE, "velocity_window", 0.3, "be at most 255 samples, 0.255 s"),
+    (ONLINE, "force_offset", "heavy", "be"),
+    (ONLINE, "flip", ["velocity"], "name some of"),
+    (ONLINE, "direction", [0.0, 0.0, 0.0], "be a vector"),
+    (ONLINE, "direction", "down", "be"),
+    (OFFLINE, "velocity_window", 0.0, "be …not 0.0"),
 ]
 
 
