@@ -49,12 +49,8 @@ def draw_design(design: Design, *, dark: bool = False, width: float | None = Non
     """
     look = look_of(dark=dark, width=width)
     with drawing(look, 10.8 if look.narrow else 6.8) as figure:
-        if look.narrow:
-            panels = list(figure.subplots(5, 1))
-        else:
-            grid = figure.add_gridspec(2, 6)
-            cells = [grid[0, :3], grid[0, 3:], grid[1, :2], grid[1, 2:4], grid[1, 4:]]
-            panels = [figure.add_subplot(cell) for cell in cells]
+        cells = "A;B;C;D;E" if look.narrow else "AAABBB;CCDDEE"
+        panels = list(figure.subplot_mosaic(cells).values())
         shown = [_Shown("planned", design.planned, look.theme.lines[1], "--")]
         if design.better is not None:
             shown.append(_Shown("better", design.better, look.theme.lines[0], "-"))
@@ -133,7 +129,7 @@ def _draw_precision(
     first = max(min(0.1, 0.2 * durations[0]), 10.0 * design.sample_time)
     times = np.geomspace(min(first, durations[-1]), durations[-1], _DURATIONS)
     for name, of, colour, dashes in motions:
-        bounds = [design.measurement.relative_errors(of.motion, t, quick=True) for t in times]
+        bounds = [design.relative_errors(of.motion, t, quick=True) for t in times]
         rows = zip(panels, 100.0 * np.transpose(bounds), of.expected_errors.T, strict=True)
         for axes, errors, expected in rows:
             known = np.where(np.isfinite(errors), errors, np.nan)

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from palpate.errors import InvalidParameterError
 from palpate.recordings.opening import write_formatted
-from palpate.validation import Floats, instance, number_in
+from palpate.validation import Floats, instance, kept, number_in
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,8 +40,7 @@ class Motion:
     frequencies: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
-        depth = number_in("depth", self.depth, 0.0, 10.0, open_low=True)
-        object.__setattr__(self, "depth", depth)
+        kept(self, "depth", 0.0, 10.0, open_low=True)
         for name, highest in (("amplitudes", 10.0), ("frequencies", 1e5)):
             values = tuple(
                 number_in(f"{name}[{i}]", value, 0.0, highest, open_low=name == "frequencies")
@@ -275,10 +274,8 @@ def _outward(motion: Motion, earliest: float) -> float:
     low, high = float(time[first]), float(time[first + 1])
     for _ in range(60):  # halvings: to the last digit
         middle = 0.5 * (low + high)
-        if _acceleration(motion, np.array(middle)) < 0.0:
-            low = middle
-        else:
-            high = middle
+        falling = _acceleration(motion, np.array(middle)) < 0.0
+        low, high = (middle, high) if falling else (low, middle)
     return high
 
 

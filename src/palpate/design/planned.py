@@ -20,29 +20,20 @@ from palpate.digits import rounded
 from palpate.errors import InvalidParameterError
 from palpate.force_laws import HuntCrossley
 from palpate.stages import timed
-from palpate.validation import Plain, instance, number_in
+from palpate.validation import Plain, instance, number_in, plain
 
 #: When the precision is predicted, s.
 DURATIONS = (0.5, 1.0, 5.0, 20.0)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Design(Plain):
+class Design(PlannedMeasurement, Plain):
     """What a planned motion would identify of a guessed material, and what a better one would.
 
     Attributes
     ----------
-    law : HuntCrossley
-        The material as guessed.
-    noise, resolution, effective_noise : float
-        σ, Δ and √(σ² + Δ²/12) of the force, N: see :func:`effective_noise`.
-    sample_time : float
-        s.
-    offset, surface : bool
-        Whether a force offset and the position of the surface are unknown too.
-    speed_limit : float
-        0.1 K/B, m/s (eq. 10). Faster, the single-stage method is biased; variable projection is
-        not.
+    law, noise, resolution, sample_time, offset, surface
+        What the motions are measured with.
     limits : Limits
         What the better motion has to keep to.
     planned : PredictedPrecision
@@ -54,25 +45,10 @@ class Design(Plain):
         Why it is better, or why there is none.
     """
 
-    law: HuntCrossley
-    noise: float
-    resolution: float
-    effective_noise: float
-    sample_time: float
-    offset: bool
-    surface: bool
-    speed_limit: float
     limits: Limits
     planned: PredictedPrecision
     better: PredictedPrecision | None
     reason: str
-
-    @property
-    def measurement(self) -> PlannedMeasurement:
-        """What the motions are measured with."""
-        return PlannedMeasurement(
-            self.law, self.noise, self.resolution, self.sample_time, self.offset, self.surface
-        )
 
     @property
     def chosen(self) -> tuple[str, PredictedPrecision]:
@@ -95,7 +71,8 @@ class Design(Plain):
     def as_dict(self) -> dict[str, Any]:
         """Return plain numbers and words; what is infinite or undefined is None."""
         law = {"kind": self.law.kind, **self.law.as_dict()}
-        return {**Plain.as_dict(self), "law": law, "limits": asdict(self.limits)}
+        own = {name: plain(getattr(self, name)) for name in ("effective_noise", "speed_limit")}
+        return {**Plain.as_dict(self), **own, "law": law, "limits": asdict(self.limits)}
 
 
 @timed("design")
@@ -168,29 +145,15 @@ def design(
     step = number_in("sample_time", sample_time, 1e-5, 1.0)
     for i, frequency in enumerate(motion.frequencies):
         number_in(f"frequencies[{i}]", frequency, 0.0, 1.0 / step, open_low=True)
-    sigma = effective_noise(noise, resolution)
+    effective_noise(noise, resolution)  # which refuses what is out of range
     spans = _checked_durations(durations, step)
-    measurement = PlannedMeasurement(
-        law, float(noise), float(resolution), step, bool(offset), bool(surface)
-    )
+    measured = law, float(noise), float(resolution), step, bool(offset), bool(surface)
+    measurement = PlannedMeasurement(*measured)
     limits = limits_around(motion, measurement, max_depth, max_speed)
     planned = predict_precision(motion, measurement, spans)
     found = find_better(motion, measurement, limits, spans[-1])
     better = None if found is None else predict_precision(found, measurement, spans)
-    return Design(
-        law=law,
-        noise=measurement.noise,
-        resolution=measurement.resolution,
-        effective_noise=sigma,
-        sample_time=step,
-        offset=measurement.offset,
-        surface=measurement.surface,
-        speed_limit=measurement.speed_limit,
-        limits=limits,
-        planned=planned,
-        better=better,
-        reason=_why(planned, better, limits),
-    )
+    return Design(*measured, limits, planned, better, _why(planned, better, limits))
 
 
 def _checked_durations(durations: Sequence[float], step: float) -> tuple[float, ...]:

@@ -11,7 +11,6 @@ from palpate.errors import InvalidParameterError
 from palpate.lab.materials import Material, Touch
 from palpate.lab.rig import (
     IdealProbe,
-    IdealRun,
     Probe,
     Progress,
     Sensors,
@@ -246,7 +245,7 @@ class OngoingBench:
         after = self.trajectory.at
         self._motion, self._transition = (lambda time: after(time - began)), -np.inf
 
-    def _begin(self) -> IdealRun | Simulation:
+    def _begin(self) -> IdealProbe | Simulation:
         probe: IdealProbe | TwinPantograph = self._bench.probe  # type: ignore[assignment]
         return probe.start(self._motion(np.array([self.now])), self._step, self._random)
 

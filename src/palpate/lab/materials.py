@@ -26,22 +26,6 @@ def felt_along(
     return np.array([touch(*sample) for sample in zip(*columns, strict=True)], dtype=np.float64)
 
 
-class SampleBySample:
-    """Whose force along a motion is that of its touch, one sample after the other."""
-
-    __slots__ = ()
-
-    def touch(self) -> Touch:
-        """Return the force of a material that nobody has touched yet."""
-        raise NotImplementedError
-
-    def force(
-        self, time: Floats, lateral_position: Floats, penetration: Floats, velocity: Floats
-    ) -> Floats:
-        """Force [N] along a whole motion, shapes (k,)."""
-        return felt_along(self.touch(), time, lateral_position, penetration, velocity)
-
-
 @runtime_checkable
 class Material(Protocol):
     """What a probe presses on."""
@@ -53,13 +37,14 @@ class Material(Protocol):
     def touch(self) -> Touch:
         """Return the force of a material that nobody has touched yet."""
 
+    def describe(self) -> dict[str, Any]:
+        """Return the truth, as plain numbers and words in SI."""
+
     def force(
         self, time: Floats, lateral_position: Floats, penetration: Floats, velocity: Floats
     ) -> Floats:
-        """Force [N] along a whole motion, shapes (k,)."""
-
-    def describe(self) -> dict[str, Any]:
-        """Return the truth, as plain numbers and words in SI."""
+        """Force [N] along a whole motion, shapes (k,): of its touch, sample by sample."""
+        return felt_along(self.touch(), time, lateral_position, penetration, velocity)
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,7 +90,7 @@ class Homogeneous:
 
 
 @dataclass(frozen=True, slots=True)
-class Relaxing(SampleBySample):
+class Relaxing(Material):
     """A Hunt–Crossley law and a Maxwell branch in parallel: it relaxes when held.
 
     F = K xⁿ + B xⁿ v + s,   ds/dt = E v − s/τ  for x ≥ 0, else 0;  F ≥ 0
@@ -181,7 +166,7 @@ class _MaxwellBranch:
 
 
 @dataclass(frozen=True, slots=True)
-class SpaceVaryingMaterial(SampleBySample):
+class SpaceVaryingMaterial(Material):
     """Materials side by side: which of them is touched depends on the lateral position.
 
     Parameters
@@ -212,7 +197,7 @@ class SpaceVaryingMaterial(SampleBySample):
 
 
 @dataclass(frozen=True, slots=True)
-class TimeVaryingMaterial(SampleBySample):
+class TimeVaryingMaterial(Material):
     """Materials one after the other: which of them is touched depends on the time.
 
     Parameters

@@ -194,13 +194,9 @@ class IdealProbe:
 
     def start(
         self, command: Command, sample_time: float, random: np.random.Generator
-    ) -> "IdealRun":
-        """Return a tip that follows this command, and any that continue it."""
-        return IdealRun()
-
-
-class IdealRun:
-    """A tip that is where the command says, a stretch of it at a time."""
+    ) -> "IdealProbe":
+        """Return a tip that follows this command, and any that continue it: it keeps nothing."""
+        return self
 
     def simulate(
         self, time: Floats, command: Command, touch: Touch, progress: Progress | None = None

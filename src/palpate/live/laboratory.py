@@ -2,13 +2,21 @@
 
 import time
 from collections import deque
-from contextlib import suppress
-from dataclasses import dataclass
+from contextlib import closing, suppress
+from dataclasses import dataclass, replace
 from multiprocessing.connection import Connection
 from typing import Any
 
 from palpate.errors import InvalidParameterError, MissingExtraError, RecordingError
-from palpate.lab import MATERIALS, TRAJECTORIES, Bench, IdealProbe, OngoingBench, Sensors
+from palpate.lab import (
+    MATERIALS,
+    TRAJECTORIES,
+    Bench,
+    IdealProbe,
+    OngoingBench,
+    Sensors,
+    TwinPantograph,
+)
 from palpate.live.realtime import end, give_way, show_name, start
 from palpate.live.ring import Address, Reader, Writer
 from palpate.live.sources import Arrival, Counts, EndOfSourceError, SourceOptions
@@ -38,28 +46,25 @@ class Setup:
 
     def bench(self) -> tuple[OngoingBench, str, str]:
         """Return the bench, its probe's name, and what is to be said of it."""
-        sensors = Sensors(sample_time=self.sample_time)
-        material, motion, words = MATERIALS[self.material], TRAJECTORIES[self.motion], ""
-        if self.probe != "ideal":
-            from palpate.lab import TwinPantograph
-
-            try:
-                bench = Bench(material, motion, TwinPantograph(), sensors)
-                return OngoingBench(bench, self.seed), "twin pantograph", ""
-            except MissingExtraError as error:
-                words = f"an ideal probe in place of the twin pantograph: {error}"
-        bench = Bench(material, motion, IdealProbe(), sensors)
-        return OngoingBench(bench, self.seed), "ideal probe", words
+        probe = IdealProbe() if self.probe == "ideal" else TwinPantograph()
+        touched, sensors = MATERIALS[self.material], Sensors(sample_time=self.sample_time)
+        try:
+            bench = Bench(touched, TRAJECTORIES[self.motion], probe, sensors)
+            return OngoingBench(bench, self.seed), probe.name, ""
+        except MissingExtraError as error:
+            own, name, _ = replace(self, probe="ideal").bench()
+            return own, name, f"an {name} in place of the {probe.name}: {error}"
 
 
 def press(setup: Setup, ring: Address, connection: Connection) -> None:
     """Write samples until the other end of the connection is closed."""
     show_name("lab")
     give_way(gently=False)
-    writer = Writer(made=ring)
-    with suppress(BrokenPipeError, ConnectionResetError, EOFError):
+    with (
+        closing(Writer(made=ring)) as writer,
+        suppress(BrokenPipeError, ConnectionResetError, EOFError),
+    ):
         _Pressing(setup, writer, connection).run()
-    writer.close()
 
 
 class _Pressing:

@@ -11,7 +11,7 @@ its name and unit.
 import math
 import sys
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from typing import Any
@@ -19,12 +19,12 @@ from typing import Any
 import numpy as np
 
 from palpate.digits import parameter
-from palpate.errors import InvalidParameterError, PalpateError, needed
+from palpate.errors import InvalidParameterError, PalpateError
 from palpate.live.choices import State
 from palpate.live.loop import TAKEN
 from palpate.live.ordering import NANO
 from palpate.live.sinks import PLACE, Session, Sink, Watching, parameters_of
-from palpate.live.sources import NO_ROS1
+from palpate.live.sources import SOURCES, wired
 from palpate.live.view import fields_of, verdict_on
 from palpate.validation import Floats, shown
 
@@ -335,14 +335,6 @@ def _parameter(value: float, error: float, unit: str, *, fixed: bool) -> str:
 
 # From the options of the command line to sinks.
 
-#: Where estimates are published back, by what stands before the colon of an address: a module, and
-#: its :class:`~palpate.live.publishing.Wire`, which is made of the rest of the address.
-PUBLISHERS: Mapping[str, tuple[str, str]] = {
-    "zmq": ("palpate.live.zeromq", "ZeroMQWire"),
-    "dds": ("palpate.live.dds", "DDSWire"),
-    "zenoh": ("palpate.live.zenoh", "ZenohWire"),
-}
-
 
 def open_publisher(address: str) -> Sink:
     """Return the sink that publishes estimates on a wire, such as ``zmq:tcp://127.0.0.1:5556``.
@@ -354,15 +346,11 @@ def open_publisher(address: str) -> Sink:
     MissingExtraError
         What it needs is not installed.
     """
-    scheme, colon, rest = address.partition(":")
-    if scheme == "ros1":
-        raise InvalidParameterError(NO_ROS1)
-    if not colon or scheme not in PUBLISHERS:
-        known = ", ".join(f"{name}:…" for name in PUBLISHERS)
+    kind, module, rest = wired(address)
+    if kind is None or not kind.wire:
+        known = ", ".join(f"{name}:…" for name, each in SOURCES.items() if each.wire)
         raise InvalidParameterError(f"--publish must be one of {known}, not {shown(address)}")
-
-    module, wire = PUBLISHERS[scheme]
-    made: Wire = getattr(needed(module, scheme, "live"), wire)(rest)
+    made: Wire = getattr(module, kind.wire)(rest)
     try:
         made.open()  # so that an address in use is known before the loop begins
     finally:

@@ -197,6 +197,9 @@ class Kind(NamedTuple):
     ----------
     module, opener : str
         Where it is, and what of an address and options makes the source, not yet open.
+    wire : str
+        What of an address makes the :class:`~palpate.live.publishing.Wire` that estimates are
+        published on; nothing where they cannot be.
     form : str
         How its address is written.
     words : str
@@ -205,6 +208,7 @@ class Kind(NamedTuple):
 
     module: str
     opener: str
+    wire: str
     form: str
     words: str
 
@@ -236,10 +240,10 @@ class SourceOptions:
 
 #: Every kind of source, by what stands before the colon; without one it is a recording's path.
 SOURCES: Mapping[str, Kind] = {
-    "lab": Kind("palpate.live.laboratory", "open_source", "lab:ball", "the laboratory"),
-    "zmq": Kind("palpate.live.zeromq", "ZeroMQ", "zmq:tcp://127.0.0.1:5555", "ZeroMQ"),
-    "dds": Kind("palpate.live.dds", "DDS", "dds:/pose,/wrench", "ROS 2 over DDS"),
-    "zenoh": Kind("palpate.live.zenoh", "Zenoh", "zenoh:/pose,/wrench", "ROS 2 over Zenoh"),
+    "lab": Kind("laboratory", "open_source", "", "lab:ball", "the laboratory"),
+    "zmq": Kind("zeromq", "ZeroMQ", "ZeroMQWire", "zmq:tcp://127.0.0.1:5555", "ZeroMQ"),
+    "dds": Kind("dds", "DDS", "DDSWire", "dds:/pose,/wrench", "ROS 2 over DDS"),
+    "zenoh": Kind("zenoh", "Zenoh", "ZenohWire", "zenoh:/pose,/wrench", "ROS 2 over Zenoh"),
 }
 
 #: What an address that begins with ros1: gets for an answer, as a source or for --publish.
@@ -247,6 +251,24 @@ NO_ROS1 = (
     "palpate no longer speaks ROS 1 live: run ros1_bridge and use dds:, "
     "or record a bag and identify that"
 )
+
+
+def wired(address: str) -> tuple[Kind | None, Any, str]:
+    """Return the kind of an address, its module, and what follows the colon; None of no kind.
+
+    Raises
+    ------
+    InvalidParameterError
+        It is of ROS 1.
+    MissingExtraError
+        What it needs is not installed.
+    """
+    scheme, colon, rest = address.partition(":")
+    if scheme == "ros1":
+        raise InvalidParameterError(NO_ROS1)
+    kind = SOURCES.get(scheme) if colon else None
+    module = None if kind is None else needed(f"palpate.live.{kind.module}", scheme, "live")
+    return kind, module, rest
 
 
 def open_source(address: str, options: SourceOptions | None = None) -> Source:
@@ -269,13 +291,10 @@ def open_source(address: str, options: SourceOptions | None = None) -> Source:
         The recording cannot be read.
     """
     given = options or SourceOptions()
-    scheme, colon, rest = address.partition(":")
-    if colon and scheme in SOURCES:
-        kind = SOURCES[scheme]
-        source: Source = getattr(needed(kind.module, scheme, "live"), kind.opener)(rest, given)
+    kind, module, rest = wired(address)
+    if kind is not None:
+        source: Source = getattr(module, kind.opener)(rest, given)
         return source
-    if scheme == "ros1":
-        raise InvalidParameterError(NO_ROS1)
     if not Path(address).exists():
         known = ", ".join(f"{kind.form} ({kind.words})" for kind in SOURCES.values())
         raise InvalidParameterError(

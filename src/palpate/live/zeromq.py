@@ -146,14 +146,12 @@ class Endpoint:
                 f"zmq: an endpoint must be such as {example}, not {shown(self._endpoint)}"
             )
         self.name = f"zmq:{self._endpoint}"
-        self._context: zmq.Context[zmq.Socket[bytes]] | None = None
         self._socket: zmq.Socket[bytes] | None = None
 
-    def _open(self, kind: str, options: Mapping[str, int | bytes]) -> "zmq.Socket[bytes]":
+    def _open(self, kind: str, options: Mapping[str, int | bytes]) -> None:
         """Bind or connect; a peer that is not there yet is waited for in the background."""
         zmq = needed("zmq", "ZeroMQ", "live")
-        self._context = zmq.Context()
-        self._socket = socket = self._context.socket(getattr(zmq, kind))
+        self._socket = socket = zmq.Context().socket(getattr(zmq, kind))
         for name, value in options.items():
             socket.setsockopt(getattr(zmq, name), value)
         try:
@@ -161,15 +159,13 @@ class Endpoint:
         except zmq.ZMQError as error:
             self.close()
             raise PalpateError(f"{self.name}: {zmq.strerror(error.errno or 0).lower()}") from None
-        return socket
 
     def close(self) -> None:
         """Close the socket."""
         if self._socket is not None:
             self._socket.close()
-        if self._context is not None:
-            self._context.term()
-        self._socket = self._context = None
+            self._socket.context.term()
+        self._socket = None
 
 
 # Samples by ZeroMQ, from a controller in any language: ``zmq:tcp://127.0.0.1:5555``.

@@ -121,15 +121,10 @@ def along_penetration(
     recording: Recording, roles: Roles, signals: Signals, settings: Preparation
 ) -> Contact:
     """Make a contact of a penetration and a force that is a compression."""
-    values: dict[str, ArrayLike] = {
-        "time": signals.time,
-        "penetration": signals.depth,
-        "force": signals.force,
-        "segment": signals.part,
-    }
-    if signals.velocity is not None:
-        values["velocity"] = signals.velocity
-    return _prepared(recording, values, dict(signals.made), settings)
+    time, depth, force, part = signals.time, signals.depth, signals.force, signals.part
+    values = {"time": time, "penetration": depth, "force": force, "segment": part}
+    own = {} if signals.velocity is None else {"velocity": signals.velocity}
+    return _prepared(recording, {**values, **own}, dict(signals.made), settings)
 
 
 def contact_of_arrays(given: Mapping[str, ArrayLike], settings: Preparation) -> Contact:
