@@ -19,11 +19,10 @@ from palpate.diagnosis.fit import (
     beside,
 )
 from palpate.digits import rounded, with_error
-from palpate.estimators import LawVerdict
-from palpate.estimators.law_verdicts import STRONG, Standing
+from palpate.estimators.law_verdicts import RELAXATION_STIFFNESS, STRONG
 from palpate.estimators.least_squares import mean_error, robust_covariance
 from palpate.findings import Finding, Mark, Severity, worst
-from palpate.force_laws import ForceLaw, HuntCrossley
+from palpate.force_laws import HuntCrossley
 from palpate.preparation.surfaces import placed
 from palpate.validation import Floats
 
@@ -186,7 +185,7 @@ def better_law(fit: Fit) -> Cause | None:
     laws = fit.laws
     if laws is None or laws.own or not laws.verdict.known:
         return None
-    best, own = laws.verdict.standings[0], standing_of(fit.estimate.law, laws.verdict)
+    best, own = laws.verdict.standings[0], laws.verdict.standing_of(fit.estimate.law)
     if own is None or not (own.score >= STRONG and best.rms_error <= BETTER * own.rms_error):
         return None
 
@@ -198,17 +197,10 @@ def better_law(fit: Fit) -> Cause | None:
     gain = 1.0 - (best.rms_error / own.rms_error) ** 2
     moves = partial(_apart, laws=laws)
     remedy = REMEDY
-    if laws.open_memory:  # of an approach alone, say: prediction gains, and K alone means little
+    if any(each.check == RELAXATION_STIFFNESS for each in laws.verdict.findings):
+        # Of an approach alone, say: prediction gains, and K alone means little.
         remedy += ": K′ and B′ at the motion's frequency, not the relaxed stiffness"
     return Cause("law", math.nan, gain, math.nan, sentence, remedy, moves, *moves(fit))
-
-
-def standing_of(law: ForceLaw, verdict: LawVerdict) -> Standing | None:
-    """Return how an identified law stood among those that were compared."""
-    if law.candidate is None:
-        return None
-    damping, memory, linear = law.candidate
-    return verdict.standing_of(damping, memory, linear=linear)
 
 
 def _apart(fit: Fit, laws: Laws) -> tuple[float, float]:

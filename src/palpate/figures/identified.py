@@ -41,7 +41,7 @@ from palpate.figures.style import (
 )
 from palpate.identification.identified import Identified, rank
 from palpate.quantities.derived import SmallOscillation, band_of
-from palpate.results.parameters import ParameterRow, law_name, parameter_rows
+from palpate.results.parameters import law_name, parameter_rows
 from palpate.results.view import felt
 from palpate.stages import timed
 
@@ -87,7 +87,9 @@ def draw(identification: Identified, *, dark: bool = False, width: float | None 
         drawn, heights = [], [1.1, 1.3, 1.0, 1.0, 1.0, *([1.0] * condition)]
         height = 1.7 * sum(heights) + 1.8
     else:
-        drawn = _drawn_of(result)
+        # Of a law that was chosen those that were looked for: others have no course.
+        every = not result.estimator.chooses_law
+        drawn = [row for row in parameter_rows(result) if every or row.estimated]
         heights = [1.25, 0.95, *([0.85] * math.ceil(len(drawn) / _IN_A_ROW)), 0.85]
         height = 2.7 * sum(heights)
     with drawing(look, height) as figure:
@@ -134,14 +136,6 @@ def _on_a_page(figure: "Figure", heights: list[float], parameters: int) -> "list
         for row, several in enumerate([*edges, [0.0, 0.5, 1.0]])
         for start, stop in pairwise(several)
     ]
-
-
-def _drawn_of(result: Identified) -> list[ParameterRow]:
-    """The parameters that have a course: of a law that was chosen those that were looked for."""
-    rows = parameter_rows(result)
-    if not result.estimator.chooses_law:
-        return rows
-    return [row for row in rows if row.estimated]
 
 
 def _caption(result: Identified) -> str:

@@ -383,16 +383,13 @@ class Identified:
         watch : callable
             Goes through the places, such as with a progress bar.
         """
-        found = []
+        # Of the same settings, but for those that were chosen from these data.
+        found, fresh = [], self.estimator.replace(**dict.fromkeys(self.chosen))
         for place, contact in watch(list(at_places(self.contact))):
             with suppress(RecordingError):
-                part = self.of(Data(contact), self._fresh(), trace=self.traced)
+                part = self.of(Data(contact), fresh, trace=self.traced)
                 found.append(replace(part, place=place, wanted=self.wanted))
         return replace(self, stretches=tuple(found))
-
-    def _fresh(self) -> ContactEstimator:
-        """An estimator of the same settings, but for those that were chosen from these data."""
-        return self.estimator.replace(**dict.fromkeys(self.chosen))
 
     def answers(self, estimator: ContactEstimator, trace: Traced) -> bool:
         """Whether it is what :meth:`of` would make of its contact by an estimator, as a whole."""
