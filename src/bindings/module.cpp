@@ -127,8 +127,7 @@ void bind_estimate(nb::module_& module) {
           "surface", [](const EstimateValue& e) { return e.surface.value; },
           "Where the material begins, m.")
       .def_prop_ro(
-          "surface_standard_error",
-          [](const EstimateValue& e) { return root(e.surface.variance); },
+          "surface_standard_error", [](const EstimateValue& e) { return root(e.surface.variance); },
           "Its standard error, m; 0 where it is not searched for.")
       .def_ro("_flags", &EstimateValue::flags)
       .def_ro("validity_margin", &EstimateValue::validity_margin,
