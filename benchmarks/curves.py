@@ -124,7 +124,9 @@ def measure_recursion(count: int) -> Section:
         for name, motion in MOTIONS.items():
             few = max(count // 4, 10) if surface else count
             curves = random_curves(motion, few, surface=surface, seed=6)
-            apart = _apart(rolled(curves) if motion is approach_and_retract else curves, settings)
+            apart = apart_from_the_recursion(
+                rolled(curves) if motion is approach_and_retract else curves, settings
+            )
             judged = name != ONE_WAY  # there two laws fit as well, and either may come out
             worst = Limit(0.5 if surface else 0.1) if judged else None
             median = Limit(0.1) if judged and surface else None
@@ -203,7 +205,8 @@ def parameters(fits: CurveFits) -> tuple[Any, ...]:
     return fits.stiffness, fits.damping, fits.exponent, fits.offset, fits.surface
 
 
-def _apart(curves: Curves, settings: dict[str, Any]) -> Any:
+def apart_from_the_recursion(curves: Curves, settings: dict[str, Any]) -> Any:
+    """The largest of K, B and n apart, in standard errors, of each curve."""
     fits = _fit(curves, settings)
     apart = np.empty(len(curves))
     time = 1e-3 * np.arange(curves.force.shape[1])

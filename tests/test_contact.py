@@ -1,13 +1,13 @@
-"""A contact: four channels on one clock, in segments; and the arrays that ``replay`` takes."""
+"""A contact: four channels on one clock; the arrays that ``replay`` takes; what is contact."""
 
 import dataclasses
 import math
 
 import numpy as np
 import pytest
-from cases import MATERIALS, bits, exciting
+from cases import MATERIALS, bits, exciting, knowledge
 
-from palpate import Contact, InvalidParameterError, RecordingError, Status, Trace
+from palpate import Contact, ContactGate, InvalidParameterError, RecordingError, Trace
 
 SIGNALS = exciting(MATERIALS["ball"], seconds=0.5)
 CHANNELS = ("time", "penetration", "velocity", "force")
@@ -194,13 +194,34 @@ def test_an_array_of_another_type_or_dimension_is_refused_by_name(kind, values, 
             kind().replay(**{**GOOD, name: values})
 
 
-def test_samples_that_are_not_finite_do_not_stop_a_replay(kind):
-    holes = [channel.copy() for channel in TOUCH.arrays]
-    for place, bad in enumerate([np.nan, np.inf, -np.inf]):
-        holes[place][40 + place] = bad
-    trace = kind().replay(*holes)
-    refused = np.flatnonzero(~trace.taken)
-    assert refused.tolist() == [40, 41, 42]
-    assert np.all(trace.status[refused] == Status.NOT_FINITE)
-    assert np.isnan(trace.predicted_force[refused]).all()
-    assert np.array_equal(trace.parameters[40:43], np.tile(trace.parameters[39], (3, 1)))
+GATE = ContactGate(minimum_penetration=1e-3, make_force=1.0, break_force=0.5)
+FREE = (-5e-3, 0.0, 0.0)
+
+
+def statuses(estimator, samples) -> list[str]:
+    return [estimator.update(*sample).name for sample in samples]
+
+
+def test_contact_is_made_above_one_force_and_lost_at_another(kind):
+    forces = [0.4, 0.9, 1.0, 1.1, 0.9, 0.6, 0.5, 0.6, 0.9, 1.0, 1.2, 0.51]
+    expected = ["WAITING"] * 3 + ["UPDATED"] * 3 + ["HELD"] * 4 + ["UPDATED"] * 2
+    estimator = kind(gate=GATE)
+    start = knowledge(estimator)
+    assert statuses(estimator, [FREE] * 5) == ["WAITING"] * 5
+    assert knowledge(estimator) == start
+    assert statuses(estimator, [(10e-3, 0.0, force) for force in forces]) == expected
+    # And deeper than the minimum penetration.
+    depths = [0.9e-3, 1.0e-3, 1.1e-3, 1.0e-3, 2e-3]
+    expected = ["WAITING", "WAITING", "UPDATED", "HELD", "UPDATED"]
+    assert statuses(kind(gate=GATE), [(depth, 0.0, 5.0) for depth in depths]) == expected
+    # Without a gate it is any penetration under any force.
+    samples = [(1e-9, 0.0, 1e-9), (0.0, 0.0, 1.0), (1e-9, 0.0, 0.0), (1e-9, 0.0, 1e-9)]
+    assert statuses(kind(), samples) == ["UPDATED", "HELD", "HELD", "UPDATED"]
+
+
+def test_a_prediction_is_the_force_of_the_present_law_and_none_out_of_contact(kind, noisy):
+    estimator = kind()
+    for row in noisy.rows[:50]:
+        estimator.update(*row)
+        assert estimator.predict(8e-3, -0.02) == estimator.estimate().law.force(8e-3, -0.02)
+        assert estimator.predict(-1e-3, 0.05) == 0.0

@@ -326,25 +326,3 @@ def test_the_approach_counts_without_positive_force_and_far_away_it_does_not():
     assert estimator.update(1e-3, 0.01, -0.01) == Status.UPDATED
     assert estimator.update(-5e-3, -0.01, 0.0) == Status.HELD
     assert estimator.estimate().samples == 2
-
-
-NEEDLE = Scale(1e-6, 1.0, 1.0)
-
-
-@pytest.mark.parametrize(
-    "settings, message",
-    [
-        ({"surface": "search"}, "surface must be 'estimate' or None, not 'search'"),
-        ({"surface": 0.0}, "surface must be 'estimate' or None, not 0.0"),
-        ({"surface": None, "surface_range": (-1e-3, 1e-3)}, "_range is for surface='estimate'"),
-        ({"surface_range": (1e-3, -1e-3)}, "surface_range .* holds nothing"),
-        ({"surface_range": (1e-3, 1e-3)}, "surface_range .* holds nothing"),
-        ({"surface_range": (0.0, 0.06)}, r"surface_range must be in .*0.06"),
-        ({"surface_range": 1e-3}, r"surface_range must be \(lowest, highest"),
-        ({"surface_range": (0.0, np.nan)}, "surface_range must be finite"),
-        ({"surface_range": (0.0, 1e-3), "scale": NEEDLE}, r"in \[-5e-06, 5e-06\], not 0.001"),
-    ],
-)
-def test_a_wrong_surface_setting_is_named_with_its_value(settings, message):
-    with pytest.raises(palpate.InvalidParameterError, match=message):
-        VariableProjection(**{"surface": "estimate", **settings})

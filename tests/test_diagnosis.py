@@ -293,19 +293,3 @@ def test_a_branch_relaxes_as_its_equation_says():
         state = np.exp(-1e-3 / 0.05) * state + rise
         expected.append(state)
     np.testing.assert_allclose(relaxed(drive, steps, 0.05, 1e-3), expected, atol=1e-9)
-
-
-@pytest.mark.parametrize(
-    "law",
-    [palpate.KelvinVoigt(1500.0, 8.0), palpate.ExtendedKelvinVoigt(500.0, 4e4, 5.0), faults.LAW],
-    ids=lambda law: law.kind,
-)
-def test_stiffness_and_damping_at_a_depth_are_the_forces_slopes(law):
-    x, v, h = 6e-3, 0.02, 1e-7
-    by_x = (law.force(x + h, v) - law.force(x - h, v)) / (2.0 * h)
-    by_v = (law.force(x, h) - law.force(x, -h)) / (2.0 * h)
-    assert law.stiffness_at(x, v) == pytest.approx(by_x, rel=1e-6)
-    assert law.damping_at(x) == pytest.approx(by_v, rel=1e-6)
-    assert palpate.ForceLaw.damping_at(law, x) == pytest.approx(by_v, rel=1e-6)
-    with pytest.raises(palpate.InvalidParameterError, match="depth"):
-        law.damping_at(0.0)

@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
-from cases import KINDS, MATERIALS, ONE_SINE, OWN_MATERIAL, exciting
+from cases import KINDS, ONE_SINE, OWN_MATERIAL, exciting
 
 import palpate
-from palpate import ConstantForgetting, SelfPerturbation, Status
+from palpate import ConstantForgetting
 
 CHUNK = 1_000_000
 NOISE = 1e-3  # of each signal's size
@@ -58,14 +58,6 @@ def test_millions_of_samples_held_at_constant_penetration_stay_sound(kind, noise
         assert estimator.estimate().guarded > 0.9 * chunks * CHUNK
 
 
-@pytest.mark.parametrize("factor", [0.95, 0.9])
-def test_quicker_forgetting_that_never_ends_stays_sound_at_rest(kind, factor):
-    estimator = kind(forgetting=ConstantForgetting(factor), perturbation=SelfPerturbation())
-    trace = estimator.replay(*(channel[: CHUNK // 10] for channel in held(0.0)))
-    assert np.isfinite(trace.parameters).all()
-    assert_alive(estimator)
-
-
 @pytest.mark.parametrize("name", KINDS)
 def test_one_sine_under_never_ending_forgetting_stays_sound_and_predicts(name):
     law = OWN_MATERIAL[name]
@@ -83,32 +75,3 @@ def test_one_sine_under_never_ending_forgetting_stays_sound_and_predicts(name):
     # √(p/20) more, beside at most 2 % of 11 N of the logarithm's own.
     error = (trace.predicted_force - signals.force)[1000:]
     assert np.sqrt(np.mean(error**2)) < 0.25
-
-
-def test_the_guard_ends_wind_up_at_a_million_times_the_start(kind):
-    estimator = kind(forgetting=ConstantForgetting(0.9))
-    trace = estimator.replay(*(channel[:10_000] for channel in held(0.0)))
-    guarded = trace.status == Status.GUARDED
-    assert guarded.any()
-    assert not guarded[0]
-    # 1e6 = 0.9^-131, and the start-up before it takes a few hundred samples at most.
-    assert np.argmax(guarded) > 100
-    assert estimator.estimate().guarded == np.count_nonzero(guarded)
-
-
-@pytest.mark.parametrize("name", ["kelvin-voigt", "single-stage"])
-def test_motion_after_a_long_rest_is_learned_again(name):
-    signals = exciting(MATERIALS["ball"], seconds=2.0, noise=0.05, seed=2)
-    estimator = KINDS[name](forgetting=ConstantForgetting(0.99))
-    estimator.replay(*signals.arrays)
-    expected = estimator.estimate().parameters
-    estimator.replay(*(channel[: CHUNK // 10] for channel in held(0.0)))
-    estimator.replay(*signals.arrays)
-    # The memory of 0.99 is 100 samples, the signal 2000: of the rest nothing is left.
-    np.testing.assert_allclose(estimator.estimate().parameters, expected, rtol=1e-4)
-
-
-def test_the_guard_leaves_exciting_signals_alone(kind, noisy):
-    estimator = kind(forgetting=ConstantForgetting(0.99))
-    assert np.all(estimator.replay(*noisy.arrays).status == Status.UPDATED)
-    assert estimator.estimate().guarded == 0

@@ -11,21 +11,16 @@ from xml.etree import ElementTree
 import matplotlib
 import numpy as np
 import pytest
-from cases import MATERIALS, Signals, exciting, tapping
+from cases import MATERIALS, Signals, contact_of, exciting, tapping
 from drawn import Drawn
 from recordings import recording
 
 import palpate
-from palpate import ESTIMATORS, Contact, InvalidParameterError, RecordingError, figures, lab
+from palpate import ESTIMATORS, InvalidParameterError, RecordingError, figures, lab
 from palpate.design import Motion, design
 from palpate.figures import style
 from palpate.figures.style import DARK, LIGHT
 from palpate.identification.identified import rank
-
-
-def contact_of(signals: Signals, **more) -> Contact:
-    return Contact(**vars(signals), **more)
-
 
 CONTACT = contact_of(tapping(MATERIALS["ball"], noise=0.02, seed=1), source="folder/probe.csv")
 
@@ -136,17 +131,13 @@ def test_a_figure_leads_with_stiffness_and_damping_at_working_depth(method):
     assert others[-2].startswith("Residual, measured − final law")
     needed = method == "single-stage"
     assert others[-1].startswith("Condition 10" if needed else "Prediction error")
+    in_a_column = titles_of(figures.draw(result, width=COLUMN))
+    assert any("Condition 10" in title for title in in_a_column) == needed
     verdict, name, depth = figure.get_suptitle().split("\n")
     assert verdict.startswith(result.diagnosis.verdict.overall)
     assert name.startswith("probe.csv: ")
     assert "stiffness" in depth
     assert all(axes.get_xlabel() and axes.get_ylabel() for axes in figure.axes)
-
-
-def test_condition_10_stands_in_a_column_where_the_method_needs_it():
-    for method in ("variable-projection", "single-stage"):
-        titles = titles_of(figures.draw(all_methods()[method], width=COLUMN))
-        assert any("Condition 10" in title for title in titles) == (method == "single-stage")
 
 
 def band_and_height(axes) -> tuple[float, float]:
@@ -226,22 +217,18 @@ def test_every_line_stands_out_from_its_background(theme):
         assert (high + 0.05) / (low + 0.05) >= least
 
 
-def drawings() -> dict[str, object]:
-    """A way to draw each kind of figure, of contacts that fill panels in different ways."""
-    ball = palpate.HuntCrossley(2000.0, 2000.0, 1.0)
-    held = Motion(5e-3)
-    return {
-        "a sponge": lambda **look: figures.draw(of_example("sponge"), **look),
-        "a light contact": lambda **look: figures.draw(
-            of_example("tapping", "single-stage"), **look
-        ),
-        "outliers": lambda **look: figures.draw(with_outliers(), **look),
-        "a change": lambda **look: figures.draw(of_a_change(), **look),
-        "a comparison": lambda **look: figures.draw_comparison(all_methods(), **look),
-        "residuals": lambda **look: figures.draw_residuals(of_example("microscale"), **look),
-        "a design": lambda **look: figures.draw_design(design(ball, noise=0.05), **look),
-        "a held probe": lambda **look: figures.draw_design(design(ball, held, noise=1.0), **look),
-    }
+ball = palpate.HuntCrossley(2000.0, 2000.0, 1.0)
+# Each kind of figure, of contacts that fill panels in different ways.
+DRAWINGS = {
+    "a sponge": (figures.draw, lambda: of_example("sponge")),
+    "a light contact": (figures.draw, lambda: of_example("tapping", "single-stage")),
+    "outliers": (figures.draw, with_outliers),
+    "a change": (figures.draw, of_a_change),
+    "a comparison": (figures.draw_comparison, all_methods),
+    "residuals": (figures.draw_residuals, lambda: of_example("microscale")),
+    "a design": (figures.draw_design, lambda: design(ball, noise=0.05)),
+    "a held probe": (figures.draw_design, lambda: design(ball, Motion(5e-3), noise=1.0)),
+}
 
 
 def assert_legible(figure) -> None:
@@ -260,11 +247,12 @@ QUICKLY |= {("a design", COLUMN), ("a sponge", None)}
     "name, width",
     [
         pytest.param(*each, marks=() if each in QUICKLY else pytest.mark.slow)
-        for each in itertools.product(drawings(), (60e-3, COLUMN, 180e-3, None))
+        for each in itertools.product(DRAWINGS, (60e-3, COLUMN, 180e-3, None))
     ],
 )
 def test_no_legend_lies_on_data_and_no_text_on_text(name, width):
-    assert_legible(drawings()[name](width=width))
+    draw, of = DRAWINGS[name]
+    assert_legible(draw(of(), width=width))
 
 
 @pytest.mark.slow

@@ -93,18 +93,11 @@ def test_the_figures_of_merit_are_of_the_samples_taken(kind):
     assert result.fit_rmse_percent == rmse_percent(CONTACT.force[taken], fitted)
     # 0.02 N of noise on some 4 N is 0.5 %, beside what one law in place of another leaves.
     assert 0.1 < result.fit_rmse_percent < 10.0
+    assert result.estimate.valid == (result.estimate.validity_margin > 0.0)
     if result.law.kind == "hunt-crossley":
         assert result.violated_fraction == np.mean(~result.trace.validity[taken])
     else:
         assert math.isnan(result.violated_fraction)
-
-
-def test_a_material_is_found_in_its_own_recording():
-    law = HuntCrossley(1e5, 5e4, 2.0)  # B/K = 0.5: |b v| ≤ 0.026
-    result = identify(contact_of(exciting(law, seconds=3.0, noise=0.01, seed=3)))
-    error = np.abs(result.law.parameters - law.parameters)
-    # Bias of the logarithm below 0.3 % there (methods, section 4), beside four standard errors.
-    assert np.all(error < 4.0 * result.estimate.standard_errors + 3e-3 * law.parameters)
 
 
 def test_compare_gives_every_method_and_the_regressions_the_same_samples():
@@ -269,21 +262,19 @@ def test_rmse_percent_is_the_error_as_a_share_of_the_force(measured, predicted, 
         rmse_percent([1.0, 2.0], [1.0, 2.0, 3.0])
 
 
-def test_the_prediction_error_leaves_out_the_first_fifth_of_a_second_of_contact():
-    # Contact time after each sample taken: 0.1, 0.2, 0.3 … s; the first two are start-up.
-    trace = trace_of(
-        [Status.WAITING] * 2 + [Status.UPDATED] * 6, [9.0, 9.0, 99.0, 99.0, 2.2, 1.8, 2.2, 1.8]
-    )
-    steps = np.repeat([0.1, 0.0999], [2, 6])  # so that no rounding of 0.2 decides
-    found = prediction_rmse_percent(trace, np.full(8, 2.0), steps)
-    assert found == pytest.approx(10.0, rel=1e-12)
-
-
-def test_the_prediction_error_counts_contact_and_not_the_time_between():
+def test_the_prediction_error_counts_contact_and_neither_its_start_nor_the_time_between():
     status = [Status.UPDATED, Status.HELD, Status.HELD, Status.UPDATED, Status.GUARDED]
     steps = np.array([0.15, 5.0, 5.0, 0.15, 0.15])
     trace = trace_of(status, [9.0, 9.0, 9.0, 1.1, 0.9])
     assert prediction_rmse_percent(trace, np.ones(5), steps) == pytest.approx(10.0, rel=1e-12)
+    assert trace.taken.tolist() == [True, False, False, True, True]
+    # Contact time after each sample taken: 0.1, 0.2, 0.3 … s; the first two are start-up.
+    trace = trace_of(
+        [Status.WAITING] * 2 + [Status.UPDATED] * 6, [9, 9, 99, 99, 2.2, 1.8, 2.2, 1.8]
+    )
+    steps = np.repeat([0.1, 0.0999], [2, 6])  # so that no rounding of 0.2 decides
+    found = prediction_rmse_percent(trace, np.full(8, 2.0), steps)
+    assert found == pytest.approx(10.0, rel=1e-12)
     short = trace_of([Status.UPDATED] * 10, np.ones(10))
     assert math.isnan(prediction_rmse_percent(short, np.ones(10), np.full(10, 0.01)))
 
@@ -293,12 +284,6 @@ def test_the_violated_fraction_is_of_the_samples_taken():
     trace = trace_of(status, np.ones(5), [-1.0, 0.5, -0.5, 0.0, -1.0])
     assert violated_fraction(trace) == pytest.approx(2.0 / 3.0, rel=1e-15)  # 0 is at the limit
     assert math.isnan(violated_fraction(trace_of([Status.WAITING] * 3, np.ones(3))))
-
-
-@pytest.mark.parametrize("status", Status)
-def test_taken_is_what_entered_the_estimate(status):
-    trace = trace_of([status], [1.0])
-    assert trace.taken.tolist() == [status in (Status.UPDATED, Status.GUARDED, Status.RESTARTED)]
 
 
 @pytest.mark.parametrize("law", [None, "auto", "any"])

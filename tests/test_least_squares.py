@@ -50,21 +50,16 @@ def test_the_engine_is_batch_least_squares(order):
     assert engine.noise_variance == pytest.approx(expected, rel=1e-8)
     prediction = float(np.dot(rows[0], engine.parameters))
     assert engine.predict(rows[0]) == pytest.approx(prediction, rel=1e-12)
-
-
-@pytest.mark.parametrize("order", ORDERS)
-def test_a_start_with_its_own_covariance_is_more_rows(order):
+    # A start with its own covariance is more rows; no large P₀, no cancellation.
     rng = np.random.default_rng(order)
     square = rng.standard_normal((order, order))
     prior = square @ square.T + np.eye(order)
-    prior = 0.5 * (prior + prior.T)
-    start = rng.standard_normal(order)
-    engine = taught(order, initial=start, initial_covariance=prior)
-    rows, outputs, _ = data(order)
-    # No large P₀, no cancellation: a few hundred updates' roundings.
-    np.testing.assert_allclose(
-        engine.parameters, batch(rows, outputs, start, prior), rtol=1e-11, atol=1e-13
-    )
+    start = {"initial": rng.standard_normal(order), "initial_covariance": (prior + prior.T) / 2.0}
+    engine = taught(order, **start)
+    expected = batch(rows, outputs, *start.values())
+    np.testing.assert_allclose(engine.parameters, expected, rtol=1e-11, atol=1e-13)
+    engine.reset()
+    assert engine._state() == LeastSquares(order, **start)._state()
 
 
 def test_a_row_is_any_sequence_of_numbers():
@@ -140,14 +135,6 @@ def test_to_save_restore_and_continue_is_never_to_have_stopped(order, restored):
             engine.update(row, float(output), forgetting_factor=0.99)
     assert continued._state() == never_stopped._state()
     assert isinstance(continued, LeastSquares)
-
-
-def test_reset_forgets_every_row():
-    start = {"initial": [1.0, 2.0, 3.0], "initial_covariance": 5.0}
-    engine = taught(3, **start)
-    engine.reset()
-    assert engine.samples == 0
-    assert engine._state() == LeastSquares(3, **start)._state()
 
 
 def test_an_order_outside_one_to_eight_and_a_start_that_is_none_are_refused():

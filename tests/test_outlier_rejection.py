@@ -162,7 +162,9 @@ def test_any_estimator_leaves_the_same_samples_out() -> None:
         assert result.as_dict()["rejected_samples"] == 3
 
 
-def test_identify_turns_it_on_and_false_turns_it_off_and_few_are_a_note_and_many_are_not() -> None:
+def test_identify_turns_it_on_and_false_turns_it_off_and_few_are_a_note_and_many_are_not(
+    run, tmp_path
+) -> None:
     motion, force = probed()
     severities = []
     for every, count in ((6000, 1), (1000, 6), (20, 295)):
@@ -175,6 +177,12 @@ def test_identify_turns_it_on_and_false_turns_it_off_and_few_are_a_note_and_many
         (finding,) = [each for each in result.diagnosis.findings if each.check == "outliers"]
         severities.append(finding.severity)
     assert severities == ["note", "note", "with-care"]
+    path = tmp_path / "spiked.csv"
+    write_contact(contact_of(motion, spiked), path)
+    for option, expected in ((), 295), (("--no-reject-outliers",), 0):
+        status, out, err = run("identify", path, "--json", *option)
+        assert (status, err) == (0, "")
+        assert json.loads(out)["results"][0]["rejected_samples"] == expected
     assert fed(VariableProjection(), motion, spiked).estimate().rejected == 0
     off = VariableProjection(outlier_rejection=False)
     assert identify(contact, off).estimate.rejected == 0
@@ -186,21 +194,3 @@ def test_what_is_no_rejection_is_refused_by_name(kind: type) -> None:
     for nonsense in (True, 10.0, "on", ChangeDetector()):
         with pytest.raises(InvalidParameterError, match="outlier_rejection"):
             kind(outlier_rejection=nonsense)
-    for threshold in (2.9, np.nan, np.inf, "ten"):  # noise exceeds the first
-        with pytest.raises(InvalidParameterError, match="threshold"):
-            OutlierRejection(threshold=threshold)
-
-
-@pytest.mark.slow
-def test_the_command_line_turns_it_off_and_says_what_was_left_out(run, tmp_path) -> None:
-    motion, force = probed()
-    force[1000] += 50.0
-    path = tmp_path / "spiked.csv"
-    write_contact(contact_of(motion, force), path)
-    for command in ("identify", "compare", "diagnose"):
-        for option, expected in ((), 1), (("--no-reject-outliers",), 0):
-            status, out, err = run(command, path, "--json", *option)
-            assert (status, err) == (0, "")
-            counts = {result["rejected_samples"] for result in json.loads(out)["results"]}
-            assert counts == {expected}
-    assert "1 sample was left out as an outlier" in run("identify", path)[1]

@@ -4,6 +4,8 @@ import copy
 import dataclasses
 import math
 import pickle
+import re
+from functools import partial
 
 import numpy as np
 import pytest
@@ -22,87 +24,96 @@ from palpate import (
     SelfPerturbation,
 )
 
-# What is called, with what, the argument that is named, and its range as the message gives it.
-OUT_OF_RANGE = [
-    (ContactGate, {"minimum_penetration": -1e-9}, "minimum_penetration", "[0, 1e+100]"),
-    (ContactGate, {"break_force": -0.1}, "break_force", "[0, 1e+100]"),
-    (ContactGate, {"make_force": 1.0, "break_force": 1.5}, "break_force", "[0, make_force = 1]"),
-    (ConstantForgetting, {"factor": 0.0}, "factor", "(0, 1]"),
-    (ConstantForgetting, {"factor": 1.001}, "factor", "(0, 1]"),
-    (FadingForgetting, {"initial_factor": 0.0}, "initial_factor", "(0, 1]"),
-    (FadingForgetting, {"rate": 0.0}, "rate", "(0, 1e+06]"),
-    (SelfPerturbation, {"gain": -0.05}, "gain", "[0, 1e+20]"),
-    (SelfPerturbation, {"sensitivity": -2.5}, "sensitivity", "[0, 1e+40]"),
-    (Scale, {"penetration": 0.0}, "penetration", "[1e-30, 1e+30]"),
-    (Scale, {"velocity": -1.0}, "velocity", "[1e-30, 1e+30]"),
-    (Scale, {"force": 1e31}, "force", "[1e-30, 1e+30]"),
-    (KelvinVoigtRLS, {"sample_time": 0.0}, "sample_time", "(0, 1e+06]"),
-    (KelvinVoigtRLS, {"initial_covariance": [1.0, -1.0]}, "initial_covariance", "[1e-20, 1e+20]"),
-    (KelvinVoigtRLS, {"initial_covariance": 1e21}, "initial_covariance", "[1e-20, 1e+20]"),
-    (KelvinVoigtRLS, {"initial_covariance": math.nan}, "initial_covariance", "[1e-20, 1e+20]"),
+LINEAR, PROJECTION, DRIFT = KelvinVoigtRLS, palpate.VariableProjection, palpate.DriftTracking
+DETECTOR, MEMORY = palpate.ChangeDetector, palpate.ViscoelasticContact
+ONLINE, TIME = palpate.OnlinePreparation, np.arange(10.0)
+OFFLINE = partial(palpate.prepare, time=TIME, penetration=TIME, force=TIME)
+SEARCHING, NEEDLE = partial(PROJECTION, surface="estimate"), Scale(1e-6, 1.0, 1.0)
+
+# What is called, the argument that is named, its value, and the range as the message gives it.
+REFUSED = [
+    (ContactGate, "minimum_penetration", -1e-9, "[0, 1e+100], not -1e-09"),
+    (ContactGate, "break_force", -0.1, "[0, 1e+100], not -0.1"),
+    (partial(ContactGate, make_force=1.0), "break_force", 1.5, "[0, make_force = 1], not 1.5"),
+    (ConstantForgetting, "factor", 0.0, "(0, 1], not 0.0"),
+    (ConstantForgetting, "factor", 1.001, "(0, 1], not 1.001"),
+    (FadingForgetting, "initial_factor", 0.0, "(0, 1], not 0.0"),
+    (FadingForgetting, "rate", 0.0, "(0, 1e+06], not 0.0"),
+    (SelfPerturbation, "gain", -0.05, "[0, 1e+20], not -0.05"),
+    (SelfPerturbation, "sensitivity", -2.5, "[0, 1e+40], not -2.5"),
+    (Scale, "penetration", 0.0, "[1e-30, 1e+30], not 0.0"),
+    (Scale, "velocity", -1.0, "[1e-30, 1e+30], not -1.0"),
+    (Scale, "force", 1e31, "[1e-30, 1e+30], not 1e+31"),
+    (LINEAR, "sample_time", 0.0, "(0, 1e+06], not 0.0"),
+    (LINEAR, "initial_covariance", [1.0, -1.0], "[1e-20, 1e+20], not [1.0, -1.0]"),
+    (LINEAR, "initial_covariance", 1e21, "[1e-20, 1e+20], not 1e+21"),
+    (LINEAR, "initial_covariance", math.nan, "[1e-20, 1e+20], not nan"),
+    (LINEAR, "initial", 5.0, "a KelvinVoigt, not 5.0"),
+    (LINEAR, "initial", HuntCrossley(1.0, 1.0, 1.0), "a KelvinVoigt, not HuntCrossley"),
+    (LINEAR, "forgetting", 0.99, "a ConstantForgetting or FadingForgetting…, not 0.99"),
+    (LINEAR, "perturbation", 0.05, "a SelfPerturbation…, not 0.05"),
+    (LINEAR, "gate", 0.1, "a ContactGate…, not 0.1"),
+    (LINEAR, "scale", (1.0, 1.0, 1.0), "a Scale…, not (1.0, 1.0, 1.0)"),
+    (PROJECTION, "noise", 0.0, "in (0, 1e+30], not 0.0"),
+    (PROJECTION, "offset", None, "a bool, not None"),
+    (PROJECTION, "offset_deviation", 0.0, "in (0, 1e+30], not 0.0"),
+    (PROJECTION, "exponent_range", (2.0, 1.0), "(2.0, 1.0): it holds nothing"),
+    (PROJECTION, "exponent_range", (1.0, 1.1), "0.2 to 5 wide, not (1.0, 1.1)"),
+    (PROJECTION, "exponent_range", (0.0, 2.0), "in [0.1, 10], not 0.0"),
+    (PROJECTION, "exponent_range", 1.5, "(lowest, highest) …, not 1.5"),
+    (PROJECTION, "change_detector", True, "a ChangeDetector or …, not True"),
+    (DETECTOR, "drift", 0.5, "in [1, 24], not 0.5"),
+    (DETECTOR, "threshold", 0.0, "in (0, 1e+12], not 0.0"),
+    (DETECTOR, "adaptation", 1.5, "in [0, 1], not 1.5"),
+    (DETECTOR, "warm_up", 1, "in [10, 1e+06], not 1"),
+    (DETECTOR, "transition", 101, "in [0, 100], not 101"),
+    (DRIFT, "stiffness_drift", -1.0, "in [0, 100], not -1"),
+    (DRIFT, "noise", 0.0, "in (0, 1e+30], not 0.0"),
+    (DRIFT, "dissipation_drift", math.nan, "finite, not nan"),
+    (MEMORY, "damping", "maxwell", "one of"),
+    (MEMORY, "memory", 3, "one of"),
+    (MEMORY, "exponent", 0.2, "in"),
+    (PROJECTION, "surface", "search", "'estimate' or None, not 'search'"),
+    (PROJECTION, "surface", 0.0, "'estimate' or None, not 0.0"),
+    (SEARCHING, "surface_range", (1e-3, -1e-3), "holds nothing"),
+    (SEARCHING, "surface_range", (1e-3, 1e-3), "holds nothing"),
+    (SEARCHING, "surface_range", (0.0, 0.06), "in …0.06"),
+    (SEARCHING, "surface_range", 1e-3, "(lowest, highest"),
+    (SEARCHING, "surface_range", (0.0, math.nan), "be finite"),
+    (partial(SEARCHING, scale=NEEDLE), "surface_range", (0.0, 1e-3), "[-5e-06, 5e-06], not 0.001"),
+    (palpate.OutlierRejection, "threshold", 2.9, "in"),  # noise exceeds it
+    (ONLINE, "sample_time", 0.0, "be"),
+    (ONLINE, "velocity_window", -1.0, "be"),
+    (ONLINE, "velocity_window", 0.3, "be at most 255 samples, 0.255 s"),
+    (ONLINE, "force_offset", "heavy", "be"),
+    (ONLINE, "flip", ["velocity"], "name some of"),
+    (ONLINE, "direction", [0.0, 0.0, 0.0], "be a vector"),
+    (ONLINE, "direction", "down", "be"),
+    (OFFLINE, "velocity_window", 0.0, "be …not 0.0"),
 ]
 
 
-@pytest.mark.parametrize("make, arguments, name, allowed", OUT_OF_RANGE)
-def test_a_value_out_of_range_is_refused_by_name_value_and_range(make, arguments, name, allowed):
-    with pytest.raises(InvalidParameterError) as caught:
-        make(**arguments)
-    words = str(caught.value)
-    assert words.startswith(f"{name} must ")
-    assert allowed in words
-    assert words.endswith(f"not {arguments[name]!r}")
+@pytest.mark.parametrize("make, name, value, words", REFUSED)
+def test_a_value_out_of_range_is_refused_by_name_value_and_range(make, name, value, words):
+    pattern = re.escape(words).replace("…", ".*")
+    with pytest.raises(InvalidParameterError, match=f"^{name} must .*{pattern}"):
+        make(**{name: value})
 
 
-NUMBERS = dict.fromkeys(
-    (make, name) for make, _, name, _ in OUT_OF_RANGE if name != "initial_covariance"
+@pytest.mark.parametrize(
+    "make, name",
+    dict.fromkeys(
+        (make, name)
+        for make, name, value, _ in REFUSED
+        if isinstance(value, float)
+        and name not in ("initial_covariance", "exponent_range", "surface_range")
+    ),
 )
-
-
-@pytest.mark.parametrize("make, name", NUMBERS)
 @pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf, "much", [1.0, 2.0], 1j])
 def test_a_setting_that_is_not_a_finite_number_is_refused_by_name(make, name, bad):
     with pytest.raises(InvalidParameterError, match=f"^{name} must be") as caught:
         make(**{name: bad})
     assert repr(bad) in str(caught.value)
-
-
-LINEAR, PROJECTION, DRIFT = KelvinVoigtRLS, palpate.VariableProjection, palpate.DriftTracking
-DETECTOR, MEMORY = palpate.ChangeDetector, palpate.ViscoelasticContact
-
-
-@pytest.mark.parametrize(
-    "kind, name, value, words",
-    [
-        (LINEAR, "initial", 5.0, "a KelvinVoigt, not 5.0"),
-        (LINEAR, "initial", HuntCrossley(1.0, 1.0, 1.0), "a KelvinVoigt, not HuntCrossley"),
-        (LINEAR, "forgetting", 0.99, "a ConstantForgetting or FadingForgetting.*, not 0.99"),
-        (LINEAR, "perturbation", 0.05, "a SelfPerturbation.*, not 0.05"),
-        (LINEAR, "gate", 0.1, "a ContactGate.*, not 0.1"),
-        (LINEAR, "scale", (1.0, 1.0, 1.0), r"a Scale.*, not \(1.0, 1.0, 1.0\)"),
-        (PROJECTION, "noise", 0.0, r"in \(0, 1e\+30\], not 0.0"),
-        (PROJECTION, "offset", None, "a bool, not None"),
-        (PROJECTION, "offset_deviation", 0.0, r"in \(0, 1e\+30\], not 0.0"),
-        (PROJECTION, "exponent_range", (2.0, 1.0), r".* \(2.0, 1.0\): it holds nothing"),
-        (PROJECTION, "exponent_range", (1.0, 1.1), r"0.2 to 5 wide, not \(1.0, 1.1\)"),
-        (PROJECTION, "exponent_range", (0.0, 2.0), r"in \[0.1, 10\], not 0.0"),
-        (PROJECTION, "exponent_range", 1.5, r"\(lowest, highest\) .*, not 1.5"),
-        (PROJECTION, "change_detector", True, "a ChangeDetector or .*, not True"),
-        (DETECTOR, "drift", 0.5, r"in \[1, 24\], not 0.5"),
-        (DETECTOR, "threshold", 0.0, r"in \(0, 1e\+12\], not 0.0"),
-        (DETECTOR, "adaptation", 1.5, r"in \[0, 1\], not 1.5"),
-        (DETECTOR, "warm_up", 1, r"in \[10, 1e\+06\], not 1"),
-        (DETECTOR, "transition", 101, r"in \[0, 100\], not 101"),
-        (DRIFT, "stiffness_drift", -1.0, r"in \[0, 100\], not -1"),
-        (DRIFT, "dissipation_drift", math.nan, "finite, not nan"),
-        (DRIFT, "noise", 0.0, r"in \(0, 1e\+30\], not 0.0"),
-        (MEMORY, "damping", "maxwell", "one of"),
-        (MEMORY, "memory", 3, "one of"),
-        (MEMORY, "exponent", 0.2, "in"),
-    ],
-)
-def test_a_wrong_setting_is_named_with_its_value_and_range(kind, name, value, words) -> None:
-    with pytest.raises(InvalidParameterError, match=f"^{name} must be {words}"):
-        kind(**{name: value})
 
 
 BAD_COVARIANCES = {
@@ -125,15 +136,12 @@ def test_a_bad_covariance_is_refused(make, covariance, words):
     assert str(caught.value).startswith("initial_covariance must be")
 
 
-@pytest.mark.parametrize("covariance", [3.0, [3.0, 3.0], [[3.0, 0.0], [0.0, 3.0]]])
-def test_a_scalar_variances_and_a_matrix_say_the_same(covariance):
-    estimator = KelvinVoigtRLS(initial_covariance=covariance)
-    # Formed from a square root, whose rounding is that of 3.
-    expected = np.array([[3.0, 0.0], [0.0, 3.0]])
-    assert estimator.estimate().covariance == pytest.approx(expected, rel=1e-15, abs=0.0)
-
-
-def test_stages_that_know_nothing_of_each_other_have_no_joint_covariance():
+def test_a_scalar_variances_and_a_matrix_say_the_same_and_stages_have_no_joint_covariance():
+    for covariance in (3.0, [3.0, 3.0], [[3.0, 0.0], [0.0, 3.0]]):
+        estimator = KelvinVoigtRLS(initial_covariance=covariance)
+        # Formed from a square root, whose rounding is that of 3.
+        expected = 3.0 * np.eye(2)
+        assert estimator.estimate().covariance == pytest.approx(expected, rel=1e-15, abs=0.0)
     matrix = np.eye(3)
     matrix[0, 2] = matrix[2, 0] = 0.1
     with pytest.raises(InvalidParameterError, match="initial_covariance must be zero"):
@@ -161,6 +169,8 @@ def test_a_start_beyond_the_arithmetic_or_without_a_logarithm_is_refused(name, s
 
 
 def test_every_setting_of_an_estimator_is_given_by_name(kind):
+    with pytest.raises(InvalidParameterError, match="_range is for surface='estimate'"):
+        PROJECTION(surface_range=(-1e-3, 1e-3))
     with pytest.raises(TypeError):
         kind(kind.default_initial)
     with pytest.raises(TypeError):

@@ -96,18 +96,6 @@ def test_a_probe_that_never_touches_gets_what_refuses_nothing(sign):
     assert suggest_scale(away) == Scale()
 
 
-@pytest.mark.parametrize("length, force", [(1e9, 1e9), (1e-6, 1e-9), (2.0**-30, 2.0**-40)])
-def test_suggestions_go_with_the_units(length, force):
-    signals = tapping(MATERIALS["pvc"], noise=0.02, seed=8)
-    ours, theirs = contact_of(signals), contact_of(signals, length, force)
-    for suggest, units in (
-        (suggest_scale, (length, length, force)),
-        (choose_gate, (length, force, force)),
-    ):
-        expected = np.multiply(dataclasses.astuple(suggest(ours)), units)
-        assert dataclasses.astuple(suggest(theirs)) == pytest.approx(expected, rel=1e-12)
-
-
 @pytest.mark.parametrize(
     "method", [m for m, kind in palpate.ESTIMATORS.items() if "stiffness" in kind.law_type.names()]
 )

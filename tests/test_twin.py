@@ -366,34 +366,3 @@ def test_without_forgetting_an_estimator_is_batch_least_squares(name, noisy):
     theta = batch(np.column_stack(columns), outputs, start, np.full(len(start), PRIOR))
     expected = TWINS[name].to_law(theta, units)
     np.testing.assert_allclose(estimator.estimate().parameters, expected, rtol=BATCH)
-
-
-def test_the_first_stage_at_a_known_exponent_is_batch_least_squares(noisy):
-    exponent = 1.3
-    estimator = plain(
-        palpate.DoubleStageRLS,
-        initial=palpate.HuntCrossley(1.0, 0.0, exponent),
-        initial_covariance=(PRIOR, PRIOR, 1e-20),
-    )
-    estimator.replay(*noisy.arrays)
-    x, v, force = in_scaled_units(noisy)
-    unit = np.array([1.0, SCALE.velocity]) * SCALE.penetration**exponent / SCALE.force
-    rows = np.column_stack([x**exponent, x**exponent * v])
-    theta = batch(rows, force, np.array([1.0, 0.0]) * unit, np.full(2, PRIOR))
-    law = estimator.estimate().law
-    np.testing.assert_allclose([law.stiffness, law.damping], theta / unit, rtol=BATCH)
-    assert law.exponent == pytest.approx(exponent, rel=1e-12)  # 1e3 rows weigh 1e-17 against it
-
-
-def test_the_second_stage_at_a_known_stiffness_is_batch_least_squares(material):
-    start = palpate.HuntCrossley(1500.0, 900.0, 1.2)
-    signals = exciting(material, noise=0.05, seed=7)
-    covariance = (1e-20, 1e-20, PRIOR)
-    estimator = plain(
-        palpate.DoubleStageRLS, initial=start, initial_covariance=covariance, scale=None
-    )
-    estimator.replay(*signals.arrays)
-    rate = start.stiffness + start.damping * signals.velocity
-    rows = np.log(signals.penetration)[:, None]
-    exponent = batch(rows, np.log(signals.force / rate), [start.exponent], np.array([PRIOR]))
-    assert estimator.estimate().law.exponent == pytest.approx(exponent[0], rel=BATCH)

@@ -8,7 +8,6 @@ from probing import (
     NOISE,
     PVC,
     SAMPLE_TIME,
-    SPONGE,
     WELL_EXCITED,
     fed,
     felt,
@@ -23,11 +22,9 @@ from probing import (
 from scipy.stats import binom
 
 from palpate import (
-    ChangeDetector,
     ConstantForgetting,
     HuntCrossley,
     Scale,
-    Status,
     VariableProjection,
     design,
 )
@@ -126,19 +123,6 @@ def test_the_given_noise_sets_the_error_bars_and_an_unknown_one_is_found() -> No
     assert (given.standard_errors > 0.99 * bound).all()
 
 
-@pytest.mark.parametrize("name", MATERIALS)
-def test_the_joint_covariance_is_one_and_agrees_with_its_parts(name: str) -> None:
-    motion = three_sines(1.0)
-    estimate = fed(VariableProjection(), motion, felt(MATERIALS[name], motion, 6)).estimate()
-    joint = estimate.joint_covariance
-    deviations = np.sqrt(np.diag(joint))
-    assert np.array_equal(joint, joint.T)
-    assert np.linalg.eigvalsh(joint / np.outer(deviations, deviations)).min() > 0.0
-    assert np.array_equal(joint[:3, :3], estimate.covariance)
-    assert deviations[3] == estimate.offset_standard_error
-    assert np.array_equal(deviations[:3], estimate.standard_errors)
-
-
 def test_forgetting_follows_a_slow_change_and_no_forgetting_does_not() -> None:
     motion = three_sines(20.0)
     growth = 1.0 + 0.3 * motion.time / 20.0
@@ -152,25 +136,6 @@ def test_forgetting_follows_a_slow_change_and_no_forgetting_does_not() -> None:
     # One second of memory lags by 1 s of 1.5 %/s, and half of the 20 s by 10 s of it.
     assert error(ConstantForgetting(0.999)) < 0.02
     assert error(None) > 0.05
-
-
-@pytest.mark.parametrize("surface", [None, "estimate"])
-def test_replay_is_update_bit_for_bit(surface: str | None) -> None:
-    motion = three_sines(0.6)
-    force = felt(SPONGE, motion, 10)
-    force[300:] += 3.0  # a change, so that the restart is compared too
-    force[100] = np.nan
-    force[200] = -1.0
-    one = VariableProjection(surface=surface, change_detector=ChangeDetector(warm_up=50))
-    other = one.copy()
-    trace = one.replay(motion.x, motion.v, force)
-    for k, (x, v, f) in enumerate(zip(motion.x, motion.v, force, strict=True)):
-        assert np.isfinite(trace.predicted_force[k]) == np.isfinite(f)
-        assert trace.status[k] == other.update(x, v, f)
-        estimate = other.estimate()
-        assert np.array_equal(trace.parameters[k], estimate.parameters)
-        assert trace.standard_errors[k] == pytest.approx(estimate.standard_errors, rel=1e-12)
-    assert np.count_nonzero(trace.status == Status.RESTARTED) >= 1
 
 
 @pytest.mark.parametrize("name", WELL_EXCITED)
@@ -220,27 +185,24 @@ def errors_of(law: HuntCrossley, seconds: float, seeds: range, **settings) -> tu
         ),
     ],
 )
-@pytest.mark.parametrize("offset", [False, True])
+@pytest.mark.parametrize("settings", [{"offset": False}, {}, {"noise": NOISE}], ids=str)
 @pytest.mark.parametrize("name", WELL_EXCITED)
-def test_errors_are_at_the_cramer_rao_bound(name, offset, seconds, seeds, limit) -> None:
+def test_errors_are_at_the_cramer_rao_bound_and_95_percent_intervals_hold_the_truth(
+    name, settings, seconds, seeds, limit
+) -> None:
     law, motion = WELL_EXCITED[name], three_sines(seconds)
-    bound = cramer_rao_bound(law, motion.x, motion.v, NOISE, offset=offset)[:3]
-    errors, _ = errors_of(law, seconds, seeds, offset=offset)
-    assert (np.sqrt(np.mean(errors**2, axis=0)) <= limit * bound).all()
-
-
-@pytest.mark.parametrize(
-    "seeds", [range(300, 500), pytest.param(range(3000, 7000), marks=pytest.mark.slow)], ids=len
-)
-@pytest.mark.parametrize("noise", [None, NOISE])
-@pytest.mark.parametrize("name", WELL_EXCITED)
-def test_the_95_percent_interval_holds_the_truth_95_times_in_100(name, noise, seeds) -> None:
-    errors, deviations = errors_of(WELL_EXCITED[name], 1.0, seeds, noise=noise)
+    bound = cramer_rao_bound(law, motion.x, motion.v, NOISE, offset=settings.get("offset", True))
+    errors, deviations = errors_of(law, seconds, seeds, **settings)
+    assert (np.sqrt(np.mean(errors**2, axis=0)) <= limit * bound[:3]).all()
     inside = np.count_nonzero(np.abs(errors) < 1.96 * deviations, axis=0)
     # Beyond them a true 95 % would be one time in 500 on each side.
     assert (inside >= binom.ppf(0.002, len(seeds), 0.95)).all()
     # A bar that allows for correlation pays for not knowing that there is none: 98 % in a second.
     assert (inside <= binom.ppf(0.998, len(seeds), 0.985)).all()
+    # Never below white, by how much the variances of blocks scatter, and by t₀.₉₇₅(ν)/1.96.
+    ratio = np.median(deviations, axis=0) / bound[:3]
+    assert (ratio > 0.99).all()
+    assert (ratio < 1.25).all() or seconds < 5.0
 
 
 @pytest.mark.parametrize("unit", [1e-4, 1e-3, 3e-3, 30e-3, 0.1, 1.0])

@@ -104,7 +104,8 @@ def _named(significant: list[Cause], unexplained: float) -> Cause:
     first = significant[0]
     for cause in significant:
         near = first.gain - max(cause.gain, 0.0) < NEAR
-        if cause.name == "surface" and unexplained < MOST_UNEXPLAINED and near:
+        sure = cause is not first and _surely(first, cause)
+        if cause.name == "surface" and unexplained < MOST_UNEXPLAINED and near and not sure:
             return cause
     return first
 
