@@ -211,10 +211,14 @@ class Publisher:
         self._wire = wire
         #: For instance ``publish zmq:tcp://127.0.0.1:5556``.
         self.name = f"publish {wire.name}"
+        self._fields: Fields | None = None
+        self._last: dict[str, float] = {}  # of what was published
+        self._seen = self._learned = math.nan  # when; and when a sample was, by the robot's clock
+        self._told = 0.0
 
     def run(self, session: Session, commands: Connection) -> None:
         """Publish what the loop finds until it stops."""
-        watching = self._begin(Watching(session))
+        self._watching = Watching(session)
         try:
             self._wire.open()
             self._go_on()
@@ -222,15 +226,7 @@ class Publisher:
             print(f"palpate: {error}", file=sys.stderr)
         finally:
             self._wire.close()
-            watching.close()
-
-    def _begin(self, watching: Watching) -> Watching:
-        self._watching = watching
-        self._fields: Fields | None = None
-        self._last: dict[str, float] = {}  # of what was published
-        self._seen = self._learned = math.nan  # when; and when a sample was, by the robot's clock
-        self._told = 0.0
-        return watching
+            self._watching.close()
 
     def _go_on(self) -> None:
         waiting = self._watching.take().rows

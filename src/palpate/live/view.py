@@ -276,11 +276,7 @@ COUNTED = {
 
 def seconds(value: float | None) -> str:
     """A short time as a person reads it: 6.3 µs, 0.4 ms, 2 s."""
-    if value is None or not math.isfinite(value):
-        return "–"
-    units = (("s", 1.0), ("ms", 1e-3), ("µs", 1e-6))
-    unit, size = next((each for each in units if value >= each[1]), units[-1])
-    return f"{value / size:.3g} {unit}"
+    return "–" if value is None or not math.isfinite(value) else in_words(value, "s")
 
 
 def percent(fraction: float | None) -> str:
