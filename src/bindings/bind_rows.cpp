@@ -11,11 +11,10 @@
 #include <utility>
 #include <vector>
 
-#include "channel.hpp"
 #include "conversions.hpp"
-#include "gate.hpp"
 #include "palpate/force_laws.hpp"
 #include "palpate/outliers.hpp"
+#include "rows.hpp"
 
 namespace palpate::bindings {
 namespace {
