@@ -90,10 +90,6 @@ def test_a_window_keeps_the_samples_between_two_times():
     assert part.source == "probe.csv"
     assert part.provenance["force"] == "tared"
     assert "0.1 s to 0.25 s" in part.provenance["window"]
-
-
-def test_a_window_may_be_open_at_either_end_and_is_refused_where_no_sample_is():
-    whole = contact(source="probe.csv")
     assert len(whole.window()) == 500
     assert whole.window(start=0.4).time[0] == 0.4
     assert whole.window(stop=0.1).time[-1] == 0.1
