@@ -28,6 +28,7 @@ LINEAR, PROJECTION, DRIFT = KelvinVoigtRLS, palpate.VariableProjection, palpate.
 DETECTOR, MEMORY = palpate.ChangeDetector, palpate.ViscoelasticContact
 ONLINE, TIME = palpate.OnlinePreparation, np.arange(10.0)
 OFFLINE = partial(palpate.prepare, time=TIME, penetration=TIME, force=TIME)
+CURVES = partial(palpate.fit_curves, *[np.ones((2, 5))] * 3)
 SEARCHING, NEEDLE = partial(PROJECTION, surface="estimate"), Scale(1e-6, 1.0, 1.0)
 
 # What is called, the argument that is named, its value, and the range as the message gives it.
@@ -90,7 +91,25 @@ REFUSED = [
     (ONLINE, "direction", [0.0, 0.0, 0.0], "be a vector"),
     (ONLINE, "direction", "down", "be"),
     (OFFLINE, "velocity_window", 0.0, "be …not 0.0"),
+    (OFFLINE, "units", {"depth": "mm"}, "be of time, penetration"),
+    (OFFLINE, "flip", ["velocity"], "name some of force, penetration"),
+    (OFFLINE, "tare", 3.0, "be"),
+    (OFFLINE, "delay", 60.0, "be in [-10, 10]"),
+    (OFFLINE, "surface", "x", "be a number"),
+    (CURVES, "surface", "search", "be 'estimate'"),
+    (partial(CURVES, surface="estimate"), "surface_range", (1e-3, 0.0), "it holds nothing"),
+    (CURVES, "exponent", 0.0, "be in"),
+    (CURVES, "exponent_range", (1.0, 1.1), "be 0.2 to 5 wide"),
+    (CURVES, "threads", 0, "be in"),
+    (CURVES, "noise", -1.0, "be in"),
+    (CURVES, "offset_deviation", [1.0, 2.0, 3.0], "one for each of 2 curves"),
+    (CURVES, "surface_deviation", -1.0, "be"),
+    (CURVES, "scale", 1.0, "be a Scale"),
+    *((LINEAR, "outlier_rejection", bad, "be") for bad in (True, 10.0, "on", DETECTOR())),
 ]
+
+# What may be several numbers.
+SEVERAL = {"initial_covariance", "exponent_range", "surface_range", "surface_deviation", "tare"}
 
 
 @pytest.mark.parametrize("make, name, value, words", REFUSED)
@@ -105,8 +124,7 @@ def test_a_value_out_of_range_is_refused_by_name_value_and_range(make, name, val
     dict.fromkeys(
         (make, name)
         for make, name, value, _ in REFUSED
-        if isinstance(value, float)
-        and name not in ("initial_covariance", "exponent_range", "surface_range")
+        if isinstance(value, float) and name not in SEVERAL
     ),
 )
 @pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf, "much", [1.0, 2.0], 1j])
