@@ -6,7 +6,6 @@
 
 #include "check.hpp"
 #include "palpate/palpate.hpp"
-#include "palpate/projection/free_air.hpp"
 #include "random_numbers.hpp"
 
 using namespace palpate;

@@ -13,8 +13,8 @@
 #include "palpate/projection/contact_solver.hpp"
 #include "palpate/projection/covariance.hpp"
 #include "palpate/projection/kept_exponent.hpp"
-#include "palpate/projection/projection_solver.hpp"
-#include "palpate/projection/solution.hpp"
+#include "palpate/projection/priors.hpp"
+#include "palpate/projection/projection_fit.hpp"
 #include "palpate/projection/surface_solver.hpp"
 #include "palpate/sample.hpp"
 

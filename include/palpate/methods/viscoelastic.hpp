@@ -10,7 +10,7 @@
 #include "palpate/estimate.hpp"
 #include "palpate/force_laws.hpp"
 #include "palpate/method.hpp"
-#include "palpate/projection/free_air.hpp"
+#include "palpate/projection/contact_samples.hpp"
 #include "palpate/sample.hpp"
 #include "palpate/viscoelastic/solution.hpp"
 #include "palpate/viscoelastic/solver.hpp"

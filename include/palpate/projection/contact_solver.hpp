@@ -12,11 +12,9 @@
 
 #include "palpate/method.hpp"
 #include "palpate/projection/contact_samples.hpp"
-#include "palpate/projection/free_air.hpp"
 #include "palpate/projection/power_sums.hpp"
 #include "palpate/projection/priors.hpp"
 #include "palpate/projection/projection_fit.hpp"
-#include "palpate/projection/solution.hpp"
 #include "palpate/sample.hpp"
 
 namespace palpate::detail {

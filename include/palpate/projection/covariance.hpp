@@ -11,8 +11,7 @@
 #include "palpate/estimate.hpp"
 #include "palpate/haar_levels.hpp"
 #include "palpate/matrix.hpp"
-#include "palpate/projection/linear_solve.hpp"
-#include "palpate/projection/solution.hpp"
+#include "palpate/projection/priors.hpp"
 #include "palpate/sample.hpp"
 
 namespace palpate::detail {

@@ -11,7 +11,7 @@
 #include <algorithm>
 
 #include "palpate/matrix.hpp"
-#include "palpate/projection/solution.hpp"
+#include "palpate/projection/priors.hpp"
 
 namespace palpate::detail {
 

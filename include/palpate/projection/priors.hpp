@@ -7,7 +7,7 @@
 #include "palpate/force_laws.hpp"
 #include "palpate/matrix.hpp"
 #include "palpate/projection/power_sums.hpp"
-#include "palpate/projection/solution.hpp"
+#include "palpate/sample.hpp"
 
 namespace palpate {
 
@@ -65,6 +65,34 @@ constexpr const char* validate(const ProjectionSettings& s) noexcept {
 }
 
 namespace detail {
+
+// F = k (ξ − d)ⁿ (1 + c/k w) + F₀ in scaled units.
+struct ScaledLaw {
+  double k, c, offset, n, surface;
+
+  double force(const Sample& s) const noexcept {
+    const double depth = s.penetration - surface;
+    const double power = depth > 0.0 ? std::pow(depth, n) : 0.0;
+    return power * (k + c * s.velocity) + offset;
+  }
+};
+
+struct ProjectionSolution : ScaledLaw {
+  double noise_variance;  // of the force
+  double prior_variance;  // the same as the priors were weighted with
+  double root_variance;   // the same as the root below takes it, with its floor
+  Matrix<5> root;   // R Rᵀ is the covariance of (k, c, n, offset, surface) for white residuals
+  double cost;      // J: the weighted residual sum less Σ F², with the priors
+  double residual;  // the weighted residual sum
+  bool damping_identifiable;   // false where v says nothing that ξ does not, but for rounding
+  bool exponent_identifiable;  // false where the depth has hardly varied
+  bool at_edge;                // the exponent ended at the edge of its range
+  bool surface_found;      // true unless a search for the surface ended at the edge of its range
+  bool lost_above;         // contact is lost above the surface: the light samples are left out
+  bool tare_refuted;       // F₀ is beyond the prior that a tare gave
+  double prior_mean;       // of the prior of F₀ that was used …
+  double prior_deviation;  // … and its deviation
+};
 
 // A quotient's denominator never is zero with this added, and no sum of squares feels it.
 inline constexpr double tiny = 1e-300;
@@ -168,6 +196,78 @@ struct ProjectionProblem : Priors {
 
   const PowerSums& sums;
 };
+
+// For one exponent the law is linear in (k, c, F₀): least squares from the sums, with F₀ eliminated
+// first and (k, c) by determinants.
+
+// A pivot below this fraction of its diagonal is rounding: sums of 1e3 samples carry 1e3 ε.
+inline constexpr double smallest_fraction = 1e-13;
+// Of a sum of squares; below it a column is not there. Its square is still a normal number.
+inline constexpr double smallest_sum = 1e-150;
+
+// [a11 a12; a12 a22] (k, c)ᵀ = (b1, b2)ᵀ, once F₀ = f (ΣF − k Σp − c Σpw) is eliminated.
+struct NormalEquations {
+  double a11, a12, a22, b1, b2;
+};
+
+// The sums of one exponent, by name; `total` is Σ F, `fraction` f = 1/(Σ1 + ρ_F).
+constexpr NormalEquations normal_equations(double spp, double sppw, double sppww, double sp,
+                                           double spw, double spf, double spwf, double total,
+                                           double fraction) noexcept {
+  return {spp - sp * sp * fraction, sppw - sp * spw * fraction, sppww - spw * spw * fraction,
+          spf - sp * total * fraction, spwf - spw * total * fraction};
+}
+
+struct LinearSolution {
+  double k, c, offset;
+  double cost;  // −bᵀÃ⁻¹b
+  bool damped;  // the damping column has a sound pivot
+};
+
+// With the prior on c/k, of weight ρ_b.
+inline LinearSolution solve_linear(const ProjectionProblem& problem, const PowerSums::Values& s,
+                                   double damping_weight, double fraction) noexcept {
+  const double total = problem.sums.force();
+  const double prior = problem.settings.prior_dissipation;
+  auto [a11, a12, a22, b1, b2] =
+      normal_equations(s[pp], s[ppw], s[ppww], s[p1], s[pw], s[pf], s[pwf], total, fraction);
+  a11 += damping_weight * prior * prior;
+  a12 -= damping_weight * prior;
+  a22 += damping_weight;
+  const double determinant = a11 * a22 - a12 * a12;
+  const bool damped =
+      determinant > smallest_fraction * (a11 * a22) && a11 > smallest_sum && a22 > smallest_sum;
+  LinearSolution r{};
+  r.damped = damped;
+  r.k = damped ? (a22 * b1 - a12 * b2) / determinant : a11 > smallest_sum ? b1 / a11 : 0.0;
+  r.c = damped ? (a11 * b2 - a12 * b1) / determinant : 0.0;
+  r.offset = fraction * (total - r.k * s[p1] - r.c * s[pw]);
+  r.cost = -(r.k * b1 + r.c * b2) - fraction * total * total;
+  return r;
+}
+
+using GridCosts = std::array<double, PowerSums::nodes>;
+
+// J over the grid without priors on (k, c), in one straight line of arithmetic, which vectorises;
+// −f (ΣF)², the same for all, is left out.
+inline GridCosts grid_costs(const PowerSums& sums, double fraction) noexcept {
+  GridCosts cost;
+  const auto &spp = sums.column(pp), &sppw = sums.column(ppw), &sppww = sums.column(ppww),
+             &sp = sums.column(p1), &spw = sums.column(pw), &spf = sums.column(pf),
+             &spwf = sums.column(pwf);
+  const double total = sums.force();
+  for (std::size_t j = 0; j < PowerSums::nodes; ++j) {
+    const auto [a11, a12, a22, b1, b2] = normal_equations(spp[j], sppw[j], sppww[j], sp[j], spw[j],
+                                                          spf[j], spwf[j], total, fraction);
+    // b₁²/a₁₁ + (what damping adds), with one division; the ridge keeps out a column that is not
+    // there, where sppww[j] is zero too and 1e-30 decides.
+    const double ridge = smallest_fraction * a22 + 1e-30 * a11;
+    const double rest = b2 * a11 - b1 * a12;
+    const double determinant = a11 * (a22 + ridge) - a12 * a12;
+    cost[j] = -(b1 * b1 * determinant + rest * rest) / (a11 * determinant + tiny);
+  }
+  return cost;
+}
 
 }  // namespace detail
 }  // namespace palpate

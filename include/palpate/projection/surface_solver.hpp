@@ -10,7 +10,7 @@
 #include <limits>
 #include <utility>
 
-#include "palpate/projection/projection_solver.hpp"
+#include "palpate/projection/projection_fit.hpp"
 
 namespace palpate {
 

@@ -9,7 +9,7 @@
 #include <cstdint>
 
 #include "palpate/matrix.hpp"
-#include "palpate/projection/free_air.hpp"
+#include "palpate/projection/contact_samples.hpp"
 #include "palpate/viscoelastic/law.hpp"
 #include "palpate/viscoelastic/power_table.hpp"
 #include "palpate/viscoelastic/samples.hpp"
