@@ -7,15 +7,14 @@
 #include <cstddef>
 #include <cstdint>
 
+#include "palpate/error_widening.hpp"
 #include "palpate/estimate.hpp"
-#include "palpate/haar_levels.hpp"
 #include "palpate/matrix.hpp"
 #include "palpate/method.hpp"
 #include "palpate/projection/contact_solver.hpp"
 #include "palpate/projection/covariance.hpp"
 #include "palpate/projection/priors.hpp"
 #include "palpate/projection/projection_fit.hpp"
-#include "palpate/projection/surface_solver.hpp"
 #include "palpate/sample.hpp"
 
 namespace palpate {
