@@ -73,18 +73,12 @@ def test_a_row_is_any_sequence_of_numbers():
 
 REFUSED = {
     "a regressor that is not a number": (([math.nan, 1.0], 1.0), Status.NOT_FINITE),
-    "an infinite regressor": (([1.0, -math.inf], 1.0), Status.NOT_FINITE),
-    "infinities of both signs": (([math.inf, -math.inf], 1.0), Status.NOT_FINITE),
     "an output that is not a number": (([1.0, 1.0], math.nan), Status.NOT_FINITE),
-    "an infinite output": (([1.0, 1.0], math.inf), Status.NOT_FINITE),
     "a factor that is not a number": (([1.0, 1.0], 1.0, math.nan), Status.OUT_OF_RANGE),
     "no factor": (([1.0, 1.0], 1.0, 0.0), Status.OUT_OF_RANGE),
-    "a factor above one": (([1.0, 1.0], 1.0, 1.001), Status.OUT_OF_RANGE),
-    "a negative factor": (([1.0, 1.0], 1.0, -0.5), Status.OUT_OF_RANGE),
     "a negative perturbation": (([1.0, 1.0], 1.0, 1.0, -1.0), Status.OUT_OF_RANGE),
     "an infinite perturbation": (([1.0, 1.0], 1.0, 1.0, math.inf), Status.NOT_FINITE),
     "an output beyond the arithmetic": (([1.0, 1.0], 1e300), Status.OUT_OF_RANGE),
-    "a row beyond the arithmetic": (([1e300, -1e300], 1.0), Status.OUT_OF_RANGE),
     "finite numbers whose sum is not": (([1.7e308, 1.7e308], 1.0), Status.OUT_OF_RANGE),
 }
 

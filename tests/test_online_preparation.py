@@ -236,35 +236,6 @@ def test_refused_samples_are_left_out_and_their_time_is_not():
         assert preparation.status is status
 
 
-def test_repeated_stamps_are_refused_and_a_clock_that_was_set_is_followed():
-    time, x, force = measured(0.1)
-    preparation = OnlinePreparation()
-    fed(preparation, x, force, time)
-    for stamp in time[[-1, -2]]:
-        assert preparation.update(x[-1], force[-1], stamp) is None
-        assert preparation.status is Status.INVALID_STEP
-    for start in (1.79e9, 0.0):
-        contact = preparation.replay(x, force, start + time)
-        assert len(contact) == time.size - LATE - 7
-        assert contact.time[0] == pytest.approx(start + 7 * T, abs=1e-6)  # 0.24 µs of the epoch's
-
-
-def test_a_gap_restarts_the_window_and_its_length_can_be_set():
-    time, x, force = measured(0.2)
-    whole = time.size - LATE - 7
-    gapped = np.where(np.arange(time.size) < 100, time, time + 30 * T)
-    short, long = OnlinePreparation(), OnlinePreparation(longest_gap=0.05)
-    assert len(short.replay(x, force, gapped)) == whole - LATE - 7
-    assert len(long.replay(x, force, gapped)) == whole
-    short.interrupt()
-    assert fed(short, x[:16], force[:16], 1.0 + time[:16]) == []
-    # Samples far apart, of a clock that ticks at a third of what it is told, give no flattened one.
-    assert len(OnlinePreparation().replay(x, force, 2.0 * time)) == whole
-    preparation = OnlinePreparation()
-    assert len(preparation.replay(x, force, 3.0 * time)) == 0
-    assert preparation.status is Status.WAITING
-
-
 def test_the_force_of_the_first_seconds_is_taken_off():
     time, x, force = measured(3.0)
     free = time < 1.0

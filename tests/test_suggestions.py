@@ -8,18 +8,12 @@ import cases
 import numpy as np
 import probing
 import pytest
-from cases import MATERIALS, exciting, tapping
+from cases import MATERIALS, contact_of, exciting, tapping
 from probing import BALL, felt
 
 import palpate
 from palpate import Contact, ContactGate, InvalidParameterError, Scale, lab
 from palpate.preparation.gates import choose_gate, noise_of, suggest_scale, touches_of
-
-
-def contact_of(signals, length: float = 1.0, force: float = 1.0) -> Contact:
-    channels = (length * signals.penetration, length * signals.velocity, force * signals.force)
-    return cases.contact_of(cases.Signals(signals.time, *channels))
-
 
 # 20 000 fourth differences hold at least a fifth as many independent ones; the median absolute
 # deviation of n is good to 1.17/√n: 3 of those are 5.6 %.
@@ -106,7 +100,8 @@ def test_what_is_identified_does_not_depend_on_the_units(method, unit):
     kind = palpate.ESTIMATORS[method]
     # Starts have n = 1 or are linear: K₀ x₀/F₀ is the same in both.
     ours = palpate.identify(contact_of(signals), kind())
-    theirs = palpate.identify(contact_of(signals, unit, unit), kind())
+    scaled = cases.Signals(signals.time, *(unit * channel for channel in signals.arrays))
+    theirs = palpate.identify(contact_of(scaled), kind())
     assert theirs.trace.status.tolist() == ours.trace.status.tolist()
     # The inputs are rounded anew, and P₀ up to 1e10 costs 1e10 ε of the prediction at the start.
     for measure in ("fit_rmse_percent", "prediction_rmse_percent"):
