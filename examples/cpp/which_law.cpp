@@ -5,7 +5,7 @@
 #include <palpate/viscoelastic_estimators.hpp>
 #include <random>
 
-#include "palpate/viscoelastic/relaxation.hpp"
+#include "palpate/force_laws.hpp"
 
 namespace {
 

@@ -1,23 +1,281 @@
 // From what a robot measures to what an estimator takes, one sample at a time:
 //
-//   penetration = ± d·p − surface,   force = ± d·f − offset − tare,   velocity by
-//   velocity_filter.hpp
+//   penetration = ± d·p − surface,   force = ± d·f − offset − tare,   velocity by VelocityFilter
 //
 // p [m] and f [N] are a position and a force along the contact normal, or vectors with the
 // direction d into the material. The tare is the mean force of the first seconds, in which nothing
 // is touched.
+//
+// Velocity from positions as they come. No sensor delivers it, and whatever makes it is late; so
+// the position and the force are given as late as the velocity is, and all three are of one
+// instant.
+//
+//   min over a, b, c of Σ (x_i − a − b s_i − c s_i²)²,   s_i = t_i − t_m,   v(t_m) = b
+//
+// over the latest W samples, where m is the one in their middle: the Savitzky–Golay filter of a
+// whole recording, half a window later. On an even clock, s_i = k T for k = −h … h, it comes to
+//
+//   v = Σ k x_k / (T Σ k²),   Σ k² = h (h + 1)(2 h + 1)/3,   h = (W − 1)/2
+//
+// and elsewhere to two regressions, on s and on the part of s² that is orthogonal to 1 and s. The
+// penetration and the force of the instant are as they were measured: a smoothed penetration is
+// another motion.
+//
+// Why not sooner: a backward difference is half a sample late and has the position's noise, and a
+// mean of past samples lags the force; both are errors of stiffness and damping, not of the noise.
+//
+// A lost position (outliers.hpp) is left out of every window, and its sample is not given. To
+// know one takes the two samples after it, and the output is those two later.
 #pragma once
 
+#include <algorithm>
 #include <array>
+#include <bit>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
 #include <limits>
 
+#include "palpate/outliers.hpp"
 #include "palpate/sample.hpp"
-#include "palpate/velocity_filter.hpp"
 
 namespace palpate {
+
+struct VelocityFilterSettings {
+  double sample_time = 1e-3;   // s
+  std::uint32_t samples = 15;  // W, odd; longer than 15 ms flattens the motion of a probe
+  double longest_gap = 0.0;    // s; a window holds no longer one; 0: as long as the window, W T
+  bool lost_positions = true;  // are left out
+
+  bool operator==(const VelocityFilterSettings&) const = default;
+};
+
+// What is wrong with these settings, in words; null where they are sound.
+constexpr const char* validate(const VelocityFilterSettings& settings,
+                               std::size_t maximum_samples) noexcept {
+  return detail::first_fault({
+      // No velocity leaves the range of a double, which a metre within less than 1e-100 s might.
+      {detail::lies_in(settings.sample_time, 1e-100, 1e6),
+       "sample_time must be in [1e-100, 1e6] s"},
+      {settings.samples >= 3 && settings.samples % 2 == 1 && settings.samples <= maximum_samples,
+       "samples must be odd, at least 3, and no more than the filter holds"},
+      {detail::lies_in(settings.longest_gap, 0.0, 1e12), "longest_gap must be in [0, 1e12] s"},
+  });
+}
+
+// What a filter gives: a sample of a while ago, with its velocity.
+struct FilteredSample : Sample {
+  double dt;   // s, since the one given before
+  double age;  // s, until now
+};
+
+template <std::size_t MaximumSamples = 15>
+class VelocityFilter {
+  static_assert(MaximumSamples >= 3 && MaximumSamples % 2 == 1);
+
+ public:
+  using Settings = VelocityFilterSettings;
+
+  // Settings that come from elsewhere are for validate() to check.
+  explicit VelocityFilter(const Settings& settings = {}) noexcept : settings_(settings) {
+    const double h = static_cast<double>(half_);
+    per_sum_ = 3.0 / (settings.sample_time * h * (h + 1.0) * (2.0 * h + 1.0));
+  }
+
+  Status update(double penetration, double force) noexcept {
+    return update(penetration, force, settings_.sample_time);
+  }
+
+  // dt: time since the previous call, s. The sample is taken whole or not at all:
+  //
+  //   updated       taken; sample() is the one of a while ago
+  //   waiting       taken; none is ready yet, or samples come less than half as often as they
+  //                 should: so long a window flattens the motion
+  //   restarted     taken, and the first of a new window: too much time has passed since the latest
+  //   rejected      taken; the one of two samples ago was a lost position, and is not given
+  //   not_finite, invalid_step, out_of_range   refused; only its time has passed
+  Status update(double penetration, double force, double dt) noexcept {
+    const bool finite = std::isfinite(penetration) && std::isfinite(force);
+    if (!(dt >= shortest_step && dt <= longest_step)) {
+      return finite ? Status::invalid_step : Status::not_finite;
+    }
+    elapsed_ += dt;
+    since_given_ += dt;
+    if (!finite) return Status::not_finite;
+    if (!(std::abs(penetration) < largest && std::abs(force) < largest)) {
+      return Status::out_of_range;
+    }
+    const Entry entry{elapsed_, penetration, force};
+    elapsed_ = 0.0;
+    if (entry.dt > longest_gap_ && taken_) [[unlikely]] {
+      interrupt();
+      take(entry);
+      return Status::restarted;
+    }
+    return take(entry);
+  }
+
+  // The sample that the latest update gave, if it returned Status::updated.
+  const FilteredSample& sample() const noexcept { return sample_; }
+
+  // The next sample does not follow the latest: a window holds the one or the other.
+  void interrupt() noexcept {
+    count_ = even_ = waiting_ = 0;
+    carried_ = 0.0;
+    taken_ = continuous_ = false;
+    lost_.interrupt();
+  }
+
+  // How long ago what is given was, s, on an even clock and where nothing was left out.
+  double delay() const noexcept { return delay_; }
+  double longest_gap() const noexcept { return longest_gap_; }
+  const Settings& settings() const noexcept { return settings_; }
+
+  void reset() noexcept { *this = VelocityFilter(settings_); }
+
+ private:
+  struct Entry {
+    double dt;  // s, since the entry before
+    double penetration;
+    double force;
+  };
+
+  static constexpr double shortest_step = 1e-100, longest_step = 1e6;  // s
+  static constexpr double largest = 1e100;                             // m or N
+  static constexpr std::size_t capacity = std::bit_ceil(MaximumSamples);
+
+  std::size_t lag() const noexcept {
+    return half_ + (settings_.lost_positions ? LostPositions::ahead : 0);
+  }
+
+  // An entry of the window; `age` 0 is the newest.
+  const Entry& ago(std::size_t age) const noexcept {
+    return window_[(newest_ - age) & (capacity - 1)];
+  }
+
+  // A sample waits for the two after it before it is known to be one.
+  Status take(const Entry& entry) noexcept {
+    taken_ = true;
+    if (!settings_.lost_positions) return append(entry);
+    const Entry judged = pending_[1];
+    pending_[1] = pending_[0];
+    pending_[0] = entry;
+    const bool lost = lost_.observe(entry.penetration);
+    if (waiting_ < LostPositions::ahead) {
+      ++waiting_;
+      return Status::waiting;
+    }
+    if (lost) [[unlikely]] {
+      carried_ += judged.dt;
+      return Status::rejected;
+    }
+    const Entry kept{judged.dt + carried_, judged.penetration, judged.force};
+    carried_ = 0.0;
+    return append(kept);
+  }
+
+  Status append(const Entry& entry) noexcept {
+    newest_ = (newest_ + 1) & (capacity - 1);
+    window_[newest_] = entry;
+    even_ = entry.dt == settings_.sample_time ? std::min(even_ + 1, settings_.samples) : 0;
+    if (count_ < settings_.samples && ++count_ < settings_.samples) return Status::waiting;
+    // The oldest one's own step is none of the window's.
+    const bool even = even_ >= settings_.samples - 1;
+    const double velocity = even ? even_slope() : slope();
+    if (std::isnan(velocity)) {
+      continuous_ = false;
+      return Status::waiting;
+    }
+    const Entry& middle = ago(half_);
+    const double age = age_of_middle(even);
+    double dt = settings_.sample_time;
+    if (given_) dt = continuous_ ? middle.dt : std::max(since_given_ - age, middle.dt);
+    sample_ = {{middle.penetration, velocity, middle.force}, dt, age};
+    since_given_ = age;
+    given_ = continuous_ = true;
+    return Status::updated;
+  }
+
+  double age_of_middle(bool even) const noexcept {
+    const double step = settings_.sample_time;
+    const bool late = settings_.lost_positions;
+    if (even && (!late || (pending_[0].dt == step && pending_[1].dt == step))) return delay_;
+    double age = late ? pending_[0].dt + pending_[1].dt : 0.0;
+    for (std::size_t k = 0; k < half_; ++k) age += ago(k).dt;
+    return age;
+  }
+
+  double even_slope() const noexcept {
+    double sum = 0.0;
+    for (std::size_t k = 1; k <= half_; ++k) {
+      sum += static_cast<double>(k) * (ago(half_ - k).penetration - ago(half_ + k).penetration);
+    }
+    return sum * per_sum_;
+  }
+
+  // On any clock; NaN where the window is too long. Times count from the middle and in units of the
+  // farthest, so that no power of them leaves the range of a double.
+  [[gnu::noinline]] double slope() const noexcept {
+    std::array<double, MaximumSamples> s, depth;
+    const std::size_t h = half_;
+    const Entry& middle = ago(h);
+    s[h] = depth[h] = 0.0;
+    for (std::size_t k = 1; k <= h; ++k) {
+      s[h + k] = s[h + k - 1] + ago(h - k).dt;
+      s[h - k] = s[h - k + 1] - ago(h + k - 1).dt;
+      depth[h + k] = ago(h - k).penetration - middle.penetration;
+      depth[h - k] = ago(h + k).penetration - middle.penetration;
+    }
+    if (s[2 * h] - s[0] > window_time_ + longest_gap_)
+      return std::numeric_limits<double>::quiet_NaN();
+    const double unit = std::max(s[2 * h], -s[0]), per_unit = 1.0 / unit;
+    for (std::size_t i = 0; i <= 2 * h; ++i) s[i] *= per_unit;
+
+    // Outwards from the middle: two sums at a time are quicker than one.
+    const auto sum = [h](auto term) noexcept {
+      double total = term(h);
+      for (std::size_t k = 1; k <= h; ++k) total += term(h + k) + term(h - k);
+      return total;
+    };
+    const double per_sample = 1.0 / static_cast<double>(settings_.samples);
+    const double mean = per_sample * sum([&](std::size_t i) { return s[i]; });
+    const double mean_square = per_sample * sum([&](std::size_t i) { return s[i] * s[i]; });
+    const auto linear = [&](std::size_t i) { return s[i] - mean; };
+    const double variance = sum([&](std::size_t i) { return linear(i) * linear(i); });
+    const double along = sum([&](std::size_t i) { return linear(i) * depth[i]; });
+    // The square, made orthogonal to 1 and s.
+    const double skew =
+        sum([&](std::size_t i) { return linear(i) * (s[i] * s[i] - mean_square); }) / variance;
+    const auto square = [&](std::size_t i) { return s[i] * s[i] - mean_square - skew * linear(i); };
+    const double energy = sum([&](std::size_t i) { return square(i) * square(i); });
+    const double bent = sum([&](std::size_t i) { return square(i) * depth[i]; });
+    // Where two times are as good as one there is no curvature to be known.
+    const double curvature = energy > 0.0 ? bent / energy : 0.0;
+    // At the middle, s = 0, the slope of curvature·(s² − skew s) is −curvature·skew.
+    return (along / variance - curvature * skew) / unit;
+  }
+
+  Settings settings_;
+  std::uint32_t half_ = settings_.samples / 2;                                               // h
+  double window_time_ = settings_.sample_time * settings_.samples;                           // s
+  double longest_gap_ = settings_.longest_gap > 0.0 ? settings_.longest_gap : window_time_;  // s
+  double delay_ = settings_.sample_time * static_cast<double>(lag());                        // s
+  double per_sum_;  // 1/(T Σ k²), 1/s
+  LostPositions lost_;
+  std::array<Entry, capacity> window_{};
+  std::array<Entry, LostPositions::ahead> pending_{};  // the newest first; not yet judged
+  std::size_t newest_ = 0;
+  std::uint32_t count_ = 0;    // entries of the window
+  std::uint32_t even_ = 0;     // latest steps that are the sample time
+  std::uint32_t waiting_ = 0;  // entries of pending_
+  bool taken_ = false;         // a sample, since the last break
+  bool given_ = false;         // a sample, ever
+  bool continuous_ = false;    // one was given of this window
+  double carried_ = 0.0;       // s, of lost positions
+  double elapsed_ = 0.0;       // s, since the latest sample that was taken
+  double since_given_ = 0.0;   // s, since the latest sample that was given
+  FilteredSample sample_{};
+};
 
 struct OnlinePreparationSettings {
   VelocityFilterSettings filter{};

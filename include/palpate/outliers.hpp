@@ -6,7 +6,7 @@
 //
 // - a spike, from the median of five, itself among them: where its neighbours on both sides are
 //   there. LostPositions asks it of a position, before a velocity filter, where one would spoil a
-//   whole window; over arrays src/rows/channel.hpp does, of any channel, with the σ, size and step
+//   whole window; over arrays src/bindings/rows.hpp does, of any channel, with the σ, size and step
 //   of the whole in place of those so far;
 // - an outlier, from where the sample before it was going: OutlierRejection, in a loop, where a
 //   sample has to be taken or left before the next one comes. Over an array it says where the

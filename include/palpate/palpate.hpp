@@ -1,6 +1,6 @@
 // Everything of palpate's core: identification of contact models, one sample at a time.
 #pragma once
 
+#include "palpate/estimate.hpp"
 #include "palpate/estimators.hpp"
 #include "palpate/online_preparation.hpp"
-#include "palpate/replay.hpp"

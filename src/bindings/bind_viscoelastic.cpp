@@ -3,7 +3,7 @@
 #include <limits>
 
 #include "face.hpp"
-#include "palpate/viscoelastic/relaxation.hpp"
+#include "palpate/force_laws.hpp"
 #include "palpate/viscoelastic_estimators.hpp"
 
 namespace palpate::bindings {

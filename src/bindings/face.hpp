@@ -27,7 +27,6 @@
 #include "conversions.hpp"
 #include "palpate/estimate.hpp"
 #include "palpate/recursive_estimator.hpp"
-#include "palpate/replay.hpp"
 
 namespace palpate::bindings {
 

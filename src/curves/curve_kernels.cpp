@@ -1,13 +1,12 @@
 // Compiled once for each instruction set; see cmake/InstructionSets.cmake.
 #include "palpate/curves/curve_kernels.hpp"
 
-#include "compiled_curve_kernels.hpp"
-
 #define PALPATE_COMPILED_(set) compiled_##set
 #define PALPATE_COMPILED(set) PALPATE_COMPILED_(set)
 
 namespace palpate::curves {
 
+extern const CurveKernels PALPATE_COMPILED(PALPATE_INSTRUCTION_SET);
 const CurveKernels PALPATE_COMPILED(PALPATE_INSTRUCTION_SET) = kernels;
 
 }  // namespace palpate::curves

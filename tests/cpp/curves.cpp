@@ -55,7 +55,6 @@ TEST("any floats give a finite answer or none") {
     settings.find_surface = round % 3 == 0;
     settings.offset = round % 7 != 0;
     if (round % 5 == 0) {
-      settings.exponent_fixed = true;
       settings.lowest_exponent = settings.highest_exponent = 1.5;
     }
     if (round % 4 == 1) {

@@ -1,7 +1,5 @@
 // The filter gives the slope of a parabola through its window, at the window's middle, and the
 // measured position and force of that instant; or it says why it gives nothing.
-#include "palpate/velocity_filter.hpp"
-
 #include <cmath>
 #include <cstddef>
 #include <vector>

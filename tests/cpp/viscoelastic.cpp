@@ -9,8 +9,8 @@
 #include <vector>
 
 #include "check.hpp"
-#include "palpate/replay.hpp"
-#include "palpate/viscoelastic/relaxation.hpp"
+#include "palpate/estimate.hpp"
+#include "palpate/force_laws.hpp"
 #include "palpate/viscoelastic_estimators.hpp"
 #include "random_numbers.hpp"
 #include "soundness.hpp"

@@ -10,11 +10,11 @@ namespace palpate::curves {
 inline constexpr std::size_t curve_block = 64;
 
 struct CurveColumns {
-  const double* x;  // penetration …
-  const double* w;  // … velocity and force, scaled
-  const double* f;
-  const double* log;  // ln x, where the surface is known
-  double* residual;   // of the latest pass
+  double* x;  // penetration …
+  double* w;  // … velocity and force, scaled
+  double* f;
+  double* log;       // ln x, where the surface is known
+  double* residual;  // of the latest pass
   std::size_t count;
 };
 

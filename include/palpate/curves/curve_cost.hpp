@@ -24,19 +24,12 @@ namespace palpate::detail {
 // Of a law in scaled units, in this order: k, c, n, F₀, d.
 using CurvePoint = Vector<5>;
 
-struct CurveSamples {
+struct CurveSamples : curves::CurveColumns {
   static constexpr std::size_t block = curves::curve_block;
 
   static constexpr std::size_t padded(std::size_t count) noexcept {
     return (count + block - 1) / block * block;
   }
-
-  double* x;  // penetration …
-  double* w;  // … velocity and force, scaled
-  double* f;
-  double* log;       // ln x, where the surface is known
-  double* residual;  // of the latest pass
-  std::size_t count;
 
   // What fills the last block up: it has neither force nor depth.
   void pad() const noexcept {
@@ -45,9 +38,29 @@ struct CurveSamples {
       w[i] = f[i] = residual[i] = 0.0;
     }
   }
-
-  curves::CurveColumns columns() const noexcept { return {x, w, f, log, residual, count}; }
 };
+
+inline double squared_force(const CurveSamples& samples) noexcept {
+  double sum = 0.0;
+  for (std::size_t i = 0; i < samples.count; ++i) sum += samples.f[i] * samples.f[i];
+  return sum;
+}
+
+// Appends the mean of so many samples, with that of `third` in place of the force.
+inline void add_mean(const CurveSamples& from, const double* third, std::size_t first,
+                     std::size_t size, CurveSamples& to) noexcept {
+  double x = 0.0, w = 0.0, f = 0.0;
+  for (std::size_t i = first; i < first + size; ++i) {
+    x += from.x[i];
+    w += from.w[i];
+    f += third[i];
+  }
+  const double share = 1.0 / static_cast<double>(size);
+  to.x[to.count] = x * share;
+  to.w[to.count] = w * share;
+  to.f[to.count] = f * share;
+  ++to.count;
+}
 
 struct CurveSums {
   double squares = 0.0;     // Σ r²
@@ -72,7 +85,7 @@ inline CurveSums curve_sums(const CurveSamples& samples, const CurvePoint& at, b
   using namespace curves;
   double s[unknown_sums] = {};
   const CurveLaw law{at[0], at[1], at[2], at[3], at[4]};
-  (surface ? kernels.unknown_surface : kernels.known_surface)(samples.columns(), law, s);
+  (surface ? kernels.unknown_surface : kernels.known_surface)(samples, law, s);
   CurveSums result;
   result.squares = s[rr];
   result.gradient = {s[rp], s[rpw], s[rn], s[r1], s[rd]};

@@ -24,7 +24,7 @@
 #include "palpate/curves/curve_polish.hpp"
 #include "palpate/curves/curve_search.hpp"
 #include "palpate/curves/curve_selection.hpp"
-#include "palpate/haar_levels.hpp"
+#include "palpate/error_widening.hpp"
 #include "palpate/matrix.hpp"
 #include "palpate/projection/covariance.hpp"
 #include "palpate/projection/priors.hpp"
@@ -86,31 +86,6 @@ inline HaarLevels<4> haar_levels(const std::array<double*, 4>& columns,
   return levels;
 }
 
-// A minimum as the answer of a projection, without the error bars of correlated residuals.
-// `depth_spread` is that of ln ξ.
-inline ProjectionSolution solution_of(const CurveCost& cost, const CurveState& state,
-                                      const Information& known, double noise_variance,
-                                      double variance, double depth_spread) noexcept {
-  const CurveModel& model = cost.model();
-  ProjectionSolution p{};
-  p.k = state.at[0];
-  p.c = state.at[1];
-  p.n = state.at[2];
-  p.offset = state.at[3];
-  p.surface = state.at[4];
-  p.noise_variance = noise_variance;
-  p.root_variance = variance;
-  const InverseRoot<5> inverse = known.covariance_root();
-  p.root = inverse.root;
-  say_identifiable(p, inverse.guarded, model.priors(), depth_spread);
-  p.at_edge = model.priors().at_edge(p.n);
-  // Within half of a candidate's step of the recursion.
-  const double margin = model.surface_range() / 80.0;
-  p.surface_found = !model.finds_surface() || (p.surface >= model.lowest_surface + margin &&
-                                               p.surface <= model.highest_surface - margin);
-  return p;
-}
-
 class CurveFitter {
  public:
   CurveFitter(const CurveArrays& curve, const CurveSettings& settings, double* memory,
@@ -128,7 +103,7 @@ class CurveFitter {
     s.offset = settings.offset;
     s.offset_deviation = settings.offset_deviation / units_.force;
     s.surface_deviation = settings.surface_deviation / units_.penetration;
-    if (settings.exponent_fixed) s.exponent = settings.lowest_exponent;
+    if (!(s.highest_exponent > s.lowest_exponent)) s.exponent = s.lowest_exponent;
     if (settings.find_surface) {
       model_.lowest_surface = settings.lowest_surface / units_.penetration;
       model_.highest_surface = settings.highest_surface / units_.penetration;
@@ -149,10 +124,6 @@ class CurveFitter {
   }
 
  private:
-  // As ContactSolver has them, and with what reason.
-  static constexpr double largest_excess = 3.0;
-  static constexpr double fewest_usable = 0.9;
-
   static Scale scale_of(const CurveArrays& curve, const CurveSettings& settings) noexcept {
     return settings.scale.penetration > 0.0 ? settings.scale : suggested_scale(curve);
   }
@@ -183,25 +154,17 @@ class CurveFitter {
 
   void choose_offset_prior() noexcept {
     ProjectionSettings& s = model_.settings;
-    const Tare tare =
-        measured_offset(s.offset, s.offset_deviation, selection_.air(), selection_.least_step());
+    const Tare tare = measured_offset(s.offset, s.offset_deviation, s.surface_deviation,
+                                      selection_.air(), selection_.least_step());
     prior_mean_ = tare.prior.mean;
     s.offset_deviation = tare.prior.deviation;
-    if (s.offset_deviation > 0.0) {
-      s.offset_deviation = std::hypot(s.offset_deviation, s.surface_deviation);
-    }
     of_air_ = tare.of_air;
     tare_refuted_ = tare.refuted;
   }
 
-  static CurveData of(const CurveSamples& one) noexcept { return {{one}, 1, force_squared(one)}; }
+  static CurveData of(const CurveSamples& one) noexcept { return {{one}, 1, squared_force(one)}; }
   static CurveData of(const CurveSamples& one, const CurveSamples& other) noexcept {
-    return {{one, other}, 2, force_squared(one) + force_squared(other)};
-  }
-  static double force_squared(const CurveSamples& samples) noexcept {
-    double sum = 0.0;
-    for (std::size_t i = 0; i < samples.count; ++i) sum += samples.f[i] * samples.f[i];
-    return sum;
+    return {{one, other}, 2, squared_force(one) + squared_force(other)};
   }
 
   void answer(CurveFit& fit) noexcept {
@@ -267,9 +230,8 @@ class CurveFitter {
       if (!gain.sound) return false;
       const double squares = std::max(alone.sums.squares - gain.gain, 0.0);
       const double variance = std::max(squares / (count - 4.0), tiny);
-      const double excess = (found.state.sums.squares - squares - light * variance) /
-                            (variance * std::sqrt(2.0 * light));
-      if (!(excess < plain_excess)) return false;
+      const double more = found.state.sums.squares - squares;
+      if (!(excess_of(more, light, variance) < plain_excess)) return false;
     }
     if (!(model_.settings.offset && model_.settings.offset_deviation > 0.0)) return true;
     CurveModel wide = model_;
@@ -309,12 +271,9 @@ class CurveFitter {
     if (!(usable >= fewest_usable * static_cast<double>(light)) || light_.count == 0) return best;
     const CurveMinimum both = global_minimum(model_, of(firm_, light_));
     const double freedom = firm.count() - 4.0;
-    double excess = 0.0;
-    if (freedom >= 10.0) {
-      const double variance = std::max(best.state.sums.squares / freedom, tiny);
-      excess = (both.cost - best.cost - usable * variance) / (variance * std::sqrt(2.0 * usable));
-    }
-    joined_ = !(excess > largest_excess);
+    const double variance = std::max(best.state.sums.squares / freedom, tiny);
+    joined_ =
+        freedom < 10.0 || !(excess_of(both.cost - best.cost, usable, variance) > largest_excess);
     best.latest = false;
     return joined_ ? both : best;
   }
@@ -377,8 +336,17 @@ class CurveFitter {
     const double variance = std::max(noise, least_variance(data.force_squared, data.count()));
     const Information known(state.sums.information, model_.priors(), k, variance,
                             model_.surface_range());
-    ProjectionSolution p = solution_of(cost, state, known, noise, variance, spread);
-    p.offset += prior_mean_;
+    const InverseRoot<5> inverse = known.covariance_root();
+    ProjectionSolution p{};
+    static_cast<ScaledLaw&>(p) = {k, state.at[1], state.at[3] + prior_mean_, state.at[2], surface};
+    p.root_variance = variance;
+    p.root = inverse.root;
+    say_identifiable(p, inverse.guarded, model_.priors(), spread);
+    p.at_edge = model_.priors().at_edge(p.n);
+    // Within half of a candidate's step of the recursion.
+    const double margin = model_.surface_range() / 80.0;
+    p.surface_found = !model_.finds_surface() || (surface >= model_.lowest_surface + margin &&
+                                                  surface <= model_.highest_surface - margin);
     p.tare_refuted = tare_refuted_;
     const Matrix<5> widening =
         projection_widening(haar_levels(columns, firm_.count), known.prior_fractions(), p,

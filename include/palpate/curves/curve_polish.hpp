@@ -20,7 +20,6 @@ namespace palpate::detail {
 // and of its slope there is added as a linear form: so J and its slope are the whole curve's at the
 // point, and within two standard errors of it J is so to a thousandth of σ² mostly, to a tenth in
 // 99 of 100 descents where the surface is known worst.
-
 class CondensedCurve {
  public:
   // `at` is a state of the cost over all samples, whose residuals are in the arrays of `data`;
@@ -41,7 +40,7 @@ class CondensedCurve {
     near.count = 0;
     for (std::size_t i = 0; i < from.count; i += length) {
       if (i + length <= from.count && mean(i)) {
-        add_mean(from, i, far);
+        add_mean(from, from.residual, i, length, far);  // in place of the force
       } else {
         add_all(from, i, near);
       }
@@ -76,21 +75,6 @@ class CondensedCurve {
     }
     constexpr double least = 4.0;  // of depth, in spreads: (1 + 1/8)ⁿ still bends little
     return high < surface - reach || low - (surface + reach) > least * (high - low);
-  }
-
-  // With the mean residual in place of the force.
-  static void add_mean(const CurveSamples& from, std::size_t first, CurveSamples& to) noexcept {
-    double x = 0.0, w = 0.0, r = 0.0;
-    for (std::size_t i = first; i < first + length; ++i) {
-      x += from.x[i];
-      w += from.w[i];
-      r += from.residual[i];
-    }
-    constexpr double share = 1.0 / static_cast<double>(length);
-    to.x[to.count] = x * share;
-    to.w[to.count] = w * share;
-    to.f[to.count] = r * share;
-    ++to.count;
   }
 
   static void add_all(const CurveSamples& from, std::size_t first, CurveSamples& to) noexcept {

@@ -1,5 +1,6 @@
 // The lowest minimum of a curve's cost (curve_cost.hpp), among those of all valleys: a search over
-// means of samples says where to go down, and the descents over all samples say which is lowest.
+// means of samples, by the sums of the recursion, says where to go down, and the descents over all
+// samples say which is lowest.
 #pragma once
 
 #include <algorithm>
@@ -15,9 +16,6 @@
 
 namespace palpate::detail {
 
-// Where the minima of a curve's cost are, roughly: over means of consecutive samples, by the sums
-// and the search of the recursion (projection_fit.hpp).
-
 // Means of blocks of equally many consecutive samples; they bend where ξⁿ does, so they only start.
 class CurveMeans {
  public:
@@ -28,32 +26,20 @@ class CurveMeans {
     const double per_point =
         std::max(1.0, std::ceil(data.count() / static_cast<double>(most - data.used + 1)));
     const auto length = static_cast<std::size_t>(per_point);
-    std::size_t count = 0;
-    double force_squared = 0.0;
+    data_ = {{CurveSamples{columns_[0].data(), columns_[1].data(), columns_[2].data(),
+                           columns_[3].data(), columns_[4].data(), 0}},
+             1,
+             0.0,
+             per_point};
+    CurveSamples& means = data_.parts[0];
     for (std::size_t part = 0; part < data.used; ++part) {
       const CurveSamples& from = data.parts[part];
       for (std::size_t first = 0; first < from.count; first += length) {
-        const std::size_t size = std::min(length, from.count - first);
-        double x = 0.0, w = 0.0, f = 0.0;
-        for (std::size_t i = first; i < first + size; ++i) {
-          x += from.x[i];
-          w += from.w[i];
-          f += from.f[i];
-        }
-        const double mean = 1.0 / static_cast<double>(size);
-        columns_[0][count] = x * mean;
-        columns_[1][count] = w * mean;
-        columns_[2][count] = f * mean;
-        force_squared += columns_[2][count] * columns_[2][count];
-        ++count;
+        add_mean(from, from.f, first, std::min(length, from.count - first), means);
       }
     }
-    data_ = {{CurveSamples{columns_[0].data(), columns_[1].data(), columns_[2].data(),
-                           columns_[3].data(), columns_[4].data(), count}},
-             1,
-             force_squared,
-             per_point};
-    data_.parts[0].pad();
+    means.pad();
+    data_.force_squared = squared_force(means);
   }
   CurveMeans(const CurveMeans&) = delete;
   CurveMeans& operator=(const CurveMeans&) = delete;

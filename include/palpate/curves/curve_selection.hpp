@@ -27,8 +27,7 @@ struct CurveArrays {
 struct CurveSettings {
   double noise = 0.0;  // standard deviation of the force; 0: from the residual
   double lowest_exponent = ProjectionSettings{}.lowest_exponent;
-  double highest_exponent = ProjectionSettings{}.highest_exponent;
-  bool exponent_fixed = false;  // at lowest_exponent, which is highest_exponent then
+  double highest_exponent = ProjectionSettings{}.highest_exponent;  // the same: it is known
   bool offset = true;
   double offset_deviation = 0.0;   // as ProjectionSettings has it
   double surface_deviation = 0.0;  // the same

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <cstdint>
 
+#include "palpate/methods/regression.hpp"
 #include "palpate/methods/variable_projection.hpp"
 
 namespace palpate::detail {
@@ -264,12 +265,9 @@ class DriftTrackingMethod {
 
   // Of (K, B, n, F₀) in SI by (ln k, b, n, F₀) in scaled units.
   static Matrix<4> jacobian(const Law& law, const Units& u) noexcept {
-    const double depth = -u.log_penetration;
-    return {{{law.stiffness, 0.0, detail::saturate(law.stiffness * depth), 0.0},
-             {law.damping, detail::saturate(law.stiffness / u.velocity),
-              detail::saturate(law.damping * depth), 0.0},
-             {0.0, 0.0, 1.0, 0.0},
-             {0.0, 0.0, 0.0, u.force}}};
+    Matrix<4> result = detail::among_known<4>(HuntCrossleyLogRegression::jacobian(law, u));
+    result[3][3] = u.force;
+    return result;
   }
 
   Settings settings_;

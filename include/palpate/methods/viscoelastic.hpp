@@ -232,20 +232,14 @@ class ViscoelasticMethod {
     if (provisional_) solver_.offer(left);
   }
 
-  // The tighter of what a tare and free air say of the offset; free air where it contradicts it.
   void renew_offset() noexcept {
     if (!air_is_new_) return;
     air_is_new_ = false;
     if (solver_.priors().offset == 0 || !air_.known()) return;
-    constexpr double suspect = 3.0;
-    const double declared = offset_deviation_;
-    const detail::OffsetPrior air = air_.prior(0.0);
-    tare_refuted_ =
-        declared > 0.0 && std::abs(air.mean) > suspect * std::hypot(declared, air.deviation);
-    const bool tare = declared > 0.0 && !tare_refuted_ && declared < air.deviation;
-    detail::OffsetPrior prior = tare ? detail::OffsetPrior{0.0, declared} : air;
-    prior.deviation = std::hypot(prior.deviation, surface_deviation_);
-    solver_.know_offset(prior);
+    const detail::Tare tare =
+        detail::measured_offset(true, offset_deviation_, surface_deviation_, air_, 0.0);
+    tare_refuted_ = tare.refuted;
+    solver_.know_offset(tare.prior);
   }
 
   Matrix<viscoelastic::joint_size> covariance(const Law& law, const Units& units) const noexcept {

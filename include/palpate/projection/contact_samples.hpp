@@ -131,7 +131,6 @@ class ContactSamples {
 };
 
 // What the force above the surface says of the sensor's offset: a prior F₀ ~ N(mean, deviation²).
-
 struct OffsetPrior {
   double mean;
   double deviation;  // 0: nothing is known
@@ -212,16 +211,32 @@ struct Tare {
 };
 
 // The tighter of what a tare, of this deviation where it is not 0, and free air say; free air where
-// it contradicts the tare.
-inline Tare measured_offset(bool offset, double declared, const FreeAir& air,
-                            double step) noexcept {
+// it contradicts the tare. A surface that is off looks like an offset, and widens what is known.
+inline Tare measured_offset(bool offset, double declared, double surface_deviation,
+                            const FreeAir& air, double step) noexcept {
   const bool told = declared > 0.0;
-  if (!offset || !air.known()) return {{0.0, declared}, !told, false};
-  const OffsetPrior said = air.prior(step);
-  const bool refuted =
-      told && std::abs(said.mean) > suspect_offset * std::hypot(declared, said.deviation);
-  const bool tare = told && !refuted && declared < said.deviation;
-  return {tare ? OffsetPrior{0.0, declared} : said, !tare, refuted};
+  Tare result{{0.0, declared}, !told, false};
+  if (offset && air.known()) {
+    const OffsetPrior said = air.prior(step);
+    result.refuted =
+        told && std::abs(said.mean) > suspect_offset * std::hypot(declared, said.deviation);
+    result.of_air = !(told && !result.refuted && declared < said.deviation);
+    if (result.of_air) result.prior = said;
+  }
+  double& deviation = result.prior.deviation;
+  if (deviation > 0.0) deviation = std::hypot(deviation, surface_deviation);
+  return result;
+}
+
+// Light samples join where they have no more deviations than so many beyond the noise of the firm
+// ones, and so large a part of them is none where the law would pull.
+inline constexpr double largest_excess = 3.0;
+inline constexpr double fewest_usable = 0.9;
+
+// By how many deviations so many light samples, which leave this much more of Σ r², have more than
+// noise of this variance.
+inline double excess_of(double more, double light, double variance) noexcept {
+  return (more - light * variance) / (variance * std::sqrt(2.0 * light));
 }
 
 }  // namespace palpate::detail

@@ -9,7 +9,6 @@
 
 #include "palpate/error_widening.hpp"
 #include "palpate/estimate.hpp"
-#include "palpate/haar_levels.hpp"
 #include "palpate/matrix.hpp"
 #include "palpate/projection/priors.hpp"
 #include "palpate/sample.hpp"

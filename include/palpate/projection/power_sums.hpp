@@ -13,9 +13,8 @@
 
 namespace palpate::detail {
 
-// Ten-point Lagrange interpolation on an even grid: value, first and second derivative.
-
-// Even, so that the point lies in the middle interval. At steps of 0.1 and 0.005 N of noise eight
+// Ten-point Lagrange interpolation on an even grid: value, first and second derivative. Even, so
+// that the point lies in the middle interval. At steps of 0.1 and 0.005 N of noise eight
 // leave up to 0.01 standard errors where the depth varies by a factor of 3 and 1 where it varies by
 // 30; ten leave 0.002 and 0.07.
 inline constexpr std::size_t lagrange_points = 10;

@@ -33,35 +33,26 @@ struct ProjectionSettings {
 };
 
 constexpr const char* validate(const ProjectionSettings& s) noexcept {
-  const auto deviation = [](double value) noexcept { return value >= 0.0 && value <= 1e60; };
-  if (!deviation(s.noise)) return "method.noise must be in [0, 1e60] units of force";
-  if (!deviation(s.offset_deviation)) {
-    return "method.offset_deviation must be in [0, 1e60] units of force";
-  }
-  if (!deviation(s.surface_deviation)) {
-    return "method.surface_deviation must be in [0, 1e60] units of penetration";
-  }
-  if (!(s.lowest_exponent >= 0.1 && s.highest_exponent <= 10.0)) {
-    return "method.lowest_exponent and highest_exponent must be in [0.1, 10]";
-  }
-  if (s.exponent != 0.0 && !(s.exponent >= 0.1 && s.exponent <= 10.0)) {
-    return "method.exponent must be in [0.1, 10], or 0 where it is not known";
-  }
-  // Within a step of 0.15 the sums are interpolated to 1e-7; below 0.006 their differences drown.
-  const double width = s.highest_exponent - s.lowest_exponent;
-  if (!(width >= 0.2 && width <= 5.0)) {
-    return "method.highest_exponent must be 0.2 to 5 above lowest_exponent";
-  }
-  if (!(s.prior_exponent_deviation > 0.0 && s.prior_dissipation_deviation > 0.0)) {
-    return "method.prior deviations must be > 0";
-  }
-  const auto within = [](double value, double limit) noexcept {
-    return value >= -limit && value <= limit;
-  };
-  if (!within(s.prior_exponent, 1e3) || !within(s.prior_dissipation, 1e60)) {
-    return "method.prior values must be finite and small: an exponent, and c/k";
-  }
-  return nullptr;
+  using detail::lies_in;
+  return detail::first_fault({
+      {lies_in(s.noise, 0.0, 1e60), "method.noise must be in [0, 1e60] units of force"},
+      {lies_in(s.offset_deviation, 0.0, 1e60),
+       "method.offset_deviation must be in [0, 1e60] units of force"},
+      {lies_in(s.surface_deviation, 0.0, 1e60),
+       "method.surface_deviation must be in [0, 1e60] units of penetration"},
+      {s.lowest_exponent >= 0.1 && s.highest_exponent <= 10.0,
+       "method.lowest_exponent and highest_exponent must be in [0.1, 10]"},
+      {s.exponent == 0.0 || lies_in(s.exponent, 0.1, 10.0),
+       "method.exponent must be in [0.1, 10], or 0 where it is not known"},
+      // Within a step of 0.15 the sums are interpolated to 1e-7; below 0.006 their differences
+      // drown.
+      {lies_in(s.highest_exponent - s.lowest_exponent, 0.2, 5.0),
+       "method.highest_exponent must be 0.2 to 5 above lowest_exponent"},
+      {s.prior_exponent_deviation > 0.0 && s.prior_dissipation_deviation > 0.0,
+       "method.prior deviations must be > 0"},
+      {lies_in(s.prior_exponent, -1e3, 1e3) && lies_in(s.prior_dissipation, -1e60, 1e60),
+       "method.prior values must be finite and small: an exponent, and c/k"},
+  });
 }
 
 namespace detail {
@@ -199,7 +190,7 @@ struct ProjectionProblem : Priors {
 
 // For one exponent the law is linear in (k, c, F₀): least squares from the sums, with F₀ eliminated
 // first and (k, c) by determinants.
-
+//
 // A pivot below this fraction of its diagonal is rounding: sums of 1e3 samples carry 1e3 ε.
 inline constexpr double smallest_fraction = 1e-13;
 // Of a sum of squares; below it a column is not there. Its square is still a normal number.

@@ -25,7 +25,7 @@ namespace palpate::detail {
 
 // The minimum of J(n), once (k, c, F₀) are projected out: a grid for its valleys, then Newton's
 // method on dJ/dn in the two lowest.
-
+//
 // Where Newton's method starts, and the weights of the priors on the way.
 struct SearchStart {
   double n;
@@ -270,7 +270,6 @@ class ProjectionFit {
 };
 
 // The Hunt–Crossley law by variable projection from every sample that it is given.
-
 class ProjectionSolver {
  public:
   using Settings = ProjectionSettings;

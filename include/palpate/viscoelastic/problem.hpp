@@ -10,7 +10,6 @@
 
 #include "palpate/matrix.hpp"
 #include "palpate/projection/contact_samples.hpp"
-#include "palpate/viscoelastic/law.hpp"
 #include "palpate/viscoelastic/power_table.hpp"
 #include "palpate/viscoelastic/samples.hpp"
 

@@ -9,7 +9,6 @@
 #include "palpate/force_laws.hpp"
 #include "palpate/matrix.hpp"
 #include "palpate/sample.hpp"
-#include "palpate/viscoelastic/law.hpp"
 #include "palpate/viscoelastic/power_table.hpp"
 #include "palpate/viscoelastic/problem.hpp"
 #include "palpate/viscoelastic/samples.hpp"

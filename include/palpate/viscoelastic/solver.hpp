@@ -14,12 +14,10 @@
 #include <cstdint>
 
 #include "palpate/sample.hpp"
-#include "palpate/viscoelastic/law.hpp"
 #include "palpate/viscoelastic/problem.hpp"
 #include "palpate/viscoelastic/samples.hpp"
 #include "palpate/viscoelastic/search.hpp"
 #include "palpate/viscoelastic/solution.hpp"
-#include "palpate/viscoelastic/verdict.hpp"
 
 namespace palpate::viscoelastic {
 

@@ -520,22 +520,9 @@ def prediction_rmse_percent(trace: Trace, force: Floats, time_steps: Floats) -> 
 
     NaN where there was less contact than that.
     """
-    late = _late(trace, time_steps)
-    return rmse_percent(force[late], trace.predicted_force[late])
-
-
-def has_prediction_error(trace: Trace, force: Floats, time_steps: Floats) -> bool:
-    """Whether there is enough contact, and force, for :func:`prediction_rmse_percent`."""
-    late = force[_late(trace, time_steps)]
-    return float(np.dot(late, late)) > 0.0
-
-
-def _late(trace: Trace, time_steps: Floats) -> NDArray[np.bool_]:
-    """The samples taken after the first 0.2 s of contact."""
     taken = trace.taken
-    elapsed = np.cumsum(np.where(taken, time_steps, 0.0))
-    late: NDArray[np.bool_] = taken & (elapsed > START_UP)
-    return late
+    late = taken & (np.cumsum(np.where(taken, time_steps, 0.0)) > START_UP)
+    return rmse_percent(force[late], trace.predicted_force[late])
 
 
 def violated_fraction(trace: Trace) -> float:

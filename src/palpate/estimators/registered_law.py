@@ -48,8 +48,6 @@ _POLISHED = 3  # of the starts
 _ENOUGH = 1e-13
 # In standard errors: a fit of an eighth fewer samples is no further off, or the step is none.
 _NEAR = 3.0
-# Of the energy; of a thousand rows that is a ten-thousandth of a standard error.
-_CONVERGED = 1e-11
 
 
 class EstimateWithOffset(Estimate):
