@@ -21,15 +21,22 @@ from palpate import (
 from palpate.force_laws import engines, literature
 
 KV, EKV, HC = MATERIALS["linear"], MATERIALS["quadratic"], MATERIALS["pvc"]
+RELAXATIONS = {
+    "flat": FlatSpectrum(1e-3, 4.0),
+    "single": SingleRelaxation(0.05),
+    "power-law": PowerLawRelaxation(0.3, 1e-3, 4.0),
+}
+
+
+def law_with(relaxation):
+    return GeneralisedHuntCrossley(1e4, 1.5, 300.0, 0.5, 5e3, relaxation)
+
+
 LAWS = {
     "kelvin-voigt": KV,
     "extended-kelvin-voigt": EKV,
     "hunt-crossley": HC,
-    "remembering": GeneralisedHuntCrossley(9e3, 1.5, 40.0, 0.5, 4e3, SingleRelaxation(0.1)),
-    "flat": GeneralisedHuntCrossley(9e3, 1.5, 40.0, 0.5, 4e3, FlatSpectrum(1e-3, 4.0)),
-    "power law": GeneralisedHuntCrossley(
-        9e3, 1.5, 40.0, 0.5, 4e3, PowerLawRelaxation(0.3, 1e-3, 4.0)
-    ),
+    **{name: law_with(relaxation) for name, relaxation in RELAXATIONS.items()},
 }
 
 
@@ -195,21 +202,12 @@ def test_a_parameter_that_is_not_a_finite_number_is_refused_by_name(bad, positio
     assert repr(bad) in str(caught.value)
 
 
-RELAXATIONS = {
-    "flat": FlatSpectrum(1e-3, 4.0),
-    "single": SingleRelaxation(0.05),
-    "power-law": PowerLawRelaxation(0.3, 1e-3, 4.0),
-}
 DEPTHS, SPEEDS = np.array([1e-3, 4e-3, 9e-3]), np.array([0.02, -0.05, 0.0])
 
 
 @pytest.fixture(params=RELAXATIONS.values(), ids=RELAXATIONS)
 def relaxation(request):
     return request.param
-
-
-def law_with(relaxation, exponent=1.5):
-    return GeneralisedHuntCrossley(1e4, exponent, 300.0, exponent - 1.0, 5e3, relaxation)
 
 
 def test_a_step_is_felt_with_the_instantaneous_stiffness_and_relaxes_to_the_relaxed_one(relaxation):
