@@ -16,7 +16,7 @@ import palpate
 from benchmarks.law_pictures import DOTS_AN_INCH, INCHES, noise_of, with_few_colours
 from benchmarks.law_recordings import folder_of_recordings
 from palpate import exports
-from palpate.figures.style import DARK, LIGHT, Theme, save, style
+from palpate.figures.style import DARK, LIGHT, Look, Theme, save, style
 from palpate.validation import Floats
 
 app = App(name="python -m benchmarks.export_pictures", help_format="plaintext", version_flags=[])
@@ -85,7 +85,7 @@ def draw(path: Path, felt: Felt, theme: Theme) -> None:
     """Both forces over time, over penetration, and what is between them."""
     import matplotlib
 
-    with style(theme) as new_figure, matplotlib.rc_context({"savefig.dpi": DOTS_AN_INCH}):
+    with style(Look(theme)) as new_figure, matplotlib.rc_context({"savefig.dpi": DOTS_AN_INCH}):
         figure = new_figure(figsize=INCHES, layout="constrained")
         panels = figure.subplots(1, 3)
         _draw_panels(panels, felt, theme)

@@ -22,7 +22,7 @@ from benchmarks.law_recordings import (
     read,
 )
 from palpate.errors import RecordingError
-from palpate.figures.style import DARK, LIGHT, Theme, save, style
+from palpate.figures.style import DARK, LIGHT, Look, Theme, save, style
 from palpate.validation import Floats
 from palpate.writing import write_bytes
 
@@ -153,7 +153,7 @@ def draw(path: Path, picture: Picture, found: Explained, theme: Theme) -> None:
     """Its loop, the force while it is held, and what both laws leave."""
     import matplotlib
 
-    with style(theme) as new_figure, matplotlib.rc_context({"savefig.dpi": DOTS_AN_INCH}):
+    with style(Look(theme)) as new_figure, matplotlib.rc_context({"savefig.dpi": DOTS_AN_INCH}):
         figure = new_figure(figsize=INCHES, layout="constrained")
         panels = figure.subplots(1, 3)
         _draw_panels(panels, picture, found, theme)

@@ -62,78 +62,11 @@ def changed(step: float, at: float = 3.5) -> palpate.Contact:
     return recorded(np.where(at < TIME, (1.0 + step) * FORCE, FORCE))
 
 
-def drifting(part: float) -> palpate.Contact:
-    return recorded(FORCE * (1.0 - part * TIME / TIME[-1]))
-
-
-def zero_drifting(newtons: float) -> palpate.Contact:
-    return recorded(FORCE + newtons * TIME / TIME[-1])
-
-
 def remembering(part: float, tau: float) -> palpate.Contact:
     state, branch, decay = 0.0, np.zeros_like(X), np.exp(-STEP / tau)
     for k in range(1, X.size):
         branch[k] = state = decay * state + SPRING[k] - SPRING[k - 1]
     return recorded(FORCE + part * branch)
-
-
-def rubbing(part: float) -> palpate.Contact:
-    return recorded(FORCE + part * SPRING * np.tanh(1e3 * V))
-
-
-def square(part: float) -> palpate.Contact:
-    w = V / 20e-3
-    return recorded(FORCE + part * SPRING * w * np.abs(w))
-
-
-def damped_otherwise() -> palpate.Contact:
-    """Damping in proportion to the slope of the spring."""
-    depth = np.maximum(X, 0.0)
-    form = np.where(X > 0.0, depth ** (LAW.exponent - 1.0), 0.0) * 9e-3
-    return recorded(SPRING + LAW.damping * form * V)
-
-
-def shaped() -> palpate.Contact:
-    """F in proportion to sinh: no power of depth."""
-    return recorded(6.0 * np.sinh(np.maximum(X, 0.0) / 5e-3) * (1.0 + V))
-
-
-def heavy(mass: float) -> palpate.Contact:
-    return recorded(FORCE + mass * np.gradient(V, TIME))
-
-
-def clipped(part: float) -> palpate.Contact:
-    force = noisy(FORCE)
-    return contact(TIME, X, np.minimum(force, part * force.max()))
-
-
-def stuck(seconds: float) -> palpate.Contact:
-    force = noisy(FORCE)
-    start = np.searchsorted(TIME, 3.0)
-    force[start : start + round(seconds / STEP)] = force[start]
-    return contact(TIME, X, force)
-
-
-def spiked(part: float) -> palpate.Contact:
-    force = noisy(FORCE)
-    hit = np.random.default_rng(5).random(force.size) < part
-    return contact(TIME, X, np.where(hit, force + 10.0, force))
-
-
-def coarse(part: float) -> palpate.Contact:
-    step = part * FORCE.max()
-    return contact(TIME, X, step * np.round(FORCE / step))
-
-
-def held(beat: int) -> palpate.Contact:
-    """A force that comes at a lower rate, and is held."""
-    return contact(TIME, X, np.repeat(noisy(FORCE)[::beat], beat)[: X.size])
-
-
-def stamped_on_arrival() -> palpate.Contact:
-    random = np.random.default_rng(3)
-    jittered = np.maximum.accumulate(TIME + 0.9 * STEP * random.random(TIME.size))
-    return contact(jittered + 1e-9 * np.arange(TIME.size), X, noisy(FORCE))
 
 
 def scaled(**factors: float) -> palpate.Contact:
@@ -142,19 +75,8 @@ def scaled(**factors: float) -> palpate.Contact:
     return contact(*(factors.get(name, 1.0) * values for name, values in channels.items()))
 
 
-def against() -> palpate.Contact:
-    """A velocity column of the wrong sign."""
-    return recorded(FORCE, velocity=-V)
-
-
 def with_velocity(scale: float = 1.0, noise: float = 0.0) -> palpate.Contact:
     """A velocity column that is scaled, or noisy by a part of its rms."""
     random = np.random.default_rng(5)
     rms = np.sqrt(np.mean(V**2))
     return recorded(FORCE, velocity=scale * V + noise * rms * random.standard_normal(V.size))
-
-
-def rounded(step: float) -> palpate.Contact:
-    """A penetration that is read in coarse steps, m."""
-    x = step * np.round(X / step)
-    return palpate.prepare(time=TIME, penetration=x, force=noisy(FORCE))

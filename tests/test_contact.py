@@ -5,9 +5,9 @@ import math
 
 import numpy as np
 import pytest
-from cases import MATERIALS, bits, exciting, knowledge
+from cases import MATERIALS, bits, exciting
 
-from palpate import Contact, ContactGate, InvalidParameterError, RecordingError, Trace
+from palpate import Contact, InvalidParameterError, RecordingError, Trace
 
 SIGNALS = exciting(MATERIALS["ball"], seconds=0.5)
 CHANNELS = ("time", "penetration", "velocity", "force")
@@ -90,10 +90,6 @@ def test_a_window_keeps_the_samples_between_two_times():
     assert part.source == "probe.csv"
     assert part.provenance["force"] == "tared"
     assert "0.1 s to 0.25 s" in part.provenance["window"]
-
-
-def test_a_window_may_be_open_at_either_end_and_is_refused_where_no_sample_is():
-    whole = contact(source="probe.csv")
     assert len(whole.window()) == 500
     assert whole.window(start=0.4).time[0] == 0.4
     assert whole.window(stop=0.1).time[-1] == 0.1
@@ -192,31 +188,6 @@ def test_an_array_of_another_type_or_dimension_is_refused_by_name(kind, values, 
     for name in (*GOOD, "dt") if words == NO_NUMBERS else GOOD:
         with pytest.raises(InvalidParameterError, match=f"^{name} {words}"):
             kind().replay(**{**GOOD, name: values})
-
-
-GATE = ContactGate(minimum_penetration=1e-3, make_force=1.0, break_force=0.5)
-FREE = (-5e-3, 0.0, 0.0)
-
-
-def statuses(estimator, samples) -> list[str]:
-    return [estimator.update(*sample).name for sample in samples]
-
-
-def test_contact_is_made_above_one_force_and_lost_at_another(kind):
-    forces = [0.4, 0.9, 1.0, 1.1, 0.9, 0.6, 0.5, 0.6, 0.9, 1.0, 1.2, 0.51]
-    expected = ["WAITING"] * 3 + ["UPDATED"] * 3 + ["HELD"] * 4 + ["UPDATED"] * 2
-    estimator = kind(gate=GATE)
-    start = knowledge(estimator)
-    assert statuses(estimator, [FREE] * 5) == ["WAITING"] * 5
-    assert knowledge(estimator) == start
-    assert statuses(estimator, [(10e-3, 0.0, force) for force in forces]) == expected
-    # And deeper than the minimum penetration.
-    depths = [0.9e-3, 1.0e-3, 1.1e-3, 1.0e-3, 2e-3]
-    expected = ["WAITING", "WAITING", "UPDATED", "HELD", "UPDATED"]
-    assert statuses(kind(gate=GATE), [(depth, 0.0, 5.0) for depth in depths]) == expected
-    # Without a gate it is any penetration under any force.
-    samples = [(1e-9, 0.0, 1e-9), (0.0, 0.0, 1.0), (1e-9, 0.0, 0.0), (1e-9, 0.0, 1e-9)]
-    assert statuses(kind(), samples) == ["UPDATED", "HELD", "HELD", "UPDATED"]
 
 
 def test_a_prediction_is_the_force_of_the_present_law_and_none_out_of_contact(kind, noisy):

@@ -10,6 +10,7 @@ from probing import (
     SAMPLE_TIME,
     Motion,
     clock,
+    contact_of,
     fed,
     joined,
     relative_error,
@@ -35,10 +36,6 @@ def strokes(seconds: float, least: float = -2e-3, most: float = 10e-3) -> Motion
     phase = 2.0 * np.pi * (0.5 * t + 1.25 * t**2 / seconds)
     rate = 2.0 * np.pi * (0.5 + 2.5 * t / seconds)
     return Motion(least + half * (1.0 - np.cos(phase)), half * rate * np.sin(phase))
-
-
-def recorded(motion: Motion, force, **made) -> Contact:
-    return Contact(motion.time, penetration=motion.x, velocity=motion.v, force=force, **made)
 
 
 @pytest.mark.parametrize("law", [BALL, GEL])
@@ -132,7 +129,7 @@ def test_what_an_encoders_zero_hides_is_in_the_error_bars():
     step, hidden = 20e-6, 6e-6  # the zero lies anywhere within a step
     x = step * np.round((motion.x + hidden) / step)
     force = BALL.force(motion.x, motion.v) + white(len(motion), 10, 0.02)
-    contact = recorded(Motion(x, motion.v), force)
+    contact = contact_of(Motion(x, motion.v), force)
     suggested = identify(contact).estimator.settings["surface_deviation"]
     # Of the rounding, step/√12, which fourth differences see up to a quarter larger.
     assert 2.0 < suggested / (step / np.sqrt(12.0)) < 2.6
@@ -144,7 +141,7 @@ def test_what_an_encoders_zero_hides_is_in_the_error_bars():
         away.append(errors.max())
     assert away[0] < 3.0
     assert away[1] > 4.0  # as free air says the offset to a millinewton
-    exact = recorded(motion, BALL.force(motion.x, motion.v))
+    exact = contact_of(motion, BALL.force(motion.x, motion.v))
     assert suggest_surface_deviation(exact) is not None  # a motion's own steps
     still = Contact(exact.time, penetration=0.0 * motion.x, velocity=motion.v, force=exact.force)
     assert suggest_surface_deviation(still) is None
@@ -173,7 +170,7 @@ def test_a_tare_reaches_the_estimator_through_prepare_and_identify():
 
 def test_identify_gives_variable_projection_no_force_gate_and_keeps_one_that_is_given():
     motion = strokes(2.0)
-    contact = recorded(motion, BALL.force(motion.x, motion.v) + white(len(motion), 10))
+    contact = contact_of(motion, BALL.force(motion.x, motion.v) + white(len(motion), 10))
     assert identify(contact).estimator.settings["gate"] is None
     results = palpate.compare(contact)
     assert results["variable-projection"].estimator.settings["gate"] is None
@@ -272,7 +269,7 @@ def test_a_surface_beyond_the_range_is_flagged():
 def test_identify_finds_the_surface_of_a_contact_with_free_approach():
     surface = 0.4e-3
     motion = approached(5.0, surface)
-    contact = recorded(motion, felt_below(PVC, motion, surface, 3))
+    contact = contact_of(motion, felt_below(PVC, motion, surface, 3))
     result = identify(contact, searching())
     assert abs(result.estimate.surface - surface) < 4.0 * result.estimate.surface_standard_error
     assert result.as_dict()["surface"] == result.estimate.surface
@@ -289,10 +286,10 @@ def test_segments_of_one_contact_are_separated_without_inventing_a_sample():
     motion = tapping(1.5, surface)
     force = felt_below(MATERIALS["ball"], motion, surface, 4)
     segments = np.arange(len(motion)) // 40
-    contact = recorded(motion, force, segment=segments)
+    contact = contact_of(motion, force, segment=segments)
     result = identify(contact, searching())
     assert result.estimate.samples == np.count_nonzero(result.trace.taken)
-    whole = identify(recorded(motion, force), searching())
+    whole = identify(contact_of(motion, force), searching())
     # Time steps differ at the borders, but nothing is forgotten.
     assert np.array_equal(result.estimate.parameters, whole.estimate.parameters)
     assert result.estimate.surface == whole.estimate.surface
@@ -302,7 +299,7 @@ def test_segments_of_one_contact_are_separated_without_inventing_a_sample():
 def test_a_contact_without_free_approach_is_refused_in_plain_words(rise):
     motion = three_sines(2.0)
     deeper = Motion(motion.x + rise, motion.v)
-    contact = recorded(deeper, felt_below(PVC, deeper, 0.0, 5), source="pressed.csv")
+    contact = contact_of(deeper, felt_below(PVC, deeper, 0.0, 5), source="pressed.csv")
     with pytest.raises(
         palpate.RecordingError, match=r"pressed\.csv: .*surface.*free approach"
     ) as refusal:
@@ -314,9 +311,9 @@ def test_a_contact_without_free_approach_is_refused_in_plain_words(rise):
     touch = int(np.argmax(motion.x > 0.0))
     # The surface is known to some ten samples of this approach (13 µm each).
     enough, few = slice(touch - 60, None), slice(touch - 5, None)
-    identify(recorded(motion[enough], force[enough]), searching())
+    identify(contact_of(motion[enough], force[enough]), searching())
     with pytest.raises(palpate.RecordingError, match="at least 20"):
-        identify(recorded(motion[few], force[few]), searching())
+        identify(contact_of(motion[few], force[few]), searching())
 
 
 def test_the_approach_counts_without_positive_force_and_far_away_it_does_not():

@@ -117,6 +117,8 @@ def test_a_tare_takes_the_mean_off_and_a_surface_is_counted_from():
     assert "from 0.2 s to 0.4 s" in contact.provenance["force"]
     np.testing.assert_allclose(contact.penetration, DEPTH - 1e-3)
     assert "0.001 m" in contact.provenance["penetration"]
+    with pytest.raises(palpate.InvalidParameterError, match="unit of the force must be one of N"):
+        prepared(units={"force": "MPa"})
     with pytest.raises(palpate.RecordingError, match="no sample between 7 s and 8 s"):
         prepared(tare=(7.0, 8.0))
 
@@ -131,20 +133,3 @@ def test_a_late_force_is_read_earlier(late):
     segment = (TIME > 0.5).astype(int)
     contact = prepared(force=np.where(segment, 100.0, 1.0), segment=segment, delay=late)
     assert set(contact.force) == {1.0, 100.0}
-
-
-@pytest.mark.parametrize(
-    "correction, words",
-    [
-        ({"units": {"depth": "mm"}}, "units must be of time, penetration"),
-        ({"units": {"force": "MPa"}}, "unit of the force must be one of N"),
-        ({"flip": ["velocity"]}, "flip must name some of force, penetration"),
-        ({"tare": 3.0}, "tare must be"),
-        ({"delay": np.inf}, "delay must be finite"),
-        ({"delay": 60.0}, r"delay must be in \[-10, 10\]"),
-        ({"surface": "x"}, "surface must be a number"),
-    ],
-)
-def test_a_wrong_correction_is_refused(correction, words):
-    with pytest.raises(palpate.InvalidParameterError, match=words):
-        prepared(**correction)

@@ -26,20 +26,15 @@ def result_of(output: str) -> dict:
     return result
 
 
-def test_diagnose_prints_every_finding_with_its_remedy(printed, write):
+def test_every_finding_is_printed_with_its_remedy_and_json_is_the_diagnosis(printed, write):
     path = write(faults.changed(0.2))
-    out = printed("diagnose", path)
-    found = palpate.diagnose(path)
-    assert all(finding.check.split()[0] in out for finding in found.findings)
-    assert "→ --changes identifies each" in out
-    assert f"{found.episodes[0].stop:.4g} s: stiffness = " in out
-
-
-def test_json_is_the_diagnosis_of_the_library(printed, write):
-    path = write(faults.changed(0.2))
+    found, words = palpate.diagnose(path), printed("diagnose", path)
+    assert all(finding.check.split()[0] in words for finding in found.findings)
+    assert "→ --changes identifies each" in words
+    assert f"{found.episodes[0].stop:.4g} s: stiffness = " in words
     out = printed("diagnose", path, "--json")
     assert json.loads(out)["schema_version"] == 2
-    printed, found = result_of(out), palpate.diagnose(path)
+    printed = result_of(out)
     episodes = [{**episode, "verdict": None} for episode in printed["episodes"]]
     same = {key: printed[key] for key in found.as_dict()} | {"episodes": episodes}
     assert same == found.as_dict()

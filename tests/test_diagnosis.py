@@ -5,6 +5,7 @@ import dataclasses
 import faults
 import numpy as np
 import pytest
+from faults import FORCE, LAW, SPRING, STEP, TIME, V, X, contact, recorded
 
 import palpate
 from palpate.diagnosis import Data
@@ -32,20 +33,22 @@ def test_a_clean_recording_is_trusted():
     assert 0.0 < there.stiffness.standard_error < 5e-3 * there.stiffness.value
 
 
+NOISY, DEPTH, W = faults.noisy(FORCE), np.maximum(X, 0.0), V / 20e-3
 CAUSES = {
-    "gain drift": faults.drifting(0.1),
-    "offset drift": faults.zero_drifting(2.0),
+    "gain drift": recorded(FORCE * (1.0 - 0.1 * TIME / TIME[-1])),
+    "offset drift": recorded(FORCE + 2.0 * TIME / TIME[-1]),
     "memory": faults.remembering(0.3, 0.2),
-    "friction": faults.rubbing(0.04),
-    "damping form": faults.damped_otherwise(),
-    "shape": faults.shaped(),
-    "square speed": faults.square(0.04),
-    "inertia": faults.heavy(0.4),
+    "friction": recorded(FORCE + 0.04 * SPRING * np.tanh(1e3 * V)),
+    # In proportion to the slope of the spring.
+    "damping form": recorded(SPRING + 9e-3 * LAW.damping * DEPTH ** (LAW.exponent - 1.0) * V),
+    "shape": recorded(6.0 * np.sinh(DEPTH / 5e-3) * (1.0 + V)),  # no power of depth
+    "square speed": recorded(FORCE + 0.04 * SPRING * W * np.abs(W)),
+    "inertia": recorded(FORCE + 0.4 * np.gradient(V, TIME)),
     "delay": faults.late(5e-3),
     "surface": faults.surface_off(-0.8e-3),
     "change": faults.changed(0.2),
-    "saturation": faults.clipped(0.8),
-    "stuck force": faults.stuck(0.5),
+    "saturation": contact(TIME, X, np.minimum(NOISY, 0.8 * NOISY.max())),
+    "stuck force": contact(TIME, X, np.where(np.abs(TIME - 3.25) < 0.25, NOISY[3000], NOISY)),
 }
 
 
@@ -54,16 +57,21 @@ def test_a_cause_is_found_by_its_check(name):
     assert name in grave(CAUSES[name])
 
 
+RANDOM, COARSE = np.random.default_rng(5), 0.1 * FORCE.max()
+# Stamped on arrival: late by up to nine tenths of a step.
+STAMPS = np.maximum.accumulate(TIME + 0.9 * STEP * np.random.default_rng(3).random(TIME.size))
+# A force that comes at a lower rate, and is held.
+HELD = contact(TIME, X, np.repeat(NOISY[::8], 8)[: X.size])
 INPUTS = {
     "penetration unit": faults.scaled(penetration=1e3),
     "force unit": faults.scaled(force=1e3),
     "time unit": faults.scaled(time=1e3),
     "signs": faults.scaled(force=-1.0),
-    "velocity column": faults.against(),
-    "time stamps": faults.stamped_on_arrival(),
-    "held channel": faults.held(8),
-    "spikes": faults.spiked(0.01),
-    "coarse steps": faults.coarse(0.1),
+    "velocity column": recorded(FORCE, velocity=-V),
+    "time stamps": contact(STAMPS + 1e-9 * np.arange(TIME.size), X, NOISY),
+    "held channel": HELD,
+    "spikes": contact(TIME, X, NOISY + 10.0 * (RANDOM.random(TIME.size) < 0.01)),
+    "coarse steps": contact(TIME, X, COARSE * np.round(FORCE / COARSE)),
 }
 
 
@@ -148,9 +156,12 @@ def test_noise_of_the_velocity_is_said_to_lower_the_damping_by_as_much_as_it_doe
 
 
 def test_coarse_steps_and_held_values_are_found_before_what_they_look_like():
-    assert grave(faults.rounded(2e-4))[0] == "coarse steps"
-    assert grave(faults.rounded(2e-5)) == []
-    found = grave(faults.held(8))
+    coarse, fine = (
+        grave(palpate.prepare(time=TIME, penetration=step * np.round(X / step), force=NOISY))
+        for step in (2e-4, 2e-5)
+    )
+    assert (coarse[0], fine) == ("coarse steps", [])
+    found = grave(HELD)
     assert "held channel" in found
     assert "stuck force" not in found
 
@@ -293,19 +304,3 @@ def test_a_branch_relaxes_as_its_equation_says():
         state = np.exp(-1e-3 / 0.05) * state + rise
         expected.append(state)
     np.testing.assert_allclose(relaxed(drive, steps, 0.05, 1e-3), expected, atol=1e-9)
-
-
-@pytest.mark.parametrize(
-    "law",
-    [palpate.KelvinVoigt(1500.0, 8.0), palpate.ExtendedKelvinVoigt(500.0, 4e4, 5.0), faults.LAW],
-    ids=lambda law: law.kind,
-)
-def test_stiffness_and_damping_at_a_depth_are_the_forces_slopes(law):
-    x, v, h = 6e-3, 0.02, 1e-7
-    by_x = (law.force(x + h, v) - law.force(x - h, v)) / (2.0 * h)
-    by_v = (law.force(x, h) - law.force(x, -h)) / (2.0 * h)
-    assert law.stiffness_at(x, v) == pytest.approx(by_x, rel=1e-6)
-    assert law.damping_at(x) == pytest.approx(by_v, rel=1e-6)
-    assert palpate.ForceLaw.damping_at(law, x) == pytest.approx(by_v, rel=1e-6)
-    with pytest.raises(palpate.InvalidParameterError, match="depth"):
-        law.damping_at(0.0)

@@ -34,10 +34,7 @@ from palpate.digits import interval, rounded, with_error
 )
 def test_a_number_is_written_with_the_digits_that_its_error_allows(value, errors, words):
     assert with_error(value, *errors) == words
-
-
-def test_a_unit_stands_behind():
-    assert with_error(2001.2, 0.53, unit="N/m") == "2001.2 ± 0.5 N/m"
+    assert with_error(value, *errors, unit="N/m") == f"{words} N/m"
 
 
 def test_the_digits_are_those_of_the_package_uncertainties():

@@ -50,21 +50,16 @@ def test_the_engine_is_batch_least_squares(order):
     assert engine.noise_variance == pytest.approx(expected, rel=1e-8)
     prediction = float(np.dot(rows[0], engine.parameters))
     assert engine.predict(rows[0]) == pytest.approx(prediction, rel=1e-12)
-
-
-@pytest.mark.parametrize("order", ORDERS)
-def test_a_start_with_its_own_covariance_is_more_rows(order):
+    # A start with its own covariance is more rows; no large P₀, no cancellation.
     rng = np.random.default_rng(order)
     square = rng.standard_normal((order, order))
     prior = square @ square.T + np.eye(order)
-    prior = 0.5 * (prior + prior.T)
-    start = rng.standard_normal(order)
-    engine = taught(order, initial=start, initial_covariance=prior)
-    rows, outputs, _ = data(order)
-    # No large P₀, no cancellation: a few hundred updates' roundings.
-    np.testing.assert_allclose(
-        engine.parameters, batch(rows, outputs, start, prior), rtol=1e-11, atol=1e-13
-    )
+    start = {"initial": rng.standard_normal(order), "initial_covariance": (prior + prior.T) / 2.0}
+    engine = taught(order, **start)
+    expected = batch(rows, outputs, *start.values())
+    np.testing.assert_allclose(engine.parameters, expected, rtol=1e-11, atol=1e-13)
+    engine.reset()
+    assert engine._state() == LeastSquares(order, **start)._state()
 
 
 def test_a_row_is_any_sequence_of_numbers():
@@ -78,18 +73,12 @@ def test_a_row_is_any_sequence_of_numbers():
 
 REFUSED = {
     "a regressor that is not a number": (([math.nan, 1.0], 1.0), Status.NOT_FINITE),
-    "an infinite regressor": (([1.0, -math.inf], 1.0), Status.NOT_FINITE),
-    "infinities of both signs": (([math.inf, -math.inf], 1.0), Status.NOT_FINITE),
     "an output that is not a number": (([1.0, 1.0], math.nan), Status.NOT_FINITE),
-    "an infinite output": (([1.0, 1.0], math.inf), Status.NOT_FINITE),
     "a factor that is not a number": (([1.0, 1.0], 1.0, math.nan), Status.OUT_OF_RANGE),
     "no factor": (([1.0, 1.0], 1.0, 0.0), Status.OUT_OF_RANGE),
-    "a factor above one": (([1.0, 1.0], 1.0, 1.001), Status.OUT_OF_RANGE),
-    "a negative factor": (([1.0, 1.0], 1.0, -0.5), Status.OUT_OF_RANGE),
     "a negative perturbation": (([1.0, 1.0], 1.0, 1.0, -1.0), Status.OUT_OF_RANGE),
     "an infinite perturbation": (([1.0, 1.0], 1.0, 1.0, math.inf), Status.NOT_FINITE),
     "an output beyond the arithmetic": (([1.0, 1.0], 1e300), Status.OUT_OF_RANGE),
-    "a row beyond the arithmetic": (([1e300, -1e300], 1.0), Status.OUT_OF_RANGE),
     "finite numbers whose sum is not": (([1.7e308, 1.7e308], 1.0), Status.OUT_OF_RANGE),
 }
 
@@ -140,14 +129,6 @@ def test_to_save_restore_and_continue_is_never_to_have_stopped(order, restored):
             engine.update(row, float(output), forgetting_factor=0.99)
     assert continued._state() == never_stopped._state()
     assert isinstance(continued, LeastSquares)
-
-
-def test_reset_forgets_every_row():
-    start = {"initial": [1.0, 2.0, 3.0], "initial_covariance": 5.0}
-    engine = taught(3, **start)
-    engine.reset()
-    assert engine.samples == 0
-    assert engine._state() == LeastSquares(3, **start)._state()
 
 
 def test_an_order_outside_one_to_eight_and_a_start_that_is_none_are_refused():

@@ -7,8 +7,6 @@ import pickle
 import numpy as np
 import pytest
 from cases import MATERIALS, THREE_SINES
-from hypothesis import given
-from hypothesis import strategies as st
 from scipy.signal import savgol_filter
 
 import palpate
@@ -106,19 +104,6 @@ def test_lost_positions_are_left_out_as_offline():
         # The estimator is told of the time in between.
         step = 1 if sample is None or round(sample.time / T) - 1 not in lost else 2
         assert sample is None or sample.dt == pytest.approx(step * T)
-
-
-@pytest.mark.parametrize("noise", [0.0, 2e-6, 1e-4])
-@pytest.mark.parametrize("resolution", [0.0, 20e-6])
-def test_a_motion_has_no_lost_positions(noise, resolution):
-    x = measured(20.0, position_noise=noise)[1]
-    if resolution:
-        x = resolution * np.round(x / resolution)
-    x[5000:8000] = x[5000]  # a hold
-    given = len(OnlinePreparation().replay(x, np.ones_like(x)))
-    # Of normal noise one value in thousands is eight deviations from the median of five, once three
-    # times farther than its neighbours lie from each other: none is expected in 20 000.
-    assert given == x.size - LATE - 7
 
 
 def identified(penetration, velocity, force):
@@ -251,49 +236,6 @@ def test_refused_samples_are_left_out_and_their_time_is_not():
         assert preparation.status is status
 
 
-def test_repeated_stamps_are_refused_and_a_clock_that_was_set_is_followed():
-    time, x, force = measured(0.1)
-    preparation = OnlinePreparation()
-    fed(preparation, x, force, time)
-    for stamp in time[[-1, -2]]:
-        assert preparation.update(x[-1], force[-1], stamp) is None
-        assert preparation.status is Status.INVALID_STEP
-    for start in (1.79e9, 0.0):
-        contact = preparation.replay(x, force, start + time)
-        assert len(contact) == time.size - LATE - 7
-        assert contact.time[0] == pytest.approx(start + 7 * T, abs=1e-6)  # 0.24 µs of the epoch's
-
-
-def test_a_gap_restarts_the_window_and_its_length_can_be_set():
-    time, x, force = measured(0.2)
-    whole = time.size - LATE - 7
-    gapped = np.where(np.arange(time.size) < 100, time, time + 30 * T)
-    short, long = OnlinePreparation(), OnlinePreparation(longest_gap=0.05)
-    assert len(short.replay(x, force, gapped)) == whole - LATE - 7
-    assert len(long.replay(x, force, gapped)) == whole
-    short.interrupt()
-    assert fed(short, x[:16], force[:16], 1.0 + time[:16]) == []
-    # Samples far apart, of a clock that ticks at a third of what it is told, give no flattened one.
-    assert len(OnlinePreparation().replay(x, force, 2.0 * time)) == whole
-    preparation = OnlinePreparation()
-    assert len(preparation.replay(x, force, 3.0 * time)) == 0
-    assert preparation.status is Status.WAITING
-
-
-any_floats = st.floats(width=64)
-
-
-@given(st.lists(st.tuples(any_floats, any_floats, any_floats | st.none()), max_size=60))
-def test_any_floats_give_finite_samples_or_none(rows):
-    preparation = OnlinePreparation(velocity_window=3e-3, longest_gap=1e12)
-    for row in rows:
-        sample = preparation.update(*row)
-        if sample is None:
-            continue
-        assert all(map(math.isfinite, (*sample, sample.time)))
-        assert sample.dt > 0.0
-
-
 def test_the_force_of_the_first_seconds_is_taken_off():
     time, x, force = measured(3.0)
     free = time < 1.0
@@ -331,23 +273,6 @@ def test_vectors_count_along_the_direction(as_rows):
     for position in (0.01, [1.0, 2.0], "xyz", [None, 1.0, 2.0]):
         with pytest.raises(TypeError):
             preparation.update(position, [1.0, 2.0, 3.0])
-
-
-@pytest.mark.parametrize(
-    "settings, words",
-    [
-        ({"sample_time": 0.0}, "sample_time must be"),
-        ({"velocity_window": -1.0}, "velocity_window must be"),
-        ({"velocity_window": 0.3}, "velocity_window must be at most 255 samples, 0.255 s"),
-        ({"force_offset": "heavy"}, "force_offset must be"),
-        ({"flip": ["velocity"]}, "flip must name some of"),
-        ({"direction": [0.0, 0.0, 0.0]}, "direction must be a vector"),
-        ({"direction": "down"}, "direction must be"),
-    ],
-)
-def test_a_setting_out_of_its_range_is_refused_in_words(settings, words):
-    with pytest.raises(InvalidParameterError, match=words):
-        OnlinePreparation(**settings)
 
 
 def test_arrays_that_do_not_belong_together_are_refused():
@@ -448,13 +373,6 @@ def test_samples_that_are_not_known_are_left_out():
 def test_of_fewer_than_three_samples_it_is_what_they_say(x, expected):
     time = 0.1 * np.arange(len(x))
     np.testing.assert_allclose(velocity_of(time, np.array(x, dtype=float)), expected, rtol=1e-14)
-
-
-@pytest.mark.parametrize("window", [0.0, -0.01, math.nan, math.inf, "long"])
-def test_a_window_that_is_no_length_of_time_is_refused(window):
-    with pytest.raises(InvalidParameterError, match="velocity_window must be") as caught:
-        velocity_of(np.arange(10.0), np.arange(10.0), window)
-    assert repr(window) in str(caught.value)
 
 
 @pytest.mark.parametrize("width", [18, 101, 1000])

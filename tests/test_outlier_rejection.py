@@ -8,11 +8,9 @@ from probing import BALL, PVC, Floats, Motion, contact_of, fed, switched, three_
 from scipy.signal import savgol_filter
 
 from palpate import (
-    ESTIMATORS,
     ChangeDetector,
     ContactGate,
     HuntCrossley,
-    InvalidParameterError,
     OutlierRejection,
     Status,
     VariableProjection,
@@ -187,10 +185,3 @@ def test_identify_turns_it_on_and_false_turns_it_off_and_few_are_a_note_and_many
     off = VariableProjection(outlier_rejection=False)
     assert identify(contact, off).estimate.rejected == 0
     assert all(r.estimate.rejected == 0 for r in compare(contact, outlier_rejection=False).values())
-
-
-@pytest.mark.parametrize("kind", ESTIMATORS.values(), ids=list(ESTIMATORS))
-def test_what_is_no_rejection_is_refused_by_name(kind: type) -> None:
-    for nonsense in (True, 10.0, "on", ChangeDetector()):
-        with pytest.raises(InvalidParameterError, match="outlier_rejection"):
-            kind(outlier_rejection=nonsense)

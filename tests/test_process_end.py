@@ -78,7 +78,7 @@ IMPORTS = """
 import gc, importlib, pkgutil
 import palpate
 for module in pkgutil.walk_packages(palpate.__path__, "palpate."):
-    if not module.name.endswith(("__main__", ".lanes")):
+    if not module.name.endswith("__main__"):
         importlib.import_module(module.name)
 gc.collect()
 held = palpate.ContactEstimator, palpate.LeastSquares

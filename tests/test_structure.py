@@ -14,7 +14,7 @@ FLOORS = (
     "_core errors", "validation digits writing stages", "settings force_laws findings", "contact",
     "estimators", "recordings", "preparation", "diagnosis", "quantities", "identification",
     "results", "figures", "reports", "identifying", "design", "lab", "fleet exports", "_public",
-    "palpate lanes", "live", "paper", "cli", "__main__",
+    "palpate", "live", "paper", "cli", "__main__",
 )  # fmt: skip
 FLOOR = {name: k for k, names in enumerate(FLOORS) for name in names.split()}
 

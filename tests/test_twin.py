@@ -330,39 +330,22 @@ PRIOR = 1e3
 BATCH = 1e-9
 
 
-def in_scaled_units(signals):
-    return (
-        signals.penetration / SCALE.penetration,
-        signals.velocity / SCALE.velocity,
-        signals.force / SCALE.force,
-    )
-
-
-def batch(rows, outputs, start, prior):
-    """Least squares of the rows and, as further rows, the start."""
-    deviation = np.sqrt(prior)
-    rows = np.vstack([rows, np.diag(1.0 / deviation)])
-    return np.linalg.lstsq(rows, np.concatenate([outputs, start / deviation]), rcond=None)[0]
-
-
-def plain(kind, **settings):
-    """Without forgetting."""
-    without = ConstantForgetting(1.0)
-    return kind(**{"scale": SCALE, "initial_covariance": PRIOR, "forgetting": without, **settings})
-
-
 @pytest.mark.parametrize("name", ["kelvin-voigt", "extended-kelvin-voigt", "single-stage"])
 def test_without_forgetting_an_estimator_is_batch_least_squares(name, noisy):
-    estimator = plain(KINDS[name])
+    settings = {"initial_covariance": PRIOR, "forgetting": ConstantForgetting(1.0)}
+    estimator = KINDS[name](scale=SCALE, **settings)
     estimator.replay(*noisy.arrays)
-    x, v, force = in_scaled_units(noisy)
+    units = SCALE.penetration, SCALE.velocity, SCALE.force
+    x, v, force = (channel / unit for channel, unit in zip(noisy.arrays, units, strict=True))
     columns, outputs = {
         "kelvin-voigt": ([x, v], force),
         "extended-kelvin-voigt": ([x, x**2, v], force),
         "single-stage": ([np.ones_like(x), v, np.log(x)], np.log(force)),
     }[name]
-    units = SCALE.penetration, SCALE.velocity, SCALE.force
     start = TWINS[name].to_theta(estimator.settings["initial"].parameters, units)
-    theta = batch(np.column_stack(columns), outputs, start, np.full(len(start), PRIOR))
+    # The start is further rows.
+    rows = np.vstack([np.column_stack(columns), np.eye(start.size) / np.sqrt(PRIOR)])
+    whole = np.concatenate([outputs, start / np.sqrt(PRIOR)])
+    theta = np.linalg.lstsq(rows, whole, rcond=None)[0]
     expected = TWINS[name].to_law(theta, units)
     np.testing.assert_allclose(estimator.estimate().parameters, expected, rtol=BATCH)

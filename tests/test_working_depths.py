@@ -1,10 +1,11 @@
 """Force, stiffness and damping at any depth, with the error bars of the diagnosis."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from cases import exciting
+from cases import contact_of, exciting
 
 import palpate
 from palpate.errors import InvalidParameterError
@@ -23,12 +24,7 @@ def ball():
 def late():
     """A force that is 3 ms late: the verdict is no trust, and the damping is off."""
     signals = exciting(HARD, seconds=4.0, noise=0.02, seed=3)
-    return palpate.identify(contact_of(signals, np.roll(signals.force, 3)))
-
-
-def contact_of(signals, force):
-    x, v = signals.penetration, signals.velocity
-    return palpate.Contact(signals.time, penetration=x, velocity=v, force=force)
+    return palpate.identify(contact_of(replace(signals, force=np.roll(signals.force, 3))))
 
 
 @pytest.mark.parametrize("method", ["single-stage", "drift-tracking"])
@@ -134,7 +130,7 @@ def test_what_a_velocity_filter_takes_off_the_velocity_is_in_the_error_of_the_da
 
 def test_what_a_tare_leaves_is_in_the_errors_of_a_method_without_an_offset():
     signals = exciting(HARD, seconds=4.0, noise=0.02, seed=6)
-    contact = contact_of(signals, signals.force + 0.05)
+    contact = contact_of(replace(signals, force=signals.force + 0.05))
     there = palpate.identify(contact, "double-stage").diagnosis.working_depth
     truths = HARD.force(there.depth, 0.0), HARD.stiffness_at(there.depth)
     for quantity, true in zip((there.force, there.stiffness), truths, strict=True):

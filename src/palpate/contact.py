@@ -2,7 +2,7 @@
 
 import itertools
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
@@ -87,14 +87,12 @@ class Contact:
         t, x, v, f = signals(time=time, penetration=penetration, velocity=velocity, force=force)
         labels = numbered(segment, t.size)
         _check_time(t, labels)
-        values: dict[str, Any] = {"time": t, "penetration": x, "velocity": v, "force": f}
-        values |= {"segment": labels, "source": source, "provenance": dict(provenance or {})}
-        values |= {"tare_deviation": tare_deviation, "surface_deviation": surface_deviation}
-        values |= {"findings": tuple(findings), "prepared": prepared}
-        for name, value in values.items():
-            object.__setattr__(self, name, value)
+        own = t, x, v, f, labels, source, dict(provenance or {})
+        rest = tare_deviation, surface_deviation, tuple(findings), prepared
+        for each, value in zip(fields(self), (*own, *rest), strict=True):
+            object.__setattr__(self, each.name, value)
         for name in ("tare_deviation", "surface_deviation"):
-            if values[name] is not None:
+            if getattr(self, name) is not None:
                 kept(self, name, 0.0, 1e30, open_low=True)
 
     def __len__(self) -> int:
@@ -152,19 +150,6 @@ def between(time: Floats, low: float, high: float, source: str) -> NDArray[np.bo
     return keep
 
 
-def first_wrong_time(time: Floats, segment: "ArrayLike | None" = None) -> int | None:
-    """Return the first sample whose time is not finite or, within a segment, not later enough.
-
-    Enough is 1e-100 s; ``segment`` labels the samples as in :class:`Contact`.
-    """
-    labels = numbered(segment, time.size)
-    with np.errstate(invalid="ignore", over="ignore"):  # of times that are not finite, or absurd
-        late = np.diff(time) >= SHORTEST_STEP
-    wrong = ~np.isfinite(time)
-    wrong[1:] |= ~late & (labels[1:] == labels[:-1])
-    return int(np.argmax(wrong)) if wrong.any() else None
-
-
 def numbered(segment: "ArrayLike | None", samples: int) -> NDArray[np.int64]:
     """Consecutive numbers for the runs of equal labels; missing ones (NaN) are equal too."""
     if segment is None:
@@ -182,8 +167,13 @@ def numbered(segment: "ArrayLike | None", samples: int) -> NDArray[np.int64]:
 
 
 def _check_time(time: Floats, labels: NDArray[np.int64]) -> None:
-    first = first_wrong_time(time, labels)
-    if first is not None:
+    """Refuse a time that is not finite or, within a segment, not later by 1e-100 s and more."""
+    with np.errstate(invalid="ignore", over="ignore"):  # of times that are not finite, or absurd
+        late = np.diff(time) >= SHORTEST_STEP
+    wrong = ~np.isfinite(time)
+    wrong[1:] |= ~late & (labels[1:] == labels[:-1])
+    if wrong.any():
+        first = int(np.argmax(wrong))
         before = f" after {time[first - 1]} s" if first else ""
         raise InvalidParameterError(
             "time must be finite and increase within a segment; "

@@ -251,7 +251,11 @@ def compare(
     data = (known and known.data) or Data(contact)  # checked once for all methods
     results = {}
     kept = known_exponent(exponent)
-    able = [name for name, kind in ESTIMATORS.items() if _keeps(kind, kept)]
+    able = [
+        name
+        for name, kind in ESTIMATORS.items()
+        if kept is None or kind.exponents[0] <= kept <= kind.exponents[1]
+    ]
     for name in watch(able):
         kind = ESTIMATORS[name]
         estimator = kind()
@@ -280,9 +284,3 @@ def _asked_for(
         )
     kind, settings = estimator_by_law(law, estimator)
     return kind(**settings)
-
-
-def _keeps(kind: type[ContactEstimator], exponent: float | None) -> bool:
-    """Whether a method can keep an exponent."""
-    low, high = kind.exponents
-    return exponent is None or low <= exponent <= high

@@ -200,7 +200,7 @@ def test_the_card_says_which_law_it_is_and_nothing_moves_when_that_changes(opene
 
         until_true(both_change)
         for page in pages:
-            assert page.evaluate("palpate.page.loop.verdict.turns.length")
+            assert page.evaluate("palpate.page.view['law-turns'][0]")
             seen = card(page, "flat spectrum")
             assert page.evaluate("globalThis.shifts") < 0.005  # as above
             assert seen["laws"] == seen["offered"]

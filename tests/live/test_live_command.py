@@ -133,7 +133,7 @@ def test_a_recorder_that_is_killed_ends_in_an_error(recording, tmp_path):
 
 def test_times_and_fractions_are_written_for_a_person():
     assert [seconds(each) for each in (6.3e-6, 4.2e-4, 2.0, None)] == [
-        "6.3 µs", "420 µs", "2 s", "–",
+        "6.3 µs", "0.42 ms", "2 s", "–",
     ]  # fmt: skip
     # What is not all is never rounded to all.
     assert [percent(each) for each in (1.0, 0.999_934, 0.9, None)] == [

@@ -172,10 +172,10 @@ def watched(monkeypatch):
 def test_a_loop_whose_source_is_still_being_opened_is_not_dead(watched):
     _, board, seen = watched
     seen.look()
-    assert seen.page({})["alive"]
+    assert seen.page({})["state"] == "none"
     board.write({"sample_time": 1e-3, "generation": 0, "law": {"kind": "hunt-crossley"}})
     seen.take()
-    assert not seen.page({})["alive"]  # it has been, and says nothing more
+    assert seen.page({})["state"] == "dead"  # it has been, and says nothing more
 
 
 def test_an_estimate_is_never_shown_by_the_law_of_another_estimator(watched):
@@ -188,7 +188,7 @@ def test_an_estimate_is_never_shown_by_the_law_of_another_estimator(watched):
         seen.take()
 
     law = {name: getattr(HuntCrossley, name) for name in ("kind", "symbols", "units")}
-    law["names"] = HuntCrossley.names()
+    law |= {"names": HuntCrossley.names(), "shown": [0, 1, 2]}
     board.write({"sample_time": 1e-3, "generation": 0, "law": law, "state": "contact"})
     write(0.0, 0.2)
     write(0.4, status=float(Status.RESTARTED))

@@ -252,7 +252,7 @@ def test_of_a_source_that_is_silent_the_wire_says_that_it_is_lost() -> None:
     words = {"estimate": lambda *_: "estimate", "status": lambda state, *_: state}
     full = SimpleNamespace(name="full", **words, put=lambda _, said: told.append(said))
     publishing = Publisher(full)
-    publishing._begin(watching(partial(diagnosis_of, None)))
+    publishing._watching = watching(partial(diagnosis_of, None))
     page = loop.status()
     publishing._publish(page, rows)
     # What could not be sent is counted with the rest.
@@ -273,7 +273,7 @@ def test_a_verdict_is_published_until_it_is_not_of_what_the_loop_does():
     publishing = open_publisher(listener.address)
     publisher = publishing._wire
     publisher.open()
-    publishing._begin(watching(lambda page: diagnosis_of(pages["now"], page)))
+    publishing._watching = watching(lambda page: diagnosis_of(pages["now"], page))
 
     def heard(first, **columns):
         part = rows[first : first + 100].copy()

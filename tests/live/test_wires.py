@@ -22,16 +22,16 @@ from palpate.live.ordering import (
     WAITING,
     Followed,
     Order,
-    Origin,
     Pairing,
     Receipt,
     Stamped,
     Succession,
+    WireSource,
     parsed,
     topics_of,
 )
 from palpate.live.ros import FORCES, POSITIONS, MessageReader
-from palpate.live.sources import Counts, open_source
+from palpate.live.sources import Counts, SourceOptions, open_source
 from palpate.live.zenoh import attached, attachment
 from palpate.live.zeromq import PacketError, packed, unpacked
 
@@ -315,13 +315,15 @@ def test_what_waited_and_is_sent_at_once_is_not_lost():
 
 
 def test_times_since_1970_keep_their_digits():
-    origin = Origin()
-    times = [origin.seconds(SINCE_1970 + k) for k in (0, 1, 123_456_789)]
-    assert times == [0.0, 1e-9, 0.123456789]
-    assert origin.value == SINCE_1970
-    small = Origin()
-    assert [small.seconds(k * MS) for k in (12_345, 12_346)] == [12.345, 12.346]
-    assert small.value == 0
+    def timed(*stamps):
+        source = WireSource("a wire", SourceOptions())
+        for stamp in stamps:
+            source.give(stamp, 0.0, 0.0, 0.0)
+        return [source.take(0.0).time for _ in stamps], source.origin
+
+    since = [SINCE_1970 + k for k in (0, 1, 123_456_789)]
+    assert timed(*since) == ([0.0, 1e-9, 0.123456789], SINCE_1970)
+    assert timed(12_345 * MS, 12_346 * MS) == ([12.345, 12.346], 0)
 
 
 @pytest.fixture

@@ -7,7 +7,13 @@ from typing import TYPE_CHECKING, Annotated, TypeVar
 from cyclopts import Parameter
 
 from palpate.cli.options import Choosing, Deriving, Drawing, Judging, ResultFolder
-from palpate.cli.printing import AsJson, bar, print_json
+from palpate.cli.printing import (
+    AsJson,
+    bar,
+    print_diagnosis,
+    print_identifications,
+    print_json,
+)
 from palpate.cli.reading import Files, Reading
 from palpate.errors import InvalidParameterError
 
@@ -52,7 +58,6 @@ def identify(
     as_json
         Print one JSON object instead of a table.
     """
-    from palpate.cli.tables import print_identifications
     from palpate.identifying import identify as run
 
     wanted, depth, kind = deriving.wanted, judging.depth, choosing.kind
@@ -122,7 +127,6 @@ def diagnose(
     as_json
         Print one JSON object instead of a table.
     """
-    from palpate.cli.tables import print_diagnosis
     from palpate.identifying import identify as run
     from palpate.results.saved import described
 
@@ -163,8 +167,6 @@ def compare(
     as_json
         Print one JSON object instead of a table.
     """
-    from palpate.cli.tables import print_identifications
-
     depth = judging.depth
     if reading.surface == "estimate":
         raise InvalidParameterError(

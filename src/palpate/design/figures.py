@@ -7,7 +7,7 @@ import numpy as np
 
 from palpate.design import Design, PredictedPrecision
 from palpate.digits import rounded
-from palpate.figures.style import Look, head, look_of, scale_of, set_titles, style
+from palpate.figures.style import Look, drawing, head, look_of, scale_of, set_titles
 from palpate.validation import Floats
 
 if TYPE_CHECKING:
@@ -48,10 +48,8 @@ def draw_design(design: Design, *, dark: bool = False, width: float | None = Non
         matplotlib is not installed.
     """
     look = look_of(dark=dark, width=width)
-    sheet = look.sheet
-    with style(look.theme, sheet) as new_figure:
-        figure = new_figure(figsize=sheet.size(10.8 if sheet.narrow else 6.8), layout="constrained")
-        cells = "A;B;C;D;E" if sheet.narrow else "AAABBB;CCDDEE"
+    with drawing(look, 10.8 if look.narrow else 6.8) as figure:
+        cells = "A;B;C;D;E" if look.narrow else "AAABBB;CCDDEE"
         panels = list(figure.subplot_mosaic(cells).values())
         shown = [_Shown("planned", design.planned, look.theme.lines[1], "--")]
         if design.better is not None:
@@ -61,14 +59,14 @@ def draw_design(design: Design, *, dark: bool = False, width: float | None = Non
             bool((each.of.expected_errors > 1.02 * each.of.relative_errors).any()) for each in shown
         )
         _draw_precision(panels[2:], design, shown, look, rounds=rounds)
-        if sheet.narrow:
+        if look.narrow:
             figure.align_ylabels(panels)
         better = "no better motion" if design.better is None else "better"
         caption = f"{CAPTION} Circles: with what the sensor's steps repeat."
         parts = zip(design.law.symbols, design.law.parameters, design.law.units, strict=True)
         words = (f"{symbol} = {rounded(float(value), 4)} {unit}" for symbol, value, unit in parts)
         title = [f"{better}: {design.reason}", f"guessed: {', '.join(map(str.strip, words))}"]
-        set_titles(figure, sheet, title, caption if rounds else CAPTION, lines=6)
+        set_titles(figure, look, title, caption if rounds else CAPTION, lines=6)
     return figure
 
 

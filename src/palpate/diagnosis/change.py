@@ -249,7 +249,7 @@ def _judged(fit: Fit, cut: Cut) -> Changes | None:
 
     sentence = f"the material changes at {when}: stiffness at working depth {levels} N/m"
     remedy = "--changes identifies each stretch by itself"
-    return Changes(Cause.of(fit, "change", found, sentence, remedy, moves), times, laws)
+    return Changes(Cause("change", *found, sentence, remedy, moves, *moves(fit)), times, laws)
 
 
 def _to_the_sample(fit: Fit, cut: Cut, laws: tuple[ForceLaw, ...], border: int) -> float:

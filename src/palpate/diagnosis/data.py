@@ -98,14 +98,7 @@ class Data:
 
 def in_words(value: float, unit: str, digits: int = 3) -> str:
     """A quantity with the prefix that a person reads best: 0.0008 m is 0.8 mm."""
-    for prefix, size in (
-        ("k", 1e3),
-        ("", 1.0),
-        ("m", 1e-3),
-        ("µ", 1e-6),
-        ("n", 1e-9),
-        ("p", 1e-12),
-    ):
+    for prefix, size in {"k": 1e3, "": 1.0, "m": 1e-3, "µ": 1e-6, "n": 1e-9, "p": 1e-12}.items():
         if abs(value) >= 0.1 * size:
             return f"{rounded(value / size, digits)} {prefix}{unit}"
     return f"{rounded(value, digits)} {unit}"
@@ -207,21 +200,16 @@ def signs(data: Data) -> Finding | None:
     deep, shallow = float(force[x >= high].mean()), float(force[x <= low].mean())
     if deep >= shallow:
         return None
+    remedy = "--flip-penetration"
+    words = (
+        f"the force falls from {rounded(shallow, 3)} N to {rounded(deep, 3)} N as the "
+        "penetration grows: is it positive into the material?"
+    )
     if deep < 0.0 and abs(deep) > abs(shallow):
-        remedy, words = (
-            "--flip-force",
-            (
-                f"the force is negative, {rounded(deep, 3)} N, where the penetration is largest: "
-                "compression must be positive"
-            ),
-        )
-    else:
-        remedy, words = (
-            "--flip-penetration",
-            (
-                f"the force falls from {rounded(shallow, 3)} N to {rounded(deep, 3)} N as the "
-                "penetration grows: is it positive into the material?"
-            ),
+        remedy = "--flip-force"
+        words = (
+            f"the force is negative, {rounded(deep, 3)} N, where the penetration is largest: "
+            "compression must be positive"
         )
     return Finding.of_both("do-not-trust", "signs", words, remedy)
 

@@ -114,8 +114,9 @@ def cause_of(
     parameter = float(change[0]) / max(abs(float(law.parameters[0])), 1e-300)
     if law.power_law:
         parameter -= float(change[2]) * math.log(fit.units.depth)
+    moves = moves or (lambda it: it.moves(change))
     found = result.z, result.gain, parameter
-    return Cause.of(fit, name, found, sentence, remedy, moves or (lambda it: it.moves(change)))
+    return Cause(name, *found, sentence, remedy, moves, *moves(fit))
 
 
 # Delay: the force late, or early, against the penetration.
@@ -266,7 +267,7 @@ def memory(fit: Fit) -> list[Cause]:
         by_branch = turn**2 * slope / other.sizes[0], time * slope / other.sizes[1]
         return stiffness + by_branch[0], damping + by_branch[1]
 
-    return [Cause.of(fit, "memory", (best.z, best.gain, 0.0), *_words(fit, time), moves)]
+    return [Cause("memory", best.z, best.gain, 0.0, *_words(fit, time), moves, *moves(fit))]
 
 
 def _words(fit: Fit, time: float) -> tuple[str, str]:

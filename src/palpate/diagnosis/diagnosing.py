@@ -322,11 +322,6 @@ def _episodes(fit: Fit, changed: Changes) -> tuple[Episode, ...]:
     borders = [float(fit.data.time[0]), *changed.times, float(fit.data.time[-1])]
     episodes = []
     for ends, law in zip(pairwise(borders), changed.laws, strict=True):
-        numbers = (
-            law.force(fit.depth, 0.0),
-            law.stiffness_at(fit.depth),
-            law.damping_at(fit.depth),
-        )
-        quantities = [Quantity(float(value), math.nan, 0.0) for value in numbers]
+        quantities = [Quantity(value, math.nan, 0.0) for value in law.at_rest(fit.depth)]
         episodes.append(Episode(*ends, law, WorkingDepth(fit.depth, *quantities)))
     return tuple(episodes)

@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from palpate.digits import rounded
+from palpate.digits import rounded, with_error
 from palpate.estimators import ContactEstimator, LawVerdict
-from palpate.estimators.law_verdicts import EVERYDAY, RELAXATION_STIFFNESS, verdict_of
+from palpate.estimators.law_verdicts import EVERYDAY, verdict_of
 from palpate.findings import Finding, Mark
 from palpate.force_laws import ForceLaw, GeneralisedHuntCrossley
 from palpate.validation import Plain
@@ -53,6 +53,14 @@ class Quantity(Plain):
     def whole_error(self) -> float:
         """What repeats and what the findings would move together; NaN where one is unknown."""
         return math.hypot(self.standard_error, self.systematic)
+
+    def scaled(self, factor: float) -> "Quantity":
+        """Return so many times the quantity."""
+        return Quantity(*(factor * x for x in (self.value, self.standard_error, self.systematic)))
+
+    def words(self, unit: str = "") -> str:
+        """It with both error bars, what repeats and what the findings would move, and a unit."""
+        return with_error(self.value, self.standard_error, self.systematic, unit=unit)
 
 
 @dataclass(frozen=True, slots=True)
@@ -206,16 +214,6 @@ class Laws:
     longest: float = 0.0
 
     @property
-    def asked_for_memory(self) -> bool:
-        """Whether laws with memory were among them."""
-        return any(each.candidate.memory != "none" for each in self.verdict.standings)
-
-    @property
-    def open_memory(self) -> bool:
-        """Whether these samples do not say how much relaxes, though they say that it does."""
-        return any(each.check == RELAXATION_STIFFNESS for each in self.verdict.findings)
-
-    @property
     def of_all(self) -> bool:
         """Whether they were more than the everyday ones."""
         return len(self.verdict.standings) > EVERYDAY
@@ -238,7 +236,7 @@ def remedy_of_memory(laws: Laws | None, time: float) -> str:
     time : float
         For how long the residual remembers, s.
     """
-    if laws is None or not laws.asked_for_memory:
+    if laws is None or all(each.candidate.memory == "none" for each in laws.verdict.standings):
         return f"{REMEDY} tells whether a law with memory is better; or {FASTER}"
     if laws.verdict.candidate.memory != "none":
         if not laws.own:

@@ -23,7 +23,7 @@ class Alike(Estimate):
 
     Attributes
     ----------
-    own_errors : tuple of float
+    own_errors : numpy.ndarray, shape (3,)
         Standard errors of force, stiffness and damping at the depth, by the law that it was.
     longest : float
         The longest time that the law relaxed over, s; 0 for one without memory.
@@ -32,14 +32,10 @@ class Alike(Estimate):
     __slots__ = ("_alike", "longest", "own_errors")
 
     def __init__(self, estimate: Estimate, law: HuntCrossley, depth: float) -> None:
-        super().__init__(estimate._value, estimate._law_type, estimate.fixed)
+        super().__init__(estimate, estimate._law_type, estimate.fixed)
         self._alike = law
         self.longest = float(estimate.law.parameters[7])
-        self.own_errors = (
-            estimate.with_error(lambda law: float(law.force(depth, 0.0)))[1],
-            estimate.stiffness_at(depth)[1],
-            estimate.damping_at(depth)[1],
-        )
+        self.own_errors = estimate.with_errors(lambda law: law.at_rest(depth))[1]
 
     @property
     def law(self) -> HuntCrossley:
@@ -471,8 +467,6 @@ class Cause:
         Its coefficient in standard errors, for a correlated residual.
     gain : float
         Fraction of the residual's energy that it removes.
-    stiffness, damping : float
-        How far it moves them at working depth, of their size.
     parameter : float
         How far it moves the law's stiffness parameter, of its size.
     sentence : str
@@ -480,32 +474,20 @@ class Cause:
     remedy : str or None
         What to do.
     moves : callable
-        Gives stiffness and damping for a fit, at its working depth.
+        Gives how far stiffness and damping of a fit move, at its working depth, of their size.
+    stiffness, damping : float
+        That of the fit it was found in.
     """
 
     name: str
     z: float
     gain: float
-    stiffness: float
-    damping: float
     parameter: float
     sentence: str
     remedy: str | None
     moves: "Moves"
-
-    @classmethod
-    def of(
-        cls,
-        fit: Fit,
-        name: str,
-        found: "tuple[float, float, float]",
-        sentence: str,
-        remedy: str | None,
-        moves: "Moves",
-    ) -> "Cause":
-        """A cause by its z, gain and parameter, with what it moves at the fit's depth."""
-        z, gain, parameter = found
-        return cls(name, z, gain, *moves(fit), parameter, sentence, remedy, moves)
+    stiffness: float
+    damping: float
 
     @property
     def family(self) -> str:

@@ -19,11 +19,10 @@ from palpate.diagnosis.fit import (
     beside,
 )
 from palpate.digits import rounded, with_error
-from palpate.estimators import LawVerdict
-from palpate.estimators.law_verdicts import STRONG, Standing
+from palpate.estimators.law_verdicts import RELAXATION_STIFFNESS, STRONG
 from palpate.estimators.least_squares import mean_error, robust_covariance
 from palpate.findings import Finding, Mark, Severity, worst
-from palpate.force_laws import ForceLaw, HuntCrossley
+from palpate.force_laws import HuntCrossley
 from palpate.preparation.surfaces import placed
 from palpate.validation import Floats
 
@@ -186,7 +185,7 @@ def better_law(fit: Fit) -> Cause | None:
     laws = fit.laws
     if laws is None or laws.own or not laws.verdict.known:
         return None
-    best, own = laws.verdict.standings[0], standing_of(fit.estimate.law, laws.verdict)
+    best, own = laws.verdict.standings[0], laws.verdict.standing_of(fit.estimate.law)
     if own is None or not (own.score >= STRONG and best.rms_error <= BETTER * own.rms_error):
         return None
 
@@ -198,17 +197,10 @@ def better_law(fit: Fit) -> Cause | None:
     gain = 1.0 - (best.rms_error / own.rms_error) ** 2
     moves = partial(_apart, laws=laws)
     remedy = REMEDY
-    if laws.open_memory:  # of an approach alone, say: prediction gains, and K alone means little
+    if any(each.check == RELAXATION_STIFFNESS for each in laws.verdict.findings):
+        # Of an approach alone, say: prediction gains, and K alone means little.
         remedy += ": K′ and B′ at the motion's frequency, not the relaxed stiffness"
-    return Cause.of(fit, "law", (math.nan, gain, math.nan), sentence, remedy, moves)
-
-
-def standing_of(law: ForceLaw, verdict: LawVerdict) -> Standing | None:
-    """Return how an identified law stood among those that were compared."""
-    if law.candidate is None:
-        return None
-    damping, memory, linear = law.candidate
-    return verdict.standing_of(damping, memory, linear=linear)
+    return Cause("law", math.nan, gain, math.nan, sentence, remedy, moves, *moves(fit))
 
 
 def _apart(fit: Fit, laws: Laws) -> tuple[float, float]:
@@ -271,7 +263,8 @@ def _described(fit: Fit, found: Floats, error: float, gain: float) -> Cause:
     )
     parameter = abs((n - before.parameters[2]) * math.log(reference)) + n * abs(depth)
     z = abs(depth) / max(error, 1e-300)
-    return Cause.of(fit, "surface", (z, gain, parameter), sentence, "--surface estimate", moves)
+    remedy = "--surface estimate"
+    return Cause("surface", z, gain, parameter, sentence, remedy, moves, *moves(fit))
 
 
 def _samples(fit: Fit) -> Floats:
@@ -459,7 +452,7 @@ def working_depth(fit: Fit, judged: Judged) -> WorkingDepth:
         moved = np.maximum(moved, _without_offset(fit))
     if fit.alike is not None:
         # Where memory was taken out of the force, its least squares take it for known.
-        own = np.array(fit.alike.own_errors)
+        own = fit.alike.own_errors
         errors = np.where(own > errors, own, errors)
     return _numbers(fit, _with_surface(fit, errors), moved)
 
@@ -511,11 +504,9 @@ def _without_offset(fit: Fit) -> Floats:
 
 
 def _numbers(fit: Fit, errors: Floats, moved: Floats) -> WorkingDepth:
-    law, depth, values = fit.estimate.law, fit.depth, [math.nan] * 3
-    if math.isfinite(depth):
-        values = [float(law.force(depth, 0.0)), law.stiffness_at(depth), law.damping_at(depth)]
-    quantities = map(Quantity, values, errors.tolist(), moved.tolist())
-    return WorkingDepth(depth, *quantities)
+    known = math.isfinite(fit.depth)
+    values = fit.estimate.law.at_rest(fit.depth) if known else [math.nan] * 3
+    return WorkingDepth(fit.depth, *map(Quantity, values, errors.tolist(), moved.tolist()))
 
 
 def _with_surface(fit: Fit, errors: Floats) -> Floats:
@@ -528,11 +519,6 @@ def _with_surface(fit: Fit, errors: Floats) -> Floats:
     deviation = min(fit.data.contact.surface_deviation or 0.0, 0.5 * depth)
     if not deviation > 0.0:
         return errors
-    low, high = depth - deviation, depth + deviation
-    moves = (
-        float(law.force(high, 0.0)) - float(law.force(low, 0.0)),
-        law.stiffness_at(high) - law.stiffness_at(low),
-        law.damping_at(high) - law.damping_at(low),
-    )
-    wider: Floats = np.hypot(errors, 0.5 * np.array(moves))
+    moves = np.subtract(law.at_rest(depth + deviation), law.at_rest(depth - deviation))
+    wider: Floats = np.hypot(errors, 0.5 * moves)
     return wider

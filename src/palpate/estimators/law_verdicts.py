@@ -9,7 +9,7 @@ import palpate._core as _core
 from palpate.digits import rounded
 from palpate.estimators.estimate import Estimate
 from palpate.findings import Finding
-from palpate.force_laws import GeneralisedHuntCrossley
+from palpate.force_laws import ForceLaw, GeneralisedHuntCrossley
 from palpate.validation import Plain, defined, or_nan
 
 # By the values of the compiled enumerations.
@@ -194,9 +194,9 @@ class LawVerdict(Plain):
         findings = tuple(map(Finding.from_dict, said))
         return cls(candidate(words), tuple(standings), **numbers, findings=findings)
 
-    def standing_of(self, damping: str, memory: str, *, linear: bool = False) -> Standing | None:
-        """Return how a law stood; None where it was not offered."""
-        wanted = Candidate(damping, memory, linear)
+    def standing_of(self, law: ForceLaw) -> Standing | None:
+        """Return how an identified law stood; None where it was not offered."""
+        wanted = law.candidate and Candidate(*law.candidate)
         return next((each for each in self.standings if each.candidate == wanted), None)
 
     @property

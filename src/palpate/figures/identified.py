@@ -3,6 +3,7 @@
 import math
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -30,23 +31,23 @@ from palpate.figures.panels import (
 )
 from palpate.figures.style import (
     Look,
+    drawing,
     head,
     look_of,
     scale_as_written,
     scale_of,
     set_titles,
     stack,
-    style,
 )
 from palpate.identification.identified import Identified, rank
 from palpate.quantities.derived import SmallOscillation, band_of
-from palpate.results.parameters import ParameterRow, law_name, parameter_rows
+from palpate.results.parameters import law_name, parameter_rows
 from palpate.results.view import felt
 from palpate.stages import timed
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
+    from matplotlib.figure import Figure, SubFigure
 
 
 # Parameters beside one another.
@@ -80,73 +81,61 @@ def draw(identification: Identified, *, dark: bool = False, width: float | None 
     MissingExtraError
         matplotlib is not installed.
     """
-    look = look_of(dark=dark, width=width)
-    with style(look.theme, look.sheet) as new_figure:
-        arrange = _in_a_column if look.sheet.narrow else _on_a_page
-        return arrange(new_figure, identification, look)
-
-
-def _on_a_page(new_figure: "type[Figure]", result: Identified, look: Look) -> "Figure":
-    drawn = _drawn_of(result)
-    length = math.ceil(len(drawn) / math.ceil(len(drawn) / _IN_A_ROW))
-    rows = [drawn[i : i + length] for i in range(0, len(drawn), length)]
-    columns = math.lcm(6, *(len(row) for row in rows))
-    heights = [1.25, 0.95, *(0.85 for _ in rows), 0.85]
-    figure = new_figure(figsize=look.sheet.size(2.7 * sum(heights)), layout="constrained")
-    grid = figure.add_gridspec(len(heights), columns, height_ratios=heights)
-
-    def cell(row: int, start: float, stop: float) -> "Axes":
-        return figure.add_subplot(grid[row, round(columns * start) : round(columns * stop)])
-
-    draw_force(cell(0, 0, 2 / 3), result, look)
-    loop = cell(0, 2 / 3, 1)
-    draw_loop(loop, result, look)
-    head(loop, "Force over penetration")
-    course = course_of(result, result.diagnosis.working_depth.depth)
-    draw_at_depth(cell(1, 0, 1 / 2), result, course, "stiffness", look)
-    draw_at_depth(cell(1, 1 / 2, 1), result, course, "damping", look)
-    for row, several in enumerate(rows):
-        for i, parameter in enumerate(several):
-            axes = cell(2 + row, i / len(several), (i + 1) / len(several))
-            draw_parameter(axes, result, course, parameter, look)
-    draw_residual(cell(len(heights) - 1, 0, 1 / 2), result, look)
-    check = cell(len(heights) - 1, 1 / 2, 1)
-    if result.estimator.needs_condition_10:
-        draw_condition(check, result, course, look)
-    else:
-        draw_error(check, result, look)
-    title = [verdict_of(result), fit_of(result), at_depth(result)]
-    set_titles(figure, look.sheet, title, _caption(result), lines=1)
-    return figure
-
-
-def _drawn_of(result: Identified) -> list[ParameterRow]:
-    """The parameters that have a course: of a law that was chosen those that were looked for."""
-    rows = parameter_rows(result)
-    if not result.estimator.chooses_law:
-        return rows
-    return [row for row in rows if row.estimated]
-
-
-def _in_a_column(new_figure: "type[Figure]", result: Identified, look: Look) -> "Figure":
+    look, result = look_of(dark=dark, width=width), identification
     condition = result.estimator.needs_condition_10
-    heights = [1.1, 1.3, 1.0, 1.0, 1.0, *([1.0] * condition)]
-    figure = new_figure(figsize=look.sheet.size(1.7 * sum(heights) + 1.8), layout="constrained")
-    panels = list(figure.subplots(len(heights), 1, height_ratios=heights))
-    course = course_of(result, result.diagnosis.working_depth.depth)
-    draw_force(panels[0], result, look)
-    draw_loop(panels[1], result, look)
-    head(panels[1], "Force over penetration")
-    draw_at_depth(panels[2], result, course, "stiffness", look)
-    draw_at_depth(panels[3], result, course, "damping", look)
-    draw_residual(panels[4], result, look)
-    if condition:
-        draw_condition(panels[5], result, course, look)
-    stack(panels[2:])
-    figure.align_ylabels(panels)
-    title = [verdict_of(result), fit_of(result), at_depth(result, ["force"]), parameters_of(result)]
-    set_titles(figure, look.sheet, title, _caption(result), lines=3)
+    if look.narrow:
+        drawn, heights = [], [1.1, 1.3, 1.0, 1.0, 1.0, *([1.0] * condition)]
+        height = 1.7 * sum(heights) + 1.8
+    else:
+        # Of a law that was chosen those that were looked for: others have no course.
+        every = not result.estimator.chooses_law
+        drawn = [row for row in parameter_rows(result) if every or row.estimated]
+        heights = [1.25, 0.95, *([0.85] * math.ceil(len(drawn) / _IN_A_ROW)), 0.85]
+        height = 2.7 * sum(heights)
+    with drawing(look, height) as figure:
+        if look.narrow:
+            panels = list(figure.subplots(len(heights), 1, height_ratios=heights))
+        else:
+            panels = _on_a_page(figure, heights, len(drawn))
+        course = course_of(result, result.diagnosis.working_depth.depth)
+        draw_force(panels[0], result, look)
+        draw_loop(panels[1], result, look)
+        head(panels[1], "Force over penetration")
+        draw_at_depth(panels[2], result, course, "stiffness", look)
+        draw_at_depth(panels[3], result, course, "damping", look)
+        for axes, parameter in zip(panels[4:], drawn, strict=False):
+            draw_parameter(axes, result, course, parameter, look)
+        residual, *check = panels[4 + len(drawn) :]
+        draw_residual(residual, result, look)
+        if condition:
+            draw_condition(check[0], result, course, look)
+        elif check:
+            draw_error(check[0], result, look)
+        title = [verdict_of(result), fit_of(result)]
+        if look.narrow:
+            stack(panels[2:])
+            figure.align_ylabels(panels)
+            title += [at_depth(result, ["force"]), parameters_of(result)]
+        else:
+            title.append(at_depth(result))
+        set_titles(figure, look, title, _caption(result), lines=3 if look.narrow else 1)
     return figure
+
+
+def _on_a_page(figure: "Figure", heights: list[float], parameters: int) -> "list[Axes]":
+    """Force and loop, stiffness and damping, the parameters in rows, and two more."""
+    rows = len(heights) - 3
+    length = math.ceil(parameters / rows)
+    counts = [min(length, parameters - start) for start in range(0, parameters, length)]
+    columns = math.lcm(6, *counts)
+    grid = figure.add_gridspec(len(heights), columns, height_ratios=heights)
+    edges = [[0.0, 2 / 3, 1.0], [0.0, 0.5, 1.0]]
+    edges += [[i / count for i in range(count + 1)] for count in counts]
+    return [
+        figure.add_subplot(grid[row, round(columns * start) : round(columns * stop)])
+        for row, several in enumerate([*edges, [0.0, 0.5, 1.0]])
+        for start, stop in pairwise(several)
+    ]
 
 
 def _caption(result: Identified) -> str:
@@ -204,11 +193,8 @@ def draw_oscillations(
     courses = [(result, course) for result, course in courses if course]
     if not courses:
         raise InvalidParameterError("results must hold one whose probe moved, not none")
-    sheet = look.sheet
-    with style(look.theme, sheet) as new_figure:
-        figure = new_figure(figsize=sheet.size(7.0 if sheet.narrow else 3.6), layout="constrained")
-        shape = (2, 1) if sheet.narrow else (1, 2)
-        stiffness, damping = figure.subplots(*shape, squeeze=False).reshape(-1)
+    with drawing(look, 7.0 if look.narrow else 3.6) as figure:
+        stiffness, damping = np.ravel(figure.subplots(*((2, 1) if look.narrow else (1, 2))))
         _draw(stiffness, courses, ("stiffness", "K′", "N/m"), look)
         _draw(damping, courses, ("damping", "B′", "N·s/m"), look)
         head(stiffness, "Dynamic stiffness K′")
@@ -216,7 +202,7 @@ def draw_oscillations(
         depth = scale_of(courses[0][1][0].depth, "m")
         at = f"at {depth.factor * courses[0][1][0].depth:.4g} {depth.unit}"
         name = name_of(courses[0][0])
-        set_titles(figure, sheet, [f"{name}, {at}" if name else at], OSCILLATION_CAPTION)
+        set_titles(figure, look, [f"{name}, {at}" if name else at], OSCILLATION_CAPTION)
     return figure
 
 
@@ -242,18 +228,12 @@ def _draw(
     for row, ((result, course), part) in enumerate(zip(courses, parts, strict=True)):
         hertz = np.array([each.frequency for each in course]) / (2.0 * math.pi)
         value = scale.factor * np.array([each.value for each in part])
-        bars = [
-            scale.factor * np.array([math.hypot(*errors) for errors in each])
-            for each in (
-                [(q.standard_error, 0.0) for q in part],
-                [(q.standard_error, q.systematic) for q in part],
-            )
-        ]
-        colour = look.theme.lines[row % len(look.theme.lines)]
-        for bar, alpha in zip(bars, (0.3, 0.12), strict=True):
-            known = np.where(np.isfinite(bar), bar, 0.0)
-            low, high = value - 2.0 * known, value + 2.0 * known
-            axes.fill_between(hertz, low, high, color=colour, alpha=alpha, lw=0)
+        own = [each.standard_error for each in part]
+        whole = [each.whole_error for each in part]
+        colour = look.colour(row)
+        for errors, alpha in ((own, 0.3), (whole, 0.12)):
+            bar = 2.0 * scale.factor * np.where(np.isfinite(errors), errors, 0.0)
+            axes.fill_between(hertz, value - bar, value + bar, color=colour, alpha=alpha, lw=0)
         line = _STYLES[row % len(_STYLES)]
         axes.plot(hertz, value, color=colour, linestyle=line, label=_label(result))
     axes.set_xscale("log")
@@ -323,23 +303,16 @@ def _draw_dots(
     k, ink = scale.factor, look.theme.ink
     axes.axvline(k * finals[0].value, color=ink, linewidth=look.points(0.7), linestyle=":")
     for row, final in enumerate(finals):
-        colour = look.theme.lines[row % len(look.theme.lines)]
+        colour = look.colour(row)
         if not low <= final.value <= high:
             _draw_arrow(axes, row, final.value, (k * low, k * high), colour, look)
             continue
         for error, line, cap in ((final.error, 3.0, 0.0), (final.whole_error, 1.1, 3.0)):
-            axes.errorbar(
-                [k * final.value],
-                [row],
-                xerr=[2.0 * k * error],
-                fmt="o",
-                color=colour,
-                markersize=look.points(5.0),
-                elinewidth=look.points(line),
-                capsize=look.points(cap),
-            )
+            bar = 2.0 * k * error
+            dot = look.dot(5.0, line, cap)
+            axes.errorbar(k * final.value, row, xerr=bar, color=colour, **dot)
     axes.set(xlim=(k * low, k * high), ylim=(len(finals) - 0.4, -0.6), xlabel=f"[{scale.unit}]")
-    axes.locator_params(axis="x", nbins=3 if look.sheet.narrow else 4)
+    axes.locator_params(axis="x", nbins=3 if look.narrow else 4)
     axes.grid(visible=False, axis="y")
 
 
@@ -358,7 +331,7 @@ def _draw_arrow(
         textcoords="offset points",
         ha="right" if right else "left",
         va="center",
-        fontsize=0.9 * look.sheet.font,
+        fontsize=0.9 * look.font,
     )
 
 
@@ -420,20 +393,20 @@ def draw_comparison(
     ordered = [results[name] for name in ranking.order]
     best = ranking.recommended
     words = "no method is to be trusted" if best is None else f"recommended: {best}"
-    with style(look.theme, look.sheet) as new_figure:
-        figure = _compared(new_figure, ordered, look)
-        set_titles(figure, look.sheet, [words, name_of(ordered[0])], COMPARED_CAPTION)
+    count, narrow = len(ordered), look.narrow
+    heights = (0.9 + 0.19 * count, 1.15 * count + 0.3) if narrow else (2.3, 1.3 * count + 0.3)
+    with drawing(look, sum(heights) + (1.8 if narrow else 1.1)) as figure:
+        grid = figure.add_gridspec(2, 1, height_ratios=heights)
+        _compared(figure.add_subfigure(grid[0]), figure.add_subfigure(grid[1]), ordered, look)
+        set_titles(figure, look, [words, name_of(ordered[0])], COMPARED_CAPTION)
     return figure
 
 
-def _compared(new_figure: "type[Figure]", ordered: list[Identified], look: Look) -> "Figure":
+def _compared(
+    above: "SubFigure", below: "SubFigure", ordered: list[Identified], look: Look
+) -> None:
     """Values above, residuals below; on a page force and loops beside them."""
-    count, narrow = len(ordered), look.sheet.narrow
-    heights = (0.9 + 0.19 * count, 1.15 * count + 0.3) if narrow else (2.3, 1.3 * count + 0.3)
-    high = sum(heights) + (1.8 if narrow else 1.1)
-    figure = new_figure(figsize=look.sheet.size(high), layout="constrained")
-    grid = figure.add_gridspec(2, 1, height_ratios=heights)
-    above, below = figure.add_subfigure(grid[0]), figure.add_subfigure(grid[1])
+    count, narrow = len(ordered), look.narrow
     names = [f"{row + 1}" for row in range(count)]
     if narrow:
         stiffness, damping = above.subplots(1, 2)
@@ -444,25 +417,14 @@ def _compared(new_figure: "type[Figure]", ordered: list[Identified], look: Look)
         draw_force(force, ordered[0], look)
         panels = below.subplots(count, 2, width_ratios=(2.0, 1.0), squeeze=False)
     draw_values(stiffness, damping, ordered, names, look)
-    _draw_rows(list(panels[:, 0]), ordered, look)
-    if not narrow:
-        colours = _colours(look, count)
-        for axes, result, colour in zip(panels[:, 1], ordered, colours, strict=True):
-            draw_loop(axes, result, look, colour=colour, points=_LOOP_POINTS)
-        head(panels[0, 1], "Measured (grey) and by the final law", legend=False)
-        stack(list(panels[:, 1]))
-    return figure
-
-
-def _draw_rows(rows: "list[Axes]", ordered: list[Identified], look: Look) -> None:
-    """The residual of each method, with its name and what it came to."""
-    draw_residual_rows(rows, ordered, _colours(look, len(ordered)), look)
+    rows = list(panels[:, 0])
+    draw_residual_rows(rows, ordered, look)
     for row, (axes, result) in enumerate(zip(rows, ordered, strict=True)):
         fit = f"{result.fit_rmse_percent:.2g}{JOINED}%{JOINED}rms"
         head(axes, f"{row + 1}. {result.method}: {result.diagnosis.verdict.overall}, {fit}")
     stack(rows)
-
-
-def _colours(look: Look, count: int) -> list[str]:
-    lines = look.theme.lines
-    return [lines[row % len(lines)] for row in range(count)]
+    if not narrow:
+        for row, (axes, result) in enumerate(zip(panels[:, 1], ordered, strict=True)):
+            draw_loop(axes, result, look, colour=look.colour(row), points=_LOOP_POINTS)
+        head(panels[0, 1], "Measured (grey) and by the final law", legend=False)
+        stack(list(panels[:, 1]))

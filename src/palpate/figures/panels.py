@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.diagnosis import Data, Quantity
-from palpate.digits import with_error
 from palpate.estimators.estimate import Estimate
 from palpate.figures.style import (
     BAND_DEVIATIONS,
@@ -21,6 +20,7 @@ from palpate.figures.style import (
     Scatter,
     broken,
     clock,
+    drawing,
     few,
     head,
     in_order,
@@ -31,9 +31,7 @@ from palpate.figures.style import (
     scale_of,
     set_titles,
     shown,
-    style,
 )
-from palpate.force_laws import ForceLaw
 from palpate.identification.identified import Identified
 from palpate.results.parameters import OFFERED, ParameterRow, parameter_rows
 from palpate.results.view import depth_of
@@ -45,11 +43,6 @@ if TYPE_CHECKING:
 
 
 JOINED = "\N{NO-BREAK SPACE}"
-
-
-def kept_together(value: float, *errors: float, unit: str = "") -> str:
-    """As :func:`palpate.digits.with_error`, in words that no line is broken between."""
-    return with_error(value, *errors, unit=unit).replace(" ", JOINED)
 
 
 def parameters_of(result: Identified) -> str:
@@ -66,8 +59,7 @@ def at_depth(result: Identified, names: Iterable[str] = _UNITS) -> str:
     there, words = result.diagnosis.working_depth, []
     for name in names:
         found: Quantity = getattr(there, name)
-        errors = found.standard_error, found.systematic
-        words.append(f"{name} {kept_together(found.value, *errors, unit=_UNITS[name])}")
+        words.append(f"{name} {found.words(_UNITS[name]).replace(' ', JOINED)}")
     relaxed = ", once relaxed" if result.law.remembers else ""
     return f"at {depth_of(there.depth)}{relaxed}: {', '.join(words)}"
 
@@ -157,28 +149,11 @@ def course_of(result: Identified, depth: float) -> Course:
 
 def _known(estimate: Estimate, depth: float) -> list[float]:
     """Stiffness, its error, damping, its error; NaN for what overflows."""
-    with np.errstate(all="ignore"):
-        try:
-            law = estimate.law
-            values = law.stiffness_at(depth), law.damping_at(depth)
-        except ValueError:  # of parameters that are not finite there is no law
-            return [np.nan] * 4
-        slopes = _slopes(law, depth)
-        errors = np.sqrt(np.einsum("ij,jk,ik->i", slopes, estimate.covariance, slopes))
-    return [values[0], float(errors[0]), values[1], float(errors[1])]
-
-
-def _slopes(law: ForceLaw, depth: float) -> Floats:
-    """∂S/∂θ and ∂C/∂θ at a depth and at rest, shape (2, p).
-
-    By S = ∂F/∂x and C = ∂F/∂v they are the slopes of ∂F/∂θ over x and v. A step of 1e-5 of the
-    depth leaves 1e-10 of its curvature, and 1e-11 of rounding.
-    """
-    step, slow = 1e-5 * depth, 1e-3
-    by_depth = law.parameter_gradient(depth + step * np.array([1.0, -1.0]), np.zeros(2))
-    by_speed = law.parameter_gradient(np.full(2, depth), slow * np.array([1.0, -1.0]))
-    rows = (by_depth[0] - by_depth[1]) / (2.0 * step), (by_speed[0] - by_speed[1]) / (2.0 * slow)
-    return np.array(rows)
+    try:
+        values, errors = estimate.with_errors(lambda law: law.at_rest(depth)[1:])
+    except ValueError:  # of parameters that are not finite there is no law
+        return [np.nan] * 4
+    return np.column_stack([values, errors]).reshape(-1).tolist()
 
 
 # What the final law leaves of the force, over time, depth and speed.
@@ -218,13 +193,11 @@ def draw_residuals(
         matplotlib is not installed.
     """
     look = look_of(dark=dark, width=width)
-    sheet, seen = look.sheet, [_scatter(identification, each) for each in AGAINST]
+    seen = [_scatter(identification, each) for each in AGAINST]
     noise = _noise_band(identification)
     unit = scale_of(max(_reach(each, noise) for _, each in seen), "N")
-    with style(look.theme, sheet) as new_figure:
-        figure = new_figure(figsize=sheet.size(8.6 if sheet.narrow else 3.6), layout="constrained")
-        shape = (3, 1) if sheet.narrow else (1, 3)
-        panels = figure.subplots(*shape, squeeze=False).reshape(-1)
+    with drawing(look, 8.6 if look.narrow else 3.6) as figure:
+        panels = np.ravel(figure.subplots(*((3, 1) if look.narrow else (1, 3))))
         for axes, against, (label, scatter) in zip(panels, AGAINST, seen, strict=True):
             _draw(axes, scatter, noise, unit, look, look.theme.lines[0])
             axes.set(xlabel=label, ylabel=unit.label("residual"))
@@ -235,23 +208,18 @@ def draw_residuals(
         laws = "laws of each part leave" if identification.stretches else "final law leaves"
         fit = f"the {laws} {identification.fit_rmse_percent:.2g} % of the force"
         name = name_of(identification)
-        set_titles(figure, sheet, [f"{name}: {fit}" if name else fit], CAPTION)
+        set_titles(figure, look, [f"{name}: {fit}" if name else fit], CAPTION)
     return figure
 
 
 def draw_residual(axes: "Axes", result: Identified, look: Look) -> None:
     """One panel of the residual over time, with the band of noise alone."""
-    draw_residual_rows([axes], [result], [look.theme.lines[0]], look)
+    draw_residual_rows([axes], [result], look)
     law = "law of each part" if result.stretches else "final law"
     head(axes, f"Residual, measured − {law}: {result.fit_rmse_percent:.2g} % rms")
 
 
-def draw_residual_rows(
-    rows: "Sequence[Axes]",
-    results: Sequence[Identified],
-    colours: Sequence[str],
-    look: Look,
-) -> None:
+def draw_residual_rows(rows: "Sequence[Axes]", results: Sequence[Identified], look: Look) -> None:
     """The residual of each of several identifications over time, to one scale.
 
     That is at most so large that the first of them, the best, is still to be seen.
@@ -261,8 +229,8 @@ def draw_residual_rows(
     reaches = [_reach(scatter, noise) for _, scatter in seen]
     reach = min(max(reaches), _MOST_REACH * reaches[0])
     unit = scale_of(reach, "N")
-    for axes, (label, scatter), colour in zip(rows, seen, colours, strict=True):
-        _draw(axes, scatter, noise, unit, look, colour)
+    for row, (axes, (label, scatter)) in enumerate(zip(rows, seen, strict=True)):
+        _draw(axes, scatter, noise, unit, look, look.colour(row))
         axes.set_ylim(-1.15 * unit.factor * reach, 1.15 * unit.factor * reach)
         axes.locator_params(axis="y", nbins=4)
         axes.set(xlabel=label, ylabel=unit.label("residual"))
@@ -392,8 +360,7 @@ def draw_at_depth(
         kind = "place" if result.stretches[0].place is not None else "stretch"
         head(axes, f"{name} of each {kind}" if kind == "place" else f"{at}, of each stretch")
         return
-    errors = (quantities[0].standard_error, quantities[0].systematic)
-    head(axes, f"{at}: {kept_together(finals[0].value, *errors, unit=unit)}")
+    head(axes, f"{at}: {quantities[0].words(unit).replace(' ', JOINED)}")
 
 
 def _draw_line(
@@ -440,16 +407,9 @@ def _draw_final(axes: "Axes", time: Floats, final: Final, factor: float, look: L
     """The result at the right, as a dot, with ±2 s.e.; thin, with what the findings would move."""
     right = float(time.max() + 0.03 * (np.ptp(time) or 1.0))
     for error, width, cap in ((final.error, 2.2, 0.0), (final.whole_error, 0.9, 2.5)):
-        axes.errorbar(
-            [right],
-            [factor * final.value],
-            yerr=[2.0 * factor * error],
-            fmt="o",
-            color=look.theme.ink,
-            markersize=look.points(3.5),
-            elinewidth=look.points(width),
-            capsize=look.points(cap),
-        )
+        dot = look.dot(3.5, width, cap)
+        bar = 2.0 * factor * error
+        axes.errorbar(right, factor * final.value, yerr=bar, color=look.theme.ink, **dot)
 
 
 def _draw_stretches(

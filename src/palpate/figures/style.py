@@ -99,15 +99,18 @@ _LARGEST, _SMALLEST = 9.5, 7.0
 
 
 @dataclass(frozen=True, slots=True)
-class Sheet:
-    """The width of a figure, and what follows from it.
+class Look:
+    """Colours and width of a figure, and what follows from the width.
 
     Parameters
     ----------
+    theme : Theme
+        Colours.
     width : float
-        As it is printed, m.
+        As it is printed, m; a page unless given.
     """
 
+    theme: Theme
     width: float = 11.0 * INCH
 
     @property
@@ -130,38 +133,47 @@ class Sheet:
         """Whether panels stand one below the other."""
         return self.width < _ONE_COLUMN
 
-    def size(self, height: float) -> tuple[float, float]:
-        """Width and height of a figure that is so many inches high on a page."""
-        return self.inches, height * self.scale
+    def points(self, size: float) -> float:
+        """Width of a line, or size of a marker, that has so many points on a page."""
+        return size * self.scale
+
+    def dot(self, marker: float, line: float, cap: float) -> dict[str, Any]:
+        """What ``errorbar`` takes for a dot and its bar, of such sizes in points on a page."""
+        sizes = {"markersize": marker, "elinewidth": line, "capsize": cap}
+        return {"fmt": "o", **{name: self.points(size) for name, size in sizes.items()}}
+
+    def colour(self, row: int) -> str:
+        """Colour of a line among others; there are so many that few begin again."""
+        return self.theme.lines[row % len(self.theme.lines)]
 
 
-PAGE = Sheet()
-
-
-def sheet_of(width: float | None) -> Sheet:
-    """Return the sheet of a width, m; a page unless given.
+def look_of(*, dark: bool, width: float | None) -> Look:
+    """Return the look that a caller asks for; a page unless a width, m, is given.
 
     Raises
     ------
     InvalidParameterError
-        It is out of its range.
+        The width is out of its range.
     """
-    return PAGE if width is None else Sheet(number_in("width", width, NARROWEST, WIDEST))
+    theme = DARK if dark else LIGHT
+    return (
+        Look(theme) if width is None else Look(theme, number_in("width", width, NARROWEST, WIDEST))
+    )
 
 
 def set_titles(
-    figure: Figure, sheet: Sheet, title: list[str], caption: str = "", *, lines: int = 2
+    figure: Figure, look: Look, title: list[str], caption: str = "", *, lines: int = 2
 ) -> None:
     """Write a title, each of its sentences from a line of its own on, and a caption below."""
-    large, small = 1.1 * sheet.font, 0.93 * sheet.font
+    large, small = 1.1 * look.font, 0.93 * look.font
     # Letters on a grid of pixels are up to 4 % wider than those of the font.
-    width = 0.96 * (72.0 * sheet.inches - 2.0 * sheet.font)
+    width = 0.96 * (72.0 * look.inches - 2.0 * look.font)
     words = "\n".join(wrapped(each, width, large, lines) for each in title if each)
     figure.suptitle(words, fontsize=large, parse_math=False)  # a file's name may hold a $
     if caption:
         figure.supxlabel(wrapped(caption, width, small, 9), fontsize=small)
     # A tick that comes up at the right end when panels have their width has room for its number.
-    margin = sheet.font / (72.0 * sheet.inches)
+    margin = look.font / (72.0 * look.inches)
     figure.set_layout_engine("constrained", rect=(0.0, 0.0, 1.0 - margin, 1.0))
 
 
@@ -264,9 +276,9 @@ _DECIMALS = re.compile(rb"(\.\d\d)\d+")
 
 
 @contextmanager
-def style(theme: Theme, sheet: Sheet = PAGE) -> Iterator[type[Figure]]:
+def style(look: Look) -> Iterator[type[Figure]]:
     """Matplotlib's settings for one figure, put back afterwards."""
-    scale = sheet.scale
+    theme, scale = look.theme, look.scale
     inked = ("axes.edgecolor", "axes.labelcolor", "text.color", "xtick.color", "ytick.color")
     settings: dict[Any, Any] = {
         **dict.fromkeys(inked, theme.ink),
@@ -284,10 +296,17 @@ def style(theme: Theme, sheet: Sheet = PAGE) -> Iterator[type[Figure]]:
         "lines.linewidth": 1.3 * scale,
         "font.family": "sans-serif",
         "font.sans-serif": _FONTS,
-        "font.size": sheet.font,
+        "font.size": look.font,
     }
     with matplotlib.rc_context(settings):
         yield Drawn
+
+
+@contextmanager
+def drawing(look: Look, height: float) -> Iterator[Figure]:
+    """A figure of a look, so many inches high on a page, in matplotlib's settings for it."""
+    with style(look) as new_figure:
+        yield new_figure(figsize=(look.inches, height * look.scale), layout="constrained")
 
 
 def save(figure: Figure, path: str | Path, inputs: Sequence[Path] = ()) -> None:
@@ -375,34 +394,6 @@ def _format_of(path: Path) -> str:
     if ending not in _FORMATS:
         raise RecordingError(f"{path}: a figure's name must end in .svg, .pdf or .png")
     return ending
-
-
-# What every panel of a figure has to know: its colours and its size.
-
-
-@dataclass(frozen=True, slots=True)
-class Look:
-    """Colours and size of a figure.
-
-    Parameters
-    ----------
-    theme : Theme
-        Colours.
-    sheet : Sheet
-        Size.
-    """
-
-    theme: Theme
-    sheet: Sheet = PAGE
-
-    def points(self, size: float) -> float:
-        """Width of a line, or size of a marker, that has so many points on a page."""
-        return size * self.sheet.scale
-
-
-def look_of(*, dark: bool, width: float | None) -> Look:
-    """Return the look that a caller asks for; :func:`sheet_of` says what it refuses."""
-    return Look(DARK if dark else LIGHT, sheet_of(width))
 
 
 # Units with the prefix that makes their numbers readable.

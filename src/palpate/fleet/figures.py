@@ -8,12 +8,12 @@ from numpy.typing import NDArray
 from palpate.figures.style import (
     AxisScale,
     Look,
+    drawing,
     head,
     largest,
     look_of,
     scale_of,
     set_titles,
-    style,
 )
 from palpate.fleet.maps import Map, Repeats, numbers
 from palpate.fleet.tasks import Table
@@ -53,10 +53,8 @@ def draw_distributions(table: Table, *, dark: bool = False, width: float | None 
     shown.append(("damping at working depth", "damping_at_depth", "N·s/m"))
     if "exponent" in table.schema.names and _varies(table, "exponent"):
         shown.append(("exponent", "exponent", ""))
-    with style(look.theme, look.sheet) as new_figure:
-        count, narrow = len(shown), look.sheet.narrow
-        height = 5.2 * count if narrow else 5.6
-        figure = new_figure(figsize=look.sheet.size(height), layout="constrained")
+    count, narrow = len(shown), look.narrow
+    with drawing(look, 5.2 * count if narrow else 5.6) as figure:
         grid = figure.subplots(2 * count, 1) if narrow else figure.subplots(2, count)
         panels = np.reshape(grid, (count, 2)) if narrow else np.transpose(grid)
         for (name, column, unit), (above, below) in zip(shown, panels, strict=True):
@@ -89,8 +87,7 @@ def draw_repeats(
         As for :func:`draw_distributions`.
     """
     look = look_of(dark=dark, width=width)
-    with style(look.theme, look.sheet) as new_figure:
-        figure = new_figure(figsize=look.sheet.size(3.2), layout="constrained")
+    with drawing(look, 3.2) as figure:
         axes = figure.subplots()
         for agree, words, colour in zip(
             (True, False), ("agree", "do not agree"), look.theme.lines[:2], strict=True
@@ -181,16 +178,14 @@ def draw_map(found: Map, *, dark: bool = False, width: float | None = None) -> "
         matplotlib is not installed.
     """
     look = look_of(dark=dark, width=width)
-    with style(look.theme, look.sheet) as new_figure:
-        narrow = look.sheet.narrow
-        line = len(found.axes) == 1
-        height = (4.2 if line else 4.8) if not narrow else (7.5 if line else 9.5)
-        figure = new_figure(figsize=look.sheet.size(height), layout="constrained")
-        panels = list(figure.subplots(2, 1) if narrow else figure.subplots(1, 2))
+    line = len(found.axes) == 1
+    height = (7.5 if line else 9.5) if look.narrow else (4.2 if line else 4.8)
+    with drawing(look, height) as figure:
+        panels = figure.subplots(*((2, 1) if look.narrow else (1, 2)))
         for axes, what in zip(panels, ("value", "error"), strict=True):
             unit = scale_of(_usual(getattr(found, what)), found.unit)
             (_draw_line if line else _draw_plane)(axes, found, what, unit, look)
-        set_titles(figure, look.sheet, [found.summary], lines=6)
+        set_titles(figure, look, [found.summary], lines=6)
     return figure
 
 

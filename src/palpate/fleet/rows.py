@@ -187,9 +187,7 @@ def at_depth(law: ForceLaw, covariance: Floats, depth: float) -> Row:
     """Force, stiffness and damping at a depth, with errors by the delta method: √(gᵀ C g)."""
     known = Estimate.from_law(law, covariance, status=Status.UPDATED, samples=1)
     with np.errstate(all="ignore"):
-        values, errors = known.with_errors(
-            lambda of: (of.force(depth, 0.0), of.stiffness_at(depth), of.damping_at(depth))
-        )
+        values, errors = known.with_errors(lambda of: of.at_rest(depth))
     row: Row = {"depth": depth}
     for name, value, error in zip(AT_DEPTH, values.tolist(), errors.tolist(), strict=True):
         row |= {f"{name}_at_depth": value, f"{name}_at_depth_standard_error": error}

@@ -178,6 +178,10 @@ class ForceLaw:
         slope = self.velocity_gradient(x.reshape(-1)).reshape(x.shape)
         return slope if slope.ndim else float(slope)
 
+    def at_rest(self, depth: float) -> tuple[float, float, float]:
+        """Force [N], stiffness [N/m] and damping [N·s/m] at a depth > 0 [m] and at rest."""
+        return float(self.force(depth, 0.0)), self.stiffness_at(depth), self.damping_at(depth)
+
     @classmethod
     def many_at(cls, parameters: Floats, depth: float | Floats) -> tuple[Floats, Floats]:
         """:meth:`stiffness_at` and :meth:`damping_at` a depth, of many laws at once.

@@ -8,7 +8,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any, Self, TypeAlias
+from typing import Any, Self, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -35,7 +35,6 @@ from palpate.estimators.estimate import (
     Trace,
     Traced,
     checked_trace,
-    has_prediction_error,
     prediction_rmse_percent,
     rmse_percent,
     violated_fraction,
@@ -54,23 +53,18 @@ from palpate.preparation.along_penetration import Place, at_places
 from palpate.preparation.gates import choose_gate
 from palpate.preparation.velocity import window_samples
 from palpate.quantities.derived import (
-    SmallOscillation,
     Wanted,
     elastic_modulus_from,
     energy_from,
+    instantaneous_stiffness_of,
     oscillation_of,
     passivity_from,
     relaxation_time_of,
+    relaxed_stiffness_of,
     restitution_from,
-    static_of,
 )
-from palpate.quantities.energy import EnergyLoss, Passivity
-from palpate.quantities.restitution import Restitution
 from palpate.settings import ChangeDetector, ContactGate, Scale
 from palpate.validation import Floats, number_in, positive
-
-if TYPE_CHECKING:
-    from palpate.quantities.elastic_modulus import ElasticModulus, Tip
 
 # Samples above the surface that a search for it needs: the force out of contact is then known to a
 # quarter of σ.
@@ -167,7 +161,7 @@ def findings_of(contact: Contact, trace: Trace, estimator: ContactEstimator) -> 
     violated = violated_fraction(trace) if estimator.needs_condition_10 else 0.0
     if violated > 0.0:
         yield Finding("condition 10", f"condition 10 violated in {violated:.1%} of the contact")
-    if not has_prediction_error(trace, contact.force, contact.time_steps):
+    if math.isnan(prediction_rmse_percent(trace, contact.force, contact.time_steps)):
         yield Finding("prediction", "less than 0.2 s of contact: no prediction error")
     if estimate.guarded:
         yield Finding("guard", f"covariance guard acted on {estimate.guarded} samples")
@@ -348,41 +342,15 @@ class Identified:
         """∂F/∂v at depths [m], N·s/m, with both error bars; see :meth:`at`."""
         return self.at(depth).damping
 
-    def dynamic_stiffness(
-        self, frequency: float | None = None, depth: float | None = None
-    ) -> SmallOscillation:
-        """What a small oscillation about a depth feels, by a law of any kind: K′ + iωB′.
-
-        Of a law without memory the stiffness and the damping of :meth:`at`; of one with memory
-        those at the frequency, the repeatable error by the delta method.
-
-        Parameters
-        ----------
-        frequency : float, optional
-            ω, rad/s; the motion's own unless given.
-        depth : float, optional
-            Below the surface, m, > 0; the working depth unless given.
-
-        Raises
-        ------
-        InvalidParameterError
-            The frequency is outside the band of the motion, half to twice its own, rms speed over
-            rms way; or the depth is out of its range.
-        """
-        return oscillation_of(self, frequency, depth)
-
-    def relaxed_stiffness(self, depth: float | None = None) -> Quantity:
-        """∂F/∂x at a depth [m], or at the working depth, once everything has relaxed, N/m."""
-        return static_of(self, depth, relaxed=True)
-
-    def instantaneous_stiffness(self, depth: float | None = None) -> Quantity:
-        """∂F/∂x at a depth [m], or at the working depth, before anything has relaxed, N/m."""
-        return static_of(self, depth, relaxed=False)
-
-    @property
-    def relaxation_time(self) -> Quantity | None:
-        """The law's one relaxation time, s; None of a law that has none, or a spectrum of many."""
-        return relaxation_time_of(self)
+    # What follows from the law: each is documented where it is worked out.
+    dynamic_stiffness = oscillation_of
+    relaxed_stiffness = relaxed_stiffness_of
+    instantaneous_stiffness = instantaneous_stiffness_of
+    relaxation_time = property(relaxation_time_of)
+    restitution = restitution_from
+    energy = cached_property(energy_from)
+    passivity = cached_property(passivity_from)
+    elastic_modulus = elastic_modulus_from
 
     def at_depth(self, depth: float) -> Self:
         """Return the same with another working depth, m, for its diagnosis."""
@@ -391,45 +359,6 @@ class Identified:
     def wanting(self, wanted: Wanted) -> Self:
         """Return the same with derived numbers for an impact and a tip."""
         return replace(self, wanted=wanted)
-
-    def restitution(self, speed: float | None = None) -> Restitution:
-        """How a free body would rebound that meets the material at a speed.
-
-        Parameters
-        ----------
-        speed : float, optional
-            m/s, > 0; unless given that of :attr:`wanted`, or the fastest approach in contact.
-        """
-        return restitution_from(self, speed)
-
-    @cached_property
-    def energy(self) -> EnergyLoss:
-        """Energy lost a touch, or a cycle of a probe that stays in contact; and by the law."""
-        return energy_from(self)
-
-    @cached_property
-    def passivity(self) -> Passivity:
-        """Whether the law pulls anywhere in the recorded motion, and the recorded force too."""
-        return passivity_from(self)
-
-    def elastic_modulus(
-        self, tip: "Tip | None" = None, poisson_ratio: float | None = None
-    ) -> "ElasticModulus":
-        """Young's modulus by the force at working depth and the shape of the tip.
-
-        Parameters
-        ----------
-        tip : Tip, optional
-            Such as ``Sphere(radius=5e-3)``; that of :attr:`wanted` unless given.
-        poisson_ratio : float, optional
-            Of the material, in (−1, 0.5]; that of :attr:`wanted` unless given, or 0.5.
-
-        Raises
-        ------
-        InvalidParameterError
-            No tip is given, or Poisson's ratio is out of its range.
-        """
-        return elastic_modulus_from(self, tip, poisson_ratio)
 
     def by_stretch(self) -> Self:
         """Return the same with each stretch between the changes that were found by itself.
@@ -454,16 +383,13 @@ class Identified:
         watch : callable
             Goes through the places, such as with a progress bar.
         """
-        found = []
+        # Of the same settings, but for those that were chosen from these data.
+        found, fresh = [], self.estimator.replace(**dict.fromkeys(self.chosen))
         for place, contact in watch(list(at_places(self.contact))):
             with suppress(RecordingError):
-                part = self.of(Data(contact), self._fresh(), trace=self.traced)
+                part = self.of(Data(contact), fresh, trace=self.traced)
                 found.append(replace(part, place=place, wanted=self.wanted))
         return replace(self, stretches=tuple(found))
-
-    def _fresh(self) -> ContactEstimator:
-        """An estimator of the same settings, but for those that were chosen from these data."""
-        return self.estimator.replace(**dict.fromkeys(self.chosen))
 
     def answers(self, estimator: ContactEstimator, trace: Traced) -> bool:
         """Whether it is what :meth:`of` would make of its contact by an estimator, as a whole."""

@@ -21,7 +21,7 @@ from palpate.estimators import (
     ViscoelasticContact,
     estimator_named,
 )
-from palpate.estimators.estimate import Estimate, Trace, Traced, thinned
+from palpate.estimators.estimate import Trace, Traced, thinned
 from palpate.estimators.law_verdicts import CANDIDATES
 from palpate.estimators.least_squares import long_run_covariance
 from palpate.force_laws import ForceLaw
@@ -76,12 +76,6 @@ def estimator_of(given: ContactEstimator | str | None) -> ContactEstimator:
     return given
 
 
-def with_surface_off(contact: Contact, estimator: ContactEstimator, deviation: float) -> Estimate:
-    """What an estimator makes of a contact whose surface lies deeper, by a deviation in m."""
-    replayed(replace(contact, penetration=contact.penetration - deviation), estimator, trace=False)
-    return estimator.estimate()
-
-
 @timed("replay")
 def replayed(contact: Contact, estimator: ContactEstimator, trace: Traced) -> Trace:
     """Replay a contact, a segment at a time; the estimator has then learned all of it.
@@ -130,8 +124,9 @@ def joint_covariance(contact: Contact, trace: Trace, estimator: ContactEstimator
     deviation = contact.surface_deviation
     if deviation is None or estimate.surface_standard_error > 0.0:
         return own
-    off = with_surface_off(contact, estimator.replace(), deviation)
-    moved = off.parameters - estimate.parameters
+    off, deeper = estimator.replace(), contact.penetration - deviation
+    replayed(replace(contact, penetration=deeper), off, trace=False)
+    moved = off.estimate().parameters - estimate.parameters
     whole: Floats = own + np.outer(moved, moved)
     return whole if np.isfinite(whole).all() else own
 

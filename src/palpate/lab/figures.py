@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.errors import InvalidParameterError, PalpateError
-from palpate.figures.style import save, style
+from palpate.figures.style import Look, save, style
 from palpate.lab.bench import Bench
 from palpate.lab.rig import Geometry, Simulation, TwinPantograph, require_mujoco
 from palpate.results.colours import DARK, LIGHT, Theme
@@ -108,7 +108,7 @@ def save_rig(bench: Bench, path: str | Path, *, dark: bool = False) -> str:
     if not isinstance(bench.probe, TwinPantograph):
         raise InvalidParameterError(f"an {bench.probe.name} has no rig to draw; use a robot")
     if path.suffix.lower() == ".png":
-        with suppress(NoRendererError), style(LIGHT):
+        with suppress(NoRendererError), style(Look(LIGHT)):
             from matplotlib.image import imsave
 
             file = io.BytesIO()
@@ -123,7 +123,7 @@ def draw_rig(bench: Bench, *, dark: bool = False) -> "Figure":
     """Draw the rig from above, 3 s into its trajectory, as its command has it."""
     theme = DARK if dark else LIGHT
     command = bench.trajectory.at(np.array([3.0]))
-    with style(theme) as new_figure:
+    with style(Look(theme)) as new_figure:
         figure = new_figure(figsize=(7.6, 5.8), layout="constrained")
         axes = figure.add_subplot()
         _draw_linkage(

@@ -49,7 +49,7 @@ class Diagnosing:
         go_last()
         watching = Watching(session)
         samples, due = np.empty((0, len(_SAMPLE))), time.monotonic() + self._every
-        runs, page, tare = 0, dict[str, Any](), None
+        page, tare = dict[str, Any](), None
         while watching.wait(_LOOKED_EVERY):
             rows = watching.take().rows[:, _SAMPLE]
             status = watching.status()
@@ -58,8 +58,7 @@ class Diagnosing:
             delay = float(status.get("delay", 0.0))
             samples = recent(np.concatenate([samples, rows]), self._window, delay)
             if time.monotonic() >= due and len(samples) >= _LEAST:
-                runs += 1
-                page = {**diagnosed(samples, status), "runs": runs}
+                page = diagnosed(samples, status)
                 due = time.monotonic() + self._every
             watching.tell({**page, "outdated": outdated(page, status)} if page else page)
         watching.close()
@@ -109,7 +108,6 @@ def _estimator(status: dict[str, Any]) -> ContactEstimator | None:
 
 def diagnosed(samples: Floats, status: dict[str, Any]) -> dict[str, Any]:
     """Return what the board says of these samples, by the method that the loop's status names."""
-    began = time.monotonic()
     page: dict[str, Any] = {
         "at": time.strftime("%H:%M:%S"),
         "window": [float(samples[0, 0]), float(samples[-1, 0])],
@@ -129,5 +127,4 @@ def diagnosed(samples: Floats, status: dict[str, Any]) -> dict[str, Any]:
         "reason": diagnosis.reason,
         "remedy": diagnosis.remedy,
         "working_depths": [depth.as_dict() for depth in diagnosis.working_depths],
-        "took": time.monotonic() - began,
     }

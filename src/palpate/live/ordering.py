@@ -253,20 +253,6 @@ class Receipt:
         return now
 
 
-class Origin:
-    """What times are counted from, ns, so that no digits are lost: the first, if since 1970."""
-
-    def __init__(self) -> None:
-        self.value: int | None = None
-
-    def seconds(self, stamp: int) -> float:
-        """Return a time, s, from the origin."""
-        if self.value is None:
-            # A float of 10⁸ s, three years, has steps of 15 ns; smaller times are left as they are.
-            self.value = stamp if abs(stamp) > 100_000_000 * NANO else 0
-        return (stamp - self.value) / NANO
-
-
 class Followed:
     """One publisher of a topic: numbers of two that are mixed would belong to nothing."""
 
@@ -304,14 +290,15 @@ class WireSource:
 
     def __init__(self, name: str, options: SourceOptions, streams: int = 1) -> None:
         self.name, self.sample_time = name, options.sample_time or 1e-3
-        self.counts, self._origin, self._vectors = Counts(), Origin(), options.vectors
+        self.counts, self._vectors = Counts(), options.vectors
+        self._origin: int | None = None
         self._orders = [Order(self.counts) for _ in range(streams)]
         self._ready: deque[Arrival] = deque()
 
     @property
     def origin(self) -> int:
-        """What times are counted from, ns by the sender's clock."""
-        return self._origin.value or 0
+        """What times are counted from, ns by the sender's clock: the first, if since 1970."""
+        return self._origin or 0
 
     def take(self, timeout: float) -> Arrival | None:
         """Return the next sample, or None where none came in time [s]."""
@@ -333,8 +320,11 @@ class WireSource:
         return PalpateError(f"{self.name} is not open")
 
     def give(self, stamp: int, position: Value, force: Value, there: float) -> None:
-        """Have a sample taken next."""
-        self._ready.append(Arrival(self._origin.seconds(stamp), position, force, there))
+        """Have a sample taken next, whose time is counted so that no digits are lost."""
+        if self._origin is None:
+            # A float of 10⁸ s, three years, has steps of 15 ns; smaller times are left as they are.
+            self._origin = stamp if abs(stamp) > 100_000_000 * NANO else 0
+        self._ready.append(Arrival((stamp - self._origin) / NANO, position, force, there))
 
     def refuse(self, words: str) -> None:
         """Count a message that holds no sample."""

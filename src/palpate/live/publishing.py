@@ -211,27 +211,22 @@ class Publisher:
         self._wire = wire
         #: For instance ``publish zmq:tcp://127.0.0.1:5556``.
         self.name = f"publish {wire.name}"
-
-    def run(self, session: Session, commands: Connection) -> None:
-        """Publish what the loop finds until it stops."""
-        watching = self._begin(Watching(session))
-        try:
-            self._wire.open()
-            self._go_on()
-        except PalpateError as error:
-            watching.tell({"fault": str(error)})
-            print(f"palpate: {error}", file=sys.stderr)
-        finally:
-            self._wire.close()
-            watching.close()
-
-    def _begin(self, watching: Watching) -> Watching:
-        self._watching, self._sent = watching, 0
         self._fields: Fields | None = None
         self._last: dict[str, float] = {}  # of what was published
         self._seen = self._learned = math.nan  # when; and when a sample was, by the robot's clock
         self._told = 0.0
-        return watching
+
+    def run(self, session: Session, commands: Connection) -> None:
+        """Publish what the loop finds until it stops."""
+        self._watching = Watching(session)
+        try:
+            self._wire.open()
+            self._go_on()
+        except PalpateError as error:
+            print(f"palpate: {error}", file=sys.stderr)
+        finally:
+            self._wire.close()
+            self._watching.close()
 
     def _go_on(self) -> None:
         waiting = self._watching.take().rows
@@ -248,7 +243,7 @@ class Publisher:
                 self._tell(page, silent=not len(rows))
             if not over:
                 time.sleep(_PAUSE)
-        self._watching.tell({"published": self._sent})
+        self._watching.tell({})
 
     def _publish(self, page: dict[str, Any], rows: Floats) -> Floats:
         """Send rows whose estimator the board knows by now; return the others."""
@@ -263,9 +258,8 @@ class Publisher:
             self._last = dict(zip(fields.names, values[-1], strict=True))
             self._seen = time.monotonic()
             messages = (self._wire.estimate(fields.names, each) for each in values)
-            refused = sum(not self._wire.put(0, each) for each in messages)
-            self._watching.dropped += refused  # they came to nobody, as those that the ring lost
-            self._sent += len(values) - refused
+            # What is refused came to nobody, as what the ring lost.
+            self._watching.dropped += sum(not self._wire.put(0, each) for each in messages)
         return rows[rows[:, GENERATION] > fields.generation]
 
     def _after(self, page: dict[str, Any], rows: Floats) -> Floats:
@@ -292,7 +286,7 @@ class Publisher:
         said = words_of(page, self._fields, {**last, "age": last["age"] + now - self._seen})
         said |= self._watching.diagnosis(page)
         self._wire.put(1, self._wire.status(state, page["source"], stamp, said))
-        self._watching.tell({"published": self._sent})
+        self._watching.tell({})
 
 
 def words_of(
@@ -308,7 +302,7 @@ def words_of(
     verdict = verdict_on(page)
     own = verdict["own"] if verdict and verdict["parameters"] else fields.parameters
     fixed, words = verdict["fixed"] if verdict else (), []
-    for place in law.get("shown", range(len(fields.parameters))):
+    for place in law["shown"]:
         name, unit = fields.parameters[place], law["units"][place]
         value, error = named[name], named[f"{name}_standard_error"]
         if name in own:

@@ -48,12 +48,10 @@ def end(processes: Sequence[BaseProcess], patience: float) -> None:
             process.join(max(until - time.monotonic(), 0.0))
     finally:  # of whoever asks a second time, too
         for process in processes:
-            if process.is_alive():
-                process.terminate()
-                process.join(1.0)
-            if process.is_alive():  # it does not listen
-                process.kill()
-                process.join()
+            for stop in (process.terminate, process.kill):  # the other where it does not listen
+                if process.is_alive():
+                    stop()
+                    process.join(1.0)
 
 
 # Time for the loop: no collector in between, a fixed priority, memory that stays.

@@ -162,7 +162,7 @@ class Recorder:
 def _page(recording: "RunFile | None") -> dict[str, Any]:
     if recording is None:
         return {}
-    counted = {name: getattr(recording, name) for name in ("rows", "bytes", "unstamped")}
+    counted = {name: getattr(recording, name) for name in ("rows", "bytes")}
     return {"path": str(recording.path), **counted}
 
 
@@ -188,7 +188,7 @@ class RunFile:
 
     def __init__(self, path: Path, file: IO[bytes]) -> None:
         self.path, self._file = path, file
-        self.rows = self.bytes = self.unstamped = 0
+        self.rows = self.bytes = 0
         self.failed = False
         self._writer: Writer | None = None
         # A disk may take seconds; what is written meanwhile is safe from all but a loss of power.
@@ -257,7 +257,6 @@ class RunFile:
     def _add(self, row: Row) -> None:
         stamp = self._stamp(row[PLACE["arrived"]])
         if stamp is None:
-            self.unstamped += 1
             return
         form, places = self._measured
         measured = form.pack(_HEAD, *divmod(stamp, NANO), *[row[k] for k in places])

@@ -6,7 +6,7 @@ has not; then every word of the page, which fills the places of its document wit
 
 import math
 from base64 import b64decode
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
@@ -257,15 +257,6 @@ def fields_of(verdict: Mapping[str, Any], origin: float = 0.0) -> dict[str, floa
     return fields
 
 
-def _spectrum(parameters: Sequence[float] | None) -> tuple[float, float] | None:
-    """The shortest and the longest relaxation time of a spectrum, which are no estimates."""
-    if parameters is None:
-        return None
-    relaxation = GeneralisedHuntCrossley.from_parameters(parameters).relaxation
-    ends = (0.0, 0.0) if relaxation is None else relaxation.spectrum[1:]
-    return ends if ends[0] else None  # one time has no shortest
-
-
 # Times and counts of a run.
 
 #: What is counted, in the order of how grave it is; those that are 0 are left out of the line.
@@ -285,11 +276,7 @@ COUNTED = {
 
 def seconds(value: float | None) -> str:
     """A short time as a person reads it: 6.3 µs, 0.4 ms, 2 s."""
-    if value is None or not math.isfinite(value):
-        return "–"
-    units = (("s", 1.0), ("ms", 1e-3), ("µs", 1e-6))
-    unit, size = next((each for each in units if value >= each[1]), units[-1])
-    return f"{value / size:.3g} {unit}"
+    return "–" if value is None or not math.isfinite(value) else in_words(value, "s")
 
 
 def percent(fraction: float | None) -> str:
@@ -362,7 +349,7 @@ def view_of(page: Mapping[str, Any], verdict: Mapping[str, Any] | None, now: flo
         for name, key, unit in zip(names, ("stiffness", "damping"), ("N/m", "N·s/m"), strict=True)
     ]
     panels = [[f"{names[0]}{at}", "N/m", "stiffness", "stiffness_error"]]
-    for k in _shown(law):
+    for k in law.get("shown", ()):
         symbol, unit, name = law["symbols"][k], law["units"][k], law["names"][k]
         words = _parameter(found, name, k, verdict)
         if name == "longest_time":  # alone it is the only one
@@ -402,15 +389,9 @@ def _terms(law: Mapping[str, Any], found: Mapping[str, Any]) -> list[str]:
     terms = [
         f"{law['symbols'][k]} = {with_error(value, found['errors'][k], unit=law['units'][k])}"
         for k, value in enumerate(found.get("parameters", ()))
-        if k in _shown(law) and math.isfinite(value)
+        if k in law["shown"] and math.isfinite(value)
     ]
     return terms or ["unknown"]
-
-
-def _shown(law: Mapping[str, Any]) -> Sequence[int]:
-    """Places of the parameters that some law on offer has as its own."""
-    shown: Sequence[int] = law.get("shown", range(len(law.get("symbols", ()))))
-    return shown
 
 
 def change_in_words(change: Mapping[str, Any]) -> str:
@@ -465,10 +446,12 @@ def _absent(verdict: Mapping[str, Any], numbers: Numbers, name: str) -> str:
         return "–"
     if name != "relaxation_time":
         return "as K′: no memory"
-    spectrum = _spectrum(verdict["parameters"])
-    if spectrum is None:
-        return "no memory"
-    return f"{rounded(spectrum[0], 2)} to {rounded(spectrum[1], 2)} s, assumed"
+    relaxation = GeneralisedHuntCrossley.from_parameters(verdict["parameters"]).relaxation
+    # Of a spectrum they are no estimates; one time has no shortest.
+    shortest, longest = (0.0, 0.0) if relaxation is None else relaxation.spectrum[1:]
+    return (
+        f"{rounded(shortest, 2)} to {rounded(longest, 2)} s, assumed" if shortest else "no memory"
+    )
 
 
 def facts_of(page: Mapping[str, Any], state: str) -> Words:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 import palpate
-from palpate.figures.style import style as style
+from palpate.figures.style import Look, style
 from palpate.force_laws import Floats, ForceLaw
 from palpate.paper.judging import (
     JUDGES,
@@ -173,7 +173,7 @@ class Experiment(ABC):
 
     def figure(self, outcomes: Sequence[Outcome]) -> Figure:
         """Return the figure of some outcomes."""
-        with style(THEME) as new_figure:
+        with style(Look(THEME)) as new_figure:
             figure = new_figure(figsize=self.size, layout="constrained")
             self.draw(figure, outcomes)
             figure.suptitle(self.title, fontsize=11)

@@ -141,39 +141,61 @@ class SmallOscillation(Plain):
 
 
 def oscillation_of(
-    result: Derivable, frequency: float | None, depth: float | None
+    result: Derivable, frequency: float | None = None, depth: float | None = None
 ) -> SmallOscillation:
-    """Return what :meth:`Identification.dynamic_stiffness` says."""
-    omega = _in_band(result, frequency)
-    x = result.diagnosis.working_depth.depth if depth is None else depth
-    x = number_in("depth", x, 0.0, 1e100, open_low=True)
-    there = _at(result, x)
+    """What a small oscillation about a depth feels, by a law of any kind: K′ + iωB′.
+
+    Of a law without memory the stiffness and the damping of :meth:`at`; of one with memory
+    those at the frequency, the repeatable error by the delta method.
+
+    Parameters
+    ----------
+    result : Identification
+        What was identified.
+    frequency : float, optional
+        ω, rad/s; the motion's own unless given.
+    depth : float, optional
+        Below the surface, m, > 0; the working depth unless given.
+
+    Raises
+    ------
+    InvalidParameterError
+        The frequency is outside the band of the motion, half to twice its own, rms speed over
+        rms way; or the depth is out of its range.
+    """
+    omega, there = _in_band(result, frequency), _at(result, depth)
+    stiffness, damping = there.stiffness, there.damping
     if result.law.relaxes:
 
         def slope(law: GeneralisedHuntCrossley, at: float) -> complex:
             return complex(law.dynamic_stiffness(at, omega))
 
-        real = _by_law(result, x, lambda law, at: slope(law, at).real)
-        imaginary = _by_law(result, x, lambda law, at: slope(law, at).imag / omega)
-        stiffness = Quantity(*real, there.stiffness.systematic)
-        damping = Quantity(*imaginary, there.damping.systematic)
-    else:
-        stiffness, damping = there.stiffness, there.damping
-    return SmallOscillation(x, omega, stiffness, damping, _tangent(omega, stiffness, damping))
+        real = _by_law(result, there.depth, lambda law, at: slope(law, at).real)
+        imaginary = _by_law(result, there.depth, lambda law, at: slope(law, at).imag / omega)
+        stiffness = Quantity(*real, stiffness.systematic)
+        damping = Quantity(*imaginary, damping.systematic)
+    tangent = _tangent(omega, stiffness, damping)
+    return SmallOscillation(there.depth, omega, stiffness, damping, tangent)
 
 
-def static_of(result: Derivable, depth: float | None, *, relaxed: bool) -> Quantity:
-    """Return the stiffness ∂F/∂x at a depth before, or after, everything has relaxed, N/m."""
-    x = result.diagnosis.working_depth.depth if depth is None else depth
-    there = _at(result, number_in("depth", x, 0.0, 1e100, open_low=True)).stiffness
-    if relaxed or not result.law.relaxes:
-        return there
-    found = _by_law(result, x, lambda law, at: float(law.instantaneous().stiffness_at(at)))
-    return Quantity(*found, there.systematic)
+def relaxed_stiffness_of(result: Derivable, depth: float | None = None) -> Quantity:
+    """∂F/∂x at a depth [m], or at the working depth, once everything has relaxed, N/m."""
+    return _at(result, depth).stiffness
+
+
+def instantaneous_stiffness_of(result: Derivable, depth: float | None = None) -> Quantity:
+    """∂F/∂x at a depth [m], or at the working depth, before anything has relaxed, N/m."""
+    there = _at(result, depth)
+    if not result.law.relaxes:
+        return there.stiffness
+    found = _by_law(
+        result, there.depth, lambda law, at: float(law.instantaneous().stiffness_at(at))
+    )
+    return Quantity(*found, there.stiffness.systematic)
 
 
 def relaxation_time_of(result: Derivable) -> Quantity | None:
-    """Return the relaxation time, s; None of a law that has none, or many."""
+    """The law's one relaxation time, s; None of a law that has none, or a spectrum of many."""
     law = result.law
     if law.relaxation_time is None:
         return None
@@ -230,10 +252,11 @@ def _by_law(
     return found, math.hypot(error, 0.5 * moved)
 
 
-def _at(result: Derivable, depth: float) -> WorkingDepth:
-    """The numbers at a depth; at the working depth those that there are."""
+def _at(result: Derivable, depth: float | None) -> WorkingDepth:
+    """The numbers at a depth; at the working depth, or of none, those that there are."""
     known = result.diagnosis.working_depth
-    return known if known.depth == depth else result.at(depth)
+    x = number_in("depth", known.depth if depth is None else depth, 0.0, 1e100, open_low=True)
+    return known if known.depth == x else result.at(x)
 
 
 def _tangent(omega: float, stiffness: Quantity, damping: Quantity) -> Quantity:
@@ -292,8 +315,16 @@ def _going_on(contact: Contact) -> NDArray[np.int64]:
 
 
 @_absurd_numbers
-def restitution_from(result: Derivable, speed: float | None) -> Restitution:
-    """Return the restitution at a speed, m/s, or at the one that is wanted."""
+def restitution_from(result: Derivable, speed: float | None = None) -> Restitution:
+    """How a free body would rebound that meets the material at a speed.
+
+    Parameters
+    ----------
+    result : Identification
+        What was identified.
+    speed : float, optional
+        m/s, > 0; unless given that of :attr:`wanted`, or the fastest approach in contact.
+    """
     if speed is not None:
         number_in("speed", speed, 0.0, 1e6, open_low=True)
     fastest = fastest_of(result.contact.velocity[result.trace.taken])
@@ -307,7 +338,7 @@ def restitution_from(result: Derivable, speed: float | None) -> Restitution:
 
 @_absurd_numbers
 def energy_from(result: Derivable) -> EnergyLoss:
-    """Return the energy lost in the touches, or cycles, of a recording."""
+    """Energy lost a touch, or a cycle of a probe that stays in contact; and by the law."""
     data, path = result.data or Data(result.contact), path_of(result)
     going_on = replace(result.contact, segment=_going_on(result.contact))
     checks = {each.check for each in result.diagnosis.findings}
@@ -325,16 +356,31 @@ def energy_from(result: Derivable) -> EnergyLoss:
 
 @_absurd_numbers
 def passivity_from(result: Derivable) -> Passivity:
-    """Return where the law pulls in the recorded motion."""
+    """Whether the law pulls anywhere in the recorded motion, and the recorded force too."""
     data, there = result.data or Data(result.contact), result.diagnosis.working_depth
     return passivity_of(path_of(result), result.law, there, data.force_noise)
 
 
 @_absurd_numbers
 def elastic_modulus_from(
-    result: Derivable, tip: "Tip | None", poisson_ratio: float | None
+    result: Derivable, tip: "Tip | None" = None, poisson_ratio: float | None = None
 ) -> "ElasticModulus":
-    """Return Young's modulus for a tip, or for the one that is wanted."""
+    """Young's modulus by the force at working depth and the shape of the tip.
+
+    Parameters
+    ----------
+    result : Identification
+        What was identified.
+    tip : Tip, optional
+        Such as ``Sphere(radius=5e-3)``; that of :attr:`wanted` unless given.
+    poisson_ratio : float, optional
+        Of the material, in (−1, 0.5]; that of :attr:`wanted` unless given, or 0.5.
+
+    Raises
+    ------
+    InvalidParameterError
+        No tip is given, or Poisson's ratio is out of its range.
+    """
     from palpate.quantities.elastic_modulus import elastic_modulus_of
 
     tip = tip or result.wanted.tip

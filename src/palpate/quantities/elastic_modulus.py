@@ -13,7 +13,6 @@ from typing import Any, ClassVar
 from palpate.diagnosis.data import in_words
 from palpate.diagnosis.finding import Diagnosis, Quantity, WorkingDepth
 from palpate.diagnosis.marks import WIDEST_STIFFNESS
-from palpate.digits import with_error
 from palpate.force_laws import ForceLaw
 from palpate.quantities.restitution import UNKNOWN
 from palpate.validation import defined, kept
@@ -285,15 +284,13 @@ def _exponent(there: WorkingDepth) -> Quantity:
     """
     if not there.force.value > 0.0:
         return UNKNOWN
-    per = there.depth / there.force.value
-    s = there.stiffness
-    return Quantity(per * s.value, per * s.standard_error, per * s.systematic)
+    return there.stiffness.scaled(there.depth / there.force.value)
 
 
 def _another_shape(exponent: Quantity, spread: float, tip: Tip) -> str | None:
     """Say why the force does not grow with depth as under this tip."""
     words = (
-        f"the force grows with depth to the power {_with_errors(exponent)}, and under a {tip.kind} "
+        f"the force grows with depth to the power {exponent.words()}, and under a {tip.kind} "
         f"to the power {tip.exponent:g}"
     )
     if spread > WIDEST_SPREAD:
@@ -303,17 +300,13 @@ def _another_shape(exponent: Quantity, spread: float, tip: Tip) -> str | None:
     return None
 
 
-def _with_errors(quantity: Quantity) -> str:
-    return with_error(quantity.value, quantity.standard_error, quantity.systematic)
-
-
 def _remarks(found: Diagnosis, exponent: Quantity, tip: Tip) -> list[str]:
     remarks = []
     if found.verdict.stiffness == "do-not-trust":
         remarks.append("the diagnosis does not trust the stiffness")
     if not CERTAIN * exponent.whole_error < NEXT_SHAPE:
         remarks.append(
-            f"the exponent, {_with_errors(exponent)}, does not say whether the tip is a {tip.kind}"
+            f"the exponent, {exponent.words()}, does not say whether the tip is a {tip.kind}"
         )
     if any(finding.check == "surface" for finding in found.findings):
         remarks.append(

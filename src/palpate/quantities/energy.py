@@ -329,8 +329,7 @@ def energy_of(
     of_law = Quantity(float(predicted.mean()), by_damping * damping.standard_error, 0.0)
     remarks = _remarks(measured, of_law) or _loop_by_loop(loops.kind, lost, predicted, variance)
     whole = float(each.mean())
-    parts = (measured.value, measured.standard_error, measured.systematic)
-    fraction = Quantity(*(part / whole for part in parts)) if whole > 0.0 else UNKNOWN
+    fraction = measured.scaled(1.0 / whole) if whole > 0.0 else UNKNOWN
     return EnergyLoss(
         loops.kind, measured, of_law, whole, fraction, *arrays, remarks=tuple(remarks)
     )

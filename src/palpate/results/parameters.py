@@ -7,9 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from palpate.diagnosis import Quantity
 from palpate.diagnosis.data import in_words
-from palpate.digits import parameter, rounded, with_error
+from palpate.digits import parameter, rounded
 from palpate.errors import InvalidParameterError
 from palpate.force_laws import ForceLaw, GeneralisedHuntCrossley
 from palpate.recordings.recording import truth_of
@@ -118,15 +117,6 @@ def _bound(law: ForceLaw, k: int, words: str) -> ParameterRow:
 _SAME_TIME = 0.05
 
 
-def at_rest(law: ForceLaw, depth: float) -> tuple[float, float, float]:
-    """Return force, stiffness and damping of a law at a depth, SI."""
-    return (
-        float(law.force(depth, 0.0)),
-        float(law.stiffness_at(depth)),
-        float(law.damping_at(depth)),
-    )
-
-
 def truth_at_rest(result: "Identified") -> ForceLaw | None:
     """Return the stated truth where its force, stiffness and damping at rest mean the same.
 
@@ -178,7 +168,7 @@ def felt_beside_truth(result: "Identified") -> str:
         return ""
     exact = (real.real, "N/m"), (real.imag / felt.frequency, "N·s/m")
     words = (
-        f"{both(found)} {unit} ({beside_truth(found.value, value, found.whole_error)})"
+        f"{found.words(unit)} ({beside_truth(found.value, value, found.whole_error)})"
         for found, (value, unit) in zip((felt.stiffness, felt.damping), exact, strict=True)
     )
     same = comparable(result.law, truth) == set(result.law.names())
@@ -213,11 +203,6 @@ def truths(result: "Identified") -> list[str]:
         known = row.name in real and row.estimated
         words.append(beside_truth(values[row.name], real[row.name], error) if known else "")
     return words
-
-
-def both(quantity: Quantity) -> str:
-    """A number with both error bars: what repeats, and what the findings would move."""
-    return with_error(quantity.value, quantity.standard_error, quantity.systematic)
 
 
 def signed(value: float, digits: int) -> str:

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from palpate._core import Status, __version__
 from palpate.contact import Contact
 from palpate.diagnosis import Episode, Quantity, Verdict, WorkingDepth
-from palpate.errors import InvalidParameterError, MissingExtraError, RecordingError
+from palpate.errors import InvalidParameterError, RecordingError, needed
 from palpate.estimators import LawVerdict
 from palpate.estimators.estimate import Trace
 from palpate.findings import MARKS, Finding
@@ -451,10 +451,7 @@ def _working_depth(words: Mapping[str, Any]) -> WorkingDepth:
 
 def to_pandas(result: "Identified") -> "pandas.DataFrame":
     """Columns of :func:`trace_columns`, indexed by time; units in ``attrs``."""
-    try:
-        import pandas
-    except ImportError:
-        raise MissingExtraError("to_pandas needs pandas: pip install 'palpate[notebook]'") from None
+    pandas = needed("pandas", "to_pandas", "notebook")
     columns, units = trace_columns(result)
     frame = pandas.DataFrame(columns).set_index("time")
     frame.attrs["units"] = units
@@ -465,10 +462,7 @@ def to_pandas(result: "Identified") -> "pandas.DataFrame":
 
 def to_xarray(result: "Identified") -> "xarray.Dataset":
     """The samples along ``time``, the law's parameters along ``parameter``; units as attributes."""
-    try:
-        import xarray
-    except ImportError:
-        raise MissingExtraError("to_xarray needs xarray: pip install 'palpate[notebook]'") from None
+    module = needed("xarray", "to_xarray", "notebook")
     law, trace, (columns, units) = result.law, result.trace, trace_columns(result)
     own = {name for each in law.names() for name in (each, f"{each}_standard_error")}
     variables: dict[str, Any] = {
@@ -481,7 +475,7 @@ def to_xarray(result: "Identified") -> "xarray.Dataset":
     variables["standard_errors"] = (("time", "parameter"), errors)
     variables["covariance"] = (("parameter", "other_parameter"), result.covariance)
     names = np.array(law.names())
-    return xarray.Dataset(
+    found: xarray.Dataset = module.Dataset(
         variables,
         coords={
             "time": ("time", columns["time"], {"units": "s"}),
@@ -496,3 +490,4 @@ def to_xarray(result: "Identified") -> "xarray.Dataset":
             **({"fixed": list(result.fixed)} if result.fixed else {}),
         },
     )
+    return found

@@ -22,9 +22,7 @@ from palpate.preparation.gates import touches_of
 from palpate.quantities.derived import band_of, in_hertz
 from palpate.recordings.recording import truth_of
 from palpate.results.parameters import (
-    at_rest,
     beside_truth,
-    both,
     felt_beside_truth,
     law_name,
     parameter_rows,
@@ -171,11 +169,11 @@ def depths(result: "Identified") -> ViewSection:
     headings, columns = [""], []
     for each, name in zip(there, names, strict=False):
         headings.append(f"at {depth_of(each.depth)}\n{name}")
-        real = None if truth is None else at_rest(truth, each.depth)
+        real = None if truth is None else truth.at_rest(each.depth)
         cells = []
         for k, (quantity, unit) in enumerate(_ROWS):
             found: Quantity = getattr(each, quantity)
-            words = f"{both(found)} {unit}"
+            words = f"{found.words(unit)}"
             if real is not None:
                 words += f"\n{beside_truth(found.value, real[k], found.whole_error)}"
             cells.append(words)
@@ -317,7 +315,7 @@ def numbers(ordered: "Sequence[Identified]", exclusions: Sequence[str]) -> ViewS
             verdicts.append(_verdict(result, result.method))
     if truth := truth_of(ordered[0].contact.provenance):
         at = ordered[0].diagnosis.working_depth.depth
-        real = (rounded(each, 4) for each in (1e3 * at, *at_rest(truth, at)[1:]))
+        real = (rounded(each, 4) for each in (1e3 * at, *truth.at_rest(at)[1:]))
         rows.append(("truth", "", *real))
     if remembered:
         lines.append(Line(remembered, tone="soft"))
@@ -393,9 +391,7 @@ def with_prefix(quantity: Quantity, unit: str, *, as_of: float | None = None) ->
     value = quantity.value if as_of is None else as_of
     size = abs(value) if math.isfinite(value) and value else 1.0
     step = min(max(math.floor(math.log10(size) / 3.0 + 1e-12), -6), 3)
-    scale, prefix = 1e3**step, "afpnµm kMG"[step + 6].strip()
-    errors = quantity.standard_error / scale, quantity.systematic / scale
-    return with_error(quantity.value / scale, *errors, unit=f"{prefix}{unit}")
+    return quantity.scaled(1e3**-step).words("afpnµm kMG"[step + 6].strip() + unit)
 
 
 def _plain(value: float, unit: str) -> str:
@@ -526,8 +522,8 @@ def _oscillation(result: "Identified") -> list[Line]:
     with suppress(InvalidParameterError):
         felt = result.dynamic_stiffness(result.wanted.frequency)
         words = (
-            f"K′ = {both(felt.stiffness)} N/m, B′ = {both(felt.damping)} N·s/m, "
-            f"tan δ = {both(felt.loss_tangent)}"
+            f"K′ = {felt.stiffness.words('N/m')}, B′ = {felt.damping.words('N·s/m')}, "
+            f"tan δ = {felt.loss_tangent.words()}"
         )
         name = f"a small oscillation of {in_hertz(felt.frequency)} at {in_words(felt.depth, 'm')}"
         low, high = band_of(result)
@@ -543,7 +539,7 @@ def _rebound(found: "Restitution") -> Line:
         return Line("; ".join(found.remarks), "restitution")
     fastest = ", the fastest approach" if found.speed == found.fastest_approach else ""
     near = [each for each in found.approximations.values() if math.isfinite(each)]
-    words = both(e)
+    words = e.words()
     if near:
         words += f" (approximations say {rounded(min(near), 3)} to {rounded(max(near), 3)})"
     name = f"restitution from {rounded(found.speed, 3)} m/s{fastest}"
@@ -554,10 +550,8 @@ def _energy(result: "Identified") -> Line:
     found = result.energy
     if found.kind == "none":
         return Line("; ".join(found.remarks), "energy lost")
-    part = found.fraction
-    errors = 100.0 * part.standard_error, 100.0 * part.systematic
     words = (
-        f"{with_prefix(found.measured, 'J')}, {with_error(100.0 * part.value, *errors)} % of what "
+        f"{with_prefix(found.measured, 'J')}, {found.fraction.scaled(100.0).words()} % of what "
         f"went in; by the law {with_prefix(found.predicted, 'J', as_of=found.measured.value)}"
     )
     return Line(words, f"energy lost a {found.kind}", remarks=found.remarks)

@@ -365,19 +365,18 @@ class Watch:
             arrived = float(column(row, "arrived")[0])
             if self._knows(float(column(row, "method")[0])):
                 now = {**self._of(row, self._law), "curve": self._curve(row)}
-            for name in ("offset", "surface", "force", "penetration", "velocity"):
-                now[name] = float(column(row, name)[0])
         verdict, kept = self._shown.verdict(self.loop, arrived), self.history.rows()
-        sure = {**verdict, "certainty": certainty(verdict)} if verdict else {}
+        sure = None
+        if verdict:
+            sure = {"offered": verdict["offered"], "certainty": certainty(verdict)}
         # Whether it has written anything lately, or its source is still being opened.
         alive = not self._begun or time.monotonic() - self._moved < ALIVE
-        state = "dead" if not alive or ended else self.loop.get("state", "none")
+        state = self.loop.get("state", "none") if alive and not ended else "dead"
         if ended and self.loop.get("stopped"):
             state = "ended"
         page: dict[str, Any] = {
             "loop": self.loop,
             "others": self.run.others(),
-            "alive": alive,
             "state": state,
             "ended": ended,
             "depth": {"value": self.depth, "chosen": math.isfinite(self.chosen_depth)},
@@ -387,6 +386,5 @@ class Watch:
         }
         last = float(column(kept, "time")[-1]) if len(kept) else math.nan
         page |= {"view": view_of(page, verdict, last), "facts": facts_of(page, state)}
-        sure.pop("covariance", None)
-        said: dict[str, Any] = plain({**page, "loop": {**self.loop, "verdict": sure or None}})
+        said: dict[str, Any] = plain({**page, "loop": {**self.loop, "verdict": sure}})
         return said
