@@ -20,7 +20,6 @@
 
 #include "palpate/curves/curve_cost.hpp"
 #include "palpate/curves/curve_kernels.hpp"
-#include "palpate/curves/curve_minimum.hpp"
 #include "palpate/curves/curve_search.hpp"
 #include "palpate/curves/curve_selection.hpp"
 #include "palpate/error_widening.hpp"

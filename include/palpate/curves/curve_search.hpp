@@ -11,7 +11,6 @@
 #include <utility>
 
 #include "palpate/curves/curve_cost.hpp"
-#include "palpate/curves/curve_minimum.hpp"
 #include "palpate/projection/projection_fit.hpp"
 
 namespace palpate::detail {
