@@ -14,7 +14,7 @@ from palpate.validation import Floats
 #: What a sample is to a fit, by the codes of :attr:`StatedCost.roles`.
 ROLES = ("absent", "free air", "firm contact", "light contact", "left out")
 _FIRM, _LIGHT = ROLES.index("firm contact"), ROLES.index("light contact")
-# Of the priors, as in include/palpate/projection/priors.hpp.
+# Of the priors, as in include/palpate/projection/covariance.hpp.
 _EXPONENT, _EXPONENT_DEVIATION, _DISSIPATION_DEVIATION = 1.3, 1.0, 1.0
 _OFFSET_WITHOUT_TARE = 20.0  # standard deviations of the noise, where a unit of force is less
 

@@ -48,23 +48,9 @@ struct HaarLevel {
   Number older_pairs = 0;
   Number newer_pairs = 0;
 
-  HaarLevel() = default;
-  template <class Other>
-  explicit HaarLevel(const HaarLevel<Size, Other>& other) noexcept
-      : half_residual(static_cast<Number>(other.half_residual)),
-        older(static_cast<Number>(other.older)),
-        newer(static_cast<Number>(other.newer)),
-        older_pairs(static_cast<Number>(other.older_pairs)),
-        newer_pairs(static_cast<Number>(other.newer_pairs)) {
-    for (std::size_t i = 0; i < Size; ++i) {
-      half[i] = static_cast<Number>(other.half[i]);
-      for (std::size_t j = i; j < Size; ++j) {
-        information[i][j] = static_cast<Number>(other.information[i][j]);
-      }
-    }
+  double residual_variance() const noexcept {  // d_k
+    return static_cast<double>(older) / older_pairs;
   }
-
-  double residual_variance() const noexcept { return older / older_pairs; }  // d_k
 
   void keep(const Vector<Size>& sum, double error) noexcept {
     for (std::size_t i = 0; i < Size; ++i) half[i] = static_cast<Number>(sum[i]);
@@ -118,19 +104,6 @@ class HaarLevels {
  public:
   // Blocks of up to 2¹⁹ samples, 9 min at 1 kHz; slower noise counts as it is there.
   static constexpr std::size_t most = 20;
-
-  HaarLevels() = default;
-
-  // The same in another number.
-  template <class Other>
-  explicit HaarLevels(const HaarLevels<Size, Other>& other) noexcept
-      : rest_(other.rest_),
-        used_(other.used_),
-        waiting_(other.waiting_),
-        samples_(other.samples_),
-        renewal_(other.renewal_) {
-    for (std::size_t k = 0; k < most; ++k) levels_[k] = HaarLevel<Size, Number>(other[k]);
-  }
 
   // What these multiply to must be finite: |slope| < 1e20, |residual| ≤ 1e100. Amortised, one pair
   // of blocks is closed a sample.
@@ -188,9 +161,6 @@ class HaarLevels {
   }
 
  private:
-  template <std::size_t, class>
-  friend class HaarLevels;
-
   // With forgetting, blocks are no longer than the memory: where a pair fades below it while it is
   // made, levels end.
   static constexpr double least_fade = 0.6;
@@ -255,14 +225,14 @@ struct LevelNoise {
   using Each = std::array<double, most>;
 
   // `white` is d_k/σ² of white noise: 1, unless the residuals are averages that share samples.
-  template <std::size_t Size>
-  LevelNoise(const HaarLevels<Size>& levels, double variance, const Fitted& fitted,
+  template <std::size_t Size, class Number>
+  LevelNoise(const HaarLevels<Size, Number>& levels, double variance, const Fitted& fitted,
              const Each* white = nullptr) noexcept
       : used(levels.used()) {
     // Eight pairs tell a variance to a half.
     constexpr double fewest_pairs = 8.0;
     for (; measured < used && levels[measured].older_pairs >= fewest_pairs; ++measured) {
-      const HaarLevel<Size>& level = levels[measured];
+      const HaarLevel<Size, Number>& level = levels[measured];
       pairs[measured] = level.older_pairs;
       // p/2m of residuals goes into a fit of p parameters; into one of earlier samples only, which
       // a-priori errors are of, half of it. (AR(1) 0.98, 1 s: covers 94, without it 92 %.)
@@ -334,10 +304,10 @@ struct LevelNoise {
 // what priors weigh over what samples do, on the diagonal of the information; `variance` is σ²;
 // `rows` of R are those of the parameters that are printed. The slopes that went into the levels
 // need not be those of the fit, only to depend on the motion alike.
-template <std::size_t Size, std::size_t Rows>
+template <std::size_t Size, std::size_t Rows, class Number = double>
 class ErrorWidening {
  public:
-  ErrorWidening(const HaarLevels<Size>& levels, const Vector<Size>& prior, double variance,
+  ErrorWidening(const HaarLevels<Size, Number>& levels, const Vector<Size>& prior, double variance,
                 bool of_all_samples = false) noexcept
       : levels_(levels),
         rest_(levels.rest()),
@@ -359,8 +329,12 @@ class ErrorWidening {
   }
 
  private:
-  const Matrix<Size>& part(std::size_t k) const noexcept {
-    return k < noise_.used ? levels_[k].information : rest_;
+  Matrix<Size> part(std::size_t k) const noexcept {
+    Matrix<Size> result = rest_;
+    for (std::size_t i = 0; i < Size && k < noise_.used; ++i) {
+      std::copy_n(levels_[k].information[i].begin(), Size, result[i].begin());
+    }
+    return result;
   }
 
   // 1 + Rᵀ Σ (q² d_k/σ² − 1) D_k R, with R the root in the slopes of the levels: what priors know
@@ -430,7 +404,7 @@ class ErrorWidening {
     return sum;
   }
 
-  const HaarLevels<Size>& levels_;
+  const HaarLevels<Size, Number>& levels_;
   Matrix<Size> rest_;
   LevelNoise noise_;
   Matrix<Size> root_;

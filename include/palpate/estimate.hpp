@@ -143,14 +143,6 @@ struct TraceColumns {
   std::uint8_t* status;
 };
 
-namespace detail {
-
-inline double time_step(const Signals& in, std::size_t k, double sample_time) noexcept {
-  return in.time_steps ? in.time_steps[in.one_time_step ? 0 : k] : sample_time;
-}
-
-}  // namespace detail
-
 template <class Estimator>
 void replay(Estimator& estimator, const Signals& in, const TraceColumns& out,
             const TraceRows& rows = {}) noexcept {
@@ -158,7 +150,7 @@ void replay(Estimator& estimator, const Signals& in, const TraceColumns& out,
   const double sample_time = estimator.settings().sample_time;
   std::size_t row = 0;
   for (std::size_t k = 0; k < in.count; ++k) {
-    const double dt = detail::time_step(in, k, sample_time);
+    const double dt = in.time_steps ? in.time_steps[in.one_time_step ? 0 : k] : sample_time;
     const Status status = estimator.update({in.penetration[k], in.velocity[k], in.force[k]}, dt,
                                            out.predicted_force[k]);
     out.status[k] = static_cast<std::uint8_t>(status);

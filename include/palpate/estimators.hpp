@@ -5,7 +5,6 @@
 //   palpate::WithOutlierRejection<palpate::SingleStageRLS>  // outliers are left out
 #pragma once
 
-#include "palpate/methods/double_stage.hpp"
 #include "palpate/methods/drift_tracking.hpp"
 #include "palpate/methods/regression.hpp"
 #include "palpate/methods/variable_projection.hpp"

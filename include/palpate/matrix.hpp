@@ -161,11 +161,11 @@ constexpr Matrix<Size> multiply(Matrix<Size> matrix, double factor) noexcept {
 }
 
 // R Rᵀ: positive semidefinite but for rounding of its own size, and symmetric to the last bit.
-template <std::size_t Size>
-constexpr Matrix<Size> squared(const Matrix<Size>& root) noexcept {
-  Matrix<Size> result{};
-  for (std::size_t i = 0; i < Size; ++i) {
-    for (std::size_t j = i; j < Size; ++j) result[i][j] = result[j][i] = dot(root[i], root[j]);
+template <std::size_t Rows, std::size_t Size>
+constexpr Matrix<Rows> squared(const std::array<Vector<Size>, Rows>& root) noexcept {
+  Matrix<Rows> result{};
+  for (std::size_t i = 0; i < Rows; ++i) {
+    for (std::size_t j = i; j < Rows; ++j) result[i][j] = result[j][i] = dot(root[i], root[j]);
   }
   return result;
 }

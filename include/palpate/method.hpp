@@ -62,9 +62,8 @@ constexpr const char* validate(const ContactGate::Settings& settings) noexcept {
   });
 }
 
-// How fast the past is forgotten, and how an abrupt change reopens the covariance.
-
-// λ = 1 − (1 − λ₀) e^(−α t), t since contact was made. α = 0 is a constant factor.
+// How fast the past is forgotten: λ = 1 − (1 − λ₀) e^(−α t), t since contact was made. α = 0 is a
+// constant factor.
 class Forgetting {
  public:
   struct Settings {
@@ -155,9 +154,8 @@ concept Method =
              const typename M::Settings& settings, const typename M::Row& row) {
       // The force law that it identifies, of M::Law::size parameters.
       typename M::Law;
-      // Built from settings, whose defaults are those of the named estimator, and the
-      // units. What is wrong with them `validate` says in words; it returns null where
-      // they are sound.
+      // Built from settings, whose defaults are those of the named estimator, and the units. What
+      // is wrong with them `validate` says in words; it returns null where they are sound.
       requires std::constructible_from<M, const typename M::Settings&, const Units&>;
       { validate(settings) } -> std::same_as<const char*>;
       { M::default_forgetting } -> std::convertible_to<Forgetting::Settings>;
@@ -175,15 +173,13 @@ concept Method =
       { method.prepare(sample, number /* dt */) } -> std::same_as<typename M::Row>;
       // The a-priori force in scaled units, before the sample is learned.
       { known.predict(row) } -> std::same_as<double>;
-      // Takes a prepared sample, `dt` [s] after the one before it, with the forgetting
-      // factor λ and the perturbation π: whole (updated, guarded) or not at all (any
-      // other status).
+      // Takes a prepared sample, `dt` [s] after the one before it, with the forgetting factor λ and
+      // the perturbation π: whole (updated, guarded) or not at all (any other status).
       {
         method.learn(row, number /* dt */, number /* λ */, number /* π */)
       } -> std::same_as<Status>;
 
-      // Starts again from the present answer as a prior, after a change of what is
-      // touched …
+      // Starts again from the present answer as a prior, after a change of what is touched …
       { method.reinitialise() };
       // … and once more when its transient is over, from the same prior.
       { method.reinitialise_after_transient() };

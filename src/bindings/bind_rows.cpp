@@ -38,14 +38,11 @@ void check(bool agree) {
   if (!agree) throw nb::value_error("the arrays must have as many rows, and samples in them");
 }
 
-double noise_of(const InputArray& values) {
-  std::vector<double> spare(values.size() + 1);
-  return rows::noise_of({values.data(), values.size()}, spare.data());
-}
-
-double step_of(const InputArray& values) {
+// What one channel says by itself.
+template <double (*Of)(rows::Channel, double*) noexcept>
+double of_channel(const InputArray& values) {
   std::vector<double> spare(2 * values.size() + 1);
-  return rows::step_of({values.data(), values.size()}, spare.data());
+  return Of({values.data(), values.size()}, spare.data());
 }
 
 void resolutions(const InputRows& penetration, const OutputArray& result, std::size_t threads) {
@@ -54,11 +51,6 @@ void resolutions(const InputRows& penetration, const OutputArray& result, std::s
   each_row(penetration.shape(0), 2 * samples, threads, [&](std::size_t row, double* spare) {
     result.data()[row] = rows::resolution_of({penetration.data() + row * samples, samples}, spare);
   });
-}
-
-double largest_of(const InputArray& values) {
-  std::vector<double> spare(values.size() + 1);
-  return rows::largest_of({values.data(), values.size()}, spare.data());
 }
 
 // Only of rows that may hold one where they are screened.
@@ -255,15 +247,15 @@ void each_row(std::size_t rows, std::size_t size, std::size_t threads,
 }
 
 void bind_rows(nb::module_& module) {
-  module.def("noise_of", &noise_of, nb::arg("values"),
+  module.def("noise_of", &of_channel<rows::noise_of>, nb::arg("values"),
              "Standard deviation of white noise on a smooth signal, from its fourth differences.");
-  module.def("step_of", &step_of, nb::arg("values"),
+  module.def("step_of", &of_channel<rows::step_of>, nb::arg("values"),
              "Median gap between the distinct values of a channel; 0 of a constant one.");
   module.def("resolutions", &resolutions, nb::arg("penetration"), nb::arg("result"),
              nb::arg("threads"),
              "Fills, for contacts as rows, twice the noise of the penetration, its rounding "
              "included, m; NaN where it has neither.");
-  module.def("largest_of", &largest_of, nb::arg("values"),
+  module.def("largest_of", &of_channel<rows::largest_of>, nb::arg("values"),
              "99.9th percentile of the values' size; 0 of none.");
   module.def("mark_spikes", &mark_spikes, nb::arg("values"), nb::arg("screened"), nb::arg("marks"),
              nb::arg("threads"),

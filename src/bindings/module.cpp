@@ -34,23 +34,26 @@ void bind_force_laws(nb::module_& module) {
   bind_force<GeneralisedHuntCrossley>(module, "generalised_hunt_crossley_force");
 }
 
-// An estimate of a method that is not compiled.
+// An estimate of a method that is not compiled; the covariance may have the offset's row too.
 void make_estimate(EstimateValue* self, const InputArray& parameters, const InputArray& covariance,
                    Status status, std::uint64_t samples, double margin, std::uint64_t guarded,
-                   std::uint64_t restarts, std::uint64_t rejected) {
+                   std::uint64_t restarts, std::uint64_t rejected, double offset) {
   const std::size_t size = parameters.size();
-  if (size == 0 || size > EstimateValue::capacity || covariance.size() != size * size) {
+  const std::size_t rows = size + (covariance.size() > size * size ? 1 : 0);
+  if (size == 0 || size > EstimateValue::capacity || covariance.size() != rows * rows) {
     throw nb::value_error(("parameters must be 1 to " + std::to_string(EstimateValue::capacity) +
                            " numbers, and covariance their square matrix")
                               .c_str());
   }
   const AnyEstimate common{{}, 0, margin, status, samples, guarded, restarts, rejected};
-  new (self) EstimateValue{common, size, 0.0, {}, {}};
+  new (self) EstimateValue{common, size, offset, {}, {}};
   std::copy_n(parameters.data(), size, self->parameters.begin());
-  for (std::size_t i = 0; i < size; ++i) {
-    std::copy_n(covariance.data() + i * size, size, &self->entry(i, 0));
+  for (std::size_t i = 0; i < rows; ++i) {
+    std::copy_n(covariance.data() + i * rows, rows, &self->entry(i, 0));
   }
 }
+
+double root(double variance) { return std::sqrt(variance < 0.0 ? 0.0 : variance); }
 
 nb::object standard_errors_of(EstimateValue& e) {
   std::array<double, EstimateValue::capacity> errors{};
@@ -94,33 +97,48 @@ void bind_estimate(nb::module_& module) {
       .def("__init__", &make_estimate, nb::arg("parameters"), nb::arg("covariance"),
            nb::arg("status"), nb::arg("samples"), nb::arg("validity_margin") = 1.0,
            nb::arg("guarded") = 0, nb::arg("restarts") = 0, nb::arg("rejected") = 0,
+           nb::arg("offset") = 0.0,
            nb::sig("def __init__(self, parameters: numpy.typing.NDArray[numpy.float64], "
                    "covariance: numpy.typing.NDArray[numpy.float64], status: Status, samples: int, "
                    "validity_margin: float = 1.0, guarded: int = 0, restarts: int = 0, "
-                   "rejected: int = 0) -> None"))
+                   "rejected: int = 0, offset: float = 0.0) -> None"))
+      .def(nb::init<const EstimateValue&>())
       .def_prop_ro(
           "parameters",
           [](const EstimateValue& e) { return copied_array(e.parameters.data(), {e.size}); },
+          "The law's parameters in its own order, SI.",
           nb::sig("def parameters(self) -> numpy.typing.NDArray[numpy.float64]"))
       .def_prop_ro(
           "covariance", [](const EstimateValue& e) { return covariance_of(e, e.size); },
+          "Joint covariance of the law's parameters, SI.",
           nb::sig("def covariance(self) -> numpy.typing.NDArray[numpy.float64]"))
       .def_prop_ro("standard_errors", &standard_errors_of,
+                   "Standard errors of the law's parameters, SI.",
                    nb::sig("def standard_errors(self) -> numpy.typing.NDArray[numpy.float64]"))
       .def_prop_ro(
           "joint_covariance", [](const EstimateValue& e) { return covariance_of(e, e.size + 1); },
+          "Covariance of the law's parameters and, last, the offset, SI.",
           nb::sig("def joint_covariance(self) -> numpy.typing.NDArray[numpy.float64]"))
-      .def_ro("offset", &EstimateValue::offset)
-      .def_prop_ro("offset_variance", [](EstimateValue& e) { return e.entry(e.size, e.size); })
-      .def_prop_ro("surface", [](const EstimateValue& e) { return e.surface.value; })
-      .def_prop_ro("surface_variance", [](const EstimateValue& e) { return e.surface.variance; })
-      .def_ro("flags", &EstimateValue::flags)
-      .def_ro("validity_margin", &EstimateValue::validity_margin)
-      .def_ro("status", &EstimateValue::status)
-      .def_ro("samples", &EstimateValue::samples)
-      .def_ro("guarded", &EstimateValue::guarded)
-      .def_ro("restarts", &EstimateValue::restarts)
-      .def_ro("rejected", &EstimateValue::rejected);
+      .def_ro("offset", &EstimateValue::offset, "Force without contact, N.")
+      .def_prop_ro(
+          "offset_standard_error", [](EstimateValue& e) { return root(e.entry(e.size, e.size)); },
+          "Its standard error, N; 0 where it is not estimated.")
+      .def_prop_ro(
+          "surface", [](const EstimateValue& e) { return e.surface.value; },
+          "Where the material begins, m.")
+      .def_prop_ro(
+          "surface_standard_error", [](const EstimateValue& e) { return root(e.surface.variance); },
+          "Its standard error, m; 0 where it is not searched for.")
+      .def_ro("_flags", &EstimateValue::flags)
+      .def_ro("validity_margin", &EstimateValue::validity_margin,
+              "Condition 10 as a margin: 1 at rest, 0 at the limit, negative beyond it.")
+      .def_ro("status", &EstimateValue::status,
+              "Of the last sample that was neither refused nor left out.")
+      .def_ro("samples", &EstimateValue::samples, "Samples taken.")
+      .def_ro("guarded", &EstimateValue::guarded, "Of them, those that the guard touched.")
+      .def_ro("restarts", &EstimateValue::restarts,
+              "How often the estimate was reinitialised after a change of the material.")
+      .def_ro("rejected", &EstimateValue::rejected, "Samples left out as outliers.");
 }
 
 }  // namespace

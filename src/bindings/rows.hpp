@@ -167,14 +167,21 @@ constexpr double largest = 1e100;
 // Distinct values are sought among so many samples; noise fills the gaps of a fine channel by then.
 constexpr std::size_t most_distinct = 20'000;
 
+// Those of a channel where this holds of the sample's number, in order.
+template <class Holds>
+Numbers chosen(const double* channel, std::size_t count, double* to, const Holds& holds) noexcept {
+  std::size_t kept = 0;
+  for (std::size_t k = 0; k < count; ++k) {
+    to[kept] = channel[k];  // there is no branch to foresee
+    kept += static_cast<std::size_t>(holds(k));
+  }
+  return {to, kept};
+}
+
 // Those of a channel that are finite and below `bound` in size, in its order.
 inline Numbers kept(Channel channel, double bound, double* to) noexcept {
-  std::size_t count = 0;
-  for (std::size_t k = 0; k < channel.count; ++k) {
-    to[count] = channel.data[k];  // there is no branch to foresee
-    count += static_cast<std::size_t>(std::abs(channel.data[k]) < bound);
-  }
-  return {to, count};
+  return chosen(channel.data, channel.count, to,
+                [&](std::size_t k) noexcept { return std::abs(channel.data[k]) < bound; });
 }
 
 // The standard deviation of white noise on a smooth signal, from its fourth differences: they
@@ -294,17 +301,6 @@ constexpr double noise_factor = 10.0;
 // Of the contact within 3 σ of the gate; deep probing has under 0.5 %.
 constexpr double most_undecided = 0.03;
 
-// Those of a channel where this holds of the sample's number, in order.
-template <class Holds>
-Numbers chosen(const double* channel, std::size_t count, double* to, const Holds& holds) noexcept {
-  std::size_t kept = 0;
-  for (std::size_t k = 0; k < count; ++k) {
-    to[kept] = channel[k];  // there is no branch to foresee
-    kept += static_cast<std::size_t>(holds(k));
-  }
-  return {to, kept};
-}
-
 // Ten times the noise, between 1 % and 10 % of the 99th percentile: so that a spike sets nothing.
 inline double threshold(double noise, double top) noexcept {
   return std::min(std::max(noise_factor * noise, 0.01 * top), 0.10 * top);
@@ -319,16 +315,10 @@ inline double threshold(double noise, double top) noexcept {
 // falls short of its threshold, but for one force in a thousand; not beyond half way.
 template <class Touching>
 ContactGate::Settings gate_of(const Pressed& in, const Touching& touching, double* spare) noexcept {
-  double* const forces = spare + in.count;
-  std::size_t touched = 0;
-  for (std::size_t k = 0; k < in.count; ++k) {
-    spare[touched] = in.penetration[k];  // there is no branch to foresee
-    forces[touched] = in.force[k];
-    touched += static_cast<std::size_t>(touching(k));
-  }
+  const std::size_t touched = chosen(in.penetration, in.count, spare, touching).count;
   if (touched == 0) return {};
   const double deepest = percentile({spare, touched}, 0.99);
-  const double highest = percentile({forces, touched}, 0.99);
+  const double highest = percentile(chosen(in.force, in.count, spare, touching), 0.99);
   const double noise = noise_of({in.force, in.count}, spare);
   const double make = threshold(noise, highest);
   const double least = threshold(noise_of({in.penetration, in.count}, spare), deepest);

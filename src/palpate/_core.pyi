@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 import enum
-from typing import Annotated, Any
+from typing import Annotated, Any, overload
 
 import numpy
 import numpy.typing
@@ -56,52 +56,74 @@ class Status(enum.IntEnum):
 class EstimateValue:
     """The numbers of an estimate, SI."""
 
-    def __init__(self, parameters: numpy.typing.NDArray[numpy.float64], covariance: numpy.typing.NDArray[numpy.float64], status: Status, samples: int, validity_margin: float = 1.0, guarded: int = 0, restarts: int = 0, rejected: int = 0) -> None: ...
+    @overload
+    def __init__(self, parameters: numpy.typing.NDArray[numpy.float64], covariance: numpy.typing.NDArray[numpy.float64], status: Status, samples: int, validity_margin: float = 1.0, guarded: int = 0, restarts: int = 0, rejected: int = 0, offset: float = 0.0) -> None: ...
+
+    @overload
+    def __init__(self, arg: EstimateValue, /) -> None: ...
 
     @property
-    def parameters(self) -> numpy.typing.NDArray[numpy.float64]: ...
+    def parameters(self) -> numpy.typing.NDArray[numpy.float64]:
+        """The law's parameters in its own order, SI."""
 
     @property
-    def covariance(self) -> numpy.typing.NDArray[numpy.float64]: ...
+    def covariance(self) -> numpy.typing.NDArray[numpy.float64]:
+        """Joint covariance of the law's parameters, SI."""
 
     @property
-    def standard_errors(self) -> numpy.typing.NDArray[numpy.float64]: ...
+    def standard_errors(self) -> numpy.typing.NDArray[numpy.float64]:
+        """Standard errors of the law's parameters, SI."""
 
     @property
-    def joint_covariance(self) -> numpy.typing.NDArray[numpy.float64]: ...
+    def joint_covariance(self) -> numpy.typing.NDArray[numpy.float64]:
+        """Covariance of the law's parameters and, last, the offset, SI."""
 
     @property
-    def offset(self) -> float: ...
+    def offset(self) -> float:
+        """Force without contact, N."""
 
     @property
-    def offset_variance(self) -> float: ...
+    def offset_standard_error(self) -> float:
+        """Its standard error, N; 0 where it is not estimated."""
 
     @property
-    def surface(self) -> float: ...
+    def surface(self) -> float:
+        """Where the material begins, m."""
 
     @property
-    def surface_variance(self) -> float: ...
+    def surface_standard_error(self) -> float:
+        """Its standard error, m; 0 where it is not searched for."""
 
     @property
-    def flags(self) -> int: ...
+    def _flags(self) -> int: ...
 
     @property
-    def validity_margin(self) -> float: ...
+    def validity_margin(self) -> float:
+        """
+        Condition 10 as a margin: 1 at rest, 0 at the limit, negative beyond it.
+        """
 
     @property
-    def status(self) -> Status: ...
+    def status(self) -> Status:
+        """Of the last sample that was neither refused nor left out."""
 
     @property
-    def samples(self) -> int: ...
+    def samples(self) -> int:
+        """Samples taken."""
 
     @property
-    def guarded(self) -> int: ...
+    def guarded(self) -> int:
+        """Of them, those that the guard touched."""
 
     @property
-    def restarts(self) -> int: ...
+    def restarts(self) -> int:
+        """
+        How often the estimate was reinitialised after a change of the material.
+        """
 
     @property
-    def rejected(self) -> int: ...
+    def rejected(self) -> int:
+        """Samples left out as outliers."""
 
 class LeastSquares:
     def __init__(self, arg0: int, arg1: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], arg2: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], /) -> None: ...

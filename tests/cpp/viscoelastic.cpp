@@ -287,8 +287,7 @@ TEST("levels of floats say of the noise what those of doubles say") {
     floats.add(slope, slow, factor);
   }
   const detail::ErrorWidening<1, 1> by_doubles(doubles, {0.0}, 1.0);
-  const detail::HaarLevels<1> converted(floats);
-  const detail::ErrorWidening<1, 1> by_floats(converted, {0.0}, 1.0);
+  const detail::ErrorWidening<1, 1, float> by_floats(floats, {0.0}, 1.0);
   const double expected = by_doubles.root({{{1.0}}})[0][0];
   CHECK(expected > 2.0);
   // Ten thousand roundings of 6e-8.

@@ -13,7 +13,7 @@
 
 #include "palpate/curves/curve_blocks.hpp"
 #include "palpate/matrix.hpp"
-#include "palpate/projection/priors.hpp"
+#include "palpate/projection/covariance.hpp"
 
 namespace palpate::detail {
 
@@ -202,7 +202,7 @@ class CurveCost {
 
   double penalty(const CurvePoint& z, double variance) const noexcept {
     const ProjectionSettings& s = model_.settings;
-    const double away = (ratio(z) - s.prior_dissipation) / s.prior_dissipation_deviation;
+    const double away = (z[1] / stiff(z[0]) - s.prior_dissipation) / s.prior_dissipation_deviation;
     double sum = priors().exponent_penalty(z[2], variance) + variance * away * away;
     if (s.offset) sum += z[3] * z[3] * priors().offset_weight(variance);
     return sum / data_.per_point;
@@ -243,8 +243,6 @@ class CurveCost {
     }
     return r;
   }
-
-  static double ratio(const CurvePoint& z) noexcept { return z[1] / stiff(z[0]); }
 
  private:
   // A stiffness that is not there does not divide.

@@ -21,13 +21,11 @@
 #include "palpate/curves/curve_cost.hpp"
 #include "palpate/curves/curve_kernels.hpp"
 #include "palpate/curves/curve_minimum.hpp"
-#include "palpate/curves/curve_polish.hpp"
 #include "palpate/curves/curve_search.hpp"
 #include "palpate/curves/curve_selection.hpp"
 #include "palpate/error_widening.hpp"
 #include "palpate/matrix.hpp"
 #include "palpate/projection/covariance.hpp"
-#include "palpate/projection/priors.hpp"
 #include "palpate/sample.hpp"
 
 namespace palpate {
@@ -192,9 +190,9 @@ class CurveFitter {
                             memory_.column(3), memory_.column(12), 0};
     const CurvePolish polished(model_, data, free);
     if (kinks(rival)) {
-      rival = polished(rival, {best.cost + rough * variance, best.at[2], valleys_apart});
+      rival = polished(rival, {{}, best.cost + rough * variance, 0.0, best.at[2], valleys_apart});
     }
-    if (kinks(best)) best = polished(best, {best.cost});
+    if (kinks(best)) best = polished(best, {{}, best.cost});
     best.latest = false;
     return rival.cost < best.cost ? rival : best;
   }
@@ -204,12 +202,12 @@ class CurveFitter {
     const CurveData firm = of(firm_);
     if (light_.count > 0) {
       const CurveData all = of(firm_, light_);
-      const CurveMinimum both = global_minimum(model_, all);
+      const CurveMinimum both = lowest_minima(model_, all).best;
       joined_ = true;
       if (evident(both, firm)) return both;
       joined_ = false;
     } else {
-      const CurveMinimum alone = global_minimum(model_, firm);
+      const CurveMinimum alone = lowest_minima(model_, firm).best;
       if (evident(alone, firm)) return alone;
     }
     return decided(firm);
@@ -219,7 +217,8 @@ class CurveFitter {
   // light samples have no more than noise left, and the offset is what its prior says.
   bool evident(const CurveMinimum& found, const CurveData& firm) const noexcept {
     constexpr double plain_excess = 0.5 * largest_excess, plain_offset = 0.5 * suspect_offset;
-    if (joined_ && pulls(found.at, light_) > 0) return false;
+    const auto pulling = [&](double w) noexcept { return pulls(found.at, w); };
+    if (joined_ && std::any_of(light_.w, light_.w + light_.count, pulling)) return false;
     CurveState alone = found.state;
     alone.sums = found.state.part[0];
     const CurveCost cost(model_, firm);
@@ -247,12 +246,12 @@ class CurveFitter {
 
   // The same by fits of each, as ContactSolver::solve.
   CurveMinimum decided(const CurveData& firm) noexcept {
-    CurveMinimum best = global_minimum(model_, firm);
+    CurveMinimum best = lowest_minima(model_, firm).best;
     ProjectionSettings& s = model_.settings;
     if (s.offset && s.offset_deviation > 0.0) {
       CurveModel wide = model_;
       wide.settings.offset_deviation = 0.0;
-      const CurveMinimum open = global_minimum(wide, firm);
+      const CurveMinimum open = lowest_minima(wide, firm).best;
       const CurveCost cost(wide, firm);
       const double error = std::sqrt(CurveDescent(cost).gain(open.state).offset_variance);
       const double away = std::abs(open.at[3]) / std::hypot(error, s.offset_deviation);
@@ -269,7 +268,7 @@ class CurveFitter {
     leave_out_pulling(best.at);
     const double usable = static_cast<double>(light_.count);
     if (!(usable >= fewest_usable * static_cast<double>(light)) || light_.count == 0) return best;
-    const CurveMinimum both = global_minimum(model_, of(firm_, light_));
+    const CurveMinimum both = lowest_minima(model_, of(firm_, light_)).best;
     const double freedom = firm.count() - 4.0;
     const double variance = std::max(best.state.sums.squares / freedom, tiny);
     joined_ =
@@ -278,18 +277,12 @@ class CurveFitter {
     return joined_ ? both : best;
   }
 
-  static std::size_t pulls(const CurvePoint& at, const CurveSamples& samples) noexcept {
-    std::size_t count = 0;
-    for (std::size_t i = 0; i < samples.count; ++i) {
-      count += at[0] + at[1] * samples.w[i] < 0.0 ? 1 : 0;
-    }
-    return count;
-  }
+  static bool pulls(const CurvePoint& at, double w) noexcept { return at[0] + at[1] * w < 0.0; }
 
   void leave_out_pulling(const CurvePoint& at) noexcept {
     std::size_t kept = 0;
     for (std::size_t i = 0; i < light_.count; ++i) {
-      const bool pulling = at[0] + at[1] * light_.w[i] < 0.0;
+      const bool pulling = pulls(at, light_.w[i]);
       light_.x[kept] = light_.x[i];
       light_.w[kept] = light_.w[i];
       light_.f[kept] = light_.f[i];

@@ -10,7 +10,7 @@
 
 #include "palpate/curves/curve_cost.hpp"
 #include "palpate/projection/contact_samples.hpp"
-#include "palpate/projection/priors.hpp"
+#include "palpate/projection/covariance.hpp"
 #include "palpate/sample.hpp"
 
 namespace palpate {

@@ -13,7 +13,6 @@
 #include "palpate/method.hpp"
 #include "palpate/projection/contact_solver.hpp"
 #include "palpate/projection/covariance.hpp"
-#include "palpate/projection/priors.hpp"
 #include "palpate/projection/projection_fit.hpp"
 #include "palpate/sample.hpp"
 

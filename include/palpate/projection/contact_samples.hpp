@@ -136,6 +136,13 @@ struct OffsetPrior {
   double deviation;  // 0: nothing is known
 };
 
+// ρ_F = σ²/s_F² in samples, of a prior of this deviation. Where nothing is known the offset may be
+// as large as the forces are, one unit; where the unit is small beside the residual, 20 σ.
+constexpr double offset_weight_of(double deviation, double variance) noexcept {
+  if (deviation > 0.0) return variance / (deviation * deviation);
+  return std::min(variance, 1.0 / (20.0 * 20.0));
+}
+
 class FreeAir {
  public:
   // A sample counts as free after ten in a row this far above the surface, in units of

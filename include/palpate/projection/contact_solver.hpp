@@ -15,8 +15,8 @@
 
 #include "palpate/method.hpp"
 #include "palpate/projection/contact_samples.hpp"
+#include "palpate/projection/covariance.hpp"
 #include "palpate/projection/power_sums.hpp"
-#include "palpate/projection/priors.hpp"
 #include "palpate/projection/projection_fit.hpp"
 #include "palpate/sample.hpp"
 
@@ -119,7 +119,6 @@ class ContactSolver {
 
   double weight() const noexcept { return sure_.weight() + light_.weight(); }
 
-  double lowest_exponent() const noexcept { return sure_.sums().lowest(); }
   double highest_exponent() const noexcept { return sure_.sums().highest(); }
 
   // The prior is an old answer with these deviations. The sensor's offset is still what it was.

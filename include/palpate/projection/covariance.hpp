@@ -1,5 +1,7 @@
-// What samples and priors say of (k, c, n, F₀, d): JᵀJ, the covariance from it, what widens that
-// where errors are no white noise, what it leaves open, and all of it in SI.
+// The settings of variable projection, and what its weak priors weigh beside the samples; the
+// linear part by least squares; and what samples and priors say of (k, c, n, F₀, d): JᵀJ, the
+// covariance from it, what widens that where errors are no white noise, what it leaves open, and
+// all of it in SI.
 #pragma once
 
 #include <algorithm>
@@ -9,11 +11,258 @@
 
 #include "palpate/error_widening.hpp"
 #include "palpate/estimate.hpp"
+#include "palpate/force_laws.hpp"
 #include "palpate/matrix.hpp"
-#include "palpate/projection/priors.hpp"
+#include "palpate/projection/contact_samples.hpp"
+#include "palpate/projection/power_sums.hpp"
 #include "palpate/sample.hpp"
 
-namespace palpate::detail {
+namespace palpate {
+
+struct ProjectionSettings {
+  double noise = 0.0;  // standard deviation of the force in scaled units; 0: from the residual
+  // Below a third a law is nearly a step; 3.6 ends 33 steps of 0.1, well beyond the cone's 2.
+  double lowest_exponent = 0.3;
+  double highest_exponent = 3.6;
+  double exponent = 0.0;  // where it is known, as of a tip whose shape is; 0: it is looked for
+  bool offset = true;
+  double offset_deviation = 0.0;  // of the prior F₀ ~ N(0, ·²), as a tare leaves; 0: none was made
+  // Of the surface, in scaled units. A surface that is off looks like an offset, of the force's
+  // unit over the penetration's in the middle of the depth: no offset is known better.
+  double surface_deviation = 0.0;
+  // Weak priors: n ~ N(1.3, 1), between a spring and a cone, and c/k ~ N(0, 1), the damping force
+  // at the speed of the scale as large as the elastic one.
+  double prior_exponent = 1.3;
+  double prior_exponent_deviation = 1.0;
+  double prior_dissipation = 0.0;  // c/k
+  double prior_dissipation_deviation = 1.0;
+
+  bool operator==(const ProjectionSettings&) const = default;
+};
+
+constexpr const char* validate(const ProjectionSettings& s) noexcept {
+  using detail::lies_in;
+  return detail::first_fault({
+      {lies_in(s.noise, 0.0, 1e60), "method.noise must be in [0, 1e60] units of force"},
+      {lies_in(s.offset_deviation, 0.0, 1e60),
+       "method.offset_deviation must be in [0, 1e60] units of force"},
+      {lies_in(s.surface_deviation, 0.0, 1e60),
+       "method.surface_deviation must be in [0, 1e60] units of penetration"},
+      {s.lowest_exponent >= 0.1 && s.highest_exponent <= 10.0,
+       "method.lowest_exponent and highest_exponent must be in [0.1, 10]"},
+      {s.exponent == 0.0 || lies_in(s.exponent, 0.1, 10.0),
+       "method.exponent must be in [0.1, 10], or 0 where it is not known"},
+      // Within a step of 0.15 the sums are interpolated to 1e-7; below 0.006 their differences
+      // drown.
+      {lies_in(s.highest_exponent - s.lowest_exponent, 0.2, 5.0),
+       "method.highest_exponent must be 0.2 to 5 above lowest_exponent"},
+      {s.prior_exponent_deviation > 0.0 && s.prior_dissipation_deviation > 0.0,
+       "method.prior deviations must be > 0"},
+      {lies_in(s.prior_exponent, -1e3, 1e3) && lies_in(s.prior_dissipation, -1e60, 1e60),
+       "method.prior values must be finite and small: an exponent, and c/k"},
+  });
+}
+
+namespace detail {
+
+// F = k (ξ − d)ⁿ (1 + c/k w) + F₀ in scaled units.
+struct ScaledLaw {
+  double k, c, offset, n, surface;
+
+  double force(const Sample& s) const noexcept {
+    const double depth = s.penetration - surface;
+    const double power = depth > 0.0 ? std::pow(depth, n) : 0.0;
+    return power * (k + c * s.velocity) + offset;
+  }
+};
+
+struct ProjectionSolution : ScaledLaw {
+  double noise_variance;  // of the force
+  double prior_variance;  // the same as the priors were weighted with
+  double root_variance;   // the same as the root below takes it, with its floor
+  Matrix<5> root;   // R Rᵀ is the covariance of (k, c, n, offset, surface) for white residuals
+  double cost;      // J: the weighted residual sum less Σ F², with the priors
+  double residual;  // the weighted residual sum
+  bool damping_identifiable;   // false where v says nothing that ξ does not, but for rounding
+  bool exponent_identifiable;  // false where the depth has hardly varied
+  bool at_edge;                // the exponent ended at the edge of its range
+  bool surface_found;      // true unless a search for the surface ended at the edge of its range
+  bool lost_above;         // contact is lost above the surface: the light samples are left out
+  bool tare_refuted;       // F₀ is beyond the prior that a tare gave
+  double prior_mean;       // of the prior of F₀ that was used …
+  double prior_deviation;  // … and its deviation
+};
+
+// A quotient's denominator never is zero with this added, and no sum of squares feels it.
+inline constexpr double tiny = 1e-300;
+
+// Room for the samples: over the grid of exponents, or of the known one alone.
+inline PowerSums empty_sums(const ProjectionSettings& settings) noexcept {
+  if (settings.exponent > 0.0) return {settings.exponent, settings.exponent};
+  return {settings.lowest_exponent, settings.highest_exponent};
+}
+
+// An old answer, with these deviations, in place of the weak priors of exponent and dissipation.
+inline void centre_priors(ProjectionSettings& settings, const ProjectionSolution& old,
+                          double exponent_deviation, double dissipation_deviation) noexcept {
+  settings.prior_exponent = old.n;
+  settings.prior_exponent_deviation = exponent_deviation;
+  settings.prior_dissipation = old.k > 0.0 ? old.c / old.k : 0.0;
+  settings.prior_dissipation_deviation = dissipation_deviation;
+}
+
+// How far from zero an old answer lets the offset be: √(F₀² + Var F₀).
+inline double offset_deviation(const ProjectionSolution& old) noexcept {
+  return std::sqrt(old.offset * old.offset + dot(old.root[3], old.root[3]));
+}
+
+// What the priors weigh beside samples of variance σ², whether these are sums or are there.
+struct Priors {
+  const ProjectionSettings& settings;
+
+  bool exponent_known() const noexcept { return settings.exponent > 0.0; }
+
+  double offset_weight(double variance) const noexcept {
+    return offset_weight_of(settings.offset_deviation, variance);
+  }
+
+  // ρ_b = σ²/(s k)² for a prior on c/k of deviation s.
+  double damping_weight(double k, double variance) const noexcept {
+    const double deviation = settings.prior_dissipation_deviation * k;
+    return std::min(variance / (deviation * deviation + tiny), largest_parameter);
+  }
+
+  double exponent_weight(double variance) const noexcept {
+    return variance / (settings.prior_exponent_deviation * settings.prior_exponent_deviation);
+  }
+
+  // What the prior adds to J at an exponent that is looked for.
+  double exponent_penalty(double n, double variance) const noexcept {
+    if (exponent_known()) return 0.0;
+    const double away = (n - settings.prior_exponent) / settings.prior_exponent_deviation;
+    return variance * away * away;
+  }
+
+  // σ² for the weight of the priors, from the least Σ r². Few samples fit exactly: two more, with
+  // an error of 1 % of the rms force, keep the priors from vanishing then.
+  double variance(double residual, double force_squared, double count) const noexcept {
+    if (settings.noise > 0.0) return settings.noise * settings.noise;
+    if (!(force_squared > 0.0)) return 1.0;
+    const double floor = 1e-4 * force_squared / std::max(count, 1.0);
+    return (residual + 2.0 * floor) / (std::max(count - 4.0, 0.0) + 2.0);
+  }
+
+  // σ² for error bars: from the residual, once ten degrees of freedom tell it to a quarter or so
+  // (1/√20). Of less than `rounding` there is no residual; a part of it keeps them above zero.
+  double noise_variance(double residual, double rounding, double freedom,
+                        double otherwise) const noexcept {
+    constexpr double fewest_degrees = 10.0;
+    if (settings.noise != 0.0 || freedom < fewest_degrees) return otherwise;
+    return std::max(residual, rounding) / freedom;
+  }
+
+  // Within a quarter of a node's step of an end of the range: the minimum may lie beyond it.
+  bool at_edge(double n) const noexcept {
+    const double low = settings.lowest_exponent, high = settings.highest_exponent;
+    const double margin = 0.25 * (high - low) / static_cast<double>(PowerSums::nodes - 1);
+    return !exponent_known() && (n < low + margin || n > high - margin);
+  }
+};
+
+// No force sensor is better than a hundred-thousandth; without any force, one unit.
+inline double least_variance(double force_squared, double count) noexcept {
+  return force_squared > 0.0 ? 1e-10 * force_squared / count : 1.0;
+}
+
+// The sums and the priors of one least-squares problem.
+struct ProjectionProblem : Priors {
+  ProjectionProblem(const PowerSums& of, const ProjectionSettings& under) noexcept
+      : Priors{under}, sums(of) {}
+
+  // 1 / (Σ1 + ρ_F), by which the offset is eliminated; 0 without one.
+  double offset_fraction(double variance) const noexcept {
+    return settings.offset ? 1.0 / (sums.weight() + offset_weight(variance) + tiny) : 0.0;
+  }
+
+  double prior_variance(double cost) const noexcept {
+    const double squares = sums.force_squared();
+    return variance(std::max(squares + cost, 0.0), squares, sums.weight());
+  }
+
+  const PowerSums& sums;
+};
+
+// For one exponent the law is linear in (k, c, F₀): least squares from the sums, with F₀ eliminated
+// first and (k, c) by determinants.
+//
+// A pivot below this fraction of its diagonal is rounding: sums of 1e3 samples carry 1e3 ε.
+inline constexpr double smallest_fraction = 1e-13;
+// Of a sum of squares; below it a column is not there. Its square is still a normal number.
+inline constexpr double smallest_sum = 1e-150;
+
+// [a11 a12; a12 a22] (k, c)ᵀ = (b1, b2)ᵀ, once F₀ = f (ΣF − k Σp − c Σpw) is eliminated.
+struct NormalEquations {
+  double a11, a12, a22, b1, b2;
+};
+
+// The sums of one exponent, by name; `total` is Σ F, `fraction` f = 1/(Σ1 + ρ_F).
+constexpr NormalEquations normal_equations(double spp, double sppw, double sppww, double sp,
+                                           double spw, double spf, double spwf, double total,
+                                           double fraction) noexcept {
+  return {spp - sp * sp * fraction, sppw - sp * spw * fraction, sppww - spw * spw * fraction,
+          spf - sp * total * fraction, spwf - spw * total * fraction};
+}
+
+struct LinearSolution {
+  double k, c, offset;
+  double cost;  // −bᵀÃ⁻¹b
+  bool damped;  // the damping column has a sound pivot
+};
+
+// With the prior on c/k, of weight ρ_b.
+inline LinearSolution solve_linear(const ProjectionProblem& problem, const PowerSums::Values& s,
+                                   double damping_weight, double fraction) noexcept {
+  const double total = problem.sums.force();
+  const double prior = problem.settings.prior_dissipation;
+  auto [a11, a12, a22, b1, b2] =
+      normal_equations(s[pp], s[ppw], s[ppww], s[p1], s[pw], s[pf], s[pwf], total, fraction);
+  a11 += damping_weight * prior * prior;
+  a12 -= damping_weight * prior;
+  a22 += damping_weight;
+  const double determinant = a11 * a22 - a12 * a12;
+  const bool damped =
+      determinant > smallest_fraction * (a11 * a22) && a11 > smallest_sum && a22 > smallest_sum;
+  LinearSolution r{};
+  r.damped = damped;
+  r.k = damped ? (a22 * b1 - a12 * b2) / determinant : a11 > smallest_sum ? b1 / a11 : 0.0;
+  r.c = damped ? (a11 * b2 - a12 * b1) / determinant : 0.0;
+  r.offset = fraction * (total - r.k * s[p1] - r.c * s[pw]);
+  r.cost = -(r.k * b1 + r.c * b2) - fraction * total * total;
+  return r;
+}
+
+using GridCosts = std::array<double, PowerSums::nodes>;
+
+// J over the grid without priors on (k, c), in one straight line of arithmetic, which vectorises;
+// −f (ΣF)², the same for all, is left out.
+inline GridCosts grid_costs(const PowerSums& sums, double fraction) noexcept {
+  GridCosts cost;
+  const auto &spp = sums.column(pp), &sppw = sums.column(ppw), &sppww = sums.column(ppww),
+             &sp = sums.column(p1), &spw = sums.column(pw), &spf = sums.column(pf),
+             &spwf = sums.column(pwf);
+  const double total = sums.force();
+  for (std::size_t j = 0; j < PowerSums::nodes; ++j) {
+    const auto [a11, a12, a22, b1, b2] = normal_equations(spp[j], sppw[j], sppww[j], sp[j], spw[j],
+                                                          spf[j], spwf[j], total, fraction);
+    // b₁²/a₁₁ + (what damping adds), with one division; the ridge keeps out a column that is not
+    // there, where sppww[j] is zero too and 1e-30 decides.
+    const double ridge = smallest_fraction * a22 + 1e-30 * a11;
+    const double rest = b2 * a11 - b1 * a12;
+    const double determinant = a11 * (a22 + ridge) - a12 * a12;
+    cost[j] = -(b1 * b1 * determinant + rest * rest) / (a11 * determinant + tiny);
+  }
+  return cost;
+}
 
 // A solution for one exponent, with the sums that it comes from.
 struct ProjectionPoint {
@@ -186,4 +435,5 @@ inline Matrix<5> covariance_in_si(const Matrix<5>& root, const HuntCrossley& law
   return joint;
 }
 
-}  // namespace palpate::detail
+}  // namespace detail
+}  // namespace palpate

@@ -245,7 +245,7 @@ class PowerSums {
   // What fades without new energy, as Σ p²w² while the probe is held, would end in subnormal
   // numbers, on which processors are slow: an update took 578 ns while the probe was held, not 307.
   // Below 1e-150, where a product of two would be subnormal and a column counts as not there
-  // (priors.hpp), it is zero.
+  // (covariance.hpp), it is zero.
   static constexpr double faded(double sum) noexcept {
     constexpr double smallest = 1e-150;
     return sum < smallest && sum > -smallest ? 0.0 : sum;

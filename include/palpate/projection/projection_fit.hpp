@@ -18,7 +18,6 @@
 #include "palpate/method.hpp"
 #include "palpate/projection/covariance.hpp"
 #include "palpate/projection/power_sums.hpp"
-#include "palpate/projection/priors.hpp"
 #include "palpate/sample.hpp"
 
 namespace palpate::detail {

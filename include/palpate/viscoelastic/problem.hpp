@@ -27,11 +27,8 @@ struct Priors {
   // c/k ~ N(0, 1): damping as large as the spring at the scale's speed.
   static constexpr double dissipation = 1.0;
 
-  // ρ_F = σ²/s² in samples. Where nothing is known the offset may be as large as the forces are,
-  // one unit; where the unit is small beside the residual, 20 σ.
   double offset_weight() const noexcept {
-    if (air.deviation > 0.0) return variance / (air.deviation * air.deviation);
-    return std::min(variance, 1.0 / (20.0 * 20.0));
+    return detail::offset_weight_of(air.deviation, variance);
   }
 };
 

@@ -341,17 +341,16 @@ class ResidualNoise {
   // noise is does not depend on where in the samples the law fits worst, as at the touch before a
   // long hold.
   [[gnu::noinline]] void measure(double whole_variance) noexcept {
-    const detail::HaarLevels<1> levels(levels_);
-    const double own = levels.residual_variance();
+    const double own = levels_.residual_variance();
     const double variance = own > 0.0 ? std::min(whole_variance, own) : whole_variance;
-    const detail::LevelNoise noise(levels, variance, {1.0});
+    const detail::LevelNoise noise(levels_, variance, {1.0});
     // Slower than the slowest that was measured, the few pairs that there are count together, less
     // the deviation of so few: error bars guess how it goes on, but a criterion that did would find
     // no law of a short record.
     double energy = 0.0, pairs = 0.0;
     for (std::size_t k = noise.measured; k < noise.used; ++k) {
-      energy += levels[k].older;
-      pairs += levels[k].older_pairs;
+      energy += levels_[k].older;
+      pairs += levels_[k].older_pairs;
     }
     const double few = pairs > 0.0 ? energy / (variance * (pairs + std::sqrt(2.0 * pairs))) : 1.0;
     const double slowest =
@@ -359,13 +358,13 @@ class ResidualNoise {
     // What has no partner, the mean of all, is not in it: that is what the offset takes.
     double whole = 0.0, wider = 0.0;
     for (std::size_t k = 0; k < noise.used; ++k) {
-      const double information = levels[k].information[0][0];
+      const double information = levels_[k].information[0][0];
       whole += information;
       wider += information * (k < noise.measured ? noise.ratio[k] : slowest);
     }
     const bool measured = noise.measured > 0 && whole > 0.0;
     inflation_ = measured ? std::max(wider / whole, 1.0) : 1.0;
-    const detail::ErrorWidening<1, 1> widening(levels, {0.0}, variance);
+    const detail::ErrorWidening<1, 1, float> widening(levels_, {0.0}, variance);
     const double root = widening.root({{{1.0}}})[0][0];
     widening_ = std::max(root * root, inflation_);
   }

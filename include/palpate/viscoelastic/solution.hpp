@@ -207,11 +207,7 @@ template <class Times, class Motion>
     }
     rows[joint_size - 1][j] = u.force * root[offset][j];
   }
-  for (std::size_t i = 0; i < joint_size; ++i) {
-    for (std::size_t j = i; j < joint_size; ++j) {
-      joint[i][j] = joint[j][i] = detail::dot(rows[i], rows[j]);
-    }
-  }
+  joint = detail::squared(rows);
   add_assumed_ends(joint, s, law, times, motion, u);
   detail::bound_variances(joint, detail::largest_variance);
   return joint;

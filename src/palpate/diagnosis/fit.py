@@ -32,7 +32,7 @@ class Alike(Estimate):
     __slots__ = ("_alike", "longest", "own_errors")
 
     def __init__(self, estimate: Estimate, law: HuntCrossley, depth: float) -> None:
-        super().__init__(estimate._value, estimate._law_type, estimate.fixed)
+        super().__init__(estimate, estimate._law_type, estimate.fixed)
         self._alike = law
         self.longest = float(estimate.law.parameters[7])
         self.own_errors = estimate.with_errors(lambda law: law.at_rest(depth))[1]

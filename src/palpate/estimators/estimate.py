@@ -63,7 +63,7 @@ def findings_of(bits: int) -> tuple[Finding, ...]:
     return tuple(finding for bit, finding in ADVICE.items() if bits & bit)
 
 
-class Estimate:
+class Estimate(EstimateValue):
     """What an estimator knows now, in SI.
 
     Estimators make it; :meth:`from_law` is for a method of one's own.
@@ -112,14 +112,13 @@ class Estimate:
         Samples left out as outliers.
     """
 
-    __slots__ = ("_fixed", "_law_type", "_value")
+    __slots__ = ("_law_type", "fixed")
 
     def __init__(
         self, value: EstimateValue, law_type: type[ForceLaw], fixed: tuple[str, ...] = ()
     ) -> None:
-        self._value = value
-        self._law_type = law_type
-        self._fixed = fixed
+        super().__init__(value)
+        self._law_type, self.fixed = law_type, fixed
 
     @classmethod
     def from_law(
@@ -164,22 +163,7 @@ class Estimate:
     @property
     def law(self) -> Any:  # of the estimator's law_type
         """The contact model, SI."""
-        return self._law_type.from_parameters(self._value.parameters)
-
-    @property
-    def parameters(self) -> Floats:
-        """The law's parameters in its own order, SI."""
-        return self._value.parameters
-
-    @property
-    def covariance(self) -> Floats:
-        """Joint covariance of the law's parameters, SI."""
-        return self._value.covariance
-
-    @property
-    def standard_errors(self) -> Floats:
-        """Standard errors of the law's parameters, SI."""
-        return self._value.standard_errors
+        return self._law_type.from_parameters(self.parameters)
 
     def stiffness_at(self, depth: float) -> tuple[float, float]:
         """∂F/∂x at a depth [m] and at rest, and its standard error, N/m."""
@@ -236,34 +220,9 @@ class Estimate:
             return values, np.sqrt(np.where(variances >= 0.0, variances, np.nan))
 
     @property
-    def joint_covariance(self) -> Floats:
-        """Covariance of the law's parameters and, last, the offset, SI."""
-        return self._value.joint_covariance
-
-    @property
-    def offset(self) -> float:
-        """Force without contact, N."""
-        return self._value.offset
-
-    @property
-    def offset_standard_error(self) -> float:
-        """Its standard error, N; 0 where it is not estimated."""
-        return float(max(self._value.offset_variance, 0.0) ** 0.5)
-
-    @property
-    def surface(self) -> float:
-        """Where the material begins, m."""
-        return self._value.surface
-
-    @property
-    def surface_standard_error(self) -> float:
-        """Its standard error, m; 0 where it is not searched for."""
-        return float(max(self._value.surface_variance, 0.0) ** 0.5)
-
-    @property
     def findings(self) -> tuple[Finding, ...]:
         """What is not identifiable from this motion, and what motion would help."""
-        return findings_of(self._value.flags)
+        return findings_of(self._flags)
 
     @property
     def flags(self) -> tuple[str, ...]:
@@ -271,44 +230,9 @@ class Estimate:
         return tuple(map(str, self.findings))
 
     @property
-    def fixed(self) -> tuple[str, ...]:
-        """The law's parameters that were given, and not identified."""
-        return self._fixed
-
-    @property
     def valid(self) -> bool:
         """Whether condition 10 held at the last sample taken."""
-        return self._value.validity_margin > 0.0
-
-    @property
-    def validity_margin(self) -> float:
-        """Condition 10 as a margin: 1 at rest, 0 at the limit, negative beyond it."""
-        return self._value.validity_margin
-
-    @property
-    def status(self) -> Status:
-        """Of the last sample that was neither refused nor left out."""
-        return self._value.status
-
-    @property
-    def samples(self) -> int:
-        """Samples taken."""
-        return self._value.samples
-
-    @property
-    def guarded(self) -> int:
-        """Of them, those that the guard touched."""
-        return self._value.guarded
-
-    @property
-    def restarts(self) -> int:
-        """How often the estimate was reinitialised after a change of the material."""
-        return self._value.restarts
-
-    @property
-    def rejected(self) -> int:
-        """Samples left out as outliers."""
-        return self._value.rejected
+        return self.validity_margin > 0.0
 
     def __repr__(self) -> str:
         return (

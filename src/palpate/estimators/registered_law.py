@@ -50,31 +50,6 @@ _ENOUGH = 1e-13
 _NEAR = 3.0
 
 
-class EstimateWithOffset(Estimate):
-    """An estimate of a law and of a force offset, which a law of one's own is fitted with."""
-
-    __slots__ = ("_joint", "_offset")
-
-    def __init__(self, value: EstimateValue, law: type[ForceLaw], offset: float, joint: Floats):
-        super().__init__(value, law)
-        self._offset, self._joint = offset, joint
-
-    @property
-    def offset(self) -> float:
-        """Force without contact, N."""
-        return self._offset
-
-    @property
-    def offset_standard_error(self) -> float:
-        """Its standard error, N; 0 where it is not estimated."""
-        return float(np.sqrt(self._joint[-1, -1]))
-
-    @property
-    def joint_covariance(self) -> Floats:
-        """Covariance of the law's parameters and, last, the offset, SI."""
-        return self._joint.copy()
-
-
 class LeastSquaresOfLaw(PythonEstimator):
     """Any registered law without memory, by nonlinear least squares of force.
 
@@ -181,10 +156,9 @@ class LeastSquaresOfLaw(PythonEstimator):
             joint = _unknown(found)
         else:
             found, joint = self._gone_on(_Rows(self))
-        values = np.ascontiguousarray(joint[:-1, :-1]).reshape(-1)
         counts = self._status, self._samples, 1.0, 0, 0, self._rejected
-        value = EstimateValue(found[:-1], values, *counts)
-        return EstimateWithOffset(value, self.law_type, float(found[-1]), joint)
+        value = EstimateValue(found[:-1], joint.reshape(-1), *counts, offset=float(found[-1]))
+        return Estimate(value, self.law_type)
 
     def _gone_on(self, rows: "_Rows") -> tuple[Floats, Floats]:
         """The last fit after a step on all samples, and its covariance; it stays the last fit."""
