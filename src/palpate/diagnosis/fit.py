@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from palpate.diagnosis.data import Data
 from palpate.diagnosis.finding import Laws
+from palpate.estimators.by_law import linear_in
 from palpate.estimators.estimate import Estimate, Trace
 from palpate.estimators.least_squares import least_squares, robust_covariance
-from palpate.estimators.registered_law import linear_in
 from palpate.force_laws import ForceLaw, GeneralisedHuntCrossley, HuntCrossley, force_over_breaks
 from palpate.validation import Floats
 

@@ -1,5 +1,6 @@
 """The estimators: a method is a class, and its place in the table here."""
 
+from palpate.estimators.by_law import watch as _watch
 from palpate.estimators.contact_estimator import ESTIMATORS as ESTIMATORS
 from palpate.estimators.contact_estimator import CompiledEstimator as CompiledEstimator
 from palpate.estimators.contact_estimator import ContactEstimator as ContactEstimator
@@ -17,7 +18,6 @@ from palpate.estimators.recursive_least_squares import (
     RecursiveLeastSquaresEstimator as RecursiveLeastSquaresEstimator,
 )
 from palpate.estimators.recursive_least_squares import SingleStageRLS as SingleStageRLS
-from palpate.estimators.registered_law import watch as _watch
 from palpate.estimators.variable_projection import DriftTracking as DriftTracking
 from palpate.estimators.variable_projection import VariableProjection as VariableProjection
 from palpate.estimators.viscoelastic import ViscoelasticContact as ViscoelasticContact

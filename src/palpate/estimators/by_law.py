@@ -1,14 +1,395 @@
-"""An estimator by the law that it is to find: what ``identify(law=…)`` and ``--law`` take."""
+"""Which method finds a law; and least squares for one that no compiled method identifies.
 
-from typing import Any
+A law without memory says nothing of the order of its samples. So they are condensed by where they
+lie: sums over the cells of a grid of penetration and velocity, whose size is fixed and whose cells
+merge by twos where a sample lies outside. The fit sees what force and its two slopes are in a cell.
+"""
 
-from palpate.errors import InvalidParameterError
-from palpate.estimators.contact_estimator import ESTIMATORS, ContactEstimator, estimator_named
+import itertools
+import math
+from operator import itemgetter
+from typing import Any, ClassVar, Literal
+
+import numpy as np
+
+from palpate._core import EstimateValue, Status
+from palpate.errors import InvalidParameterError, PalpateError
+from palpate.estimators.contact_estimator import (
+    ESTIMATORS,
+    ContactEstimator,
+    PythonEstimator,
+    Rejection,
+    estimator_named,
+    register,
+)
+from palpate.estimators.estimate import Estimate
 from palpate.estimators.law_verdicts import CANDIDATES
-from palpate.estimators.variable_projection import VariableProjection
+from palpate.estimators.least_squares import least_squares
+from palpate.estimators.variable_projection import PROBING, VariableProjection
 from palpate.estimators.viscoelastic import ViscoelasticContact
-from palpate.force_laws import FORCE_LAWS, GeneralisedHuntCrossley
-from palpate.validation import one_of
+from palpate.force_laws import FORCE_LAWS, ForceLaw, GeneralisedHuntCrossley
+from palpate.settings import SAMPLE_TIME, ContactGate, Scale
+from palpate.validation import Floats, arguments, one_of
+
+# Cells of penetration and of velocity; half of them are in use at least. Of Fung's law over five
+# times its length the optimum is then within 0.01 standard errors of that of the samples.
+CELLS = (64, 32)
+# Of a cell: N, Σx, Σv, Σx², Σxv, Σv², ΣF, ΣFx, ΣFv.
+_SUMS = 9
+# A sample so large would overflow the squares of what follows from it.
+LARGEST = 1e30
+# From the mean force at four nodes of a cell, √2 deviations from its middle, to force and slopes.
+_NODES = math.sqrt(2.0) * np.array([[1.0, -1.0, 0.0, 0.0], [0.0, 0.0, 1.0, -1.0]])
+_WEIGHTS = np.vstack([np.full(4, 0.25), _NODES / 4.0])
+# A fit is due when there are an eighth more samples, a search from many starts when twice as many.
+FEWEST, _GROWTH = 16, 9 / 8
+# Starts of the parameters in which the force is not linear: by so many factors each.
+_STARTS = {1: 33, 2: 11, 3: 6}
+_DECADES = 2.0
+_SEARCHED = 64  # cells by which starts are compared
+_POLISHED = 3  # of the starts
+# Of the energy: of a thousand rows a hundred-thousandth of a standard error.
+_ENOUGH = 1e-13
+# In standard errors: a fit of an eighth fewer samples is no further off, or the step is none.
+_NEAR = 3.0
+
+
+class LeastSquaresOfLaw(PythonEstimator):
+    """Any registered law without memory, by nonlinear least squares of force.
+
+    min over (θ, F₀) of Σ (F − F(x, v; θ) − F₀)²
+
+    A variable projection of the Hunt–Crossley law goes beside it: it says which samples are contact
+    and which are outliers, and predicts until there is a fit. Levenberg–Marquardt goes on from the
+    last fit when there are an eighth more samples, and from many starts when twice as many
+    (:meth:`ForceLaw.sizes` says where); what the force is linear in needs no start.
+
+    Parameters
+    ----------
+    offset : bool
+        Estimate a constant force offset beside the law.
+    offset_deviation : float, optional
+        What a tare left of that offset, N, > 0: a prior F₀ ~ N(0, offset_deviation²). None: no
+        prior, and in :func:`identify` the contact's ``tare_deviation`` if it has one.
+    surface_deviation : float, optional
+        How well the position of the surface is known, m, > 0: times F/x of the ``scale`` it widens
+        the prior, as in :class:`VariableProjection`.
+    gate, outlier_rejection, sample_time, scale
+        As in :class:`SingleStageRLS`.
+
+    Raises
+    ------
+    InvalidParameterError
+        A setting is outside its range.
+    """
+
+    minimises: ClassVar[Literal["force", "logarithm"] | None] = "force"
+    knows_offset = True
+    gives_way = True
+
+    def __init__(
+        self,
+        *,
+        offset: bool = True,
+        offset_deviation: float | None = None,
+        surface_deviation: float | None = None,
+        outlier_rejection: Rejection = None,
+        gate: ContactGate | None = None,
+        sample_time: float = SAMPLE_TIME,
+        scale: Scale | None = None,
+    ) -> None:
+        self._settings: dict[str, Any] = arguments(locals())
+        self._linear = linear_in(self.law_type)
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget every sample."""
+        self._guide = VariableProjection(**self._settings)
+        self._cells = np.zeros((*CELLS, _SUMS))
+        self._range: tuple[float, float] | None = None  # of penetration and of speed
+        self._energy, self._samples, self._rejected = 0.0, 0, 0
+        self._status, self._due, self._search = Status.WAITING, FEWEST, FEWEST
+        self._found: Floats | None = None  # parameters and offset
+        self._noise, self._fitted = 0.0, 0
+
+    def leave_contact(self) -> None:
+        """End the contact; the estimate is held until it is made again."""
+        self._guide.leave_contact()
+        if self._samples:
+            self._status = Status.HELD
+
+    def update(
+        self, penetration: float, velocity: float, force: float, dt: float | None = None
+    ) -> Status:
+        """Take one sample, and say what was done with it; never raises on data."""
+        size = max(abs(penetration), abs(velocity), abs(force))
+        if LARGEST < size < math.inf and penetration > 0.0:
+            return Status.OUT_OF_RANGE
+        status = self._guide.update(penetration, velocity, force, dt)
+        if status == Status.REJECTED:
+            self._rejected += 1
+        elif status < Status.NOT_FINITE:
+            self._status = status
+        if status in (Status.UPDATED, Status.GUARDED):
+            self._add(float(penetration), float(velocity), float(force))
+            if self._samples >= self._due:
+                self._due = math.ceil(self._samples * _GROWTH)
+                self._commit(search=self._samples >= self._search)
+        return status
+
+    def settle(self) -> None:
+        """Fit all samples that there are, from many starts."""
+        if self._samples >= FEWEST:
+            self._commit(search=True)
+
+    def predict(self, penetration: float, velocity: float) -> float:
+        """Force [N] that the sensor would show by the last fit."""
+        if self._found is None:
+            return self._guide.predict(penetration, velocity)
+        law = self.law_type.from_parameters(self._found[:-1])
+        with np.errstate(all="ignore"):
+            force = law.force(penetration, velocity) if penetration > 0.0 else 0.0
+        return float(np.nan_to_num(force + self._found[-1]))
+
+    def estimate(self) -> Estimate:
+        """Return what is known now: the last fit, gone on with the samples since."""
+        if self._found is None:
+            scale = self._settings["scale"] or PROBING
+            sizes = self.law_type.sizes(scale.penetration, scale.velocity, scale.force)
+            found = np.append(sizes, 0.0)
+            joint = _unknown(found)
+        else:
+            found, joint = self._gone_on(_Rows(self))
+        counts = self._status, self._samples, 1.0, 0, 0, self._rejected
+        value = EstimateValue(found[:-1], joint.reshape(-1), *counts, offset=float(found[-1]))
+        return Estimate(value, self.law_type)
+
+    def _gone_on(self, rows: "_Rows") -> tuple[Floats, Floats]:
+        """The last fit after a step on all samples, and its covariance; it stays the last fit."""
+        found = self._found
+        assert found is not None
+        residual, jacobian = rows.at(found, self._noise)
+        joint = rows.covariance(found, residual, jacobian)
+        if self._samples == self._fitted or not np.isfinite(residual).all():
+            return found, joint
+        step = _step(jacobian, residual)
+        try:
+            self.law_type.from_parameters(found[:-1] + step[:-1])
+        except PalpateError:
+            return found, joint
+        near = bool((np.abs(step) <= _NEAR * np.sqrt(np.diag(joint))).all())
+        return found + step if near else found, joint
+
+    def _commit(self, *, search: bool) -> None:
+        start = self._found
+        if search:
+            self._search = 2 * self._samples
+            start = _Rows(self, most=_SEARCHED).best_start(start, self._noise)
+        if start is not None:
+            rows = _Rows(self)
+            energy, found = rows.solved(start, self._noise)
+            if math.isfinite(energy):
+                self._found, self._noise = found, rows.noise(energy)
+                self._fitted = self._samples
+
+    def _add(self, x: float, v: float, force: float) -> None:
+        deep, fast = self._range or (math.ldexp(1.0, math.frexp(x)[1]),) * 2
+        while x >= deep:  # the lower half has it all
+            pairs = self._cells[::2] + self._cells[1::2]
+            self._cells[:] = 0.0
+            self._cells[: CELLS[0] // 2], deep = pairs, 2.0 * deep
+        while abs(v) >= fast:  # the middle has it all
+            pairs = self._cells[:, ::2] + self._cells[:, 1::2]
+            self._cells[:] = 0.0
+            quarter, fast = CELLS[1] // 4, 2.0 * fast
+            self._cells[:, quarter : 3 * quarter] = pairs
+        self._range = deep, fast
+        cell = int(x / deep * CELLS[0]), int((v / fast + 1.0) / 2.0 * CELLS[1])
+        row = 1.0, x, v, x * x, x * v, v * v, force, force * x, force * v
+        self._cells[cell] += row
+        self._energy += force * force
+        self._samples += 1
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _again, (self.law_type, self._settings, self._state())
+
+
+def _again(law: type[ForceLaw], settings: dict[str, Any], state: Any) -> LeastSquaresOfLaw:
+    made = least_squares_of(law)(**settings)
+    made._restore(state)
+    return made
+
+
+class _Rows:
+    """What cells say, as rows of a least squares: in each the force, and its slopes."""
+
+    def __init__(self, estimator: LeastSquaresOfLaw, most: int | None = None) -> None:
+        self.law, settings = estimator.law_type, estimator.settings
+        self.with_offset, tare = settings["offset"], settings["offset_deviation"]
+        scale, off = settings["scale"] or PROBING, settings["surface_deviation"] or 0.0
+        self.deviation = tare and math.hypot(tare, off * scale.force / scale.penetration)
+        self.linear = estimator._linear
+        self.samples, self.energy = estimator._samples, estimator._energy
+        sums = estimator._cells.reshape(-1, _SUMS)
+        sums = sums[sums[:, 0] > 0.0]
+        sums = sums[:: 1 if most is None else max(len(sums) // most, 1)]
+        count, *means = sums.T
+        x, v, xx, xv, vv, force, fx, fv = np.array(means) / count
+        with np.errstate(all="ignore"):
+            along = _deviation(xx - x * x, xx)
+            both = np.where(along > 0.0, (xv - x * v) / along, 0.0)
+            across = _deviation(vv - v * v - both * both, vv)
+            by_depth = np.where(along > 0.0, (fx - force * x) / along, 0.0)
+            by_speed = (fv - force * v - both * by_depth) / across
+            by_speed = np.where(across > 0.0, by_speed, 0.0)
+        self.weight = np.sqrt(count)
+        rows = np.stack([force, by_depth, by_speed]) * self.weight
+        self.force = np.append(rows.reshape(-1), 0.0)  # the last is the prior of the offset
+        one, other = _NODES[:, :, None]
+        # Near the surface a node may lie above it.
+        self.x = np.maximum(x + one * along, 1e-3 * x).reshape(-1)
+        self.v = (v + one * both + other * across).reshape(-1)
+        rms = np.sqrt(np.average([xx, vv, force * force], axis=1, weights=count))
+        self.sizes = self.law.sizes(*rms.tolist())
+
+    def at(self, found: Floats, noise: float) -> tuple[Floats, Floats]:
+        """Residual and Jacobian; a residual of ∞ where there is no law."""
+        with np.errstate(all="ignore"):
+            force, gradient = self.law.force_and_gradient(found[:-1], self.x, self.v)
+            zero = np.full_like(self.x, float(self.with_offset))
+            wide = np.stack([force, *gradient.T, zero]).reshape(len(found) + 1, 4, -1)
+            rows = (_WEIGHTS @ wide * self.weight).reshape(len(found) + 1, -1)
+            prior = np.zeros((len(found) + 1, 1))
+            prior[-1] = noise / self.deviation if self.with_offset and self.deviation else 0.0
+            rows = np.hstack([rows, prior])
+            residual = self.force - rows[0] - found[-1] * rows[-1]
+            known = np.isfinite(rows).all() and np.isfinite(residual @ residual)
+        if not known:
+            return np.full_like(residual, np.inf), np.zeros_like(rows[1:].T)
+        return residual, rows[1:].T
+
+    def projected(self, found: Floats, noise: float) -> tuple[float, Floats]:
+        """Energy and parameters of the best of what the force is linear in, the rest as it is."""
+        residual, jacobian = self.at(found, noise)
+        better, own = found.copy(), [*self.linear, len(found) - 1]
+        if np.isfinite(residual).all():
+            better[own] += _step(jacobian[:, own], residual)
+            residual -= jacobian[:, own] @ (better - found)[own]
+        return float(residual @ residual), better
+
+    def solved(self, found: Floats, noise: float) -> tuple[float, Floats]:
+        """Energy and parameters of the least squares next to a start."""
+        with np.errstate(all="ignore"):
+            best = least_squares(lambda trial: self.at(trial, noise), found, enough=_ENOUGH)
+            return float(best.residual @ best.residual), best.parameters
+
+    def best_start(self, before: Floats | None, noise: float) -> Floats | None:
+        """The best of a last fit and of many starts; None where the law has no finite force."""
+        free = [k for k in range(len(self.sizes)) if k not in self.linear]
+        count = _STARTS.get(len(free), 3)
+        decades = [_DECADES if self.law.units[k] else 0.5 * _DECADES for k in free]
+        starts = []
+        for factors in itertools.product(*(np.logspace(-each, each, count) for each in decades)):
+            start = np.append(self.sizes, 0.0)
+            start[free] *= factors
+            starts.append(self.projected(start, noise))
+        starts.sort(key=itemgetter(0))
+        tried = [] if before is None else [before]
+        tried += [start for _, start in starts[:_POLISHED]]
+        energy, found = min((self.solved(each, noise) for each in tried), key=itemgetter(0))
+        return found if math.isfinite(energy) else None
+
+    def noise(self, energy: float) -> float:
+        """Standard deviation of the force, N, where the rows leave an energy."""
+        within = max(self.energy - float(self.force @ self.force), 0.0)
+        return math.sqrt((within + energy) / max(self.samples - len(self.sizes) - 1, 1))
+
+    def covariance(self, found: Floats, residual: Floats, jacobian: Floats) -> Floats:
+        """Of the parameters and the offset, for white noise; wide where nothing says them."""
+        if not np.isfinite(residual).all():
+            return _unknown(found)
+        size, energy = _sizes(jacobian), float(residual @ residual)
+        values, vectors = np.linalg.eigh((jacobian / size).T @ (jacobian / size))
+        scaled = vectors * (self.noise(energy) / np.sqrt(np.maximum(values, 1e-13)))
+        joint: Floats = scaled @ scaled.T / np.outer(size, size)
+        if not self.with_offset:
+            joint[-1], joint[:, -1] = 0.0, 0.0
+        joint = 0.5 * (joint + joint.T)
+        return joint if np.isfinite(joint).all() else _unknown(found)
+
+
+def _unknown(found: Floats) -> Floats:
+    """A covariance of a hundred times the parameters."""
+    return np.diag(np.append((100.0 * found[:-1]) ** 2, 0.0))
+
+
+def _deviation(variance: Floats, square: Floats) -> Floats:
+    """Standard deviation within a cell; 0 where it is rounding."""
+    return np.sqrt(np.where(variance > 1e-12 * square, variance, 0.0))
+
+
+def _sizes(jacobian: Floats) -> Floats:
+    with np.errstate(all="ignore"):
+        size: Floats = np.linalg.norm(jacobian, axis=0)
+    return np.where(size > 0.0, size, 1.0)
+
+
+def _step(jacobian: Floats, residual: Floats) -> Floats:
+    """A step of the normal equations, in columns of length one."""
+    size = _sizes(jacobian)
+    unit = jacobian / size
+    step: Floats = np.linalg.lstsq(unit.T @ unit, unit.T @ residual, rcond=1e-13)[0] / size
+    return step
+
+
+def linear_in(law: type[ForceLaw]) -> tuple[int, ...]:
+    """Return places of parameters in which the force is linear, all of them at once.
+
+    The force is linear where the gradient by one of them depends on none: asked of two depths and
+    speeds, at sizes of a probing hand.
+    """
+    x, v = np.array([3e-3, 9e-3]), np.array([-15e-3, 10e-3])
+    sizes = law.sizes(10e-3, 20e-3, 1.0)
+
+    def gradient(k: int | None = None) -> Floats:
+        moved = sizes.copy()
+        if k is not None:
+            moved[k] *= 1.3
+        return law.from_parameters(moved).parameter_gradient(x, v)
+
+    found: list[int] = []
+    before = gradient()
+    for k in range(len(sizes)):
+        after = gradient(k)
+        both = [*found, k]
+        same = np.allclose(after[:, both], before[:, both], rtol=1e-9, atol=0.0)
+        others = (np.allclose(gradient(j)[:, k], before[:, k], rtol=1e-9, atol=0.0) for j in found)
+        if same and all(others):
+            found = both
+    return tuple(found)
+
+
+# For each law that is registered, now and later, and that no other method identifies.
+
+
+_CLASSES: dict[type[ForceLaw], type[LeastSquaresOfLaw]] = {}
+
+
+def least_squares_of(law: type[ForceLaw]) -> type[LeastSquaresOfLaw]:
+    """Return the least squares of a law, as a class of its own."""
+    own = {"law_type": law, "method": law.kind, "__doc__": f"Least squares of {law.__name__}."}
+    if law not in _CLASSES:
+        _CLASSES[law] = type(f"{law.__name__}LeastSquares", (LeastSquaresOfLaw,), own)
+    return _CLASSES[law]
+
+
+def watch(law: type[ForceLaw]) -> None:
+    """Register the least squares of a law, unless it remembers or has a method."""
+    if not law.relaxes and all(each.law_type is not law for each in ESTIMATORS.values()):
+        register(least_squares_of(law))
+
+
+# An estimator by the law that it is to find: what ``identify(law=…)`` and ``--law`` take.
 
 USUAL = "hunt-crossley"
 _DAMPERS = {"none": "spring", "hunt-crossley": "hunt-crossley", "half-space": "half-space"}
