@@ -375,11 +375,11 @@ def test_others_read_it_too(recorded):
     with recorded.open("rb") as file:
         reader = make_reader(file, decoder_factories=[DecoderFactory()])
         messages = [message for _, _, _, message in reader.iter_decoded_messages()]
-        notes = {metadata.name: metadata.metadata for metadata in reader.iter_metadata()}
+        notes = [each.metadata for each in reader.iter_metadata() if each.name == "palpate"]
     inputs = [each for each in messages if hasattr(each, "force")]
     assert [each.force for each in inputs] == FORCES
     assert len(messages) - len(inputs) == len(TIMES) - 16  # a window has to be seen first
-    assert notes["palpate"]["source"] == "scripted source"
+    assert notes[0]["source"] == "scripted source"  # later ones say what changed
 
 
 def test_vectors_are_recorded_as_they_came(tmp_path):
