@@ -16,7 +16,8 @@ import palpate
 from benchmarks.law_pictures import DOTS_AN_INCH, INCHES, noise_of, with_few_colours
 from benchmarks.law_recordings import folder_of_recordings
 from palpate import exports
-from palpate.figures.style import DARK, LIGHT, Look, Theme, save, style
+from palpate.figures.style import Look, save, style
+from palpate.results.colours import DARK, LIGHT, Theme
 from palpate.validation import Floats
 
 app = App(name="python -m benchmarks.export_pictures", help_format="plaintext", version_flags=[])

@@ -22,7 +22,8 @@ from benchmarks.law_recordings import (
     read,
 )
 from palpate.errors import RecordingError
-from palpate.figures.style import DARK, LIGHT, Look, Theme, save, style
+from palpate.figures.style import Look, save, style
+from palpate.results.colours import DARK, LIGHT, Theme
 from palpate.validation import Floats
 from palpate.writing import write_bytes
 

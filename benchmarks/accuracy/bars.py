@@ -10,6 +10,7 @@ from benchmarks.accuracy.campaign import Campaign
 from benchmarks.accuracy.probing import BALL, NOISE, PVC, SYMBOLS, Floats, sines
 from benchmarks.accuracy.table import Group, Limit, Line
 from palpate import Contact, ContactGate, HuntCrossley, VariableProjection, identify
+from palpate.diagnosis import Data
 from palpate.diagnosis.fit import Fit
 from palpate.diagnosis.marks import standard_errors
 
@@ -93,7 +94,7 @@ def _contact(material: str, motion: str, kind: str, seed: int) -> Floats:
     estimate = estimator.estimate()
     contact = Contact(np.arange(len(x)) / RATE, penetration=x, velocity=v, force=f)
     result = identify(contact, estimator.replace())
-    fit = Fit(result.data, result.trace, result.estimate)
+    fit = Fit(result.data or Data(contact), result.trace, result.estimate)
     numbers = [*estimate.parameters, *_felt(result.law, fit.depth)]
     bars = [*estimate.standard_errors, *standard_errors(fit)[1:]]
     inside = x > depth
