@@ -125,7 +125,8 @@ function build({ loop, view }) {
       lines: [{ channel: "margin", colour: () => theme.lines[3] }], marks: level(0),
     }));
   }
-  document.body.classList.add("ready");
+  // Before the loop says its law there are fewer panels, and what is below them would move.
+  if (loop.law?.kind) document.body.classList.add("ready");
 }
 
 function draw() {
