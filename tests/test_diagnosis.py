@@ -8,6 +8,7 @@ import pytest
 from faults import FORCE, LAW, SPRING, STEP, TIME, V, X, contact, recorded
 
 import palpate
+from palpate import lab
 from palpate.diagnosis import Data
 from palpate.diagnosis.data import CHECKS, SOME
 from palpate.diagnosis.delay import _within_segment, delay, relaxed
@@ -192,6 +193,21 @@ def test_a_wrong_surface_is_found_where_it_hardly_shows_in_the_residual():
     found = palpate.diagnose(faults.contact(time, x + 0.35e-3, force))
     assert "surface" in [finding.check for finding in found.findings if finding.z > 8.0]
     assert found.verdict.overall == "with-care"
+
+
+def test_where_the_damper_has_another_form_that_is_named_before_the_surface_that_fits_some_of_it():
+    """On the robot, whose surface is significant then too."""
+    run = lab.Bench(lab.MATERIALS["sponge"], lab.THREE_SINES).run(500)
+    truth, law = run.truth, lab.MATERIALS["sponge"].law
+    depth = float(np.median(truth.penetration[truth.penetration > 0.0]))
+    spring = law.force(depth, 0.0) / depth * np.maximum(truth.penetration, 0.0)
+    force = spring + law.damping_at(depth) * truth.velocity * (truth.penetration > 0.0)
+    force = lab.Sensors().force(force, np.random.default_rng(0))
+    force -= force[truth.time < lab.THREE_SINES.pause].mean()
+    own = palpate.prepare(time=truth.time, penetration=run.contact.penetration, force=force)
+    found = grave(own)
+    assert found[0] == "damping form"
+    assert "surface" in {each.check for each in palpate.diagnose(own).findings}
 
 
 def test_a_surface_is_not_sought_below_the_steps_of_the_penetration():

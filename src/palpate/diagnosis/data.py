@@ -405,8 +405,15 @@ def _stretches(data: Data) -> tuple[Floats, Floats]:
 
 #: Every check of the data.
 CHECKS: tuple[Callable[[Data], Finding | None], ...] = (
-    *(penetration_unit, force_unit, time_unit, signs, velocity_column),
-    *(stamps, held, spikes, coarse),
+    penetration_unit,
+    force_unit,
+    time_unit,
+    signs,
+    velocity_column,
+    stamps,
+    held,
+    spikes,
+    coarse,
 )
 
 FEWEST = 20  # samples, below which a recording is only short

@@ -99,12 +99,14 @@ def judge(causes: list[Cause], ratio: float, unexplained: float) -> Judged:
 
 
 def _named(significant: list[Cause], unexplained: float) -> Cause:
-    """The largest gain; the surface, which hardly shows in the residual, where it comes near."""
+    """The largest gain; or the surface, which hardly shows in the residual, where it comes near.
+
+    Not where the largest surely explains more: a surface fits some of any damper of another form.
+    """
     first = significant[0]
     for cause in significant:
-        near = first.gain - max(cause.gain, 0.0) < NEAR
-        sure = cause is not first and _surely(first, cause)
-        if cause.name == "surface" and unexplained < MOST_UNEXPLAINED and near and not sure:
+        near = first.gain - max(cause.gain, 0.0) < NEAR and not _surely(first, cause)
+        if cause.name == "surface" and unexplained < MOST_UNEXPLAINED and (near or cause is first):
             return cause
     return first
 
