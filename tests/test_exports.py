@@ -93,7 +93,7 @@ class Toy(Engine):
     settings: ClassVar[dict] = {}
 
     def fit(self, asked):
-        return Scaled(form="only", asked=asked, numbers={"k": 1.0}, **self.settings)
+        return Scaled(form="only", request=asked, numbers={"k": 1.0}, **self.settings)
 
     def version(self):
         return "1.0"

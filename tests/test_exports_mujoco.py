@@ -120,7 +120,7 @@ def test_a_pair_has_the_force_and_the_rebound_that_were_predicted(hertz):
     assert found == pytest.approx(drop.restitution, rel=0.03)
     assert found == pytest.approx(hertz.predicted_restitution(drop), rel=1e-3)
     # solref above 0 would be a time constant, which refsafe and the time step change.
-    slow = replace(hertz, asked=replace(hertz.request, time_step=5e-3))
+    slow = replace(hertz, request=replace(hertz.request, time_step=5e-3))
     assert slow.replay(SHORT).force == pytest.approx(hertz.replay(SHORT).force, rel=1e-12)
 
 
@@ -318,7 +318,7 @@ def test_the_largest_time_step_is_that_of_the_engine(part, stays):
     # A light probe on a spring that resists: it swings as h²k/m + 2hc/m < 4 allows.
     first = fitted(KELVIN_VOIGT, mass=0.1)
     step = part * first.largest_step
-    fragment = replace(first, asked=replace(first.request, time_step=step))
+    fragment = replace(first, request=replace(first.request, time_step=step))
     model = mujoco.MjModel.from_xml_string(fragment.scene(0.0))
     data = mujoco.MjData(model)
     data.qfrc_applied[0], data.qpos[0] = -20.0, -0.0101  # it rests at 10 mm
