@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from palpate.digits import rounded, with_error
+from palpate.digits import with_error
 from palpate.estimators import ContactEstimator, LawVerdict
 from palpate.estimators.law_verdicts import EVERYDAY, verdict_of
 from palpate.findings import Finding, Mark
@@ -170,12 +170,12 @@ class Diagnosis(Plain):
     def reason(self) -> str:
         """The message of the gravest finding that is more than a note."""
         if not self.findings or self.findings[0].severity == "note":
-            return "nothing was found that moves the numbers"
+            return "no problem found that would change the result"
         return self.findings[0].message
 
     @property
     def remedy(self) -> str | None:
-        """What to do about the reason."""
+        """The next step: the remedy of the reason."""
         first = self.findings[:1]
         return first[0].remedy if first and first[0].severity != "note" else None
 
@@ -186,9 +186,10 @@ class Diagnosis(Plain):
 
 # What laws that are compared made of the samples that were identified.
 
-REMEDY = "--law auto"
-FASTER = "move as fast as the task will"
-# Of the everyday bank: its longest relaxation time, in sample times.
+REMEDY = "run again with --law auto"
+MORE_LAWS = "run again with --law any, which offers more laws"
+TASK_SPEED = "record at the speed of the task"
+# The longest relaxation time of the common laws, in sample times.
 _LONGEST = 2048.0
 
 
@@ -215,7 +216,7 @@ class Laws:
 
     @property
     def of_all(self) -> bool:
-        """Whether they were more than the everyday ones."""
+        """Whether they were more than the common ones."""
         return len(self.verdict.model_ranking) > EVERYDAY
 
     @classmethod
@@ -227,23 +228,21 @@ class Laws:
 
 
 def remedy_of_memory(laws: Laws | None, time: float) -> str:
-    """What to do of a memory that the residual shows, in agreement with the verdict on laws.
+    """Return the next step for relaxation in the residual; it agrees with the model selection.
 
     Parameters
     ----------
     laws : Laws, optional
         That were compared.
     time : float
-        For how long the residual remembers, s.
+        Relaxation time that the residual shows, s.
     """
     if laws is None or all(each.candidate.memory == "none" for each in laws.verdict.model_ranking):
-        return f"{REMEDY} tells whether a law with memory is better; or {FASTER}"
-    if laws.verdict.candidate.memory != "none":
-        if not laws.own:
-            return f"{REMEDY} identifies the memory; or {FASTER}"
-        return FASTER if laws.of_all else f"--law any has more kinds of memory; or {FASTER}"
-    if time > laws.longest and not laws.of_all:
-        longest = rounded(laws.longest, 2)
-        return f"longer than the {longest} s of {REMEDY}: as likely the drift of a sensor; {FASTER}"
-    better = "by the verdict on laws" if laws.own else f"by {REMEDY}: {laws.verdict.candidate} is"
-    return f"no law with memory is better, {better}; {FASTER}"
+        return REMEDY
+    if laws.verdict.candidate.memory != "none" and not laws.own:
+        return REMEDY
+    if laws.own and not laws.of_all:
+        return MORE_LAWS
+    if time > laws.longest:  # as likely the drift of a sensor
+        return "tare the sensor before each touch"
+    return TASK_SPEED

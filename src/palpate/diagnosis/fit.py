@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from palpate.diagnosis.data import Data
 from palpate.diagnosis.finding import Laws
+from palpate.estimators import ESTIMATORS
 from palpate.estimators.by_law import linear_in
 from palpate.estimators.estimate import Estimate, Trace
 from palpate.estimators.least_squares import least_squares, robust_covariance
@@ -235,6 +236,8 @@ class Fit:
         The working depth, m; the median penetration of the samples taken unless given.
     laws : Laws, optional
         That were compared by the same samples.
+    method : str
+        That made the estimate, for remedies.
     """
 
     def __init__(
@@ -244,8 +247,9 @@ class Fit:
         estimate: Estimate,
         depth: float | None = None,
         laws: Laws | None = None,
+        method: str = "variable-projection",
     ) -> None:
-        self._given, self.laws = (data, trace, estimate), laws
+        self._given, self.laws, self.method = (data, trace, estimate), laws, method
         #: Where the law is taken for another.
         self.equivalent: EquivalentEstimate | None = None
         if estimate.law.relaxes:
@@ -295,12 +299,18 @@ class Fit:
         It is made again only of a law that is taken for another, which is like it at that depth.
         """
         if self._given[2].law.relaxes:
-            return Fit(*self._given, depth, self.laws)
+            return Fit(*self._given, depth, self.laws, self.method)
         other = copy(self)
         other.depth = depth
         for name in ("gradients", "sizes"):  # cached, and of the depth
             other.__dict__.pop(name, None)
         return other
+
+    @property
+    def finds_surface(self) -> bool:
+        """Whether the method can estimate the position of the surface."""
+        kind = ESTIMATORS.get(self.method)
+        return kind is not None and "surface" in kind().settings
 
     @cached_property
     def finite(self) -> bool:
@@ -545,3 +555,11 @@ def augmented_fit(fit: Fit, column: Floats) -> AugmentedFit | None:
 #: How far something moves stiffness and damping at a fit's working depth, of their size.
 Moves = Callable[[Fit], tuple[float, float]]
 Search = Callable[[Fit], list[MisfitHypothesis]]
+
+
+def deeper_half(fit: Fit) -> str:
+    """Next step where a law holds in no wide range of depths: half the working depth and deeper."""
+    from_here = 0.5 * fit.depth + fit.estimate.surface
+    if fit.range[0] + fit.estimate.surface >= from_here:
+        return "use stiffness and damping at the working depth only"
+    return f"identify the deeper half alone: --min-penetration {1e3 * from_here:.2g}mm"

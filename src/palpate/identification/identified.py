@@ -72,7 +72,7 @@ FEWEST_ABOVE = 20
 
 
 def why_nothing(data: Data, gate: ContactGate) -> str:
-    """Why no sample was taken: by what the checks of the data found, if anything."""
+    """Describe why no sample was taken: the most severe finding of the data, if any."""
     for finding in data.findings:
         if finding.severity == "do-not-trust":
             where = f"{data.contact.source}: " if data.contact.source else ""
@@ -81,26 +81,26 @@ def why_nothing(data: Data, gate: ContactGate) -> str:
 
 
 def no_contact_message(contact: Contact, gate: ContactGate) -> str:
-    """Say why no sample was taken."""
+    """Describe why no sample was taken."""
     where = f"{contact.source}: " if contact.source else ""
     if not len(contact):
         return f"{where}there are no samples"
     inside = gate.makes(contact.penetration, contact.force)
     if inside.any() and not np.isfinite(contact.velocity[inside]).any():
         return (
-            f"{where}no sample of the contact has a velocity: {not_finite(contact)}; without that "
-            "channel it is worked out from the penetration"
+            f"{where}no sample in contact has a velocity: {not_finite(contact)}; pass "
+            "--velocity none to differentiate the penetration instead"
         )
     return (
-        f"{where}the probe never touches: no sample has penetration above "
+        f"{where}no contact found: no sample has penetration above "
         f"{rounded(gate.minimum_penetration, 3)} m and force above {rounded(gate.make_force, 3)} N "
         f"(the largest are {_largest(contact.penetration)} m and {_largest(contact.force)} N); "
-        "check the units and signs, or lower the gate"
+        "check units and signs, or pass a smaller --min-penetration or --min-force"
     )
 
 
 def not_finite(contact: Contact) -> str:
-    """Which channels are not finite, where they come from, and how often, in words."""
+    """Describe which channels are not finite, where they come from, and how often."""
     penetration, force = ~np.isfinite(contact.penetration), ~np.isfinite(contact.force)
     velocity = ~np.isfinite(contact.velocity) & ~penetration  # beyond what follows from the depth
     words = []
@@ -124,12 +124,11 @@ def check_approach(contact: Contact, trace: Trace, surface: float) -> None:
 
 
 def no_approach(above: int, samples: int, surface: float) -> str:
-    """Say that too few samples lie above the surface that was found."""
+    """Describe that too few samples lie above the surface that was found."""
     return (
-        f"the search for the surface needs the free approach: {above} of {samples} samples lie "
-        f"above the best surface, {rounded(surface, 3)} m, and at least {FEWEST_ABOVE} have to; "
-        "record from before the touch, or give the penetration from a known surface and leave "
-        "surface out"
+        f"cannot estimate the surface without a free approach: {above} of {samples} samples lie "
+        f"above the best surface, {rounded(surface, 3)} m, and at least {FEWEST_ABOVE} must; "
+        "start the recording before the touch, or pass the position of the surface"
     )
 
 
@@ -137,17 +136,17 @@ def no_approach(above: int, samples: int, surface: float) -> str:
 
 NEGATIVE_STIFFNESS = Finding(
     "negative stiffness",
-    "negative stiffness: by this law the force falls as the probe goes deeper",
-    "check the signs",
+    "negative stiffness: in this law the force falls with depth",
+    "check the signs of penetration and force",
 )
 NEGATIVE_DAMPING = Finding(
     "negative damping",
-    "negative damping: this law gives energy back, which no passive material does",
+    "negative damping: this law creates energy, which no passive material does",
 )
 
 
 def findings_of(contact: Contact, trace: Trace, estimator: ContactEstimator) -> Iterator[Finding]:
-    """Return what the last estimate leaves open, and what is to be known of the samples."""
+    """Return what the last estimate does not determine, and what is special about the samples."""
     estimate = estimator.estimate()
     law = estimate.law
     yield from estimate.findings
@@ -160,11 +159,14 @@ def findings_of(contact: Contact, trace: Trace, estimator: ContactEstimator) -> 
         yield NEGATIVE_DAMPING
     violated = violated_fraction(trace) if estimator.needs_condition_10 else 0.0
     if violated > 0.0:
-        yield Finding("condition 10", f"condition 10 violated in {violated:.1%} of the contact")
+        yield Finding(
+            "condition 10",
+            f"|v| ≥ 0.1 K/B in {violated:.1%} of the contact, where the method is biased",
+        )
     if math.isnan(prediction_rmse_percent(trace, contact.force, contact.time_steps)):
         yield Finding("prediction", "less than 0.2 s of contact: no prediction error")
     if estimate.guarded:
-        yield Finding("guard", f"covariance guard acted on {estimate.guarded} samples")
+        yield Finding("guard", f"the covariance was limited on {estimate.guarded} samples")
     if left_out := int(np.count_nonzero(trace.rejected)):
         taken = int(np.count_nonzero(trace.taken))
         yield outliers(left_out, left_out + taken)
@@ -172,8 +174,8 @@ def findings_of(contact: Contact, trace: Trace, estimator: ContactEstimator) -> 
         if law.remembers:
             yield Finding(
                 "memory",
-                f"the material remembers ({verdict.candidate}): force, stiffness and damping at a "
-                "depth are those once it has relaxed; K′ and B′ are what a small oscillation feels",
+                f"the law relaxes ({verdict.candidate}): force, stiffness and damping at a depth "
+                "are those after relaxation; K′ and B′ are those of a small oscillation",
             )
         yield from verdict.findings
     for refusal in (Status.NOT_FINITE, Status.INVALID_STEP, Status.OUT_OF_RANGE):
@@ -181,7 +183,7 @@ def findings_of(contact: Contact, trace: Trace, estimator: ContactEstimator) -> 
             words = refusal.name.lower().replace("_", " ")
             if refusal == Status.NOT_FINITE:
                 words += f": {not_finite(contact)}"
-            yield Finding("rows", f"{count} samples refused: {words}")
+            yield Finding("rows", f"{count} samples rejected: {words}")
 
 
 # What a whole contact gave.
@@ -264,7 +266,13 @@ class Identified:
         data = self.data or Data(self.contact)
         laws = laws_beside(data, self.estimator, self.chosen)
         return diagnose_parts(
-            data, self.trace, self.estimate, depths=depths, laws=laws, notes=self.findings
+            data,
+            self.trace,
+            self.estimate,
+            depths=depths,
+            laws=laws,
+            notes=self.findings,
+            method=self.method,
         )
 
     @cached_property

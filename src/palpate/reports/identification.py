@@ -134,7 +134,7 @@ def _tiles(result: Identified) -> Iterator[str]:
         (f"{relaxed}damping {at} · {html.badge(marks.damping)}", there.damping, "N·s/m"),
         (f"{relaxed}force {at}", there.force, "N"),
     ]
-    if words := view.felt_at(result):
+    if words := view.dynamic_stiffness_at(result):
         numbers = zip(("K′", "B′"), view.felt(result), ("N/m", "N·s/m"), strict=True)
         tiles += [(f"{symbol}, {escape(words)}", each, unit) for symbol, each, unit in numbers]
     yield '<div class="tiles">'
