@@ -259,8 +259,12 @@ class Identified:
 
     @cached_property
     def diagnosis(self) -> Diagnosis:
-        """What may be wrong, and how far to trust it; worked out when it is first asked for."""
-        return self._diagnosed_at(self.depths)
+        """What may be wrong, and how far to trust it; worked out when it is first needed."""
+        found = self._diagnosed_at(self.depths)
+        if not self.segments:
+            return found
+        parts = (replace(f, remedy=None) if f.check == "change" else f for f in found.findings)
+        return replace(found, findings=tuple(parts))  # each segment is identified already
 
     def _diagnosed_at(self, depths: Sequence[float]) -> Diagnosis:
         data = self.data or Data(self.contact)

@@ -124,7 +124,7 @@ def of_identification(result: "Identified") -> Iterator[ViewSection]:
     """Compose all that ``palpate identify -v`` prints."""
     yield verdict(result)
     yield depths(result, whole=True)
-    yield from parts(result)
+    yield from parts(result, whole=True)
     yield law(result, whole=True)
     yield from which_law([result])
     yield follows(result, whole=True)
@@ -150,6 +150,8 @@ def of_comparison(results: "Sequence[Identified]", *, ranked: bool = True) -> It
     ranking = rank(by_name)
     ordered = [by_name[name] for name in ranking.order]
     words = f"recommended method: {ranking.recommended or 'none'}"
+    if ranking.recommended and by_name[ranking.recommended].estimator.chooses_law:
+        words += " (--law auto)"
     yield ViewSection("Methods", [Line(words, tone="strong")])
     yield numbers(ordered, ranking.exclusions)
     if ranked:
@@ -306,7 +308,7 @@ def depths(result: "Identified", *, whole: bool = False) -> ViewSection:
     """
     truth, there = truth_at_rest(result) if whole else None, result.working_depths
     names = ["median" if result.depth is None else "--at", f"{DEEP:.0f}th percentile"]
-    headings, columns, marks = [""], [], result.diagnosis.verdict
+    headings, columns, marks = [result.law.remembers * "relaxed"], [], result.diagnosis.verdict
     for each, name in zip(there, names, strict=False):
         digits = 4 if whole else 3
         headings.append(f"at {format_quantity(each.depth, 'm', digits)} ({name})")
@@ -320,24 +322,27 @@ def depths(result: "Identified", *, whole: bool = False) -> ViewSection:
                 words += f"\n{against_truth(found.value, real[k], found.whole_error)}"
             cells.append(words)
         columns.append(cells)
-    labels = [f"relaxed {name}" if result.law.remembers else name for name, _ in _ROWS]
     said = [_marked(m) if m != "trust" else "" for m in (marks.stiffness, marks.damping)]
-    rows = list(zip(labels, *columns, [*said, ""], strict=True))
+    rows = list(zip(dict(_ROWS), *columns, [*said, ""], strict=True))
     known = [_BARS, *([_RELAXED] if result.law.remembers else []), *([_LEGEND] if truth else [])]
     lines = [Line("; ".join(known), tone="soft")] if whole else []
     return ViewSection("At working depth", lines, [*headings, ""], rows)
 
 
-def parts(result: "Identified") -> Iterator[ViewSection]:
-    """Each segment between changes with its law, or each place; nothing for one material."""
+def parts(result: "Identified", *, whole: bool = False) -> Iterator[ViewSection]:
+    """Each segment between changes, or each place; nothing for one material.
+
+    With the law and the fit of each segment if ``whole``.
+    """
     rows: list[list[Cell]] = []
     for part in result.segments:
         found, time, place = part.diagnosis, part.contact.time, part.place
         there, marks = found.working_depth, found.verdict
         both_numbers = number(there.stiffness), number(there.damping)
         if place is None:
-            times, terms = _when(part).replace(" s to ", "\nto ").removesuffix(" s"), terms_of(part)
-            fit = percent(part.fit_rmse_percent)
+            times = _when(part).replace(" s to ", "\nto " if whole else " to ").removesuffix(" s")
+            terms = terms_of(part) if whole else ""
+            fit = percent(part.fit_rmse_percent) if whole else ""
             cells = (times, "", "", *both_numbers, "", terms, fit)
         else:
             at = ", ".join(f"{1e3 * each:.1f}" for each in place.position)
@@ -455,7 +460,7 @@ def numbers(ordered: "Sequence[Identified]", exclusions: Sequence[str]) -> ViewS
         mark, depth = result.diagnosis.verdict.overall, result.diagnosis.working_depth.depth
         values = (number(each) for each in felt(result))
         rows.append((result.method, _marked(mark), rounded(1e3 * depth, 4), *values))
-        relaxed = relaxed or dynamic_stiffness_at(result)
+        relaxed = relaxed or _relaxed(result)
         if mark != "trust":
             verdicts.append(Line(result.diagnosis.reason, result.method, mark))
     if truth := truth_of(ordered[0].contact.provenance):
@@ -463,7 +468,7 @@ def numbers(ordered: "Sequence[Identified]", exclusions: Sequence[str]) -> ViewS
         real = (rounded(each, 4) for each in (1e3 * at, *truth.at_rest(at)[1:]))
         rows.append(("truth", "", *real))
     if relaxed:
-        lines.append(Line(f"viscoelastic: {relaxed}", tone="soft"))
+        lines.append(Line(relaxed, tone="soft"))
     lines += [*verdicts, *(Line(words, tone="warning") for words in exclusions)]
     return ViewSection(
         "Methods on this contact, the best first",
@@ -589,6 +594,15 @@ def felt(result: "Identified") -> tuple[Quantity, Quantity]:
     return there.stiffness, there.damping
 
 
+def _relaxed(result: "Identified") -> str:
+    """Why a law that relaxes has other numbers here than by itself; nothing for other laws."""
+    if not (result.law.remembers and dynamic_stiffness_at(result)):
+        return ""
+    at, there = in_hertz(result.dynamic_stiffness().frequency), result.working_depths[0]
+    after = f"{number(there.stiffness)} N/m and {number(there.damping)} N·s/m"
+    return f"{result.method}: K′ and B′ at {at}, which compare with other laws; relaxed, {after}"
+
+
 def dynamic_stiffness_at(result: "Identified") -> str:
     """K′ and B′ at the motion's frequency, which other laws' values compare with; or nothing."""
     if result.law.remembers:
@@ -709,9 +723,9 @@ def _passivity(result: "Identified") -> Line:
     found, words = result.passivity, "the law is never adhesive (its force is never negative)"
     if found.fraction > 0.0:
         words = (
-            f"the law is adhesive (negative force) in {rounded(100.0 * found.fraction, 2)} % of the "
-            f"contact, down to {_plain(found.lowest_force, 'N')}; the mean recorded force there is "
-            f"{_plain(found.measured_there, 'N')}"
+            f"the law is adhesive (negative force) in {rounded(100.0 * found.fraction, 2)} % of "
+            f"the contact, down to {_plain(found.lowest_force, 'N')}; the mean recorded force there "
+            f"is {_plain(found.measured_there, 'N')}"
         )
     elif found.limit >= 0.0:
         words = "the law is adhesive (negative force) at working depth even at rest"
