@@ -722,10 +722,11 @@ def _energy(result: "Identified") -> Line:
 def _passivity(result: "Identified") -> Line:
     found, words = result.passivity, "the law is never adhesive (its force is never negative)"
     if found.fraction > 0.0:
+        part = rounded(100.0 * found.fraction, 2)
         words = (
-            f"the law is adhesive (negative force) in {rounded(100.0 * found.fraction, 2)} % of "
-            f"the contact, down to {_plain(found.lowest_force, 'N')}; the mean recorded force there "
-            f"is {_plain(found.measured_there, 'N')}"
+            f"the law is adhesive (negative force) in {part} % of the contact, down to "
+            f"{_plain(found.lowest_force, 'N')}; the mean recorded force there is "
+            f"{_plain(found.measured_there, 'N')}"
         )
     elif found.limit >= 0.0:
         words = "the law is adhesive (negative force) at working depth even at rest"
