@@ -47,7 +47,7 @@ def count_allocations() -> Section:
         update(*contact[0])
         passing, kept = 0, 0
         for samples in (contact, free):
-            # Less what the counting itself allocates, a number or two.
+            # Minus what the counting itself allocates, a number or two.
             own = _passing_bytes(_nothing, samples), _kept_blocks(_nothing, samples)
             passing = max(passing, _passing_bytes(update, samples) - own[0])
             kept = max(kept, _kept_blocks(update, samples) - own[1])
@@ -56,6 +56,7 @@ def count_allocations() -> Section:
         rows.append(Row(f"{name}: kept", kept, "blocks", limit=Limit(0)))
     notes = [
         f"{CALLS} calls in contact and {CALLS} out of it. Passing: tracemalloc's peak during "
-        "the calls above its start. Kept: sys.getallocatedblocks() after less before.",
+        "the calls, minus its value at the start. Kept: sys.getallocatedblocks() after the calls "
+        "minus before.",
     ]
     return Section("Allocations of update()", rows, notes)

@@ -107,9 +107,9 @@ def _cases(samples: Samples, notes: list[str]) -> dict[str, Case]:
 def measure_calls(clock: Clock, effort: Effort) -> Section:
     """Time every call, a sample of the ball each, from a fresh start in every round."""
     notes = [
-        f"{PERIOD} samples of contact, from a fresh start in every round; least of the rounds. "
+        f"{PERIOD} samples of contact, each round from a new start; shortest of the rounds. "
         "Times include the loop, for penetration, velocity, force in samples; 'net' is the ratio "
-        "with the empty loop taken off both sides.",
+        "with the empty loop subtracted on both sides.",
     ]
     samples = contact_samples(PERIOD)
     best = clock.best("calls", _cases(samples, notes), effort.call_rounds)

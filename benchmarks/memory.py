@@ -60,8 +60,10 @@ def measure_memory(effort: Effort) -> Section:
         rows.append(Row(f"{name}: trace returned", sizes["trace"] / megabyte, "MB"))
         rows.append(Row(f"{name}: extra at the peak", extras[-1], "MB", limit=Limit(8.0)))
     growth = extras[1] - extras[0]
-    rows.append(Row("extra of the longer beyond the shorter", growth, "MB", limit=Limit(1.0)))
-    notes = ["Peak resident memory of a process of its own, SingleStageRLS.replay."]
+    rows.append(
+        Row("extra of the longer minus that of the shorter", growth, "MB", limit=Limit(1.0))
+    )
+    notes = ["Peak resident memory of a separate process, SingleStageRLS.replay."]
     return Section("Memory of a long replay", rows, notes)
 
 

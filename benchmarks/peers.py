@@ -124,10 +124,10 @@ BESIDES: dict[str, Peer] = {
     "statsmodels RecursiveLS, whole record": statsmodels_whole,
 }
 NOTES = (
-    "Ratios: the other's time to ours. θ starts at 0 and P at 1e3 I for all: padasip with "
-    "w='zeros' and eps=1e-3; filterpy with F = I, Q = 0, R = 1 and no predict(); statsmodels with "
-    "initialization='approximate_diffuse' and initial_variance=1e3, where its default is exactly "
-    "diffuse.",
+    "Ratios: the other package's time over palpate's. θ starts at 0 and P at 1e3 I for all: "
+    "padasip with w='zeros' and eps=1e-3; filterpy with F = I, Q = 0, R = 1 and no predict(); "
+    "statsmodels with initialization='approximate_diffuse' and initial_variance=1e3 (its default "
+    "is exactly diffuse).",
     "statsmodels is not online: append() and extend() are not implemented for RecursiveLS, so "
-    "that one more sample means the whole record again.",
+    "each new sample needs the whole record again.",
 )

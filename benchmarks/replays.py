@@ -87,9 +87,9 @@ def measure_replays(clock: Clock, effort: Effort) -> Section:
     arrays = (penetration, velocity, force)
     cases = _cases(arrays, samples)
     notes = [
-        f"{effort.replay_samples} samples; per sample, least of the rounds. A replay writes 8 "
-        "numbers and a status a sample (KelvinVoigtRLS 6) into memory that it asks for; the pages "
-        "of new memory are handed out by the system as they are first written.",
+        f"{effort.replay_samples} samples; per sample, shortest of the rounds. A replay writes 8 "
+        "numbers and a status a sample (KelvinVoigtRLS 6) into new memory; the system provides "
+        "its pages as they are first written.",
     ]
     with tempfile.TemporaryDirectory() as folder:
         native: NativeReplay | None = None
@@ -116,7 +116,7 @@ def _rows(best: dict[str, float], native: NativeReplay | None) -> list[Row]:
         ]
         if native is not None:
             references += [
-                ("C++, into memory it has", min(native.again[name]), Limit(1.5)),
+                ("C++, into existing memory", min(native.again[name]), Limit(1.5)),
                 ("C++, into new memory", min(native.anew[name]), None),
             ]
         for reference, seconds, limit in references:
@@ -134,4 +134,4 @@ def _agreement(arrays: Arrays, native: NativeReplay) -> str:
             differing.append(kind.__name__)
     if differing:
         return f"last law differs between Python and C++: {', '.join(differing)}"
-    return "The last law of each is the same in Python and in C++, to the last bit."
+    return "The final law of each method is the same in Python and in C++, bit for bit."

@@ -19,7 +19,7 @@ def compare_with_peers(clock: Clock, effort: Effort) -> Section:
     cases = {name: lambda p=peer: _seconds(p, samples) for name, peer in peers.items()}
     best = clock.best("other packages", cases, effort.peer_rounds)
     rows = [*_speeds(best), *_differences(peers, samples)]
-    title = "Beside other packages: single-stage regression, per sample"
+    title = "Compared with other packages: single-stage regression, per sample"
     return Section(title, rows, [*NOTES, *notes])
 
 

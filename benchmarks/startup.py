@@ -40,5 +40,5 @@ def measure_startup(clock: Clock, effort: Effort) -> Section:
         Row("import palpate, beyond NumPy", more, "ms", limit=Limit(120.0)),
         Row("palpate --help", times["palpate --help"], "ms", limit=Limit(400.0)),
     ]
-    notes = [f"Whole processes, with warm disk caches; medians of {effort.start_rounds} rounds."]
+    notes = [f"Complete processes, with warm disk caches; medians of {effort.start_rounds} rounds."]
     return Section("Starting", rows, notes)
