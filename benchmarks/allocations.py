@@ -1,4 +1,4 @@
-"""What one update() allocates: nothing, neither kept nor passing."""
+"""Memory that one update() allocates: none, neither kept nor temporary."""
 
 import sys
 import tracemalloc
@@ -13,7 +13,7 @@ CALLS = 100_000
 
 
 def _passing_bytes(update: Callable[..., Any], samples: Samples) -> int:
-    """Most bytes held at any time during the calls, above those held before."""
+    """Return the peak of the bytes held during the calls, minus those held before."""
     tracemalloc.start()
     try:
         before = tracemalloc.get_traced_memory()[0]
@@ -26,7 +26,7 @@ def _passing_bytes(update: Callable[..., Any], samples: Samples) -> int:
 
 
 def _kept_blocks(update: Callable[..., Any], samples: Samples) -> int:
-    """Blocks of the interpreter's memory in use after the calls, above those before."""
+    """Return the blocks of the interpreter's memory in use after the calls, minus those before."""
     before = sys.getallocatedblocks()
     for penetration, velocity, force in samples:
         update(penetration, velocity, force)

@@ -1,7 +1,7 @@
-"""``python -m benchmarks.export_pictures FOLDER``: measured force, and that of a scene of MuJoCo.
+"""``python -m benchmarks.export_pictures FOLDER``: draw measured force and that of a MuJoCo scene.
 
-The laboratory's phantom, and a robot on silicone by others, from ``PALPATE_DATA`` or
-``../shared/data`` beside the checkout, which is left out where it is absent; light and dark. Pixels
+The laboratory's phantom, and others' recording of a robot on silicone, from ``PALPATE_DATA`` or
+``../shared/data`` next to the checkout, which is skipped if it is absent; light and dark. Pixels
 only: no copy of the data.
 """
 
@@ -24,7 +24,7 @@ app = App(name="python -m benchmarks.export_pictures", help_format="plaintext", 
 
 EXAMPLES = Path(__file__).parents[1] / "examples" / "recordings"
 MASS = 1.0  # kg, of the probe in the scene
-# Force levels in the left panels are drawn for so many seconds.
+# Duration of the left panels.
 SHOWN = 3.0
 
 
@@ -37,7 +37,7 @@ class Felt:
     time, penetration, measured, law, engine : numpy.ndarray, shape (k,)
         s, m, and N: as measured, by the identified law, and in MuJoCo.
     made : Export
-        Whose it is.
+        The export.
     """
 
     time: Floats
@@ -83,7 +83,7 @@ def pressed(file: Path) -> Felt:
 
 
 def draw(path: Path, felt: Felt, theme: Theme) -> None:
-    """Both forces over time, over penetration, and what is between them."""
+    """Draw both forces over time and over penetration, and their difference."""
     import matplotlib
 
     with style(Look(theme)) as new_figure, matplotlib.rc_context({"savefig.dpi": DOTS_AN_INCH}):
@@ -109,7 +109,7 @@ def _draw_panels(panels: Any, felt: Felt, theme: Theme) -> None:
     for label, force, look in looks:
         over_time.plot(felt.time[shown], force[shown], label=label, **look)
         loop.plot(1e3 * felt.penetration[shown], force[shown], **look)
-    # The law's is under the engine's: dashes over a line show that both are there.
+    # The law's is under the engine's: dashes over a line show both.
     residuals = (
         (felt.measured - felt.engine, theme.lines[0], "-", "measured − MuJoCo"),
         (felt.measured - felt.law, theme.lines[1], "--", "measured − law"),

@@ -1,4 +1,4 @@
-"""The round trip: exported, pressed in the engine with noise, identified."""
+"""The round trip: export a law, press it in the engine with noise, identify it."""
 
 from dataclasses import replace
 
@@ -13,7 +13,7 @@ SEEDS, NOISE = 20, 0.05  # N
 
 
 def measure_round_trip() -> Section:
-    """Export, record in the engine with 0.05 N of noise, identify: how far it is off."""
+    """Export, record in the engine with 0.05 N of noise, identify, and return the errors."""
     rows = []
     for to, form, laws in (
         ("mujoco", "pair", tuple(LAWS)),
@@ -30,14 +30,14 @@ def measure_round_trip() -> Section:
                 Row(f"{name}: stiffness or damping at depth, the mean", felt, "%"),
             ]
     notes = (
-        "The stated error ε is one of force. It moves a parameter by s.e. · ε ‖F‖/σ at most, "
-        "which is taken off; literally it is that fraction of the parameter.",
+        "The stated error ε is one of force. It changes a parameter by s.e. · ε ‖F‖/σ at most, "
+        "which is subtracted; taken literally it is that fraction of the parameter.",
     )
     return Section(f"Round trip: beyond the stated error, worst of {SEEDS} seeds", rows, notes)
 
 
 def round_trips(export: exports.Export, law: str) -> tuple[float, float, float]:
-    """Worst of K, B and n, twice, in standard errors; bias of stiffness or damping at depth, %."""
+    """Return the worst of K, B and n, both ways, in s.e.; bias of stiffness or damping, %."""
     bench = lab.Bench(
         exports.SimulatedContact(export), lab.THREE_SINES, lab.IdealProbe(), lab.PERFECT
     )

@@ -1,4 +1,4 @@
-"""What a verdict makes of samples that are wrong, and whether there is a word about it."""
+"""The verdict on faulty samples, and whether palpate warns."""
 
 from dataclasses import dataclass
 
@@ -15,12 +15,12 @@ MOST_SEEDS = 20
 
 @dataclass(frozen=True)
 class Trap:
-    """What is wrong with the samples."""
+    """A fault of the samples."""
 
     name: str
     late: float = 0.0  # of the force, s
-    surface: float = 0.0  # above where it is, m
-    samples: int | None = None  # the first ones alone
+    surface: float = 0.0  # above the true surface, m
+    samples: int | None = None  # only the first ones
 
 
 TRAPS = (
@@ -36,7 +36,7 @@ TRAPS = (
 
 
 def trapped(trap: Trap, damping: str, seed: int) -> Identification:
-    """Identify a motion with something wrong, at 40 dB."""
+    """Identify a motion with a fault, at 40 dB."""
     x, v = motion(seed)
     force = law_of(damping, 0.0).force_along(x, v, DT)
     deviation = float(np.sqrt(np.mean(force[x > 0.0] ** 2))) / 100.0
@@ -52,13 +52,13 @@ def trapped(trap: Trap, damping: str, seed: int) -> Identification:
 
 
 def said(result: Identification) -> bool:
-    """Whether a reader is warned: by the diagnosis, or by a flag of law, estimate or verdict."""
+    """Return whether palpate warns: by the diagnosis, or by a flag of law, estimate or verdict."""
     flags = [flag for flag in result.flags if "outlier" not in flag]
     return result.diagnosis.verdict.overall != "trust" or bool(flags)
 
 
 def measure_traps(seeds: range) -> Section:
-    """Memory that is called, how far K′ and B′ are off at 11 rad/s, and how often that is said."""
+    """Measure how often memory is selected, errors of K′ and B′ at 11 rad/s, and warnings."""
     some = seeds[:MOST_SEEDS]
     rows = []
     for damping in ("hunt-crossley", "half-space"):

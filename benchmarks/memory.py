@@ -1,7 +1,7 @@
-"""Extra memory of a long replay, beside its inputs and the trace it returns.
+"""Extra memory of a long replay, beyond its inputs and the trace it returns.
 
 ``python -m benchmarks.memory SAMPLES`` prints the bytes of one replay; the section below runs it
-in processes of its own.
+in separate processes.
 """
 
 import json
@@ -30,7 +30,7 @@ def resident(entry: str) -> int:
 
 
 def extra_bytes(samples: int) -> dict[str, int]:
-    """Replay, and say how far the peak lies above the start and the trace."""
+    """Replay, and return how far the peak lies above the start and the trace."""
     SingleStageRLS().replay(*contact_arrays(1000))
     arrays = contact_arrays(samples)
     before = resident("VmRSS")

@@ -21,7 +21,7 @@ Arrays = tuple[Floats, Floats, Floats]
 class NativeReplay:
     """Runs the C++ program; keeps each estimator's times and last law.
 
-    ``again`` writes into memory used before, as a program would; ``anew`` asks for memory, as
+    ``again`` writes into memory used before, as a program would; ``anew`` into new memory, as
     Python does.
     """
 
@@ -61,7 +61,7 @@ def _update(estimator: ContactEstimator, samples: Samples) -> float:
 
 
 def _update_from_arrays(estimator: ContactEstimator, arrays: Arrays) -> float:
-    """Per sample, from the arrays that replay() is given: they have to become numbers first."""
+    """Time per sample, from the arrays that replay() takes, converted to numbers first."""
     estimator.reset()
     update = estimator.update
     start = perf_counter()
@@ -81,7 +81,7 @@ def _cases(arrays: Arrays, samples: Samples) -> dict[str, Case]:
 
 
 def measure_replays(clock: Clock, effort: Effort) -> Section:
-    """Time both and the program in turns, per sample."""
+    """Time both and the program alternately, per sample."""
     samples = contact_samples(effort.replay_samples)
     penetration, velocity, force = np.array(samples).T.copy()
     arrays = (penetration, velocity, force)
@@ -126,7 +126,7 @@ def _rows(best: dict[str, float], native: NativeReplay | None) -> list[Row]:
 
 
 def _agreement(arrays: Arrays, native: NativeReplay) -> str:
-    """Say whether both came to the same law."""
+    """Return a sentence on whether both gave the same law."""
     differing = []
     for kind in KINDS:
         last = kind().replay(*arrays).parameters[-1].tolist()

@@ -1,4 +1,4 @@
-"""Ours beside the other packages: time a sample, and whether the numbers agree."""
+"""Comparison with other packages: time a sample, and whether the numbers agree."""
 
 from time import perf_counter
 
@@ -24,7 +24,7 @@ def compare_with_peers(clock: Clock, effort: Effort) -> Section:
 
 
 def _installed(peers: dict[str, Peer], samples: Samples) -> tuple[dict[str, Peer], list[str]]:
-    """Those that can be imported, and a note on each that cannot."""
+    """Return those that can be imported, and a note on each that cannot."""
     present, notes = {}, []
     for name, peer in peers.items():
         try:

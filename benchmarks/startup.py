@@ -1,4 +1,4 @@
-"""How long a user waits for ``import palpate`` and for ``palpate --help``."""
+"""The time of ``import palpate`` and of ``palpate --help``."""
 
 import subprocess
 import sys
@@ -20,9 +20,9 @@ def _running(*command: str) -> Case:
 
 
 def measure_startup(clock: Clock, effort: Effort) -> Section:
-    """Start processes in turns; medians."""
+    """Start processes alternately; medians."""
     program = Path(sys.executable).with_name("palpate")
-    everything = "import numpy; from palpate import identify"  # palpate alone waits for a name
+    everything = "import numpy; from palpate import identify"  # loads palpate's modules
     cases = {
         "bare Python": _running(sys.executable, "-c", "pass"),
         "import numpy": _running(sys.executable, "-c", "import numpy"),

@@ -32,7 +32,7 @@ from palpate.writing import check_writable, make_folder, write_text
 
 @dataclass(frozen=True, slots=True)
 class Part:
-    """Tables that are run, and written to one page, together."""
+    """Tables that are run together and written to one page."""
 
     title: str
     run: Callable[[Campaign], list[Group]]
@@ -72,18 +72,18 @@ def accuracy(
     markdown: Path | None = None,
     json: Path | None = None,
 ) -> None:
-    """Measure how accurate identification is, beside what bounds it.
+    """Measure how accurate identification is, compared with its bounds.
 
     Parameters
     ----------
     seeds
         Seeds of the noise, 2 or more.
     only
-        Parts to run, by name; all unless given.
+        Names of parts to run. Default: all.
     workers
-        Worker processes; one a core unless given.
+        Worker processes. Default: one a core.
     scheduler
-        Address of a scheduler of Dask, whose workers were started in a checkout.
+        Address of a Dask scheduler, whose workers were started in a checkout.
     markdown
         Write a page for each part into this folder too.
     json

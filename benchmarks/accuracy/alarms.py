@@ -1,4 +1,4 @@
-"""The change detector: alarms where nothing changes, and how late it finds small changes."""
+"""The change detector: false alarms, and its delay for small changes."""
 
 from dataclasses import replace
 from functools import partial

@@ -1,4 +1,4 @@
-"""Whether the search over the exponent ends in the lowest valley when a probe only goes in."""
+"""Whether the search over the exponent finds the global minimum when a probe only goes in."""
 
 import numpy as np
 
@@ -10,8 +10,8 @@ from palpate import ContactGate, HuntCrossley, VariableProjection
 SPEEDS = ("constant", "half a sine", "least jerk", "fading")
 NOISES = (1e-4, 5e-3, 5e-2)  # N
 EXPONENTS = np.arange(0.3, 3.6, 0.002)
-# Of the noise variance, by which the answer's sum of squares may exceed the least: the priors,
-# worth a sample or two each, move it by a few.
+# Multiple of the noise variance by which the sum of squares may exceed the minimum: the priors,
+# worth a sample or two each, change it by a few.
 EXCESS = 10.0
 
 
@@ -50,7 +50,7 @@ def _missed(case: tuple[int, int]) -> bool:
     clean = HuntCrossley(stiffness, damping, exponent).force(x, v)
     f = clean + rng.normal(0.0, deviation, len(x))
     x, v, f = x[f > 0.0], v[f > 0.0], f[f > 0.0]
-    # Every sample counts, as in the search beside it: what is asked is how that ends.
+    # Every sample counts, as in the reference search, to compare the two results.
     estimator = VariableProjection(gate=ContactGate(make_force=1e-9))
     estimator.replay(x, v, f)
     estimate = estimator.estimate()

@@ -25,12 +25,12 @@ RATE = 1e3  # samples a second
 POLES = {"AR(1) 0.9": 0.9, "AR(1) 0.98": 0.98}
 LOW_PASS = "low-pass 50 Hz"
 NOISES = ("white", *POLES, LOW_PASS)
-BEFORE = 2000  # samples in which a filter forgets how it began
-LIGHTEST = 10.0 * NOISE  # N; below it noise, not depth, would say what is contact
+BEFORE = 2000  # samples in which the start of a filter decays
+LIGHTEST = 10.0 * NOISE  # N; below it noise, not depth, would determine contact
 
 
 def bars(campaign: Campaign) -> list[Group]:
-    # A column is of five materials: as a mean of so many contacts.
+    # A column covers five materials: a mean of so many contacts.
     of_mean, of_cell = Limit(100.0, 90.0), Limit(100.0, 85.0)
     lines = []
     for motion in MOTIONS:
@@ -82,7 +82,7 @@ def bars(campaign: Campaign) -> list[Group]:
 
 
 def _contact(material: str, motion: str, kind: str, seed: int) -> Floats:
-    """Errors of K, B, n, S and C, their standard errors, and those of white noise; shape (3, 5)."""
+    """Return errors of K, B, n, S and C, their s.e., and those of white noise; shape (3, 5)."""
     law = MATERIALS[material]
     x, v = MOTIONS[motion]()
     where = list(MATERIALS).index(material), list(MOTIONS).index(motion), NOISES.index(kind)

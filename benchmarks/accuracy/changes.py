@@ -1,4 +1,4 @@
-"""How soon the force is right again after the material changed, and false alarms."""
+"""The delay until the force is right again after a change of the material, and false alarms."""
 
 from dataclasses import dataclass, replace
 from functools import cache, partial
@@ -53,7 +53,7 @@ ANOTHER_EXPONENT = {"ball → PVC": (BALL, PVC), "PVC → ball": (PVC, BALL)}
 
 @dataclass(frozen=True, slots=True)
 class Recovery:
-    """Milliseconds after a change; ``alarms`` counts all of the run."""
+    """Milliseconds after a change; ``alarms`` counts those of the whole run."""
 
     error: float
     model: float
@@ -259,7 +259,7 @@ def _alarms_out_of_class(seed: int) -> int:
 
 @cache
 def _relaxing_force() -> Floats:
-    """Of the lab's relaxing sponge, touched a microsecond before the first sample: not rested."""
+    """The force of the lab's relaxing sponge, touched a microsecond before the first sample."""
     motion = sines(WATCHED)
     time = np.insert(motion.time, 0, -1e-6)
     x, v = (np.insert(signal, 0, 0.0) for signal in (motion.penetration, motion.velocity))

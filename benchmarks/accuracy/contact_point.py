@@ -1,4 +1,4 @@
-"""A contact point that is unknown by up to 2 mm."""
+"""An unknown contact point, off by up to 2 mm."""
 
 from functools import partial
 
@@ -10,7 +10,7 @@ from benchmarks.accuracy.table import Group, Limit, Line
 from palpate import VariableProjection
 from palpate.design.precision import cramer_rao_bound
 
-DURATION = 20.0  # s, the approach included
+DURATION = 20.0  # s, including the approach
 UNKNOWN = 2e-3  # m
 
 
@@ -49,7 +49,7 @@ def contact_point(campaign: Campaign) -> list[Group]:
 
 
 def _run(material: str, seed: int) -> tuple[tuple[float, float], tuple[str, ...]]:
-    """Errors of K [%] and of the surface [µm], and the flags."""
+    """Return errors of K [%] and of the surface [µm], and the flags."""
     law, rng = MATERIALS[material], np.random.default_rng(seed)
     motion = approach_and_probe(DURATION)
     x, v = motion.penetration, motion.velocity

@@ -1,4 +1,4 @@
-"""How often the 95 % interval holds the truth."""
+"""How often the 95 % interval contains the truth."""
 
 from functools import partial
 
@@ -22,8 +22,8 @@ def coverage(campaign: Campaign) -> list[Group]:
             "Coverage of the 95 % interval",
             ideal,
             [Trial(name, "offset", single_stage=False) for name in MATERIALS],
-            # Above 95: a bar is never below that of white noise, and it pays for not knowing that
-            # the noise is white.
+            # Above 95, because a bar is never below that of white noise, and is wider because the
+            # noise is not known to be white.
             (Limit(99.0, 93.0),),
             5 * campaign.seeds,
         ),

@@ -12,7 +12,7 @@ from palpate import ConstantForgetting, DriftTracking, VariableProjection
 from palpate.estimators import ContactEstimator
 from palpate.validation import Floats
 
-DURATION, SETTLED = 40.0, 2000  # s; samples left out
+DURATION, SETTLED = 40.0, 2000  # s; excluded samples
 METHODS: dict[str, Callable[[], ContactEstimator]] = {
     "drift tracking": DriftTracking,
     "projection": lambda: VariableProjection(offset=False),
@@ -46,7 +46,7 @@ def drift(campaign: Campaign) -> list[Group]:
     ]
 
 
-# Deviation of ln K after a second, 1/√s, and correlation of the noise: the first has to be flagged,
+# Deviation of ln K after a second, 1/√s, and correlation of the noise: the first must be flagged,
 # the second is what `DriftTracking()` assumes.
 WALKS = ((0.2, 0.0), (0.02, 0.0), (0.04, 0.0), (0.1, 0.0), (0.02, 0.9))
 
@@ -96,7 +96,7 @@ def _noise(random: np.random.Generator, count: int, correlation: float) -> Float
 
 
 def _errors(material: str, seed: int) -> list[float]:
-    """Relative rms error of the force scale by each method, %."""
+    """Return the relative rms error of the force scale by each method, %."""
     law, motion = MATERIALS[material], sines(DURATION)
     x, v = motion.penetration, motion.velocity
     scale = 1.0 + 0.3 * np.sin(2.0 * np.pi * 0.1 * motion.time)

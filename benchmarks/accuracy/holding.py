@@ -12,7 +12,7 @@ from palpate import VariableProjection
 
 BEFORE, HOLD, AFTER = 10_000, 100_000, 10_000  # samples
 DEPTH = 10.5e-3  # m
-LOOK = 100  # samples between looks at the estimate
+LOOK = 100  # samples between two estimates
 
 
 def holding(campaign: Campaign) -> list[Group]:
@@ -43,7 +43,7 @@ def holding(campaign: Campaign) -> list[Group]:
 
 
 def _moves(material: str, seed: int) -> tuple[Floats, Floats, tuple[str, ...]]:
-    """Largest moves during and after the hold [%], and the flags of a purely held contact."""
+    """Return the largest changes during and after the hold [%], and the flags of a held contact."""
     law, rng = MATERIALS[material], np.random.default_rng(seed)
     motion = sines((BEFORE + AFTER) * 1e-3)
     x = np.insert(motion.penetration, BEFORE, np.full(HOLD, DEPTH))

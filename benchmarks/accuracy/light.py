@@ -1,4 +1,4 @@
-"""Light contact, contact that is lost above the surface, and tares: which samples count."""
+"""Light contact, contact lost below the surface on the way out, and tares."""
 
 import math
 import zlib
@@ -17,13 +17,13 @@ from palpate.design.precision import cramer_rao_bound
 
 SECONDS = 10.0
 LEVELS = (0.005, 0.05, 0.2)  # N
-LEVEL = 0.05  # N, where there is one only
-FIRST_SEED = 20_000  # none of these was looked at while the rule was made
+LEVEL = 0.05  # N, if there is only one
+FIRST_SEED = 20_000  # none of these was used while the rule was developed
 
 
 @dataclass(frozen=True, slots=True)
 class Material:
-    """A law, and how deep it is probed."""
+    """A law, and the depth of probing."""
 
     law: HuntCrossley
     depth: float = 10e-3  # m
@@ -53,7 +53,7 @@ class Path:
 
 @lru_cache(maxsize=8)
 def path(kind: str) -> Path:
-    """One of the motions, which all leave the material."""
+    """Return one of the motions, which all leave the material."""
     t: Floats = 1e-3 * np.arange(round(1e3 * SECONDS), dtype=np.float64)
     if kind == "chirp":  # 0.5 to 3 Hz
         rates = 2.0 * math.pi * (0.5 + 2.5 * t / SECONDS)
@@ -76,7 +76,7 @@ def path(kind: str) -> Path:
 
 
 def estimated(x: Floats, v: Floats, f: Floats, tare: float | None = None) -> Estimate:
-    """What variable projection knows in the end, in the units that `identify` would choose."""
+    """Return the final estimate of variable projection, in the units of `identify`."""
     touching = (x > 0.0) & (f > 0.0)
     scale = Scale(*(float(np.abs(signal[touching]).max()) for signal in (x, v, f)))
     estimator = VariableProjection(scale=scale, offset_deviation=tare)
@@ -85,7 +85,7 @@ def estimated(x: Floats, v: Floats, f: Floats, tare: float | None = None) -> Est
 
 
 def _noise(line: str, seed: int, samples: int, level: float = LEVEL) -> Floats:
-    """White noise, N, of its own for each line of a table: the lines are then independent."""
+    """Return white noise, N, separate for each line of a table, so that lines are independent."""
     random = np.random.default_rng([FIRST_SEED + seed, zlib.crc32(line.encode())])
     return random.normal(0.0, level, samples)
 
@@ -151,7 +151,7 @@ def _efficiency(campaign: Campaign) -> list[Group]:
 
 
 def _errors(name: str, kind: str, level: float, seed: int) -> tuple[Floats, NDArray[np.bool_]]:
-    """Errors of K, B and n, and whether the intervals hold the truth."""
+    """Return errors of K, B and n, and whether the intervals contain the truth."""
     material, motion = MATERIALS[name], path(kind)
     x, v = motion.x * material.depth, motion.v * material.depth
     f = material.law.force(x, v) + _noise(f"{name} {kind} {level}", seed, x.size, level)
@@ -190,7 +190,7 @@ def _lost(campaign: Campaign) -> Group:
 
 
 def _after_loss(name: str, kind: str, below: float, air: bool, seed: int) -> Floats:
-    """Relative errors of K, B and n."""
+    """Return relative errors of K, B and n."""
     material, motion = MATERIALS[name], path(kind)
     lost = _recovering(motion, below)
     x, v = motion.x * material.depth, motion.v * material.depth
@@ -202,7 +202,7 @@ def _after_loss(name: str, kind: str, below: float, air: bool, seed: int) -> Flo
 
 
 def _recovering(motion: Path, below: float) -> NDArray[np.bool_]:
-    """Where the material has not come back yet."""
+    """Return where the material has not recovered yet."""
     lost, reached = np.zeros(motion.x.size, dtype=bool), 0.0
     for k, (x, v) in enumerate(zip(motion.x.tolist(), motion.v.tolist(), strict=True)):
         reached = max(reached, x) if x > 0.0 else 0.0
@@ -210,7 +210,7 @@ def _recovering(motion: Path, below: float) -> NDArray[np.bool_]:
     return lost
 
 
-#: Force offset, what a tare is said to have left, and what is to be found; N.
+#: Force offset, the stated deviation after a tare, and the offset to be found; N.
 OFFSETS = {
     "untared, 5 N": (5.0, None),
     "a wrong tare, 5 N off and said to 5 mN": (5.0, 5e-3),
@@ -252,7 +252,7 @@ def _offsets(campaign: Campaign) -> Group:
 def _with_offset(
     name: str, where: str, offset: float | None, tare: float | None, seed: int
 ) -> tuple[float, float, float]:
-    """Relative error of K, whether its interval holds it, and whether the tare is flagged."""
+    """Return the error of K, whether its interval contains it, and whether the tare is flagged."""
     material, motion = MATERIALS[name], path("random")
     deep = where == "deep"
     x = material.depth * (0.6 + 0.2 * (motion.x - 0.35) if deep else motion.x)

@@ -1,4 +1,4 @@
-"""Outliers: what they do to the estimate, and that nothing good is left out."""
+"""Outliers: their effect on the estimate, and good samples that are rejected."""
 
 from dataclasses import replace
 from functools import partial
@@ -86,7 +86,7 @@ def _errors(campaign: Campaign) -> Group:
 
 
 def _error(law: HuntCrossley, fault: str, seed: int) -> tuple[float, ...]:
-    """Errors of K and B, %, with and without the rejection, and what was left out, %."""
+    """Return errors of K and B, %, with and without the rejection, and the rejected samples, %."""
     contact = _faulty(law, fault, seed)
     errors: list[float] = []
     for rejection in (None, False):

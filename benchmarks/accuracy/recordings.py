@@ -29,7 +29,7 @@ UNSURE = ("exponent not identifiable", "exponent at the edge")
 
 @dataclass(frozen=True, slots=True)
 class Fit:
-    """Fit RMSE% of ours and of SciPy, and what ours says of the exponent."""
+    """Fit RMSE% of palpate and of SciPy, and palpate's flag on the exponent."""
 
     ours: float
     scipy: float
@@ -65,7 +65,7 @@ def recordings(campaign: Campaign) -> list[Group]:
 
 
 def recorded() -> list[Path]:
-    """Return the recordings of PALPATE_DATA or beside the checkout; none where there are none."""
+    """Return the recordings of PALPATE_DATA or next to the checkout, if any."""
     given = os.environ.get("PALPATE_DATA")
     beside = Path(__file__).resolve().parents[3] / "shared" / "data"
     folder = Path(given) if given else beside
@@ -96,7 +96,7 @@ def _line(name: str, fit: Fit) -> Line:
 
 
 def _compared(item: tuple[Path, bool]) -> Fit | str:
-    """The fit, or in words why there is none."""
+    """Return the fit, or the reason why there is none."""
     file, noted = item
     notes = file.with_suffix(".json")
     window = json.loads(notes.read_text()).get("fit") if noted and notes.exists() else None

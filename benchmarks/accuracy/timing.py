@@ -1,4 +1,4 @@
-"""What an update and an estimate cost, against the single-stage update of the same run."""
+"""The time of an update and an estimate, over the single-stage update of the same run."""
 
 import time
 from collections.abc import Callable
@@ -35,7 +35,7 @@ def timing(campaign: Campaign) -> list[Group]:
         ),
     }
     best = {name: [np.inf, np.inf, np.inf] for name in makers}
-    for _ in range(REPEATS):  # interleaved, so that all meet the same machine
+    for _ in range(REPEATS):  # interleaved, so that all run under the same load
         for name, make in makers.items():
             estimator = make()
             update, estimate = _update_ns(estimator, samples), _estimate_ns(estimator)

@@ -1,6 +1,6 @@
-// law_sums: how far the residual by the sums is from that of the samples themselves, over Σ F², of
-// every law at exponents between the nodes of the grid. A line for each way that samples come: the
-// largest of the everyday and of the full tier at middling exponents, the same at low ones, and the
+// law_sums: difference of the residual by the sums from that of the samples, over Σ F², of
+// every law at exponents between the nodes of the grid. A line for each kind of samples: the
+// largest of the common and of the full tier at middling exponents, the same at low ones, and the
 // name.
 #include <algorithm>
 #include <array>
