@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import least_squares
 
 from palpate import InvalidParameterError, Scale, fit_curves
-from palpate.estimators import curves as core
+from palpate.estimators import batch_fit as core
 from palpate.validation import Floats
 
 #: What a sample is to a fit, by the codes of :attr:`StatedCost.roles`.

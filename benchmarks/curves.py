@@ -20,7 +20,7 @@ from benchmarks.native_programs import BuildError, native_programs
 from benchmarks.report import Limit, Row, Section
 from palpate import SingleStageRLS, VariableProjection
 from palpate.contact import Contact
-from palpate.estimators.curves import CurveFits, fit_curves
+from palpate.estimators.batch_fit import CurveFits, fit_curves
 from palpate.preparation.gates import suggest_scale
 from palpate.writing import check_outputs, write_text
 

@@ -38,7 +38,9 @@ def measure_round_trip() -> Section:
 
 def round_trips(export: exports.Export, law: str) -> tuple[float, float, float]:
     """Worst of K, B and n, twice, in standard errors; bias of stiffness or damping at depth, %."""
-    bench = lab.Bench(exports.Pressed(export), lab.THREE_SINES, lab.IdealProbe(), lab.PERFECT)
+    bench = lab.Bench(
+        exports.SimulatedContact(export), lab.THREE_SINES, lab.IdealProbe(), lab.PERFECT
+    )
     clean, truth = bench.run(seed=0).contact, LAWS[law]
     stated = 0.01 * export.statement.compared.percent
     worst, literal, felt = [], [], []

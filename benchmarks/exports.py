@@ -40,7 +40,7 @@ def error(law: str, to: str, form: str = "auto", mass: float = 1.0) -> float:
 def rebound_error(law: str, to: str, form: str, mass: float = 1.0, depth: float = DEPTH) -> float:
     """Of the restitution in the real engine in a drop to a depth, %."""
     drop = drop_to(GeneralisedHuntCrossley.of(LAWS[law]), mass, depth)
-    found = made(law, to, form, mass).fragment.rebound(drop)
+    found = made(law, to, form, mass).fragment.drop_restitution(drop)
     return float("nan") if found is None else abs(100.0 * (found / drop.restitution - 1.0))
 
 
@@ -116,7 +116,7 @@ def measure_kelvin_voigt() -> Section:
 
 def read_back(fragment: exports.Fragment) -> tuple[float, float]:
     """K and B by least squares of the engine's force along the motion that it was made for."""
-    motion = fragment.asked.motion.firm()
+    motion = fragment.request.motion.firm()
     ran = fragment.replay(motion)
     assert ran is not None
     columns = np.column_stack([motion.penetration, motion.velocity])[motion.judged]

@@ -114,7 +114,7 @@ def learned(record: Recorded, train: NDArray[np.bool_], **settings: str) -> Visc
         if broken:
             estimator.leave_contact()
         estimator.update(x, v, push, step)
-    estimator.settle()
+    estimator.finish_pending()
     return estimator
 
 
@@ -189,7 +189,7 @@ def whole_files(folder: Path) -> Iterator[tuple[str, str, float]]:
             continue
         verdict = identify(path, "viscoelastic").law_verdict
         assert verdict is not None  # the method has one
-        errors = {str(each.candidate): each.rms_error for each in verdict.standings}
+        errors = {str(each.candidate): each.rms_error for each in verdict.model_ranking}
         words = (
             f"{verdict.candidate}, {verdict.effective_samples:.0f} independent samples of "
             f"{verdict.samples:.0f}"

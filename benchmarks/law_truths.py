@@ -101,7 +101,7 @@ def identified(
     force = clean + deviation * noise(seed, x.size, correlation)
     estimator = ViscoelasticContact(memory=memory, gate=GATE, scale=UNITS)  # type: ignore[arg-type]
     estimator.replay(x, v, force, at=())
-    estimator.settle()
+    estimator.finish_pending()
     return estimator, (x, v, force), deviation
 
 

@@ -1,6 +1,6 @@
 # palpate_add_per_instruction_set(TARGET SOURCE): compiles a source for what every processor of the
 # architecture has and, on x86-64 with GCC or Clang, once more for AVX2 and for AVX-512. What it
-# defines stands in the namespace PALPATE_INSTRUCTION_SET of palpate/curves/curve_kernels.hpp;
+# defines stands in the namespace PALPATE_INSTRUCTION_SET of palpate/batch_fit/curve_kernels.hpp;
 # PALPATE_COMPILED_AVX2 and PALPATE_COMPILED_AVX512 say which there are, and the program chooses when
 # it runs.
 #

@@ -44,14 +44,14 @@ def main() -> None:
                 asked.append(aside.submit(described, estimator.copy()))
             while asked and asked[0].done():
                 print(f"{time:5.2f} s    {asked.pop(0).result()}")
-    estimator.settle()  # the last samples too
+    estimator.finish_pending()  # the last samples too
     print(described(estimator))
 
 
 def described(estimator: Estimator) -> str:
     """The verdict and what a small oscillation feels, in one line."""
     verdict = estimator.verdict()
-    if not verdict.standings:
+    if not verdict.model_ranking:
         return "no verdict yet"
     try:
         felt = estimator.dynamic_stiffness()

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from palpate.exports import Asked, Motion, engine_called
+from palpate.exports import ExportRequest, ProbeMotion, engine_called
 from palpate.exports.engine import force_error
 from palpate.force_laws import GeneralisedHuntCrossley
 from palpate.lab import BALL, PVC, SPONGE
@@ -17,7 +17,7 @@ HALF_SPACE_LAW = GeneralisedHuntCrossley(2e4, 1.5, 300.0, 0.5)
 
 
 def asked(law, **further):
-    return Asked(law=law, motion=Motion.of_paper(), **further)
+    return ExportRequest(law=law, motion=ProbeMotion.of_paper(), **further)
 
 
 def fitted(engine, law, **further):
@@ -31,15 +31,15 @@ def apart_percent(motion, law, other):
 
 def predicted_percent(fragment, law=None):
     """Error of the force predicted, along the motion that it was made for."""
-    motion = fragment.asked.motion
-    reference = motion.force_by(fragment.asked.law if law is None else law)
+    motion = fragment.request.motion
+    reference = motion.force_by(fragment.request.law if law is None else law)
     return force_error(fragment.predicted(motion), reference, motion.judged)
 
 
 def replayed_percent(fragment, most=500):
     """Errors of the force replayed and predicted at some of the states of the motion."""
-    motion = fragment.asked.motion.firm(most)
-    reference = motion.force_by(fragment.asked.law)
+    motion = fragment.request.motion.firm(most)
+    reference = motion.force_by(fragment.request.law)
     ran = fragment.replay(motion)
     assert np.isfinite(ran.force).all()
     return (

@@ -96,7 +96,7 @@ def candidates(root: str) -> list[Mutant]:
     return found
 
 
-def wanting(mutants: list[Mutant], dropped: list[Mutant]) -> Iterator[Mutant]:
+def with_query(mutants: list[Mutant], dropped: list[Mutant]) -> Iterator[Mutant]:
     """Yield what to try next, as long as the mutants are fewer than wanted."""
     for root, wanted in WANTED.items():
         for mutant in candidates(root):
@@ -192,7 +192,7 @@ def main(command: str = "", text: str = "") -> int:
     tried: Iterable[Mutant] = [mutant for mutant in record["mutants"] if text in mutant["file"]]
     if command == "choose":
         record["mutants"] = [mutant for mutant in record["mutants"] if located(mutant)]
-        tried = wanting(**record)
+        tried = with_query(**record)
     outcomes = Counter[str]()
     resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
     with tempfile.TemporaryDirectory() as folder:

@@ -234,10 +234,10 @@ def test_a_probe_that_travels_is_cut_into_places(sign):
     contact = prepare(recorded)
     assert len(contact.prepared.places) == 2
     assert any("2 places" in finding.message for finding in contact.findings)
-    result = identify(contact).wanting(palpate.Wanted(tip=FlatPunch(0.1))).by_place()
-    assert len(result.stretches) == 2
+    result = identify(contact).with_query(palpate.QueryOptions(tip=FlatPunch(0.1))).by_place()
+    assert len(result.segments) == 2
     table = " ".join(result.summary().split())
-    for part, law in zip(result.stretches, (BALL, SPONGE), strict=True):
+    for part, law in zip(result.segments, (BALL, SPONGE), strict=True):
         assert off(part, law) < 4.0
         stiffness = part.diagnosis.working_depth.stiffness
         error = math.hypot(stiffness.standard_error, stiffness.systematic)

@@ -125,7 +125,7 @@ def test_a_surface_outside_the_default_range_is_found(
     there = approach | (curves.penetration > 1.5e-3)
     force = np.where(there, curves.force, np.nan)
     fits = fit_curves(curves.penetration + shift, curves.velocity, force, surface="estimate")
-    assert fits.words.count("fitted") >= 19
+    assert fits.status_names.count("fitted") >= 19
     z = (fits.surface - shift) / fits.standard_errors[:, 4]
     assert np.abs(z).max() < 4.0
     errors = fits.standard_errors[:, :3]
@@ -135,13 +135,13 @@ def test_a_surface_outside_the_default_range_is_found(
 def test_a_surface_at_the_edge_of_its_range_is_not_called_fitted() -> None:
     curves = random_curves(approach_and_retract, 2, seed=3)
     narrow = fitted(curves, surface="estimate", surface_range=(1e-3, 2e-3))
-    assert set(narrow.words) == {"surface at the edge of its range"}
+    assert set(narrow.status_names) == {"surface at the edge of its range"}
     # Far above the first sample, by 15 travels of the probe: even the wider range ends before it.
     depth, speed = approach_and_retract(np.linspace(0.0, 1.0, 400))
     depth, speed = 5.5e-3 + 5e-4 * depth, 1e-3 * speed
     force = HuntCrossley(4e4, 1e6, 2.0).force(depth + 10e-3, speed)
     rising = fit_curves(depth, speed, force, surface="estimate", noise=1e-4)
-    assert rising.words == ["surface at the edge of its range"]
+    assert rising.status_names == ["surface at the edge of its range"]
 
 
 @pytest.mark.parametrize("more", [{}, UNKNOWN])
@@ -187,14 +187,14 @@ def test_a_tare_is_a_prior_and_its_contradiction_is_flagged() -> None:
     tares = [0.001, np.nan, 0.001]
     fits = fit_curves(curves.penetration, curves.velocity, force, offset_deviation=tares)
     assert [bool(flags & 64) for flags in fits.flags.tolist()] == [True, False, True]
-    assert "tare" in fits.flag_words(0)[-1]
+    assert "tare" in fits.describe_flags(0)[-1]
     assert fits.offset[0] == pytest.approx(curves.truth[0, 3] + 0.5, abs=0.05)
 
 
 def test_without_contact_there_is_no_answer_and_laws_and_flags_come_by_curve() -> None:
     nothing = np.full((1, 50), -1e-3)
     fits = fit_curves(nothing, nothing, nothing)
-    assert fits.words == ["no contact"]
+    assert fits.status_names == ["no contact"]
     assert np.isnan(fits.stiffness[0])
     assert fits.taken[0] == 0
     assert len(fit_curves(*[np.empty((0, 10))] * 3)) == 0
@@ -204,7 +204,7 @@ def test_without_contact_there_is_no_answer_and_laws_and_flags_come_by_curve() -
     v = np.full_like(x, 0.01)
     fits = fit_curves(x, v, HuntCrossley(100.0, 0.0, 1.5).force(x, v), noise=1e-3)
     assert isinstance(fits.law(0), HuntCrossley)
-    assert any("damping" in words for words in fits.flag_words(0))
+    assert any("damping" in words for words in fits.describe_flags(0))
 
 
 def test_units_change_nothing() -> None:

@@ -12,7 +12,7 @@ import pytest
 from cases import contact_of, exciting, tapping
 
 import palpate
-from palpate import Contact, HuntCrossley, KelvinVoigt, Wanted, identify
+from palpate import Contact, HuntCrossley, KelvinVoigt, QueryOptions, identify
 from palpate.preparation.gates import touches_of
 from palpate.quantities.derived import path_of
 from palpate.quantities.energy import loops_of
@@ -54,7 +54,7 @@ def test_the_rebound_is_that_of_the_law_at_the_fastest_approach_unless_another_i
     faster = clean.restitution(0.4)
     assert faster.coefficient.value == palpate.restitution(clean.law.dissipation, 0.4)
     assert "an extrapolation: no approach in the recording exceeds 0.034 m/s" in faster.remarks[0]
-    assert clean.wanting(Wanted(impact_speed=0.4)).restitution() == faster
+    assert clean.with_query(QueryOptions(impact_speed=0.4)).restitution() == faster
     with pytest.raises(palpate.InvalidParameterError, match="speed must be in"):
         clean.restitution(-1.0)
 
@@ -310,8 +310,8 @@ def test_the_page_shows_the_keys_that_there_are():
     page = Path(__file__).parents[1] / "docs" / "quantities.md"
     [shown] = re.findall(r"^```json\n(.*?)^```$", page.read_text(encoding="utf-8"), re.M | re.S)
     recording = "examples/recordings/tapping.csv"
-    wanted = Wanted(impact_speed=0.3, tip=palpate.Cone(math.radians(60.0)))
-    numbers = derived(identify(page.parents[1] / recording).wanting(wanted))
+    wanted = QueryOptions(impact_speed=0.3, tip=palpate.Cone(math.radians(60.0)))
+    numbers = derived(identify(page.parents[1] / recording).with_query(wanted))
     keys = [*numbers, *(key for part in numbers.values() for key in part)]
     keys += ["Flores", "kind", "half_angle", "of_tip"]
     assert sorted(re.findall(r'"(\w+)":', shown)) == sorted(keys)

@@ -27,8 +27,8 @@ import palpate
 from palpate import ExtendedKelvinVoigt, GeneralisedHuntCrossley, HuntCrossley, KelvinVoigt, exports
 from palpate.diagnosis import Verdict
 from palpate.errors import ExportRefusedError, InvalidParameterError, RecordingError
-from palpate.exports import Engine, Fragment, Motion, Replayed
-from palpate.exports.drake.running import rebound_by_steps
+from palpate.exports import Engine, Fragment, ProbeMotion, Replayed
+from palpate.exports.drake.running import restitution_by_steps
 from palpate.exports.drake.shapes import shapes
 from palpate.exports.engine import (
     Drop,
@@ -36,7 +36,7 @@ from palpate.exports.engine import (
     force_error,
     hash_comment,
     kelvin_voigt,
-    rebound_by,
+    restitution_by,
     stable_step,
     without_memory,
     xml_comment,
@@ -75,13 +75,13 @@ class Scaled(Fragment):
         return {"fragment.txt": "\n".join(notes)}
 
     def predicted(self, motion):
-        return motion.force_by(self.asked.law)
+        return motion.force_by(self.request.law)
 
-    def predicted_rebound(self, drop):
+    def predicted_restitution(self, drop):
         return drop.restitution
 
     def replay(self, motion):
-        force = self.factor * motion.force_by(self.asked.law)
+        force = self.factor * motion.force_by(self.request.law)
         return Replayed(force, "state by state") if self.runs else None
 
 
@@ -93,7 +93,7 @@ class Toy(Engine):
     settings: ClassVar[dict] = {}
 
     def fit(self, asked):
-        return Scaled(form="only", asked=asked, numbers={"k": 1.0}, **self.settings)
+        return Scaled(form="only", request=asked, numbers={"k": 1.0}, **self.settings)
 
     def version(self):
         return "1.0"
@@ -115,7 +115,7 @@ def toy(monkeypatch):
 def test_the_recorded_motion_is_below_the_surface_that_was_estimated_and_without_the_offset(
     ball, saved
 ):
-    motion = Motion.recorded(ball)
+    motion = ProbeMotion.recorded(ball)
     assert np.array_equal(motion.force, ball.contact.force - ball.estimate.offset)
     assert np.count_nonzero(motion.judged) == np.count_nonzero(ball.trace.taken)
     assert (motion.penetration[motion.judged] > 0.0).all()
@@ -124,7 +124,7 @@ def test_the_recorded_motion_is_below_the_surface_that_was_estimated_and_without
     firm = motion.firm()
     assert firm.judged.all()
     assert firm.deepest == motion.deepest
-    there = Motion.recorded(palpate.load_result(saved))
+    there = ProbeMotion.recorded(palpate.load_result(saved))
     for name in ("time", "penetration", "velocity", "acceleration", "force", "judged"):
         assert np.array_equal(getattr(there, name), getattr(motion, name)), name
 
@@ -140,7 +140,7 @@ def test_a_gap_in_the_recording_makes_no_acceleration():
     )
     trace = palpate.Trace.empty(200, 3)
     trace.status[:] = int(palpate.Status.UPDATED)
-    motion = Motion.recorded(
+    motion = ProbeMotion.recorded(
         SimpleNamespace(contact=contact, trace=trace, description={"results": [{}]})
     )
     assert motion.starts == (0, 100)
@@ -152,7 +152,7 @@ def test_a_drop_by_the_exact_relation_is_the_one_by_integration(law):
     drop = drop_to(law, 1.0, 12e-3)
     assert drop.restitution == palpate.restitution(law.damping / law.stiffness, drop.speed)
     # RK4 at a thousandth of half a period: seen 6e-7.
-    assert rebound_by(law, drop) == pytest.approx(drop.restitution, rel=2e-6)
+    assert restitution_by(law, drop) == pytest.approx(drop.restitution, rel=2e-6)
     # Without damping the body has the energy of the spring.
     drop = drop_to(replace(law, damping=0.0), 0.5, 10e-3)
     energy = law.stiffness * 10e-3 ** (law.exponent + 1.0) / (law.exponent + 1.0)
@@ -161,7 +161,7 @@ def test_a_drop_by_the_exact_relation_is_the_one_by_integration(law):
 
 
 def test_the_nearest_kelvin_voigt_law_is_the_least_squares_and_the_law_itself_where_it_is_one():
-    motion, linear = Motion.of_paper(), KelvinVoigt(2000.0, 15.0)
+    motion, linear = ProbeMotion.of_paper(), KelvinVoigt(2000.0, 15.0)
     assert kelvin_voigt(GeneralisedHuntCrossley.of(linear), motion).simplest() == linear
     found = kelvin_voigt(PVC.law, motion)
     least = apart_percent(motion, found, PVC.law)
@@ -174,11 +174,11 @@ def test_the_nearest_kelvin_voigt_law_is_the_least_squares_and_the_law_itself_wh
 def test_the_nearest_law_never_makes_energy():
     memory = palpate.SingleRelaxation(0.1)
     remembering = GeneralisedHuntCrossley(8000.0, 1.5, -200.0, 1.5, 8000.0, memory)
-    assert without_memory(remembering, Motion.of_paper()).law.damping >= 0.0
+    assert without_memory(remembering, ProbeMotion.of_paper()).law.damping >= 0.0
 
 
 def test_of_a_law_that_remembers_the_nearest_member_is_exported_with_its_error():
-    motion, law = Motion.of_paper(), TISSUE.law
+    motion, law = ProbeMotion.of_paper(), TISSUE.law
     found = without_memory(law, motion)
     others = (law.relaxed(), law.instantaneous())
     assert found.error_percent < min(apart_percent(motion, each, law) for each in others)
@@ -305,7 +305,7 @@ def test_what_has_no_engine_here_is_marked_and_its_impacts_are_warned_of(ball, t
 def test_a_time_step_is_counted_where_the_engine_takes_it_implicitly_and_said_where_explicitly():
     stiff, sap = KelvinVoigt(2e4, 20.0), {"form": "sap", "replay": False}
     rebounds = [
-        exports.export(stiff, "drake", time_step=step, **sap).statement.compared.rebound
+        exports.export(stiff, "drake", time_step=step, **sap).statement.compared.drop_restitution
         for step in (1e-5, 1e-3, 3e-3)
     ]
     exact = exports.export(stiff, "usd").statement.compared.drop.restitution
@@ -569,14 +569,16 @@ def test_a_tip_smaller_than_it_is_pressed_in_has_its_inner_spheres_raised_and_sa
 def test_a_step_damps_a_spring_as_backward_euler_does() -> None:
     mass, stiffness, step = 1.0, 2000.0, 1e-3
     drop = Drop(mass, 0.5, 0.5 * (mass / stiffness) ** 0.5, 1.0)
-    found = rebound_by_steps(lambda x, _v: stiffness * max(x, 0.0), drop, step)
+    found = restitution_by_steps(lambda x, _v: stiffness * max(x, 0.0), drop, step)
     # Every step loses (1 + ω²h²)^½ of the amplitude, over the half period π/ω.
     omega = (stiffness / mass) ** 0.5
     expected = (1.0 + (omega * step) ** 2) ** (-0.5 * math.pi / (omega * step))
     assert found == pytest.approx(expected, abs=0.01)
     # Steps so fine that they do not matter are not taken.
     drop = drop_to(BALL_LAW, 1.0, 0.012)
-    assert rebound_by_steps(BALL_LAW.force, drop, 1e-9) == pytest.approx(drop.restitution, abs=1e-4)
+    assert restitution_by_steps(BALL_LAW.force, drop, 1e-9) == pytest.approx(
+        drop.restitution, abs=1e-4
+    )
 
 
 def test_a_step_that_damps_more_than_the_law_is_warned_of_and_sap_needs_one() -> None:
@@ -609,7 +611,7 @@ def test_another_exponent_keeps_the_restitution_and_says_its_error(law) -> None:
     # More than is exported without being allowed.
     assert 5.0 < predicted_percent(fragment) < 10.0
     drop = drop_to(law, 1.0, 0.012)
-    assert fragment.predicted_rebound(drop) == pytest.approx(drop.restitution, rel=1e-6)
+    assert fragment.predicted_restitution(drop) == pytest.approx(drop.restitution, rel=1e-6)
 
 
 def test_it_asks_for_the_radius_and_says_that_it_holds_for_that_one_only() -> None:

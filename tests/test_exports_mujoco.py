@@ -12,12 +12,12 @@ from export_cases import KELVIN_VOIGT_LAW as KELVIN_VOIGT
 
 import palpate
 from palpate import GeneralisedHuntCrossley, InvalidParameterError, exports, lab
-from palpate.exports import Asked, Motion, engine_called, export
+from palpate.exports import ExportRequest, ProbeMotion, engine_called, export
 from palpate.exports.engine import drop_to, force_error
 from palpate.exports.mujoco.fitting import PairRow, PairRows
 from palpate.exports.mujoco.robot import Scene
 
-MOTION = Motion.of_paper()
+MOTION = ProbeMotion.of_paper()
 FIRM = MOTION.firm()
 SHORT = MOTION.firm(600)
 ENGINE = engine_called("mujoco")
@@ -47,12 +47,12 @@ pulling = pytest.mark.skipif(not ENGINE.pulls(), reason="needs MuJoCo 3.11: adhe
 
 def fitted(law, **asked):
     mass = None if "model" in asked else 1.0
-    return ENGINE.fit(Asked(law, asked.pop("motion", MOTION), **{"mass": mass, **asked}))
+    return ENGINE.fit(ExportRequest(law, asked.pop("motion", MOTION), **{"mass": mass, **asked}))
 
 
 def error(fragment, motion=FIRM):
     replayed = fragment.replay(motion)
-    return force_error(replayed.force, motion.force_by(fragment.asked.law), motion.judged)
+    return force_error(replayed.force, motion.force_by(fragment.request.law), motion.judged)
 
 
 def write(folder, files):
@@ -84,7 +84,7 @@ def test_the_force_of_a_row_is_that_of_the_engine_on_any_motion(pull):
     random = np.random.default_rng(3)
     x = random.uniform(-1e-3, 0.02, 200)
     v, a = random.normal(0.0, 0.5, 200), random.normal(0, 50, 200)
-    motion = Motion(np.arange(200.0), x, v, a, x > 0.0)
+    motion = ProbeMotion(np.arange(200.0), x, v, a, x > 0.0)
     rows = (
         PairRow(4e5, 0.0, (3e-3, 0.02, 0.025, 0.1, 4.0), 0.0, pull),
         PairRow(900.0, 3e3, (1e-4, 0.05, 0.015, 0.8, 2.5), 1e-3, pull),
@@ -104,7 +104,7 @@ def test_a_pair_has_the_law_whatever_the_mass(law, mass):
     assert fragment.form == "pair"
     assert error(fragment) < 0.6
     drop = drop_to(law, mass, 0.012)
-    assert fragment.rebound(drop) == pytest.approx(drop.restitution, rel=0.01)
+    assert fragment.drop_restitution(drop) == pytest.approx(drop.restitution, rel=0.01)
 
 
 @pulling
@@ -116,11 +116,11 @@ def test_a_pair_has_the_force_and_the_rebound_that_were_predicted(hertz):
     assert error(hertz, FIRM) == pytest.approx(predicted, abs=1e-6)
     assert predicted < 0.6
     drop = drop_to(HERTZ_LAW, 1.0, 0.012)
-    found = hertz.rebound(drop)
+    found = hertz.drop_restitution(drop)
     assert found == pytest.approx(drop.restitution, rel=0.03)
-    assert found == pytest.approx(hertz.predicted_rebound(drop), rel=1e-3)
+    assert found == pytest.approx(hertz.predicted_restitution(drop), rel=1e-3)
     # solref above 0 would be a time constant, which refsafe and the time step change.
-    slow = replace(hertz, asked=replace(hertz.asked, time_step=5e-3))
+    slow = replace(hertz, request=replace(hertz.request, time_step=5e-3))
     assert slow.replay(SHORT).force == pytest.approx(hertz.replay(SHORT).force, rel=1e-12)
 
 
@@ -134,7 +134,7 @@ def test_a_pair_says_when_it_pulls_and_pulls_no_more_than_its_spring_pushes_at_t
     assert [row.adhesion for row in fragment.rows.rows] == [0.0, 4.7]
     # Below that speed it is the law; above it, it pulled with 6 N, and the callback does not pull.
     fast = np.array([[0.0, 1.0], [0.01, 0.01], [-0.08, -0.3], [0.0, 0.0]])
-    motion = Motion(*fast, np.ones(2, bool))
+    motion = ProbeMotion(*fast, np.ones(2, bool))
     slower, faster = fragment.replay(motion).force
     assert slower == pytest.approx(float(law.force(0.01, -0.08)), abs=0.01)
     assert faster == pytest.approx(float(law.force(0.01, 0.0)) - 4.7, abs=0.01)
@@ -189,7 +189,7 @@ def test_the_callback_runs_as_a_program_and_in_the_users_own_model(model, capsys
     peak, leaves = (float(word) for word in capsys.readouterr().out.split() if word[0].isdigit())
     drop = drop_to(BALL_LAW, 1.0 / fragment.mobility, MOTION.deepest)
     assert leaves / drop.speed == pytest.approx(drop.restitution, rel=5e-3)
-    assert fragment.rebound(drop) == pytest.approx(drop.restitution, rel=5e-3)
+    assert fragment.drop_restitution(drop) == pytest.approx(drop.restitution, rel=5e-3)
     assert peak > 2000.0 * MOTION.deepest
 
 
@@ -254,7 +254,7 @@ def test_the_scene_of_a_robot_loads_from_where_it_was_written_and_from_anywhere_
 def test_a_replay_leaves_no_callback_behind_when_it_fails(monkeypatch):
     fragment = fitted(BALL_LAW, form="callback")
     drop = drop_to(BALL_LAW, 1.0, 0.01)
-    for run in (lambda: fragment.replay(SHORT), lambda: fragment.rebound(drop)):
+    for run in (lambda: fragment.replay(SHORT), lambda: fragment.drop_restitution(drop)):
         with monkeypatch.context() as patch:
             for name in ("mj_inverse", "mj_step"):
                 patch.setattr(mujoco, name, None)
@@ -283,8 +283,8 @@ def test_a_law_that_pulls_where_a_body_leaves_is_carried_by_contacts_that_do_not
     assert auto.form == "two-contacts"
     assert error(auto) < 0.6
     # By 7 % too low of the pair.
-    assert auto.rebound(drop) == pytest.approx(drop.restitution, rel=0.03)
-    assert pair.rebound(drop) < 0.95 * drop.restitution
+    assert auto.drop_restitution(drop) == pytest.approx(drop.restitution, rel=0.03)
+    assert pair.drop_restitution(drop) < 0.95 * drop.restitution
     assert any("the pair pulls" in each for each in map(str, pair.findings))
 
 
@@ -318,7 +318,7 @@ def test_the_largest_time_step_is_that_of_the_engine(part, stays):
     # A light probe on a spring that resists: it swings as h²k/m + 2hc/m < 4 allows.
     first = fitted(KELVIN_VOIGT, mass=0.1)
     step = part * first.largest_step
-    fragment = replace(first, asked=replace(first.asked, time_step=step))
+    fragment = replace(first, request=replace(first.request, time_step=step))
     model = mujoco.MjModel.from_xml_string(fragment.scene(0.0))
     data = mujoco.MjData(model)
     data.qfrc_applied[0], data.qpos[0] = -20.0, -0.0101  # it rests at 10 mm
@@ -331,11 +331,11 @@ def test_a_pair_beats_the_default_geom_and_the_pyramid(model):
     # Without a pair: the element-wise minimum with the other geom's solref, and a pyramid's force.
     fragment = fitted(KELVIN_VOIGT, model=model(ARM), geom="tip")
     # The arm in its pose is another mass than 1/Â, by which MuJoCo scales.
-    assert fragment.robot.mobility != pytest.approx(1.0 / fragment.asked.mass, rel=0.1)
+    assert fragment.robot.mobility != pytest.approx(1.0 / fragment.request.mass, rel=0.1)
     assert fragment.form == "kelvin-voigt"
     assert any("an impact feels" in each for each in map(str, fragment.findings))
     assert error(fragment, SHORT) < 0.01
-    data = fragment.pressed().model
+    data = fragment.pressable().model
     assert {int(dim) for dim in data.pair_dim} == {1}
 
 
@@ -346,7 +346,7 @@ def test_the_fragment_runs_beside_the_users_own_model(model):
     assert error(fragment, SHORT) < 0.01
     write(path.parent, fragment.files(["of a recording -- and more"]))
     both = mujoco.MjModel.from_xml_path(str(path.parent / "robot_scene.xml"))
-    ours = fragment.pressed().model
+    ours = fragment.pressable().model
     for name in ("pair_solref", "pair_solimp", "pair_margin", "pair_adhesion", "body_invweight0"):
         there, here = getattr(both, name), getattr(ours, name)
         assert there == pytest.approx(here[: len(there)], rel=1e-14)
@@ -378,7 +378,7 @@ def test_the_contacts_of_a_geom_share_the_force(model, text, contacts, words):
     if contacts == 4:
         assert fragment.robot.mobility == pytest.approx(0.5)
         drop = drop_to(KELVIN_VOIGT, 2.0, 0.012)
-        assert fragment.rebound(drop) == pytest.approx(drop.restitution, rel=0.02)
+        assert fragment.drop_restitution(drop) == pytest.approx(drop.restitution, rel=0.02)
 
 
 @pytest.mark.parametrize(
@@ -448,7 +448,7 @@ def test_a_models_own_time_step_and_mass_are_those_that_count(model):
     assert "unstable at a time step of 70 ms" in made.statement.claim
     # Off its body's centre: MuJoCo then takes the mean over three axes, of which two do not move.
     assert made.fragment.mobility == pytest.approx(1.0 / 6.0)
-    assert made.fragment.asked.mass == pytest.approx(2.0)
+    assert made.fragment.request.mass == pytest.approx(2.0)
     assert 'timestep="0.07"' in made.files["scene.xml"]
     with pytest.raises(InvalidParameterError, match="give time_step or model"):
         export(KELVIN_VOIGT, "mujoco", model=path, geom="tip", time_step=1e-3)
@@ -488,7 +488,16 @@ def folder(made, tmp_path_factory):
 
 def test_what_is_identified_from_the_scene_is_what_was_exported(printed, folder, made, tmp_path):
     file = tmp_path / "again.csv"
-    pressed = ("lab", folder / "scene.xml", "--probe", "ideal", "--bias", "0", "--resolution", "0")
+    pressed = (
+        "lab",
+        folder / "scene.xml",
+        "--probe",
+        "ideal",
+        "--bias",
+        "0",
+        "--resolution",
+        "0",
+    )
     assert '"engine": "mujoco"' in printed(*pressed, "--seconds", "6", "-o", file)
     found = palpate.identify(file, trace=False)
     # The stated error is one of force: what that moves a parameter by, at most, is s.e. · ε ‖F‖/σ.
@@ -507,7 +516,7 @@ def test_the_file_has_the_force_of_the_fragment_in_memory(folder, made):
     command = lab.Probing(pause=0.5).at(time)
     motion = time, 0.0 * time, command.penetration, command.velocity
     force = Scene(folder / "scene.xml").force(*motion)
-    assert np.array_equal(force, exports.Pressed(made).force(*motion))
+    assert np.array_equal(force, exports.SimulatedContact(made).force(*motion))
     assert (force[command.penetration <= 0.0] == 0.0).all()
     assert force.max() > 5.0
 

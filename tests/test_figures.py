@@ -69,7 +69,7 @@ def with_outliers() -> palpate.Identification:
 @functools.cache
 def of_a_change() -> palpate.Identification:
     bench = lab.Bench(lab.MATERIALS["soft-then-hard"], lab.THREE_SINES, lab.IdealProbe())
-    return palpate.identify(bench.run(0, seconds=12.0).contact).by_stretch()
+    return palpate.identify(bench.run(0, seconds=12.0).contact).by_segment()
 
 
 def titles_of(figure) -> list[str]:
@@ -181,12 +181,12 @@ def test_stiffness_over_time_ends_at_the_result_and_its_band_at_the_error_bar():
 
 def test_each_stretch_has_a_box_of_its_own():
     result = of_a_change()
-    assert len(result.stretches) == 2
+    assert len(result.segments) == 2
     stiffness = figures.draw(result).axes[2]
     assert stiffness.get_title(loc="left").endswith("of each stretch")
     [boxes] = stiffness.patches
     corners = boxes.get_path().vertices.reshape(2, 5, 2)
-    for part, box in zip(result.stretches, corners, strict=True):
+    for part, box in zip(result.segments, corners, strict=True):
         value = part.diagnosis.working_depth.stiffness.value
         assert box[:, 1].min() < value < box[:, 1].max()
         assert box[:, 0].min() >= part.contact.time[0]

@@ -57,7 +57,7 @@ def test_the_answer_is_the_least_squares_of_the_rest(keeper):
     estimator = keeper(**settings)
     estimator.replay(x, v, force)
     if keeper is palpate.ViscoelasticContact:  # its answer is of most samples only
-        estimator.settle()
+        estimator.finish_pending()
     now = estimator.estimate()
     assert now.law.exponent == 1.5
     # K and B by the normal equations.
@@ -161,7 +161,7 @@ def test_a_change_of_the_material_is_found_with_it():
     soft, hard = contact_of(seconds=8.0), contact_of(law, seconds=8.0, seed=4)
     force = np.where(soft.time < 4.0, soft.force, hard.force)
     contact = dataclasses.replace(soft, force=force)
-    parts = identify(contact, palpate.VariableProjection(exponent=1.5)).by_stretch().stretches
+    parts = identify(contact, palpate.VariableProjection(exponent=1.5)).by_segment().segments
     assert [round(part.law.stiffness, -4) for part in parts] == [30e3, 90e3]
     assert all(part.law.exponent == 1.5 and part.fixed for part in parts)
 

@@ -169,7 +169,7 @@ def fitted(law, seed, seconds=2.0):
     signals = exciting(law, seconds=seconds, noise=0.05, seed=seed)
     estimator = palpate.ESTIMATORS[law.kind]()
     estimator.replay(*signals.arrays, at=())
-    estimator.settle()
+    estimator.finish_pending()
     return estimator.estimate(), signals
 
 

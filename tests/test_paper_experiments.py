@@ -14,7 +14,13 @@ from palpate.paper import EXPERIMENTS, Outcome, running
 from palpate.paper.changes import correction, palpated
 from palpate.paper.experiment import Seeds, all_claims
 from palpate.paper.judging import JUDGES, quantities
-from palpate.paper.rig import convergence_times, from_starts, identified, pressed, starts_of
+from palpate.paper.rig import (
+    convergence_times,
+    from_starts,
+    identified,
+    simulated_contact,
+    starts_of,
+)
 
 # The others take seconds each: their motions are long, or they press often.
 QUICK = ("fig06", "fig07", "fig08", "fig16")
@@ -80,7 +86,7 @@ def test_the_whole_paper_runs_and_every_claim_has_its_verdict(tmp_path):
 
 
 def test_starts_follow_the_rule_of_the_paper_and_agree_at_once_where_they_are_one():
-    contact = pressed("ball", "three-sines", SEED)
+    contact = simulated_contact("ball", "three-sines", SEED)
     starts = starts_of(contact, SingleStageRLS)
     assert starts["I"] == HuntCrossley(0.1, 0.1, 1.0)
     assert starts["II"] == HuntCrossley(0.1, 0.1, 2.0)

@@ -55,7 +55,7 @@ def report(tmp_path):
     outcomes = {(e.name, seed): e.run(seed) for e in every for seed in range(seeds[e.name])}
     failures = ["fig08, seed 2: <broken>"]
     report = Report(every, 3, tmp_path, outcomes, {"fig01", "fig02"}, failures)
-    for name in report.drawn:
+    for name in report.rendered:
         for path in figures_of(tmp_path, name):
             path.write_text(DRAWING, encoding="utf-8")
     write_report(report)
@@ -69,7 +69,7 @@ def page(report):
 
 def test_the_page_says_every_claim_with_its_verdict_table_and_figure(page, report):
     for each in report.judgements:
-        for words in (each.claim.words, each.verdict_words, each.claim.where, each.ours_words):
+        for words in (each.claim.words, each.verdict_text, each.claim.where, each.ours_text):
             assert words in page.words
         assert each.remark in page.words
     for section in report.sections:
@@ -236,7 +236,7 @@ def test_what_is_not_known_cannot_be_checked():
     numbers = {**NUMBERS, "error K [%]": math.nan, "error B [%]": 1.0}
     for unknown in (number("error") > 3.0, number("bias") < "error", largest("bias", "error") < 3):
         assert judge(unknown, number("bias") < 0.0)(numbers).holds is None
-    assert judge(number("bias") < "error").words([numbers]) == "error: not known"
+    assert judge(number("bias") < "error").describe([numbers]) == "error: not known"
     assert judge()(NUMBERS) == SeedAnswer(None)
     with pytest.raises(KeyError, match="scatter α = 6"):
         judge("scatter α = 6")(NUMBERS)
@@ -247,22 +247,22 @@ def test_the_words_say_every_other_number_that_was_used_with_its_unit_once():
         number("scatter α = 50") / "scatter α = 5 K|B" > 3.0,
         number("scatter α = 50") > "bias",
         beside=["time {slow|slow}", least("time slow")],
-    ).words([NUMBERS])
+    ).describe([NUMBERS])
     assert words == (
         "scatter α = 50: 100 %; scatter α = 5 K or B: 4.00 %; time slow: never; "
         "least time slow: 2.00 s; bias: −3.00"
     )
-    assert judge(number("bias") > "bias").words([NUMBERS]) == ""
+    assert judge(number("bias") > "bias").describe([NUMBERS]) == ""
     seeds = [{"bias": 0.0, "time [s]": value} for value in (1.0, math.nan, 3.0)]
-    assert judge("bias", beside="time").words(seeds) == "time: 3.00 s (1.00 to never)"
+    assert judge("bias", beside="time").describe(seeds) == "time: 3.00 s (1.00 to never)"
 
 
 def test_a_second_material_is_judged_beside_the_first():
     two = judge(number("bias") < 0.0, elsewhere="elsewhere")
     assert two(NUMBERS).holds is True
-    assert two.words([NUMBERS]) == "On the elsewhere it does not hold (4.00)"
+    assert two.describe([NUMBERS]) == "On the elsewhere it does not hold (4.00)"
     seeds = [NUMBERS, {**NUMBERS, "elsewhere bias": -4.0}]
-    assert two.words(seeds) == "On the elsewhere it holds in 1 of 2 seeds (0 (−4.00 to 4.00))"
+    assert two.describe(seeds) == "On the elsewhere it holds in 1 of 2 seeds (0 (−4.00 to 4.00))"
 
 
 CLAIM = Claim("key", "V", "words", unit="mm")
@@ -282,7 +282,7 @@ VERDICTS = {
 @pytest.mark.parametrize("holds, verdict, words", VERDICTS.values(), ids=VERDICTS)
 def test_a_verdict_counts_the_seeds_that_can_tell(holds, verdict, words):
     judgement = Judgement("fig", CLAIM, tuple(SeedAnswer(each) for each in holds))
-    assert (judgement.verdict, judgement.verdict_words, judgement.ours) == (verdict, words, None)
+    assert (judgement.verdict, judgement.verdict_text, judgement.ours) == (verdict, words, None)
     assert len({SIGNS[each] for each in Reproduction}) == 4
 
 

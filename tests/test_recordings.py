@@ -131,8 +131,8 @@ def test_a_robots_own_recording_goes_end_to_end(path):
 @pytest.mark.parametrize("path", files("D_dvrk_*raw*.csv"))
 def test_a_probe_that_travels_is_identified_place_by_place(path):
     result = palpate.identify(prepare(path)).by_place()
-    assert len(result.stretches) > 100
-    stiffness = [part.diagnosis.working_depth.stiffness.value for part in result.stretches]
+    assert len(result.segments) > 100
+    stiffness = [part.diagnosis.working_depth.stiffness.value for part in result.segments]
     assert 100.0 < np.median(stiffness) < 1000.0  # N/m; README, set D: 340 to 540
     json.dumps(result.as_dict(), allow_nan=False)
 
@@ -148,10 +148,10 @@ def test_every_recording_loses_energy_in_its_loops_and_says_what_follows(path):
     if not has_penetration(path):
         pytest.skip("a travelling probe: its places have their own")
     result = palpate.identify(path)
-    energy, rebound = result.energy, result.restitution()
+    energy, drop_restitution = result.energy, result.restitution()
     assert energy.kind in ("touch", "cycle")
     assert 0.0 < energy.measured.value < energy.put_in  # each of these materials damps
-    assert 0.0 < rebound.coefficient.value < 1.0
+    assert 0.0 < drop_restitution.coefficient.value < 1.0
     assert 0.0 <= result.passivity.fraction < 0.05
     json.dumps(result.as_dict(), allow_nan=False)
 

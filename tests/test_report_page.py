@@ -109,7 +109,7 @@ def test_every_section_of_a_result_is_said_in_the_same_words_wherever_it_is_show
 
 
 def test_each_stretch_between_changes_is_a_row_and_the_fit_is_said_of_their_own_laws():
-    result = palpate.identify(changed(0.3)).by_stretch()
+    result = palpate.identify(changed(0.3)).by_segment()
     [section] = view.parts(result)
     assert len(section.rows) == 2
     words = result.summary()

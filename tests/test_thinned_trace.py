@@ -133,7 +133,7 @@ def test_figures_frames_and_stretches_are_there_without_a_trace(kind):
     assert parameters.isnull().all()
     assert repr(result) == repr(whole)
     assert result.summary() == whole.summary()
-    assert result.by_stretch().noticed is not None
+    assert result.by_segment().noticed is not None
 
 
 @pytest.mark.parametrize("trace", [False, 0.2, 50])

@@ -16,8 +16,8 @@ from palpate import (
     Contact,
     FlatPunch,
     InvalidParameterError,
+    QueryOptions,
     Sphere,
-    Wanted,
     dissipation_for,
     identify,
     restitution,
@@ -77,11 +77,11 @@ def test_the_modulus_of_the_material_is_found(tip):
     assert found.value.systematic < 0.02 * MODULUS
     assert found.exponent.value == pytest.approx(tip.exponent, abs=0.01)
     assert found.as_dict()["reduced"] == pytest.approx(REDUCED, rel=0.01)
-    assumed = result.wanting(Wanted(tip=tip)).elastic_modulus()
+    assumed = result.with_query(QueryOptions(tip=tip)).elastic_modulus()
     assert assumed.poisson_ratio == 0.5
     assert assumed.assumed
     assert not found.assumed
-    told = result.wanting(Wanted(tip=tip, poisson_ratio=POISSON)).as_dict()
+    told = result.with_query(QueryOptions(tip=tip, poisson_ratio=POISSON)).as_dict()
     told = json.loads(json.dumps(told, allow_nan=False))["elastic_modulus"]
     assert told["tip"]["kind"] == tip.kind
     assert told["poisson_ratio"] == POISSON
@@ -287,9 +287,9 @@ def test_the_rebound_is_slower_than_one_over_the_dissipation_unless_the_law_make
         (lambda: Sphere(radius=0.0), "radius must be in"),
         (lambda: FlatPunch(radius="wide"), "radius must be a number"),
         (lambda: Cone(half_angle=60.0), r"half_angle must be in \(0, 1.57\]"),
-        (lambda: Wanted(tip="ball"), "tip must be a Tip"),
-        (lambda: Wanted(poisson_ratio=0.6), "poisson_ratio must be in"),
-        (lambda: identified(BALL).elastic_modulus(), "tip must be given"),
+        (lambda: QueryOptions(tip="ball"), "tip must be a Tip"),
+        (lambda: QueryOptions(poisson_ratio=0.6), "poisson_ratio must be in"),
+        (lambda: identified(BALL).elastic_modulus(), "tip is missing"),
     ],
 )
 def test_what_makes_no_sense_is_refused_by_name(call, words):

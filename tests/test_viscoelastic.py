@@ -68,7 +68,7 @@ def pressed(law, seconds=4.0, noise=NOISE, seed=0):
 def learned(samples, **settings):
     estimator = ViscoelasticContact(**{"gate": GATE, "scale": UNITS, **settings})
     estimator.replay(*samples, at=())
-    estimator.settle()
+    estimator.finish_pending()
     return estimator
 
 
@@ -93,10 +93,10 @@ def test_each_everyday_law_is_found_with_its_numbers(name):
 def test_of_all_laws_the_right_one_is_found(name):
     verdict = learned(pressed(FULL[name]), memory="any").verdict()
     assert str(verdict.candidate) == name
-    assert len(verdict.standings) == 11
-    assert verdict.standings[0].score == 0.0
-    assert verdict.standings[0].candidate == verdict.candidate
-    assert verdict.standings[1].score > 2.0
+    assert len(verdict.model_ranking) == 11
+    assert verdict.model_ranking[0].score == 0.0
+    assert verdict.model_ranking[0].candidate == verdict.candidate
+    assert verdict.model_ranking[1].score > 2.0
 
 
 @pytest.mark.parametrize("correlation", [0.0, 0.9], ids=["white", "AR(1) 0.9"])
@@ -123,7 +123,7 @@ def test_the_sums_leave_the_residual_that_the_samples_leave():
         model = model + branch.force_along(x, v, DT)
     taken = (x > GATE.minimum_penetration) & (force > 0.0)
     direct = np.mean((force[taken] - model[taken]) ** 2)
-    by_sums = estimator.verdict().standings[0].rms_error ** 2
+    by_sums = estimator.verdict().model_ranking[0].rms_error ** 2
     assert abs(direct - by_sums) < 1e-6 * np.mean(force[taken] ** 2)
 
 
@@ -177,7 +177,7 @@ def test_memory_goes_on_through_lost_contact_and_refused_samples():
     force[1000:1500:50] = math.nan
     estimator = ViscoelasticContact(gate=ContactGate(1e-4), scale=Scale(5e-3, 50e-3, 5.0))
     trace = estimator.replay(x, v, force)
-    estimator.settle()
+    estimator.finish_pending()
     assert (trace.status[1000:1500:50] == Status.NOT_FINITE).all()
     assert str(estimator.verdict().candidate) == "Hunt–Crossley with a flat spectrum"
     assert estimator.estimate().law.exponent == pytest.approx(1.5, abs=0.02)
@@ -192,7 +192,7 @@ def test_samples_that_begin_in_contact_are_flagged_until_what_nobody_saw_is_forg
     assert any("begin in contact" in flag for flag in early.flags)
     assert not early.law.remembers
     estimator.replay(x[400:], v[400:], force[400:], at=())
-    estimator.settle()
+    estimator.finish_pending()
     late = estimator.estimate()
     assert late.law.remembers
     assert not any("begin in contact" in flag for flag in late.flags)
@@ -220,7 +220,7 @@ def test_memory_is_carried_over_breaks_between_which_the_probe_goes_on_unseen():
 def test_laws_that_an_approach_alone_cannot_tell_apart_are_named_and_the_damping_not_trusted():
     samples = [channel[:395] for channel in pressed(law_of("hunt-crossley"))]
     verdict = learned(samples).verdict()
-    first, second = (each.candidate for each in verdict.standings[:2])
+    first, second = (each.candidate for each in verdict.model_ranking[:2])
     assert {first.damping, second.damping} == {"hunt-crossley", "half-space"}
     assert f"do not tell it from {second}" in verdict.flags[0]
     assert any("goes one way" in flag for flag in verdict.flags)
@@ -239,7 +239,7 @@ def test_laws_with_memory_that_do_not_compete_yet_are_said_to_be_missing():
     x, v, force = pressed(law_of("hunt-crossley", 0.5, BOX))
     few = np.flatnonzero(x > GATE.minimum_penetration)[90]
     early = learned((x[:few], v[:few], force[:few])).verdict()
-    assert early.standings
+    assert early.model_ranking
     assert early.samples < 100.0
     assert any("no law with memory competes yet" in flag for flag in early.flags)
     assert not any("competes yet" in flag for flag in learned((x, v, force)).verdict().flags)
@@ -268,7 +268,7 @@ def test_a_smooth_residual_is_not_taken_for_white_noise():
     force += 1e-3 * np.random.default_rng(0).standard_normal(x.size)
     scale = Scale(4e-3, 6e-2, 6.0)
     verdict = learned((x, v, force), gate=ContactGate(4e-5), scale=scale).verdict()
-    assert verdict.standings[0].rms_error > 0.01  # ten times the noise
+    assert verdict.model_ranking[0].rms_error > 0.01  # ten times the noise
     assert verdict.effective_samples < 0.2 * verdict.samples
 
 
@@ -292,7 +292,7 @@ def test_frequencies_that_the_motion_did_not_contain_are_refused():
 
 def test_a_kind_of_memory_that_is_named_is_taken_for_granted():
     verdict = learned(pressed(law_of("hunt-crossley")), memory="flat").verdict()
-    assert {standing.candidate.memory for standing in verdict.standings} == {"flat"}
+    assert {standing.candidate.memory for standing in verdict.model_ranking} == {"flat"}
     for memory in ("auto", "flat"):
         with pytest.raises(InvalidParameterError, match="must leave a law"):
             ViscoelasticContact(damping="none", memory=memory)
@@ -304,7 +304,7 @@ def test_forgetting_follows_a_material_that_changes():
     estimator = ViscoelasticContact(gate=GATE, scale=UNITS, memory="none", forgetting=forgetting)
     estimator.replay(x, v, soft, at=())
     estimator.replay(x[400:], v[400:], 2.0 * soft[400:], at=())
-    estimator.settle()
+    estimator.finish_pending()
     # Of e^(−8) of the old samples nothing is left; 500 new ones tell it to a percent.
     assert estimator.estimate().law.force(10e-3, 0.0) == pytest.approx(20.0, rel=0.02)
 
@@ -319,7 +319,7 @@ def test_a_change_of_a_material_that_remembers_restarts_it_with_its_memory():
     detector = palpate.ChangeDetector()
     estimator = ViscoelasticContact(gate=GATE, scale=UNITS, change_detector=detector)
     trace = estimator.replay(x, v, force)
-    estimator.settle()
+    estimator.finish_pending()
     [alarm] = np.flatnonzero(trace.status == Status.RESTARTED)
     assert 0 <= alarm - 4400 < 30
     assert estimator.verdict().candidate.memory == "flat"

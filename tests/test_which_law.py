@@ -18,7 +18,7 @@ from palpate import (
 )
 from palpate.diagnosis.finding import Laws, remedy_of_memory
 from palpate.estimators.by_law import estimator_by_law, law_names
-from palpate.estimators.law_verdicts import Candidate, LawVerdict, Standing
+from palpate.estimators.law_verdicts import Candidate, LawVerdict, RankedModel
 from palpate.results import view
 from palpate.results.parameters import parameter_rows
 
@@ -74,7 +74,7 @@ def test_where_it_is_hunt_crossley_or_two_materials_no_other_law_is_named():
         assert str(result.law_verdict.candidate) == "Hunt–Crossley"
         assert result.diagnosis.verdict.overall == "trust"
     result = identify(faults.changed(0.3), trace=False)
-    assert result.law_verdict.standings[0].score == 0.0
+    assert result.law_verdict.model_ranking[0].score == 0.0
     assert findings_of(result, "law") == []
 
 
@@ -98,8 +98,10 @@ def test_what_the_better_law_moves_is_in_the_bars():
 
 def laws_of(best, *others, own=False):
     law = GeneralisedHuntCrossley(1.0, 1.0, 1.0, 1.0)
-    standings = tuple(Standing(each, 12.0 * k, 1.0) for k, each in enumerate((best, *others)))
-    return Laws(law, LawVerdict(best, standings, 100.0, 50.0, 1e-3, 10.0), own, 2.0)
+    model_ranking = tuple(
+        RankedModel(each, 12.0 * k, 1.0) for k, each in enumerate((best, *others))
+    )
+    return Laws(law, LawVerdict(best, model_ranking, 100.0, 50.0, 1e-3, 10.0), own, 2.0)
 
 
 NONE, FLAT = Candidate("half-space", "none"), Candidate("hunt-crossley", "flat")
@@ -181,12 +183,12 @@ def test_a_law_is_printed_with_what_it_has(name, law, symbols, bound):
     rows = {row.symbol: row for row in parameter_rows(identified(name, law))}
     assert "".join(rows) == symbols
     for symbol, words in bound.items():
-        assert rows[symbol].words == words
+        assert rows[symbol].text == words
         assert not rows[symbol].estimated
     if "τ" in symbols:
         assert rows["τ"].estimated == ("single" in law)
-        assert (" ± " in rows["τ"].words) == ("single" in law)
-        assert ("as offered, not estimated" in rows["τ"].words) == ("single" not in law)
+        assert (" ± " in rows["τ"].text) == ("single" in law)
+        assert ("as offered, not estimated" in rows["τ"].text) == ("single" not in law)
     if law == "single":
         time = identified(name, law).relaxation_time
         assert abs(time.value - 0.1) < 4.0 * time.standard_error < 0.02
@@ -252,9 +254,9 @@ def test_a_verdict_is_read_back_to_the_bit_and_all_laws_have_a_row(law):
     assert LawVerdict.from_dict(written) == result.law_verdict
     assert written["standings"][0]["parameters"] == 5
     [ranking] = view.which_law([result])
-    standings = result.law_verdict.standings
-    assert [row[0] for row in ranking.rows] == [str(each.candidate) for each in standings]
-    assert [row[-1] for row in ranking.rows] == [each.words for each in standings]
+    model_ranking = result.law_verdict.model_ranking
+    assert [row[0] for row in ranking.rows] == [str(each.candidate) for each in model_ranking]
+    assert [row[-1] for row in ranking.rows] == [each.meaning for each in model_ranking]
 
 
 @pytest.mark.parametrize("width", [None, 88e-3])
@@ -270,7 +272,7 @@ def test_the_oscillations_of_laws_are_drawn_beside_each_other(width):
 
 def test_words_of_scores_go_by_the_evidence():
     expected = ["chosen", "cannot be told from it", "less likely", "strong evidence against it"]
-    assert [Standing(NONE, score, 1.0).words for score in (0.0, 1.0, 5.0, 12.0)] == expected
+    assert [RankedModel(NONE, score, 1.0).meaning for score in (0.0, 1.0, 5.0, 12.0)] == expected
 
 
 def test_a_half_space_is_said_to_be_like_a_force_that_is_early():

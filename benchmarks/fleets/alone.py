@@ -29,7 +29,7 @@ def _rate(processes: int, seconds: float) -> float:
 
 def _fitted(begin: float, end: float) -> float:
     """Curves a second between two moments of the monotonic clock, which all processes share."""
-    from palpate.estimators.curves import fit_curves
+    from palpate.estimators.batch_fit import fit_curves
 
     rows = curves(0, _CURVES)
     fit_curves(*(each[:20] for each in rows), surface="estimate")

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.report import Limit, Row, Section
-from palpate.estimators.curves import fit_curves
+from palpate.estimators.batch_fit import fit_curves
 
 _ALONE = Path(__file__).with_name("nanite_alone.py")
 _ROUNDS = 5

@@ -71,7 +71,7 @@ int main() {
                 damper(law.damping), law.memory == v::Memory::none ? "no memory" : "memory",
                 lead(solver), solver.verdict().effective);
   }
-  estimator.settle();  // all that is spread over the next samples otherwise
+  estimator.finish_pending();  // all that is spread over the next samples otherwise
   const v::Candidate& law = estimator.method().solver().solution().law();
   const bool right = law.damping == v::Damping::hunt_crossley && law.memory == v::Memory::flat;
   std::printf("it was Hunt and Crossley's with memory: %s\n", right ? "found" : "not found");

@@ -87,10 +87,10 @@ class Recursion {
         forgetting_(settings.forgetting, settings.sample_time) {}
 
   // Brings an answer up to date that is worked out a little at every sample.
-  void settle() noexcept
-    requires requires(M& method) { method.settle(); }
+  void finish_pending() noexcept
+    requires requires(M& method) { method.finish_pending(); }
   {
-    method_.settle();
+    method_.finish_pending();
   }
 
   // The force that the sensor would show by the present estimate, N; no law acts out of contact.

@@ -178,7 +178,7 @@ void bind_viscoelastic(nb::module_& module) {
   bind_face<Everyday>(module, viscoelastic_name)
       .def("__init__", &make_viscoelastic)
       .def(
-          "settle", [](ViscoelasticFace& self) { with(self, [](auto& core) { core.settle(); }); },
+          "finish_pending", [](ViscoelasticFace& self) { with(self, [](auto& core) { core.finish_pending(); }); },
           "Work out verdict and estimate by all samples so far, at once, in 0.1 ms or, of all "
           "laws, 1 ms: what is spread over the next samples otherwise.")
       .def(

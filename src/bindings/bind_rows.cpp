@@ -20,7 +20,7 @@
 #include <vector>
 
 #include "conversions.hpp"
-#include "palpate/curves/curve_fit.hpp"
+#include "palpate/batch_fit/curve_fit.hpp"
 #include "palpate/force_laws.hpp"
 #include "palpate/outliers.hpp"
 #include "rows.hpp"
@@ -277,7 +277,7 @@ void bind_curves(nb::module_& module) {
   module.def("fit_curves", &fit_curves, nb::arg(), nb::arg(), nb::arg(), nb::arg(), nb::arg(),
              nb::arg(), nb::arg(), nb::arg(), nb::arg().none(), nb::arg(), nb::arg(), nb::arg(),
              nb::arg(), nb::arg(), nb::arg().none(), nb::arg(), nb::arg() = "",
-             "What palpate.estimators.curves.fit_curves calls, a row a curve.");
+             "What palpate.estimators.batch_fit.fit_curves calls, a row a curve.");
   module.def("fit_samples", &fit_samples, nb::arg(), nb::arg(), nb::arg(), nb::arg(),
              "(k, c, n, F₀, d) of the least squares of samples, rows of x, v and F.");
 }

@@ -19,6 +19,11 @@ else:
         if name == "lanes":
             words = "was removed: use palpate.identify_many or palpate.fit_curves"
             raise ImportError(f"palpate.lanes {words}")
+        if name == "Wanted":
+            from palpate.errors import warn_renamed
+
+            warn_renamed("palpate.Wanted", "QueryOptions")
+            return __getattr__("QueryOptions")
         if find_spec(f"palpate.{name}"):  # a module, for one of the package's own
             return import_module(f"palpate.{name}")
         public = vars(import_module("palpate._public"))
@@ -29,4 +34,4 @@ else:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
     def __dir__() -> list[str]:
-        return sorted({*globals(), *__getattr__("__all__"), "__version__"})
+        return [*__getattr__("__all__"), "__version__"]

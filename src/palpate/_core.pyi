@@ -166,7 +166,7 @@ def long_run_covariance(scores: Annotated[NDArray[numpy.float64], dict(shape=(No
     """
 
 def fit_curves(arg0: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], arg1: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], arg2: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], arg3: Sequence[float], arg4: bool, arg5: float, arg6: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], arg7: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], arg8: Sequence[float] | None, arg9: Sequence[float], arg10: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu')], arg11: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu')], arg12: Annotated[NDArray[numpy.int64], dict(order='C', device='cpu')], arg13: Annotated[NDArray[numpy.uint8], dict(order='C', device='cpu')], arg14: Annotated[NDArray[numpy.uint8], dict(order='C', device='cpu')] | None, arg15: int, arg16: str = '', /) -> None:
-    """What palpate.estimators.curves.fit_curves calls, a row a curve."""
+    """What palpate.estimators.batch_fit.fit_curves calls, a row a curve."""
 
 def fit_samples(arg0: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], arg1: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], arg2: Sequence[float], arg3: Sequence[float], /) -> list[float]:
     """(k, c, n, F₀, d) of the least squares of samples, rows of x, v and F."""
@@ -236,7 +236,7 @@ def generalised_force_along(arg0: Annotated[NDArray[numpy.float64], dict(shape=(
 class ViscoelasticContact(RecursiveEstimator):
     def __init__(self, arg0: int, arg1: float, arg2: bool, arg3: float, arg4: float, arg5: tuple[Sequence[float], Sequence[float], Sequence[float] | None, float | None, Sequence[float], Sequence[float], float], /) -> None: ...
 
-    def settle(self) -> None:
+    def finish_pending(self) -> None:
         """
         Work out verdict and estimate by all samples so far, at once, in 0.1 ms or, of all laws, 1 ms: what is spread over the next samples otherwise.
         """

@@ -23,8 +23,8 @@ from palpate.estimators import RecursiveLeastSquaresEstimator as RecursiveLeastS
 from palpate.estimators import SingleStageRLS as SingleStageRLS
 from palpate.estimators import VariableProjection as VariableProjection
 from palpate.estimators import ViscoelasticContact as ViscoelasticContact
-from palpate.estimators.curves import CurveFits as CurveFits
-from palpate.estimators.curves import fit_curves as fit_curves
+from palpate.estimators.batch_fit import CurveFits as CurveFits
+from palpate.estimators.batch_fit import fit_curves as fit_curves
 from palpate.estimators.estimate import Estimate as Estimate
 from palpate.estimators.estimate import Trace as Trace
 from palpate.estimators.least_squares import LeastSquares as LeastSquares
@@ -47,7 +47,7 @@ from palpate.preparation import Columns as Columns
 from palpate.preparation import OnlinePreparation as OnlinePreparation
 from palpate.preparation import choose_gate as choose_gate
 from palpate.preparation import prepare as prepare
-from palpate.quantities.derived import Wanted as Wanted
+from palpate.quantities.derived import QueryOptions as QueryOptions
 from palpate.quantities.elastic_modulus import Cone as Cone
 from palpate.quantities.elastic_modulus import ElasticModulus as ElasticModulus
 from palpate.quantities.elastic_modulus import FlatPunch as FlatPunch

@@ -150,3 +150,11 @@ def _trimmed(words: str) -> str:
 
 def _ten_to(power: int) -> str:
     return f"·10{str(power).translate(_POWERS)}"
+
+
+def format_quantity(value: float, unit: str, digits: int = 3) -> str:
+    """A quantity with the prefix that a person reads best: 0.0008 m is 0.8 mm."""
+    for prefix, size in {"k": 1e3, "": 1.0, "m": 1e-3, "µ": 1e-6, "n": 1e-9, "p": 1e-12}.items():
+        if abs(value) >= 0.1 * size:
+            return f"{rounded(value / size, digits)} {prefix}{unit}"
+    return f"{rounded(value, digits)} {unit}"

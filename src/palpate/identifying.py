@@ -42,21 +42,21 @@ class Identification(Identified):
         The contact with the checks of its channels, where several methods share them.
     depth : float, optional
         The working depth of the diagnosis, m; the median penetration taken unless given.
-    stretches : tuple of Identification
-        One for each stretch between changes of the material, by :meth:`by_stretch`.
+    segments : tuple of Identification
+        One for each stretch between changes of the material, by :meth:`by_segment`.
     noticed : Trace, optional
-        With a change detector, by :meth:`by_stretch`.
+        With a change detector, by :meth:`by_segment`.
     place : Place, optional
         Where on the material it is, by :meth:`by_place`.
     chosen : tuple of str
         The settings that were left open, and chosen from the data.
-    wanted : Wanted
-        The impact and the tip that derived numbers are for, by :meth:`wanting`.
+    query : QueryOptions
+        The impact and the tip that derived numbers are for, by :meth:`with_query`.
     traced : int, float, "full" or False
         How much of a trace was requested; of its stretches and places too.
     """
 
-    stretches: tuple["Identification", ...]
+    segments: tuple["Identification", ...]
 
     def __repr__(self) -> str:
         return view.line(self)

@@ -40,7 +40,7 @@ def write_bytes(path: Path, content: bytes, inputs: Sequence[Path] = ()) -> None
     BrokenPipeError
         What it leads to has no reader any more.
     """
-    with _in_words(path):
+    with _os_errors_as_recording_errors(path):
         _refuse_inputs(path, inputs)
         status = _status(path)
         descriptor = _own_descriptor(status)
@@ -104,7 +104,7 @@ def check_writable(path: Path, inputs: Sequence[Path] = ()) -> None:
         The folder does not exist or cannot be written to, or ``path`` is a folder, protected, or
         one of the ``inputs``.
     """
-    with _in_words(path):
+    with _os_errors_as_recording_errors(path):
         _refuse_inputs(path, inputs)
         status = _status(path)
         if _own_descriptor(status) is not None:
@@ -162,7 +162,7 @@ def make_folder(path: Path) -> None:
     RecordingError
         It cannot be made or written to.
     """
-    with _in_words(path):
+    with _os_errors_as_recording_errors(path):
         try:
             path.mkdir(parents=True, exist_ok=True)
         except FileExistsError:
@@ -197,7 +197,7 @@ def temporary_file(name: str, pieces: Iterable[bytes]) -> Iterator[Path]:
         It cannot be written.
     """
     with scratch_file(name) as (path, file):
-        with _in_words(path):
+        with _os_errors_as_recording_errors(path):
             file.writelines(pieces)
             file.flush()
         yield path
@@ -294,18 +294,18 @@ def _same_file(one: Path, other: Path) -> bool:
 
 
 @contextmanager
-def _in_words(path: Path) -> Iterator[None]:
+def _os_errors_as_recording_errors(path: Path) -> Iterator[None]:
     try:
         yield
     except (RecordingError, BrokenPipeError):
         raise
     except OSError as error:
-        raise RecordingError(f"{path}: {_words(path, error)}") from None
+        raise RecordingError(f"{path}: {_describe_os_error(path, error)}") from None
     except ValueError as error:  # a name with a null byte, or of a lone surrogate
         raise RecordingError(f"{path!r}: not a file's name: {error}") from None
 
 
-def _words(path: Path, error: OSError) -> str:
+def _describe_os_error(path: Path, error: OSError) -> str:
     if error.errno == errno.EISDIR:
         return "this is a folder; name a file in it"
     if error.errno == errno.ENOENT:

@@ -24,7 +24,7 @@ def reports(tmp_path_factory):
     """A report of a material that changes, and of one that remembers."""
     folder = tmp_path_factory.mktemp("reports")
     faulty = replace(changed(0.3), source="a name as long as loggers give them " * 4)
-    palpate.identify(faulty).by_stretch().save(folder / "changed")
+    palpate.identify(faulty).by_segment().save(folder / "changed")
     palpate.identify(remembering(0.5, 0.2), law="auto").save(folder / "remembering")
     return folder
 

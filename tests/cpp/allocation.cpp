@@ -70,7 +70,7 @@ TEST("laws that may remember are told apart without an allocation") {
   probe(estimator, law, 2.0);
   estimator.update(-1e-3, 0.0, 0.0);
   estimator.leave_contact();
-  estimator.settle();
+  estimator.finish_pending();
   double used = estimator.predict(0.01, 0.02);
   used += estimator.estimate().covariance[0][0];
   const long after = allocations;

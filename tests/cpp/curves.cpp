@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "check.hpp"
-#include "palpate/curves/curve_fit.hpp"
+#include "palpate/batch_fit/curve_fit.hpp"
 #include "random_numbers.hpp"
 
 using namespace palpate;

@@ -72,7 +72,7 @@ void fuzz(Estimator estimator, std::uint64_t seed, int count) {
     const double dt = random.below(9) == 0 ? random.any() : 1e-3;
     estimator.update(s.penetration, s.velocity, s.force, dt);
     if (random.below(900) == 0) estimator.leave_contact();
-    if (random.below(2000) == 0) estimator.settle();
+    if (random.below(2000) == 0) estimator.finish_pending();
     if (k % 50 != 0) continue;
     const auto now = estimator.estimate();
     for (const double parameter : now.parameters) CHECK(std::isfinite(parameter));
@@ -181,8 +181,8 @@ TEST("each law is found where it is the truth, and no memory where there is none
       quick.update(s.penetration, s.velocity, s.force);
       full.update(s.penetration, s.velocity, s.force);
     }
-    quick.settle();
-    full.settle();
+    quick.finish_pending();
+    full.finish_pending();
     if (expected < everyday_candidates) {
       CHECK(quick.method().solver().solution().fit.candidate == expected);
     }
@@ -269,7 +269,7 @@ TEST("steps of time from the least number to the largest, and inputs up to the l
     }
     if (k == 1400) estimator.update(0.99e6, 4.9e6, 1.9e9);
   }
-  estimator.settle();
+  estimator.finish_pending();
   for (const double parameter : estimator.estimate().parameters) CHECK(std::isfinite(parameter));
   check_covariance(estimator.estimate().covariance);
 }

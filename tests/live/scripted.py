@@ -157,8 +157,8 @@ class Looking:
         names = (
             session.samples.name,
             session.estimates.name,
-            session.board,
-            *session.boards.values(),
+            session.shared_json,
+            *session.shared_by_sink.values(),
         )
         self.path.with_suffix(".began").write_text(" ".join(names))
         while watching.wait(0.02):

@@ -18,7 +18,7 @@ from palpate.live.choices import LiveCommand
 from palpate.live.diagnosing import Diagnosing, contact_of, diagnosed, outdated, recent
 from palpate.live.loop import Loop
 from palpate.live.page.watch import plain
-from palpate.live.publishing import Fields, words_of
+from palpate.live.publishing import Fields, describe_status
 from palpate.live.recorder import described
 from palpate.live.ring import COLUMNS
 from palpate.live.running import default_estimator
@@ -27,10 +27,10 @@ from palpate.live.sources import EndOfSourceError, Replay
 from palpate.live.view import (
     NUMBERS,
     certainty,
+    describe_verdict,
     fields_of,
     law_of,
     numbers_of,
-    verdict_in_words,
     verdict_on,
 )
 
@@ -118,7 +118,7 @@ def test_before_the_first_sample_there_is_no_law_and_no_number():
     fields = fields_of(before)
     assert fields["law"] == ""
     assert not any(math.isfinite(fields[name]) for name in (*NUMBERS, "depth", "frequency"))
-    assert verdict_in_words(before, numbers_of(before)) == "no law yet"
+    assert describe_verdict(before, numbers_of(before)) == "no law yet"
     card = plain(law_of(before, math.nan))
     assert (card["law-name"], card["law-badge"]) == ("Not known yet", "no verdict yet")
     assert {words for _, words in card["law-numbers"]} == {"–"}
@@ -150,7 +150,7 @@ def test_a_change_of_the_material_gives_the_evidence_up_until_there_is_a_verdict
     assert given_up
     for page in given_up:  # what stands meanwhile is said to be of before
         assert certainty(page) == "before"
-        assert "of before" in verdict_in_words(page, {})
+        assert "of before" in describe_verdict(page, {})
         assert page["effective_samples"] == 0.0
         assert numbers_of(page) == {}
         assert page["changes"] == 0
@@ -192,7 +192,7 @@ def test_a_known_exponent_is_given_and_no_estimate():
     size = len(estimator.law_type.symbols)
     values = [0.0] * 10 + verdict["parameters"] + estimator.estimate().standard_errors.tolist()
     fields = Fields(0, tuple(estimator.law_type.names()), 10**12)
-    said = words_of(page, fields, dict(zip(fields.names, [*values, 2.0, 0.0], strict=True)))
+    said = describe_status(page, fields, dict(zip(fields.names, [*values, 2.0, 0.0], strict=True)))
     assert len(values) == 10 + 2 * size
     assert said["exponent"] == 1.5
     assert "exponent 1.5 (fixed)" in said["words"]

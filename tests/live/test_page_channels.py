@@ -24,8 +24,8 @@ from palpate.live.ring import (
     MOST_PARAMETERS,
     SAMPLE,
     SIZE,
-    Board,
     Reader,
+    SharedJson,
     Writer,
 )
 from palpate.live.sinks import Session
@@ -160,26 +160,26 @@ def test_no_line_leads_from_one_estimator_to_the_next(history):
 def watched(monkeypatch):
     """A ring, the loop's board, and what a page sees of them at once."""
     monkeypatch.setattr(watch, "ALIVE", 0.0)
-    writers, board, own = (Writer(64), Writer(64, len(ESTIMATE))), Board(), Board()
+    writers, shared_json, own = (Writer(64), Writer(64, len(ESTIMATE))), SharedJson(), SharedJson()
     addresses = [each.address for each in writers]
-    seen = watch.Watch(Session(*addresses, board.name, {"page": own.name}, own.name))
-    yield writers, board, seen
+    seen = watch.Watch(Session(*addresses, shared_json.name, {"page": own.name}, own.name))
+    yield writers, shared_json, seen
     seen.run.close()
-    for each in (own, board, *writers):
+    for each in (own, shared_json, *writers):
         each.close()
 
 
 def test_a_loop_whose_source_is_still_being_opened_is_not_dead(watched):
-    _, board, seen = watched
+    _, shared_json, seen = watched
     seen.look()
     assert seen.page({})["state"] == "none"
-    board.write({"sample_time": 1e-3, "generation": 0, "law": {"kind": "hunt-crossley"}})
+    shared_json.write({"sample_time": 1e-3, "generation": 0, "law": {"kind": "hunt-crossley"}})
     seen.take()
     assert seen.page({})["state"] == "dead"  # it has been, and says nothing more
 
 
 def test_an_estimate_is_never_shown_by_the_law_of_another_estimator(watched):
-    (samples, estimates), board, seen = watched
+    (samples, estimates), shared_json, seen = watched
 
     def write(*times, **columns):
         for row in rows_of(times, estimate=estimates.count, **columns):
@@ -189,7 +189,7 @@ def test_an_estimate_is_never_shown_by_the_law_of_another_estimator(watched):
 
     law = {name: getattr(HuntCrossley, name) for name in ("kind", "symbols", "units")}
     law |= {"names": HuntCrossley.names(), "shown": [0, 1, 2]}
-    board.write({"sample_time": 1e-3, "generation": 0, "law": law, "state": "contact"})
+    shared_json.write({"sample_time": 1e-3, "generation": 0, "law": law, "state": "contact"})
     write(0.0, 0.2)
     write(0.4, status=float(Status.RESTARTED))
     seen.look()
@@ -199,7 +199,7 @@ def test_an_estimate_is_never_shown_by_the_law_of_another_estimator(watched):
     assert page["facts"]["state-name"] == "Stopped"  # not by a word of its own
     assert ["page: browsers", "1", ""] in page["facts"]["counts"]
     assert seen.page({})["now"]["parameters"] == [2000.0, 3000.0, 1.3]
-    board.write({"sample_time": 1e-3, "generation": 1, "law": {"kind": "kelvin-voigt"}})
+    shared_json.write({"sample_time": 1e-3, "generation": 1, "law": {"kind": "kelvin-voigt"}})
     seen.look()
     write(0.401)  # the last one of the estimator before
     (change,) = seen.page({})["changes"]
@@ -216,7 +216,7 @@ SPAWN = multiprocessing.get_context("spawn")
 
 def writing(kind, address, seconds, gate):
     """Rows or pages whose numbers are all of one value, as quickly as it goes."""
-    made = Writer(made=address) if kind == "ring" else Board(address)
+    made = Writer(made=address) if kind == "ring" else SharedJson(address)
     gate.send("there")
     until, k = time.monotonic() + seconds, 0
     while time.monotonic() < until:
@@ -311,25 +311,25 @@ def test_a_reader_goes_back_as_far_as_half_the_ring(ring):
 
 @pytest.mark.slow
 def test_a_page_that_is_read_while_it_is_written_is_whole():
-    board = Board()
+    shared_json = SharedJson()
     newest, different = -1, 0
-    with another_process("board", board.name, 0.5) as gate:
+    with another_process("board", shared_json.name, 0.5) as gate:
         while not gate.poll():
-            if page := board.read():
+            if page := shared_json.read():
                 assert page["k"] == page["again"] >= newest
                 assert len(page["words"]) == page["k"] % 3000
                 different += page["k"] > newest
                 newest = page["k"]
-        assert board.read()["k"] == gate.recv() - 1
+        assert shared_json.read()["k"] == gate.recv() - 1
     assert different > 5
-    board.close()
+    shared_json.close()
 
 
 def test_a_page_that_is_too_long_is_cut_to_its_first_fields():
-    board = Board()
-    board.write({"first": 1, "second": "x" * SIZE})
-    assert board.read() == {"first": 1}
-    board.close()
+    shared_json = SharedJson()
+    shared_json.write({"first": 1, "second": "x" * SIZE})
+    assert shared_json.read() == {"first": 1}
+    shared_json.close()
 
 
 @pytest.mark.parametrize("seed", [0, 1])

@@ -26,7 +26,7 @@ from palpate.live.loop import Loop
 from palpate.live.page import Page, server, watch
 from palpate.live.page.sink import token_for
 from palpate.live.page.watch import CHANNELS, HEADER
-from palpate.live.ring import ESTIMATE, Board, Writer
+from palpate.live.ring import ESTIMATE, SharedJson, Writer
 from palpate.live.sinks import Session
 from palpate.live.sources import EndOfSourceError, Replay
 
@@ -81,7 +81,7 @@ def served(recording="tapping.csv", *, seconds=3.0, estimator=None, **options):
     """Serve the page of a recording that the loop has gone through already."""
     contact = palpate.prepare(EXAMPLES / recording)
     writer, estimates = Writer(), Writer(width=len(ESTIMATE))
-    board, own = Board(), Board()
+    shared_json, own = SharedJson(), SharedJson()
     source = Replay(contact, speed=float("inf"))
     preparation = palpate.OnlinePreparation(sample_time=contact.sample_time)
     estimator = estimator or palpate.VariableProjection()
@@ -92,21 +92,21 @@ def served(recording="tapping.csv", *, seconds=3.0, estimator=None, **options):
     for _ in range(round(seconds / contact.sample_time)):
         loop.step(source.take(1.0))
     del writer.write
-    board.write(loop.status())
+    shared_json.write(loop.status())
     page = Page(port=0, **options)
     ours, theirs = Pipe()
     addresses = writer.address, estimates.address
-    session = Session(*addresses, board.name, {"page": own.name}, own.name)
+    session = Session(*addresses, shared_json.name, {"page": own.name}, own.name)
     thread = threading.Thread(target=page.run, args=(session, theirs))
     thread.start()
     try:
         yield Served(page=page, writer=writer, own=own, commands=ours, loop=loop, rows=written[-1])
     finally:
-        board.write({**loop.status(), "stopped": True})
+        shared_json.write({**loop.status(), "stopped": True})
         thread.join(20.0)
         assert not thread.is_alive()
         page.close()
-        for each in (board, own, writer, estimates):
+        for each in (shared_json, own, writer, estimates):
             each.close()
 
 

@@ -243,7 +243,7 @@ def judged(stamps, numbers=None) -> tuple[list[int], Counts]:
     numbers = [None] * len(stamps) if numbers is None else numbers
     pairs = zip(stamps, numbers, strict=True)
     taken = [k for k, pair in enumerate(pairs) if order.admit(*pair) is not Succession.REFUSED]
-    order.settle()
+    order.finish_pending()
     return taken, counts
 
 
@@ -295,7 +295,7 @@ def test_any_stamps_and_numbers_are_counted_and_the_next_good_ones_are_taken(pai
     start = pairs[-1][0] + 2000 * MS if pairs else 0
     good = [order.admit(start + k * MS, None) for k in range(100)]
     assert Succession.REFUSED not in good
-    order.settle()
+    order.finish_pending()
     assert 0 <= counts.lost <= 1_000_000 * max(len(pairs), 1) + 1000
 
 

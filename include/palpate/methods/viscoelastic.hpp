@@ -133,9 +133,9 @@ class ViscoelasticMethod {
   }
 
   // Works out now what is spread over the next samples otherwise.
-  void settle() noexcept {
+  void finish_pending() noexcept {
     renew_offset();
-    solver_.settle();
+    solver_.finish_pending();
     outlived_ = outlived_ && !solver_.decided();
   }
 

@@ -91,7 +91,7 @@ class ContactSolver {
     } else {
       put(recent_.ago(0), 1.0);
     }
-    settle();
+    finish_pending();
     return role == Role::sure;
   }
 
@@ -100,7 +100,7 @@ class ContactSolver {
     if (!chooses_) return;
     recent_.push(sample, Role::free, false);
     air_.add(sample.penetration, sample.force, forgetting_factor);
-    settle();
+    finish_pending();
   }
 
   // The latest samples were bad after all.
@@ -266,7 +266,7 @@ class ContactSolver {
   }
 
   // The sample of eight ago has all its neighbours now.
-  void settle() noexcept {
+  void finish_pending() noexcept {
     ContactSamples::Entry& entry = recent_.ago(ContactSamples::side);
     if (entry.role == Role::none || entry.role == Role::free) return;
     const Role role = role_of(ContactSamples::side);

@@ -84,7 +84,7 @@ class Solver {
   bool offset_refuted() const noexcept { return offset_refuted_; }
 
   // A verdict and an answer by all samples so far, at once: everything that take() would spread.
-  [[gnu::noinline]] void settle() noexcept {
+  [[gnu::noinline]] void finish_pending() noexcept {
     if (!(samples_.weight() > 0.0)) return;
     fewest_ = least_fewest;
     stage_ = Stage::idle;

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Group, Parameter
 
-from palpate.cli.options import OUTPUT, Drawing, OutputFile
+from palpate.cli.options import OUTPUT, FigureOptions, OutputFile
 from palpate.cli.printing import AsJson, Terminal, print_json, say_command, say_path
 from palpate.errors import InvalidParameterError
 from palpate.writing import check_outputs, is_standard_output
@@ -19,7 +19,7 @@ Several = Annotated[tuple[float, ...] | None, Parameter(consume_multiple=True)]
 
 @Parameter(name="*", group=Group("The material, as guessed", sort_key=0.5))
 @dataclass(frozen=True)
-class Guess:
+class ModelOptions:
     """The material as guessed; an order of magnitude is a start."""
 
     stiffness: float
@@ -84,14 +84,14 @@ class Written:
 
 def design(
     *,
-    guess: Guess,
+    guess: ModelOptions,
     sensor: Sensor,
     plan: Plan = Plan(),
     offset: bool = True,
     surface: bool = False,
     as_json: AsJson = False,
     written: Written = Written(),
-    drawing: Drawing = Drawing(),
+    drawing: FigureOptions = FigureOptions(),
 ) -> None:
     """Tell what a planned motion would identify, how soon, and find a better motion.
 

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 @Parameter(name="*", group=Group("The engine", sort_key=1.4))
 @dataclass(frozen=True)
-class Into:
+class ExportOptions:
     """What presses, and how the engine simulates it."""
 
     mass: float | None = None
@@ -47,7 +47,7 @@ def export(
     allow: Annotated[bool, Parameter(negative="")] = False,
     replay: bool = True,
     as_json: AsJson = False,
-    into: Into = Into(),
+    into: ExportOptions = ExportOptions(),
 ) -> int:
     """Write an identified law in the numbers of a simulation engine, with its error.
 
@@ -102,7 +102,7 @@ def _print(statement: "Statement", paths: list[Path], *, as_json: bool) -> None:
         print_json({**statement.as_dict(), "files": [str(path) for path in paths]})
         return
     console = Terminal()
-    first, *others = statement.words()
+    first, *others = statement.describe()
     say(console, first, "bold")
     for line in others:
         say(console, line, "yellow" if line.startswith("Warning") else "")

@@ -11,15 +11,15 @@ from palpate.cli import complain
 from palpate.cli.options import (
     OUTPUT,
     Address,
-    Choosing,
     Depth,
-    Drawing,
+    FigureOptions,
     Folder,
+    MethodOptions,
     ResultFolder,
     quantity,
 )
 from palpate.cli.printing import AsJson, Terminal, bar, print_json, say, say_path
-from palpate.cli.reading import Reading
+from palpate.cli.reading import ReadingOptions
 from palpate.errors import InvalidParameterError
 
 if TYPE_CHECKING:
@@ -48,12 +48,12 @@ def fleet(
     /,
     *,
     output: ResultFolder,
-    choosing: Choosing = Choosing(),
+    choosing: MethodOptions = MethodOptions(),
     diagnosis: Literal["none", "input", "full"] = "input",
     report: Annotated[bool, Parameter(negative="", group=OUTPUT)] = False,
     as_json: AsJson = False,
     running: Running = Running(),
-    reading: Reading = Reading(),
+    reading: ReadingOptions = ReadingOptions(),
 ) -> int:
     """Identify many contacts: a row for each, in a dataset of Parquet.
 
@@ -104,7 +104,7 @@ def fleet(
 
 
 def _settings(
-    choosing: Choosing, diagnosis: Literal["none", "input", "full"], reading: Reading
+    choosing: MethodOptions, diagnosis: Literal["none", "input", "full"], reading: ReadingOptions
 ) -> "Settings":
     """What was asked for, without what is so anyhow."""
     from palpate.fleet.tasks import Settings
@@ -113,7 +113,7 @@ def _settings(
         if getattr(reading, option) is not None:
             name = option.replace("_", "-")
             raise InvalidParameterError(f"--{name} is of one recording; leave it out for a fleet")
-    usual = Reading().preparation
+    usual = ReadingOptions().preparation
     own = {name: value for name, value in reading.preparation.items() if value != usual[name]}
     return Settings(
         method=choosing.kind.method,
@@ -168,7 +168,7 @@ def map(
     by: str = "x,y",
     of: Literal["stiffness", "damping", "force", "exponent"] = "stiffness",
     at: Depth | None = None,
-    drawing: Drawing = Drawing(),
+    drawing: FigureOptions = FigureOptions(),
 ) -> None:
     """Draw what a fleet found over where it was found, with its error beside it.
 

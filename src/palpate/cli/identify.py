@@ -6,7 +6,13 @@ from typing import TYPE_CHECKING, Annotated, TypeVar
 
 from cyclopts import Parameter
 
-from palpate.cli.options import Choosing, Deriving, Drawing, Judging, ResultFolder
+from palpate.cli.options import (
+    FigureOptions,
+    MethodOptions,
+    QuantityOptions,
+    ResultFolder,
+    VerdictOptions,
+)
 from palpate.cli.printing import (
     AsJson,
     bar,
@@ -14,7 +20,7 @@ from palpate.cli.printing import (
     print_identifications,
     print_json,
 )
-from palpate.cli.reading import Files, Reading
+from palpate.cli.reading import Files, ReadingOptions
 from palpate.errors import InvalidParameterError
 
 if TYPE_CHECKING:
@@ -28,14 +34,14 @@ def identify(
     files: Files,
     /,
     *,
-    choosing: Choosing = Choosing(),
+    choosing: MethodOptions = MethodOptions(),
     changes: Annotated[bool, Parameter(negative="")] = False,
     output: ResultFolder | None = None,
     as_json: AsJson = False,
-    drawing: Drawing = Drawing(),
-    judging: Judging = Judging(),
-    deriving: Deriving = Deriving(),
-    reading: Reading = Reading(),
+    drawing: FigureOptions = FigureOptions(),
+    judging: VerdictOptions = VerdictOptions(),
+    deriving: QuantityOptions = QuantityOptions(),
+    reading: ReadingOptions = ReadingOptions(),
 ) -> int:
     """Identify the contact model of a recording.
 
@@ -60,7 +66,7 @@ def identify(
     """
     from palpate.identifying import identify as run
 
-    wanted, depth, kind = deriving.wanted, judging.depth, choosing.kind
+    query, depth, kind = deriving.query, judging.depth, choosing.kind
     drawing.check(list(files))
     destination = None
     if output is not None:  # once it is known that it can be written there
@@ -69,9 +75,9 @@ def identify(
         destination = Destination(output, [file for file in files if str(file) != "-"])
     contact = reading.contact(files, choosing.options)
     settings = reading.settings(contact, kind) | choosing.settings
-    result = run(contact, kind(**settings)).wanting(wanted)
-    if result.wanted.frequency is not None:  # refused before anything is written
-        result.dynamic_stiffness(result.wanted.frequency)
+    result = run(contact, kind(**settings)).with_query(query)
+    if result.query.frequency is not None:  # refused before anything is written
+        result.dynamic_stiffness(result.query.frequency)
     result = _in_parts(result if depth is None else result.at_depth(depth), changes=changes)
     drawing.save("palpate.figures.draw", result, list(files))
     if destination is not None:
@@ -87,7 +93,7 @@ def identify(
 def _in_parts(result: "Identification", *, changes: bool) -> "Identification":
     """With each stretch between changes by itself, or each place of a probe that travels."""
     if changes:
-        return result.by_stretch()
+        return result.by_segment()
     prepared = result.contact.prepared
     if prepared is not None and prepared.places:
         return result.by_place(partial(_counted, words="identifying each place"))
@@ -109,10 +115,10 @@ def diagnose(
     files: Files,
     /,
     *,
-    choosing: Choosing = Choosing(),
+    choosing: MethodOptions = MethodOptions(),
     as_json: AsJson = False,
-    judging: Judging = Judging(),
-    reading: Reading = Reading(),
+    judging: VerdictOptions = VerdictOptions(),
+    reading: ReadingOptions = ReadingOptions(),
 ) -> int:
     """Say what may be wrong with a recording and its identification, and how far to trust it.
 
@@ -150,9 +156,9 @@ def compare(
     /,
     *,
     as_json: AsJson = False,
-    drawing: Drawing = Drawing(),
-    judging: Judging = Judging(),
-    reading: Reading = Reading(),
+    drawing: FigureOptions = FigureOptions(),
+    judging: VerdictOptions = VerdictOptions(),
+    reading: ReadingOptions = ReadingOptions(),
 ) -> int:
     """Identify a recording with every method, side by side.
 

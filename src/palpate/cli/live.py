@@ -13,12 +13,12 @@ from palpate.cli.options import (
     READ,
     Address,
     Channels,
-    Choosing,
     Depth,
     Direction,
     Duration,
     Law,
     Method,
+    MethodOptions,
     Unit,
     names_in,
     quantities,
@@ -44,7 +44,7 @@ _SIGNED = Parameter(group=PREPARED, allow_leading_hyphen=True)
 
 @Parameter(name="*")
 @dataclass(frozen=True)
-class Incoming:
+class StreamOptions:
     """What a source delivers, and how it becomes penetration, velocity and force."""
 
     rate: Annotated[float | None, _READ] = None
@@ -96,7 +96,7 @@ class Incoming:
         recording = address.partition(":")[0] not in SOURCES
         others = ("rate",) if recording else ("speed", "position", "force", "unit")
         for name in others:
-            if getattr(self, name) != getattr(Incoming, name):
+            if getattr(self, name) != getattr(StreamOptions, name):
                 words = "has its own times" if recording else "is no recording"
                 raise InvalidParameterError(f"--{name} has no effect: {address} {words}")
 
@@ -155,7 +155,7 @@ def live(
     console: Annotated[bool, Parameter(group=OUTPUT)] = True,
     page: PageOptions = PageOptions(),
     looping: Looping = Looping(),
-    incoming: Incoming = Incoming(),
+    incoming: StreamOptions = StreamOptions(),
 ) -> None:
     """Identify while a robot moves, each sample before the next one comes.
 
@@ -196,7 +196,7 @@ def live(
 
     if looping.seconds is not None:
         number_in("--seconds", looping.seconds, 0.0, 1e9)
-    choosing = Choosing(law, method)
+    choosing = MethodOptions(law, method)
     chosen = default_estimator(choosing.kind, **choosing.settings)
     if exponent is not None:
         chosen = chosen.replace(exponent=kept_exponent(exponent, type(chosen)))

@@ -16,7 +16,7 @@ from palpate.errors import InvalidParameterError
 if TYPE_CHECKING:
     from palpate.diagnosis import Verdict
     from palpate.estimators import ContactEstimator
-    from palpate.quantities.derived import Wanted
+    from palpate.quantities.derived import QueryOptions
     from palpate.quantities.elastic_modulus import Tip
 
 # The headings under which help shows the options.
@@ -73,7 +73,7 @@ Method: TypeAlias = Annotated[str | None, _METHOD]
 
 @Parameter(name="*")
 @dataclass(frozen=True)
-class Choosing:
+class MethodOptions:
     """Which law is identified, and by which method."""
 
     law: Law = None
@@ -107,7 +107,7 @@ class Choosing:
 
 @Parameter(name="*", group=OUTPUT)
 @dataclass(frozen=True)
-class Drawing:
+class FigureOptions:
     """Where a figure goes to, and how it looks."""
 
     figure: FigureFile = None
@@ -134,8 +134,10 @@ class Drawing:
             from palpate.figures import save
 
             module, _, name = draw.rpartition(".")
-            drawn = getattr(import_module(module), name)(what, dark=self.dark, width=self._metres())
-            save(drawn, self.figure, inputs=inputs)
+            rendered = getattr(import_module(module), name)(
+                what, dark=self.dark, width=self._metres()
+            )
+            save(rendered, self.figure, inputs=inputs)
 
     def _metres(self) -> float | None:
         from palpate.figures.style import NARROWEST, WIDEST
@@ -149,7 +151,7 @@ class Drawing:
 
 @Parameter(name="*", group=Group("How it is judged", sort_key=3))
 @dataclass(frozen=True)
-class Judging:
+class VerdictOptions:
     """Where the numbers are wanted, and which verdict is a failure."""
 
     at: Depth | None = None
@@ -179,7 +181,7 @@ class Judging:
 
 @Parameter(name="*", group=Group("What follows from the law", sort_key=4))
 @dataclass(frozen=True)
-class Deriving:
+class QuantityOptions:
     """Which impact and which tip the numbers that follow from the law are for."""
 
     impact_speed: Annotated[str | None, Parameter(metavar="SPEED")] = None
@@ -198,9 +200,9 @@ class Deriving:
         return {name: value for name, value in given.items() if value is not None}
 
     @property
-    def wanted(self) -> "Wanted":
+    def query(self) -> "QueryOptions":
         """What is asked for, SI."""
-        from palpate.quantities.derived import Wanted
+        from palpate.quantities.derived import QueryOptions
         from palpate.validation import number_in
 
         speed, ratio = positive("--impact-speed", self.impact_speed, "velocity", 1e6), self.poisson
@@ -209,7 +211,7 @@ class Deriving:
                 raise InvalidParameterError(f"--poisson needs --tip, such as {_FORMS}")
             ratio = number_in("--poisson", ratio, -1.0, 0.5, open_low=True)
         tip = None if self.tip is None else tip_of(self.tip)
-        return Wanted(
+        return QueryOptions(
             speed, tip, ratio, positive("--frequency", self.frequency, _FREQUENCIES, 1e12)
         )
 

@@ -111,8 +111,8 @@ def _print(report: "Report", folder: Path) -> None:
     headings = ["figure", "claim", "the paper's", "ours", "verdict"]
     rows = []
     for each in report.judgements:
-        numbers = (words or "–" for words in (each.claim.number, each.ours_words))
-        verdict = f"{SIGNS[each.verdict]} {each.verdict_words}"
+        numbers = (words or "–" for words in (each.claim.number, each.ours_text))
+        verdict = f"{SIGNS[each.verdict]} {each.verdict_text}"
         rows.append([each.experiment, each.claim.key, *numbers, verdict])
     print_table(console, headings, rows, prose=headings[2:])
     say(console, report.summary)

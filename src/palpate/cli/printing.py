@@ -243,17 +243,17 @@ def _print(result: "Identification", sections: "Iterable[ViewSection]") -> Termi
             prose = () if section.prose is None else [section.headings[section.prose]]
             print_table(console, section.headings, rows, prose=prose)
         for line in section.lines:
-            say(console, _words(line), _STYLES.get(line.tone, ""))
+            say(console, _format_line(line), _STYLES.get(line.tone, ""))
     return console
 
 
 def _cell(cell: "str | Marked") -> Cell:
-    return cell if isinstance(cell, str) else Text(cell.words, _STYLES[cell.mark])
+    return cell if isinstance(cell, str) else Text(cell.text, _STYLES[cell.mark])
 
 
-def _words(line: "Line") -> Text:
+def _format_line(line: "Line") -> Text:
     words = Text(f"{line.name}: " if line.name else "")
     if line.mark:
         words.append(f"{line.mark} ", f"bold {_STYLES[line.mark]}")
-    words.append("; ".join((line.words, *line.remarks)))
+    words.append("; ".join((line.text, *line.remarks)))
     return words.append(f" ({line.remedy})", "dim") if line.remedy else words

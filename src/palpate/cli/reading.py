@@ -45,7 +45,7 @@ def _signed(metavar: str) -> Parameter:
 
 @Parameter(name="*")
 @dataclasses.dataclass(frozen=True)
-class Reading:
+class ReadingOptions:
     """How a file is read, and which of its samples are used."""
 
     time: Annotated[Channel, _READ] = "time_s"
@@ -177,7 +177,7 @@ class Reading:
         return {
             name.replace("_", "-"): value
             for name, value in vars(self).items()
-            if name != "save_config" and value != getattr(Reading, name)
+            if name != "save_config" and value != getattr(ReadingOptions, name)
         }
 
     def settings(self, contact: "Contact", kind: "type[ContactEstimator]") -> dict[str, Any]:

@@ -8,7 +8,7 @@ from operator import attrgetter
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.diagnosis.fit import WINDOWS_A_PERIOD, Cause, Fit
+from palpate.diagnosis.fit import WINDOWS_A_PERIOD, Fit, MisfitHypothesis
 from palpate.digits import rounded
 from palpate.estimators.least_squares import Fitted, least_squares, robust_covariance
 from palpate.force_laws import ForceLaw
@@ -32,7 +32,7 @@ class Changes:
 
     Attributes
     ----------
-    cause : Cause
+    cause : MisfitHypothesis
         For the diagnosis.
     times : tuple of float
         The borders, s.
@@ -40,7 +40,7 @@ class Changes:
         One for each stretch, SI.
     """
 
-    cause: Cause
+    cause: MisfitHypothesis
     times: tuple[float, ...]
     laws: tuple[ForceLaw, ...]
 
@@ -249,7 +249,9 @@ def _judged(fit: Fit, cut: Cut) -> Changes | None:
 
     sentence = f"the material changes at {when}: stiffness at working depth {levels} N/m"
     remedy = "--changes identifies each stretch by itself"
-    return Changes(Cause("change", *found, sentence, remedy, moves, *moves(fit)), times, laws)
+    return Changes(
+        MisfitHypothesis("change", *found, sentence, remedy, moves, *moves(fit)), times, laws
+    )
 
 
 def _to_the_sample(fit: Fit, cut: Cut, laws: tuple[ForceLaw, ...], border: int) -> float:

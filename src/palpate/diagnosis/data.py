@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from palpate.contact import Contact, slices_of
 from palpate.diagnosis.finding import Laws
-from palpate.digits import rounded
+from palpate.digits import format_quantity, rounded
 from palpate.findings import Finding
 from palpate.preparation.gates import noise_of
 from palpate.preparation.velocity import largest_of, spiked, step_of, window_samples
@@ -96,14 +96,6 @@ class Data:
         return float(np.percentile(self.penetration, 99.9)) if len(self) else 0.0
 
 
-def in_words(value: float, unit: str, digits: int = 3) -> str:
-    """A quantity with the prefix that a person reads best: 0.0008 m is 0.8 mm."""
-    for prefix, size in {"k": 1e3, "": 1.0, "m": 1e-3, "µ": 1e-6, "n": 1e-9, "p": 1e-12}.items():
-        if abs(value) >= 0.1 * size:
-            return f"{rounded(value / size, digits)} {prefix}{unit}"
-    return f"{rounded(value, digits)} {unit}"
-
-
 # Steps of the force or of the penetration that are coarse against what they measure.
 
 FORCE_STEP = 0.04  # of the largest force
@@ -121,8 +113,8 @@ def coarse(data: Data) -> Finding | None:
         return Finding.of_both(
             "with-care",
             "coarse steps",
-            f"the force comes in steps of {in_words(data.force_step, 'N')}, {part:.1%} of its "
-            "largest",
+            f"the force comes in steps of {format_quantity(data.force_step, 'N')}, {part:.1%} of "
+            "its largest",
             "a finer range of the sensor, or press harder",
         )
     step = step_of(data.penetration)
@@ -130,7 +122,7 @@ def coarse(data: Data) -> Finding | None:
         return Finding.of_both(
             "with-care",
             "coarse steps",
-            f"the penetration comes in steps of {in_words(step, 'm')}, "
+            f"the penetration comes in steps of {format_quantity(step, 'm')}, "
             f"{step / data.peak_penetration:.1%} of its largest: the velocity is made of them, and "
             "the damping too small",
             "a finer encoder, deeper or faster strokes, or a longer --velocity-window",

@@ -6,23 +6,22 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.diagnosis.data import in_words
 from palpate.diagnosis.finding import remedy_of_memory
 from palpate.diagnosis.fit import (
+    AugmentedFit,
     Band,
-    Beside,
-    Cause,
     Fit,
+    MisfitHypothesis,
     MovedSamples,
     Moves,
     Solution,
-    beside,
+    augmented_fit,
 )
-from palpate.digits import rounded, with_error
+from palpate.digits import format_quantity, rounded, with_error
 from palpate.validation import Floats
 
 
-def columns(fit: Fit) -> list[Cause]:
+def columns(fit: Fit) -> list[MisfitHypothesis]:
     """Fit every column beside the law, one at a time."""
     law, data, samples = fit.solution.law, fit.data, fit.band.samples
     x, rest = np.maximum(fit.x, 1e-12), np.zeros_like(fit.x)
@@ -50,7 +49,7 @@ def columns(fit: Fit) -> list[Cause]:
     }
     causes = []
     for name, column in zip(values, fit.band.mean(np.array([*values.values()]).T).T, strict=True):
-        found = beside(fit, column)
+        found = augmented_fit(fit, column)
         if found is not None:
             causes.append(cause_of(fit, name, found, *_explained(fit, name, found.amount)))
     return causes
@@ -67,7 +66,7 @@ def _explained(fit: Fit, name: str, amount: float) -> tuple[str, str]:
             "identify parts of the recording, with --start and --stop",
         ),
         "offset drift": (
-            f"the zero of the force drifts by {in_words(abs(amount), 'N')}",
+            f"the zero of the force drifts by {format_quantity(abs(amount), 'N')}",
             "let the sensor warm up, and tare before each touch",
         ),
         "friction": (
@@ -103,11 +102,11 @@ def _explained(fit: Fit, name: str, amount: float) -> tuple[str, str]:
 def cause_of(
     fit: Fit,
     name: str,
-    result: Beside,
+    result: AugmentedFit,
     sentence: str,
     remedy: str,
     moves: Moves | None = None,
-) -> Cause:
+) -> MisfitHypothesis:
     """A cause from what its column gave."""
     law, change = fit.solution.law, result.change
     # Relative move of the law's first parameter, SI: Δk/k − Δn ln x_r for a power law.
@@ -116,7 +115,7 @@ def cause_of(
         parameter -= float(change[2]) * math.log(fit.units.depth)
     moves = moves or (lambda it: it.moves(change))
     found = result.z, result.gain, parameter
-    return Cause(name, *found, sentence, remedy, moves, *moves(fit))
+    return MisfitHypothesis(name, *found, sentence, remedy, moves, *moves(fit))
 
 
 # Delay: the force late, or early, against the penetration.
@@ -127,7 +126,7 @@ MOST_ROWS = 700  # on which whole shifts are tried
 ROUGHLY = 1e-3  # of the energy, to which a shift is tried: one sample more changes it by more
 
 
-def delay(fit: Fit) -> list[Cause]:
+def delay(fit: Fit) -> list[MisfitHypothesis]:
     """Shift penetration and velocity by whole samples, refit, and take the best of them.
 
     Whole samples, because to interpolate them smooths them, and half a sample then fits clean data
@@ -137,7 +136,7 @@ def delay(fit: Fit) -> list[Cause]:
     reach = int(min(max(LONGEST, 3.0 * step), fit.period / 6.0) / step)
     if reach < 1:
         return []
-    fine = beside(fit, _by_delay(fit, 0))
+    fine = augmented_fit(fit, _by_delay(fit, 0))
     if fine is None:
         return []
     moved, shift = _best_shift(fit, reach)
@@ -148,7 +147,7 @@ def delay(fit: Fit) -> list[Cause]:
         late = shift * step + min(max(rest, -step), step)
         change = np.zeros_like(fine.change)
         change[: len(before.law.symbols)] = moved.law.parameters - before.law.parameters
-        result = Beside(change, late, fine.z, max(fit.gain(moved.energy), fine.gain))
+        result = AugmentedFit(change, late, fine.z, max(fit.gain(moved.energy), fine.gain))
     if abs(shift) >= reach or abs(late) < LEAST * step:
         return []
     error = abs(fine.amount) / max(fine.z, 1e-300)
@@ -167,7 +166,7 @@ def delay(fit: Fit) -> list[Cause]:
     return [cause_of(fit, "delay", result, sentence, remedy, moves if shift else None)]
 
 
-def skew_matters(fit: Fit) -> str:
+def delay_sensitivity(fit: Fit) -> str:
     """How much 1 ms between force and position would change the damping, in words.
 
     K (x + vτ)ⁿ = K xⁿ + τ n K xⁿ⁻¹ v: to first order a force that is early by τ is the damper of a
@@ -181,8 +180,10 @@ def skew_matters(fit: Fit) -> str:
         return words
     if fit.laws.verdict.candidate.damping != "half-space":
         return words
-    alike = "a half-space's damper and a force that is early are alike, and no check parts them"
-    return f"{words}: {alike}"
+    equivalent = (
+        "a half-space's damper and a force that is early are alike, and no check parts them"
+    )
+    return f"{words}: {equivalent}"
 
 
 def _by_delay(fit: Fit, shift: int) -> Floats:
@@ -235,7 +236,7 @@ TIMES = 7  # relaxation times tried, from P/30 to 0.7 of the recording
 BLOCK = 64  # samples that are relaxed at once
 
 
-def memory(fit: Fit) -> list[Cause]:
+def memory(fit: Fit) -> list[MisfitHypothesis]:
     """Fit dh/dt = d(ξⁿ)/dt − h/τ beside the law, with the best of seven τ.
 
     At the motion's frequency ω the branch adds q²/(1 + q²) of its force to the stiffness and
@@ -253,7 +254,7 @@ def memory(fit: Fit) -> list[Cause]:
     best, time = None, shortest
     for tau in np.geomspace(shortest, 0.7 * duration, TIMES):
         state = relaxed(spring, steps, float(tau), data.sample_time)
-        found = beside(fit, fit.band.mean(state[fit.band.samples]))
+        found = augmented_fit(fit, fit.band.mean(state[fit.band.samples]))
         if found is not None and (best is None or found.gain > best.gain):
             best, time = found, float(tau)
     if best is None:
@@ -267,26 +268,27 @@ def memory(fit: Fit) -> list[Cause]:
         by_branch = turn**2 * slope / other.sizes[0], time * slope / other.sizes[1]
         return stiffness + by_branch[0], damping + by_branch[1]
 
-    return [Cause("memory", best.z, best.gain, 0.0, *_words(fit, time), moves, *moves(fit))]
+    described = best.z, best.gain, 0.0, *_describe(fit, time)
+    return [MisfitHypothesis("memory", *described, moves, *moves(fit))]
 
 
-def _words(fit: Fit, time: float) -> tuple[str, str]:
+def _describe(fit: Fit, time: float) -> tuple[str, str]:
     """What was found, and what to do; where the law may remember, it is beside its memory."""
     over = f"about {rounded(time, 2)} s"
-    if fit.alike is None:
+    if fit.equivalent is None:
         return (
             f"the material remembers for {over}: its stiffness is that at "
             f"{rounded(1.0 / fit.period, 2)} Hz",
             remedy_of_memory(fit.laws, time),
         )
     parts = "identify parts of the recording, with --start and --stop"
-    if fit.alike.longest == 0.0:
+    if fit.equivalent.longest == 0.0:
         return (
             f"beside the law the force relaxes over {over}, and no law with memory that was "
             "offered explains it better: a sensor may drift, or the material change",
             parts,
         )
-    if time > fit.alike.longest:
+    if time > fit.equivalent.longest:
         return (
             f"beside what the law remembers the force relaxes over {over}, as where a sensor "
             "drifts or a material softens",

@@ -12,9 +12,9 @@ import numpy as np
 
 from palpate.diagnosis.change import Changes, changes
 from palpate.diagnosis.data import Data, beat_of
-from palpate.diagnosis.delay import columns, delay, memory, skew_matters
+from palpate.diagnosis.delay import columns, delay, delay_sensitivity, memory
 from palpate.diagnosis.finding import Diagnosis, Episode, Laws, Quantity, Verdict, WorkingDepth
-from palpate.diagnosis.fit import FEWEST_ROWS, Cause, Fit, Search
+from palpate.diagnosis.fit import FEWEST_ROWS, Fit, MisfitHypothesis, Search
 from palpate.diagnosis.marks import (
     OFF,
     Judged,
@@ -209,7 +209,7 @@ def _diagnosed(
     fit: Fit, found: list[Finding], others: Sequence[float], notes: Sequence[Finding]
 ) -> Diagnosis:
     changed = changes(fit)
-    causes: list[Cause] = []
+    causes: list[MisfitHypothesis] = []
     for search in SEARCHES:
         begun = time.perf_counter()
         causes += search(fit)
@@ -297,7 +297,7 @@ def _nothing_to_check(fit: Fit) -> Finding:
 
 def _notes(fit: Fit) -> list[Finding]:
     notes = [
-        Finding("skew", skew_matters(fit)),
+        Finding("skew", delay_sensitivity(fit)),
         Finding(
             "peak force",
             f"the largest force is {rounded(fit.data.peak_force, 3)} N, the largest penetration "

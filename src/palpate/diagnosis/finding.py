@@ -58,7 +58,7 @@ class Quantity(Plain):
         """Return so many times the quantity."""
         return Quantity(*(factor * x for x in (self.value, self.standard_error, self.systematic)))
 
-    def words(self, unit: str = "") -> str:
+    def format(self, unit: str = "") -> str:
         """It with both error bars, what repeats and what the findings would move, and a unit."""
         return with_error(self.value, self.standard_error, self.systematic, unit=unit)
 
@@ -216,7 +216,7 @@ class Laws:
     @property
     def of_all(self) -> bool:
         """Whether they were more than the everyday ones."""
-        return len(self.verdict.standings) > EVERYDAY
+        return len(self.verdict.model_ranking) > EVERYDAY
 
     @classmethod
     def of(cls, estimator: ContactEstimator, *, own: bool = False) -> "Laws":
@@ -236,7 +236,7 @@ def remedy_of_memory(laws: Laws | None, time: float) -> str:
     time : float
         For how long the residual remembers, s.
     """
-    if laws is None or all(each.candidate.memory == "none" for each in laws.verdict.standings):
+    if laws is None or all(each.candidate.memory == "none" for each in laws.verdict.model_ranking):
         return f"{REMEDY} tells whether a law with memory is better; or {FASTER}"
     if laws.verdict.candidate.memory != "none":
         if not laws.own:

@@ -18,7 +18,7 @@ from palpate.force_laws import ForceLaw, GeneralisedHuntCrossley, HuntCrossley, 
 from palpate.validation import Floats
 
 
-class Alike(Estimate):
+class EquivalentEstimate(Estimate):
     """An estimate of which the law is taken for another.
 
     Attributes
@@ -29,21 +29,23 @@ class Alike(Estimate):
         The longest time that the law relaxed over, s; 0 for one without memory.
     """
 
-    __slots__ = ("_alike", "longest", "own_errors")
+    __slots__ = ("_equivalent", "longest", "own_errors")
 
     def __init__(self, estimate: Estimate, law: HuntCrossley, depth: float) -> None:
         super().__init__(estimate, estimate._law_type, estimate.fixed)
-        self._alike = law
+        self._equivalent = law
         self.longest = float(estimate.law.parameters[7])
         self.own_errors = estimate.with_errors(lambda law: law.at_rest(depth))[1]
 
     @property
     def law(self) -> HuntCrossley:
         """The law that it is taken for."""
-        return self._alike
+        return self._equivalent
 
 
-def as_hunt_crossley(data: Data, estimate: Estimate, depth: float) -> tuple[Data, Alike]:
+def equivalent_hunt_crossley(
+    data: Data, estimate: Estimate, depth: float
+) -> tuple[Data, EquivalentEstimate]:
     """Take out of the force what a generalised law has beside a Hunt–Crossley law.
 
     F − M Σ w g − (B xᵖ − B′ xⁿ) v, with B′ xⁿ = B xᵖ at a depth [m], is to be K xⁿ + B′ xⁿ v: what
@@ -53,14 +55,14 @@ def as_hunt_crossley(data: Data, estimate: Estimate, depth: float) -> tuple[Data
     law: GeneralisedHuntCrossley = estimate.law
     x, v = data.penetration - estimate.surface, data.velocity
     damping = law.damping * depth ** (law.damping_exponent - law.exponent)
-    alike = HuntCrossley(law.stiffness, damping, law.exponent)
+    equivalent = HuntCrossley(law.stiffness, damping, law.exponent)
     steps = np.diff(data.time, prepend=data.time[:1])
     starts = [part.start for part in data.segments()]
     steps[starts] = data.sample_time
-    beside = force_over_breaks(law, x, v, steps, starts) - alike.force(x, v)
+    excess = force_over_breaks(law, x, v, steps, starts) - equivalent.force(x, v)
     corrected = copy(data)
-    corrected.force = data.force - beside
-    return corrected, Alike(estimate, alike, depth)
+    corrected.force = data.force - excess
+    return corrected, EquivalentEstimate(estimate, equivalent, depth)
 
 
 # The motion's band: averages over windows a twentieth of the motion's period long.
@@ -245,12 +247,12 @@ class Fit:
     ) -> None:
         self._given, self.laws = (data, trace, estimate), laws
         #: Where the law is taken for another.
-        self.alike: Alike | None = None
+        self.equivalent: EquivalentEstimate | None = None
         if estimate.law.relaxes:
             known = data.penetration[trace.taken[data.known]] - estimate.surface
             middle = float(np.median(known[known > 0.0])) if (known > 0.0).any() else 1.0
-            data, self.alike = as_hunt_crossley(data, estimate, depth or middle)
-        self.data, self.estimate = data, self.alike or estimate
+            data, self.equivalent = equivalent_hunt_crossley(data, estimate, depth or middle)
+        self.data, self.estimate = data, self.equivalent or estimate
         estimate = self.estimate
         self.with_offset = estimate.offset_standard_error > 0.0
         names = estimate.law.names()
@@ -456,7 +458,7 @@ COLLINEAR = 1e-5
 
 
 @dataclass(frozen=True, slots=True)
-class Cause:
+class MisfitHypothesis:
     """What one cause would explain, beside the law.
 
     Attributes
@@ -506,7 +508,7 @@ class Cause:
 
 
 @dataclass(frozen=True, slots=True)
-class Beside:
+class AugmentedFit:
     """A column fitted beside the law's own.
 
     Attributes
@@ -516,7 +518,7 @@ class Beside:
     amount : float
         Coefficient of the column.
     z, gain : float
-        As in :class:`Cause`.
+        As in :class:`MisfitHypothesis`.
     """
 
     change: Floats
@@ -525,7 +527,7 @@ class Beside:
     gain: float
 
 
-def beside(fit: Fit, column: Floats) -> Beside | None:
+def augmented_fit(fit: Fit, column: Floats) -> AugmentedFit | None:
     """Fit a column beside the law's Jacobian; None where the law has it already."""
     jacobian, residual = fit.solution.jacobian, fit.solution.residual
     own, left = fit.solution.inverse @ column, fit.solution.without(column)
@@ -537,9 +539,9 @@ def beside(fit: Fit, column: Floats) -> Beside | None:
     others = jacobian.shape[1]
     error = math.sqrt(robust_covariance(left[:, None], after, fit.band.shared, others)[0, 0])
     z, gain = abs(amount) / max(error, 1e-300), fit.gain(float(after @ after))
-    return Beside(-amount * own, amount, *((z, gain) if math.isfinite(z) else (0.0, 0.0)))
+    return AugmentedFit(-amount * own, amount, *((z, gain) if math.isfinite(z) else (0.0, 0.0)))
 
 
 #: How far something moves stiffness and damping at a fit's working depth, of their size.
 Moves = Callable[[Fit], tuple[float, float]]
-Search = Callable[[Fit], list[Cause]]
+Search = Callable[[Fit], list[MisfitHypothesis]]

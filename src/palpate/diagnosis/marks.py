@@ -7,18 +7,17 @@ from operator import attrgetter
 
 import numpy as np
 
-from palpate.diagnosis.data import in_words
 from palpate.diagnosis.finding import REMEDY, Laws, Quantity, WorkingDepth
 from palpate.diagnosis.fit import (
     FEWEST_FREE,
     FEWEST_ROWS,
     SIGNIFICANT,
-    Cause,
     Fit,
+    MisfitHypothesis,
     MovedSamples,
-    beside,
+    augmented_fit,
 )
-from palpate.digits import rounded, with_error
+from palpate.digits import format_quantity, rounded, with_error
 from palpate.estimators.law_verdicts import RELAXATION_STIFFNESS, STRONG
 from palpate.estimators.least_squares import mean_error, robust_covariance
 from palpate.findings import Finding, Mark, Severity, worst
@@ -46,14 +45,14 @@ class Judged:
     ----------
     findings : list of Finding
         One for each significant cause, the named one first.
-    counted : tuple of (Cause, float)
+    counted : tuple of (MisfitHypothesis, float)
         The causes that may have moved stiffness and damping, each with its weight.
     damping : float
         Least systematic part of the damping, of its size.
     """
 
     findings: list[Finding]
-    counted: tuple[tuple[Cause, float], ...] = ()
+    counted: tuple[tuple[MisfitHypothesis, float], ...] = ()
     damping: float = 0.0
 
     def systematic(self, fit: Fit) -> tuple[float, float]:
@@ -66,12 +65,12 @@ class Judged:
         return stiffness, damping
 
 
-def judge(causes: list[Cause], ratio: float, unexplained: float) -> Judged:
+def judge(causes: list[MisfitHypothesis], ratio: float, unexplained: float) -> Judged:
     """Name one of the significant causes, and weigh all of them.
 
     Parameters
     ----------
-    causes : list of Cause
+    causes : list of MisfitHypothesis
         All that were tried.
     ratio : float
         Misfit over the noise floor.
@@ -98,7 +97,7 @@ def judge(causes: list[Cause], ratio: float, unexplained: float) -> Judged:
     return Judged(findings, tuple(counted))
 
 
-def _named(significant: list[Cause], unexplained: float) -> Cause:
+def _named(significant: list[MisfitHypothesis], unexplained: float) -> MisfitHypothesis:
     """The largest gain; or the surface, which hardly shows in the residual, where it comes near.
 
     Not where the largest surely explains more: a surface fits some of any damper of another form.
@@ -111,7 +110,7 @@ def _named(significant: list[Cause], unexplained: float) -> Cause:
     return first
 
 
-def _explained_by(named: Cause, rival: Cause) -> bool:
+def _explained_by(named: MisfitHypothesis, rival: MisfitHypothesis) -> bool:
     """Whether a change is only what borders anywhere fit of another cause.
 
     Borders are sought, so they fit some of any misfit: a change that explains far less than the
@@ -123,11 +122,11 @@ def _explained_by(named: Cause, rival: Cause) -> bool:
     return named.name == "surface" or less
 
 
-def _surely(named: Cause, rival: Cause) -> bool:
+def _surely(named: MisfitHypothesis, rival: MisfitHypothesis) -> bool:
     return (1.0 - named.gain) < SURE * (1.0 - rival.gain)
 
 
-def _in_doubt(named: Cause, rivals: list[Cause]) -> Cause:
+def _in_doubt(named: MisfitHypothesis, rivals: list[MisfitHypothesis]) -> MisfitHypothesis:
     """Say the second cause too, unless the first explains far more."""
     others = [rival for rival in rivals if rival.family != named.family]
     if not others:
@@ -138,7 +137,7 @@ def _in_doubt(named: Cause, rivals: list[Cause]) -> Cause:
     return replace(named, sentence=f"{named.sentence}; or {second.sentence}")
 
 
-def _finding(cause: Cause, weight: float, ratio: float, *, leading: bool) -> Finding:
+def _finding(cause: MisfitHypothesis, weight: float, ratio: float, *, leading: bool) -> Finding:
     stiffness, damping = marks_of(cause, weight)
     if cause.name == "change" and abs(cause.stiffness) > STOP_CHANGE:
         stiffness = damping = "do-not-trust"
@@ -151,14 +150,16 @@ def _finding(cause: Cause, weight: float, ratio: float, *, leading: bool) -> Fin
     return finding_of(cause, "with-care" if leading else "note", stiffness, damping)
 
 
-def finding_of(cause: Cause, severity: Severity, stiffness: Mark, damping: Mark) -> Finding:
+def finding_of(
+    cause: MisfitHypothesis, severity: Severity, stiffness: Mark, damping: Mark
+) -> Finding:
     """Return a cause as a finding, of this severity or what the marks make it."""
     moves = 100.0 * cause.stiffness, 100.0 * cause.damping
     words = cause.name, cause.sentence, cause.remedy
     return Finding(*words, severity, cause.z, stiffness, damping, *moves)
 
 
-def marks_of(cause: Cause, weight: float = 1.0) -> tuple[Mark, Mark]:
+def marks_of(cause: MisfitHypothesis, weight: float = 1.0) -> tuple[Mark, Mark]:
     """Return the marks of stiffness and damping, by how far a cause moves them."""
     stiffness = mark_of(weight * abs(cause.stiffness), STOP_STIFFNESS)
     return stiffness, mark_of(weight * abs(cause.damping), STOP_DAMPING)
@@ -178,7 +179,7 @@ def mark_of(moved: float, stop: float) -> Mark:
 BETTER = 0.9
 
 
-def better_law(fit: Fit) -> Cause | None:
+def better_law(fit: Fit) -> MisfitHypothesis | None:
     """The law that explains the samples clearly better; None where there is none.
 
     Clearly: the evidence is strong, and it leaves a tenth less of the force. It moves stiffness and
@@ -187,13 +188,14 @@ def better_law(fit: Fit) -> Cause | None:
     laws = fit.laws
     if laws is None or laws.own or not laws.verdict.known:
         return None
-    best, own = laws.verdict.standings[0], laws.verdict.standing_of(fit.estimate.law)
+    best, own = laws.verdict.model_ranking[0], laws.verdict.rank_of(fit.estimate.law)
     if own is None or not (own.score >= STRONG and best.rms_error <= BETTER * own.rms_error):
         return None
 
+    left, leaves = (format_quantity(each.rms_error, "N") for each in (own, best))
     sentence = (
-        f"another law is clearly better: {best.candidate} leaves {in_words(best.rms_error, 'N')} "
-        f"rms where {own.candidate} leaves {in_words(own.rms_error, 'N')}, by "
+        f"another law is clearly better: {best.candidate} leaves {leaves} "
+        f"rms where {own.candidate} leaves {left}, by "
         f"{rounded(laws.verdict.effective_samples, 3)} independent samples"
     )
     gain = 1.0 - (best.rms_error / own.rms_error) ** 2
@@ -202,7 +204,7 @@ def better_law(fit: Fit) -> Cause | None:
     if any(each.check == RELAXATION_STIFFNESS for each in laws.verdict.findings):
         # Of an approach alone, say: prediction gains, and K alone means little.
         remedy += ": K′ and B′ at the motion's frequency, not the relaxed stiffness"
-    return Cause("law", math.nan, gain, math.nan, sentence, remedy, moves, *moves(fit))
+    return MisfitHypothesis("law", math.nan, gain, math.nan, sentence, remedy, moves, *moves(fit))
 
 
 def _apart(fit: Fit, laws: Laws) -> tuple[float, float]:
@@ -226,7 +228,7 @@ FEWEST_MOVED = 0.005  # of the working depth; less moves no number by more than 
 RESOLVED = 5.0
 
 
-def surface(fit: Fit) -> list[Cause]:
+def surface(fit: Fit) -> list[MisfitHypothesis]:
     """Levenberg–Marquardt on (k, c, n, F₀, d), the free approach included; Hunt–Crossley only."""
     law = fit.solution.law
     if not law.power_law or not fit.with_offset:
@@ -247,7 +249,7 @@ def surface(fit: Fit) -> list[Cause]:
     return [_described(fit, after.parameters, error, gain)]
 
 
-def _described(fit: Fit, found: Floats, error: float, gain: float) -> Cause:
+def _described(fit: Fit, found: Floats, error: float, gain: float) -> MisfitHypothesis:
     k, c, n, _, depth = found.tolist()
     before, reference = fit.solution.law, fit.reference
 
@@ -259,14 +261,14 @@ def _described(fit: Fit, found: Floats, error: float, gain: float) -> Cause:
     after = fit.units.restored(HuntCrossley(k, c, n)).parameters / fit.law.parameters - 1.0
     way = "deeper than" if depth > 0.0 else "above where"
     sentence = (
-        f"the surface lies {in_words(abs(depth) * reference, 'm')} ± "
-        f"{in_words(error * reference, 'm')} {way} the penetration says: K {after[0]:+.0%}, "
+        f"the surface lies {format_quantity(abs(depth) * reference, 'm')} ± "
+        f"{format_quantity(error * reference, 'm')} {way} the penetration says: K {after[0]:+.0%}, "
         f"B {after[1]:+.0%}, while stiffness and damping at working depth hardly move"
     )
     parameter = abs((n - before.parameters[2]) * math.log(reference)) + n * abs(depth)
     z = abs(depth) / max(error, 1e-300)
     remedy = "--surface estimate"
-    return Cause("surface", z, gain, parameter, sentence, remedy, moves, *moves(fit))
+    return MisfitHypothesis("surface", z, gain, parameter, sentence, remedy, moves, *moves(fit))
 
 
 def _samples(fit: Fit) -> Floats:
@@ -343,7 +345,7 @@ def offset(fit: Fit) -> Finding | None:
         return None
     return Finding(
         "offset",
-        f"the law wants a zero of the force {in_words(abs(difference), 'N')} "
+        f"the law wants a zero of the force {format_quantity(abs(difference), 'N')} "
         f"{'above' if difference > 0 else 'below'} that in free air: it is another law at light "
         "touch, or the tare is wrong",
         "--tare START:STOP over a time without contact",
@@ -383,8 +385,9 @@ def extrapolation(fit: Fit) -> Finding | None:
     return Finding.of_both(
         "with-care",
         "depth",
-        f"the working depth, {in_words(fit.depth, 'm')}, lies outside the depths in contact, "
-        f"{in_words(least, 'm')} to {in_words(peak, 'm')}: the law is extrapolated",
+        f"the working depth, {format_quantity(fit.depth, 'm')}, lies outside the depths in "
+        f"contact, {format_quantity(least, 'm')} to {format_quantity(peak, 'm')}: the law "
+        "is extrapolated",
         "choose another with --at, or press as deep",
     )
 
@@ -452,9 +455,9 @@ def working_depth(fit: Fit, judged: Judged) -> WorkingDepth:
     moved = np.maximum(moved, np.where(apart > OFF * errors, apart, 0.0))
     if not fit.with_offset:
         moved = np.maximum(moved, _without_offset(fit))
-    if fit.alike is not None:
+    if fit.equivalent is not None:
         # Where memory was taken out of the force, its least squares take it for known.
-        own = fit.alike.own_errors
+        own = fit.equivalent.own_errors
         errors = np.where(own > errors, own, errors)
     return _numbers(fit, _with_surface(fit, errors), moved)
 
@@ -498,7 +501,7 @@ def _without_offset(fit: Fit) -> Floats:
 
     No tare is exact; what it leaves is in no residual that a stiffness can take up.
     """
-    found = beside(fit, np.ones(len(fit.band)))
+    found = augmented_fit(fit, np.ones(len(fit.band)))
     if found is None:
         return np.zeros(3)
     moved = np.abs(fit.gradients @ found.change[: len(fit.solution.law.symbols)])

@@ -137,7 +137,7 @@ class LeastSquaresOfLaw(PythonEstimator):
                 self._commit(search=self._samples >= self._search)
         return status
 
-    def settle(self) -> None:
+    def finish_pending(self) -> None:
         """Fit all samples that there are, from many starts."""
         if self._samples >= FEWEST:
             self._commit(search=True)

@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 import palpate._core as _core
 from palpate.digits import rounded
+from palpate.errors import OldName
 from palpate.estimators.estimate import Estimate
 from palpate.findings import Finding
 from palpate.force_laws import ForceLaw, GeneralisedHuntCrossley
@@ -78,7 +79,7 @@ UNDECIDED, STRONG = 2.0, 10.0
 
 
 @dataclass(frozen=True, slots=True)
-class Standing:
+class RankedModel:
     """How a law that was offered stood at the last verdict.
 
     Attributes
@@ -97,7 +98,7 @@ class Standing:
     rms_error: float
 
     @property
-    def words(self) -> str:
+    def meaning(self) -> str:
         """What its score means."""
         if self.score == 0.0:
             return "chosen"
@@ -132,7 +133,7 @@ class LawVerdict(Plain):
     ----------
     candidate : Candidate
         The law that was chosen.
-    standings : tuple of Standing
+    model_ranking : tuple of RankedModel
         Of the laws that were offered, the best first; empty before the first verdict.
     samples : float
         Samples that the evidence is of, less what was forgotten.
@@ -147,12 +148,14 @@ class LawVerdict(Plain):
     """
 
     candidate: Candidate
-    standings: tuple[Standing, ...]
+    model_ranking: tuple[RankedModel, ...]
     samples: float
     effective_samples: float
     depth: float
     frequency: float
     findings: tuple[Finding, ...] = ()
+
+    standings, standing_of = OldName("model_ranking"), OldName("rank_of")
 
     @property
     def flags(self) -> tuple[str, ...]:
@@ -162,14 +165,15 @@ class LawVerdict(Plain):
     def as_dict(self) -> dict[str, Any]:
         """Return it as plain numbers and words; the standings in their order."""
         whole = Plain.as_dict(self)
+        whole["standings"] = whole.pop("model_ranking")
         return {"law": str(self.candidate), **whole.pop("candidate"), **whole}
 
     def __str__(self) -> str:
         if not self.known:
             return f"law: {self.candidate}, for want of samples"
         words = "the only one that was offered"
-        if len(self.standings) > 1:
-            other = self.standings[1]
+        if len(self.model_ranking) > 1:
+            other = self.model_ranking[1]
             words = f"which {other.candidate} cannot be told from"
             if other.score >= UNDECIDED:
                 words = f"before {other.candidate} by {rounded(other.score, 3)}"
@@ -185,24 +189,24 @@ class LawVerdict(Plain):
         def candidate(each: Mapping[str, Any]) -> Candidate:
             return Candidate(each["damping"], each["memory"], each["linear"])
 
-        standings = (
-            Standing(candidate(each), or_nan(each["score"]), or_nan(each["rms_error"]))
+        model_ranking = (
+            RankedModel(candidate(each), or_nan(each["score"]), or_nan(each["rms_error"]))
             for each in words["standings"]
         )
         numbers = {name: or_nan(words[name]) for name in _NUMBERS}
         said = words["findings"] if "findings" in words else words["flags"]  # in schema 1
         findings = tuple(map(Finding.from_dict, said))
-        return cls(candidate(words), tuple(standings), **numbers, findings=findings)
+        return cls(candidate(words), tuple(model_ranking), **numbers, findings=findings)
 
-    def standing_of(self, law: ForceLaw) -> Standing | None:
+    def rank_of(self, law: ForceLaw) -> RankedModel | None:
         """Return how an identified law stood; None where it was not offered."""
         wanted = law.candidate and Candidate(*law.candidate)
-        return next((each for each in self.standings if each.candidate == wanted), None)
+        return next((each for each in self.model_ranking if each.candidate == wanted), None)
 
     @property
     def known(self) -> bool:
         """Whether it is of the samples that there are, and not of a lead-in that was given up."""
-        return bool(self.standings) and 2.0 * self.samples >= self.effective_samples
+        return bool(self.model_ranking) and 2.0 * self.samples >= self.effective_samples
 
     @property
     def band(self) -> tuple[float, float]:
@@ -296,20 +300,20 @@ _NOISY = 0.02
 
 
 def _open_law(
-    evidence: Evidence, standings: tuple[Standing, ...], law: GeneralisedHuntCrossley
+    evidence: Evidence, model_ranking: tuple[RankedModel, ...], law: GeneralisedHuntCrossley
 ) -> Iterator[Finding]:
     """What the samples leave open of which law it is; nothing before the first verdict."""
-    if not standings:
+    if not model_ranking:
         return
     # A motion at one speed, such as an approach alone, tells damper and spring apart by the noise.
-    if tied := [str(each.candidate) for each in standings[1:] if each.score < UNDECIDED]:
+    if tied := [str(each.candidate) for each in model_ranking[1:] if each.score < UNDECIDED]:
         yield Finding(
             "which law",
             f"the samples do not tell it from {' or '.join(tied)}, and the error bars are of the "
             "one law alone",
             "press and let go, at several speeds",
         )
-    stand = {each.candidate for each in standings}
+    stand = {each.candidate for each in model_ranking}
     if any(each.memory != "none" and each not in stand for each in evidence.laws):
         yield Finding(
             "which law",
@@ -329,7 +333,7 @@ def _open_law(
     depth, shallowest = evidence.depth, evidence.shallowest
     if shallowest is None or not (depth > 0.0 and law.stiffness > 0.0):
         return
-    n, noise = law.exponent, standings[0].rms_error
+    n, noise = law.exponent, model_ranking[0].rms_error
     force = law.stiffness * depth**n
     # Two deviations above none, one sample in forty is left out.
     if noise > _NOISY * force and force * (shallowest / depth) ** n < 2.0 * noise:
@@ -394,13 +398,13 @@ def verdict_of(evidence: Evidence, estimate: Estimate) -> LawVerdict:
     """
     ranked = sorted(evidence.rows, key=lambda row: row[1])
     least = ranked[0][1] if ranked else 0.0
-    standings = tuple(
-        Standing(CANDIDATES[int(index)], score - least, math.sqrt(mean_square))
+    model_ranking = tuple(
+        RankedModel(CANDIDATES[int(index)], score - least, math.sqrt(mean_square))
         for index, score, mean_square in ranked
     )
     findings = (
-        *_open_law(evidence, standings, estimate.law),
+        *_open_law(evidence, model_ranking, estimate.law),
         *_open_memory(evidence, estimate),
     )
     numbers = {name: getattr(evidence, name) for name in _NUMBERS}
-    return LawVerdict(CANDIDATES[evidence.chosen], standings, **numbers, findings=findings)
+    return LawVerdict(CANDIDATES[evidence.chosen], model_ranking, **numbers, findings=findings)

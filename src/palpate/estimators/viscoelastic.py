@@ -3,7 +3,7 @@
 from typing import Any, Literal
 
 import palpate._core as _core
-from palpate.errors import InvalidParameterError
+from palpate.errors import InvalidParameterError, OldName
 from palpate.estimators.contact_estimator import CompiledEstimator, Rejection, loop_settings
 from palpate.estimators.law_verdicts import (
     CANDIDATES,
@@ -44,7 +44,7 @@ class ViscoelasticContact(CompiledEstimator, _core.ViscoelasticContact):
     N_eff ln(RSS/N) + 2 p ln N_eff wins, as the samples come: Schwarz's criterion with twice the
     penalty, N_eff the samples that noise of the residual's correlation leaves of N. Verdict and
     estimate are worked out a little at every sample: a verdict when there are an eighth more
-    samples, the estimate when there are a 32nd more, and both at once by :meth:`settle`.
+    samples, the estimate when there are a 32nd more, and both at once by :meth:`finish_pending`.
     ``docs/viscoelastic.md`` says the rest.
 
     What the material remembers is what the penetration made it: it is carried through loss of
@@ -93,6 +93,7 @@ class ViscoelasticContact(CompiledEstimator, _core.ViscoelasticContact):
     chooses_law = True
     knows_offset = True
     exponents = _DEFAULTS["exponent_range"]
+    settle = OldName("finish_pending")
 
     def __init__(
         self,
@@ -172,7 +173,7 @@ class ViscoelasticContact(CompiledEstimator, _core.ViscoelasticContact):
         verdict, estimate = self.verdict(), self.estimate()
         low, high = verdict.band
         # Without a verdict the law is where it starts, or of a motion of before a change.
-        if not (verdict.standings and high > 0.0 and verdict.depth > 0.0):
+        if not (verdict.model_ranking and high > 0.0 and verdict.depth > 0.0):
             raise InvalidParameterError("frequency must be one of the motion: none is known yet")
         omega = verdict.frequency if frequency is None else number("frequency", frequency)
         if not low <= omega <= high:

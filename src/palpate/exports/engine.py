@@ -153,7 +153,7 @@ class ProbeMotion:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Asked:
+class ExportRequest:
     """A law to be carried into an engine, and for what.
 
     Attributes
@@ -251,11 +251,11 @@ def drop_to(law: GeneralisedHuntCrossley, mass: float, depth: float) -> Drop:
     if law.damping_exponent == law.exponent or law.damping == 0.0:
         e = restitution(law.damping / law.stiffness, speed)
     else:
-        e = rebound(force, mass, speed, step)
+        e = drop_restitution(force, mass, speed, step)
     return Drop(mass, speed, depth, e)
 
 
-def rebound(force: Pointwise, mass: float, speed: float, step: float) -> float:
+def drop_restitution(force: Pointwise, mass: float, speed: float, step: float) -> float:
     """Restitution of a body that meets a material which cannot pull, by RK4 with a step [s].
 
     Parameters
@@ -288,10 +288,10 @@ def state_by_state(motion: ProbeMotion, force: Pointwise) -> Floats:
     return np.array([force(x, v) for x, v in states], dtype=np.float64)
 
 
-def rebound_by(law: GeneralisedHuntCrossley, drop: Drop) -> float:
+def restitution_by(law: GeneralisedHuntCrossley, drop: Drop) -> float:
     """Restitution by another law of a body that meets it as a drop does."""
     step = half_period(law, drop.mass, drop.depth) / _STEPS
-    return rebound(law.force, drop.mass, drop.speed, step)
+    return drop_restitution(law.force, drop.mass, drop.speed, step)
 
 
 def half_period(law: GeneralisedHuntCrossley, mass: float, depth: float) -> float:
@@ -568,7 +568,7 @@ class Fragment(ABC):
     ----------
     form : str
         Which of the engine's ways.
-    asked : Asked
+    request : ExportRequest
         What it was made for.
     numbers : mapping of str to float
         The engine's own parameters by their names.
@@ -587,7 +587,7 @@ class Fragment(ABC):
 
     most_samples: ClassVar[int] = MOST_SAMPLES
     form: str
-    asked: Asked = field(repr=False)
+    request: ExportRequest = field(repr=False)
     numbers: Mapping[str, float]
     engine_law: GeneralisedHuntCrossley | None = None
     exact: bool = False
@@ -609,16 +609,16 @@ class Fragment(ABC):
         assert self.engine_law is not None  # or this is overridden
         return np.maximum(motion.force_by(self.engine_law), 0.0)
 
-    def predicted_rebound(self, drop: Drop) -> float:
+    def predicted_restitution(self, drop: Drop) -> float:
         """Restitution that the engine will have in a drop."""
         assert self.engine_law is not None
-        return rebound_by(self.engine_law, drop)
+        return restitution_by(self.engine_law, drop)
 
     def replay(self, motion: ProbeMotion) -> Replayed | None:
         """Return what the real engine does along a motion; None of one that is not run here."""
         return None
 
-    def rebound(self, drop: Drop) -> float | None:
+    def drop_restitution(self, drop: Drop) -> float | None:
         """Restitution in the real engine in a drop, at the time step; None where it is not run."""
         return None
 
@@ -653,7 +653,7 @@ class Engine(ABC):
     continuous: ClassVar[bool] = False
 
     @abstractmethod
-    def fit(self, asked: Asked) -> Fragment:
+    def fit(self, request: ExportRequest) -> Fragment:
         """Return the law in this engine's numbers.
 
         Raises

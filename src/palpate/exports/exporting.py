@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from palpate.errors import ExportRefusedError, InvalidParameterError, MissingExtraError
-from palpate.exports.engine import Asked, Engine, Fragment, ProbeMotion, engine_called
+from palpate.exports.engine import Engine, ExportRequest, Fragment, ProbeMotion, engine_called
 from palpate.exports.statement import Exportable, ExportedLaw, Statement, compared
 from palpate.lab.materials import Touch
 from palpate.validation import Floats, number_in
@@ -45,7 +45,7 @@ class Export:
     files: Mapping[str, str] = field(repr=False)
 
     def __str__(self) -> str:
-        return "\n".join(self.statement.words())
+        return "\n".join(self.statement.describe())
 
     def save(self, folder: str | Path, *, inputs: Sequence[Path] = ()) -> list[Path]:
         """Write fragment, scene and statement to a folder, each whole or not at all.
@@ -121,7 +121,7 @@ def export(
     if radius is not None:
         number_in("tip_radius", radius, 0.0, 1.0, open_low=True)
     step = 1e-3 if time_step is None else time_step
-    asked = Asked(
+    request = ExportRequest(
         law=nearest.law,
         motion=source.motion,
         mass=None if mass is None else number_in("mass", mass, 0.0, 1e6, open_low=True),
@@ -133,8 +133,8 @@ def export(
     )
     if model is not None and time_step is not None:
         raise InvalidParameterError("give time_step or model: a model has a time step of its own")
-    _check(engine, asked, given_radius=tip_radius is not None)
-    fragment = engine.fit(asked)
+    _check(engine, request, given_radius=tip_radius is not None)
+    fragment = engine.fit(request)
     found = compared(source, nearest, fragment, replay=replay and engine.version() is not None)
     statement = Statement(source, nearest, engine, fragment, found, allow)
     if statement.refused:
@@ -142,18 +142,18 @@ def export(
     return Export(statement, fragment, fragment.files(statement.notes()))
 
 
-def _check(engine: Engine, asked: Asked, *, given_radius: bool) -> None:
+def _check(engine: Engine, request: ExportRequest, *, given_radius: bool) -> None:
     """Refuse what the engine can do nothing with, rather than ignore it."""
-    if asked.form != "auto" and asked.form not in engine.forms:
+    if request.form != "auto" and request.form not in engine.forms:
         known = ", ".join(["auto", *engine.forms])
         raise InvalidParameterError(
-            f"form must be one of {known} for {engine.name}, not {asked.form!r}"
+            f"form must be one of {known} for {engine.name}, not {request.form!r}"
         )
-    if asked.model is not None and asked.mass is not None:
+    if request.model is not None and request.mass is not None:
         raise InvalidParameterError("give mass or model: what the contact feels is taken from one")
-    if asked.geom is not None and asked.model is None and "geom" in engine.takes:
+    if request.geom is not None and request.model is None and "geom" in engine.takes:
         raise InvalidParameterError("geom names one of a model: give that too, as --model FILE")
-    given = {"model": asked.model, "geom": asked.geom, "tip_radius": given_radius or None}
+    given = {"model": request.model, "geom": request.geom, "tip_radius": given_radius or None}
     for name, value in given.items():
         if value is not None and name not in engine.takes:
             raise InvalidParameterError(f"{name} means nothing to {engine.title}: leave it out")
@@ -206,7 +206,7 @@ def _written(
     listed = [f"- `{name}`" for name in files] or ["Nothing was exported."]
     if left:
         listed.append(f"\nOf an earlier export, and not of this one: {', '.join(left)}.")
-    page = "\n\n".join([title, *statement.words(), "\n".join(listed)])
+    page = "\n\n".join([title, *statement.describe(), "\n".join(listed)])
     number, words = STATEMENT
     texts = {**files, words: page + "\n"}
     digests = {name: _digest(text) for name, text in texts.items()}
@@ -265,7 +265,7 @@ class InAnEngine:
         return force
 
 
-class Pressed(InAnEngine):
+class SimulatedContact(InAnEngine):
     """A material of the laboratory whose force is that of the real engine, state by state.
 
     The round trip: of what an engine makes of a law the laboratory records a contact, which is

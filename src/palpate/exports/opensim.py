@@ -12,9 +12,9 @@ from typing import Any, ClassVar
 
 from palpate.errors import InvalidParameterError
 from palpate.exports.engine import (
-    Asked,
     Drop,
     Engine,
+    ExportRequest,
     Fragment,
     ProbeMotion,
     Replayed,
@@ -57,7 +57,7 @@ class OpenSimScene:
         self._model.realizeDynamics(self._state)
         return -float(self._force.getRecordValues(self._state).get(self._column))
 
-    def rebound(self, drop: Drop) -> float:
+    def drop_restitution(self, drop: Drop) -> float:
         """Restitution of a body of the drop's mass; 0 of one that stays."""
         step = drop.depth / drop.speed / _LOOKS
         self._model.getBodySet().get("tip").setMass(drop.mass)
@@ -102,14 +102,14 @@ class SphereOnHalfSpace(Fragment):
 
     def files(self, notes: Sequence[str]) -> Mapping[str, str]:
         """Return a model, with the force to paste, and a script that drops the tip."""
-        mass, radius = self.asked.mass_or_one, self.numbers["radius"]
+        mass, radius = self.request.mass_or_one, self.numbers["radius"]
         # Of a solid sphere; on its slide the tip does not turn.
         tip = {"mass": mass, "inertia": 0.4 * mass * radius**2, "above": -radius}
         contact = {**self.numbers, "rigid": RIGID * self.numbers["stiffness"]}
         comment = xml_comment([*notes, *_HEED])
         model = template("opensim.osim", comment=comment, **tip, **contact)
         comment = hash_comment([*notes, *_HEED])
-        how = {"speed": self.asked.motion.fastest, "time_step": self.asked.time_step}
+        how = {"speed": self.request.motion.fastest, "time_step": self.request.time_step}
         scene = template("opensim_scene.py.txt", comment=comment, **how)
         return {"contact.osim": model, "scene.py": scene}
 
@@ -118,9 +118,9 @@ class SphereOnHalfSpace(Fragment):
         scene = OpenSimScene(self.files(())["contact.osim"])
         return Replayed(state_by_state(motion, scene.force), "state by state")
 
-    def rebound(self, drop: Drop) -> float:
+    def drop_restitution(self, drop: Drop) -> float:
         """Restitution in OpenSim, whose integrator keeps to an accuracy and not to a step."""
-        return OpenSimScene(self.files(())["contact.osim"]).rebound(drop)
+        return OpenSimScene(self.files(())["contact.osim"]).drop_restitution(drop)
 
 
 class OpenSim(Engine):
@@ -135,7 +135,7 @@ class OpenSim(Engine):
     extra: ClassVar[str] = "peers"
     takes: ClassVar[frozenset[str]] = frozenset({"tip_radius"})
 
-    def fit(self, asked: Asked) -> SphereOnHalfSpace:
+    def fit(self, request: ExportRequest) -> SphereOnHalfSpace:
         """Return the law as a HuntCrossleyForce: exactly at n = p = 3/2, else the nearest.
 
         Raises
@@ -143,32 +143,32 @@ class OpenSim(Engine):
         InvalidParameterError
             The tip's radius is not given.
         """
-        if asked.tip_radius is None:
+        if request.tip_radius is None:
             raise InvalidParameterError(
                 "tip_radius is needed for OpenSim, whose force goes with its root: give that of "
                 "the tip, as in --tip-radius 5mm"
             )
-        law, radius = with_one_exponent(asked.law, asked.motion, _EXPONENT), asked.tip_radius
+        law, radius = with_one_exponent(request.law, request.motion, _EXPONENT), request.tip_radius
         warnings = [
             f"for a tip of {1e3 * radius:.4g} mm only: the force goes with the root of the radius"
         ]
-        if asked.motion.deepest > radius:
+        if request.motion.deepest > radius:
             warnings.append(
                 "the tip was pressed deeper than its radius: OpenSim takes the law as it stands "
                 "there"
             )
-        if asked.law.damping < 0.0:
+        if request.law.damping < 0.0:
             warnings.append("the law's damping is negative: it is written as 0")
         return SphereOnHalfSpace(
             form="hunt-crossley",
-            asked=asked,
+            request=request,
             numbers={
                 "stiffness": law.stiffness / (4.0 / 3.0 * radius**0.5),
                 "dissipation": law.damping / law.stiffness / 1.5,
                 "radius": radius,
             },
             engine_law=law,
-            exact=law == asked.law,
+            exact=law == request.law,
             findings=warned(*warnings),
         )
 

@@ -96,7 +96,7 @@ class ExportedLaw:
         judged: Diagnosis | SavedResult
         try:
             if isinstance(result, Identification):
-                judged, flags, tip = result.diagnosis, result.flags, result.wanted.tip
+                judged, flags, tip = result.diagnosis, result.flags, result.query.tip
                 radius = tip.radius if isinstance(tip, Sphere) else None
             else:
                 judged, [found] = result, result.description["results"]
@@ -190,8 +190,8 @@ class Compared:
     against_measured_percent: float | None
     law_leaves_percent: float | None
     drop: Drop
-    predicted_rebound: float
-    replayed_rebound: float | None
+    predicted_restitution: float
+    replayed_restitution: float | None
 
     @property
     def replayed(self) -> bool:
@@ -206,15 +206,19 @@ class Compared:
         return self.replayed_percent
 
     @property
-    def rebound(self) -> float:
+    def drop_restitution(self) -> float:
         """Restitution by the engine in the drop: replayed, or else predicted."""
-        return self.predicted_rebound if self.replayed_rebound is None else self.replayed_rebound
+        return (
+            self.predicted_restitution
+            if self.replayed_restitution is None
+            else self.replayed_restitution
+        )
 
     @property
-    def rebound_percent(self) -> float:
+    def restitution_percent(self) -> float:
         """Error of that restitution, of the law's; NaN of a law by which nothing rebounds."""
         law = self.drop.restitution
-        return 100.0 * (self.rebound / law - 1.0) if law > 0.0 else float("nan")
+        return 100.0 * (self.drop_restitution / law - 1.0) if law > 0.0 else float("nan")
 
 
 def compared(
@@ -245,14 +249,14 @@ def compared(
         if _interrupted(error):
             raise KeyboardInterrupt from None
         fails = " ".join(str(error).split())
-    drop = drop_to(nearest.law, fragment.asked.mass_or_one, whole.deepest)
+    drop = drop_to(nearest.law, fragment.request.mass_or_one, whole.deepest)
 
     def off(force: Floats, reference: Floats | None) -> float | None:
         return None if reference is None else force_error(force, reference, motion.judged)
 
     # A simulation that runs away at the time step asked for is refused, and not dropped.
     limit = fragment.largest_step
-    stable = limit is None or fragment.asked.time_step < limit
+    stable = limit is None or fragment.request.time_step < limit
     return Compared(
         how="" if ran is None else ran.how,
         fails=fails,
@@ -261,8 +265,10 @@ def compared(
         against_measured_percent=off(predicted if ran is None else ran.force, motion.force),
         law_leaves_percent=off(law, motion.force),
         drop=drop,
-        predicted_rebound=fragment.predicted_rebound(drop),
-        replayed_rebound=fragment.rebound(drop) if ran is not None and stable else None,
+        predicted_restitution=fragment.predicted_restitution(drop),
+        replayed_restitution=fragment.drop_restitution(drop)
+        if ran is not None and stable
+        else None,
     )
 
 
@@ -351,17 +357,18 @@ class Statement:
                 f"the force of the engine is off by {percent(found.percent)}, more than "
                 f"{MOST_PERCENT:g} %, {'replayed' if found.replayed else 'as predicted'}"
             )
-        if abs(found.rebound_percent) > REBOUND_PERCENT:
+        if abs(found.restitution_percent) > REBOUND_PERCENT:
             result += warned(
-                f"impacts will be wrong: a restitution of {rounded(found.rebound, 3)}, where the "
-                f"law has {rounded(found.drop.restitution, 3)}"
+                "impacts will be wrong: a restitution of "
+                f"{rounded(found.drop_restitution, 3)}, where the law has "
+                f"{rounded(found.drop.restitution, 3)}"
             )
         if found.drop.speed > source.motion.fastest and verdict is not None:
             result += warned(
                 f"the law was identified at speeds to {length(source.motion.fastest, 2)}/s: an "
                 f"impact at {rounded(found.drop.speed, 2)} m/s is beyond the recording"
             )
-        limit, step = self.fragment.largest_step, self.fragment.asked.time_step
+        limit, step = self.fragment.largest_step, self.fragment.request.time_step
         if limit is not None and step >= limit:
             result += refused(
                 f"the simulation is unstable at a time step of {_ms(step)}: it has to be below "
@@ -408,12 +415,12 @@ class Statement:
         motion = self.source.motion
         depths = f"{length(motion.shallowest, 2)} to {length(motion.deepest, 3)}"
         where = f"depths {depths} at speeds to {length(motion.fastest, 2)}/s"
-        said = f"{self._force()} on {motion.source}, {where}; {self._rebound()}"
+        said = f"{self._force()} on {motion.source}, {where}; {self._describe_restitution()}"
         if not self.refusals:
             return said
         return f"{said}; allowed although {'; and although '.join(self.refusals)}"
 
-    def words(self) -> list[str]:
+    def describe(self) -> list[str]:
         """Return the statement as lines: claim, origin, the three numbers, numbers, warnings."""
         title = " ".join(filter(None, (self.engine.title, self.engine.version())))
         lines = [f"{title}, {self.fragment.form}: {self.claim}.", *self.basis(), *self.law_lines()]
@@ -461,11 +468,11 @@ class Statement:
 
     def notes(self) -> list[str]:
         """Return the lines that a fragment carries as a comment."""
-        return [f"palpate {__version__}", *self.words()]
+        return [f"palpate {__version__}", *self.describe()]
 
     def as_dict(self) -> dict[str, Any]:
         """Return the statement as plain numbers and words, SI; what is not defined is None."""
-        source, found, asked = self.source, self.compared, self.fragment.asked
+        source, found, request = self.source, self.compared, self.fragment.request
         errors, drop = source.standard_errors, found.drop
         law, exported = source.law.as_dict(), self.nearest.law.simplest()
         return {
@@ -495,9 +502,9 @@ class Statement:
                 "speed": defined(drop.speed),
                 "depth": drop.depth,
                 "restitution_of_law": defined(drop.restitution),
-                "restitution": defined(found.rebound),
-                "error_percent": defined(found.rebound_percent),
-                "replayed": found.replayed_rebound is not None,
+                "restitution": defined(found.drop_restitution),
+                "error_percent": defined(found.restitution_percent),
+                "replayed": found.replayed_restitution is not None,
             },
             "law": {"kind": source.law.kind, **law},
             "standard_errors": (
@@ -511,8 +518,8 @@ class Statement:
                 **exported.as_dict(),
             },
             "numbers": {name: defined(value) for name, value in self.fragment.numbers.items()},
-            "mass": asked.mass,
-            "time_step": asked.time_step,
+            "mass": request.mass,
+            "time_step": request.time_step,
             "largest_time_step": defined(self.fragment.largest_step),
             "source": source.name or None,
             "motion": source.motion.source,
@@ -527,16 +534,16 @@ class Statement:
         how = "replayed" if self.compared.replayed else "predicted, not replayed here"
         return f"within {percent(self.compared.percent)} of the law's force ({how})"
 
-    def _rebound(self) -> str:
+    def _describe_restitution(self) -> str:
         found = self.compared
-        how = "" if found.replayed_rebound is not None else ", predicted"
+        how = "" if found.replayed_restitution is not None else ", predicted"
         drop, mass = found.drop, rounded(found.drop.mass, 3)
-        if not math.isfinite(found.rebound_percent):
+        if not math.isfinite(found.restitution_percent):
             return "no restitution: by the law a free body does not rebound"
-        assumed = "" if self.fragment.asked.mass is not None else " (assumed)"
-        numbers = f"{rounded(found.rebound, 3)} for {rounded(drop.restitution, 3)}"
+        assumed = "" if self.fragment.request.mass is not None else " (assumed)"
+        numbers = f"{rounded(found.drop_restitution, 3)} for {rounded(drop.restitution, 3)}"
         return (
-            f"restitution within {percent(abs(found.rebound_percent))} "
+            f"restitution within {percent(abs(found.restitution_percent))} "
             f"({numbers}{how}) where {mass} kg{assumed} meets it at "
             f"{rounded(drop.speed, 2)} m/s, to {length(drop.depth, 3)}"
         )

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from palpate.exports.engine import (
-    Asked,
     Engine,
+    ExportRequest,
     Fragment,
     hash_comment,
     is_kelvin_voigt,
@@ -37,8 +37,8 @@ class _Material(Fragment):
     """One material, of two numbers."""
 
     def files(self, notes: Sequence[str]) -> Mapping[str, str]:
-        law, asked, comment = self.engine_law, self.asked, hash_comment(notes)
-        scene = {"radius": asked.radius_or_any, "mass": asked.mass_or_one}
+        law, request, comment = self.engine_law, self.request, hash_comment(notes)
+        scene = {"radius": request.radius_or_any, "mass": request.mass_or_one}
         return {
             "material.usda": template("usd_material.usda", comment=comment, law=law),
             "scene.usda": template("usd_scene.usda", comment=comment, **scene),
@@ -53,10 +53,10 @@ class Usd(Engine):
     forms: ClassVar[Mapping[str, str]] = {"kelvin-voigt": "F = K x + B v, in two numbers"}
     takes: ClassVar[frozenset[str]] = frozenset({"tip_radius"})
 
-    def fit(self, asked: Asked) -> Fragment:
+    def fit(self, request: ExportRequest) -> Fragment:
         """Return the nearest Kelvin–Voigt law as a material."""
-        law = kelvin_voigt(asked.law, asked.motion)
-        limit = stable_step(law, asked.mass_or_one, asked.motion.deepest)
+        law = kelvin_voigt(request.law, request.motion)
+        limit = stable_step(law, request.mass_or_one, request.motion.deepest)
         # PhysX and Newton's MuJoCo do not take the contact explicitly.
         explicit = (
             "an explicit solver, such as Newton's semi-implicit one, is unstable from a time step "
@@ -64,7 +64,7 @@ class Usd(Engine):
         )
         return _Material(
             form="kelvin-voigt",
-            asked=asked,
+            request=request,
             numbers={
                 "newton:contactStiffness": law.stiffness,
                 "newton:contactDamping": law.damping,
@@ -72,8 +72,8 @@ class Usd(Engine):
                 "physxMaterial:compliantContactDamping": law.damping,
             },
             engine_law=law,
-            exact=is_kelvin_voigt(asked.law),
-            findings=warned(*_ALWAYS, *([explicit] if asked.time_step >= 0.5 * limit else [])),
+            exact=is_kelvin_voigt(request.law),
+            findings=warned(*_ALWAYS, *([explicit] if request.time_step >= 0.5 * limit else [])),
         )
 
 

@@ -84,28 +84,28 @@ def draw(identification: Identified, *, dark: bool = False, width: float | None 
     look, result = look_of(dark=dark, width=width), identification
     condition = result.estimator.needs_condition_10
     if look.narrow:
-        drawn, heights = [], [1.1, 1.3, 1.0, 1.0, 1.0, *([1.0] * condition)]
+        rendered, heights = [], [1.1, 1.3, 1.0, 1.0, 1.0, *([1.0] * condition)]
         height = 1.7 * sum(heights) + 1.8
     else:
         # Of a law that was chosen those that were looked for: others have no course.
         every = not result.estimator.chooses_law
-        drawn = [row for row in parameter_rows(result) if every or row.estimated]
-        heights = [1.25, 0.95, *([0.85] * math.ceil(len(drawn) / _IN_A_ROW)), 0.85]
+        rendered = [row for row in parameter_rows(result) if every or row.estimated]
+        heights = [1.25, 0.95, *([0.85] * math.ceil(len(rendered) / _IN_A_ROW)), 0.85]
         height = 2.7 * sum(heights)
     with drawing(look, height) as figure:
         if look.narrow:
             panels = list(figure.subplots(len(heights), 1, height_ratios=heights))
         else:
-            panels = _on_a_page(figure, heights, len(drawn))
+            panels = _on_a_page(figure, heights, len(rendered))
         course = course_of(result, result.diagnosis.working_depth.depth)
         draw_force(panels[0], result, look)
         draw_loop(panels[1], result, look)
         head(panels[1], "Force over penetration")
         draw_at_depth(panels[2], result, course, "stiffness", look)
         draw_at_depth(panels[3], result, course, "damping", look)
-        for axes, parameter in zip(panels[4:], drawn, strict=False):
+        for axes, parameter in zip(panels[4:], rendered, strict=False):
             draw_parameter(axes, result, course, parameter, look)
-        residual, *check = panels[4 + len(drawn) :]
+        residual, *check = panels[4 + len(rendered) :]
         draw_residual(residual, result, look)
         if condition:
             draw_condition(check[0], result, course, look)
@@ -141,8 +141,8 @@ def _on_a_page(figure: "Figure", heights: list[float], parameters: int) -> "list
 def _caption(result: Identified) -> str:
     white = result.estimator.minimises is not None
     taken = ", which takes the noise for white" if white else ""
-    if result.stretches:
-        kind = "place" if result.stretches[0].place is not None else "stretch"
+    if result.segments:
+        kind = "place" if result.segments[0].place is not None else "stretch"
         last = f"Boxes: the result of each {kind}, ±2 s.e. with what the findings would move"
     else:
         last = (
@@ -242,11 +242,11 @@ def _draw(
     axes.locator_params(axis="y", nbins=6)
 
 
-def _mark_frequencies(axes: "Axes", drawn: Sequence[float]) -> None:
+def _mark_frequencies(axes: "Axes", rendered: Sequence[float]) -> None:
     """Ticks at the ends of the band and its middle: a decade has none within a factor of four."""
     from matplotlib.ticker import FixedLocator, NullLocator
 
-    low, high = min(drawn) / (2.0 * math.pi), max(drawn) / (2.0 * math.pi)
+    low, high = min(rendered) / (2.0 * math.pi), max(rendered) / (2.0 * math.pi)
     hertz = [low, math.sqrt(low * high), high]
     axes.xaxis.set_major_locator(FixedLocator(hertz))
     axes.xaxis.set_minor_locator(NullLocator())
@@ -275,7 +275,7 @@ def draw_values(
 ) -> None:
     """Two panels beside one another, a row for each result."""
     there = [result.diagnosis.working_depth for result in results]
-    at = _depth_in_words([each.depth for each in there])
+    at = _format_depths([each.depth for each in there])
     both = [felt(result) for result in results]
     _draw_dots(stiffness, [each for each, _ in both], ("Stiffness", "N/m"), look)
     _draw_dots(damping, [each for _, each in both], ("Damping", "N·s/m"), look)
@@ -285,7 +285,7 @@ def draw_values(
     head(damping, f"Damping {at}")
 
 
-def _depth_in_words(depths: Sequence[float]) -> str:
+def _format_depths(depths: Sequence[float]) -> str:
     """The depth that all values are for; methods that take other samples may differ in it."""
     scale = scale_of(depths[0], "m")
     low, high = (scale.factor * depth for depth in (min(depths), max(depths)))

@@ -59,7 +59,7 @@ def at_depth(result: Identified, names: Iterable[str] = _UNITS) -> str:
     there, words = result.diagnosis.working_depth, []
     for name in names:
         found: Quantity = getattr(there, name)
-        words.append(f"{name} {found.words(_UNITS[name]).replace(' ', JOINED)}")
+        words.append(f"{name} {found.format(_UNITS[name]).replace(' ', JOINED)}")
     relaxed = ", once relaxed" if result.law.remembers else ""
     return f"at {depth_of(there.depth)}{relaxed}: {', '.join(words)}"
 
@@ -78,7 +78,7 @@ def verdict_of(result: Identified) -> str:
 def fit_of(result: Identified) -> str:
     """File, method and how well the law fits."""
     name = name_of(result)
-    fitted = "the stretches' own laws fit" if result.stretches else "final law fits"
+    fitted = "the stretches' own laws fit" if result.segments else "final law fits"
     fit = f"{result.method}, {fitted} to {result.fit_rmse_percent:.2g}{JOINED}%"
     return f"{name}: {fit}" if name else fit
 
@@ -205,7 +205,7 @@ def draw_residuals(
         low = min(axes.get_ylim()[0] for axes in panels)
         for axes in panels:
             axes.set_ylim(low, -low)
-        laws = "laws of each part leave" if identification.stretches else "final law leaves"
+        laws = "laws of each part leave" if identification.segments else "final law leaves"
         fit = f"the {laws} {identification.fit_rmse_percent:.2g} % of the force"
         name = name_of(identification)
         set_titles(figure, look, [f"{name}: {fit}" if name else fit], CAPTION)
@@ -215,7 +215,7 @@ def draw_residuals(
 def draw_residual(axes: "Axes", result: Identified, look: Look) -> None:
     """One panel of the residual over time, with the band of noise alone."""
     draw_residual_rows([axes], [result], look)
-    law = "law of each part" if result.stretches else "final law"
+    law = "law of each part" if result.segments else "final law"
     head(axes, f"Residual, measured − {law}: {result.fit_rmse_percent:.2g} % rms")
 
 
@@ -346,7 +346,7 @@ def draw_at_depth(
 ) -> None:
     """Stiffness or damping at working depth over time, and what the diagnosis says of it."""
     known = getattr(course, quantity), getattr(course, f"{quantity}_error")
-    parts = (result, *result.stretches)
+    parts = (result, *result.segments)
     quantities = [getattr(part.diagnosis.working_depth, quantity) for part in parts]
     unit, symbol = _AT_DEPTH[quantity]
     depth = result.diagnosis.working_depth.depth
@@ -355,12 +355,12 @@ def draw_at_depth(
     scale = _draw_line(axes, result, course.samples, known, finals[0], unit, symbol, look)
     name = f"Relaxed {quantity}" if result.law.remembers else quantity.capitalize()
     at = f"{name} at {length.factor * depth:.3g} {length.unit}"
-    if result.stretches:
+    if result.segments:
         _draw_stretches(axes, result, finals[1:], scale, look)
-        kind = "place" if result.stretches[0].place is not None else "stretch"
+        kind = "place" if result.segments[0].place is not None else "stretch"
         head(axes, f"{name} of each {kind}" if kind == "place" else f"{at}, of each stretch")
         return
-    head(axes, f"{at}: {quantities[0].words(unit).replace(' ', JOINED)}")
+    head(axes, f"{at}: {quantities[0].format(unit).replace(' ', JOINED)}")
 
 
 def _draw_line(
@@ -395,7 +395,7 @@ def _draw_line(
     axes.fill_between(x, k * low, k * high, color=colour, alpha=0.3, lw=0)
     axes.plot(x, k * middle, color=colour)
     axes.axhline(k * final.value, color=ink, linewidth=look.points(0.7), linestyle=":")
-    if not result.stretches:
+    if not result.segments:
         _draw_final(axes, time[samples], final, k, look)
     axes.set_ylim(k * limits[0], k * limits[1])
     axes.locator_params(axis="y", nbins=5)
@@ -422,7 +422,7 @@ def _draw_stretches(
     clock_time, _ = clock(result.contact)
     time, colour, k = result.contact.time, look.theme.lines[1], scale.factor
     corners, middles, ends = [], [], []
-    for part, final in zip(result.stretches, finals, strict=True):
+    for part, final in zip(result.segments, finals, strict=True):
         start, stop = clock_time[(time >= part.contact.time[0]) & (time <= part.contact.time[-1])][
             [0, -1]
         ]
@@ -536,7 +536,7 @@ def draw_loop(
         force.factor * broken(inside, contact, keep),
         color=colour or theme.lines[0],
         linewidth=look.points(0.9),
-        label="law of each part" if result.stretches else "final law",
+        label="law of each part" if result.segments else "final law",
     )
     axes.set_xlim(-0.1 * depth.factor * deepest, 1.05 * depth.factor * deepest)
     axes.set_ylim(force.factor * low, force.factor * high)

@@ -354,7 +354,7 @@ def recoloured(svg: str) -> str:
 
 
 def _as_bytes(figure: Figure, ending: str) -> bytes:
-    drawn = io.BytesIO()
+    rendered = io.BytesIO()
     with matplotlib.rc_context(_WRITTEN), warnings.catch_warnings():
         # A name in a script that the font lacks is drawn as boxes, and axes to 1e308 overflow.
         warnings.filterwarnings("ignore", "Glyph .* missing from")
@@ -364,13 +364,13 @@ def _as_bytes(figure: Figure, ending: str) -> bytes:
         if ending == ".svg":
             return _svg_of(figure, dots)
         figure.savefig(
-            drawn,
+            rendered,
             format=ending[1:],
             dpi=dots,
             facecolor=figure.get_facecolor(),
             metadata=_FORMATS[ending],
         )
-    return drawn.getvalue()
+    return rendered.getvalue()
 
 
 def _svg_of(figure: Figure, dots: float) -> bytes:
@@ -378,15 +378,15 @@ def _svg_of(figure: Figure, dots: float) -> bytes:
 
     Paths to a hundredth of a point, which nobody sees: matplotlib writes a millionth.
     """
-    drawn, shown, before = io.BytesIO(), figure.canvas, figure.dpi
+    rendered, shown, before = io.BytesIO(), figure.canvas, figure.dpi
     try:
         figure.dpi = dots  # of images
         canvas: Any = FigureCanvasSVG(figure)
-        canvas.print_svg(drawn, metadata=_FORMATS[".svg"])
+        canvas.print_svg(rendered, metadata=_FORMATS[".svg"])
     finally:
         figure.dpi = before
         figure.set_canvas(shown)
-    return re.sub(rb' d="[^"]*"', lambda path: _DECIMALS.sub(rb"\1", path[0]), drawn.getvalue())
+    return re.sub(rb' d="[^"]*"', lambda path: _DECIMALS.sub(rb"\1", path[0]), rendered.getvalue())
 
 
 def _format_of(path: Path) -> str:
@@ -506,9 +506,9 @@ def few(index: NDArray[np.intp], most: int) -> NDArray[np.intp]:
 
 def broken(values: Floats, contact: Contact, keep: NDArray[np.intp]) -> Floats:
     """The values to draw, with a gap where another contact begins."""
-    drawn = np.array(values[keep], dtype=np.float64)
-    drawn[1:][np.diff(contact.segment[keep]) != 0] = np.nan
-    return drawn
+    rendered = np.array(values[keep], dtype=np.float64)
+    rendered[1:][np.diff(contact.segment[keep]) != 0] = np.nan
+    return rendered
 
 
 @dataclass(frozen=True, slots=True, eq=False)

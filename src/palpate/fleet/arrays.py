@@ -24,12 +24,12 @@ from palpate.diagnosis import Data
 from palpate.diagnosis.diagnosing import outliers
 from palpate.errors import FleetError, InvalidParameterError, RecordingError
 from palpate.estimators import ContactEstimator
-from palpate.estimators.curves import STATUS_WORDS, CurveFits, fit_curves
+from palpate.estimators.batch_fit import STATUS_WORDS, CurveFits, fit_curves
 from palpate.estimators.estimate import findings_of
 from palpate.fleet.rows import (
     Row,
     failure,
-    in_words,
+    format_finding,
     place_in_notes,
     rows_of,
     table_of,
@@ -41,7 +41,7 @@ from palpate.identification.identified import (
     NEGATIVE_DAMPING,
     NEGATIVE_STIFFNESS,
     no_approach,
-    nothing_taken,
+    no_contact_message,
 )
 from palpate.identification.replaying import estimator_of
 from palpate.preparation.gates import choose_gate, resolutions_of
@@ -130,7 +130,7 @@ def fitted(
     curves : Curves
         The contacts.
     chosen : dict
-        For :func:`palpate.estimators.curves.fit_curves`.
+        For :func:`palpate.estimators.batch_fit.fit_curves`.
     rejects : bool
         Whether outliers are left out.
     threads : int
@@ -231,7 +231,7 @@ def row_of_curve(contact: Contact, settings: Settings) -> dict[str, Any]:
     if row["error"] is not None:
         raise RecordingError(row["error"])
     if settings.diagnosis == "input":
-        row["findings"] = _in_words(contact, row["surface"])
+        row["findings"] = _describe_faults(contact, row["surface"])
     prepared = json.dumps(dict(contact.provenance), ensure_ascii=False)
     made = {"checked": settings.diagnosis, "settings": settings.digest}
     return {**row, **made, "prepared": prepared}
@@ -336,7 +336,7 @@ def _together(curves: Curves, settings: Settings, threads: int) -> Table:
         columns["error"][k], columns["error_kind"][k] = error, RecordingError.__name__
     if settings.diagnosis == "input":
         surfaces = enumerate(columns["surface"].tolist())
-        columns["findings"] = [_in_words(_made(curves, k, settings), d) for k, d in surfaces]
+        columns["findings"] = [_describe_faults(_made(curves, k, settings), d) for k, d in surfaces]
     return table_of(columns, len(curves), settings)
 
 
@@ -415,7 +415,7 @@ def _errors(curves: Curves, fits: CurveFits, settings: Settings) -> dict[int, st
             found[k] = where + no_approach(above[k], samples, fits.surface[k])
     for k in np.flatnonzero(fits.status == STATUS_WORDS.index("no contact")).tolist():
         made = _made(curves, k, Settings())
-        found[k] = made if isinstance(made, str) else nothing_taken(made, choose_gate(made))
+        found[k] = made if isinstance(made, str) else no_contact_message(made, choose_gate(made))
     with np.errstate(invalid="ignore"):
         uneven = ~(np.diff(np.atleast_2d(curves.time), axis=1) > 0.0).all(axis=1)
     for k in np.flatnonzero(np.broadcast_to(uneven, len(curves))).tolist():
@@ -433,13 +433,13 @@ def _made(curves: Curves, row: int, settings: Settings) -> Contact | str:
         return str(error)
 
 
-def _in_words(contact: Contact | str, surface: float) -> list[str]:
+def _describe_faults(contact: Contact | str, surface: float) -> list[str]:
     """What the checks say of the data, the penetration counted from the surface that was found."""
     if isinstance(contact, str):
         return [f"do-not-trust: file: {contact}"]
     if math.isfinite(surface):
         contact = replace(contact, penetration=contact.penetration - surface)
-    return [in_words(each) for each in Data(contact).findings]
+    return [format_finding(each) for each in Data(contact).findings]
 
 
 # Many contacts here, in this process: a row for each.

@@ -250,11 +250,11 @@ def _draw_plane(axes: "Axes", found: Map, what: str, unit: AxisScale, look: Look
         columns, rows, i, j = grid
         cells = np.full((len(rows), len(columns)), np.nan)
         cells[j, i] = values
-        drawn: ScalarMappable = axes.pcolormesh(
+        rendered: ScalarMappable = axes.pcolormesh(
             _edges(columns), _edges(rows), cells, cmap=colours, vmin=low, vmax=high
         )
     else:
-        drawn = axes.scatter(
+        rendered = axes.scatter(
             x[known], y[known], c=values[known], cmap=colours, vmin=low, vmax=high,
             s=look.points(60.0) * min(1.0, 200.0 / max(len(x), 1)) + look.points(8.0),
             edgecolors=look.theme.ink, linewidths=0.4,
@@ -265,7 +265,7 @@ def _draw_plane(axes: "Axes", found: Map, what: str, unit: AxisScale, look: Look
         axes.set_aspect("equal", adjustable="box")
     axes.grid(False)
     beyond = _beyond(values[known], low, high)
-    bar = axes.figure.colorbar(drawn, ax=axes, extend=beyond)
+    bar = axes.figure.colorbar(rendered, ax=axes, extend=beyond)
     name = found.quantity if what == "value" else "its standard error"
     bar.set_label(unit.label(name))
     labels = [f"{axis} [{along.unit}]" if along.unit else axis for axis in found.axes]

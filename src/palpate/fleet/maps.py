@@ -268,7 +268,7 @@ class Map:
     mistrusted : numpy.ndarray of bool, shape (k,)
         Places whose number is not to be trusted, by verdict, findings or flags; or, but for the
         damping, is less than its error.
-    doubts : tuple of str
+    warnings : tuple of str
         What is said of how many of the places, in words, beside notes.
     """
 
@@ -284,7 +284,7 @@ class Map:
     rows: int
     shallow: int
     mistrusted: NDArray[np.bool_]
-    doubts: tuple[str, ...]
+    warnings: tuple[str, ...]
 
     @property
     def where(self) -> str:
@@ -329,7 +329,7 @@ class Map:
             for count, one, several, what in counts
             if count
         ]
-        return [*words, *self.doubts]
+        return [*words, *self.warnings]
 
 
 def map_of(
@@ -380,11 +380,13 @@ def map_of(
     units = tuple((field.metadata or {}).get(b"unit", b"").decode() for field in fields)
     deep = depths[there & np.isfinite(depths)]
     span = (float(deep.min()), float(deep.max())) if deep.size else (np.nan, np.nan)
-    unit, doubts = "" if of == "exponent" else AT_DEPTH[of], _doubts(results, there)
+    unit, warnings = "" if of == "exponent" else AT_DEPTH[of], _warnings(results, there)
     shallow, mistrusted = int(np.count_nonzero(short[there])), mistrusted[there]
     value, error, places, rows = value[there], error[there], places[there], results.num_rows
     at = depth, span
-    return Map(of, unit, value, error, axes, units, places, *at, rows, shallow, mistrusted, doubts)
+    return Map(
+        of, unit, value, error, axes, units, places, *at, rows, shallow, mistrusted, warnings
+    )
 
 
 def mistrusted_of(results: Table, of: str) -> NDArray[np.bool_]:
@@ -402,7 +404,7 @@ def mistrusted_of(results: Table, of: str) -> NDArray[np.bool_]:
     )
 
 
-def _doubts(results: Table, there: NDArray[np.bool_]) -> tuple[str, ...]:
+def _warnings(results: Table, there: NDArray[np.bool_]) -> tuple[str, ...]:
     """What the checks say of how many places, the worst and the most frequent first."""
     inside = results.filter(there)
     kinds: Counter[tuple[str, ...]] = Counter()

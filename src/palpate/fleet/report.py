@@ -82,9 +82,9 @@ def fleet_page(folder: Path) -> str:
         ("slowest", "What took longest", _list("The slowest sources", _TIMES, slowest)),
         ("made", "How it was made", _made(folder)),
     )
-    drawn = [line for section in sections for line in html.section(*section)]
+    rendered = [line for section in sections for line in html.section(*section)]
     header = [f"<h1>{escape(name)}</h1>", *_tiles(table)]
-    parts = ["<header>", *header, "</header>", "<main>", *drawn, "</main>"]
+    parts = ["<header>", *header, "</header>", "<main>", *rendered, "</main>"]
     style = STYLE + DRAWINGS + REPORT_STYLE + _OWN
     return html.document(f"{name}: what a fleet found", style, parts)
 

@@ -168,7 +168,7 @@ def row_of(contact: Contact, settings: Settings) -> Row:
     if settings.diagnosis == "full":
         return row | _diagnosed(result)
     if settings.diagnosis == "input":
-        row["findings"] = [in_words(finding) for finding in data.findings]
+        row["findings"] = [format_finding(finding) for finding in data.findings]
     return row | (at_depth(law, result.covariance, result.depths[0]) if result.depths else {})
 
 
@@ -178,7 +178,7 @@ def failure(error: Exception) -> Row:
     return {"error": words, "error_kind": type(error).__name__}
 
 
-def in_words(finding: Finding) -> str:
+def format_finding(finding: Finding) -> str:
     """Return a finding in a line: severity, check, sentence."""
     return f"{finding.severity}: {finding.check}: {finding.message}"
 
@@ -210,7 +210,7 @@ def _diagnosed(result: Identified) -> Row:
     there, marks = found.working_depth, found.verdict
     row: Row = {
         "depth": there.depth,
-        "findings": [in_words(finding) for finding in found.findings],
+        "findings": [format_finding(finding) for finding in found.findings],
         "verdict": marks.overall,
         "verdict_stiffness": marks.stiffness,
         "verdict_damping": marks.damping,

@@ -28,7 +28,7 @@ from palpate.diagnosis.diagnosing import outliers
 from palpate.diagnosis.fit import DEEP
 from palpate.diagnosis.marks import BETTER
 from palpate.digits import rounded, with_error
-from palpate.errors import RecordingError
+from palpate.errors import OldName, RecordingError
 from palpate.estimators import ContactEstimator, LawVerdict, ViscoelasticContact
 from palpate.estimators.estimate import (
     Estimate,
@@ -42,7 +42,7 @@ from palpate.estimators.estimate import (
 from palpate.findings import MARKS, Finding
 from palpate.force_laws import force_over_breaks
 from palpate.identification.replaying import (
-    choices,
+    defaults_from_data,
     estimator_of,
     joint_covariance,
     laws_beside,
@@ -53,7 +53,7 @@ from palpate.preparation.along_penetration import Place, at_places
 from palpate.preparation.gates import choose_gate
 from palpate.preparation.velocity import window_samples
 from palpate.quantities.derived import (
-    Wanted,
+    QueryOptions,
     elastic_modulus_from,
     energy_from,
     instantaneous_stiffness_of,
@@ -77,10 +77,10 @@ def why_nothing(data: Data, gate: ContactGate) -> str:
         if finding.severity == "do-not-trust":
             where = f"{data.contact.source}: " if data.contact.source else ""
             return f"{where}{finding}"
-    return nothing_taken(data.contact, gate)
+    return no_contact_message(data.contact, gate)
 
 
-def nothing_taken(contact: Contact, gate: ContactGate) -> str:
+def no_contact_message(contact: Contact, gate: ContactGate) -> str:
     """Say why no sample was taken."""
     where = f"{contact.source}: " if contact.source else ""
     if not len(contact):
@@ -204,12 +204,15 @@ class Identified:
     findings: tuple[Finding, ...] = ()
     data: Data | None = field(default=None, repr=False)
     depth: float | None = None
-    stretches: tuple["Identified", ...] = ()
+    segments: tuple["Identified", ...] = ()
     noticed: Trace | None = field(default=None, repr=False)
     place: Place | None = field(default=None, repr=False)
     chosen: tuple[str, ...] = ()
-    wanted: Wanted = field(default_factory=Wanted)
+    query: QueryOptions = field(default_factory=QueryOptions)
     traced: Traced = 2000
+
+    stretches, wanted = OldName("segments"), OldName("query")
+    by_stretch, wanting = OldName("by_segment"), OldName("with_query")
 
     @classmethod
     def of(
@@ -231,7 +234,7 @@ class Identified:
             Which estimates are written down.
         """
         contact, given, traced = data.contact, estimator_of(estimator), checked_trace(trace)
-        chosen = choices(contact, given)
+        chosen = defaults_from_data(contact, given)
         fresh = given.replace(**chosen)
         if fresh.chooses_law and "sample_time" in chosen:
             fresh, written = placed(contact, fresh, traced)
@@ -324,11 +327,11 @@ class Identified:
         InvalidParameterError
             A depth is not a finite number > 0.
         """
-        wanted = positive("depth", depth)
+        query = positive("depth", depth)
         first = self.diagnosis.working_depth.depth
-        depths = (first, *wanted.reshape(-1).tolist())
+        depths = (first, *query.reshape(-1).tolist())
         found = self._diagnosed_at(depths).working_depths[1:]
-        return stacked(found, wanted.shape)
+        return stacked(found, query.shape)
 
     def force_at(self, depth: "ArrayLike") -> Quantity:
         """Force at depths [m] and at rest, N, with both error bars; see :meth:`at`."""
@@ -356,11 +359,11 @@ class Identified:
         """Return the same with another working depth, m, for its diagnosis."""
         return replace(self, depth=number_in("depth", depth, 0.0, 1e100, open_low=True))
 
-    def wanting(self, wanted: Wanted) -> Self:
+    def with_query(self, query: QueryOptions) -> Self:
         """Return the same with derived numbers for an impact and a tip."""
-        return replace(self, wanted=wanted)
+        return replace(self, query=query)
 
-    def by_stretch(self) -> Self:
+    def by_segment(self) -> Self:
         """Return the same with each stretch between the changes that were found by itself.
 
         Each is identified afresh with the same settings, and diagnosed at the same working depth; a
@@ -368,9 +371,9 @@ class Identified:
         filter of the velocity smears over it. Without a change there are none. The whole is
         replayed once more with a change detector: when would a control loop have noticed?
         """
-        parts = (self.stretch(episode) for episode in self.diagnosis.episodes)
+        parts = (self.segment_of(episode) for episode in self.diagnosis.episodes)
         found = tuple(part for part in parts if part is not None)
-        return replace(self, stretches=found, noticed=self._watched())
+        return replace(self, segments=found, noticed=self._watched())
 
     def by_place(self, watch: "Callable[[Sequence[_Placed]], Iterable[_Placed]]" = iter) -> Self:
         """Return the same with each place of a probe that travels by itself.
@@ -388,25 +391,25 @@ class Identified:
         for place, contact in watch(list(at_places(self.contact))):
             with suppress(RecordingError):
                 part = self.of(Data(contact), fresh, trace=self.traced)
-                found.append(replace(part, place=place, wanted=self.wanted))
-        return replace(self, stretches=tuple(found))
+                found.append(replace(part, place=place, query=self.query))
+        return replace(self, segments=tuple(found))
 
     def answers(self, estimator: ContactEstimator, trace: Traced) -> bool:
         """Whether it is what :meth:`of` would make of its contact by an estimator, as a whole."""
-        if self.stretches or self.depth is not None or self.traced != trace:
+        if self.segments or self.depth is not None or self.traced != trace:
             return False
         own, asked = self.estimator.settings, estimator.settings
         left = {name: own[name] for name in self.chosen if asked.get(name) is None}
         return self.method == estimator.method and repr(own) == repr({**asked, **left})
 
-    def stretch(self, episode: Episode) -> Self | None:
+    def segment_of(self, episode: Episode) -> Self | None:
         """Identify an episode of the diagnosis by itself; None where that cannot be."""
         smear = window_samples(self.contact.sample_time) * self.contact.sample_time
         with suppress(RecordingError):
             part = self.contact.window(episode.start + smear, episode.stop - smear)
             found = self.of(Data(part), self.estimator.replace(), trace=self.traced)
             there = self.diagnosis.working_depth
-            return replace(found.at_depth(there.depth), wanted=self.wanted)
+            return replace(found.at_depth(there.depth), query=self.query)
         return None
 
     def _watched(self) -> Trace:
@@ -506,7 +509,7 @@ class Identified:
 
         Where there are stretches, by the law of the one that began last.
         """
-        contact, parts = self.contact, self.stretches
+        contact, parts = self.contact, self.segments
         fitted = (parts[0] if parts else self).predicted_force(contact)
         for before, part in pairwise(parts):
             border = 0.5 * (before.contact.time[-1] + part.contact.time[0])

@@ -33,7 +33,7 @@ from palpate.validation import Floats, shown
 _LOGGER = logging.getLogger(__name__)
 
 
-def choices(contact: Contact, given: ContactEstimator) -> dict[str, Any]:
+def defaults_from_data(contact: Contact, given: ContactEstimator) -> dict[str, Any]:
     """What an estimator leaves open and the data can choose."""
     settings = given.settings
     ways: dict[str, Callable[[Contact], object]] = {
@@ -96,9 +96,9 @@ def replayed(contact: Contact, estimator: ContactEstimator, trace: Traced) -> Tr
             first, last = np.searchsorted(after, (part.start, part.stop))
             at = after[first:last] - part.start
         traces.append(estimator.replay(*channels, steps[part], at=at))
-    settle = getattr(estimator, "settle", None)
-    if settle is not None:  # its answer would be of most of the samples only
-        settle()
+    finish_pending = getattr(estimator, "finish_pending", None)
+    if finish_pending is not None:  # its answer would be of most of the samples only
+        finish_pending()
     one = len(traces) == 1
     whole = traces[0] if one else Trace.joined(traces, len(estimator.law_type.symbols))
     return replace(whole, time=contact.time if after is None else contact.time[after])
@@ -310,7 +310,7 @@ def _compared(data: Data, given: dict[str, Any], surface: float) -> Laws:
         exponent=kept if kept is not None and low <= kept <= high else None,
     )
     below = replace(contact, penetration=contact.penetration - surface) if surface else contact
-    bank = bank.replace(**choices(below, bank))
+    bank = bank.replace(**defaults_from_data(below, bank))
     key = repr([bank.settings, surface])  # what one method was given another may have chosen
     if key not in data.laws:
         data.laws[key] = Laws.of(placed(below, bank)[0])

@@ -22,11 +22,11 @@ from palpate.live.choices import State
 from palpate.live.sinks import PLACE, Session, Watching, parameters_of, printed
 from palpate.live.view import (
     COUNTED,
+    describe_verdict,
     law_lines,
     numbers_of,
     seconds,
     times_of,
-    verdict_in_words,
     verdict_on,
 )
 from palpate.validation import Floats
@@ -107,7 +107,7 @@ def at_depth(
     if not np.isfinite(parameters).all():
         return "nothing known yet"
     if verdict:
-        return verdict_in_words(verdict, numbers_of(verdict))
+        return describe_verdict(verdict, numbers_of(verdict))
     law, taken = kind.from_parameters(parameters), Status(int(row[PLACE["status"]]))
     estimate = Estimate.from_law(law, covariance, status=taken, samples=1)
     stiffness = with_error(*estimate.stiffness_at(depth), unit="N/m")

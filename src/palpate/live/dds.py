@@ -252,7 +252,7 @@ class DDS(RosTopics):
 
     def close(self) -> None:
         """Leave the domain."""
-        self.settle()
+        self.finish_pending()
         self._readers.clear()
         self._waits = self._discovery = self._participant = None
 

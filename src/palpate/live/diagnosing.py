@@ -12,7 +12,7 @@ from palpate.errors import PalpateError
 from palpate.estimators import ContactEstimator, estimator_named
 from palpate.identifying import identify
 from palpate.live.choices import CHOICES
-from palpate.live.realtime import go_last
+from palpate.live.realtime import lower_priority
 from palpate.live.sinks import PLACE, Session, Watching, basis_of, outdated
 from palpate.validation import Floats
 
@@ -46,7 +46,7 @@ class Diagnosing:
 
     def run(self, session: Session, commands: Connection) -> None:
         """Diagnose until the loop stops."""
-        go_last()
+        lower_priority()
         watching = Watching(session)
         samples, due = np.empty((0, len(_SAMPLE))), time.monotonic() + self._every
         page, tare = dict[str, Any](), None

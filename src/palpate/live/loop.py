@@ -169,7 +169,7 @@ class Watchdog:
     counts: LoopCounts
     pace: float
     #: In words, what was wrong last.
-    words: str = ""
+    text: str = ""
     _time: float = math.nan
     _there: float = 0.0
     _unprepared: int = 0
@@ -210,10 +210,10 @@ class Watchdog:
         self._unprepared = 0 if prepared else self._unprepared + 1
         return self._unprepared > STARVED
 
-    def fault(self, words: str, there: float) -> bool:
+    def fault(self, text: str, there: float) -> bool:
         """Note a fault, which is shown for a while; whether it is to be said, not too often."""
-        self.words, self._shown_until = words, there + FAULT_SHOWN_FOR
-        kind = words.partition(" by ")[0]
+        self.text, self._shown_until = text, there + FAULT_SHOWN_FOR
+        kind = text.partition(" by ")[0]
         if there - self._said.get(kind, -math.inf) < _SAID_EVERY:
             return False
         self._said[kind] = there
@@ -392,9 +392,9 @@ class Loop:
         refused = status in _REFUSED or preparing in _REFUSED
         starving = self.watchdog.starving(prepared=sampled or self._taring)
         if refused or fault or starving:
-            words = fault or (_NO_NUMBER if refused else _STARVING)
-            if self.watchdog.fault(words, arrival.there):
-                self.say(words)
+            text = fault or (_NO_NUMBER if refused else _STARVING)
+            if self.watchdog.fault(text, arrival.there):
+                self.say(text)
         if status in TAKEN:
             counts.learned += 1
         if status is Status.RESTARTED:
@@ -423,9 +423,9 @@ class Loop:
         (x, y, z), (a, b, c) = self._direction, value
         return x * a + y * b + z * c, a, b, c
 
-    def say(self, words: str) -> None:
+    def say(self, text: str) -> None:
         """Tell whoever looks on; the last few are kept."""
-        self.said = [*self.said[-7:], f"{time.strftime('%H:%M:%S')} {words}"]
+        self.said = [*self.said[-7:], f"{time.strftime('%H:%M:%S')} {text}"]
 
     def _obey(self) -> None:
         """Do what was asked for since the last sample."""
@@ -476,11 +476,11 @@ class Loop:
             )
         self.estimator, self.laws = estimator, LawsInForce.of(estimator)
 
-    def _exchange(self, estimator: ContactEstimator, words: str) -> None:
+    def _exchange(self, estimator: ContactEstimator, text: str) -> None:
         self._begin(estimator)
         self.generation += 1
         self._changed = -math.inf
-        self.say(words)
+        self.say(text)
 
     def status(self) -> dict[str, Any]:
         """What is to be known beside the samples, in numbers and words, as JSON takes it."""
@@ -512,7 +512,7 @@ class Loop:
             "state": self.state.name.lower(),
             "held": self.held,
             # What is wrong now; one that is past was said.
-            "fault": self.watchdog.words if self.state is State.INVALID else "",
+            "fault": self.watchdog.text if self.state is State.INVALID else "",
             # What a person may choose of the source itself: {"material": [...], ...}.
             "offers": getattr(source, "offers", {}),
             "chosen": getattr(source, "chosen", {}),

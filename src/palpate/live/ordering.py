@@ -177,13 +177,13 @@ class Order:
         return Succession.NEXT if step > -LONGEST_OVERTAKING else Succession.ANEW
 
     def _begin(self, stamp: int, number: int | None) -> Succession:
-        self.settle()
+        self.finish_pending()
         self._number, self._stamp = number, stamp
         return Succession.ANEW
 
-    def settle(self) -> None:
+    def finish_pending(self) -> None:
         """Count what is missing in the steps that were not judged yet."""
-        self._counts.lost += self._gaps.settle()
+        self._counts.lost += self._gaps.finish_pending()
 
 
 class Gaps:
@@ -228,7 +228,7 @@ class Gaps:
         missing, self._balance, self._quiet = int(max(self._balance + 0.3, 0.0)), 0.0, _QUIET
         return missing
 
-    def settle(self) -> int:
+    def finish_pending(self) -> int:
         """Judge what there is, as nothing more comes; return how many samples are missing."""
         known = self._judge() if len(self._steps) >= 3 or (self._medians and self._steps) else 0
         return known + self._whole()
@@ -307,7 +307,7 @@ class WireSource:
             something = self._receive(0.0) or self._receive(max(until - time.monotonic(), 0.0))
             if not self._ready and time.monotonic() >= until:
                 if not something:
-                    self.settle()
+                    self.finish_pending()
                 return None
         return self._ready.popleft()
 
@@ -331,10 +331,10 @@ class WireSource:
         self.counts.malformed += 1
         self.counts.last_fault = words[:LONGEST_WORDS]  # a peer's own may be in it
 
-    def settle(self) -> None:
+    def finish_pending(self) -> None:
         """Count what is missing so far."""
         for order in self._orders:
-            order.settle()
+            order.finish_pending()
 
 
 # Positions and forces that come on two topics, brought together by their stamps.

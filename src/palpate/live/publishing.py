@@ -283,13 +283,13 @@ class Publisher:
         stamp = round(1e9 * (last["time"] - 1e-9 * self._fields.origin)) + self._fields.origin
         lost = silent and page["state"] == "lost"
         state = "lost" if lost else State(int(last["state"])).name.lower()
-        said = words_of(page, self._fields, {**last, "age": last["age"] + now - self._seen})
+        said = describe_status(page, self._fields, {**last, "age": last["age"] + now - self._seen})
         said |= self._watching.diagnosis(page)
         self._wire.put(1, self._wire.status(state, page["source"], stamp, said))
         self._watching.tell({})
 
 
-def words_of(
+def describe_status(
     page: dict[str, Any], fields: Fields, named: dict[str, float]
 ) -> dict[str, str | float]:
     """What is said beside the estimates: numbers as such in SI, and in a sentence with their units.

@@ -112,7 +112,7 @@ def give_way(*, gently: bool = True) -> None:
         os.sched_setaffinity(0, cores - {max(cores)} or cores)
 
 
-def go_last() -> None:
+def lower_priority() -> None:
     """Let everybody else go first too, of what may take long; after :func:`give_way`."""
     with suppress(OSError, AttributeError):
         os.sched_setscheduler(0, os.SCHED_IDLE, os.sched_param(0))

@@ -206,7 +206,7 @@ SIZE = 1 << 16  # bytes: the loop's statistics, and what it said last, are some 
 _TEXT = 16  # byte where it begins: behind how often it was written, odd while it is, and its length
 
 
-class Board(_Shared):
+class SharedJson(_Shared):
     """JSON that is always whole: a reader sees the last page or the one before.
 
     Parameters

@@ -176,11 +176,11 @@ class MessageReader:
             known = ", ".join(each for each in leaves if each != _STAMP)
             raise InvalidParameterError(f"it has no {path}, but {known[:200] or 'no number'}")
         if not self._vectors:
-            raise InvalidParameterError(_vector_words(path))
+            raise InvalidParameterError(_describe_vector(path))
         return [leaves[each] for each in below]
 
 
-def _vector_words(path: str) -> str:
+def _describe_vector(path: str) -> str:
     one = f"{path}.z".removeprefix(".")
     return (
         f"{path or 'it'} is a vector: say --direction, such as 0,0,-1, or name one of its numbers, "

@@ -15,7 +15,7 @@ from palpate.estimators import ContactEstimator, VariableProjection, Viscoelasti
 from palpate.live.choices import LiveCommand
 from palpate.live.loop import Loop
 from palpate.live.realtime import ask_for_realtime, end, give_way, show_name, start, undisturbed
-from palpate.live.ring import ESTIMATE, Board, Writer
+from palpate.live.ring import ESTIMATE, SharedJson, Writer
 from palpate.live.sinks import Session, Sink
 from palpate.live.sources import Source
 from palpate.preparation import OnlinePreparation
@@ -98,10 +98,10 @@ def run(
     with _interruptible() as stops, ExitStack() as kept:
         samples = kept.enter_context(closing(Writer()))
         estimates = kept.enter_context(closing(Writer(width=len(ESTIMATE))))
-        board = kept.enter_context(closing(Board()))
-        boards = {sink.name: kept.enter_context(closing(Board())) for sink in sinks}
-        addresses = {name: each.name for name, each in boards.items()}
-        session = Session(samples.address, estimates.address, board.name, addresses, "")
+        shared_json = kept.enter_context(closing(SharedJson()))
+        shared_by_sink = {sink.name: kept.enter_context(closing(SharedJson())) for sink in sinks}
+        addresses = {name: each.name for name, each in shared_by_sink.items()}
+        session = Session(samples.address, estimates.address, shared_json.name, addresses, "")
         kept.callback(source.close)
         chosen = estimator or default_estimator()
         if chosen.settings.get("sample_time", source.sample_time) is None:
@@ -110,14 +110,14 @@ def run(
         loop = Loop(source, preparation, chosen, samples, estimates, every_sample=every)
         stops(loop)
         failed: dict[str, int] = {}
-        with _started(sinks, session, loop, board, failed) as started, undisturbed():
+        with _started(sinks, session, loop, shared_json, failed) as started, undisturbed():
             # All is there before the first sample: none waits while others begin.
             for sentence in ask_for_realtime() if realtime else ():
                 loop.say(sentence)
             if not loop.stopped:
                 source.open()
                 loop.say("started")
-            loop.commands = _Asked(started, loop, board, seconds)
+            loop.commands = _Asked(started, loop, shared_json, seconds)
             loop.run()
         return {**loop.status(), "failed": failed}
 
@@ -126,9 +126,13 @@ class _Asked:
     """Commands of the sinks, looked for now and then; and the board, written now and then."""
 
     def __init__(
-        self, sinks: dict[str, Connection], loop: Loop, board: Board, seconds: float | None
+        self,
+        sinks: dict[str, Connection],
+        loop: Loop,
+        shared_json: SharedJson,
+        seconds: float | None,
     ) -> None:
-        self._sinks, self._loop, self._board = dict(sinks), loop, board
+        self._sinks, self._loop, self._board = dict(sinks), loop, shared_json
         self._asked = self._told = 0.0
         self._until = float("inf") if seconds is None else time.monotonic() + seconds
 
@@ -157,7 +161,11 @@ class _Asked:
 
 @contextmanager
 def _started(
-    sinks: Sequence[Sink], session: Session, loop: Loop, board: Board, failed: dict[str, int]
+    sinks: Sequence[Sink],
+    session: Session,
+    loop: Loop,
+    shared_json: SharedJson,
+    failed: dict[str, int],
 ) -> Iterator[dict[str, Connection]]:
     """Start the sinks' processes; at the end they have a while to finish; failures are noted."""
     processes: list[BaseProcess] = []
@@ -166,7 +174,7 @@ def _started(
         for sink in sinks:
             if loop.stopped:
                 break
-            own = replace(session, own=session.boards[sink.name])
+            own = replace(session, own=session.shared_by_sink[sink.name])
             process, connections[sink.name] = start(sink.name, _serve, sink, own)
             processes.append(process)
             # What it opened in this process, such as a port, is the other's own now.
@@ -181,7 +189,7 @@ def _started(
                 waiting.remove(connection)
         yield connections
     finally:
-        board.write({"stopped": True, **loop.status()})
+        shared_json.write({"stopped": True, **loop.status()})
         end(processes, PATIENCE)
         failed |= {each.name: each.exitcode for each in processes if each.exitcode}
         for connection in connections.values():

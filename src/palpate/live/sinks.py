@@ -10,7 +10,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from palpate.live.ring import COLUMNS, MOST_PARAMETERS, Address, Board, RowReader, Taken
+from palpate.live.ring import COLUMNS, MOST_PARAMETERS, Address, RowReader, SharedJson, Taken
 from palpate.validation import Floats
 from palpate.writing import abandon_output
 
@@ -43,8 +43,8 @@ class Session:
     samples, estimates : Address
         Every sample, and the estimates: :class:`palpate.live.ring.RowReader`.
     board : str
-        The loop's own words and statistics: :class:`palpate.live.ring.Board`; ``"stopped": true``
-        at the end.
+        The loop's own words and statistics: :class:`palpate.live.ring.SharedJson`;
+        ``"stopped": true`` at the end.
     boards : dict
         The boards of other sinks, by their names: what the diagnosis or the recorder says.
     own : str
@@ -53,8 +53,8 @@ class Session:
 
     samples: Address
     estimates: Address
-    board: str
-    boards: dict[str, str]
+    shared_json: str
+    shared_by_sink: dict[str, str]
     own: str
 
 
@@ -148,10 +148,12 @@ class Watching:
 
     def __init__(self, session: Session) -> None:
         self.reader = RowReader(session.samples, session.estimates)
-        self.board = Board(session.board)
-        self._own = Board(session.own)
+        self.shared_json = SharedJson(session.shared_json)
+        self._own = SharedJson(session.own)
         self._others = {
-            name: Board(each) for name, each in session.boards.items() if each != session.own
+            name: SharedJson(each)
+            for name, each in session.shared_by_sink.items()
+            if each != session.own
         }
         self.dropped = 0
 
@@ -163,11 +165,11 @@ class Watching:
 
     def status(self) -> dict[str, Any]:
         """What the loop said last."""
-        return self.board.read()
+        return self.shared_json.read()
 
     def others(self) -> dict[str, dict[str, Any]]:
         """What the other sinks said last."""
-        return {name: board.read() for name, board in self._others.items()}
+        return {name: shared_json.read() for name, shared_json in self._others.items()}
 
     def diagnosis(self, status: dict[str, Any]) -> dict[str, str | float]:
         """What the last diagnosis says of what the loop does now."""
@@ -192,5 +194,5 @@ class Watching:
     def close(self) -> None:
         """Let go of the memory."""
         self.reader.close()
-        for each in (self.board, self._own, *self._others.values()):
+        for each in (self.shared_json, self._own, *self._others.values()):
             each.close()

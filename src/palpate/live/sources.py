@@ -210,7 +210,7 @@ class Kind(NamedTuple):
     opener: str
     wire: str
     form: str
-    words: str
+    text: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -296,7 +296,7 @@ def open_source(address: str, options: SourceOptions | None = None) -> Source:
         source: Source = getattr(module, kind.opener)(rest, given)
         return source
     if not Path(address).exists():
-        known = ", ".join(f"{kind.form} ({kind.words})" for kind in SOURCES.values())
+        known = ", ".join(f"{kind.form} ({kind.text})" for kind in SOURCES.values())
         raise InvalidParameterError(
             f"SOURCE must be a recording's path, or one of {known}; not {shown(address)}"
         )

@@ -12,8 +12,7 @@ from typing import Any
 import numpy as np
 
 from palpate._core import Status
-from palpate.diagnosis.data import in_words
-from palpate.digits import rounded, with_error
+from palpate.digits import format_quantity, rounded, with_error
 from palpate.estimators.estimate import Estimate
 from palpate.estimators.law_verdicts import STRONG, UNDECIDED, Evidence, LawVerdict, verdict_of
 from palpate.findings import Finding
@@ -42,7 +41,7 @@ def verdict_on(status: Mapping[str, Any]) -> dict[str, Any] | None:
     evidence = Evidence(*page["evidence"])
     estimate = estimate_of(page)
     verdict = verdict_of(evidence, estimate)
-    known = bool(verdict.standings)
+    known = bool(verdict.model_ranking)
     return {
         **verdict.as_dict(),
         "known": known,
@@ -179,7 +178,7 @@ def lead_of(verdict: Mapping[str, Any]) -> tuple[float, str]:
     return float(others[0]["score"]) - float(own[0]), str(others[0]["law"])
 
 
-def verdict_in_words(verdict: Mapping[str, Any], numbers: Numbers) -> str:
+def describe_verdict(verdict: Mapping[str, Any], numbers: Numbers) -> str:
     """The verdict in a line of text."""
     if verdict["parameters"] is None:
         return "no law yet"
@@ -203,7 +202,7 @@ def law_lines(verdict: Mapping[str, Any]) -> Iterator[str]:
     """
     numbers, changes = numbers_of(verdict), int(verdict["changes"])
     turned = f", changed {changes} times" if changes and verdict["known"] else ""
-    yield f"law: {verdict_in_words(verdict, {})}{_evidence(verdict)}{turned}"
+    yield f"law: {describe_verdict(verdict, {})}{_evidence(verdict)}{turned}"
     if numbers:
         named = [f"{NUMBERS[name][1]} {written(numbers, name)}" for name in numbers]
         yield f"{_about(verdict)}: {', '.join(named)}"
@@ -218,7 +217,7 @@ def _evidence(verdict: Mapping[str, Any]) -> str:
 
 
 def _about(verdict: Mapping[str, Any]) -> str:
-    often, depth = in_hertz(verdict["frequency"]), in_words(verdict["depth"], "m")
+    often, depth = in_hertz(verdict["frequency"]), format_quantity(verdict["depth"], "m")
     return f"a small oscillation of {often} about {depth}"
 
 
@@ -276,7 +275,7 @@ COUNTED = {
 
 def seconds(value: float | None) -> str:
     """A short time as a person reads it: 6.3 µs, 0.4 ms, 2 s."""
-    return "–" if value is None or not math.isfinite(value) else in_words(value, "s")
+    return "–" if value is None or not math.isfinite(value) else format_quantity(value, "s")
 
 
 def percent(fraction: float | None) -> str:
@@ -341,7 +340,7 @@ def view_of(page: Mapping[str, Any], verdict: Mapping[str, Any] | None, now: flo
     loop, depth, found = page["loop"], page["depth"], page["now"]
     law = loop.get("law") or {}
     known = math.isfinite(depth["value"])
-    at = f" at {in_words(depth['value'], 'm')}" if known else " at working depth"
+    at = f" at {format_quantity(depth['value'], 'm')}" if known else " at working depth"
     names = ("Relaxed", "Damper") if law.get("remembers") else ("Stiffness", "Damping")
     chosen = ", chosen" if known and depth["chosen"] else ""
     tiles = [
@@ -394,7 +393,7 @@ def _terms(law: Mapping[str, Any], found: Mapping[str, Any]) -> list[str]:
     return terms or ["unknown"]
 
 
-def change_in_words(change: Mapping[str, Any]) -> str:
+def describe_change(change: Mapping[str, Any]) -> str:
     """From which stiffness to which the material changed."""
     ends = ((change.get(name) or {}).get("stiffness", [math.nan]) for name in ("before", "after"))
     return f"{' → '.join(rounded(each[0], 3) for each in ends)} N/m"
@@ -524,7 +523,7 @@ def _diagnosis(found: Mapping[str, Any]) -> Iterator[list[str]]:
         for name, unit in (("stiffness", "N/m"), ("damping", "N·s/m")):
             parts = (there[name][key] for key in ("value", "standard_error", "systematic"))
             both.append(f"{name} {with_error(*map(or_nan, parts), unit=unit)}")
-        yield [f"At {in_words(there['depth'], 'm')}: {', '.join(both)}", "", ""]
+        yield [f"At {format_quantity(there['depth'], 'm')}: {', '.join(both)}", "", ""]
     last = rounded(found["window"][1] - found["window"][0], 2)
     by = f"By {found['method']}, of the last {last} s at {found['at']}, {found['samples']} samples."
     yield [by, "soft", ""]

@@ -199,7 +199,7 @@ class Zenoh(RosTopics):
 
     def close(self) -> None:
         """Close the session."""
-        self.settle()
+        self.finish_pending()
         if self._session is not None:
             self._session.close()  # type: ignore[no-untyped-call]
         self._session = None

@@ -226,7 +226,7 @@ class ZeroMQ(Endpoint, WireSource):
 
     def close(self) -> None:
         """Close the socket."""
-        self.settle()
+        self.finish_pending()
         super().close()
 
 

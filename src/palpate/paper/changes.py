@@ -21,7 +21,16 @@ from palpate.paper.experiment import (
     Outcome,
     by_symbol,
 )
-from palpate.paper.rig import AGREED, GATE, START, Method, ideally_pressed, identified, off, pressed
+from palpate.paper.rig import (
+    AGREED,
+    GATE,
+    START,
+    Method,
+    ideal_contact,
+    identified,
+    off,
+    simulated_contact,
+)
 
 SECONDS = 27.0
 #: A change takes half a second about its middle.
@@ -79,7 +88,7 @@ TITLES = {"": "three times as stiff", ", 7 % apart": "7 % stiffer, ideal probe"}
 def palpated(by: float, seed: int, seconds: float, stay: float = STAY) -> palpate.Contact:
     """An ideal probe on the phantom, whose other zone is stiffer by a fraction."""
     zones = lab.SpaceVaryingMaterial((lab.PVC, stiffer(by)), (0.0,))
-    return ideally_pressed(zones, replace(lab.PALPATION, dwell=stay), seed, seconds)
+    return ideal_contact(zones, replace(lab.PALPATION, dwell=stay), seed, seconds)
 
 
 class _Intermittent(Experiment):
@@ -93,7 +102,7 @@ class _Intermittent(Experiment):
 
     def measure(self, seed: int) -> Measured:
         contacts = {
-            "": pressed("soft-and-hard", "palpation", seed, SECONDS),
+            "": simulated_contact("soft-and-hard", "palpation", seed, SECONDS),
             ", 7 % apart": palpated(CONTRAST, seed, SECONDS),
         }
         # β = 0.05, γ = 2.5 N⁻²: NINT lets an error perturb from γ e² = 0.5 on.

@@ -19,9 +19,9 @@ from palpate.paper.judging import (
     Judge,
     Numbers,
     SeedAnswer,
+    format_values,
     number,
     quantities,
-    said,
     unit_of,
 )
 from palpate.results.colours import LIGHT
@@ -102,7 +102,9 @@ class Seeds:
 
     def __call__(self, *names: str) -> str:
         """Median over the seeds of one number, or of several alike, and the range in brackets."""
-        return said([each.of(numbers) for numbers in self.every for each in quantities(*names)])
+        return format_values(
+            [each.of(numbers) for numbers in self.every for each in quantities(*names)]
+        )
 
     def every_number(self) -> Table:
         """Return the table of all that was measured, one parameter of a law beside the other."""
@@ -110,7 +112,7 @@ class Seeds:
         for key in self.every[0]:
             name = key.partition(" [")[0]
             head, _, last = name.rpartition(" ")
-            value = said([number(key).of(numbers) for numbers in self.every], unit_of(key))
+            value = format_values([number(key).of(numbers) for numbers in self.every], unit_of(key))
             if last in SYMBOLS:
                 name, value = head, f"{last} {value}"
             rows.setdefault(name, []).append(value)

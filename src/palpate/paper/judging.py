@@ -44,7 +44,7 @@ class PaperQuantity:
     def seen(self, every: Sequence[Numbers]) -> str:
         """Its name and its value over the seeds, with the unit of the numbers that it is of."""
         unit = unit_of(next(iter(named(self.name, every[0]))))
-        words = said([self.of(numbers) for numbers in every], unit)
+        words = format_values([self.of(numbers) for numbers in every], unit)
         return f"{self.which}{self.name.replace('|', ' or ')}: {words}"
 
     def __truediv__(self, other: "Of") -> "PaperQuantity":
@@ -163,7 +163,7 @@ def readable(value: float) -> str:
     return f"{value:.{digits}f}".replace("-", "−")
 
 
-def said(values: Iterable[float], unit: str = "") -> str:
+def format_values(values: Iterable[float], unit: str = "") -> str:
     """Median of some values with their unit, and the range in brackets."""
     known = sorted(values)
     middle, low, high = map(readable, (statistics.median(known), known[0], known[-1]))
@@ -199,7 +199,7 @@ class Judge:
         kept = [each.of(numbers) for each in self.conditions]
         return SeedAnswer(None if not kept or any(map(math.isnan, kept)) else all(kept), ours)
 
-    def words(self, every: Sequence[Numbers]) -> str:
+    def describe(self, every: Sequence[Numbers]) -> str:
         """Say every number that was used over the seeds, but what stands in the column before."""
         used = [*([] if self.ours is None else self.ours.parts), *self.beside]
         for each in self.conditions:
@@ -219,10 +219,10 @@ class Judge:
         ]
         findings = [judge(each) for each in numbers]
         held = sum(finding.holds is True for finding in findings)
-        ours = said(math.inf if each.ours is None else each.ours for each in findings)
+        ours = format_values(math.inf if each.ours is None else each.ours for each in findings)
         verdict = f"holds in {held} of {len(every)} seeds" if held else "does not hold"
         words = f"On the {self.elsewhere} it {'holds' if held == len(every) else verdict} ({ours})"
-        return f"{words}: {more}" if (more := judge.words(numbers)) else words
+        return f"{words}: {more}" if (more := judge.describe(numbers)) else words
 
 
 def judge(

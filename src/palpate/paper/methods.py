@@ -80,7 +80,7 @@ class _Forgetting(Experiment):
     """
 
     def measure(self, seed: int) -> Measured:
-        contact = rig.pressed("ball", "three-sines", seed)
+        contact = rig.simulated_contact("ball", "three-sines", seed)
         starts = rig.starts_of(contact, SINGLE)
         settings: dict[str, dict[str, Any]] = {
             **{name: {"forgetting": each} for name, each in PROFILES.items()},
@@ -137,7 +137,7 @@ def _held(seed: int) -> Measured:
     clock = HOLD_FROM + 1e-4 * np.arange(20_000, dtype=np.float64)
     turns = np.flatnonzero(np.diff(np.sign(lab.THREE_SINES.at(clock).velocity)))
     trajectory = Held(lab.THREE_SINES, float(clock[turns[0]]))
-    contact = rig.ideally_pressed(lab.BALL, trajectory, seed, HOLD_FROM + HELD_SECONDS)
+    contact = rig.ideal_contact(lab.BALL, trajectory, seed, HOLD_FROM + HELD_SECONDS)
     late = contact.time > trajectory.stop
     keep = np.flatnonzero(late)[::60]
     curves = {"held/time": contact.time[keep] - trajectory.stop}
@@ -156,7 +156,7 @@ def _varying(seed: int) -> dict[str, float]:
     """Errors by forgetting factor where the ball changes every two seconds."""
     other = lab.Homogeneous(STIFFER)
     varying = lab.TimeVaryingMaterial((lab.BALL, other, lab.BALL, other, lab.BALL), CHANGES)
-    contact = rig.ideally_pressed(varying, lab.THREE_SINES, seed)
+    contact = rig.ideal_contact(varying, lab.THREE_SINES, seed)
     stiffer = np.searchsorted(CHANGES, contact.time, side="right") % 2 == 1
     truth = np.where(stiffer, STIFFER.stiffness, rig.BALL_LAW.stiffness)
     numbers: dict[str, float] = {}
@@ -213,12 +213,12 @@ class _Comparison(Experiment):
             second = self._measured(self.beside, seed)[0]
             numbers |= {f"{prefix} {name}": value for name, value in second.items()}
         if self.material == "ball":
-            numbers |= _logarithm(rig.pressed("ball", "three-sines", seed)) | _threshold()
+            numbers |= _logarithm(rig.simulated_contact("ball", "three-sines", seed)) | _threshold()
             numbers |= _sampled(rig.session("ball", "three-sines", seed).contact)
         return numbers, curves
 
     def _measured(self, material: str, seed: int) -> Measured:
-        contact = rig.pressed(material, "three-sines", seed)
+        contact = rig.simulated_contact(material, "three-sines", seed)
         numbers: dict[str, float] = {}
         curves: Curves = {}
         errors: dict[tuple[float, rig.Method], list[float]] = {}
@@ -413,7 +413,7 @@ class _NearTruth(Experiment):
         numbers: dict[str, float] = {}
         curves: Curves = {}
         for name, material in MATERIALS.items():
-            contact, law = rig.pressed(name, "three-sines", seed), material.law.parameters
+            contact, law = rig.simulated_contact(name, "three-sines", seed), material.law.parameters
             ends = {f"{away:g}": _from(contact, law, away) for away in OFF}
             for words, settings in OTHERWISE.items():
                 ends[words] = _from(contact, law, 0.1, **settings)

@@ -47,14 +47,16 @@ class _Hysteresis(Experiment):
     """
 
     def measure(self, seed: int) -> Measured:
-        contact = rig.pressed("ball", "near-surface", seed)
+        contact = rig.simulated_contact("ball", "near-surface", seed)
         truth = rig.session("ball", "near-surface", seed).truth.window(rig.START)
         inside = _inside(contact)
         damped = replace(rig.BALL_LAW, damping=3.0 * rig.BALL_LAW.damping)
         numbers = {
             "least force measured [N]": contact.force[inside].min(),
             "least force felt [N]": truth.force[inside].min(),
-            "least force 10 mm deep [N]": _least(rig.pressed("ball", "three-sines", seed)),
+            "least force 10 mm deep [N]": _least(
+                rig.simulated_contact("ball", "three-sines", seed)
+            ),
             "least force, ideal probe, as it is [N]": _ideal(rig.BALL_LAW, 1.0, seed),
             "least force, ideal probe, half the speed [N]": _ideal(rig.BALL_LAW, 0.5, seed),
             "least force, ideal probe, three times the damping [N]": _ideal(damped, 1.0, seed),
@@ -109,7 +111,7 @@ def _ideal(law: palpate.HuntCrossley, speed: float, seed: int) -> float:
     motion = lab.NEAR_SURFACE.motion
     slower = replace(motion, frequencies=tuple(speed * each for each in motion.frequencies))
     seconds = rig.START + 10.0 / speed
-    return _least(rig.ideally_pressed(lab.Homogeneous(law), lab.Probing(slower), seed, seconds))
+    return _least(rig.ideal_contact(lab.Homogeneous(law), lab.Probing(slower), seed, seconds))
 
 
 def _draw_loop(axes: Axes, outcome: Outcome, models: Sequence[str], stiffness: float = 0.0) -> None:
@@ -145,14 +147,14 @@ class _Richness(Experiment):
     kind: rig.Method
 
     def measure(self, seed: int) -> Measured:
-        three = rig.pressed("ball", "three-sines", seed)
+        three = rig.simulated_contact("ball", "three-sines", seed)
         # The starts are those of the three sines.
         starts = rig.starts_of(three, self.kind)
         reference = rig.from_starts(three, self.kind, starts)
         numbers = self._summary("three sines", reference)
         curves: Curves = {}
         for name, trajectory in MOTIONS.items():
-            contact = rig.pressed("ball", trajectory, seed, SECONDS)
+            contact = rig.simulated_contact("ball", trajectory, seed, SECONDS)
             results = rig.from_starts(contact, self.kind, starts)
             numbers |= self._summary(name, results)
             numbers |= _by_covariance(name, contact, self.kind, starts, COVARIANCES)
@@ -173,7 +175,7 @@ class _Richness(Experiment):
             numbers |= by_symbol(f"time of variable projection {name}", times, "s")
             numbers |= _end(f"{name} variable projection", projected)
         if self.kind is palpate.SingleStageRLS:
-            contact = rig.ideally_pressed(lab.BALL, lab.ONE_SINE, seed, LONG)
+            contact = rig.ideal_contact(lab.BALL, lab.ONE_SINE, seed, LONG)
             long = _by_covariance(LONG_MOTION, contact, self.kind, starts, LONG_COVARIANCES)
             numbers |= long
         return numbers, curves
@@ -284,7 +286,7 @@ class _Today(Experiment):
 
     def measure(self, seed: int) -> Measured:
         # The recording that Fig. 13 uses.
-        contact = rig.pressed("relaxing-sponge", "three-sines", seed)
+        contact = rig.simulated_contact("relaxing-sponge", "three-sines", seed)
         learned = contact.window(rig.START, HALF)
         unseen = contact.time >= HALF
         numbers: dict[str, float] = {}

@@ -18,7 +18,7 @@ from typing import Any
 import palpate
 from palpate import __version__, lab
 from palpate.paper.experiment import Claim, Experiment, Outcome, Seeds, Table, claims_file
-from palpate.paper.judging import SeedAnswer, said
+from palpate.paper.judging import SeedAnswer, format_values
 from palpate.paper.rig import GATE, START
 from palpate.reports import html
 from palpate.reports.html import DRAWINGS, STYLE, inline
@@ -65,7 +65,7 @@ class Judgement:
     experiment: str
     claim: Claim
     findings: tuple[SeedAnswer, ...]
-    words: str = ""
+    text: str = ""
 
     @property
     def anchor(self) -> str:
@@ -88,7 +88,7 @@ class Judgement:
         return verdict_of(self.held, self.checked)
 
     @property
-    def verdict_words(self) -> str:
+    def verdict_text(self) -> str:
         """The verdict, with the count of seeds where they differ."""
         if self.verdict is Reproduction.PARTLY:
             return f"reproduced in {self.held} of {self.checked} seeds"
@@ -104,9 +104,9 @@ class Judgement:
         return (statistics.median(known), min(known), max(known)) if known else None
 
     @property
-    def ours_words(self) -> str:
+    def ours_text(self) -> str:
         """What was measured, with its unit; the range over the seeds in brackets."""
-        return "" if self.ours is None else said(self.ours, self.claim.unit)
+        return "" if self.ours is None else format_values(self.ours, self.claim.unit)
 
     @property
     def remark(self) -> str:
@@ -121,7 +121,7 @@ class Section:
 
     experiment: Experiment
     outcomes: Sequence[Outcome]
-    drawn: bool = True
+    rendered: bool = True
 
     @cached_property
     def say(self) -> Seeds:
@@ -134,7 +134,7 @@ class Section:
         every = self.say.every
         name, judges = self.experiment.name, self.experiment.judges
         return tuple(
-            Judgement(name, claim, tuple(map(judge, every)), judge.words(every))
+            Judgement(name, claim, tuple(map(judge, every)), judge.describe(every))
             for claim in self.experiment.claims
             for judge in (judges[claim.key],)
         )
@@ -148,7 +148,7 @@ class Report:
     seeds: int
     folder: Path
     outcomes: dict[tuple[str, int], Outcome] = field(default_factory=dict)
-    drawn: set[str] = field(default_factory=set)
+    rendered: set[str] = field(default_factory=set)
     failures: list[str] = field(default_factory=list)
 
     def outcomes_of(self, experiment: Experiment) -> list[Outcome]:
@@ -166,13 +166,13 @@ class Report:
         counted = {each.name: len(self.outcomes_of(each)) for each in self.experiments}
         words = {n: f"{n} ({count} of {self.seeds} seeds)" for n, count in counted.items()}
         words |= {n: f"{n} (no figure)" for n, count in counted.items() if count == self.seeds}
-        return [words[n] for n in words if counted[n] < self.seeds or n not in self.drawn]
+        return [words[n] for n in words if counted[n] < self.seeds or n not in self.rendered]
 
     @cached_property
     def sections(self) -> list[Section]:
         """The experiments that are finished; asked for at the end."""
         finished = filter(self.is_complete, self.experiments)
-        return [Section(e, self.outcomes_of(e), e.name in self.drawn) for e in finished]
+        return [Section(e, self.outcomes_of(e), e.name in self.rendered) for e in finished]
 
     @property
     def judgements(self) -> tuple[Judgement, ...]:
@@ -246,9 +246,9 @@ def settings() -> tuple[Table, ...]:
         ("sensors", lab.Sensors().describe()),
         ("variable projection", "same samples, no starts, no forgetting, offset estimated"),
     )
-    laws = tuple((name, _in_words(each.describe())) for name, each in lab.MATERIALS.items())
+    laws = tuple((name, _describe_truth(each.describe())) for name, each in lab.MATERIALS.items())
     commands: dict[str, Any] = {**lab.TRAJECTORIES}
-    motions = tuple((name, _in_words(asdict(each))) for name, each in commands.items())
+    motions = tuple((name, _describe_truth(asdict(each))) for name, each in commands.items())
     ours = "Within the orders of magnitude that the paper's text gives; its tables are lost."
     return (
         Table("How the experiments are set", ("setting", "value"), chosen),
@@ -257,13 +257,13 @@ def settings() -> tuple[Table, ...]:
     )
 
 
-def _in_words(truth: Any) -> str:
+def _describe_truth(truth: Any) -> str:
     """What a material or motion says of itself: a number, words, or several by name."""
     if isinstance(truth, Mapping):
-        named = {key.replace("_", " "): _in_words(value) for key, value in truth.items()}
+        named = {key.replace("_", " "): _describe_truth(value) for key, value in truth.items()}
         return ", ".join(v if key == "kind" else f"{key} {v}" for key, v in named.items())
     if isinstance(truth, list | tuple):
-        return "; ".join(map(_in_words, truth))
+        return "; ".join(map(_describe_truth, truth))
     return f"{truth:g}" if isinstance(truth, float) else str(truth)
 
 
@@ -305,7 +305,7 @@ def write_report(report: Report) -> None:
 def _claim_as_dict(each: Judgement) -> dict[str, Any]:
     ours = dict(zip(("median", "least", "largest"), each.ours or (), strict=False)) or None
     seeds = {"seeds_checked": each.checked, "seeds_held": each.held}
-    found = {"verdict": each.verdict.value, **seeds, "ours": ours, "seen": each.words}
+    found = {"verdict": each.verdict.value, **seeds, "ours": ours, "seen": each.text}
     return {"experiment": each.experiment, **asdict(each.claim), **found}
 
 
@@ -321,7 +321,7 @@ def _section_as_dict(section: Section) -> dict[str, Any]:
         outcomes.append({"seed": each.seed, "numbers": numbers, "findings": findings})
     return {
         **{"name": name, "title": experiment.title, "caption": experiment.caption},
-        "figure": f"{name}.svg" if section.drawn else None,
+        "figure": f"{name}.svg" if section.rendered else None,
         "tables": [asdict(table) for table in experiment.tables(section.say)],
         "outcomes": outcomes,
     }
@@ -337,12 +337,12 @@ def _markdown(report: Report) -> str:
     header = ("figure", "the paper's words", "its number", "ours", "verdict", "read as, depends on")
     rows: list[tuple[str, ...]] = [header]
     for each in report.judgements:
-        claim, number = each.claim, each.ours_words
+        claim, number = each.claim, each.ours_text
         if number and claim.measured:
             number = f"{claim.measured}: {number}"
-        ours = ". ".join(filter(None, (number, each.words)))
+        ours = ". ".join(filter(None, (number, each.text)))
         where, words = f"{each.experiment}; {claim.where}", f"“{claim.words}”"
-        rows.append((where, words, claim.number, ours, each.verdict_words, each.remark))
+        rows.append((where, words, claim.number, ours, each.verdict_text, each.remark))
     lines = ["| " + " | ".join(c.replace("|", "\\|") for c in cells) + " |" for cells in rows]
     lines[1:1] = ["|---" * len(header) + "|"]
     lines += ["", "Not held against anything:", ""]
@@ -417,8 +417,8 @@ def _claims(report: Report) -> Iterator[str]:
             f'<a href="#{each.anchor}">{escape(_figure(each.experiment))}</a>',
             f"<q>{escape(each.claim.words)}</q>",
             escape(each.claim.number or "–"),
-            escape(each.ours_words or "–"),
-            _badge(each.verdict, each.verdict_words),
+            escape(each.ours_text or "–"),
+            _badge(each.verdict, each.verdict_text),
         )
         for each in report.judgements
     )
@@ -444,7 +444,7 @@ def _tables(tables: Iterable[Table]) -> Iterator[str]:
 
 def _section(section: Section, folder: Path) -> Iterator[str]:
     name, words = section.experiment.name, section.experiment.caption
-    if section.drawn:
+    if section.rendered:
         drawing = figures_of(folder, name)[0].read_text(encoding="utf-8")
         inside = inline(drawing, f"{name}-drawing", words)
         yield f'<figure><div class="wide" tabindex="0">{inside}</div>'
@@ -453,11 +453,13 @@ def _section(section: Section, folder: Path) -> Iterator[str]:
         claim = each.claim
         yield f'<div class="claim" id="{each.anchor}">'
         yield f"<p><q>{escape(claim.words)}</q> <small>{escape(claim.where)}</small></p>"
-        yield f"<p>{_badge(each.verdict, each.verdict_words)}</p>"
-        numbers = {"its number": claim.number, claim.measured or "ours": each.ours_words}
-        if said := "; ".join(f"{name}: {value}" for name, value in numbers.items() if value):
-            yield f"<p>{escape(said)}</p>"
-        yield from (f'<p class="soft">{escape(w)}</p>' for w in (each.words, each.remark) if w)
+        yield f"<p>{_badge(each.verdict, each.verdict_text)}</p>"
+        numbers = {"its number": claim.number, claim.measured or "ours": each.ours_text}
+        if format_values := "; ".join(
+            f"{name}: {value}" for name, value in numbers.items() if value
+        ):
+            yield f"<p>{escape(format_values)}</p>"
+        yield from (f'<p class="soft">{escape(w)}</p>' for w in (each.text, each.remark) if w)
         yield "</div>"
     yield from _tables(section.experiment.tables(section.say))
     yield "<details><summary>Every number, as it was measured</summary>"

@@ -40,23 +40,25 @@ def session(
 ) -> lab.Measurement:
     """Press a material of the lab with the twin pantograph; kept, for experiments share it."""
     motion = lab.TRAJECTORIES[trajectory] if isinstance(trajectory, str) else trajectory
-    return _pressed(material, motion, seed, seconds)  # type: ignore[arg-type]  # it is hashable
+    return _measurement(material, motion, seed, seconds)  # type: ignore[arg-type]  # it is hashable
 
 
 # As many as the experiments of a group press in one seed, and no more: each is megabytes.
 @lru_cache(maxsize=16)
-def _pressed(material: str, motion: lab.Trajectory, seed: int, seconds: float) -> lab.Measurement:
+def _measurement(
+    material: str, motion: lab.Trajectory, seed: int, seconds: float
+) -> lab.Measurement:
     return lab.Bench(lab.MATERIALS[material], motion).run(seed, seconds=seconds)
 
 
-def pressed(
+def simulated_contact(
     material: str, trajectory: str | lab.Trajectory, seed: int, seconds: float = 12.0
 ) -> palpate.Contact:
     """Return the part of a session after the pause, as recorded."""
     return session(material, trajectory, seed, seconds).contact.window(START)
 
 
-def ideally_pressed(
+def ideal_contact(
     material: lab.Material, motion: lab.Trajectory, seed: int, seconds: float = 12.0
 ) -> palpate.Contact:
     """Press a material with a probe that follows its command, and return the same part."""

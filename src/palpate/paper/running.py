@@ -81,7 +81,7 @@ def _resume(report: Report) -> None:
         found = (read_outcome(report.folder, each, seed) for seed in range(report.seeds))
         report.outcomes |= {(each.name, outcome.seed): outcome for outcome in found if outcome}
         if figures_are_current(report.folder, each, report.seeds):
-            report.drawn.add(each.name)
+            report.rendered.add(each.name)
 
 
 def _work(report: Report, workers: int, progress: Progress) -> None:
@@ -120,7 +120,7 @@ def _measurements(report: Report) -> Iterator[Task]:
 def _drawings(report: Report, experiments: Iterable[Experiment]) -> Iterator[Task]:
     """Those of the experiments of which every seed is there, and no figure."""
     for each in experiments:
-        if report.is_complete(each) and each.name not in report.drawn:
+        if report.is_complete(each) and each.name not in report.rendered:
             yield (each,), report.outcomes_of(each)
 
 
@@ -138,9 +138,9 @@ def _settle(
         write_outcome(report.folder, experiment, result)
     else:
         write_figures(report.folder, experiment, report.seeds, result)
-        report.drawn.add(experiment.name)
+        report.rendered.add(experiment.name)
     total = len(report.experiments) * (report.seeds + 1)
-    progress(what, len(report.outcomes) + len(report.drawn), total)
+    progress(what, len(report.outcomes) + len(report.rendered), total)
 
 
 # In a worker, and the workers.
@@ -254,9 +254,11 @@ def _remark(experiment: Experiment, seeds: int) -> str:
     return f"<!-- {seeds} seeds, {made} -->\n"
 
 
-def write_figures(folder: Path, experiment: Experiment, seeds: int, drawn: Sequence[str]) -> None:
+def write_figures(
+    folder: Path, experiment: Experiment, seeds: int, rendered: Sequence[str]
+) -> None:
     """Write an experiment's figure for both backgrounds."""
-    for path, drawing in zip(figures_of(folder, experiment.name), drawn, strict=True):
+    for path, drawing in zip(figures_of(folder, experiment.name), rendered, strict=True):
         write_text(path, drawing + _remark(experiment, seeds))
 
 

@@ -22,7 +22,7 @@ from palpate.paper.experiment import (
     Outcome,
     by_symbol,
 )
-from palpate.paper.rig import GATE, START, identified, off, pressed, session, truth_of
+from palpate.paper.rig import GATE, START, identified, off, session, simulated_contact, truth_of
 
 MATERIALS = ("ball", "sponge", "pvc")
 REPETITIONS, THREE = 3, (10.5, 4.0)
@@ -69,11 +69,11 @@ class _Followed(Experiment):
                 f"bias left {name} [mN]": 1e3 * float(bias),
                 f"largest error {name} [%]": 100.0 * relative.max(),
             }
-            drawn = np.flatnonzero(truth.time >= START - 0.2)
-            drawn = drawn[experiment.thinned(truth.time[drawn])]
-            curves["time"] = truth.time[drawn]
-            curves["command"] = 1e3 * command.penetration[drawn]
-            curves[name] = 1e3 * truth.penetration[drawn]
+            rendered = np.flatnonzero(truth.time >= START - 0.2)
+            rendered = rendered[experiment.thinned(truth.time[rendered])]
+            curves["time"] = truth.time[rendered]
+            curves["command"] = 1e3 * command.penetration[rendered]
+            curves[name] = 1e3 * truth.penetration[rendered]
         return numbers, curves
 
     def draw(self, figure: Figure, outcomes: Sequence[Outcome]) -> None:
@@ -109,7 +109,7 @@ class _Repetitions(Experiment):
         curves: Curves = {}
         seeds = [REPETITIONS * seed + i for i in range(REPETITIONS)]
         for material in (self.material, *self.beside):
-            contacts = [pressed(material, "three-sines", each) for each in seeds]
+            contacts = [simulated_contact(material, "three-sines", each) for each in seeds]
             for method, kind in METHODS.items():
                 results = [identified(contact, kind) for contact in contacts]
                 values = np.array([result.law.parameters for result in results])
@@ -120,15 +120,15 @@ class _Repetitions(Experiment):
                     continue
                 numbers |= by_symbol(f"mean final {method}", mean)
                 numbers[f"B/K {method} [s/m]"] = mean[1] / mean[0]
-                drawn = experiment.thinned(contacts[0].time)
-                curves["time"] = contacts[0].time[drawn]
+                rendered = experiment.thinned(contacts[0].time)
+                curves["time"] = contacts[0].time[rendered]
                 for k, result in enumerate(results):
                     errors = result.estimate.standard_errors
                     numbers |= by_symbol(f"final {method} {k}", result.law.parameters)
                     numbers |= by_symbol(f"standard error {method} {k}", errors)
                     # Of every repetition by the single stage, of the first by others.
                     if method == "single-stage" or k == 0:
-                        curves |= experiment.courses(f"{method} {k}", result, drawn)
+                        curves |= experiment.courses(f"{method} {k}", result, rendered)
             truth = session(material, "three-sines", seeds[0]).truth.window(3.0)
             # The level of the excitation that the rig reached.
             numbers[f"motion {material} [mm]"] = 1e3 * float(np.std(truth.penetration))
@@ -171,15 +171,15 @@ class _Condition(Experiment):
         numbers: dict[str, float] = {}
         curves: Curves = {}
         for name in self.materials:
-            contact = pressed(name, "three-sines", seed)
+            contact = simulated_contact(name, "three-sines", seed)
             single = identified(contact, palpate.SingleStageRLS)
             projected = identified(contact, palpate.VariableProjection)
             numbers |= _when(name, single) | _otherwise(name, contact)
-            drawn = experiment.thinned(contact.time)
+            rendered = experiment.thinned(contact.time)
             speed = np.where(single.trace.taken, 1e3 * np.abs(contact.velocity), np.nan)
-            curves |= {f"{name}/time": contact.time[drawn], f"{name}/speed": speed[drawn]}
+            curves |= {f"{name}/time": contact.time[rendered], f"{name}/speed": speed[rendered]}
             for result in (single, projected):
-                stiffness, damping = np.abs(experiment.course_of(result)[drawn, :2]).T
+                stiffness, damping = np.abs(experiment.course_of(result)[rendered, :2]).T
                 limit = 100.0 * stiffness / np.where(damping > 0.0, damping, np.nan)  # mm/s
                 curves[f"{name}/{result.estimator.method}"] = limit
         for slower in SLOWER if "sponge" in self.materials else ():
@@ -260,7 +260,7 @@ def _slowed(seed: int, slower: float) -> dict[str, float]:
     """Errors of the sponge's K, B and n, and where condition 10 is broken after 2 s."""
     motion = lab.THREE_SINES.motion
     slowed = replace(motion, frequencies=tuple(f / slower for f in motion.frequencies))
-    contact = pressed("sponge", replace(lab.THREE_SINES, motion=slowed), seed)
+    contact = simulated_contact("sponge", replace(lab.THREE_SINES, motion=slowed), seed)
     result, truth = identified(contact, palpate.SingleStageRLS), truth_of("sponge")
     settled = _margin(result)[round(UNBROKEN / contact.sample_time) :]
     signed = 100.0 * (result.law.parameters / truth - 1.0)

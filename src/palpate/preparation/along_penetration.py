@@ -161,7 +161,7 @@ def velocities_of(
     return np.concatenate([np.empty(0), *parts]), lost
 
 
-def filter_words(lost: int) -> str:
+def describe_filter(lost: int) -> str:
     """Say how a velocity was worked out."""
     words = "centred quadratic Savitzky–Golay filter"
     return words + (f", without {lost} lost position{'s' if lost > 1 else ''}" if lost else "")
@@ -196,7 +196,7 @@ def _prepared(
         length = velocity_filter(contact, settings.velocity_window)
         runs, window = list(contact.segments()), settings.velocity_window
         velocity, lost = velocities_of(time, penetration, runs, window)
-        words = {**contact.provenance, "velocity": filter_words(lost)}
+        words = {**contact.provenance, "velocity": describe_filter(lost)}
         contact = replace(contact, velocity=velocity, provenance=words)
     done = Prepared(recording or Recording({}), settings, window=length)
     contact, done = _tared(contact, done)

@@ -136,7 +136,7 @@ def kind_of(name: str, unit: str | None = None) -> str | None:
     """
     unit = plain_unit(unit) if unit else stated_unit(name)
     possible = _OF_UNIT.get(unit or "")
-    kinds = [_KIND[word] for word in words_of(name) if word in _KIND and word != unit]
+    kinds = [_KIND[word] for word in split_name(name) if word in _KIND and word != unit]
     if possible is None:
         return kinds[-1] if kinds else None
     fitting = [kind for kind in kinds if kind in possible]
@@ -145,10 +145,10 @@ def kind_of(name: str, unit: str | None = None) -> str | None:
 
 def is_wanted(name: str) -> bool:
     """Whether a name says what was commanded, and not what was measured."""
-    return not WANTED.isdisjoint(words_of(name))
+    return not WANTED.isdisjoint(split_name(name))
 
 
-def words_of(name: str) -> list[str]:
+def split_name(name: str) -> list[str]:
     """The words of a name in lower case, its unit left out: ``Fz [mN]`` is fz."""
     unit = stated_unit(name)
     if unit is not None:
@@ -369,7 +369,7 @@ class _Choosing:
             ]
         measured = [names for names in found if not is_wanted(names[0])]
         if kind == "position":  # of several bodies the tip is what touches
-            tips = [names for names in measured if not TIP.isdisjoint(words_of(names[0]))]
+            tips = [names for names in measured if not TIP.isdisjoint(split_name(names[0]))]
             measured = tips or measured
         if measured and kind == "time":
             plain = [n for n in measured if n[0].lower() in ("time", "t", "timestamp", "stamp")]

@@ -14,7 +14,7 @@ from palpate.findings import Finding, Mark
 from palpate.preparation.along_penetration import (
     Place,
     Prepared,
-    filter_words,
+    describe_filter,
     in_step,
     velocities_of,
     velocity_filter,
@@ -108,7 +108,7 @@ def along_normal(
     if signals.orientation is not None:
         add(made, "force", "turned by the orientation")
     with stage(_LOGGER, "contact normal"):
-        whole = pressed(signals, settings, recording.source)
+        whole = on_normal(signals, settings, recording.source)
     pieces = _pieces(signals, whole, settings)
     if len(pieces) > 1 or pieces[0][1] is not None:
         findings += _travelled(pieces, signals)
@@ -177,10 +177,10 @@ def _pieces(signals: Signals, whole: AlongNormal, settings: Preparation) -> list
 def _pressed_there(own: Signals, whole: AlongNormal, settings: Preparation) -> AlongNormal:
     """Depth and compression at one place, with the signs that the whole recording told."""
     if own.force.ndim == 1:  # its sign is that of the largest of it, there as everywhere
-        return pressed(own, settings, "")
+        return on_normal(own, settings, "")
     if whole.normal is not None and whole.normal.turned and "force" not in settings.flip:
         own = replace(own, force=-own.force)
-    return pressed(own, replace(settings, flip=(*settings.flip, "force")), "")
+    return on_normal(own, replace(settings, flip=(*settings.flip, "force")), "")
 
 
 def _travelled(pieces: list[Piece], signals: Signals) -> list[Finding]:
@@ -226,7 +226,7 @@ def _joined(
     if normal is not None and len(pieces) == 1:
         add(made, "penetration", f"against the contact normal {normal}")
         add(made, "force", f"along the contact normal {normal}")
-    made["velocity"] = filter_words(lost)
+    made["velocity"] = describe_filter(lost)
     # How well the surfaces are known, as the one number that an estimator takes.
     known = [place.surface.deviation for place in places if place.surface.deviation]
     one = rule != "estimate" and len(known) == len(places)
@@ -264,7 +264,7 @@ SMALL_WEIGHT, LARGE_WEIGHT = 0.01, 0.10  # of the largest force, that a weight i
 ERRORS_OF_WEIGHT, BLOCKS_OF_WEIGHT = 5.0, 8  # standard errors, by the scatter of blocks
 
 
-def pressed(signals: Signals, settings: Preparation, source: str) -> AlongNormal:
+def on_normal(signals: Signals, settings: Preparation, source: str) -> AlongNormal:
     """Project position and force on the contact normal.
 
     Either may be along one axis already. What is not given is found: the normal by

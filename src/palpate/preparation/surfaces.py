@@ -277,7 +277,7 @@ class Surface:
 
     position: float
     deviation: float | None
-    words: str
+    text: str
 
     @property
     def assumed(self) -> bool:
@@ -286,7 +286,7 @@ class Surface:
 
     def say(self, made: dict[str, str], findings: list[Finding]) -> None:
         """Say that the penetration is counted from it, and that it is assumed, where it is."""
-        words = f"counted from {rounded(self.position, 6)} m, {self.words}"
+        words = f"counted from {rounded(self.position, 6)} m, {self.text}"
         if self.deviation:
             words += f" (± {rounded(self.deviation, 2)} m)"
         add(made, "penetration", words)

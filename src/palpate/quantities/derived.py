@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, slots=True)
-class Wanted:
+class QueryOptions:
     """For which impact, tip and oscillation the derived numbers are.
 
     Parameters
@@ -107,7 +107,7 @@ class Derivable(Protocol):
         """What may be wrong."""
 
     @property
-    def wanted(self) -> Wanted:
+    def query(self) -> QueryOptions:
         """For which impact, tip and oscillation."""
 
     def at(self, depth: "ArrayLike") -> WorkingDepth:
@@ -323,12 +323,12 @@ def restitution_from(result: Derivable, speed: float | None = None) -> Restituti
     result : Identification
         What was identified.
     speed : float, optional
-        m/s, > 0; unless given that of :attr:`wanted`, or the fastest approach in contact.
+        m/s, > 0; unless given that of :attr:`query`, or the fastest approach in contact.
     """
     if speed is not None:
         number_in("speed", speed, 0.0, 1e6, open_low=True)
     fastest = fastest_of(result.contact.velocity[result.trace.taken])
-    found, v0 = result.diagnosis, speed or result.wanted.impact_speed
+    found, v0 = result.diagnosis, speed or result.query.impact_speed
     law = result.law.simplest()
     own = [result.law.names().index(name) for name in law.names()]
     b = dissipation_of(law, result.covariance[np.ix_(own, own)], found.working_depth)
@@ -372,9 +372,9 @@ def elastic_modulus_from(
     result : Identification
         What was identified.
     tip : Tip, optional
-        Such as ``Sphere(radius=5e-3)``; that of :attr:`wanted` unless given.
+        Such as ``Sphere(radius=5e-3)``; that of :attr:`query` unless given.
     poisson_ratio : float, optional
-        Of the material, in (−1, 0.5]; that of :attr:`wanted` unless given, or 0.5.
+        Of the material, in (−1, 0.5]; that of :attr:`query` unless given, or 0.5.
 
     Raises
     ------
@@ -383,13 +383,14 @@ def elastic_modulus_from(
     """
     from palpate.quantities.elastic_modulus import elastic_modulus_of
 
-    tip = tip or result.wanted.tip
-    ratio = result.wanted.poisson_ratio if poisson_ratio is None else poisson_ratio
+    tip = tip or result.query.tip
+    ratio = result.query.poisson_ratio if poisson_ratio is None else poisson_ratio
     if tip is None:
         raise InvalidParameterError(
-            "tip must be given, such as Sphere(radius=5e-3), here or by wanting(Wanted(tip=…))"
+            "tip is missing: pass it here, such as Sphere(radius=5e-3), or by "
+            "with_query(QueryOptions(tip=…))"
         )
-    Wanted(tip=tip, poisson_ratio=ratio)  # which checks them
+    QueryOptions(tip=tip, poisson_ratio=ratio)  # which checks them
     depth = result.contact.penetration[result.trace.taken] - result.estimate.surface
     inside = depth[depth > 0.0]
     low, high = np.percentile(inside, (10.0, 90.0)).tolist() if inside.size else (math.nan,) * 2

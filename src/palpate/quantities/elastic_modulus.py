@@ -10,9 +10,9 @@ import math
 from dataclasses import dataclass, fields
 from typing import Any, ClassVar
 
-from palpate.diagnosis.data import in_words
 from palpate.diagnosis.finding import Diagnosis, Quantity, WorkingDepth
 from palpate.diagnosis.marks import WIDEST_STIFFNESS
+from palpate.digits import format_quantity
 from palpate.force_laws import ForceLaw
 from palpate.quantities.restitution import UNKNOWN
 from palpate.validation import defined, kept
@@ -254,7 +254,7 @@ def elastic_modulus_of(
     if not math.isfinite(exponent.value):
         refused = "the law has no force at the working depth"
     elif not tip.holds(there.depth):
-        depth = in_words(there.depth, "m")
+        depth = format_quantity(there.depth, "m")
         refused = f"at the working depth, {depth}, there is no {tip.kind} left"
     if refused:
         return ElasticModulus(UNKNOWN, *known, refused)
@@ -290,7 +290,7 @@ def _exponent(there: WorkingDepth) -> Quantity:
 def _another_shape(exponent: Quantity, spread: float, tip: Tip) -> str | None:
     """Say why the force does not grow with depth as under this tip."""
     words = (
-        f"the force grows with depth to the power {exponent.words()}, and under a {tip.kind} "
+        f"the force grows with depth to the power {exponent.format()}, and under a {tip.kind} "
         f"to the power {tip.exponent:g}"
     )
     if spread > WIDEST_SPREAD:
@@ -306,7 +306,7 @@ def _remarks(found: Diagnosis, exponent: Quantity, tip: Tip) -> list[str]:
         remarks.append("the diagnosis does not trust the stiffness")
     if not CERTAIN * exponent.whole_error < NEXT_SHAPE:
         remarks.append(
-            f"the exponent, {exponent.words()}, does not say whether the tip is a {tip.kind}"
+            f"the exponent, {exponent.format()}, does not say whether the tip is a {tip.kind}"
         )
     if any(finding.check == "surface" for finding in found.findings):
         remarks.append(

@@ -277,7 +277,7 @@ def restitution_of(
     """
     v0 = fastest_approach if speed is None else speed
     if not law.power_law:
-        words = f"not the same for every body: by {_in_words(law)} it depends on the body's mass"
+        words = f"not the same for every body: by {_name_of_law(law)} it depends on the body's mass"
         return Restitution(v0, fastest_approach, UNKNOWN, b, remarks=(words,))
     if not (math.isfinite(b.value) and v0 > 0.0):
         why = "the law's stiffness is not positive" if v0 > 0.0 else "nothing approached in contact"
@@ -322,7 +322,7 @@ def dissipation_of(law: ForceLaw, covariance: Floats, there: WorkingDepth) -> Qu
     return Quantity(damping / stiffness, math.sqrt(max(variance, 0.0)), systematic)
 
 
-def _in_words(law: ForceLaw) -> str:
+def _name_of_law(law: ForceLaw) -> str:
     if law.remembers:
         return "a law with memory"
     words = "a law whose damping does not grow with depth as its force"

@@ -10,7 +10,7 @@ import pyarrow.compute as compute
 import pyarrow.ipc as ipc
 import pyarrow.parquet as parquet
 from numpy.typing import NDArray
-from rich.filesize import decimal as in_words
+from rich.filesize import decimal as format_bytes
 
 from palpate.errors import RecordingError
 from palpate.recordings.nested import MOST_COLUMNS, text_of
@@ -54,7 +54,7 @@ def read(path: Path, request: Request) -> Recording:
                 # is damaged.
                 claimed = 8 * table.metadata.num_rows * max(table.metadata.num_columns, 1)
                 if not 0 <= claimed <= LARGEST:
-                    raise ValueError(f"it claims {in_words(claimed)} of values")
+                    raise ValueError(f"it claims {format_bytes(claimed)} of values")
                 of = lambda name: table.read(columns=[name])  # noqa: E731
                 return _recording(table.schema_arrow, of, draft)
         if begin != _BEGIN:

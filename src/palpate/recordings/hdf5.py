@@ -9,7 +9,7 @@ from typing import Any
 
 import h5py
 import numpy as np
-from rich.filesize import decimal as in_words
+from rich.filesize import decimal as format_bytes
 
 from palpate.errors import RecordingError
 from palpate.recordings.nested import (
@@ -81,7 +81,7 @@ def opened(path: Path, source: str) -> Iterator[h5py.File]:
 def _why(error: BaseException) -> str:
     words = first_line(error)
     if found := _CUT.search(str(error)):
-        here, whole = (in_words(int(digits)) for digits in found.groups())
+        here, whole = (format_bytes(int(digits)) for digits in found.groups())
         return (
             f"the file is cut off: {here} of {whole} are there, and HDF5 cannot read it; copy it "
             "again, or let the recorder close its file"
@@ -180,8 +180,8 @@ class Walk:
         elif 2 * written < pieces:  # more is missing than is there
             self.found.lose(whole, f"{written} of its {pieces} pieces were written")
         elif claimed > LARGEST:
-            there = f"and the file holds {in_words(stored)} of it"
-            self.found.lose(whole, f"claims {in_words(claimed)}, {there}")
+            there = f"and the file holds {format_bytes(stored)} of it"
+            self.found.lose(whole, f"claims {format_bytes(claimed)}, {there}")
         else:
             if written < pieces:
                 missing = f"{pieces - written} of its {pieces} pieces were never written"

@@ -17,7 +17,7 @@ from typing import Any, BinaryIO, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from rich.filesize import decimal as in_words
+from rich.filesize import decimal as format_bytes
 
 from palpate.errors import RecordingError, needed
 from palpate.recordings.nested import OBJECTS, UNIT_FIELDS, Findings, no_class, plain_numbers
@@ -146,7 +146,9 @@ def _variables(path: Path, size: int, found: Findings) -> Iterator[tuple[str, Va
             there = size - file.tell()
             if length > there:
                 found.lose(
-                    name, f"the file ends in it: {in_words(there)} of {in_words(length)} are there"
+                    name,
+                    f"the file ends in it: {format_bytes(there)} of {format_bytes(length)} "
+                    "are there",
                 )
                 return
             try:
@@ -198,7 +200,9 @@ class _Matrix:
                 if length > 4:
                     raise _WrongError("the tag of a small element is wrong")
             elif start + length > end:
-                raise _WrongError(f"it claims {in_words(length)} of {in_words(end - start)}")
+                raise _WrongError(
+                    f"it claims {format_bytes(length)} of {format_bytes(end - start)}"
+                )
             yield kind, start, start + length
             padded = length if kind == _MATRIX else -(-length // 8) * 8
             at = at + 8 if small else min(start + padded, end)
@@ -257,7 +261,7 @@ class _Matrix:
             raise _WrongError("the names of its fields are damaged")
         fields = [self._text(k, k + longest) for k in range(start, stop, longest)]
         if count * len(fields) * 8 > end - stop or (not fields and count > 1):
-            raise _WrongError(f"it claims {count} structs of {in_words(end - stop)}")
+            raise _WrongError(f"it claims {count} structs of {format_bytes(end - stop)}")
         return Struct(
             tuple(
                 {name: self._matrix(*next(parts)[1:], depth + 1)[1] for name in fields}

@@ -137,7 +137,7 @@ def composed(sections: "Iterable[ViewSection]") -> Iterator[str]:
 
 def _cell(cell: "Cell", folds: bool) -> str:
     if not isinstance(cell, str):
-        return badge(cell.mark, cell.words)
+        return badge(cell.mark, cell.text)
     words = escape(cell).replace("\n", "<br>")
     return f"<p>{words}</p>" if folds else words
 
@@ -145,7 +145,7 @@ def _cell(cell: "Cell", folds: bool) -> str:
 def _named(line: "Line") -> tuple[str, str]:
     remarks = [*line.remarks, *([f"→ {line.remedy}"] if line.remedy else [])]
     words = "".join(f'<p class="soft">{escape(remark)}</p>' for remark in remarks)
-    return escape(line.name), f"<p>{escape(line.words)}</p>{words}"
+    return escape(line.name), f"<p>{escape(line.text)}</p>{words}"
 
 
 def _line(line: "Line") -> str:
@@ -153,7 +153,7 @@ def _line(line: "Line") -> str:
         return f'<p class="{_TONES.get(line.tone, line.tone)}">{escape(str(line))}.</p>'
     name = f"{escape(line.name)}: " if line.name else ""
     remedy = f"<p><strong>What to do:</strong> {escape(line.remedy)}.</p>" if line.remedy else ""
-    words = f"<p>{escape(line.words)}.</p>{remedy}"
+    words = f"<p>{escape(line.text)}.</p>{remedy}"
     return f'<div class="verdict {_CLASSES[line.mark]}">{name}{badge(line.mark)}{words}</div>'
 
 

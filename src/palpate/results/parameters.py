@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from palpate.diagnosis.data import in_words
-from palpate.digits import parameter, rounded
+from palpate.digits import format_quantity, parameter, rounded
 from palpate.errors import InvalidParameterError
 from palpate.force_laws import ForceLaw, GeneralisedHuntCrossley
 from palpate.recordings.recording import truth_of
@@ -32,14 +31,14 @@ class ParameterRow:
     #: As the law's exponents make it.
     unit: str
     #: The number and its standard error; or what it is bound to, such as ``n``.
-    words: str
+    text: str
     #: Whether it is a number of its own, which was looked for.
     estimated: bool = False
 
     @property
     def with_unit(self) -> str:
         """The words, and the unit."""
-        return f"{self.words} {self.unit}".rstrip()
+        return f"{self.text} {self.unit}".rstrip()
 
     def __str__(self) -> str:
         return f"{self.symbol} = {self.with_unit}"
@@ -104,7 +103,7 @@ def _growth_of(law: GeneralisedHuntCrossley) -> str | None:
 
 def _time(seconds: float) -> str:
     """Thousands of seconds are seconds still."""
-    return in_words(seconds, "s") if seconds < 1.0 else f"{rounded(seconds, 3)} s"
+    return format_quantity(seconds, "s") if seconds < 1.0 else f"{rounded(seconds, 3)} s"
 
 
 def _bound(law: ForceLaw, k: int, words: str) -> ParameterRow:
@@ -168,7 +167,7 @@ def felt_beside_truth(result: "Identified") -> str:
         return ""
     exact = (real.real, "N/m"), (real.imag / felt.frequency, "N·s/m")
     words = (
-        f"{found.words(unit)} ({beside_truth(found.value, value, found.whole_error)})"
+        f"{found.format(unit)} ({beside_truth(found.value, value, found.whole_error)})"
         for found, (value, unit) in zip((felt.stiffness, felt.damping), exact, strict=True)
     )
     same = comparable(result.law, truth) == set(result.law.names())

@@ -243,12 +243,12 @@ def of_one(result: "Identified") -> dict[str, Any]:
 
 def _episodes(result: "Identified") -> list[dict[str, Any]]:
     """Each stretch by its own law; or as the change was found, with the verdict on it alone."""
-    if result.stretches:
-        return [_episode(stretch) for stretch in result.stretches]
+    if result.segments:
+        return [_episode(stretch) for stretch in result.segments]
     return [
         {**episode.as_dict(), "verdict": part.diagnosis.verdict.as_dict() if part else None}
         for episode in result.diagnosis.episodes
-        for part in (result.stretch(episode),)
+        for part in (result.segment_of(episode),)
     ]
 
 
@@ -270,11 +270,11 @@ def _episode(stretch: "Identified") -> dict[str, Any]:
 def derived(result: "Identified") -> dict[str, Any]:
     """Return what follows from a law as plain numbers and words, a key each."""
     modulus = {}
-    if result.wanted.tip is not None:
+    if result.query.tip is not None:
         modulus = {"elastic_modulus": result.elastic_modulus().as_dict()}
     felt: dict[str, Any] | None = None
     with suppress(InvalidParameterError):  # of a probe held still, or beyond the band of a part
-        felt = result.dynamic_stiffness(result.wanted.frequency).as_dict()
+        felt = result.dynamic_stiffness(result.query.frequency).as_dict()
     return {
         "restitution": result.restitution().as_dict(),
         "energy": result.energy.as_dict(),

@@ -13,9 +13,8 @@ from textwrap import wrap
 from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 from palpate.diagnosis import Quantity
-from palpate.diagnosis.data import in_words
 from palpate.diagnosis.fit import DEEP
-from palpate.digits import interval, rounded, with_error
+from palpate.digits import format_quantity, interval, rounded, with_error
 from palpate.errors import InvalidParameterError
 from palpate.identification.identified import rank
 from palpate.preparation.gates import touches_of
@@ -40,11 +39,11 @@ if TYPE_CHECKING:
 class Marked(NamedTuple):
     """Words in the colour of a verdict or a severity."""
 
-    words: str
+    text: str
     mark: str
 
     def __str__(self) -> str:
-        return self.words
+        return self.text
 
 
 #: Of a table; it may have several lines.
@@ -55,7 +54,7 @@ _NOTHING = {"", "–"}
 class Line(NamedTuple):
     """A sentence, and what stands around it."""
 
-    words: str
+    text: str
     #: Of what it is, which stands before it.
     name: str = ""
     #: Verdict, which stands between the two.
@@ -69,7 +68,7 @@ class Line(NamedTuple):
     def __str__(self) -> str:
         head = f"{self.name}: " * bool(self.name) + f"{self.mark} " * bool(self.mark)
         tail = f" ({self.remedy})" if self.remedy else ""
-        return head + "; ".join((self.words, *self.remarks)) + tail
+        return head + "; ".join((self.text, *self.remarks)) + tail
 
 
 class ViewSection(NamedTuple):
@@ -149,9 +148,9 @@ _CHECKS = "z: standard errors; S, C: stiffness and damping at working depth"
 
 def verdict(result: "Identified") -> ViewSection:
     """The verdict, its reason and what to do about it; of stretches between changes theirs too."""
-    stretches = between(result)
+    segments = between(result)
     return ViewSection(
-        "Verdict", [_verdict(result), *map(_verdict, stretches, map(_when, stretches))]
+        "Verdict", [_verdict(result), *map(_verdict, segments, map(_when, segments))]
     )
 
 
@@ -173,7 +172,7 @@ def depths(result: "Identified") -> ViewSection:
         cells = []
         for k, (quantity, unit) in enumerate(_ROWS):
             found: Quantity = getattr(each, quantity)
-            words = f"{found.words(unit)}"
+            words = f"{found.format(unit)}"
             if real is not None:
                 words += f"\n{beside_truth(found.value, real[k], found.whole_error)}"
             cells.append(words)
@@ -186,7 +185,7 @@ def depths(result: "Identified") -> ViewSection:
 def parts(result: "Identified") -> Iterator[ViewSection]:
     """Each stretch between changes with its law, or each place; none of one material."""
     rows: list[list[Cell]] = []
-    for part in result.stretches:
+    for part in result.segments:
         found, time, place = part.diagnosis, part.contact.time, part.place
         there, marks = found.working_depth, found.verdict
         both_numbers = number(there.stiffness), number(there.damping)
@@ -197,7 +196,7 @@ def parts(result: "Identified") -> Iterator[ViewSection]:
         else:
             at = ", ".join(f"{1e3 * each:.1f}" for each in place.position)
             depth = rounded(1e3 * there.depth, 4)
-            modulus = _modulus_alone(part) if part.wanted.tip else ""
+            modulus = _modulus_alone(part) if part.query.tip else ""
             times = f"{time[0]:.1f}–{time[-1]:.1f}"
             cells = (times, at, depth, *both_numbers, modulus, "", "")
         rows.append([*cells, Marked(marks.overall, marks.overall)])
@@ -234,11 +233,11 @@ def which_law(results: "Iterable[Identified]") -> Iterator[ViewSection]:
         (
             str(each.candidate),
             rounded(each.score, 3),
-            in_words(each.rms_error, "N"),
+            format_quantity(each.rms_error, "N"),
             str(each.candidate.parameters),
-            each.words,
+            each.meaning,
         )
-        for each in found.standings
+        for each in found.model_ranking
     ]
     samples = rounded(found.effective_samples, 3), rounded(found.samples, 4)
     score = "{}; {} independent samples of {}".format(_SCORE, *samples)
@@ -258,18 +257,18 @@ def follows(result: "Identified", *, whole: bool = False) -> ViewSection:
     Approximations of the restitution and what a small oscillation feels are there where a speed of
     impact or a frequency is wanted, or all is.
     """
-    wanted, rebound = result.wanted, result.restitution()
-    lines = [_rebound(rebound)]
-    if rebound.approximations and (whole or wanted.impact_speed is not None):
+    query, rebound = result.query, result.restitution()
+    lines = [_describe_restitution(rebound)]
+    if rebound.approximations and (whole or query.impact_speed is not None):
         near = (
             f"{name} {rounded(e, 4) if math.isfinite(e) else 'none'}"
             for name, e in rebound.approximations.items()
         )
         lines.append(Line(", ".join(near), "restitution by approximations"))
-    if whole or result.law.remembers or wanted.frequency is not None:
+    if whole or result.law.remembers or query.frequency is not None:
         lines += _oscillation(result)
     lines += [_energy(result), _passivity(result)]
-    if wanted.tip is not None:
+    if query.tip is not None:
         lines += [_modulus(result), *(_modulus(part, _when(part)) for part in between(result))]
     if result.noticed is not None:  # when a control loop would have known of the changes
         times = ", ".join(f"{rounded(time, 4)} s" for time in result.changes.tolist())
@@ -368,7 +367,7 @@ def preparation(results: "Sequence[Identified]", *, whole: bool = False) -> View
 
 def depth_of(depth: float) -> str:
     """A depth below the surface."""
-    return in_words(depth, "m", digits=4)
+    return format_quantity(depth, "m", digits=4)
 
 
 def number(quantity: Quantity) -> str:
@@ -391,7 +390,7 @@ def with_prefix(quantity: Quantity, unit: str, *, as_of: float | None = None) ->
     value = quantity.value if as_of is None else as_of
     size = abs(value) if math.isfinite(value) and value else 1.0
     step = min(max(math.floor(math.log10(size) / 3.0 + 1e-12), -6), 3)
-    return quantity.scaled(1e3**-step).words("afpnµm kMG"[step + 6].strip() + unit)
+    return quantity.scaled(1e3**-step).format("afpnµm kMG"[step + 6].strip() + unit)
 
 
 def _plain(value: float, unit: str) -> str:
@@ -426,7 +425,7 @@ def line(result: "Identified") -> str:
 
 def between(result: "Identified") -> "list[Identified]":
     """Return the stretches between changes of the material."""
-    return [part for part in result.stretches if part.place is None]
+    return [part for part in result.segments if part.place is None]
 
 
 def _when(part: "Identified") -> str:
@@ -454,7 +453,7 @@ def felt_at(result: "Identified") -> str:
 
 
 def _quality(result: "Identified") -> str:
-    fit = "fit by the laws of each part" if result.stretches else "fit"
+    fit = "fit by the laws of each part" if result.segments else "fit"
     words = (
         f"by {result.method}; RMSE of force: {fit} {percent(result.fit_rmse_percent)}, "
         f"predicted a priori {percent(result.prediction_rmse_percent)}"
@@ -520,12 +519,13 @@ _MANY = 0.01  # of the samples in contact; fewer may be the noise of a light tou
 def _oscillation(result: "Identified") -> list[Line]:
     """What a small oscillation feels; nothing of a probe that was held still."""
     with suppress(InvalidParameterError):
-        felt = result.dynamic_stiffness(result.wanted.frequency)
+        felt = result.dynamic_stiffness(result.query.frequency)
         words = (
-            f"K′ = {felt.stiffness.words('N/m')}, B′ = {felt.damping.words('N·s/m')}, "
-            f"tan δ = {felt.loss_tangent.words()}"
+            f"K′ = {felt.stiffness.format('N/m')}, B′ = {felt.damping.format('N·s/m')}, "
+            f"tan δ = {felt.loss_tangent.format()}"
         )
-        name = f"a small oscillation of {in_hertz(felt.frequency)} at {in_words(felt.depth, 'm')}"
+        often, depth = in_hertz(felt.frequency), format_quantity(felt.depth, "m")
+        name = f"a small oscillation of {often} at {depth}"
         low, high = band_of(result)
         band = f"band of the motion {in_hertz(low)} to {in_hertz(high)}"
         alike = () if result.law.remembers else ("without memory at any frequency",)
@@ -533,13 +533,13 @@ def _oscillation(result: "Identified") -> list[Line]:
     return []
 
 
-def _rebound(found: "Restitution") -> Line:
+def _describe_restitution(found: "Restitution") -> Line:
     e = found.coefficient
     if not math.isfinite(e.value):
         return Line("; ".join(found.remarks), "restitution")
     fastest = ", the fastest approach" if found.speed == found.fastest_approach else ""
     near = [each for each in found.approximations.values() if math.isfinite(each)]
-    words = e.words()
+    words = e.format()
     if near:
         words += f" (approximations say {rounded(min(near), 3)} to {rounded(max(near), 3)})"
     name = f"restitution from {rounded(found.speed, 3)} m/s{fastest}"
@@ -551,7 +551,7 @@ def _energy(result: "Identified") -> Line:
     if found.kind == "none":
         return Line("; ".join(found.remarks), "energy lost")
     words = (
-        f"{with_prefix(found.measured, 'J')}, {found.fraction.scaled(100.0).words()} % of what "
+        f"{with_prefix(found.measured, 'J')}, {found.fraction.scaled(100.0).format()} % of what "
         f"went in; by the law {with_prefix(found.predicted, 'J', as_of=found.measured.value)}"
     )
     return Line(words, f"energy lost a {found.kind}", remarks=found.remarks)
@@ -624,4 +624,4 @@ def as_text(sections: Iterable[ViewSection], *, width: int = 100) -> str:
 
 def _plain_cell(cell: Cell) -> str:
     """With its severity, which has no colour here."""
-    return str(cell) if isinstance(cell, str) or cell.mark == cell.words else f"{cell.mark}: {cell}"
+    return str(cell) if isinstance(cell, str) or cell.mark == cell.text else f"{cell.mark}: {cell}"

@@ -15,8 +15,8 @@ from palpate.exports.drake.running import (
     Plant,
     Setting,
     forces,
-    rebound_by_steps,
-    simulated_rebound,
+    restitution_by_steps,
+    simulated_restitution,
     steps_down,
 )
 from palpate.exports.drake.shapes import (
@@ -29,9 +29,9 @@ from palpate.exports.drake.shapes import (
     slab,
 )
 from palpate.exports.engine import (
-    Asked,
     Drop,
     Engine,
+    ExportRequest,
     Fragment,
     ProbeMotion,
     Replayed,
@@ -182,7 +182,7 @@ class DrakeContact(Fragment):
             f'discrete_contact_approximation="{setting.approximation}")',
             *self.heed,
         ]
-        how = {"speed": self.asked.motion.fastest, "setting": setting}
+        how = {"speed": self.request.motion.fastest, "setting": setting}
         scene = template("drake_scene.py.txt", comment=hash_comment(said), **how)
         texts = {file: bodies(self.parts, file, xml_comment(said)) for file in DIALECTS}
         return {**texts, "scene.py": scene}
@@ -191,14 +191,14 @@ class DrakeContact(Fragment):
         """Force by formula, N."""
         return self.contact.force(motion.penetration, motion.velocity, self.setting.time_step)
 
-    def predicted_rebound(self, drop: Drop) -> float:
+    def predicted_restitution(self, drop: Drop) -> float:
         """Restitution by the formula and by the plant's own steps."""
         step = self.setting.time_step
 
         def force(x: float, v: float) -> float:
             return float(self.contact.force(np.array([x]), np.array([v]), step)[0])
 
-        return rebound_by_steps(force, drop, step)
+        return restitution_by_steps(force, drop, step)
 
     def replay(self, motion: ProbeMotion) -> Replayed:
         """Return Drake's force at every state of a motion."""
@@ -207,12 +207,12 @@ class DrakeContact(Fragment):
         force = forces(self._plant(self.setting), motion)
         return Replayed(force, f"state by state in a plant of {plant}")
 
-    def rebound(self, drop: Drop) -> float | None:
+    def drop_restitution(self, drop: Drop) -> float | None:
         """Restitution in Drake, by steps of the time step; None of a drop that takes too many."""
         step = self.setting.time_step
         if step > 0.0 and steps_down(drop, step) > self.most_steps:
             return None
-        return simulated_rebound(self._plant(self.setting), drop)
+        return simulated_restitution(self._plant(self.setting), drop)
 
     def _plant(self, setting: Setting) -> Plant:
         return Plant(self.files(())["contact.sdf"], setting)
@@ -271,7 +271,7 @@ class Drake(Engine):
     takes: ClassVar[frozenset[str]] = frozenset({"tip_radius"})
     continuous: ClassVar[bool] = True
 
-    def fit(self, asked: Asked) -> DrakeContact:
+    def fit(self, request: ExportRequest) -> DrakeContact:
         """Return the law as contacts of Drake, of the form asked for or the one that is nearest.
 
         Raises
@@ -280,37 +280,37 @@ class Drake(Engine):
             No contact pushes back; or the slab is asked for without the tip's radius, or for a tip
             that is pressed in too deep.
         """
-        if asked.form == "auto":
-            return _nearest(asked)
-        if asked.form == "hydroelastic":
-            return _hydroelastic(asked)
-        if asked.form == "sap":
-            return _sap(asked)
-        spheres = _nearest_point(asked) if asked.form == "point" else _spheres(asked)
-        return _point(asked, asked.form, spheres)
+        if request.form == "auto":
+            return _nearest(request)
+        if request.form == "hydroelastic":
+            return _hydroelastic(request)
+        if request.form == "sap":
+            return _sap(request)
+        spheres = _nearest_point(request) if request.form == "point" else _spheres(request)
+        return _point(request, request.form, spheres)
 
 
-def _nearest(asked: Asked) -> DrakeContact:
+def _nearest(request: ExportRequest) -> DrakeContact:
     """By the law: exactly where it is one of Drake's, else the smallest error predicted."""
-    law = asked.law
-    steps = asked.time_step > 0.0  # without them there is no SAP
+    law = request.law
+    steps = request.time_step > 0.0  # without them there is no SAP
     if steps and is_kelvin_voigt(law) and law.damping > 0.0:
-        return _sap(asked)
-    spheres = _nearest_point(asked) if law.exponent <= 1.0 else _spheres(asked)
-    found = _point(asked, "nested-spheres" if spheres.gaps.size > 1 else "point", spheres)
+        return _sap(request)
+    spheres = _nearest_point(request) if law.exponent <= 1.0 else _spheres(request)
+    found = _point(request, "nested-spheres" if spheres.gaps.size > 1 else "point", spheres)
     # SAP's damper does not grow with depth: not for a law of which it grows nearly as the force.
     if steps and law.damping > 0.0 and law.damping_exponent < 0.5 * law.exponent:
-        return min(found, _sap(asked), key=_error)
+        return min(found, _sap(request), key=_error)
     return found
 
 
 def _error(contact: DrakeContact) -> float:
-    motion = contact.asked.motion
-    law = motion.force_by(contact.asked.law)
+    motion = contact.request.motion
+    law = motion.force_by(contact.request.law)
     return force_error(contact.predicted(motion), law, motion.judged)
 
 
-def _point(asked: Asked, form: str, spheres: Spheres) -> DrakeContact:
+def _point(request: ExportRequest, form: str, spheres: Spheres) -> DrakeContact:
     """One sphere on a surface that gives way; or spheres that give way on one that does not.
 
     Spheres have one centre as long as they fit; of a tip smaller than the gaps the inner ones, a
@@ -320,11 +320,11 @@ def _point(asked: Asked, form: str, spheres: Spheres) -> DrakeContact:
     def material(stiffness: float, dissipation: float) -> dict[str, float]:
         return {"point_contact_stiffness": stiffness, "hunt_crossley_dissipation": dissipation}
 
-    radius, law = asked.radius_or_any, asked.law
+    radius, law = request.radius_or_any, request.law
     rigid = material(RIGID * float(spheres.stiffness.sum()), 0.0)
     soft = list(map(material, spheres.stiffness.tolist(), spheres.dissipation.tolist()))
     if len(soft) == 1:
-        numbers, parts = soft[0], _parts(asked, soft[0], rigid)
+        numbers, parts = soft[0], _parts(request, soft[0], rigid)
     else:
         numbers, tips = {}, []
         for number, (gap, each) in enumerate(zip(spheres.gaps.tolist(), soft, strict=True), 1):
@@ -333,9 +333,9 @@ def _point(asked: Asked, form: str, spheres: Spheres) -> DrakeContact:
             inner = max(radius - gap, 0.1 * radius)
             # From the outer sphere's lowest point upwards.
             tips.append(DrakeTip(f"tip_{number}", inner, gap - (radius - inner), each))
-        parts = replace(_parts(asked, rigid, {}), tips=tuple(tips))
+        parts = replace(_parts(request, rigid, {}), tips=tuple(tips))
     exact = law.exponent == 1.0 and (law.damping == 0.0 or law.damping_exponent == 1.0)
-    warnings = [*_negative(law), *_step(asked)]
+    warnings = [*_negative(law), *_step(request)]
     if spheres.gaps[-1] > 0.9 * radius:
         warnings.append(
             "the tip is smaller than it is pressed in: its inner spheres are raised, and hold for "
@@ -343,26 +343,28 @@ def _point(asked: Asked, form: str, spheres: Spheres) -> DrakeContact:
         )
     return DrakeContact(
         form=form,
-        asked=asked,
+        request=request,
         numbers=numbers,
         exact=exact and law.damping >= 0.0,
         findings=warned(*warnings),
         parts=parts,
         contact=spheres,
-        setting=Setting("point", LAGGED, asked.time_step),
+        setting=Setting("point", LAGGED, request.time_step),
         heed=(*_TWO_BODIES, *_NOT_SAP),
     )
 
 
-def _nearest_point(asked: Asked) -> Spheres:
+def _nearest_point(request: ExportRequest) -> Spheres:
     """One sphere: where p = n with the law's own dissipation, which keeps restitution."""
-    return one_sphere(_pushing(with_one_exponent(asked.law, asked.motion, 1.0)))
+    return one_sphere(_pushing(with_one_exponent(request.law, request.motion, 1.0)))
 
 
-def _spheres(asked: Asked) -> Spheres:
-    motion = asked.motion
+def _spheres(request: ExportRequest) -> Spheres:
+    motion = request.motion
     firm = motion.judged
-    return nested_spheres(_dissipating(asked.law), motion.penetration[firm], motion.velocity[firm])
+    return nested_spheres(
+        _dissipating(request.law), motion.penetration[firm], motion.velocity[firm]
+    )
 
 
 def _dissipating(law: GeneralisedHuntCrossley) -> GeneralisedHuntCrossley:
@@ -387,36 +389,37 @@ def _negative(law: GeneralisedHuntCrossley) -> tuple[str, ...]:
     return ("the law's damping is negative, which Drake does not take: it is written as 0",)
 
 
-def _slab(asked: Asked) -> Slab:
+def _slab(request: ExportRequest) -> Slab:
     """The slab that is nearest to the law, where the tip goes with one."""
-    if asked.tip_radius is None:
+    if request.tip_radius is None:
         raise InvalidParameterError(
             "tip_radius is needed for Drake's hydroelastic contact, whose force goes with it: give "
             "that of the tip, as in --tip-radius 5mm, or another form"
         )
-    deepest = asked.motion.deepest
-    if deepest > _DEEPEST * asked.tip_radius:
+    deepest = request.motion.deepest
+    if deepest > _DEEPEST * request.tip_radius:
         raise InvalidParameterError(
-            f"tip_radius of {1e3 * asked.tip_radius:.3g} mm is too small for Drake's hydroelastic "
-            f"contact: the tip was pressed {1e3 * deepest:.3g} mm deep; take another form"
+            f"tip_radius of {1e3 * request.tip_radius:.3g} mm is too small for Drake's "
+            f"hydroelastic contact: the tip was pressed {1e3 * deepest:.3g} mm deep; take "
+            "another form"
         )
-    found = slab(_dissipating(asked.law), asked.motion, asked.tip_radius)
+    found = slab(_dissipating(request.law), request.motion, request.tip_radius)
     if found.halvings > FINEST:
         raise InvalidParameterError(
-            f"tip_radius of {1e3 * asked.tip_radius:.3g} mm is too large for Drake's hydroelastic "
-            f"contact: pressed {1e3 * deepest:.3g} mm deep at most, it would need a mesh finer "
-            "than can be simulated; take another form"
+            f"tip_radius of {1e3 * request.tip_radius:.3g} mm is too large for Drake's "
+            f"hydroelastic contact: pressed {1e3 * deepest:.3g} mm deep at most, it would need a "
+            "mesh finer than can be simulated; take another form"
         )
     return found
 
 
-def _hydroelastic(asked: Asked) -> DrakeContact:
+def _hydroelastic(request: ExportRequest) -> DrakeContact:
     """A rigid sphere on a compliant box whose medial plane is the slab's bottom.
 
     Without friction, which would push back on the sphere's flanks as it goes straight in: with the
     coefficient 1 that Drake takes where none is given, by nearly half of the force at 50 mm/s.
     """
-    found = _slab(asked)
+    found = _slab(request)
     law = {
         "hydroelastic_modulus": found.modulus,
         "hunt_crossley_dissipation": found.dissipation,
@@ -429,30 +432,30 @@ def _hydroelastic(asked: Asked) -> DrakeContact:
     width, height = 2.0 * (found.radius + 2.0 * found.thickness), 2.0 * found.thickness
     return SlabContact(
         form="hydroelastic",
-        asked=asked,
+        request=request,
         numbers={**law, "box_height": height, **mesh},
         findings=warned(
-            *_negative(asked.law),
+            *_negative(request.law),
             "written without friction, which would push back on the tip's flanks as it goes "
             "straight in: with a coefficient of 1 the force was nearly half higher at 50 mm/s",
             "the modulus holds for this radius and this box: pressure goes with modulus over "
             "half of its height",
-            *_step(asked),
+            *_step(request),
         ),
-        parts=replace(_parts(asked, surface, tip), width=width, height=height),
+        parts=replace(_parts(request, surface, tip), width=width, height=height),
         contact=found,
-        setting=Setting("hydroelastic", LAGGED, asked.time_step),
+        setting=Setting("hydroelastic", LAGGED, request.time_step),
         heed=_NOT_SAP,
     )
 
 
-def _sap(asked: Asked) -> DrakeContact:
+def _sap(request: ExportRequest) -> DrakeContact:
     """A surface that gives way, below a tip that does not and whose relaxation time is 0."""
-    if asked.time_step == 0.0:
+    if request.time_step == 0.0:
         raise InvalidParameterError(
             "time_step must be above 0 for Drake's SAP, which solves for the end of a step"
         )
-    law = _pushing(kelvin_voigt(_dissipating(asked.law), asked.motion))
+    law = _pushing(kelvin_voigt(_dissipating(request.law), request.motion))
     surface = {
         "point_contact_stiffness": law.stiffness,
         "relaxation_time": law.damping / law.stiffness,
@@ -460,38 +463,38 @@ def _sap(asked: Asked) -> DrakeContact:
     tip = {"point_contact_stiffness": RIGID * law.stiffness, "relaxation_time": 0.0}
     return DrakeContact(
         form="sap",
-        asked=asked,
+        request=request,
         numbers=surface,
         engine_law=law,
-        exact=is_kelvin_voigt(asked.law) and asked.law.damping >= 0.0,
-        findings=warned(*_negative(asked.law), *_step(asked)),
-        parts=_parts(asked, surface, tip),
+        exact=is_kelvin_voigt(request.law) and request.law.damping >= 0.0,
+        findings=warned(*_negative(request.law), *_step(request)),
+        parts=_parts(request, surface, tip),
         contact=Sap(law),
-        setting=Setting("point", SAP, asked.time_step),
+        setting=Setting("point", SAP, request.time_step),
         heed=_SAP,
     )
 
 
 def _parts(
-    asked: Asked, surface: Mapping[str, float | None], tip: Mapping[str, float | None]
+    request: ExportRequest, surface: Mapping[str, float | None], tip: Mapping[str, float | None]
 ) -> Parts:
     """A tip of one sphere on a box of which the top is the nearest face, as deep as it goes."""
-    radius, deepest = asked.radius_or_any, asked.motion.deepest
+    radius, deepest = request.radius_or_any, request.motion.deepest
     width, height = max(1.0, 10.0 * (radius + deepest)), max(0.2, 4.0 * deepest)
     tips = (DrakeTip("tip", radius, 0.0, tip),)
-    return Parts(surface, tips, radius, asked.mass_or_one, width, height)
+    return Parts(surface, tips, radius, request.mass_or_one, width, height)
 
 
-def _step(asked: Asked) -> tuple[str, ...]:
+def _step(request: ExportRequest) -> tuple[str, ...]:
     """What an implicit step damps beside the law: h ∂F/∂x, against B xᵖ."""
-    law, depth = asked.law, asked.motion.deepest
-    more = asked.time_step * law.exponent * law.stiffness * depth ** (law.exponent - 1.0)
+    law, depth = request.law, request.motion.deepest
+    more = request.time_step * law.exponent * law.stiffness * depth ** (law.exponent - 1.0)
     own = max(law.damping, 0.0) * depth**law.damping_exponent
     # From two hundredths of the law's own on; e then changes by about a hundredth.
     if more < 0.02 * own:
         return ()
     return (
-        f"a step of {1e3 * asked.time_step:.3g} ms damps a body by {more:.2g} N·s/m beside the "
+        f"a step of {1e3 * request.time_step:.3g} ms damps a body by {more:.2g} N·s/m beside the "
         f"law's {own:.2g} at {1e3 * depth:.3g} mm: where impacts matter take a smaller step, or "
         "time_step=0, a continuous plant",
     )

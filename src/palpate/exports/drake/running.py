@@ -19,7 +19,7 @@ from palpate.exports.engine import (
     Pointwise,
     ProbeMotion,
     came_back,
-    rebound,
+    drop_restitution,
     state_by_state,
 )
 from palpate.validation import Floats
@@ -44,7 +44,7 @@ def _time_down(drop: Drop) -> float:
     return 0.5 * math.pi * drop.depth / drop.speed
 
 
-def rebound_by_steps(force: Pointwise, drop: Drop, step: float) -> float:
+def restitution_by_steps(force: Pointwise, drop: Drop, step: float) -> float:
     """Restitution of a body that enters the surface at x = 0, by steps [s].
 
     Of steps so fine that what they add does not matter, by the law alone.
@@ -60,7 +60,7 @@ def rebound_by_steps(force: Pointwise, drop: Drop, step: float) -> float:
     """
     steps = steps_down(drop, step)
     if steps > _FINE:
-        return rebound(force, drop.mass, drop.speed, _time_down(drop) / _BY_LAW)
+        return drop_restitution(force, drop.mass, drop.speed, _time_down(drop) / _BY_LAW)
     x, v = 0.0, drop.speed
     for _ in range(math.ceil(LONGEST * steps) + 10):
         v = _after(force, drop.mass, step, x, v)
@@ -184,7 +184,7 @@ def forces(plant: Plant, motion: ProbeMotion) -> Floats:
     return state_by_state(motion, force)
 
 
-def simulated_rebound(plant: Plant, drop: Drop) -> float:
+def simulated_restitution(plant: Plant, drop: Drop) -> float:
     """Restitution of a body of the drop's mass, by steps; 0 of one that stays."""
     plant.weigh(drop.mass)
     plant.put(0.0, drop.speed)

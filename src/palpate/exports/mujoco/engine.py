@@ -17,9 +17,9 @@ import numpy as np
 from palpate.digits import rounded
 from palpate.errors import InvalidParameterError
 from palpate.exports.engine import (
-    Asked,
     Drop,
     Engine,
+    ExportRequest,
     Fragment,
     ProbeMotion,
     Replayed,
@@ -38,7 +38,7 @@ from palpate.exports.engine import (
     xml_comment,
 )
 from palpate.exports.mujoco import callback
-from palpate.exports.mujoco.fitting import FITS, MOST_STEPS, PairRows, misfit_to, rebound
+from palpate.exports.mujoco.fitting import FITS, MOST_STEPS, PairRows, drop_restitution, misfit_to
 from palpate.exports.mujoco.robot import (
     NOTHING_PASSIVE,
     PADS,
@@ -47,7 +47,7 @@ from palpate.exports.mujoco.robot import (
     PressableModel,
     Robot,
     engine_here,
-    pressed,
+    pressable,
     read,
     sections,
 )
@@ -85,12 +85,12 @@ class InMuJoCo(Fragment):
 
     def scene(self, speed: float, notes: Sequence[str] = ()) -> str:
         """The smallest scene, of a body with one contact that arrives at a speed [m/s]."""
-        n, depth = self.rows.contacts, self.asked.motion.deepest
+        n, depth = self.rows.contacts, self.request.motion.deepest
         rows = [
             replace(row, spring=n * row.spring, damper=n * row.damper, adhesion=n * row.adhesion)
             for row in self.rows.rows
         ]
-        numbers = {"time_step": self.asked.time_step, "radius": max(0.03, 2.0 * depth)}
+        numbers = {"time_step": self.request.time_step, "radius": max(0.03, 2.0 * depth)}
         numbers |= {"mass": 1.0 / self.mobility, "velocity": -speed}
         both = sections(rows, TIP, Placement())
         return template("mujoco_scene.xml", comment=xml_comment(notes), **both, **numbers)
@@ -101,10 +101,10 @@ class InMuJoCo(Fragment):
         both = sections(self.rows.rows, self.tip, place)
         return template("mujoco_fragment.xml", comment=xml_comment(notes), **both)
 
-    def pressed(self) -> PressableModel:
+    def pressable(self) -> PressableModel:
         """Return the user's model with the fragment in it, or the small scene."""
         if (robot := self.robot) is not None:
-            return pressed(robot.path, robot.geom, self.rows.rows, robot.place)
+            return pressable(robot.path, robot.geom, self.rows.rows, robot.place)
         model = engine_here().MjModel.from_xml_string(self.scene(0.0))
         return PressableModel(model, TIP, Placement())
 
@@ -116,13 +116,13 @@ class InMuJoCo(Fragment):
         """Force by inverse dynamics, in the user's own model where there is one."""
         if not self.runs:
             return None
-        pressed = self.pressed()
-        with self.contact(pressed.model, self.tip) as contact:
-            force = pressed.along_motion(motion, contact)
+        pressable = self.pressable()
+        with self.contact(pressable.model, self.tip) as contact:
+            force = pressable.along_motion(motion, contact)
         where = "" if self.robot is None else f", in {self.robot.path.name}"
         return Replayed(force, f"by mj_inverse, state by state{where}")
 
-    def rebound(self, drop: Drop) -> float | None:
+    def drop_restitution(self, drop: Drop) -> float | None:
         """Restitution in the small scene, of a body of Â's mass; 0 if it stays."""
         if not self.runs or not math.isclose(drop.mass * self.mobility, 1.0, rel_tol=1e-6):
             return None
@@ -139,7 +139,7 @@ class InMuJoCo(Fragment):
         return 0.0
 
     def _files(self, first: Mapping[str, str], notes: Sequence[str]) -> Mapping[str, str]:
-        law, deepest = self.asked.law, self.asked.motion.deepest
+        law, deepest = self.request.law, self.request.motion.deepest
         speed = drop_to(law, 1.0 / self.mobility, deepest).speed if law.stiffness > 0.0 else 0.1
         files = {**first, "scene.xml": self.scene(speed, notes)}
         if self.robot is not None and self.robot.path.suffix == ".xml":
@@ -165,9 +165,9 @@ class InRows(InMuJoCo):
         """Of the rows: the law as fitted, and Σ m_a ẍ."""
         return self.rows.force(motion.penetration, motion.velocity, motion.acceleration)
 
-    def predicted_rebound(self, drop: Drop) -> float:
+    def predicted_restitution(self, drop: Drop) -> float:
         """Of the rows, by the time step."""
-        return rebound(self.rows, drop, self.asked.time_step)
+        return drop_restitution(self.rows, drop, self.request.time_step)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -185,7 +185,7 @@ class AsCallback(InMuJoCo):
         return self._files(files, notes)
 
     def _numbers(self, tip: str) -> dict[str, Any]:
-        return {**numbers_of(self.asked.law), "tip": tip, "pad": PADS[0]}
+        return {**numbers_of(self.request.law), "tip": tip, "pad": PADS[0]}
 
     def contact(self, model: Any, tip: str) -> AbstractContextManager[Any]:
         """Have the callback installed, which adds the contact's to the passive forces."""
@@ -229,7 +229,7 @@ class MuJoCo(Engine):
     extra: ClassVar[str] = "exports"
     takes: ClassVar[frozenset[str]] = frozenset({"model", "geom"})
 
-    def fit(self, asked: Asked) -> Fragment:
+    def fit(self, request: ExportRequest) -> Fragment:
         """Return the law in MuJoCo's numbers, for one body that presses.
 
         Raises
@@ -238,11 +238,11 @@ class MuJoCo(Engine):
             Neither a mass nor a model and geom are given; a model cannot be used; or the form has
             no such law.
         """
-        asked, robot, mobility = _felt(asked)
-        asked, lifted = _lifted(asked)
-        form, rows = self._chosen(asked, mobility, 1 if robot is None else robot.contacts)
-        law, deepest = asked.law, asked.motion.deepest
-        engine_law = kelvin_voigt(law, asked.motion) if form == "kelvin-voigt" else law
+        request, robot, mobility = _felt(request)
+        request, lifted = _lifted(request)
+        form, rows = self._chosen(request, mobility, 1 if robot is None else robot.contacts)
+        law, deepest = request.law, request.motion.deepest
+        engine_law = kelvin_voigt(law, request.motion) if form == "kelvin-voigt" else law
         pulls = any(row.adhesion for row in rows.rows)
         runs = self.pulls() or not pulls
         refusals = _too_narrow(rows, deepest)
@@ -253,11 +253,11 @@ class MuJoCo(Engine):
                 refusals.append(NOTHING_PASSIVE)
         if form == "callback":
             numbers, warnings = dict(zip("KnBp", numbers_of(law).values(), strict=True)), []
-            if asked.form == "auto":
+            if request.form == "auto":
                 warnings.append(f"{_not_in_rows(law).partition(':')[0]}: so it is a callback")
             warnings.append(_ONE_FOR_ALL)
         else:
-            numbers, warnings = _numbers(rows), [_FRICTIONLESS, *_about(form, asked, rows)]
+            numbers, warnings = _numbers(rows), [_FRICTIONLESS, *_about(form, request, rows)]
             warnings += lifted
             if not runs:
                 warnings.append(
@@ -269,29 +269,31 @@ class MuJoCo(Engine):
             own = tuple(each for each in own if each.severity == "do-not-trust")
         return (AsCallback if form == "callback" else InRows)(
             form=form,
-            asked=asked,
+            request=request,
             numbers=numbers,
             engine_law=engine_law,
             exact=form == "callback",
-            largest_step=stable_step(engine_law, asked.mass_or_one, deepest),
+            largest_step=stable_step(engine_law, request.mass_or_one, deepest),
             findings=(*own, *warned(*warnings), *refused(*refusals)),
             rows=rows,
             robot=robot,
             runs=runs,
         )
 
-    def _chosen(self, asked: Asked, mobility: float, contacts: int) -> tuple[str, PairRows]:
+    def _chosen(
+        self, request: ExportRequest, mobility: float, contacts: int
+    ) -> tuple[str, PairRows]:
         """The form, and its rows; none of the callback."""
-        why = _not_in_rows(asked.law)
-        if asked.form == "callback" or (asked.form == "auto" and why):
+        why = _not_in_rows(request.law)
+        if request.form == "callback" or (request.form == "auto" and why):
             return "callback", PairRows((), mobility)
-        if why and asked.form != "kelvin-voigt":
-            raise InvalidParameterError(f"form {asked.form}: {why}")
-        tried = self._ways(asked.law) if asked.form == "auto" else (asked.form,)
-        made = {form: FITS[form](asked.law, asked.motion, mobility, contacts) for form in tried}
+        if why and request.form != "kelvin-voigt":
+            raise InvalidParameterError(f"form {request.form}: {why}")
+        tried = self._ways(request.law) if request.form == "auto" else (request.form,)
+        made = {form: FITS[form](request.law, request.motion, mobility, contacts) for form in tried}
         if len(made) == 1:
             return tried[0], made[tried[0]]
-        misfit = misfit_to(asked.law, asked.motion, 1.0 / mobility)
+        misfit = misfit_to(request.law, request.motion, 1.0 / mobility)
         form = min(made, key=lambda each: misfit(made[each]))
         return form, made[form]
 
@@ -315,35 +317,35 @@ class MuJoCo(Engine):
         return tuple(numbers) >= PULLS
 
 
-def _felt(asked: Asked) -> tuple[Asked, Robot | None, float]:
+def _felt(request: ExportRequest) -> tuple[ExportRequest, Robot | None, float]:
     """With the mass that an impact feels, and the step of the user's model; that; and Â [1/kg]."""
-    if asked.model is not None:
-        robot = read(asked.model, asked.geom, asked.motion.deepest)
-        return replace(asked, mass=robot.mass, time_step=robot.time_step), robot, robot.mobility
-    if asked.mass is None:
+    if request.model is not None:
+        robot = read(request.model, request.geom, request.motion.deepest)
+        return replace(request, mass=robot.mass, time_step=robot.time_step), robot, robot.mobility
+    if request.mass is None:
         raise InvalidParameterError(
             "MuJoCo scales a contact by the mass that it feels: give the mass (--mass 1.0), or the "
             "model and the geom that touches (--model robot.xml --geom tip)"
         )
-    mobility = 1.0 / above_zero("mass", asked.mass)
-    return replace(asked, mass=1.0 / mobility), None, mobility
+    mobility = 1.0 / above_zero("mass", request.mass)
+    return replace(request, mass=1.0 / mobility), None, mobility
 
 
-def _lifted(asked: Asked) -> tuple[Asked, tuple[str, ...]]:
+def _lifted(request: ExportRequest) -> tuple[ExportRequest, tuple[str, ...]]:
     """With n = 1 where it is just below, as of a law that is identified with n = 1 it may be.
 
     Rows have n ≥ 1; without this a scatter of n would turn a contact into a callback.
     """
-    law, motion = asked.law, asked.motion
-    if law.exponent >= 1.0 or asked.form in ("callback", "kelvin-voigt"):
-        return asked, ()
+    law, motion = request.law, request.motion
+    if law.exponent >= 1.0 or request.form in ("callback", "kelvin-voigt"):
+        return request, ()
     p = 1.0 if law.damping_exponent == law.exponent else law.damping_exponent
     near = with_exponents(law, motion, 1.0, p)
     off = force_error(motion.force_by(near), motion.force_by(law), motion.judged)
     if off > _NEARLY_ONE:
-        return asked, ()
+        return request, ()
     words = f"an exponent of {law.exponent:.4g} is written as 1: {percent(off)} of force from it"
-    return replace(asked, law=near), (words,)
+    return replace(request, law=near), (words,)
 
 
 def _not_in_rows(law: GeneralisedHuntCrossley) -> str:
@@ -368,7 +370,7 @@ def _numbers(rows: PairRows) -> dict[str, float]:
     return found
 
 
-def _about(form: str, asked: Asked, rows: PairRows) -> list[str]:
+def _about(form: str, request: ExportRequest, rows: PairRows) -> list[str]:
     """What is peculiar to a form."""
     words = [
         f"the numbers hold for a contact of {1.0 / rows.mobility:.4g} kg (the inverse of "
@@ -376,7 +378,7 @@ def _about(form: str, asked: Asked, rows: PairRows) -> list[str]:
     ]
     if form == "kelvin-voigt":
         return words
-    law, motion = asked.law, asked.motion
+    law, motion = request.law, request.motion
     widths = (row.solimp[2] + row.inset for row in rows.rows if row.solimp[0] < row.solimp[1])
     if widest := min(widths, default=0.0):
         words.append(f"deeper than {length(widest, 3)} the force no longer follows the law")

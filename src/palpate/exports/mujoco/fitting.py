@@ -346,7 +346,7 @@ _TABLE = 2000
 MOST_STEPS = 20_000
 
 
-def rebound(rows: PairRows, drop: Drop, step: float) -> float:
+def drop_restitution(rows: PairRows, drop: Drop, step: float) -> float:
     """Restitution that the rows give a free body, by semi-implicit Euler as in MuJoCo.
 
     Parameters
@@ -495,7 +495,7 @@ def misfit_to(
     def misfit(rows: PairRows) -> float:
         force = rows.force(motion.penetration, motion.velocity, motion.acceleration)
         off = [
-            abs(rebound(rows, drop, step) - drop.restitution)
+            abs(drop_restitution(rows, drop, step) - drop.restitution)
             for drop, step in zip(drops, steps, strict=True)
         ]
         return force_error(force, target, motion.judged) + 100.0 * max(off) / _FORCE_TO_REBOUND

@@ -276,7 +276,7 @@ def read(path: Path, geom: str | None, deepest: float) -> Robot:
             "geom must say what touches (--geom NAME): "
             f"{path.name} has {', '.join(names) or 'none'}"
         )
-    first = pressed(path, geom, (_ANY,), Placement((0.0, 0.0, -_FAR)))
+    first = pressable(path, geom, (_ANY,), Placement((0.0, 0.0, -_FAR)))
     model = first.model
     kind = mujoco.mjtGeom(int(model.geom_type[first.tip])).name.removeprefix("mjGEOM_")
     if kind == "PLANE":
@@ -324,7 +324,7 @@ def _names(spec: Any) -> list[str]:
     return [geom.name for geom in spec.geoms if geom.name][:20]
 
 
-def pressed(path: Path, geom: str, rows: Sequence[PairRow], place: Placement) -> PressableModel:
+def pressable(path: Path, geom: str, rows: Sequence[PairRow], place: Placement) -> PressableModel:
     """Compile a model with a surface for each row, and a pair of each with the geom."""
     mujoco, spec = engine_here(), _spec(path)
     if geom not in [each.name for each in spec.geoms]:
@@ -356,19 +356,19 @@ def pressed(path: Path, geom: str, rows: Sequence[PairRow], place: Placement) ->
     return PressableModel(model, geom, place)
 
 
-def _touches(pressed: PressableModel, kind: str) -> bool:
+def _touches(pressable: PressableModel, kind: str) -> bool:
     """Put the surface where it touches the geom, facing as far up as the geom can move against it.
 
     False where the geom moves against none.
     """
-    centre, line = np.array(pressed.data.geom_xpos[pressed.tip]), np.zeros(6)
-    for normal in _normals(kind, pressed.data.geom_xmat[pressed.tip].reshape(3, 3)):
-        pressed.face(centre - _FAR * normal, normal)
-        gap = pressed.mujoco.mj_geomDistance(
-            pressed.model, pressed.data, pressed.pads[0], pressed.tip, 2.0 * _FAR, line
+    centre, line = np.array(pressable.data.geom_xpos[pressable.tip]), np.zeros(6)
+    for normal in _normals(kind, pressable.data.geom_xmat[pressable.tip].reshape(3, 3)):
+        pressable.face(centre - _FAR * normal, normal)
+        gap = pressable.mujoco.mj_geomDistance(
+            pressable.model, pressable.data, pressable.pads[0], pressable.tip, 2.0 * _FAR, line
         )
-        pressed.face(centre + (gap - _FAR) * normal, normal)
-        out = pressed.along()
+        pressable.face(centre + (gap - _FAR) * normal, normal)
+        out = pressable.along()
         if np.isfinite(out).all() and float(out @ out) < _STUCK**-2:
             return True
     return False
@@ -471,6 +471,6 @@ def _read(path: Path) -> PressableModel:
     if TIP not in names or not pads or model.npair != len(pads):
         raise RecordingError(
             f"{path}: no scene that palpate export wrote, with pairs of {TIP} and {PADS[0]}; that "
-            "of a callback is pressed in Python, by palpate.exports.Pressed"
+            "of a callback is pressed in Python, by palpate.exports.SimulatedContact"
         )
     return PressableModel(model, TIP, Placement(tuple(model.geom(pads[0]).pos.tolist())))

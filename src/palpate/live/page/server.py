@@ -342,7 +342,7 @@ class Client:
     void: bool = True  # whether its next frame says so
     every: int = 1
     skipped: int = 0
-    words: int = -1
+    version: int = -1
     answers: list[str] = field(default_factory=list)
 
 
@@ -460,16 +460,16 @@ class Server:
         """The next message for a client, or None until there is something new."""
         if client.answers:
             return client.answers.pop(0)
-        if client.words != self._version and self._version and not self._over:
-            client.words = self._version
+        if client.version != self._version and self._version and not self._over:
+            client.version = self._version
             return self._text
         history = self.watch.history
         if client.recast != self.watch.recast or client.next < history.begins:
             client.recast = self.watch.recast
             self._start_again(client)
         rows = self._rows_for(client, history)
-        if rows is None and client.words != self._version and self._version:
-            client.words = self._version  # the last words, after the last row
+        if rows is None and client.version != self._version and self._version:
+            client.version = self._version  # the last words, after the last row
             return self._text
         return rows
 

@@ -15,7 +15,7 @@ from palpate.force_laws import FORCE_LAWS, ForceLaw, GeneralisedHuntCrossley
 from palpate.live.console import ShownDepth
 from palpate.live.ring import COLUMNS, MOST_PARAMETERS
 from palpate.live.sinks import PLACE, Session, Watching, parameters_of
-from palpate.live.view import certainty, change_in_words, facts_of, view_of
+from palpate.live.view import certainty, describe_change, facts_of, view_of
 from palpate.validation import Floats, plain
 
 #: In their order in a frame, beside the time.
@@ -281,7 +281,7 @@ class Watch:
         """Read the boards, and choose the depth: a few times a second."""
         self._read()
         # Another one as soon as the loop has written anything.
-        sign = self.run.board.version, self.run.reader.samples.count
+        sign = self.run.shared_json.version, self.run.reader.samples.count
         if sign != self._sign:
             self._sign, self._moved = sign, time.monotonic()
         chosen = math.isfinite(self.chosen_depth)
@@ -381,7 +381,7 @@ class Watch:
             "ended": ended,
             "depth": {"value": self.depth, "chosen": math.isfinite(self.chosen_depth)},
             "now": now,
-            "changes": [{**each, "words": change_in_words(each)} for each in self.changes],
+            "changes": [{**each, "words": describe_change(each)} for each in self.changes],
             "page": {**served, "dropped": self.run.dropped},
         }
         last = float(column(kept, "time")[-1]) if len(kept) else math.nan

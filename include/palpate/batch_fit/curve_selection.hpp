@@ -8,7 +8,7 @@
 #include <cstddef>
 #include <cstdint>
 
-#include "palpate/curves/curve_cost.hpp"
+#include "palpate/batch_fit/curve_cost.hpp"
 #include "palpate/projection/contact_samples.hpp"
 #include "palpate/projection/covariance.hpp"
 #include "palpate/sample.hpp"

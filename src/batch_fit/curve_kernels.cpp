@@ -1,5 +1,5 @@
 // Compiled once for each instruction set; see cmake/InstructionSets.cmake.
-#include "palpate/curves/curve_kernels.hpp"
+#include "palpate/batch_fit/curve_kernels.hpp"
 
 #define PALPATE_COMPILED_(set) compiled_##set
 #define PALPATE_COMPILED(set) PALPATE_COMPILED_(set)

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 import palpate._core as _core
-from palpate.errors import InvalidParameterError
+from palpate.errors import InvalidParameterError, OldName
 from palpate.estimators.estimate import findings_of
 from palpate.estimators.variable_projection import projection_settings, surfaces_in
 from palpate.force_laws import HuntCrossley
@@ -45,7 +45,7 @@ class CurveFits:
     taken : numpy.ndarray of int64, shape (k,)
         Samples that the cost is over.
     flags : numpy.ndarray of uint8, shape (k,)
-        Bits of ``IdentifiabilityFlag``; :meth:`flag_words` has them in words.
+        Bits of ``IdentifiabilityFlag``; :meth:`describe_flags` has them in words.
     status : numpy.ndarray of uint8, shape (k,)
         Codes of :data:`STATUS_WORDS`.
     """
@@ -62,6 +62,8 @@ class CurveFits:
     flags: NDArray[np.uint8]
     status: NDArray[np.uint8]
 
+    words, flag_words = OldName("status_names"), OldName("describe_flags")
+
     def __len__(self) -> int:
         return len(self.status)
 
@@ -72,7 +74,7 @@ class CurveFits:
         return errors
 
     @property
-    def words(self) -> list[str]:
+    def status_names(self) -> list[str]:
         """The status of each curve in words."""
         return [STATUS_WORDS[code] for code in self.status.tolist()]
 
@@ -81,7 +83,7 @@ class CurveFits:
         columns = self.stiffness, self.damping, self.exponent
         return HuntCrossley(*(float(column[curve]) for column in columns))
 
-    def flag_words(self, curve: int) -> tuple[str, ...]:
+    def describe_flags(self, curve: int) -> tuple[str, ...]:
         """What is not identifiable from the motion of one curve, and what motion would help."""
         return tuple(map(str, findings_of(int(self.flags[curve]))))
 

@@ -11,7 +11,7 @@
 #include <cmath>
 #include <cstddef>
 
-#include "palpate/curves/curve_blocks.hpp"
+#include "palpate/batch_fit/curve_blocks.hpp"
 #include "palpate/matrix.hpp"
 #include "palpate/projection/covariance.hpp"
 

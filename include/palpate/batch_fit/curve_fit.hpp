@@ -18,10 +18,10 @@
 #include <cstddef>
 #include <cstdint>
 
-#include "palpate/curves/curve_cost.hpp"
-#include "palpate/curves/curve_kernels.hpp"
-#include "palpate/curves/curve_search.hpp"
-#include "palpate/curves/curve_selection.hpp"
+#include "palpate/batch_fit/curve_cost.hpp"
+#include "palpate/batch_fit/curve_kernels.hpp"
+#include "palpate/batch_fit/curve_search.hpp"
+#include "palpate/batch_fit/curve_selection.hpp"
 #include "palpate/error_widening.hpp"
 #include "palpate/matrix.hpp"
 #include "palpate/projection/covariance.hpp"

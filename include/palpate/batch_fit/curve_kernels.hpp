@@ -9,7 +9,7 @@
 #include <cstddef>
 #include <cstdint>
 
-#include "palpate/curves/curve_blocks.hpp"
+#include "palpate/batch_fit/curve_blocks.hpp"
 
 // Registers of doubles, as wide as a source file is compiled for, with logarithm and exponential of
 // each: additions, multiplications, a division and bits. So a double's result has the same last bit

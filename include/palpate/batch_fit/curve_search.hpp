@@ -10,7 +10,7 @@
 #include <limits>
 #include <utility>
 
-#include "palpate/curves/curve_cost.hpp"
+#include "palpate/batch_fit/curve_cost.hpp"
 #include "palpate/projection/projection_fit.hpp"
 
 namespace palpate::detail {
