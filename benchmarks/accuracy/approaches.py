@@ -25,10 +25,10 @@ def approaches(campaign: Campaign) -> list[Group]:
         )
     return [
         Group(
-            "Approaches that end in the wrong valley",
-            f"A probe goes in once, 2 to 15 mm in 0.2 to 3 s, by four profiles of the speed; n "
-            "from 0.5 to 3, peak force 1 to 50 N, noise of 1e-4, 0.005 or 0.05 N. Missed: the sum "
-            f"of squares is more than {EXCESS:g} σ² above the least over {len(EXPONENTS)} "
+            "Approaches that end in the wrong minimum",
+            "A probe goes in once, 2 to 15 mm in 0.2 to 3 s, with four speed profiles; n from 0.5 "
+            "to 3, peak force 1 to 50 N, noise of 1e-4, 0.005 or 0.05 N. Missed means that the "
+            f"sum of squares is more than {EXCESS:g} σ² above the smallest over {len(EXPONENTS)} "
             "exponents, each solved for K, B and the offset by SVD.",
             ("missed, %",),
             lines,

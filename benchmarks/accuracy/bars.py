@@ -63,19 +63,24 @@ def bars(campaign: Campaign) -> list[Group]:
             )
     return [
         Group(
-            "Coverage of the 95 % interval, whatever the noise",
+            "Coverage of the 95 % interval by kind of noise",
             f"True x and v, noise of {NOISE:g} N (rms) and an unknown offset, five materials; "
-            f"contact from the depth at which the spring gives {LIGHTEST:g} N; "
-            "`VariableProjection()`, and the diagnosis's S and C at working depth. Beside it the "
-            "standard error and the error (rms), over the standard error that white noise would "
-            "leave (Cramér–Rao): of K, B and n, and of S and C.",
+            f"contact from the depth at which the spring force is {LIGHTEST:g} N; "
+            "`VariableProjection()`, and the diagnosis's S and C at working depth. The last "
+            "columns are the standard error and the rms error over the Cramér–Rao bound for white "
+            "noise: of K, B and n, and of S and C.",
             ("lowest cell", *SYMBOLS, "S", "C"),
             lines,
-            ("bar / white", "error / white", "bar / white, S, C", "error / white, S, C"),
+            (
+                "standard error / bound",
+                "error / bound",
+                "standard error / bound, S, C",
+                "error / bound, S, C",
+            ),
             precision=".3g",
             notes=[
-                f"%, mean of five materials, {campaign.seeds} seeds each. The lowest cell is the "
-                "least of twenty-five, a material and a number each."
+                f"In %, mean of five materials, {campaign.seeds} seeds each. The lowest cell is "
+                "the smallest of twenty-five: five materials by five quantities."
             ],
         )
     ]

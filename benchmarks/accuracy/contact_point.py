@@ -36,9 +36,9 @@ def contact_point(campaign: Campaign) -> list[Group]:
     return [
         Group(
             "Unknown contact point",
-            "True x and v but for a shift of up to ±2 mm, 0.05 N of noise; a second of approach "
+            "True x and v, shifted by up to ±2 mm, 0.05 N of noise; one second of approach "
             "from 3 mm above the surface, then three sines to 20 s; `VariableProjection("
-            'surface="estimate")`. The bound has offset and surface as nuisances.',
+            'surface="estimate")`. The bound treats offset and surface as nuisance parameters.',
             ("95th percentile", "worst"),
             lines,
             ("rms", "bound", "rms / bound"),

@@ -52,12 +52,12 @@ VARIANTS = (
 )
 METHOD = (
     "Worst over the seeds, s; true x and v, 0.05 N of noise, {duration:g} s. No offset: "
-    "`offset=False`. Known to 3 mN: `offset_deviation=3e-3`, the offset drawn with it. Unknown: "
-    "`VariableProjection()`, the offset drawn with 0.1 N. Beside it: the median, and the time "
-    "from which twice the Cramér–Rao bound is below 5 %; of normal errors the worst of 200 is "
-    "near 2.8 bounds, so no unbiased method has its worst there. The default's prior of the "
-    "offset, twenty times the noise, is not in the bound: early on it says more than the samples "
-    "do."
+    "`offset=False`. Known to 3 mN: `offset_deviation=3e-3`, with an offset drawn from it. "
+    "Unknown: `VariableProjection()`, with an offset drawn from N(0, (0.1 N)²). Last columns: the "
+    "median, and the time from which twice the Cramér–Rao bound is below 5 %. The worst of 200 "
+    "normal errors is near 2.8 bounds, so no unbiased method has its worst there. The default "
+    "prior on the offset, twenty times the noise, is not in the bound: early on it contributes "
+    "more than the samples."
 )
 BESIDE = (
     *(f"median {symbol}" for symbol in SYMBOLS),

@@ -34,8 +34,8 @@ def drift(campaign: Campaign) -> list[Group]:
             "Drift",
             "The whole force drifts by ±30 % at 0.1 Hz for 40 s of three sines, 0.05 N of noise. "
             "Relative rms error of the force scale K x_rⁿ at x_r = 10 mm, %, from 2 s on; "
-            "`DriftTracking()` beside `VariableProjection(offset=False)` without and with constant "
-            "forgetting.",
+            "`DriftTracking()` compared with `VariableProjection(offset=False)`, without and with "
+            "constant forgetting.",
             ("rms",),
             lines,
             ("worst seed", *(f"VP, {name}" for name in ("no forgetting", *list(METHODS)[2:]))),
@@ -61,9 +61,9 @@ def _too_slow(campaign: Campaign) -> Group:
         )
     return Group(
         "A walk that is too slow",
-        "ln K walks at random for 20 s of three sines, 0.05 N of noise. Share of runs, %, at whose "
-        "end `DriftTracking()`, whose walk is 0.02/√s, says that it is too slow. Noise of "
-        "AR(1) 0.9 is taken for a drift where the filter cannot follow it, as on a soft material.",
+        "ln K walks at random for 20 s of three sines, 0.05 N of noise. Percentage of runs after "
+        "which `DriftTracking()`, with its walk of 0.02/√s, flags that the walk is too slow. On a "
+        "soft material AR(1) 0.9 noise looks like a drift that the filter cannot follow.",
         ("walk of 0.2/√s", "of 0.02/√s"),
         lines,
         ("of 0.04/√s", "of 0.1/√s", "of 0.02/√s, AR(1) 0.9"),

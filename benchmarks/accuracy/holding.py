@@ -26,13 +26,13 @@ def holding(campaign: Campaign) -> list[Group]:
         lines.append(Line(material, tuple(hold.tolist()), (Limit(1.0),), tuple(after.tolist())))
         flags = Counter(flag for run in runs for flag in run[2])
         held = "; ".join(f"“{flag}” ({count})" for flag, count in flags.most_common())
-        notes.append(f"{material}, flags of a contact that is held from the start: {held}.")
+        notes.append(f"{material}, flags of a contact held from the start: {held}.")
     return [
         Group(
             "Held for 100 s",
             "Three sines for 10 s, 100 s held at 10.5 mm, three sines for 10 s; 0.05 N of noise, "
-            "`VariableProjection()`. Largest move of a parameter from where it stood when the hold "
-            "began, %, looked at every 0.1 s; beside it the same after the hold.",
+            "`VariableProjection()`. Largest change of a parameter since the hold began, %, "
+            "checked every 0.1 s; last columns: the same after the hold.",
             SYMBOLS,
             lines,
             tuple(f"after: {symbol}" for symbol in SYMBOLS),

@@ -122,9 +122,10 @@ def _efficiency(campaign: Campaign) -> list[Group]:
     scatter = (2.0 * campaign.seeds) ** -0.5
     title = "Light contact: RMSE over the Cramér–Rao bound"
     definition = (
-        "Ten seconds of motions that leave the material, with the free air between: true x and v, "
-        "white noise, no tare. The bound has all samples and the offset as a nuisance. Beside it "
-        "how many in a hundred 95 % intervals hold the truth."
+        "Ten seconds of motions that leave the material, including the free air between touches: "
+        "true x and v, white noise, no tare. The bound uses all samples and treats the offset as "
+        "a nuisance parameter. Last columns: the percentage of 95 % intervals that contain the "
+        "truth."
     )
     notes = [
         f"{campaign.seeds} seeds from {FIRST_SEED}; each ratio is known to ±{scatter:.1%} (one "
@@ -136,12 +137,12 @@ def _efficiency(campaign: Campaign) -> list[Group]:
     )
     return [
         Group(
-            title, definition, SYMBOLS, lines, tuple(f"covers {s}" for s in SYMBOLS), notes=notes
+            title, definition, SYMBOLS, lines, tuple(f"coverage {s}" for s in SYMBOLS), notes=notes
         ),
         Group(
-            "In short",
-            "Over all figures, and over the worst of K, B and n of each line, which is above the "
-            "bound by chance.",
+            "Summary",
+            "Median of all figures, and of the worst of K, B and n of each line, which exceeds "
+            "the bound by chance.",
             ("all",),
             [median],
             ("worst of K, B, n",),
@@ -180,8 +181,8 @@ def _lost(campaign: Campaign) -> Group:
                 )
     return Group(
         "Contact that is lost above the surface",
-        "A material that recovers slowly: on the way out there is no force below 10 or 30 % of the "
-        "depth that was reached. 0.05 N of white noise. Errors, %, rms.",
+        "A material that recovers slowly: on the way out there is no force below 10 or 30 % of "
+        "the maximum depth. 0.05 N of white noise. Errors, %, rms.",
         SYMBOLS,
         lines,
         precision=".2f",
@@ -213,7 +214,7 @@ def _recovering(motion: Path, below: float) -> NDArray[np.bool_]:
 #: Force offset, the stated deviation after a tare, and the offset to be found; N.
 OFFSETS = {
     "untared, 5 N": (5.0, None),
-    "a wrong tare, 5 N off and said to 5 mN": (5.0, 5e-3),
+    "a wrong tare, 5 N off and stated to 5 mN": (5.0, 5e-3),
     "a good tare, to 5 mN": (None, 5e-3),
 }
 
@@ -239,8 +240,8 @@ def _offsets(campaign: Campaign) -> Group:
     return Group(
         "Offsets and tares",
         "A random motion, through the surface with free air, or deep within (a fifth of the stroke "
-        "around 60 % of the depth, never in free air); 0.05 N of white noise. How many in a "
-        "hundred 95 % intervals hold K, how many are flagged, and the error of K, %, rms.",
+        "around 60 % of the depth, never in free air); 0.05 N of white noise. Percentage of 95 % "
+        "intervals that contain K, percentage flagged, and rms error of K, %.",
         ("K covered", "flagged"),
         lines,
         ("K, % rms",),

@@ -56,9 +56,9 @@ def recordings(campaign: Campaign) -> list[Group]:
             else:
                 lines.append(_line(file.stem, fit))
         what = (
-            "The window and the gate that the notes beside each recording give."
+            "The window and the gate from the notes of each recording."
             if noted
-            else "The whole file, with the gate that `choose_gate` gives."
+            else "The whole file, with the gate of `choose_gate`."
         )
         groups.append(_group(part, what, lines, notes))
     return groups
@@ -74,11 +74,10 @@ def recorded() -> list[Path]:
 
 def _group(part: str, what: str, lines: list[Line], notes: list[str]) -> Group:
     return Group(
-        f"Recordings, against SciPy, {part}",
-        f"{what} RMSE% of `identify`'s final law over that of "
-        "`scipy.optimize.least_squares` on the same samples: K, B, n and an offset, n from "
-        f"{EXPONENTS[0]} to {EXPONENTS[1]}, best of {len(STARTS)} starts. The limit holds where "
-        "no flag concerns the exponent.",
+        f"Recordings, compared with SciPy, {part}",
+        f"{what} RMSE% of `identify`'s final law over that of `scipy.optimize.least_squares` on "
+        f"the same samples: K, B, n and an offset, n from {EXPONENTS[0]} to {EXPONENTS[1]}, best "
+        f"of {len(STARTS)} starts. The limit applies where no flag concerns the exponent.",
         ("ratio",),
         lines,
         ("RMSE %", "SciPy RMSE %", "n ± standard error", "flags"),

@@ -66,11 +66,23 @@ def markdown(groups: list[Group], facts: dict[str, Any]) -> str:
     return "\n".join([*parts, words(facts), ""])
 
 
-def page(title: str, arguments: str, groups: list[Group], facts: dict[str, Any]) -> str:
-    """Return a separate page, with the command that wrote it."""
+def page(
+    title: str, question: str, arguments: str, groups: list[Group], facts: dict[str, Any]
+) -> str:
+    """Return a separate page: its command, a question, the answer in a line, the tables."""
     command = f"python -m benchmarks.accuracy {arguments} --markdown docs/accuracy"
     tables = markdown(groups, facts).replace("### ", "## ")
-    return f"<!-- Written by {command} -->\n\n# {title}\n\n{tables}"
+    return f"<!-- Written by {command} -->\n\n# {title}\n\n{question} {_answer(groups)}\n\n{tables}"
+
+
+def _answer(groups: list[Group]) -> str:
+    within = [line.within for group in groups for line in group.lines]
+    kept, lines = within.count("yes"), within.count("yes") + within.count("no")
+    if not lines:
+        return "Nothing was measured."
+    if kept == lines:
+        return f"All {lines} lines are within their limit."
+    return f"Lines within their limit: {kept} of {lines}; bold values are beyond it."
 
 
 def words(facts: dict[str, Any]) -> str:
