@@ -111,15 +111,15 @@ def stated_cost(
     """
     curves = core._checked_curves(penetration, velocity, force)
     if len(curves[0]) != 1:
-        raise InvalidParameterError(f"the cost of one curve is asked for, not of {len(curves[0])}")
+        raise InvalidParameterError(f"pass one curve, not {len(curves[0])}")
     roles = np.empty(curves[0].shape, np.uint8)
     usual: dict[str, Any] = fit_curves.__kwdefaults__ or {}
     if unknown := settings.keys() - usual.keys():
-        raise InvalidParameterError(f"there is no setting {', '.join(sorted(unknown))}")
+        raise InvalidParameterError(f"unknown setting {', '.join(sorted(unknown))}")
     checked = core._checked(1, {**usual, "exponent": exponent, "offset": offset, **settings})
     numbers, _, _, codes = core._fitted(curves, checked, 1, roles)
     if codes[0, 1] == core.STATUS_WORDS.index("no contact"):
-        raise InvalidParameterError("nothing of the curve is contact")
+        raise InvalidParameterError("the curve has no contact")
     chosen = (roles[0] == _FIRM) | (roles[0] == _LIGHT)
     units, prior = numbers[0, 7:10].tolist(), numbers[0, 10:].tolist()
     found: list[Any] = [values[0, chosen] for values in curves]

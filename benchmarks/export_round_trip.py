@@ -22,12 +22,12 @@ def measure_round_trip() -> Section:
         ("opensim", "auto", ("n = 1.5",)),
     ):
         for law in laws if there(to) else ():
-            worst, literal, felt = round_trips(made(law, to, form), law)
+            worst, literal, biases = round_trips(made(law, to, form), law)
             name = f"{to}, {form}, {law}"
             rows += [
                 Row(f"{name}: K, B, n", worst, "s.e.", limit=Limit(3.0)),
                 Row(f"{name}: K, B, n, taken literally", literal, "s.e."),
-                Row(f"{name}: stiffness or damping at depth, the mean", felt, "%"),
+                Row(f"{name}: stiffness or damping at depth, the mean", biases, "%"),
             ]
     notes = (
         "The stated error ε is one of force. It changes a parameter by s.e. · ε ‖F‖/σ at most, "
@@ -43,7 +43,7 @@ def round_trips(export: exports.Export, law: str) -> tuple[float, float, float]:
     )
     clean, truth = bench.run(seed=0).contact, LAWS[law]
     stated = 0.01 * export.statement.compared.percent
-    worst, literal, felt = [], [], []
+    worst, literal, biases = [], [], []
     for seed in range(SEEDS):
         noise = NOISE * np.random.default_rng(seed).standard_normal(len(clean))
         result = palpate.identify(replace(clean, force=clean.force + noise), trace=False)
@@ -54,5 +54,9 @@ def round_trips(export: exports.Export, law: str) -> tuple[float, float, float]:
         literal.append(float(((off - stated * truth.parameters) / errors).max()))
         there_ = result.working_depths[0]
         real = np.array([truth.stiffness_at(there_.depth), truth.damping_at(there_.depth)])
-        felt.append(np.array([there_.stiffness.value, there_.damping.value]) / real - 1.0)
-    return max(0.0, *worst), max(0.0, *literal), 100.0 * float(np.abs(np.mean(felt, axis=0)).max())
+        biases.append(np.array([there_.stiffness.value, there_.damping.value]) / real - 1.0)
+    return (
+        max(0.0, *worst),
+        max(0.0, *literal),
+        100.0 * float(np.abs(np.mean(biases, axis=0)).max()),
+    )

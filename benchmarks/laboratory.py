@@ -111,7 +111,7 @@ def errors(name: str, counts: float, seed: int) -> Floats:
 def _remembering(campaign: Campaign) -> Group:
     lines = []
     for name in REMEMBERING:
-        runs = np.array(campaign.map(name, partial(felt, name), range(campaign.seeds)))
+        runs = np.array(campaign.map(name, partial(dynamic_errors, name), range(campaign.seeds)))
         inside, largest = float(np.mean(runs[:, 2] < 3.0)), float(runs[:, 2].max())
         rms = np.sqrt(np.mean(runs[:, :2] ** 2, axis=0))
         lines.append(Line(name, (100.0 * inside, largest), (), tuple(100.0 * rms)))
@@ -125,20 +125,20 @@ def _remembering(campaign: Campaign) -> Group:
     )
 
 
-def felt(name: str, seed: int) -> tuple[float, float, float]:
+def dynamic_errors(name: str, seed: int) -> tuple[float, float, float]:
     """Return the relative errors of K′ and B′, and the largest error of all numbers in s.e."""
     law, memory = REMEMBERING[name]
     bench = lab.Bench(lab.Homogeneous(law), lab.THREE_SINES)
     estimator = ViscoelasticContact(memory=memory)
     result = identify(bench.run(seed).contact, estimator)
-    told = cast(ViscoelasticContact, result.estimator).dynamic_stiffness()
-    exact = law.dynamic_stiffness(told.depth, told.frequency)
+    found = cast(ViscoelasticContact, result.estimator).dynamic_stiffness()
+    exact = law.dynamic_stiffness(found.depth, found.frequency)
     estimate = result.estimate
     known = estimate.standard_errors > 0.0
     errors = np.abs(estimate.parameters - law.parameters)[known] / estimate.standard_errors[known]
     return (
-        told.stiffness / exact.real - 1.0,
-        told.frequency * told.damping / exact.imag - 1.0,
+        found.stiffness / exact.real - 1.0,
+        found.frequency * found.damping / exact.imag - 1.0,
         float(errors.max()),
     )
 

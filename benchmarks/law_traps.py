@@ -51,7 +51,7 @@ def trapped(trap: Trap, damping: str, seed: int) -> Identification:
     return identify(contact, ViscoelasticContact(gate=GATE, scale=UNITS))
 
 
-def said(result: Identification) -> bool:
+def warned_of(result: Identification) -> bool:
     """Return whether palpate warns: by the diagnosis, or by a flag of law, estimate or verdict."""
     flags = [flag for flag in result.flags if "outlier" not in flag]
     return result.diagnosis.verdict.overall != "trust" or bool(flags)
@@ -66,16 +66,16 @@ def measure_traps(seeds: range) -> Section:
         for trap in TRAPS:
             results = [trapped(trap, damping, seed) for seed in some]
             laws = [result.estimate.law for result in results]
-            felt = np.array([law.dynamic_stiffness(10e-3, 11.0) for law in laws])
-            stiffness = float(np.sqrt(np.mean((felt.real / exact.real - 1.0) ** 2)))
-            damper = float(np.sqrt(np.mean((felt.imag / exact.imag - 1.0) ** 2)))
+            dynamic = np.array([law.dynamic_stiffness(10e-3, 11.0) for law in laws])
+            stiffness = float(np.sqrt(np.mean((dynamic.real / exact.real - 1.0) ** 2)))
+            damper = float(np.sqrt(np.mean((dynamic.imag / exact.imag - 1.0) ** 2)))
             name = f"{damping}, {trap.name}"
             called = float(np.mean([law.remembers for law in laws]))
-            warned = float(np.mean([said(each) for each in results]))
+            warned = float(np.mean([warned_of(each) for each in results]))
             rows += [
                 Row(f"{name}: memory", PERCENT * called, "%"),
                 Row(f"{name}: K′, rms error", PERCENT * stiffness, "%"),
                 Row(f"{name}: B′, rms error", PERCENT * damper, "%"),
-                Row(f"{name}: said", PERCENT * warned, "%"),
+                Row(f"{name}: warned", PERCENT * warned, "%"),
             ]
     return Section(f"Traps, 40 dB, {len(some)} seeds", rows)

@@ -39,10 +39,10 @@ def _rows(truth: Truth, seeds: range, decibels: float, full: bool) -> list[Row]:
     for seed in seeds:
         memory = "any" if full else "auto"
         estimator, (x, v, _), deviation = identified(truth.law, seed, decibels, 0.0, memory)
-        told = estimator.dynamic_stiffness(10e-3, 15.0)
-        away = told.stiffness - exact.real, told.damping - exact.imag / 15.0
+        found = estimator.dynamic_stiffness(10e-3, 15.0)
+        away = found.stiffness - exact.real, found.damping - exact.imag / 15.0
         moved.append((away[0] / exact.real, 15.0 * away[1] / exact.imag))
-        bars = told.stiffness_error, told.damping_error
+        bars = found.stiffness_error, found.damping_error
         covered.append([abs(a) < 1.96 * b for a, b in zip(away, bars, strict=True)])
         if truth.found_by(estimator):
             right += 1

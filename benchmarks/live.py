@@ -202,7 +202,7 @@ def _section(
     notes = [f"{minutes:g} minutes; laboratory, diagnosis and browser are counted separately."]
     if verdict := verdict_on(status):
         notes.append(f"law: {describe_verdict(verdict, numbers_of(verdict))}")
-    notes += [f"said: {words}" for words in status["said"]]
+    notes += [f"message: {words}" for words in status["said"]]
     return Section("Live at 1 kHz", rows, notes)
 
 

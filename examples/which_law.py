@@ -27,7 +27,7 @@ def main() -> None:
     preparation = OnlinePreparation(sample_time=step)
     # memory="any" compares eleven laws instead of five, in twice the time.
     estimator = Estimator(sample_time=step, change_detector=ChangeDetector())
-    in_force, ask_at, asked = None, 1.0, list[Future[str]]()
+    in_force, report_at, pending = None, 1.0, list[Future[str]]()
     with ThreadPoolExecutor(1) as aside:
         for time, position, force in samples:
             sample = preparation.update(position, force, time)
@@ -39,29 +39,29 @@ def main() -> None:
             if estimator.candidate is not in_force:
                 in_force = estimator.candidate
                 print(f"{time:5.2f} s  {in_force or 'the material changed: no verdict yet'}")
-            if time >= ask_at:
-                ask_at += 1.0
-                asked.append(aside.submit(described, estimator.copy()))
-            while asked and asked[0].done():
-                print(f"{time:5.2f} s    {asked.pop(0).result()}")
+            if time >= report_at:
+                report_at += 1.0
+                pending.append(aside.submit(describe, estimator.copy()))
+            while pending and pending[0].done():
+                print(f"{time:5.2f} s    {pending.pop(0).result()}")
     estimator.finish_pending()  # include the last samples
-    print(described(estimator))
+    print(describe(estimator))
 
 
-def described(estimator: Estimator) -> str:
+def describe(estimator: Estimator) -> str:
     """Return the verdict and the response to a small oscillation, in one line."""
     verdict = estimator.verdict()
     if not verdict.model_ranking:
         return "no verdict yet"
     try:
-        felt = estimator.dynamic_stiffness()
+        response = estimator.dynamic_stiffness()
     except InvalidParameterError as error:  # the probe has hardly moved
         return f"{verdict}; {error}"
     flags = "".join(f"; {flag}" for flag in (*estimator.estimate().flags, *verdict.flags))
     return (
-        f"{verdict}; K′ {felt.stiffness:.5g} ± {felt.stiffness_error:.2g} N/m, "
-        f"B′ {felt.damping:.4g} ± {felt.damping_error:.2g} N·s/m at {1e3 * felt.depth:.2g} mm and "
-        f"{felt.frequency:.3g} rad/s{flags}"
+        f"{verdict}; K′ {response.stiffness:.5g} ± {response.stiffness_error:.2g} N/m, "
+        f"B′ {response.damping:.4g} ± {response.damping_error:.2g} N·s/m "
+        f"at {1e3 * response.depth:.2g} mm and {response.frequency:.3g} rad/s{flags}"
     )
 
 
