@@ -1,8 +1,8 @@
-"""Stiffness at working depth beside K, with their relative errors, on recordings by others.
+"""Stiffness at working depth and K, with their relative errors, on others' recordings.
 
 ``python -m benchmarks.working_depth``. K is the force at one metre of depth, where no probe has
-been; the stiffness ∂F/∂x at the median penetration is what a recording holds. The recordings are
-those of ``PALPATE_DATA``, or of ``../shared/data`` beside the checkout.
+been; a recording determines the stiffness ∂F/∂x at the median penetration. The recordings are
+those of ``PALPATE_DATA``, or of ``../shared/data`` next to the checkout.
 """
 
 import math

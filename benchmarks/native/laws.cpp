@@ -2,8 +2,8 @@
 //
 // FILE holds doubles: all penetrations, velocities, forces and time steps. A line for each of the
 // two tiers, without and with forgetting: bytes, ns a sample, that of the later half, the longest
-// call in µs by the least of all passes at each sample, the longest that was seen, and the longest
-// of as many empty calls beside it.
+// call in µs by the minimum of all passes at each sample, the longest of all passes, and the
+// longest of ten times as many empty calls.
 #include <algorithm>
 #include <chrono>
 #include <cstdio>
@@ -42,8 +42,7 @@ double nanoseconds_since(Clock::time_point start) {
   return std::chrono::duration<double, std::nano>(Clock::now() - start).count();
 }
 
-// What others take of the machine is never negative: of each segment the least of all passes
-// counts.
+// Other processes only ever add time: for each segment the minimum of all passes counts.
 template <class Each>
 std::vector<double> least_times(std::size_t count, std::size_t segment, int passes, double& longest,
                                 const Each& each) {
