@@ -85,7 +85,7 @@ class Explained:
     law : str
         The one that was chosen.
     time, penetration, force : numpy.ndarray, shape (k,)
-        Of the samples of contact, s, m and N; NaN between stretches.
+        Of the samples of contact, s, m and N; NaN between segments.
     left : tuple of numpy.ndarray, shape (k,)
         Force less that of Hunt–Crossley, and of the chosen law, N.
     noise : float

@@ -153,20 +153,20 @@ def accuracy(
     markdown: Path | None = None,
     json: Path | None = None,
 ) -> None:
-    """Measure how accurate identification is, beside what bounds it.
+    """Measure how accurate identification is, compared with its bounds.
 
     Parameters
     ----------
     seeds
         Seeds of the noise, 2 or more.
     only
-        Parts to run, by name; all unless given.
+        Parts to run, by name. Default: all.
     workers
-        Worker processes; one a core unless given.
+        Worker processes. Default: one per core.
     scheduler
-        Address of a scheduler of Dask, whose workers were started in a checkout.
+        Address of a Dask scheduler whose workers run in a checkout.
     markdown
-        Write a page for each part into this folder too.
+        Also write a page for each part into this folder.
     json
         Write the numbers to this file.
     """

@@ -211,7 +211,7 @@ def _recovering(motion: Path, below: float) -> NDArray[np.bool_]:
     return lost
 
 
-#: Force offset, what a tare is said to have left, and what is to be found; N.
+#: Force offset, N (None: what a good tare leaves), and stated uncertainty of the tare, N.
 OFFSETS = {
     "untared, 5 N": (5.0, None),
     "a wrong tare, 5 N off and stated to 5 mN": (5.0, 5e-3),

@@ -24,9 +24,9 @@ def diagnosis(
     store: Path = Path("build/diagnosis.jsonl"),
     markdown: Path | None = None,
 ) -> None:
-    """Put one fault on each of many recordings, and count what is wrong and what is said.
+    """Put one fault on each of many recordings; count wrong numbers and how many are reported.
 
-    What is in the store is not done again, so that an interrupted run goes on where it was.
+    Results in the store are not computed again, so an interrupted run continues where it stopped.
 
     Parameters
     ----------
