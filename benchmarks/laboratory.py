@@ -52,7 +52,7 @@ def laboratory(
     seeds
         Seeds of noise, bias and encoder phases, 2 or more.
     workers
-        Worker processes. Default: one a core.
+        Worker processes. Default: one per core.
     markdown
         Write the tables to this file too.
     """

@@ -160,13 +160,13 @@ def accuracy(
     seeds
         Seeds of the noise, 2 or more.
     only
-        Names of parts to run. Default: all.
+        Parts to run, by name. Default: all.
     workers
-        Worker processes. Default: one a core.
+        Worker processes. Default: one per core.
     scheduler
-        Address of a Dask scheduler, whose workers were started in a checkout.
+        Address of a Dask scheduler whose workers run in a checkout.
     markdown
-        Write a page for each part into this folder too.
+        Also write a page for each part into this folder.
     json
         Write the numbers to this file.
     """

@@ -22,11 +22,11 @@ class Campaign:
     Parameters
     ----------
     seeds : int
-        Seeds of a row that does not set its own number.
+        Number of seeds of a row, unless the row sets its own.
     workers : int, optional
-        Processes. Default: one a core.
+        Number of processes. Default: one per core.
     scheduler : str, optional
-        Address of your own scheduler, whose workers can import the benchmarks.
+        Address of a Dask scheduler whose workers can import the benchmarks.
     """
 
     def __init__(

@@ -211,7 +211,7 @@ def _recovering(motion: Path, below: float) -> NDArray[np.bool_]:
     return lost
 
 
-#: Force offset, the stated deviation after a tare, and the offset to be found; N.
+#: Force offset, N (None: what a good tare leaves), and stated uncertainty of the tare, N.
 OFFSETS = {
     "untared, 5 N": (5.0, None),
     "a wrong tare, 5 N off and stated to 5 mN": (5.0, 5e-3),

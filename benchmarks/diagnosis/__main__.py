@@ -24,9 +24,9 @@ def diagnosis(
     store: Path = Path("build/diagnosis.jsonl"),
     markdown: Path | None = None,
 ) -> None:
-    """Put one fault on each of many recordings, and count wrong results and warnings.
+    """Put one fault on each of many recordings; count wrong numbers and how many are reported.
 
-    Outcomes in the store are not computed again, so an interrupted run continues.
+    Results in the store are not computed again, so an interrupted run continues where it stopped.
 
     Parameters
     ----------

@@ -184,7 +184,7 @@ def saturation(part: float) -> Damage:
 
 
 def stuck(part: float) -> Damage:
-    """The force is constant, for 0.1 s at a time."""
+    """The force is constant in segments of 0.1 s."""
 
     def damage(p: Probing) -> None:
         for start in p.random.integers(2000, p.time.size - 100, round(part * SECONDS_OF_STUCK)):
@@ -193,7 +193,7 @@ def stuck(part: float) -> Damage:
     return damage
 
 
-SECONDS_OF_STUCK = 70  # intervals that would fill the recording
+SECONDS_OF_STUCK = 70  # segments that would fill the recording
 
 
 def spiked(part: float) -> Damage:
