@@ -119,7 +119,7 @@ def main(folder: Path) -> None:
     if recordings is None:
         raise RecordingError("no recordings found: set PALPATE_DATA to their folder")
     folder.mkdir(parents=True, exist_ok=True)
-    print("| | law that was chosen | rms, Hunt–Crossley → chosen | of what was held out |")
+    print("| | selected law | rms, Hunt–Crossley → selected law | held out |")
     print("|---|---|--:|--:|")
     for name, picture in PICTURES.items():
         record = read(recordings / f"{name}.csv")
