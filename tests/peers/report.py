@@ -32,7 +32,7 @@ from peers.reference_simulators import (
 
 
 def main() -> None:
-    print("| simulator | set | motion in contact | largest force | error of its law |")
+    print("| simulator | set | motion in contact | largest force | deviation from its law |")
     print("|---|---|---|--:|--:|")
     for name, simulator in REFERENCE_SIMULATORS.items():
         print(_row(name, _numbers(simulator.law), *_shown(name, simulator)))
