@@ -297,7 +297,7 @@ def _misfit(time: Floats, x: Floats) -> float:
 DEEPEST, FASTEST = 0.25, 3.0  # m, m/s; of the recordings the largest are 19 mm and 0.84 m/s
 # F/x², a modulus that no geometry changes much: recordings show 6e3 to 7e7 Pa.
 SOFTEST, HARDEST = 2.0, 5e8  # never by depth**2, which overflows
-FIRMEST = 5e3  # N; TPU under a testing machine is pressed with 2.6 kN
+LARGEST_FORCE = 5e3  # N; TPU under a testing machine is pressed with 2.6 kN
 SLOWEST = 0.2  # s between samples
 
 
@@ -322,7 +322,7 @@ def penetration_unit(data: Data) -> Finding | None:
 def force_unit(data: Data) -> Finding | None:
     """F > 5 kN or F/x² > 5e8 Pa; it sees 87 % of the cases, so the peak force is always printed."""
     depth, force = data.peak_penetration, data.peak_force
-    if depth <= 0.0 or (force <= FIRMEST and force / depth <= HARDEST * depth):
+    if depth <= 0.0 or (force <= LARGEST_FORCE and force / depth <= HARDEST * depth):
         return None
     return Finding.of_both(
         "do-not-trust",

@@ -1,4 +1,4 @@
-"""Every check of a fit and of its data, run: from an identification to its diagnosis."""
+"""From an identification to its diagnosis: runs every check of the fit and of its data."""
 
 import logging
 import math
@@ -173,24 +173,26 @@ def diagnose_parts(
     notes: Sequence[Finding] = (),
     method: str = "variable-projection",
 ) -> Diagnosis:
-    """Diagnose what an estimator made of a recording.
+    """Diagnose the identification of a recording.
 
     Parameters
     ----------
     data : Data
-        The recording, whose own checks are made once for all methods.
+        The recording; its own checks are made once for all methods.
     trace : Trace
-        Of the replay.
+        The replay.
     estimate : Estimate
-        At its end.
+        The last estimate.
     depths : sequence of float
-        The working depth, which the verdict is about, and others, m, > 0. Unless given the median
-        and the 90th percentile of the penetration of the samples taken.
+        The working depth, which the verdict is about, and others, m, > 0. Default: the median and
+        the 90th percentile of the penetration in contact.
     laws : Laws, optional
-        What laws that are compared made of the same samples.
+        Model selection on the same samples.
     notes : sequence of Finding
-        What is to be known of the estimate and of its samples. Of several materials only what calls
-        for care: one law for all of them is not identifiable by any motion.
+        Flags of the estimate and its samples. Of several materials only those that call for care:
+        no motion identifies one law for all of them.
+    method : str
+        Name of the method, for remedies.
     """
     found = list(data.findings)
     with np.errstate(all="ignore"):  # a column of an absurd fit may overflow; it is then left out
@@ -239,7 +241,7 @@ def _diagnosed(
 
 
 def _with_better_law(fit: Fit, judged: Judged) -> Judged:
-    """With the law that explains the samples better, and how far it moves the numbers."""
+    """With the law that model selection prefers, and how far it changes the result."""
     cause = better_law(fit)
     if cause is None:
         return judged
@@ -247,7 +249,7 @@ def _with_better_law(fit: Fit, judged: Judged) -> Judged:
     if "delay" in checks:  # which looks like another damper, or like memory
         cause = replace(cause, remedy=f"{cause.remedy}, unless the force is known to be late")
     found = finding_of(cause, "note", *marks_of(cause))
-    # What explains most is said first; of a memory that is what the memory's own finding says.
+    # The cause that explains most comes first; of relaxation, its own finding.
     first = cause.gain > max((each.gain for each, _ in judged.counted), default=0.0)
     place = 0 if first and checks[:1] not in (["memory"], ["surface"]) else 1
     findings = [*judged.findings[:place], found, *judged.findings[place:]]
@@ -255,7 +257,7 @@ def _with_better_law(fit: Fit, judged: Judged) -> Judged:
 
 
 def _moved_by_velocity(fit: Fit, judged: Judged, found: list[Finding]) -> Judged:
-    """With what a wrong velocity does to the damping, and the filter that it was made with.
+    """With the error of the damping that a wrong or filtered velocity causes.
 
     At a frequency ω the slope of the parabola through a window of T keeps 1 − (ωT/2)²/10 of the
     velocity, and the damping becomes as much larger: 0.1 % at 2 Hz by the usual 15 ms.

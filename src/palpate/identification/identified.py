@@ -231,7 +231,7 @@ class Identified:
         data : Data
             The contact with the checks of its channels.
         estimator : ContactEstimator or str, optional
-            Method and settings; variable projection unless given.
+            Method and settings. Default: variable projection.
         trace : int, float, "full" or False
             Which estimates are written down.
         """
@@ -318,16 +318,15 @@ class Identified:
         return self.diagnosis.working_depths
 
     def at(self, depth: "ArrayLike") -> WorkingDepth:
-        """Force, stiffness and damping at other depths, each with both error bars, SI.
+        """Force, stiffness and damping at other depths, each with both standard errors, SI.
 
-        Those of the diagnosis: what repeats, and what the causes that were found would move. It is
-        made once more, so ask for many depths at once.
+        The diagnosis is run again, so request many depths at once.
 
         Parameters
         ----------
         depth : float or array_like
             Below the surface, m, > 0. Beyond the depths in contact the law is extrapolated, and
-            the error bars hold only as far as the law does.
+            the error bars hold only if the law does.
 
         Returns
         -------
@@ -376,27 +375,26 @@ class Identified:
         return replace(self, query=query)
 
     def by_segment(self) -> Self:
-        """Return the same with each stretch between the changes that were found by itself.
+        """Return a copy with ``segments``: each segment between changes identified separately.
 
-        Each is identified afresh with the same settings, and diagnosed at the same working depth; a
-        stretch that cannot be identified is left out, and so are the samples at a border that a
-        filter of the velocity smears over it. Without a change there are none. The whole is
-        replayed once more with a change detector: when would a control loop have noticed?
+        With the same settings and working depth. Segments that cannot be identified are omitted,
+        and so are samples at a border within the velocity filter. Without a change there are none.
+        ``noticed`` is a replay with a change detector: when a control loop would have noticed.
         """
         parts = (self.segment_of(episode) for episode in self.diagnosis.episodes)
         found = tuple(part for part in parts if part is not None)
         return replace(self, segments=found, noticed=self._watched())
 
     def by_place(self, watch: "Callable[[Sequence[_Placed]], Iterable[_Placed]]" = iter) -> Self:
-        """Return the same with each place of a probe that travels by itself.
+        """Return a copy with ``segments``: each place of a travelling probe identified separately.
 
-        Each is identified afresh with the same settings, and diagnosed at its own working depth; a
-        place that cannot be identified is left out. Of a probe that stays at one there are none.
+        With the same settings, each at its own working depth. Places that cannot be identified are
+        omitted. A probe that stays at one place has none.
 
         Parameters
         ----------
         watch : callable
-            Goes through the places, such as with a progress bar.
+            Iterates over the places, such as with a progress bar.
         """
         # Of the same settings, but for those that were chosen from these data.
         found, fresh = [], self.estimator.replace(**dict.fromkeys(self.chosen))
@@ -459,10 +457,10 @@ class Identified:
 
     @property
     def law_verdict(self) -> LawVerdict | None:
-        """Which law it is, and by what evidence.
+        """Model selection: the preferred law, and the evidence.
 
-        By a method that chooses one, that choice. Beside another's Hunt–Crossley or Kelvin–Voigt
-        law, which of the everyday laws the same samples say it is; None beside other laws.
+        The choice of a method that selects a law. For another method's Hunt–Crossley or
+        Kelvin–Voigt law, model selection among the common laws; None for other laws.
         """
         return self.diagnosis.law_verdict
 
@@ -519,7 +517,7 @@ class Identified:
     def fitted_force(self) -> Floats:
         """Force by the final law, and offset where one is estimated, at every sample, N.
 
-        Where there are stretches, by the law of the one that began last.
+        With segments, by the law of the one that began last.
         """
         contact, parts = self.contact, self.segments
         fitted = (parts[0] if parts else self).predicted_force(contact)
