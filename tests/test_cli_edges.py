@@ -309,7 +309,7 @@ REFUSED = {
     "identify BALL --frequency 500Hz -o out": ["band of the motion"],
     # Samples of which none is left.
     "identify probe.csv --start 5": ["no sample between 5 s", "0.599 s"],
-    "identify probe.csv --min-penetration 1": ["never touches", "above 1 m"],
+    "identify probe.csv --min-penetration 1": ["no contact found", "above 1 m"],
     "identify probe.csv --force Fz": ["no column 'Fz'", "force_N", "name others"],
     # Figures.
     "identify probe.csv --figure out.eps": ["out.eps", "end in .svg, .pdf or .png"],
@@ -365,7 +365,7 @@ NEVER = {
 def test_a_probe_that_never_touches_is_one_line(refused, tmp_path, name):
     path = written(tmp_path / "never.csv", text_of(NEVER[name]))
     numbers = not name.startswith("of ")
-    words = "the probe never touches" if numbers else "column 'penetration_m': no sample holds a"
+    words = "no contact found" if numbers else "column 'penetration_m': no sample holds a"
     assert f"{path}: {words}" in refused("identify", path)
 
 

@@ -65,7 +65,7 @@ def test_a_contact_that_fails_is_a_row_with_its_reason(tmp_path):
     assert rows[0]["error"] is None
     assert "absent.csv" in rows[1]["error"]
     assert rows[1]["error_kind"] == "RecordingError"
-    assert "never touches" in rows[2]["error"]
+    assert "no contact found" in rows[2]["error"]
     assert rows[3]["error_kind"] == "InvalidParameterError"
     assert all(np.isnan(row["stiffness"]) for row in rows[1:])
 
@@ -128,7 +128,7 @@ def test_a_row_that_says_nothing_says_so_and_spoils_no_other(surface):
         assert row["error"] is not None
         assert row["covariance"] is None
         assert np.isnan(row["stiffness_at_depth"])
-    assert surface or "never touches" in rows[3]["error"]
+    assert surface or "no contact found" in rows[3]["error"]
     assert rows[4]["error"] is None
     assert rows[4]["samples"] == x.shape[1] - 10
     assert_at_depth(rows[4])
@@ -150,17 +150,17 @@ def test_times_that_do_not_increase_are_an_error_whatever_is_checked(surface):
 def test_outliers_of_arrays_are_left_out_and_said_as_identify_does(spoil, surface):
     x, v, f = curves(1)
     rounded = fitted(x, v, np.round(f / 0.2) * 0.2, surface)  # no end of the range
-    assert not any("left out" in flag for flag in rounded[0]["flags"])
+    assert not any("excluded" in flag for flag in rounded[0]["flags"])
     if spoil == "spiked":
         f[0, [120, 330]] += 5.0
         x[0, 140] += 2e-3
     else:
         f[0] = np.minimum(f[0], 0.9 * f[0].max())
     [row] = fitted(x, v, f, surface)
-    assert any("left out as outliers" in flag for flag in row["flags"])
+    assert any("excluded as outliers" in flag for flag in row["flags"])
     assert_at_depth(row)
     [all_of_it] = fitted(x, v, f, method=searching(surface, outlier_rejection=False))
-    assert not any("left out" in flag for flag in all_of_it["flags"])
+    assert not any("excluded" in flag for flag in all_of_it["flags"])
     error = row["stiffness_at_depth_standard_error"]
     assert all_of_it["stiffness_at_depth_standard_error"] > 5.0 * error
 
@@ -219,13 +219,13 @@ def test_rows_of_a_gated_recursion_are_those_of_identify():
     rows = fitted(x, v, force, method="single-stage", diagnosis="input")
     flags = {name: " ".join(row["flags"] or []) for name, row in zip(names, rows, strict=True)}
     assert "negative damping" in flags["negative damping"]
-    assert "left out as an outlier" in flags["spiked"]
+    assert "excluded as outlier" in flags["spiked"]
     assert "only 25 samples" in flags["few samples"]
     assert "less than 0.2 s" in flags["brief"]
-    assert "condition 10 violated" in flags["wrong sign of the velocity"]
-    assert "refused" in flags["no velocity"]
+    assert "|v| ≥ 0.1 K/B in" in flags["wrong sign of the velocity"]
+    assert "rejected" in flags["no velocity"]
     assert [row["error"] is None for row in rows] == [True] * 10 + [False] * 2
-    assert "never touches" in rows[11]["error"]
+    assert "no contact found" in rows[11]["error"]
     for k, row in enumerate(rows[:10]):
         there = np.isfinite(x[k]) & np.isfinite(force[k])
         channels = {"penetration": x[k], "velocity": v[k], "force": force[k]}

@@ -49,9 +49,9 @@ def equivalent_hunt_crossley(
 ) -> tuple[Data, EquivalentEstimate]:
     """Subtract from the force what a generalised law adds to a Hunt–Crossley law.
 
-    F − M Σ w g − (B xᵖ − B′ xⁿ) v, with B′ xⁿ = B xᵖ at a depth [m], is compared with K xⁿ + B′ xⁿ v:
-    the residual is the same, and so are force, stiffness and damping at that depth, those of the
-    relaxed material.
+    F − M Σ w g − (B xᵖ − B′ xⁿ) v, with B′ xⁿ = B xᵖ at a depth [m], is compared with
+    K xⁿ + B′ xⁿ v: the residual is the same, and so are force, stiffness and damping at that depth,
+    those of the relaxed material.
     """
     law: GeneralisedHuntCrossley = estimate.law
     x, v = data.penetration - estimate.surface, data.velocity

@@ -349,7 +349,7 @@ def _said(name: str, result: palpate.Identification) -> dict[str, float]:
     for of, mark in zip((*QUANTITIES, "all"), marks, strict=True):
         numbers[f"mark of {of} {name}"] = MARKS.index(mark)
     serious = [each for each in diagnosis.findings if each.severity != "note" and each.remedy]
-    laws = [law for each in serious for law in ADVICE if str(each.remedy).startswith(law)]
+    laws = [law for each in serious for law in ADVICE if law in str(each.remedy)]
     numbers[f"advice {name}"] = ADVICE.index(laws[0]) if laws else len(ADVICE) - 1 if serious else 0
     return numbers
 

@@ -97,7 +97,7 @@ def page(
     """
     name = Path(result.contact.source).name or "contact"
     others, made = list((compared or {}).values()), result.contact.provenance.items()
-    numbers = [view.depths(result), view.law(result, whole=True)]
+    numbers = [view.depths(result, whole=True), view.law(result, whole=True)]
     follows, findings = view.follows(result, whole=True), view.findings(result)
     prepared = [view.preparation([result], whole=True)]
     prepared.append(view.ViewSection("How each channel was made", [], ("channel", ""), [*made]))

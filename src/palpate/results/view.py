@@ -120,21 +120,25 @@ def answer(result: "Identified", names: Sequence[str]) -> Iterator[ViewSection]:
     yield ViewSection("", headings=("", ""), rows=_fit_rows(result, names), prose=1)
 
 
-def of_identification(result: "Identified") -> Iterator[ViewSection]:
-    """Compose all that ``palpate identify -v`` prints."""
+def of_identification(
+    result: "Identified", *, with_findings: bool = False
+) -> Iterator[ViewSection]:
+    """Compose what ``palpate identify -v`` prints; with the findings of ``diagnose`` if wanted."""
     yield verdict(result)
     yield depths(result, whole=True)
     yield from parts(result, whole=True)
     yield law(result, whole=True)
     yield from which_law([result])
     yield follows(result, whole=True)
-    yield preparation([result], whole=True)
+    yield preparation([result], whole=with_findings)
+    if with_findings:
+        yield findings(result)
 
 
 def summary(result: "Identified") -> str:
     """Return everything as text: all findings, and 95 % intervals."""
-    sections = [*of_identification(result), findings(result)]
-    return f"{result.contact.source or 'contact'}, by {result.method}\n{as_text(sections)}"
+    text = as_text(of_identification(result, with_findings=True))
+    return f"{result.contact.source or 'contact'}, by {result.method}\n{text}"
 
 
 def of_diagnosis(result: "Identified") -> Iterator[ViewSection]:
