@@ -100,8 +100,15 @@ def test_every_section_of_a_result_is_said_in_the_same_words_wherever_it_is_show
     )
     shown = [" ".join(each.split()) for each in (out, ball.summary(), Reading(report).words)]
     card = " ".join(Reading(ball._repr_html_()).words.split())
-    told = [view.verdict(ball), view.depths(ball, whole=True), view.law(ball)]
-    for section in (*told, view.follows(ball), view.findings(ball), view.preparation([ball])):
+    told = [view.verdict(ball), view.depths(ball), view.law(ball)]
+    whole = view.depths(ball, whole=True)
+    for section in (
+        *told,
+        whole,
+        view.follows(ball),
+        view.findings(ball),
+        view.preparation([ball]),
+    ):
         cells = [
             part for row in section.table()[1] for cell in row for part in str(cell).split("\n")
         ]

@@ -2,6 +2,7 @@
 
 import json
 import logging
+import math
 import os
 import re
 import shlex
@@ -124,15 +125,16 @@ def print_table(
     from rich.table import Table  # here, so that help, which has none, comes at once
 
     texts = [list(map(as_text, row)) for row in rows]
-    shown, plain, widths, least = list[int](), dict[int, str](), dict[int, int](), dict[int, int]()
+    shown, plain, least, cells = list[int](), dict[int, str](), dict[int, int](), dict[int, int]()
     for k, column in enumerate(zip(*texts, strict=True)):
         words = list(map(str, column))
         if set(words).issubset(_NOTHING):
             continue
         shown.append(k)
         plain[k] = headings[k].removeprefix(">")
-        widths[k] = max(map(_width, [plain[k], *words]))
-        least[k] = min(widths[k], _NARROWEST_PROSE) if headings[k] in prose else widths[k]
+        most = _NARROWEST_PROSE if headings[k] in prose else math.inf
+        cells[k] = int(min(max(map(_width, words)), most))
+        least[k] = max(cells[k], int(min(_width(plain[k]), most)))
     if sum(least.values()) + _GAP * (len(shown) - 1) <= console.width:
         table = Table(box=None, pad_edge=False, padding=(0, _GAP, 0, 0), header_style="bold")
         table.show_header = any(plain.values())
@@ -142,18 +144,19 @@ def print_table(
             table.add_column(plain[k], justify=justify, no_wrap=not folded, overflow="fold")
         for row in texts:
             table.add_row(*(row[k] for k in shown))
-        for cells in console.render_lines(table, pad=False):
-            line = Text.assemble(*((cell.text, cell.style or "") for cell in cells))
+        for parts in console.render_lines(table, pad=False):
+            line = Text.assemble(*((part.text, part.style or "") for part in parts))
             line.rstrip()
             console.print(line, soft_wrap=True)
         return
     flat = {k: plain[k].replace("\n", ", ").strip() for k in shown}
     labels = {k: flat[k] for k in shown[1:]}
-    widest = max(least[k] for k in labels) if labels else 0
+    widest = max(cells[k] for k in labels) if labels else 0
     room = max(console.width - widest - 2 * _GAP, _NARROWEST_LABEL)
     for row in texts:
         block = Table(box=None, show_header=False, padding=(0, 0, 0, _GAP))
-        block.add_column(width=min(room, max(map(cell_len, labels.values()), default=0)))
+        labelled = min(room, max(map(cell_len, labels.values()), default=0))
+        block.add_column(width=labelled, overflow="fold")
         block.add_column(overflow="fold")
         for k, label in labels.items():
             if row[k].plain not in _NOTHING:

@@ -54,6 +54,11 @@ class Quantity(Plain):
         """Both standard errors together, hypot(statistical, systematic); NaN if one is unknown."""
         return math.hypot(self.standard_error, self.systematic)
 
+    @property
+    def combined(self) -> "Quantity":
+        """The same with :attr:`whole_error` as its one standard error."""
+        return Quantity(self.value, self.whole_error, 0.0)
+
     def scaled(self, factor: float) -> "Quantity":
         """Return so many times the quantity."""
         return Quantity(*(factor * x for x in (self.value, self.standard_error, self.systematic)))

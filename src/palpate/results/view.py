@@ -412,15 +412,16 @@ def follows(result: "Identified", *, whole: bool = False) -> ViewSection:
     if whole or query.impact_speed is not None:
         restitution = result.restitution()
         if query.impact_speed is not None or (trusted and _impact(restitution)):
-            lines.append(_describe_restitution(restitution))
+            lines.append(_describe_restitution(restitution, whole=whole))
     if query.frequency is not None or (whole and result.law.remembers):
-        lines += _oscillation(result)
+        lines += _oscillation(result, whole=whole)
     if whole and result.energy.kind != "none":
         lines.append(_energy(result))
     if whole and trusted:
         lines.append(_passivity(result))
     if query.tip is not None:
-        lines += [_modulus(result), *(_modulus(part, _when(part)) for part in between(result))]
+        parts = [("", result), *((_when(part), part) for part in between(result))]
+        lines += [_modulus(part, when, whole=whole) for when, part in parts]
     if result.noticed is not None:  # when a control loop would have known of the changes
         times = ", ".join(f"{rounded(time, 4)} s" for time in result.changes.tolist())
         words = f"the online change detector raises an alarm at {times or 'no time'}"
@@ -681,14 +682,16 @@ _MANY = 0.01  # of the samples in contact; fewer may be the noise of a light tou
 _QUASI_STATIC = 0.01  # of the speed, below which no impact is worth a line
 
 
-def _oscillation(result: "Identified") -> list[Line]:
+def _oscillation(result: "Identified", *, whole: bool) -> list[Line]:
     """Dynamic stiffness and damping of a small oscillation; nothing of a probe held still."""
     with suppress(InvalidParameterError):
         felt = result.dynamic_stiffness(result.query.frequency)
+        parts = felt.stiffness, felt.damping, felt.loss_tangent
+        k, b, tangent = (each if whole else each.combined for each in parts)
         often, depth = in_hertz(felt.frequency), format_quantity(felt.depth, "m")
         words = (
-            f"at {often} and {depth}: K′ = {felt.stiffness.format('N/m')}, "
-            f"B′ = {felt.damping.format('N·s/m')}, tan δ = {felt.loss_tangent.format()}"
+            f"at {often} and {depth}: K′ = {k.format('N/m')}, B′ = {b.format('N·s/m')}, "
+            f"tan δ = {tangent.format()}"
         )
         low, high = band_of(result)
         band = f"the motion covers {in_hertz(low)} to {in_hertz(high)}"
@@ -697,8 +700,8 @@ def _oscillation(result: "Identified") -> list[Line]:
     return []
 
 
-def _describe_restitution(found: "Restitution") -> Line:
-    e = found.coefficient
+def _describe_restitution(found: "Restitution", *, whole: bool) -> Line:
+    e = found.coefficient if whole else found.coefficient.combined
     if not math.isfinite(e.value):
         return Line("; ".join(found.remarks), "restitution")
     fastest = " (the fastest approach)" if found.speed == found.fastest_approach else ""
@@ -748,7 +751,7 @@ def _passivity(result: "Identified") -> Line:
     return Line(words, "passivity", remarks=(remark,))
 
 
-def _modulus(part: "Identified", when: str = "") -> Line:
+def _modulus(part: "Identified", when: str, *, whole: bool) -> Line:
     found = part.elastic_modulus()
     size = found.tip.as_dict()
     tip = f"a {found.tip.kind} of {_plain(size.get('radius', math.nan), 'm')} radius"
@@ -759,15 +762,15 @@ def _modulus(part: "Identified", when: str = "") -> Line:
     if found.refused:
         return Line(f"{at}not determined: {found.refused}", name)
     ratio = f"{'assumed ' if found.assumed else ''}Poisson's ratio {found.poisson_ratio:g}"
-    words = f"{at}{with_prefix(found.value, 'Pa')} for {tip}, {ratio}"
+    value = found.value if whole else found.value.combined
+    words = f"{at}{with_prefix(value, 'Pa')} for {tip}, {ratio}"
     return Line(words, name, remarks=found.remarks)
 
 
 def _modulus_alone(part: "Identified") -> str:
     """With its whole error; the JSON says why there is none."""
     found = part.elastic_modulus()
-    whole = Quantity(found.value.value, found.value.whole_error, 0.0)
-    return "refused" if found.refused else with_prefix(whole, "Pa")
+    return "refused" if found.refused else with_prefix(found.value.combined, "Pa")
 
 
 # Sections as plain text.
