@@ -303,7 +303,7 @@ REFUSED = {
     # Laws and methods.
     "identify probe.csv --method spring": ["method must be one of", "single-stage", "'spring'"],
     "identify probe.csv --law springy": ["law must be one of hunt-crossley, auto, any"],
-    "identify probe.csv --law auto --method single-stage": ["do not go together"],
+    "identify probe.csv --law auto --method single-stage": ["does not identify law auto"],
     "identify probe.csv --law auto --surface estimate": ["is for a method that can"],
     "identify probe.csv --method single-stage --surface estimate": ["not for single-stage"],
     "identify BALL --frequency 500Hz -o out": ["band of the motion"],

@@ -271,7 +271,7 @@ def test_the_oscillations_of_laws_are_drawn_beside_each_other(width):
 
 
 def test_words_of_scores_go_by_the_evidence():
-    expected = ["chosen", "cannot be told from it", "less likely", "strong evidence against it"]
+    expected = ["chosen", "cannot be distinguished", "less likely", "strong evidence against it"]
     assert [RankedModel(NONE, score, 1.0).meaning for score in (0.0, 1.0, 5.0, 12.0)] == expected
 
 
