@@ -336,7 +336,7 @@ def test_what_a_design_predicts_is_what_its_file_gives_when_it_is_played(run, tm
 def test_a_file_says_what_it_holds_above_its_header(printed, tmp_path):
     path = tmp_path / "better.csv"
     out = printed("design", *GUESS, "-o", path, "--rate", "250", "--seconds", "2")
-    assert f"motion, the better one: {path}" in out
+    assert f"better motion: {path}" in out
     assert f"--trajectory {path}" in out
     recording = palpate.open_recording(path)
     assert list(recording.channels) == ["time_s", "penetration_m", "velocity_m_s"]
@@ -351,9 +351,9 @@ def test_a_file_says_what_it_holds_above_its_header(printed, tmp_path):
 @pytest.mark.parametrize(
     "options, words",
     [
-        (["--rate", "100"], "--rate is of the motion's file: name it with -o"),
+        (["--rate", "100"], "--rate needs a file for the motion: add -o FILE"),
         (["-o", "a.csv", "--rate", "0"], "--rate must be in"),
-        (["-o", "/dev/stdout", "--json"], "cannot both go to standard output"),
+        (["-o", "/dev/stdout", "--json"], "cannot both write to standard output"),
         (["-o", "a.svg", "--figure", "a.svg"], "two outputs would be this file"),
         (["-o", "a.csv", "--amplitudes", "0", "--frequencies", "1"], "the probe is held"),
         (["--width", "88mm"], "name one with --figure"),

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from palpate._core import EstimateValue, Status
+from palpate.digits import with_error
 from palpate.errors import InvalidParameterError
 from palpate.findings import Finding
 from palpate.force_laws import ForceLaw
@@ -235,10 +236,11 @@ class Estimate(EstimateValue):
         return self.validity_margin > 0.0
 
     def __repr__(self) -> str:
-        return (
-            f"Estimate({self.law!r}, standard_errors={self.standard_errors.tolist()}, "
-            f"samples={self.samples}, status={self.status.name})"
-        )
+        law = self._law_type
+        rows = zip(law.symbols, self.parameters, self.standard_errors, law.units, strict=True)
+        words = [f"{symbol} = {with_error(*pair, unit=unit)}" for symbol, *pair, unit in rows]
+        counts = f"samples={self.samples}, status={self.status.name}"
+        return f"Estimate({law.__name__}: {', '.join(words)}; {counts})"
 
 
 # The trace of a replay, sample by sample.
@@ -313,6 +315,11 @@ class Trace:
 
     def __len__(self) -> int:
         return len(self.status)
+
+    def __repr__(self) -> str:
+        taken, rejected = int(self.taken.sum()), int(self.rejected.sum())
+        counts = f"{taken} taken, {rejected} rejected, {len(self.parameters)} estimates"
+        return f"Trace({len(self)} samples: {counts})"
 
     def __getitem__(self, window: slice) -> "Trace":
         """Part of the trace, sharing its memory where it is full."""
