@@ -320,13 +320,17 @@ REFUSED = {
     "lab ball -o x.csv --trajectory sines": ["must be one of three-sines, two-sines"],
     "lab ball -o x.csv --trajectory gone.csv": ["gone.csv: No such file"],
     "lab ball -o x.csv --stiffness 3": ["--stiffness has no effect on ball"],
-    "lab hunt-crossley -o x.csv --stiffness 3": ["needs --stiffness, --damping, --exponent"],
+    "lab hunt-crossley -o x.csv --stiffness 3": [
+        "takes exactly --stiffness, --damping, --exponent"
+    ],
     "lab HALF-SPACE -o x.csv": ["--damping-exponent, and optionally --relaxation-stiffness"],
     "lab HALF-SPACE --damping-exponent 0.5 --relaxation-stiffness 3 -o x.csv": [
         "longest_time must be above 0"
     ],
     "lab ball -o x.csv --picture rig.bmp": ["must end in .svg, .pdf or .png"],
-    "lab ball -o x.csv --picture rig.svg --probe ideal": ["needs a robot: use --probe twin-pantograph"],
+    "lab ball -o x.csv --picture rig.svg --probe ideal": [
+        "needs a robot: use --probe twin-pantograph"
+    ],
     "lab ball -o absent/x.csv --seconds 90000": ["absent"],
     "lab ball -o . --seconds 90000": ["this is a folder"],
     "lab ball -o o.svg --picture o.svg --seconds 90000": ["two outputs would be this file"],

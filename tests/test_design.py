@@ -107,7 +107,7 @@ def test_speed_limit_its_violations_and_the_peak_force_are_those_of_the_motion()
 
 def test_a_motion_that_outruns_the_law_or_the_velocity_filter_is_flagged():
     fast = design(HuntCrossley(300.0, 9000.0, 1.0), noise=0.05)
-    assert "the law pulls" in fast.planned.notes[0]
+    assert "the law becomes adhesive" in fast.planned.notes[0]
     assert fast.better.motion.top_speed <= 300.0 / 9000.0
     quick = design(BALL, Motion(0.01, (1e-3,), (60.0,)), noise=0.05)
     assert "2.0% off the speed" in quick.planned.notes[0]
@@ -296,7 +296,7 @@ def test_the_sines_of_a_motion_to_play_are_those_of_the_motion_for_as_long_as_as
         (PAPER_MOTION, 0.0, "seconds must be in"),
         (PAPER_MOTION, float("nan"), "seconds must be finite"),
         ("sines", 5.0, "motion must be a Motion"),
-        (PAPER_MOTION, 1e4, "at most 10000000 are written"),
+        (PAPER_MOTION, 1e4, "more than 10000000: make it shorter"),
     ],
 )
 def test_a_motion_that_cannot_be_played_or_written_is_refused(tmp_path, motion, seconds, words):

@@ -92,8 +92,8 @@ def _sensor(design: Design) -> str:
     unknown = [*(["force offset"] * design.offset), *(["surface"] * design.surface)]
     return (
         f"noise {rounded(design.noise, 3)} N{steps} (effective "
-        f"{rounded(design.effective_noise, 3)} N), one sample every "
-        f"{rounded(1e3 * design.sample_time, 3)} ms; also estimated: {' and '.join(unknown) or '–'}"
+        f"{rounded(design.effective_noise, 3)} N), every {rounded(1e3 * design.sample_time, 3)} ms"
+        f"; also estimated: {' and '.join(unknown) or 'nothing'}"
     )
 
 

@@ -127,8 +127,8 @@ def _material(name: str, given: dict[str, float]) -> "Material":
     if name in MATERIALS:
         if given:
             raise InvalidParameterError(
-                f"{_options([*given][:1])} has no effect on {name}, whose parameters are fixed: use "
-                "a force law, such as hunt-crossley, instead"
+                f"{_options([*given][:1])} has no effect on {name}, whose parameters are fixed: "
+                "use a force law instead, such as hunt-crossley"
             )
         return MATERIALS[name]
     if _is_scene(name):
