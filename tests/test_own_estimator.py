@@ -263,7 +263,7 @@ INCOMPLETE = {
     "a name that is taken": (
         contact_estimator.register,
         type("Other", (StickyRLS,), {"method": "single-stage"}),
-        "method must be new: 'single-stage' is SingleStageRLS",
+        "method 'single-stage' is taken by SingleStageRLS: choose another",
     ),
     "a part that is missing": (
         contact_estimator.register,

@@ -157,8 +157,11 @@ def test_a_law_is_found_by_its_usual_method_unless_another_is_named():
     "given, words",
     [
         ({"law": "springy"}, "law must be one of hunt-crossley, auto, any, half-space, "),
-        ({"law": "auto", "estimator": "single-stage"}, "identifies the hunt-crossley law alone"),
-        ({"law": "kelvin-voigt", "estimator": "viscoelastic"}, "law kelvin-voigt and method"),
+        ({"law": "auto", "estimator": "single-stage"}, "only the hunt-crossley law"),
+        (
+            {"law": "kelvin-voigt", "estimator": "viscoelastic"},
+            "not identify law kelvin-voigt",
+        ),
         ({"law": "auto", "estimator": palpate.VariableProjection}, "method must be one of"),
         ({"law": 3}, "law must be one of"),
     ],
@@ -237,7 +240,7 @@ def test_a_law_that_is_hunt_crossley_rebounds_as_hunt_crossley():
     assert other.standard_error == pytest.approx(e.standard_error, rel=0.5)
     remembering = identified("half-space with a flat spectrum", "auto").restitution(0.05)
     assert math.isnan(remembering.coefficient.value)
-    assert "by a law with memory it depends on the body's mass" in remembering.remarks[0]
+    assert "for a law with memory it depends on the body's mass" in remembering.remarks[0]
 
 
 def test_a_negative_relaxed_stiffness_is_flagged():
@@ -273,7 +276,7 @@ def test_the_oscillations_of_laws_are_drawn_beside_each_other(width):
 
 
 def test_words_of_scores_go_by_the_evidence():
-    expected = ["chosen", "cannot be told from it", "less likely", "strong evidence against it"]
+    expected = ["chosen", "cannot be distinguished", "less likely", "strong evidence against it"]
     assert [RankedModel(NONE, score, 1.0).meaning for score in (0.0, 1.0, 5.0, 12.0)] == expected
 
 
