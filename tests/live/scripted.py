@@ -117,7 +117,7 @@ def column(rows, name):
 
 
 class Endless:
-    """A sample every millisecond, in real time, until the end is requested or the count is reached."""
+    """A sample every millisecond, in real time, until it is ended or has sent so many."""
 
     name = "endless source"
     sample_time = T

@@ -13,7 +13,7 @@ export class Plane {
     const { made, caption, drawn } = figure(parent, "plane", "Force over penetration");
     this.figure = made;
     this.drawn = drawn;
-    caption.innerHTML = "<b>F [N] over x [mm]</b><span class='key key-measured'>measured</span><span class='key key-law'>quasi-static law</span>";
+    caption.innerHTML = "<b>F [N] over x [mm]</b><span class='key key-measured'>measured</span><span class='key key-law'>static law</span>";
     this.title = caption.firstChild;
     this.across = new Range();
     this.up = new Range();
