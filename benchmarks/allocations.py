@@ -1,4 +1,4 @@
-"""What one update() allocates: nothing, neither kept nor passing."""
+"""Memory that one update() allocates: none, neither kept nor temporary."""
 
 import sys
 import tracemalloc
@@ -13,7 +13,7 @@ CALLS = 100_000
 
 
 def _passing_bytes(update: Callable[..., Any], samples: Samples) -> int:
-    """Most bytes held at any time during the calls, above those held before."""
+    """Return the peak of the bytes held during the calls, minus those held before."""
     tracemalloc.start()
     try:
         before = tracemalloc.get_traced_memory()[0]
@@ -26,7 +26,7 @@ def _passing_bytes(update: Callable[..., Any], samples: Samples) -> int:
 
 
 def _kept_blocks(update: Callable[..., Any], samples: Samples) -> int:
-    """Blocks of the interpreter's memory in use after the calls, above those before."""
+    """Return the blocks of the interpreter's memory in use after the calls, minus those before."""
     before = sys.getallocatedblocks()
     for penetration, velocity, force in samples:
         update(penetration, velocity, force)
@@ -47,7 +47,7 @@ def count_allocations() -> Section:
         update(*contact[0])
         passing, kept = 0, 0
         for samples in (contact, free):
-            # Less what the counting itself allocates, a number or two.
+            # Minus what the counting itself allocates, a number or two.
             own = _passing_bytes(_nothing, samples), _kept_blocks(_nothing, samples)
             passing = max(passing, _passing_bytes(update, samples) - own[0])
             kept = max(kept, _kept_blocks(update, samples) - own[1])
@@ -56,6 +56,7 @@ def count_allocations() -> Section:
         rows.append(Row(f"{name}: kept", kept, "blocks", limit=Limit(0)))
     notes = [
         f"{CALLS} calls in contact and {CALLS} out of it. Passing: tracemalloc's peak during "
-        "the calls above its start. Kept: sys.getallocatedblocks() after less before.",
+        "the calls, minus its value at the start. Kept: sys.getallocatedblocks() after the calls "
+        "minus before.",
     ]
     return Section("Allocations of update()", rows, notes)

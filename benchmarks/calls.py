@@ -1,4 +1,4 @@
-"""What one call from Python costs: update(), its variants, estimate()."""
+"""Time of one call from Python: update(), its variants, estimate()."""
 
 from collections.abc import Callable
 from time import perf_counter
@@ -29,7 +29,7 @@ LAW = "SingleStageRLS.estimate().law"
 
 
 class Nothing:
-    """The least that a Python method of three floats costs."""
+    """The minimum: a Python method of three floats that does nothing."""
 
     def update(self, penetration: float, velocity: float, force: float) -> None:
         """Do nothing."""
@@ -105,11 +105,11 @@ def _cases(samples: Samples, notes: list[str]) -> dict[str, Case]:
 
 
 def measure_calls(clock: Clock, effort: Effort) -> Section:
-    """Time every call, a sample of the ball each, from a fresh start in every round."""
+    """Time every call, each with a sample of the ball, from a new start in every round."""
     notes = [
-        f"{PERIOD} samples of contact, from a fresh start in every round; least of the rounds. "
+        f"{PERIOD} samples of contact, each round from a new start; shortest of the rounds. "
         "Times include the loop, for penetration, velocity, force in samples; 'net' is the ratio "
-        "with the empty loop taken off both sides.",
+        "with the empty loop subtracted on both sides.",
     ]
     samples = contact_samples(PERIOD)
     best = clock.best("calls", _cases(samples, notes), effort.call_rounds)

@@ -1,4 +1,4 @@
-"""The cost that ``fit_curves`` states, written down, and minimised by SciPy from many starts."""
+"""The documented cost of ``fit_curves``, minimised by SciPy from many starts."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -11,7 +11,7 @@ from palpate import InvalidParameterError, Scale, fit_curves
 from palpate.estimators import batch_fit as core
 from palpate.validation import Floats
 
-#: What a sample is to a fit, by the codes of :attr:`StatedCost.roles`.
+#: The role of a sample in a fit, by the codes of :attr:`StatedCost.roles`.
 ROLES = ("absent", "free air", "firm contact", "light contact", "left out")
 _FIRM, _LIGHT = ROLES.index("firm contact"), ROLES.index("light contact")
 # Of the priors, as in include/palpate/projection/covariance.hpp.
@@ -21,24 +21,24 @@ _OFFSET_WITHOUT_TARE = 20.0  # standard deviations of the noise, where a unit of
 
 @dataclass(frozen=True, eq=False)
 class StatedCost:
-    """J = Σ (F − F̂)² + σ² [(n − 1.3)² + (b/b_s)² + (F₀ − m)²/s²], over the samples chosen.
+    """J = Σ (F − F̂)² + σ² [(n − 1.3)² + (b/b_s)² + (F₀ − m)²/s²], over the selected samples.
 
-    b = B/K is in units of the scale, b_s = 1, and σ² is that of the residual which J ends with.
+    b = B/K is in units of the scale, b_s = 1, and σ² is the variance of the final residual.
 
     Attributes
     ----------
     penetration, velocity, force : numpy.ndarray, shape (j,)
-        The samples that it is over, SI.
+        The selected samples, SI.
     roles : numpy.ndarray of uint8, shape (k,)
-        What each sample of the curve is, by the codes of :data:`ROLES`.
+        The role of each sample of the curve, by the codes of :data:`ROLES`.
     scale : Scale
         The units of the arithmetic.
     offset_mean, offset_deviation : float
-        The prior of F₀, N; a deviation of 0 is none: one unit of force then, or 20 σ.
+        The prior of F₀, N; with a deviation of 0 it is one unit of force, or 20 σ.
     variance : float
         σ² of the priors, N².
     exponent : float or None
-        Where it is fixed.
+        Its value if it is fixed.
     offset : bool
         Whether F₀ is fitted.
     """
@@ -55,7 +55,7 @@ class StatedCost:
     offset: bool
 
     def residuals(self, parameters: Floats) -> Floats:
-        """Residuals of which the squares sum to J, N: of the samples, then of the priors.
+        """Return the residuals whose squares sum to J, N: of the samples, then of the priors.
 
         Parameters
         ----------
@@ -95,7 +95,7 @@ def stated_cost(
     offset: bool = True,
     **settings: Any,
 ) -> StatedCost:
-    """Write down the cost of which :func:`fit_curves` gives the minimum, for one curve.
+    """Return the cost that :func:`fit_curves` minimises, for one curve.
 
     Parameters
     ----------
@@ -107,19 +107,19 @@ def stated_cost(
     Raises
     ------
     InvalidParameterError
-        As :func:`fit_curves` does; or nothing of the curve is contact.
+        As :func:`fit_curves` does; or the curve has no contact.
     """
     curves = core._checked_curves(penetration, velocity, force)
     if len(curves[0]) != 1:
-        raise InvalidParameterError(f"the cost of one curve is asked for, not of {len(curves[0])}")
+        raise InvalidParameterError(f"pass one curve, not {len(curves[0])}")
     roles = np.empty(curves[0].shape, np.uint8)
     usual: dict[str, Any] = fit_curves.__kwdefaults__ or {}
     if unknown := settings.keys() - usual.keys():
-        raise InvalidParameterError(f"there is no setting {', '.join(sorted(unknown))}")
+        raise InvalidParameterError(f"unknown setting {', '.join(sorted(unknown))}")
     checked = core._checked(1, {**usual, "exponent": exponent, "offset": offset, **settings})
     numbers, _, _, codes = core._fitted(curves, checked, 1, roles)
     if codes[0, 1] == core.STATUS_WORDS.index("no contact"):
-        raise InvalidParameterError("nothing of the curve is contact")
+        raise InvalidParameterError("the curve has no contact")
     chosen = (roles[0] == _FIRM) | (roles[0] == _LIGHT)
     units, prior = numbers[0, 7:10].tolist(), numbers[0, 10:].tolist()
     found: list[Any] = [values[0, chosen] for values in curves]
@@ -133,11 +133,11 @@ class Reference:
     Parameters
     ----------
     cost : StatedCost
-        What is minimised.
+        The cost to minimise.
     surfaces : tuple of float or None
-        Where the surface is looked for, m; None: it is at 0.
+        Starts for the surface, m; None: it is at 0.
     exponents : tuple of float
-        Where the exponent is looked for.
+        Starts for the exponent.
     """
 
     def __init__(

@@ -1,4 +1,4 @@
-"""Curves of known laws: motions that people record, with random laws, surfaces and noise."""
+"""Curves of known laws: common motions, with random laws, surfaces and noise."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -40,7 +40,7 @@ def palpation(time: Floats) -> tuple[Floats, Floats]:
 
 
 def one_way(time: Floats) -> tuple[Floats, Floats]:
-    """Going in, slower with depth: v = a − b x, for which n and n + 1 are nearly the same."""
+    """Going in, slower with depth: v = a − b x, which hardly distinguishes n from n + 1."""
     rate = 3.0
     fall = np.exp(-rate * time)
     return 1.3 * (1.0 - fall) / (1.0 - np.exp(-rate)) - 0.3, fall
@@ -64,7 +64,7 @@ def random_curves(
 ) -> Curves:
     """Curves of laws n ~ ``exponents``, c/k in 0 to 0.4, noise 0.1 to 3 % of the peak force.
 
-    With ``surface`` where the material begins is within ±0.15 of the depth, else at 0.
+    With ``surface`` the surface is within ±0.15 of the depth, else at 0.
     """
     chance = np.random.default_rng(seed)
     depth, speed = motion((np.arange(samples) + 0.5) / samples)
@@ -73,7 +73,7 @@ def random_curves(
     start = chance.uniform(-0.15, 0.15, count) if surface else np.zeros(count)
     offset = 0.03 * chance.standard_normal(count)
     noise = 10.0 ** chance.uniform(-3.0, np.log10(0.03), count)
-    # Where it begins changes the coordinate, and not the motion through the material.
+    # The surface shifts the coordinate; the motion through the material stays the same.
     inside = np.maximum(depth, 0.0) ** exponent[:, None]
     clean = inside * (1.0 + dissipation[:, None] * speed)
     peak = clean.max(axis=1)

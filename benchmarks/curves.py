@@ -1,4 +1,4 @@
-"""``python -m benchmarks.curves``: whole curves a second, and whether answers are the minimum.
+"""``python -m benchmarks.curves``: whole-curve fits a second, and whether each is the minimum.
 
 Needs the ``develop`` extra. With one core: ``taskset -c 0 python -m benchmarks.curves``.
 """
@@ -48,7 +48,7 @@ def main(
     quick
         A short run, for a first look: 20 curves of each kind.
     curves
-        So many of each kind.
+        Number of each kind.
     markdown
         Write the tables to this file as Markdown.
     """
@@ -93,14 +93,14 @@ def measure_rates(count: int) -> Section:
         fixed = {**UNKNOWN, "exponent": 1.5}
         rows.append(_rate("  exponent fixed", unknown, fixed, None))
     notes = [
-        f"{count} curves of 1000 points, one thread, fit_curves; least of the rounds, "
+        f"{count} curves of 1000 points, one thread, fit_curves; shortest of the rounds, "
         "in time of that thread on its processor."
     ]
     return Section("Whole curves, through Python", rows, notes)
 
 
 def measure_minima(count: int) -> Section:
-    """J beside the lowest of a multi-start SciPy."""
+    """Compare J with the lowest that SciPy finds from many starts."""
     rows = []
     for name, motion in MOTIONS.items():
         fraction = 0.01 if name == ONE_WAY else 0.0
@@ -113,11 +113,11 @@ def measure_minima(count: int) -> Section:
         "J(fit_curves) above the lowest J that Levenberg–Marquardt (SciPy) finds from 7 starts "
         "with the surface known and 24 with it unknown, in σ² of the noise."
     ]
-    return Section("The minimum of the stated cost", rows, notes)
+    return Section("Minimum of the documented cost", rows, notes)
 
 
 def measure_recursion(count: int) -> Section:
-    """How far the recursion's answer is, in standard errors."""
+    """Compare the recursion with the whole-curve fit, in standard errors."""
     rows = []
     for surface, settings in ((False, KNOWN), (True, UNKNOWN)):
         word = "unknown" if surface else "known"
@@ -127,7 +127,7 @@ def measure_recursion(count: int) -> Section:
             apart = apart_from_the_recursion(
                 rolled(curves) if motion is approach_and_retract else curves, settings
             )
-            judged = name != ONE_WAY  # there two laws fit as well, and either may come out
+            judged = name != ONE_WAY  # two laws fit equally well there, so either may be the result
             worst = Limit(0.5 if surface else 0.1) if judged else None
             median = Limit(0.1) if judged and surface else None
             rows += [
@@ -138,7 +138,7 @@ def measure_recursion(count: int) -> Section:
         "The largest of K, B and n apart, in the standard errors of fit_curves. All free air of "
         "approach–retract curves comes before contact: the recursion does not go back to it."
     ]
-    return Section("The recursion beside it", rows, notes)
+    return Section("The recursion, compared with it", rows, notes)
 
 
 def rolled(curves: Curves) -> Curves:
@@ -181,7 +181,7 @@ def _rate(name: str, curves: Curves, settings: dict[str, Any], least: float | No
 
 
 def _above(name: str, curves: Curves, settings: dict[str, Any], fraction: float) -> list[Row]:
-    """How many are above SciPy by more than 1e-4 σ², and by how much at most."""
+    """Count the fits above SciPy by more than 1e-4 σ², with the largest difference."""
     fits = _fit(curves, settings)
     excess = np.empty(len(curves))
     for k in track(range(len(curves)), description=name, transient=True):
@@ -201,12 +201,12 @@ def _above(name: str, curves: Curves, settings: dict[str, Any], fraction: float)
 
 
 def parameters(fits: CurveFits) -> tuple[Any, ...]:
-    """K, B, n, F₀ and d, an array each."""
+    """Return K, B, n, F₀ and d, one array each."""
     return fits.stiffness, fits.damping, fits.exponent, fits.offset, fits.surface
 
 
 def apart_from_the_recursion(curves: Curves, settings: dict[str, Any]) -> Any:
-    """The largest of K, B and n apart, in standard errors, of each curve."""
+    """Return the largest difference of K, B and n, in standard errors, for each curve."""
     fits = _fit(curves, settings)
     apart = np.empty(len(curves))
     time = 1e-3 * np.arange(curves.force.shape[1])

@@ -1,4 +1,4 @@
-"""Errors of variable projection over what ``palpate design`` promises, as a Markdown table.
+"""Errors of variable projection over those that ``palpate design`` predicts, as a Markdown table.
 
 python -m benchmarks.design_bounds [--seeds 100]
 """
@@ -14,7 +14,7 @@ from palpate.design import Design, design
 from palpate.design.precision import PredictedPrecision
 from palpate.validation import Floats
 
-# The laboratory's, moved off the nodes of the method's own grid of exponents, 0.3 + 0.1 j.
+# The laboratory's, with exponents between the nodes of the method's grid, 0.3 + 0.1 j.
 MATERIALS = {
     "ball": replace(BALL, exponent=1.05),
     "sponge": replace(SPONGE, exponent=1.15),
@@ -25,9 +25,9 @@ DURATIONS = (1.0, 5.0, 20.0)  # s
 
 
 def ratios(plan: Design, predicted: PredictedPrecision, duration: float, seeds: int) -> Floats:
-    """RMSE over what is expected of K, B and n, with a force offset of up to 0.1 N in each run.
+    """RMSE over the predicted error of K, B and n, with a force offset of up to 0.1 N in each run.
 
-    The offset is positive, so that no sample has a force that is not and is gated out.
+    The offset is positive, so that the gate excludes no sample for a negative force.
     """
     _, x, v = predicted.motion.sampled(duration, plan.sample_time)
     clean, errors = plan.law.force(x, v), []

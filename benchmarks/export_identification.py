@@ -1,4 +1,4 @@
-"""MuJoCo's own system identification on the recording that an export is made of.
+"""MuJoCo's own system identification on the recording of an export.
 
 ``pip install 'mujoco[sysid]'``; without it the section is empty. One contact, its touch force at
 the recorded states; the seven numbers of solref and solimp are looked for by ``mujoco.sysid``'s
@@ -21,7 +21,7 @@ from palpate.force_laws import ForceLaw
 from palpate.validation import Floats
 
 STARTS = 6
-SAMPLES = 500  # of three seconds: as long as an optimizer's step takes a second
+SAMPLES = 500  # of three seconds, so that an optimizer's step takes a second
 SCENE = """\
 <mujoco>
   <option gravity="0 0 0" timestep="0.001" cone="elliptic"/>
@@ -35,8 +35,7 @@ SCENE = """\
   <contact><pair name="touch" geom1="ground" geom2="tip" condim="1"/></contact>
 </mujoco>
 """
-# −S, −D; d₀, d_w, width, midpoint, power. A contact of one kilogram at these depths has all laws
-# here well inside.
+# −S, −D; d₀, d_w, width, midpoint, power. All laws here are well inside, for one kilogram.
 BOUNDS = {
     "spring": (10.0, 1e6),
     "damper": (0.1, 1e4),
@@ -56,7 +55,7 @@ LAWS: dict[str, tuple[ForceLaw, bool]] = {
 
 
 def measure_system_identification() -> Section:
-    """Time, starts that arrive within 1.2 times the best, and error of force."""
+    """Return time, starts that end within 1.2 times the best, and error of force."""
     title = "mujoco.sysid on the same recording, 0.05 N of noise: one contact"
     try:
         sysid: Any = import_module("mujoco.sysid")
@@ -70,7 +69,7 @@ def measure_system_identification() -> Section:
         best = min(errors)
         arrived = sum(each <= 1.2 * best for each in errors)
         rows += [
-            Row(f"{name}: best of {STARTS} starts, of which {arrived} arrive", best, "%"),
+            Row(f"{name}: best of {STARTS} starts ({arrived} converged)", best, "%"),
             Row(f"{name}: the worst start", max(errors), "%"),
             Row(f"{name}: a start", seconds, "s"),
         ]
@@ -111,7 +110,7 @@ def _from_random_starts(sysid: Any, law: ForceLaw, two: bool) -> tuple[list[floa
 
 
 class _Contact:
-    """One contact between a sphere and a plane, asked for its force state by state."""
+    """One contact between a sphere and a plane, whose force is evaluated state by state."""
 
     def __init__(self) -> None:
         mujoco: Any = import_module("mujoco")
@@ -123,7 +122,7 @@ class _Contact:
         model, data = self._model, self._data
         given = dict(zip(names, values.tolist(), strict=True))
         model.pair_solref[0] = -given["spring"], -given["damper"]
-        # Of two numbers d is constant, and small: it adds a thousandth of the mass.
+        # With two numbers d is constant, and small: it adds a thousandth of the mass.
         model.pair_solimp[0] = [
             given.get(name, other)
             for name, other in zip(list(BOUNDS)[2:], (1e-3, 1e-3, 0.02, 0.5, 2.0), strict=True)

@@ -1,4 +1,4 @@
-"""The laws whose exports are measured, and each export made once."""
+"""The laws whose exports are measured, each exported once."""
 
 from functools import lru_cache
 from importlib.util import find_spec
@@ -13,17 +13,17 @@ LAWS: dict[str, ForceLaw] = {
     "PVC": lab.PVC.law,
 }
 MODULES = {"drake": "pydrake", "opensim": "opensim", "mujoco": "mujoco"}
-RADIUS = 30e-3  # m, of the tip, where an engine's law has it
+RADIUS = 30e-3  # m, of the tip, for engines whose law has it
 
 
 @lru_cache(maxsize=64)
 def made(law: str, to: str, form: str = "auto", mass: float = 1.0) -> exports.Export:
-    """An export of one of the laws, by whichever error."""
+    """Return the export of one of the laws, whatever its error."""
     return exports.export(LAWS[law], to, form=form, mass=mass, allow=True, tip_radius=tip(to, form))
 
 
 def tip(to: str, form: str = "auto") -> float | None:
-    """Its radius, m, for the engines whose law has it."""
+    """Return the tip's radius, m, for the engines whose law has it."""
     return RADIUS if to == "opensim" or form == "hydroelastic" else None
 
 

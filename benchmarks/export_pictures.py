@@ -1,7 +1,7 @@
-"""``python -m benchmarks.export_pictures FOLDER``: measured force, and that of a scene of MuJoCo.
+"""``python -m benchmarks.export_pictures FOLDER``: draw measured force and that of a MuJoCo scene.
 
-The laboratory's phantom, and a robot on silicone by others, from ``PALPATE_DATA`` or
-``../shared/data`` beside the checkout, which is left out where it is absent; light and dark. Pixels
+The laboratory's phantom, and others' recording of a robot on silicone, from ``PALPATE_DATA`` or
+``../shared/data`` next to the checkout, which is skipped if it is absent; light and dark. Pixels
 only: no copy of the data.
 """
 
@@ -24,12 +24,12 @@ app = App(name="python -m benchmarks.export_pictures", help_format="plaintext", 
 
 EXAMPLES = Path(__file__).parents[1] / "examples" / "recordings"
 MASS = 1.0  # kg, of the probe in the scene
-# Force levels in the left panels are drawn for so many seconds.
+# Duration of the left panels.
 SHOWN = 3.0
 
 
 @dataclass(frozen=True)
-class Felt:
+class Replayed:
     """A recording in firm contact, and the engine's force at its samples.
 
     Attributes
@@ -37,7 +37,7 @@ class Felt:
     time, penetration, measured, law, engine : numpy.ndarray, shape (k,)
         s, m, and N: as measured, by the identified law, and in MuJoCo.
     made : Export
-        Whose it is.
+        The export.
     """
 
     time: Floats
@@ -63,13 +63,13 @@ def main(folder: Path) -> None:
     if others is not None:
         recordings["silicone"] = others / "G_silicone_d10mm_sphere.csv"
     for name, file in recordings.items():
-        felt = pressed(file)
-        print(felt.made, flush=True)
+        replayed = pressed(file)
+        print(replayed.made, flush=True)
         for theme, ending in ((LIGHT, ""), (DARK, "-dark")):
-            draw(folder / f"export-{name}{ending}.png", felt, theme)
+            draw(folder / f"export-{name}{ending}.png", replayed, theme)
 
 
-def pressed(file: Path) -> Felt:
+def pressed(file: Path) -> Replayed:
     """Identify, export to MuJoCo, and replay."""
     result = palpate.identify(file)
     made = exports.export(result, "mujoco", mass=MASS)
@@ -79,45 +79,47 @@ def pressed(file: Path) -> Felt:
     assert motion.force is not None
     law = motion.force_by(result.law)
     time = motion.time - motion.time[0]
-    return Felt(time, motion.penetration, motion.force, law, ran.force, made)
+    return Replayed(time, motion.penetration, motion.force, law, ran.force, made)
 
 
-def draw(path: Path, felt: Felt, theme: Theme) -> None:
-    """Both forces over time, over penetration, and what is between them."""
+def draw(path: Path, replayed: Replayed, theme: Theme) -> None:
+    """Draw both forces over time and over penetration, and their difference."""
     import matplotlib
 
     with style(Look(theme)) as new_figure, matplotlib.rc_context({"savefig.dpi": DOTS_AN_INCH}):
         figure = new_figure(figsize=INCHES, layout="constrained")
         panels = figure.subplots(1, 3)
-        _draw_panels(panels, felt, theme)
+        _draw_panels(panels, replayed, theme)
         lines = [*panels[0].get_lines(), *panels[2].get_lines()]
         figure.legend(handles=lines, loc="outside upper right", ncols=4)
-        percent = felt.made.statement.compared.percent
-        words = f"MuJoCo, {felt.made.fragment.form}: {percent:.2g} % from the law"
+        percent = replayed.made.statement.compared.percent
+        words = f"MuJoCo, {replayed.made.fragment.form}: {percent:.2g} % from the law"
         figure.suptitle(words, x=0.01, ha="left", fontsize=10.5)
         save(figure, path)
     with_few_colours(path)
 
 
-def _draw_panels(panels: Any, felt: Felt, theme: Theme) -> None:
+def _draw_panels(panels: Any, replayed: Replayed, theme: Theme) -> None:
     over_time, loop, left = panels
-    shown = felt.time < SHOWN
+    shown = replayed.time < SHOWN
     looks: tuple[tuple[str, Floats, dict[str, Any]], ...] = (
-        ("measured", felt.measured, {"color": theme.measured, "linewidth": 2.6}),
-        ("MuJoCo", felt.engine, {"color": theme.lines[0], "linewidth": 1.1}),
+        ("measured", replayed.measured, {"color": theme.measured, "linewidth": 2.6}),
+        ("MuJoCo", replayed.engine, {"color": theme.lines[0], "linewidth": 1.1}),
     )
     for label, force, look in looks:
-        over_time.plot(felt.time[shown], force[shown], label=label, **look)
-        loop.plot(1e3 * felt.penetration[shown], force[shown], **look)
-    # The law's is under the engine's: dashes over a line show that both are there.
+        over_time.plot(replayed.time[shown], force[shown], label=label, **look)
+        loop.plot(1e3 * replayed.penetration[shown], force[shown], **look)
+    # The law's is under the engine's: dashes over a line show both.
     residuals = (
-        (felt.measured - felt.engine, theme.lines[0], "-", "measured − MuJoCo"),
-        (felt.measured - felt.law, theme.lines[1], "--", "measured − law"),
+        (replayed.measured - replayed.engine, theme.lines[0], "-", "measured − MuJoCo"),
+        (replayed.measured - replayed.law, theme.lines[1], "--", "measured − law"),
     )
     for rest, colour, dashes, label in residuals:
         middle = _smoothed(rest)
-        left.plot(felt.time[shown], middle[shown], dashes, color=colour, linewidth=1.1, label=label)
-    noise = 2.0 * noise_of(felt.measured)
+        left.plot(
+            replayed.time[shown], middle[shown], dashes, color=colour, linewidth=1.1, label=label
+        )
+    noise = 2.0 * noise_of(replayed.measured)
     left.axhspan(-noise, noise, color=theme.measured, alpha=0.45, linewidth=0.0)
     over_time.set(xlabel="time in contact [s]", ylabel="force [N]")
     loop.set(xlabel="penetration [mm]", ylabel="force [N]")

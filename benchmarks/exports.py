@@ -1,8 +1,8 @@
-"""``python -m benchmarks.exports``: what each engine makes of a law, replayed in the engine.
+"""``python -m benchmarks.exports``: the error of each engine's force, replayed in the engine.
 
 Laws: ball, sponge and PVC of the laboratory, and a Hertzian one of F = 2e4 x^1.5 + 3e4 x^1.5 v.
-Motion: the paper's three sines, judged deeper than 2 mm. An engine that is not installed is left
-out. ``docs/exports.md`` keeps the tables.
+Motion: the paper's three sines, judged deeper than 2 mm. Engines that are not installed are
+skipped. ``docs/exports.md`` has the tables.
 """
 
 from collections.abc import Callable, Iterator
@@ -27,18 +27,18 @@ from palpate.writing import check_outputs, write_text
 app = App(name="python -m benchmarks.exports", help_format="plaintext", version_flags=[])
 
 RECORDINGS = Path(__file__).parents[1] / "examples" / "recordings"
-# m, of the drops whose restitution is compared; the second where little of the damping is left.
+# m, of the drops whose restitution is compared; the second where the damping is small.
 DEPTH, SHALLOW = 12e-3, 3.6e-3
 
 
 def error(law: str, to: str, form: str = "auto", mass: float = 1.0) -> float:
-    """Of the force in the real engine, %; NaN where it was not replayed."""
+    """Return the error of force in the real engine, %; NaN if it was not replayed."""
     found = made(law, to, form, mass).statement.compared.replayed_percent
     return float("nan") if found is None else found
 
 
 def rebound_error(law: str, to: str, form: str, mass: float = 1.0, depth: float = DEPTH) -> float:
-    """Of the restitution in the real engine in a drop to a depth, %."""
+    """Return the error of restitution in the real engine in a drop to a depth, %."""
     drop = drop_to(GeneralisedHuntCrossley.of(LAWS[law]), mass, depth)
     found = made(law, to, form, mass).fragment.drop_restitution(drop)
     return float("nan") if found is None else abs(100.0 * (found / drop.restitution - 1.0))
@@ -103,7 +103,7 @@ def measure_pair() -> Section:
 
 
 def measure_kelvin_voigt() -> Section:
-    """K and B of a Kelvin–Voigt law, read back from the engine's force by least squares."""
+    """Return K and B of a Kelvin–Voigt law, fitted to the engine's force by least squares."""
     law = KelvinVoigt(2000.0, 16.6)
     rows = []
     if there("mujoco"):
@@ -115,7 +115,7 @@ def measure_kelvin_voigt() -> Section:
 
 
 def read_back(fragment: exports.Fragment) -> tuple[float, float]:
-    """K and B by least squares of the engine's force along the motion that it was made for."""
+    """Return K and B by least squares of the engine's force along the motion of the export."""
     motion = fragment.request.motion.firm()
     ran = fragment.replay(motion)
     assert ran is not None
@@ -125,7 +125,7 @@ def read_back(fragment: exports.Fragment) -> tuple[float, float]:
 
 
 def measure_others() -> Section:
-    """What engines of another exponent come to."""
+    """Return the errors of engines with another exponent."""
     rows = []
     if there("drake"):
         for form, law, limit in (
@@ -155,7 +155,7 @@ def measure_others() -> Section:
 
 
 def measure_prediction() -> Section:
-    """How far the predicted error is from the replayed one, in percentage points."""
+    """Compare the predicted error with the replayed one, in percentage points."""
     rows = []
     for to in MODULES:
         if not there(to):
@@ -166,7 +166,7 @@ def measure_prediction() -> Section:
             for law in LAWS:
                 try:
                     found = made(law, to, form).statement.compared
-                except palpate.PalpateError:  # a form that this law has not
+                except palpate.PalpateError:  # this law does not have the form
                     continue
                 if found.replayed_percent is not None:
                     gaps[law] = abs(found.replayed_percent - found.predicted_percent)
@@ -177,7 +177,7 @@ def measure_prediction() -> Section:
 
 
 def measure_time() -> Section:
-    """One export of an identified recording with its replay, seconds."""
+    """Time one export of an identified recording with its replay, seconds."""
     rows = []
     for name in ("ball", "sponge", "phantom"):
         result = palpate.identify(RECORDINGS / f"{name}.csv")
@@ -193,7 +193,7 @@ def measure_time() -> Section:
 
 
 def words(found: exports.Statement) -> str:
-    """The three numbers of a statement."""
+    """Return the three numbers of a statement."""
     errors = found.compared
     three = (errors.percent, errors.against_measured_percent, errors.law_leaves_percent)
     law, measured, leaves = (f"{each:.2g}" for each in three if each is not None)
@@ -213,7 +213,7 @@ SECTIONS: tuple[Callable[[], Section], ...] = (
 
 
 def measured(only: str | None) -> Iterator[Section]:
-    """Each section as soon as it is known; without those that nothing here can fill."""
+    """Yield each section as soon as it is measured, except empty ones."""
     for measure in SECTIONS:
         if only is None or only in measure.__name__:
             section = measure()
@@ -223,12 +223,12 @@ def measured(only: str | None) -> Iterator[Section]:
 
 @app.default
 def main(*, only: str | None = None, markdown: Path | None = None) -> None:
-    """Measure, and print each table as soon as it is known.
+    """Measure, and print each table as soon as it is complete.
 
     Parameters
     ----------
     only
-        The sections with this in their name, such as pair.
+        Only the sections with this in their name, such as pair.
     markdown
         Write the tables to this file as Markdown.
     """

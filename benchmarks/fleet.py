@@ -1,4 +1,4 @@
-"""Many contacts at once: how quick, how safe, and the same from anywhere.
+"""Many contacts at once: speed, safety, and equal results from any storage.
 
 ``python -m benchmarks.fleet`` takes some ten minutes, 6 GB of disk and two cores; ``--short`` a
 minute, with fewer of everything. ``--only`` chooses among arrays, balance, kills, files, objects,
@@ -17,7 +17,7 @@ from benchmarks.report import Section, as_markdown, print_sections
 
 
 def parts(options: argparse.Namespace) -> dict[str, Callable[[], Section]]:
-    """What is measured, by its name."""
+    """The measurements, by name."""
     short, folder = options.short, options.folder
     return {
         "arrays": lambda: arrays.measure(2_000 if short else 100_000, folder),
@@ -30,7 +30,7 @@ def parts(options: argparse.Namespace) -> dict[str, Callable[[], Section]]:
 
 
 def main() -> None:
-    """Measure what is asked for, and print it."""
+    """Measure the requested parts, and print them."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--short", action="store_true", help="fewer of everything")
     parser.add_argument("--only", nargs="+", help="some of the parts")

@@ -1,4 +1,4 @@
-"""``python -m benchmarks.laboratory``: what identification makes of recordings of known truth.
+"""``python -m benchmarks.laboratory``: errors of identification on recordings of known truth.
 
 Every material of the laboratory that a Hunt–Crossley law describes, pressed by the twin pantograph,
 measured by the paper's sensors, identified with the default method; and some of other laws, with
@@ -29,7 +29,7 @@ from palpate.validation import Floats
 from palpate.writing import check_writable, write_text
 
 MATERIALS = ("ball", "sponge", "pvc", "inclusion")
-# A law, and the memory that is offered.
+# A law, and the memory of the laws that compete.
 HALF_SPACE = GeneralisedHuntCrossley(8000.0, 1.5, 60.0, 0.5)
 SINGLE = GeneralisedHuntCrossley(8000.0, 1.5, 4e3, 1.5, 4e3, SingleRelaxation(0.1))
 REMEMBERING: dict[str, tuple[GeneralisedHuntCrossley, Memory]] = {
@@ -45,14 +45,14 @@ app = App(name="python -m benchmarks.laboratory", help_format="plaintext")
 def laboratory(
     *, seeds: int = 20, workers: int | None = None, markdown: Path | None = None
 ) -> None:
-    """Measure how often three standard errors hold the truth.
+    """Measure how often the truth lies within three standard errors.
 
     Parameters
     ----------
     seeds
         Seeds of noise, bias and encoder phases, 2 or more.
     workers
-        Worker processes; one a core unless given.
+        Worker processes. Default: one per core.
     markdown
         Write the tables to this file too.
     """
@@ -99,7 +99,7 @@ def _group(campaign: Campaign, title: str, counts: float) -> Group:
 
 
 def errors(name: str, counts: float, seed: int) -> Floats:
-    """Relative errors of K, B and n, and the same in standard errors; shape (2, 3)."""
+    """Return the relative errors of K, B and n, and the same in standard errors; shape (2, 3)."""
     robot = lab.TwinPantograph(counts_per_turn=counts)
     bench = lab.Bench(lab.MATERIALS[name], lab.THREE_SINES, robot)
     result = identify(bench.run(seed).contact)
@@ -111,34 +111,34 @@ def errors(name: str, counts: float, seed: int) -> Floats:
 def _remembering(campaign: Campaign) -> Group:
     lines = []
     for name in REMEMBERING:
-        runs = np.array(campaign.map(name, partial(felt, name), range(campaign.seeds)))
+        runs = np.array(campaign.map(name, partial(dynamic_errors, name), range(campaign.seeds)))
         inside, largest = float(np.mean(runs[:, 2] < 3.0)), float(runs[:, 2].max())
         rms = np.sqrt(np.mean(runs[:, :2] ** 2, axis=0))
         lines.append(Line(name, (100.0 * inside, largest), (), tuple(100.0 * rms)))
     return Group(
         "Other laws, and memory",
         '`method="viscoelastic"`, with `memory="any"` for one relaxation time. K′ and B′ are what '
-        "an oscillation of the motion's own frequency feels.",
+        "an oscillation of the motion's own frequency.",
         ("all numbers within 3 s.e., %", "largest error, s.e."),
         lines,
         ("K′ rms, %", "B′ rms, %"),
     )
 
 
-def felt(name: str, seed: int) -> tuple[float, float, float]:
-    """Relative errors of K′ and B′, and the largest of all numbers in standard errors."""
+def dynamic_errors(name: str, seed: int) -> tuple[float, float, float]:
+    """Return the relative errors of K′ and B′, and the largest error of all numbers in s.e."""
     law, memory = REMEMBERING[name]
     bench = lab.Bench(lab.Homogeneous(law), lab.THREE_SINES)
     estimator = ViscoelasticContact(memory=memory)
     result = identify(bench.run(seed).contact, estimator)
-    told = cast(ViscoelasticContact, result.estimator).dynamic_stiffness()
-    exact = law.dynamic_stiffness(told.depth, told.frequency)
+    found = cast(ViscoelasticContact, result.estimator).dynamic_stiffness()
+    exact = law.dynamic_stiffness(found.depth, found.frequency)
     estimate = result.estimate
     known = estimate.standard_errors > 0.0
     errors = np.abs(estimate.parameters - law.parameters)[known] / estimate.standard_errors[known]
     return (
-        told.stiffness / exact.real - 1.0,
-        told.frequency * told.damping / exact.imag - 1.0,
+        found.stiffness / exact.real - 1.0,
+        found.frequency * found.damping / exact.imag - 1.0,
         float(errors.max()),
     )
 

@@ -1,4 +1,4 @@
-"""Bytes, time a sample and longest call of the compiled estimators of laws with memory."""
+"""Memory, time a sample and longest call of the compiled estimators of laws with memory."""
 
 import subprocess
 import tempfile
@@ -12,19 +12,19 @@ from palpate import FlatSpectrum, GeneralisedHuntCrossley
 from palpate.validation import Floats
 
 DT = 1e-3
-LIMITS = {"everyday": (4.0, 250.0), "full": (20.0, 1500.0)}  # kB, ns
+LIMITS = {"common": (4.0, 250.0), "full": (20.0, 1500.0)}  # kB, ns
 LONGEST_CALL = 200.0  # µs
 HOW = (
-    "The C++ estimator alone: of each 50 samples, and of each call, the least of all passes over "
-    "the same samples, so that what else the machine does is left out. Seen: with that, beside the "
-    "longest of ten times as many calls of nothing in the same run."
+    "The C++ estimator alone: for each 50 samples, and each call, the minimum of all passes over "
+    "the same samples, which excludes the machine's other work. Seen: including it, with the "
+    "longest of ten times as many empty calls in the same run for comparison."
 )
 
 
 def measure_cost(samples: int, passes: int) -> Section:
-    """Time a sample, the longest call, and the size of one.
+    """Measure the time a sample, the longest call, and the size of one.
 
-    Where there is no compiler the section says so, and has no rows.
+    Without a compiler the section has a note and no rows.
     """
     title = f"Cost, {samples} samples, {passes} passes"
     try:
@@ -54,7 +54,7 @@ def _rows(printed: str, uneven: bool, level: str) -> list[Row]:
             rows.append(
                 Row(f"{tier}: bytes of one", float(size) / 1e3, "kB", limit=Limit(bytes_limit))
             )
-        # What has a limit is the package's own build.
+        # The limits are for the package's own build.
         limit = Limit(time_limit) if level == "O3" else None
         words = f"{words}, -{level}"
         rows += [
@@ -62,13 +62,13 @@ def _rows(printed: str, uneven: bool, level: str) -> list[Row]:
             Row(f"{words}: of the later half", float(later), "ns"),
             Row(f"{words}: longest call", float(longest), "µs", limit=Limit(LONGEST_CALL)),
             Row(f"{words}: longest seen", float(seen), "µs"),
-            Row(f"{words}: longest of nothing", float(of_nothing), "µs"),
+            Row(f"{words}: longest empty call", float(of_nothing), "µs"),
         ]
     return rows
 
 
 def _samples(count: int, uneven: bool) -> Floats:
-    """Three sines after an approach, of a law that remembers, in noise."""
+    """Return three sines after an approach, of a law with memory, with noise."""
     rng = np.random.default_rng(1)
     steps = DT * (rng.uniform(0.5, 1.5, count) if uneven else np.ones(count))
     time = np.cumsum(steps) - 0.4

@@ -1,8 +1,8 @@
-"""``python -m benchmarks.law_pictures FOLDER``: what memory explains, a recording of each set.
+"""``python -m benchmarks.law_pictures FOLDER``: draw what memory explains, a recording of each set.
 
-A picture a recording made by others, from ``PALPATE_DATA`` or ``../shared/data`` beside the
-checkout, light and dark, and a table of them: the loop, the force while it is held, and what
-Hunt–Crossley and the law that was chosen leave. Pixels only: no copy of the data.
+A picture of each of others' recordings, from ``PALPATE_DATA`` or ``../shared/data`` next to the
+checkout, light and dark, and a table of them: the loop, the force while it is held, and the
+residuals of Hunt–Crossley and of the selected law. Pixels only: no copy of the data.
 """
 
 import io
@@ -29,23 +29,23 @@ from palpate.writing import write_bytes
 
 app = App(name="python -m benchmarks.law_pictures", help_format="plaintext", version_flags=[])
 
-# As wide as a page of docs shows it: 1100 dots.
+# The width in which the docs show it: 1100 dots.
 INCHES, DOTS_AN_INCH = (10.0, 2.9), 110
 COLOURS = 64
 
 
 @dataclass(frozen=True)
 class Picture:
-    """What is drawn of a recording.
+    """The part of a recording that is drawn.
 
     Attributes
     ----------
     title : str
         What was pressed.
     seconds : float
-        Drawn from the first contact on.
+        Duration drawn, from the first contact on.
     held : tuple of float
-        The stretch of the middle panel, s.
+        The interval of the middle panel, s.
     what : str
         What it shows.
     """
@@ -56,7 +56,7 @@ class Picture:
     what: str
 
 
-# Of each set one.
+# One of each set.
 PICTURES = {
     "A_aurora_220118_250mN": Picture(
         "lever on skin or its stand-in", 0.3, (0.03, 0.255), "the force is held, the depth creeps"
@@ -78,16 +78,16 @@ PICTURES = {
 
 @dataclass(frozen=True)
 class Explained:
-    """A recording, and what two laws make of it, learned from all of its contact.
+    """A recording, and two laws fitted to all of its contact.
 
     Attributes
     ----------
     law : str
-        The one that was chosen.
+        The selected law.
     time, penetration, force : numpy.ndarray, shape (k,)
-        Of the samples of contact, s, m and N; NaN between stretches.
+        Of the samples of contact, s, m and N; NaN between segments.
     left : tuple of numpy.ndarray, shape (k,)
-        Force less that of Hunt–Crossley, and of the chosen law, N.
+        Force minus that of Hunt–Crossley, and of the selected law, N.
     noise : float
         Standard deviation of the force sensor's noise, N.
     """
@@ -101,7 +101,7 @@ class Explained:
 
     @property
     def rms(self) -> tuple[float, float]:
-        """Of what is left, N."""
+        """Return the rms of each residual, N."""
         first, second = (float(np.sqrt(np.nanmean(each**2))) for each in self.left)
         return first, second
 
@@ -117,9 +117,9 @@ def main(folder: Path) -> None:
     """
     recordings = folder_of_recordings()
     if recordings is None:
-        raise RecordingError("there are no recordings: PALPATE_DATA has to name their folder")
+        raise RecordingError("no recordings found: set PALPATE_DATA to their folder")
     folder.mkdir(parents=True, exist_ok=True)
-    print("| | law that was chosen | rms, Hunt–Crossley → chosen | of what was held out |")
+    print("| | selected law | rms, Hunt–Crossley → selected law | held out |")
     print("|---|---|--:|--:|")
     for name, picture in PICTURES.items():
         record = read(recordings / f"{name}.csv")
@@ -132,12 +132,12 @@ def main(folder: Path) -> None:
 
 
 def explained(record: Recorded) -> Explained:
-    """Learn both laws, and predict from penetration and velocity alone."""
+    """Fit both laws, and predict from penetration and velocity alone."""
     plain = learned(record, record.good, damping="hunt-crossley", memory="none")
     chosen = learned(record, record.good)
     time = np.cumsum(np.where(record.breaks, record.sample_time, record.steps))
     places = np.flatnonzero(record.good)
-    # A line does not go on over what is left out.
+    # A line ends where samples are excluded.
     gaps = np.flatnonzero((np.diff(places) > 1) | record.breaks[places[1:]]) + 1
     left = [(record.force - predicted(record, each))[places] for each in (plain, chosen)]
     return Explained(
@@ -151,7 +151,7 @@ def explained(record: Recorded) -> Explained:
 
 
 def draw(path: Path, picture: Picture, found: Explained, theme: Theme) -> None:
-    """Its loop, the force while it is held, and what both laws leave."""
+    """Draw its loop, the force while it is held, and the residuals of both laws."""
     import matplotlib
 
     with style(Look(theme)) as new_figure, matplotlib.rc_context({"savefig.dpi": DOTS_AN_INCH}):
@@ -190,7 +190,7 @@ def _draw_panels(panels: Any, picture: Picture, found: Explained, theme: Theme) 
     loop.plot(x / depth[0], force / push[0], label="measured", **thick)
     course.plot(t[within], force[within] / push[0], **thick)
     looks: tuple[dict[str, Any], ...] = (
-        # Dashes over a line: where both are the same both are seen.
+        # Dashes over a line show both where they coincide.
         {"color": theme.lines[1], "linewidth": 1.1, "linestyle": "--", "zorder": 3.0},
         {"color": theme.lines[0], "linewidth": 1.1},
     )
@@ -206,11 +206,11 @@ def _draw_panels(panels: Any, picture: Picture, found: Explained, theme: Theme) 
     residual.set(xlabel="time [s]", ylabel=f"residual [{rest[1]}N]")
     loop.set_title("loop", loc="left")
     course.set_title(picture.what, loc="left")
-    residual.set_title("left over; grey: ± 2 s.d. of noise", loc="left")
+    residual.set_title("residual; grey: ± 2 s.d. of noise", loc="left")
 
 
 def noise_of(force: Floats) -> float:
-    """White noise of a force that is smooth over four samples, N: third differences have √20."""
+    """Return the noise of a force smooth over four samples, N: third differences have √20."""
     return float(1.4826 * np.median(np.abs(np.diff(force, 3))) / np.sqrt(20.0))
 
 
@@ -221,7 +221,7 @@ def _from_to(found: Explained) -> str:
 
 
 def _prefix(values: Floats) -> tuple[float, str]:
-    """The unit that a person reads the largest value best in."""
+    """Return the unit in which the largest value is easiest to read."""
     largest = float(np.nanmax(np.abs(values)))
     units = ((1.0, ""), (1e-3, "m"), (1e-6, "µ"), (1e-9, "n"), (1e-12, "p"))
     return next((unit for unit in units if largest >= unit[0]), units[-1])

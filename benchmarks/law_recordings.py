@@ -1,4 +1,4 @@
-"""Recordings made by others, a part of each held out from the choice of a law."""
+"""Others' recordings, each with a part held out from the selection of a law."""
 
 import csv
 import json
@@ -17,13 +17,13 @@ from palpate.validation import Floats
 
 BLOCKS = 10
 FEWEST = 60  # samples of contact
-LEAD = 2.0  # s before the window of the notes, in which a material remembers
-# A pause between segments, s, that ends what the branches know.
+LEAD = 2.0  # s before the window of the notes, because a material may have memory
+# A pause between segments, s, that resets the branches.
 PAUSE = 0.5
 
 
 def folder_of_recordings() -> Path | None:
-    """Where the recordings are, if they are there."""
+    """Return the folder of the recordings, or None."""
     given = os.environ.get("PALPATE_DATA")
     beside = Path(__file__).resolve().parents[2] / "shared" / "data"
     folder = Path(given) if given else beside
@@ -32,7 +32,7 @@ def folder_of_recordings() -> Path | None:
 
 @dataclass(frozen=True)
 class Recorded:
-    """A recording as its notes say that it is to be used."""
+    """A recording, used as its notes specify."""
 
     steps: Floats  # s; 0 at the first sample
     penetration: Floats
@@ -42,7 +42,7 @@ class Recorded:
 
     @property
     def sample_time(self) -> float:
-        """Median time step, s."""
+        """The median time step, s."""
         return float(np.median(self.steps[self.steps > 0.0]))
 
     @property
@@ -53,18 +53,18 @@ class Recorded:
 
     @property
     def breaks(self) -> NDArray[np.bool_]:
-        """Samples that do not follow upon the one before."""
+        """Return the samples that do not directly follow the one before."""
         long = max(20.0 * self.sample_time, PAUSE)
         return np.asarray((self.steps <= 0.0) | (self.steps > long))
 
 
 def read(path: Path) -> Recorded:
-    """Read a recording with the notes beside it."""
+    """Read a recording and its notes."""
     notes = json.loads(path.with_suffix(".json").read_text())
     fit = notes["fit"]
     contact = prepare(path)
     velocity = contact.velocity
-    if "sg_window_s" in notes:  # where the recording has no velocity of its own
+    if "sg_window_s" in notes:  # if the recording has no velocity
         velocity = differentiated(contact, notes["sg_window_s"])
     channels = contact.time, contact.penetration, velocity, contact.force
     known = np.all(np.isfinite(channels), axis=0)
@@ -80,7 +80,7 @@ def read(path: Path) -> Recorded:
 
 
 def differentiated(contact: Contact, windows: float | dict[str, float]) -> Floats:
-    """Velocity by the windows of the notes, s: one, or one of each segment, as of each rate."""
+    """Return the velocity by the windows of the notes, s: one, or one for each segment."""
     if not isinstance(windows, dict):
         windows = {"default": windows}
     velocity = np.empty(len(contact))
@@ -91,14 +91,14 @@ def differentiated(contact: Contact, windows: float | dict[str, float]) -> Float
 
 
 def learned(record: Recorded, train: NDArray[np.bool_], **settings: str) -> ViscoelasticContact:
-    """An estimator that has learned some of the samples; the branches feel them all."""
+    """Return an estimator fitted to some of the samples; its branches follow all of them."""
     estimator = ViscoelasticContact(
         gate=ContactGate(),
         sample_time=record.sample_time,
         scale=record.scale,
         **settings,  # type: ignore[arg-type]
     )
-    # What is not to be learned is out of contact by its force.
+    # The force marks samples that must not be learned as out of contact.
     outside = (record.penetration > 0.0) & ~train
     force = np.where(outside, -float(np.max(record.force)), record.force)
     steps = np.where(record.steps > 0.0, record.steps, record.sample_time)
@@ -119,7 +119,7 @@ def learned(record: Recorded, train: NDArray[np.bool_], **settings: str) -> Visc
 
 
 def predicted(record: Recorded, estimator: ViscoelasticContact) -> Floats:
-    """Force by the law as it is now, from penetration and velocity alone, N."""
+    """Return the force by the current law, from penetration and velocity alone, N."""
     estimate, force = estimator.estimate(), np.empty(len(record.force))
     borders = [*np.flatnonzero(record.breaks).tolist(), len(force)]
     for start, stop in pairwise(borders):
@@ -132,11 +132,11 @@ def predicted(record: Recorded, estimator: ViscoelasticContact) -> Floats:
 
 
 def held_out(folder: Path, split: str) -> dict[str, float]:
-    """RMSE of what was held out over that of Hunt–Crossley, by recording."""
+    """Return the RMSE of the held-out part over that of Hunt–Crossley, by recording."""
     ratios = {}
     for notes in sorted(folder.glob("*.json")):
         path = notes.with_suffix(".csv")
-        # The first half of set E is one approach at one speed, of which no damping is known.
+        # The first half of set E is one approach at one speed, which does not identify damping.
         if not path.exists() or (split == "second half" and path.name.startswith("E_")):
             continue
         record = read(path)
@@ -146,7 +146,7 @@ def held_out(folder: Path, split: str) -> dict[str, float]:
 
 
 def held_out_of(record: Recorded, split: str) -> float:
-    """RMSE of what was held out of one recording, over that of Hunt–Crossley."""
+    """Return the RMSE of the held-out part of one recording, over that of Hunt–Crossley."""
     places = np.flatnonzero(record.good)
     rank = np.full(record.good.size, -1)
     rank[places] = np.arange(places.size)
@@ -161,7 +161,7 @@ def held_out_of(record: Recorded, split: str) -> float:
 
 
 def microrheology(folder: Path) -> list[tuple[str, float, float]]:
-    """How far K′ and B′ at 100 Hz are from the Fourier reference, of themselves."""
+    """Return the relative difference of K′ and B′ at 100 Hz from the Fourier reference."""
     found = []
     for path in sorted(folder.glob("F_microrheo_*.csv")):
         notes = json.loads(path.with_suffix(".json").read_text())
@@ -169,7 +169,7 @@ def microrheology(folder: Path) -> list[tuple[str, float, float]]:
         record = read(path)
         with path.open() as lines:
             segments = [int(row["segment"]) for row in csv.DictReader(lines)]
-        # Those of the notes: slower ones drift, and at 300 Hz the cantilever's mass shows.
+        # From the notes: slower ones drift, and at 300 Hz the cantilever's mass matters.
         train = record.good & np.isin(segments, notes["fit_segments"])
         estimator = learned(record, train, memory="any")
         depth = float(np.median(record.penetration[train]))
@@ -182,7 +182,7 @@ def microrheology(folder: Path) -> list[tuple[str, float, float]]:
 
 
 def whole_files(folder: Path) -> Iterator[tuple[str, str, float]]:
-    """Name, verdict with its evidence, and residual over Hunt–Crossley's, of what has notes."""
+    """Yield name, verdict with its evidence, and residual over Hunt–Crossley's, if it has notes."""
     for notes in sorted(folder.glob("*.json")):
         path = notes.with_suffix(".csv")
         if not path.exists():

@@ -1,4 +1,4 @@
-"""Whether the sums leave the residual that the samples leave, of all candidates between nodes."""
+"""Whether the sums give the residual of the samples, for all candidates between nodes."""
 
 import subprocess
 
@@ -7,22 +7,21 @@ from benchmarks.report import Limit, Row, Section
 
 TITLE = "|RSS of the sums − RSS of the samples|/ΣF²"
 KINDS = (
-    "everyday, n = 1.1 to 3.2",
+    "common, n = 1.1 to 3.2",
     "full, n = 1.1 to 3.2",
-    "everyday, n = 0.53 and 0.61",
+    "common, n = 0.53 and 0.61",
     "full, n = 0.53 and 0.61",
 )
 HOW = (
-    "Each law of the tier at exponents, relaxation times and slopes between the nodes, against "
-    "a direct sum over the samples whose powers and branches are of that exponent itself. From 2 % "
-    "of the peak penetration on."
+    "Each law of the tier at exponents, relaxation times and slopes between the nodes, compared "
+    "with a direct sum over the samples at that exponent. From 2 % of the peak penetration on."
 )
 
 
 def measure_sums() -> Section:
     """Measure the largest of all candidates at exponents between the nodes.
 
-    Where there is no compiler the section says so, and has no rows.
+    Without a compiler the section has a note and no rows.
     """
     try:
         program = native_programs().law_sums

@@ -1,4 +1,4 @@
-"""What a verdict makes of samples that are wrong, and whether there is a word about it."""
+"""The verdict on faulty samples, and whether palpate warns."""
 
 from dataclasses import dataclass
 
@@ -15,12 +15,12 @@ MOST_SEEDS = 20
 
 @dataclass(frozen=True)
 class Trap:
-    """What is wrong with the samples."""
+    """A fault of the samples."""
 
     name: str
     late: float = 0.0  # of the force, s
-    surface: float = 0.0  # above where it is, m
-    samples: int | None = None  # the first ones alone
+    surface: float = 0.0  # above the true surface, m
+    samples: int | None = None  # only the first ones
 
 
 TRAPS = (
@@ -36,7 +36,7 @@ TRAPS = (
 
 
 def trapped(trap: Trap, damping: str, seed: int) -> Identification:
-    """Identify a motion with something wrong, at 40 dB."""
+    """Identify a motion with a fault, at 40 dB."""
     x, v = motion(seed)
     force = law_of(damping, 0.0).force_along(x, v, DT)
     deviation = float(np.sqrt(np.mean(force[x > 0.0] ** 2))) / 100.0
@@ -51,14 +51,14 @@ def trapped(trap: Trap, damping: str, seed: int) -> Identification:
     return identify(contact, ViscoelasticContact(gate=GATE, scale=UNITS))
 
 
-def said(result: Identification) -> bool:
-    """Whether a reader is warned: by the diagnosis, or by a flag of law, estimate or verdict."""
+def warned_of(result: Identification) -> bool:
+    """Return whether palpate warns: by the diagnosis, or by a flag of law, estimate or verdict."""
     flags = [flag for flag in result.flags if "outlier" not in flag]
     return result.diagnosis.verdict.overall != "trust" or bool(flags)
 
 
 def measure_traps(seeds: range) -> Section:
-    """Memory that is called, how far K′ and B′ are off at 11 rad/s, and how often that is said."""
+    """Measure how often memory is selected, errors of K′ and B′ at 11 rad/s, and warnings."""
     some = seeds[:MOST_SEEDS]
     rows = []
     for damping in ("hunt-crossley", "half-space"):
@@ -66,16 +66,16 @@ def measure_traps(seeds: range) -> Section:
         for trap in TRAPS:
             results = [trapped(trap, damping, seed) for seed in some]
             laws = [result.estimate.law for result in results]
-            felt = np.array([law.dynamic_stiffness(10e-3, 11.0) for law in laws])
-            stiffness = float(np.sqrt(np.mean((felt.real / exact.real - 1.0) ** 2)))
-            damper = float(np.sqrt(np.mean((felt.imag / exact.imag - 1.0) ** 2)))
+            dynamic = np.array([law.dynamic_stiffness(10e-3, 11.0) for law in laws])
+            stiffness = float(np.sqrt(np.mean((dynamic.real / exact.real - 1.0) ** 2)))
+            damper = float(np.sqrt(np.mean((dynamic.imag / exact.imag - 1.0) ** 2)))
             name = f"{damping}, {trap.name}"
             called = float(np.mean([law.remembers for law in laws]))
-            warned = float(np.mean([said(each) for each in results]))
+            warned = float(np.mean([warned_of(each) for each in results]))
             rows += [
                 Row(f"{name}: memory", PERCENT * called, "%"),
                 Row(f"{name}: K′, rms error", PERCENT * stiffness, "%"),
                 Row(f"{name}: B′, rms error", PERCENT * damper, "%"),
-                Row(f"{name}: said", PERCENT * warned, "%"),
+                Row(f"{name}: warned", PERCENT * warned, "%"),
             ]
     return Section(f"Traps, 40 dB, {len(some)} seeds", rows)

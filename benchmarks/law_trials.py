@@ -1,4 +1,4 @@
-"""Verdicts, numbers and error bars of laws that are known, over many seeds."""
+"""Verdicts, parameters and error bars for known laws, over many seeds."""
 
 import math
 
@@ -15,7 +15,7 @@ from benchmarks.report import Limit, Row, Section
 
 PERCENT = 100.0
 MOTION = "White noise; 4 s at 1 kHz of sines of 4, 11 and 15 rad/s about 10 mm after an approach."
-# Of K′ and B′, which are asked for at 40 dB; the bound on RMSE/CRLB at each.
+# Limits for K′ and B′ at 40 dB, and for RMSE/CRLB at each.
 LARGEST_OFF = 0.3, 0.8
 OVER_BOUND = {30.0: 1.25, 40.0: 1.5}
 
@@ -26,9 +26,9 @@ def at_least(bound: float) -> Limit:
 
 
 def measure_verdicts(seeds: range, decibels: float, full: bool) -> Section:
-    """How often each law is found, and what bars and dynamic stiffness are worth then."""
+    """Measure how often each law is found, and then its error bars and dynamic stiffness."""
     rows = [row for truth in truths(full) for row in _rows(truth, seeds, decibels, full)]
-    tier = "full" if full else "everyday"
+    tier = "full" if full else "common"
     title = f"{tier} tier, {decibels:g} dB, seeds {seeds.start} to {seeds.stop - 1}"
     return Section(title, rows, (MOTION,))
 
@@ -39,10 +39,10 @@ def _rows(truth: Truth, seeds: range, decibels: float, full: bool) -> list[Row]:
     for seed in seeds:
         memory = "any" if full else "auto"
         estimator, (x, v, _), deviation = identified(truth.law, seed, decibels, 0.0, memory)
-        told = estimator.dynamic_stiffness(10e-3, 15.0)
-        away = told.stiffness - exact.real, told.damping - exact.imag / 15.0
+        found = estimator.dynamic_stiffness(10e-3, 15.0)
+        away = found.stiffness - exact.real, found.damping - exact.imag / 15.0
         moved.append((away[0] / exact.real, 15.0 * away[1] / exact.imag))
-        bars = told.stiffness_error, told.damping_error
+        bars = found.stiffness_error, found.damping_error
         covered.append([abs(a) < 1.96 * b for a, b in zip(away, bars, strict=True)])
         if truth.found_by(estimator):
             right += 1
@@ -70,7 +70,7 @@ def _rows(truth: Truth, seeds: range, decibels: float, full: bool) -> list[Row]:
 
 
 def measure_false_memory(seeds: range) -> Section:
-    """How often memory is found where there is none."""
+    """Measure how often memory is selected for a law without it."""
     rows = []
     for name, correlation, limit in (("white", 0.0, 2.0), ("AR(1) 0.9", 0.9, 5.0)):
         for decibels in (30.0, 40.0, 50.0):

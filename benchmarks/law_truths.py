@@ -1,4 +1,4 @@
-"""Laws that are known, a motion, and what can be learned of them at best."""
+"""Known laws, a motion, and the lowest errors that are possible."""
 
 import math
 from collections.abc import Iterator
@@ -28,14 +28,14 @@ STIFFNESS = 0.5 * 20.0 / 10e-3**EXPONENT
 
 @dataclass(frozen=True)
 class Truth:
-    """A law, and what the verdict on it should be."""
+    """A law, and the right verdict on it."""
 
     name: str
     verdict: tuple[str, str, bool]  # damping, memory, linear
     law: GeneralisedHuntCrossley
 
     def found_by(self, estimator: ViscoelasticContact) -> bool:
-        """Whether the verdict is this law."""
+        """Return whether the verdict is this law."""
         chosen = estimator.verdict().candidate
         return (chosen.damping, chosen.memory, chosen.linear) == self.verdict
 
@@ -51,11 +51,11 @@ def law_of(damping: str, memory: float, relaxation: Any = None, n: float = EXPON
 
 
 def truths(full: bool) -> Iterator[Truth]:
-    """Laws without memory, and with that of one tier."""
+    """Return laws without memory, and with that of one tier."""
     yield Truth("Kelvin–Voigt", ("half-space", "none", True), law_of("half-space", 0.0, n=1.0))
     yield Truth("Hunt–Crossley", ("hunt-crossley", "none", False), law_of("hunt-crossley", 0.0))
     yield Truth("half-space", ("half-space", "none", False), law_of("half-space", 0.0))
-    # Of six times a factor of four apart, or twelve of two, from two time steps on.
+    # Six relaxation times a factor of four apart, or twelve of two, from two time steps on.
     low, high = (2.0**0.5, 4096.0 * 2.0**0.5) if full else (1.0, 4096.0)
     kinds: dict[str, tuple[float, Any]] = {"flat": (0.5, FlatSpectrum(low * DT, high * DT))}
     if full:
@@ -94,7 +94,7 @@ def noise(seed: int, size: int, correlation: float) -> Floats:
 def identified(
     law: GeneralisedHuntCrossley, seed: int, decibels: float, correlation: float, memory: str
 ) -> tuple[ViscoelasticContact, tuple[Floats, Floats, Floats], float]:
-    """An estimator that has learned one motion, the motion and the force, and the noise, N."""
+    """Return an estimator fitted to one motion, the motion and the force, and the noise, N."""
     x, v = motion(seed)
     clean = law.force_along(x, v, DT)
     deviation = float(np.sqrt(np.mean(clean[x > 0.0] ** 2))) * 10.0 ** (-decibels / 20.0)
@@ -106,7 +106,7 @@ def identified(
 
 
 def cramer_rao(truth: Truth, x: Floats, v: Floats, deviation: float) -> dict[int, float]:
-    """The least standard errors of the numbers of a law that are fitted, by their places."""
+    """Return the Cramér–Rao bounds of a law's fitted parameters, by their places."""
     damping, memory, linear = truth.verdict
     places = [0] + ([] if linear else [1]) + ([] if damping == "none" else [2])
     places += {"none": [], "flat": [4], "single": [4, 7], "power-law": [4, 5]}[memory]
@@ -118,10 +118,10 @@ def cramer_rao(truth: Truth, x: Floats, v: Floats, deviation: float) -> dict[int
             numbers = truth.law.parameters
             numbers[place] += sign * step
             if place == 1:
-                numbers[3] += sign * step  # p goes with n
+                numbers[3] += sign * step  # p follows n
             sides.append(GeneralisedHuntCrossley.from_parameters(numbers).force_along(x, v, DT))
         columns.append((sides[0] - sides[1]) / (2.0 * step))
-    # Out of contact, two hundredths of a unit above the surface, the offset is seen alone.
+    # Out of contact, two hundredths of a unit above the surface, the force is the offset alone.
     seen = (x > GATE.minimum_penetration) | (x < -0.02 * UNITS.penetration)
     slopes = np.column_stack([*columns, np.ones_like(x)])[seen]
     size = np.linalg.norm(slopes, axis=0)

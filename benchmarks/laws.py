@@ -1,7 +1,7 @@
-"""``python -m benchmarks.laws``: which law it is, its memory and its numbers, against the truth.
+"""``python -m benchmarks.laws``: the selected law, its memory and parameters, against the truth.
 
-Recordings made by others are looked for in ``PALPATE_DATA``, or ``../shared/data`` beside the
-checkout, and are left out where they are absent.
+Others' recordings are read from ``PALPATE_DATA``, or ``../shared/data`` next to the checkout, and
+skipped if they are absent.
 """
 
 from collections.abc import Iterator
@@ -26,7 +26,7 @@ app = App(name="python -m benchmarks.laws", help_format="plaintext", version_fla
 
 
 def measure_recordings(folder: Path) -> Section:
-    """How far the law of one part of a recording predicts the other, over Hunt–Crossley."""
+    """Measure how well the law of one part predicts the other, over Hunt–Crossley."""
     rows = []
     for split, limit in (("second half", 0.72), ("odd blocks", 0.62)):
         ratios = held_out(folder, split)
@@ -41,13 +41,13 @@ def measure_recordings(folder: Path) -> Section:
             Row(f"{name}: K′ at 100 Hz", PERCENT * abs(stiffness), "%", limit=Limit(25.0)),
             Row(f"{name}: B′ at 100 Hz", PERCENT * abs(damping), "%", limit=Limit(10.0)),
         ]
-    return Section("Recordings made by others: RMSE of the held-out part over that of HC", rows)
+    return Section("Others' recordings: RMSE of the held-out part over that of Hunt–Crossley", rows)
 
 
 def measure_whole_files(folder: Path) -> Section:
-    """Whole files as ``palpate identify --method viscoelastic`` takes them."""
+    """Identify complete files as ``palpate identify --method viscoelastic`` does."""
     rows = [Row(f"{name}: {words}", ratio, "") for name, words, ratio in whole_files(folder)]
-    return Section("Whole recordings: law, and what it leaves over what Hunt–Crossley does", rows)
+    return Section("Complete recordings: law, and its residual over Hunt–Crossley's", rows)
 
 
 @app.default
@@ -58,16 +58,16 @@ def main(
     first: int = 0,
     markdown: Path | None = None,
 ) -> None:
-    """Measure, and print a table as soon as it is known.
+    """Measure, and print each table as soon as it is complete.
 
     Parameters
     ----------
     quick
         A short run, for a first look: 5 seeds.
     seeds
-        So many of each law.
+        Number for each law.
     first
-        The first of them.
+        The first seed.
     markdown
         Write the tables to this file as Markdown.
     """
@@ -88,14 +88,14 @@ def main(
 
 
 def measured(seeds: range, quick: bool) -> Iterator[Section]:
-    """Each table in turn."""
+    """Yield each table in turn."""
     yield measure_sums()
     for decibels in (30.0, 40.0):
         for full in (False, True):
             yield measure_verdicts(seeds, decibels, full)
     yield measure_false_memory(seeds)
     yield measure_traps(seeds)
-    # Where others are at work too some ten passes leave little of them.
+    # The minimum of some ten passes hardly contains the load of other processes.
     yield measure_cost(20_000, 3 if quick else 20)
     folder = folder_of_recordings()
     if folder is not None:

@@ -1,6 +1,6 @@
 """``python -m benchmarks.live --minutes 10``: a loop at 1 kHz with page, recording, diagnosis.
 
-``--law auto`` or ``any``: with the verdict which law it is.
+``--law auto`` or ``any`` adds the selection of the law.
 """
 
 import argparse
@@ -33,16 +33,16 @@ from palpate.live.sinks import Session, Sink, Watching
 from palpate.live.view import describe_verdict, numbers_of, verdict_on
 from palpate.preparation import OnlinePreparation
 
-TARE = 1.6  # s, of the 2 s that the laboratory rests
-_EVERY = 1.0  # s between two looks at the processes
+TARE = 1.6  # s, of the 2 s for which the laboratory pauses
+_EVERY = 1.0  # s between two measurements of the processes
 _TICK = os.sysconf("SC_CLK_TCK")
 _PAGE = os.sysconf("SC_PAGE_SIZE")
-# Who serves the loop; the laboratory and the diagnosis are counted apart.
+# The processes that serve the loop; laboratory and diagnosis are counted separately.
 SERVING = ("loop", "page", "recorder")
 
 
 class Browser:
-    """Takes every frame of the page, as a browser's socket does, in a process of its own."""
+    """Receives every frame of the page, as a browser's socket does, in a separate process."""
 
     name = "browser"
 
@@ -68,7 +68,7 @@ class Browser:
 
 
 class Looking:
-    """Notes each second how much of a core and of memory every process of the run has taken."""
+    """Records each second the core time and memory of every process of the run."""
 
     name = "looking"
 
@@ -76,7 +76,7 @@ class Looking:
         self._path = path
 
     def run(self, session: Session, commands: Connection) -> None:
-        """Look until the loop stops; then write it all down."""
+        """Measure until the loop stops; then write the record."""
         watching, loop = Watching(session), os.getppid()
         looks: list[dict[str, Any]] = []
         while watching.wait(_EVERY):
@@ -86,7 +86,7 @@ class Looking:
 
 
 def _processes(loop: int) -> dict[str, tuple[float, float]]:
-    """Seconds of a core and bytes of memory, by what each process is."""
+    """Return seconds of a core and bytes of memory, by process."""
     children = Path(f"/proc/{loop}/task/{loop}/children").read_text().split()
     found = {"loop": _figures(loop)}
     for child in children:
@@ -103,12 +103,12 @@ def _figures(process: int) -> tuple[float, float]:
 
 
 def bare(seconds: float, *, realtime: bool) -> tuple[Histogram, Histogram]:
-    """What this machine gives a loop that only waits, with nothing beside it.
+    """Measure a loop that only waits, with nothing else running.
 
     Returns
     -------
     tuple of Histogram
-        How late it woke; and what a fixed piece of work took, of about an update's length.
+        How late it woke; and the time of a fixed piece of work about as long as an update.
     """
     receiver, sender = Pipe(duplex=False)
     process = get_context("spawn").Process(target=_wait, args=(seconds, realtime, sender))
@@ -135,7 +135,7 @@ def _wait(seconds: float, realtime: bool, sender: Connection) -> None:
 
 
 def measure(minutes: float, *, realtime: bool, method: ContactEstimator | None) -> Section:
-    """Run the loop, and return what it counted and what it took.
+    """Run the loop, and return its counts and its resources.
 
     Parameters
     ----------
@@ -144,7 +144,7 @@ def measure(minutes: float, *, realtime: bool, method: ContactEstimator | None) 
     realtime : bool
         Ask for a fixed priority.
     method : ContactEstimator, optional
-        The default of ``palpate live`` unless given.
+        Default: that of ``palpate live``.
     """
     machines = bare(min(60.0 * minutes, 60.0), realtime=realtime)
     with tempfile.TemporaryDirectory() as folder:
@@ -195,19 +195,19 @@ def _section(
         Row("  a fixed piece of work, alone, p99.9", 1e6 * work["p99.9"], "µs"),
         Row("loop, page and recorder", 100.0 * serving, "% of a core", limit=Limit(20.0)),
         *(Row(f"  {name}", 100.0 * share, "% of a core") for name, share in shares.items()),
-        *(Row(f"memory, {name}", bytes_ / 1e6, "MB more since the first minute")
+        *(Row(f"memory, {name}", bytes_ / 1e6, "MB more than after the first minute")
           for name, bytes_ in grown.items()),
         Row("recorded", size / 1e6 / minutes, "MB a minute"),
     ]  # fmt: skip
-    notes = [f"{minutes:g} minutes; laboratory, diagnosis and browser are counted apart."]
+    notes = [f"{minutes:g} minutes; laboratory, diagnosis and browser are counted separately."]
     if verdict := verdict_on(status):
         notes.append(f"law: {describe_verdict(verdict, numbers_of(verdict))}")
-    notes += [f"said: {words}" for words in status["said"]]
+    notes += [f"message: {words}" for words in status["said"]]
     return Section("Live at 1 kHz", rows, notes)
 
 
 def _shares(looks: list[dict[str, Any]]) -> dict[str, float]:
-    """Of a core, from the first look at a process to its last, without what it took to begin."""
+    """Return the share of a core, from the first measurement to the last, without the start."""
     shares = {}
     for name in sorted({name for look in looks for name in look} - {"time", "looking"}):
         seen = [(look["time"], look[name][0]) for look in looks if name in look]
@@ -218,7 +218,7 @@ def _shares(looks: list[dict[str, Any]]) -> dict[str, float]:
 
 
 def _growth(looks: list[dict[str, Any]]) -> dict[str, float]:
-    """Memory at the end over that after a minute, or half of the run where it is shorter."""
+    """Return the memory at the end minus that after a minute, or half of a shorter run."""
     first = looks[0]["time"] + min(60.0, 0.5 * (looks[-1]["time"] - looks[0]["time"]))
     later = [look for look in looks if look["time"] >= first]
     tenth = max(len(later) // 10, 1)

@@ -1,8 +1,8 @@
-"""``python -m benchmarks.live_sample``: CPU time that one sample takes of the live loop.
+"""``python -m benchmarks.live_sample``: CPU time of one sample in the live loop.
 
-All of it: take, prepare, update, judge, write down, and the board four times a second. From a
-source that never waits; and at 1 kHz, where the loop sleeps before each sample and wakes with cold
-caches, which a loop that only sleeps does too.
+In all: take, prepare, update, judge, record, and the status four times a second. From a source
+that never waits; and at 1 kHz, where the loop sleeps before each sample and wakes with cold caches,
+compared with a loop that only sleeps.
 """
 
 import argparse
@@ -24,7 +24,7 @@ from palpate.live.sinks import Session, Watching
 from palpate.live.sources import Arrival, Counts, EndOfSourceError
 
 T = 1e-3  # s
-#: µs: with the estimate 50 times a second, and with one at every sample.
+#: µs: with an estimate 50 times a second, and with one at every sample.
 LIMITS = {False: 40.0, True: 80.0}
 
 
@@ -53,7 +53,7 @@ class Source:
         self._began, self._due = time.process_time(), time.monotonic()
 
     def take(self, timeout: float) -> Arrival:
-        """The next sample; after the last the time is taken."""
+        """Return the next sample; after the last, stop the clock."""
         if self._paced:
             self._due += T
             time.sleep(max(self._due - time.monotonic(), 0.0))
@@ -71,7 +71,7 @@ class Source:
 
 
 class Every:
-    """Asks for the estimate at every sample, as a publisher or a recorder does, in its process."""
+    """Requests the estimate at every sample, as a publisher or a recorder does, in its process."""
 
     name, every_sample = "every", True
 
@@ -84,7 +84,7 @@ class Every:
 
 
 def cost(count: int, law: str | None, *, every: bool, paced: bool) -> float:
-    """The least CPU time a sample of five runs (paced: one), µs."""
+    """Return the least CPU time a sample of five runs (paced: one), µs."""
     kind, settings = estimator_by_law(law)
     took = []
     for _ in range(1 if paced else 5):
@@ -96,7 +96,7 @@ def cost(count: int, law: str | None, *, every: bool, paced: bool) -> float:
 
 
 def asleep(count: int) -> float:
-    """What sleeping alone takes, µs of CPU each."""
+    """Return the CPU time of sleeping alone, µs each."""
     source = Source(arrivals(count), paced=True)
     source.open()
     for _ in range(count):
@@ -105,7 +105,7 @@ def asleep(count: int) -> float:
 
 
 def measure(count: int) -> Section:
-    """Both ways, from a source that never waits and at 1 kHz, by both kinds of estimator."""
+    """Measure both sources, one that never waits and one at 1 kHz, with both kinds of estimator."""
     rows = []
     for law, name in ((None, "variable projection"), ("auto", "--law auto")):
         for every, how in ((False, "50 estimates a second"), (True, "one at every sample")):

@@ -1,8 +1,8 @@
 """``python -m benchmarks.live_wires --seconds 60``: 1 kHz over each wire, on loopback.
 
-Another process sends poses and wrenches, stamped with this machine's monotonic clock as they are
-sent; what is measured is until ``take`` has given them. Beside it, as what is direct, a bare
-datagram of the same numbers between the same processes. All that is lost is counted.
+Another process sends poses and wrenches, stamped with this machine's monotonic clock; the time is
+measured until ``take`` returns them, and compared with a bare datagram of the same numbers between
+the same processes. All lost samples are counted.
 """
 
 import argparse
@@ -28,14 +28,14 @@ RATE = 1000.0  # Hz
 KINDS = ("geometry_msgs/msg/PoseStamped", "geometry_msgs/msg/WrenchStamped")
 NAMES = ("/pose", "/wrench")
 DIRECT = "a bare datagram"
-_SETTLE = 1.0  # s, that discovery takes at most on one machine
+_SETTLE = 1.0  # s, the longest that discovery takes on one machine
 _BARE = struct.Struct("<Qd6d")
 _DOMAIN = 200
 Send = Callable[[int, int], None]
 
 
 def sender(wire: str, where: str) -> Send:
-    """Return what sends a sample: its number, and its stamp in ns."""
+    """Return the function that sends a sample, given its number and its stamp in ns."""
     if wire == "zmq":
         return _zeromq(where)
     if wire == DIRECT:
@@ -62,7 +62,7 @@ def _zeromq(where: str) -> Send:
 
 
 def _ros(wire: str, where: str) -> Send:
-    """Messages made once; only stamp and number are written anew."""
+    """Messages created once; only stamp and number change."""
     from rosbags.typesys import Stores, get_typestore
 
     store = get_typestore(Stores.LATEST)
@@ -126,7 +126,7 @@ def _zenoh(store: Any, where: str) -> Callable[[int, bytes, int], None]:
     ]
 
     def put(index: int, data: bytes, k: int) -> None:
-        assert not session.is_closed()  # which it is as soon as nobody holds it
+        assert not session.is_closed()  # which happens as soon as nobody holds it
         attached = wire.attachment(k, time.time_ns(), b"a robot, 16 byte")
         publishers[index].put(data, attachment=attached)
 
@@ -134,7 +134,7 @@ def _zenoh(store: Any, where: str) -> Callable[[int, bytes, int], None]:
 
 
 def serve(wire: str, where: str, count: int) -> None:
-    """Send at the rate, when asked."""
+    """Send at the rate, on request."""
     send = sender(wire, where)
     print("ready", flush=True)
     sys.stdin.readline()
@@ -143,11 +143,11 @@ def serve(wire: str, where: str, count: int) -> None:
         time.sleep(max(begin + k / RATE - time.monotonic(), 0.0))
         send(k, time.monotonic_ns())
     sys.stdin.readline()
-    os._exit(0)  # threads of the libraries are of no concern here
+    os._exit(0)  # the libraries' threads do not matter here
 
 
 def measure(wire: str, seconds: float) -> tuple[np.ndarray[Any, Any], int, int]:
-    """Times between sending and taking, s; how many were sent; and lost by the source's count."""
+    """Return times from sending to taking, s; the number sent; and lost by the source's count."""
     count = round(seconds * RATE)
     where = {"zmq": f"tcp://127.0.0.1:{_free()}", "zenoh": f"tcp/127.0.0.1:{_free()}"}.get(wire)
     where = where or (str(_free(socket.SOCK_DGRAM)) if wire == DIRECT else str(_DOMAIN))
@@ -170,14 +170,14 @@ def measure(wire: str, seconds: float) -> tuple[np.ndarray[Any, Any], int, int]:
 
 
 class _Begin:
-    """Has the sender begin, once."""
+    """Starts the sender, once."""
 
     def __init__(self, stream: Any) -> None:
         self._stream, self._done = stream, False
 
     def __call__(self) -> None:
         if not self._done:
-            with suppress(BrokenPipeError):  # the sender has said why
+            with suppress(BrokenPipeError):  # the sender has printed why
                 self._stream.write("begin\n")
                 self._stream.flush()
         self._done = True

@@ -1,4 +1,4 @@
-"""What it was measured on."""
+"""The machine of a measurement."""
 
 import datetime
 import importlib.metadata
@@ -24,7 +24,7 @@ PACKAGES = (
 
 
 def describe(compiler: str) -> dict[str, str]:
-    """Processor, system, Python, compiler, packages and date, in words."""
+    """Return processor, system, Python, compiler, packages and date, as text."""
     load = f"{os.getloadavg()[0]:.1f}" if hasattr(os, "getloadavg") else "unknown"
     return {
         "processor": f"{_processor()}, {os.cpu_count()} cores, load {load} before the run",

@@ -1,7 +1,7 @@
-"""Extra memory of a long replay, beside its inputs and the trace it returns.
+"""Extra memory of a long replay, beyond its inputs and the trace it returns.
 
 ``python -m benchmarks.memory SAMPLES`` prints the bytes of one replay; the section below runs it
-in processes of its own.
+in separate processes.
 """
 
 import json
@@ -30,7 +30,7 @@ def resident(entry: str) -> int:
 
 
 def extra_bytes(samples: int) -> dict[str, int]:
-    """Replay, and say how far the peak lies above the start and the trace."""
+    """Replay, and return how far the peak lies above the start and the trace."""
     SingleStageRLS().replay(*contact_arrays(1000))
     arrays = contact_arrays(samples)
     before = resident("VmRSS")
@@ -60,8 +60,10 @@ def measure_memory(effort: Effort) -> Section:
         rows.append(Row(f"{name}: trace returned", sizes["trace"] / megabyte, "MB"))
         rows.append(Row(f"{name}: extra at the peak", extras[-1], "MB", limit=Limit(8.0)))
     growth = extras[1] - extras[0]
-    rows.append(Row("extra of the longer beyond the shorter", growth, "MB", limit=Limit(1.0)))
-    notes = ["Peak resident memory of a process of its own, SingleStageRLS.replay."]
+    rows.append(
+        Row("extra of the longer minus that of the shorter", growth, "MB", limit=Limit(1.0))
+    )
+    notes = ["Peak resident memory of a separate process, SingleStageRLS.replay."]
     return Section("Memory of a long replay", rows, notes)
 
 

@@ -1,4 +1,4 @@
-"""The contact that everything is timed on: the lab's rubber ball under the paper's three sines."""
+"""The contact of all timings: the lab's rubber ball under the paper's three sines."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,9 +13,9 @@ BLOCK = 65_536
 
 
 def contact_arrays(samples: int) -> tuple[Floats, Floats, Floats]:
-    """Penetration, velocity and force at 1 kHz, always in contact; 0.05 N of noise.
+    """Return penetration, velocity and force at 1 kHz, always in contact; 0.05 N of noise.
 
-    Filled a block at a time, so that making them needs no memory beside them.
+    Filled block by block, so that this needs no further memory.
     """
     random = np.random.default_rng(1)
     x, v, force = np.empty(samples), np.empty(samples), np.empty(samples)
@@ -29,9 +29,9 @@ def contact_arrays(samples: int) -> tuple[Floats, Floats, Floats]:
 
 
 def contact_samples(samples: int) -> Samples:
-    """The same as plain floats, a sample at a time: 5 s of contact, again and again.
+    """Return the same as plain floats, sample by sample: 5 s of contact, repeated.
 
-    A control loop's sample is fresh in the cache; these few stay there.
+    So few that they stay in the cache, as the current sample of a control loop does.
     """
     columns = (array.tolist() for array in contact_arrays(min(samples, PERIOD)))
     period = list(zip(*columns, strict=True))

@@ -1,4 +1,4 @@
-"""Builds what is compared with: a C++ replay, a C++ loop and an empty compiled method."""
+"""Build the native references: a C++ replay, a C++ loop and an empty compiled method."""
 
 import importlib.util
 import subprocess
@@ -13,17 +13,17 @@ BUILD = SOURCE.parents[1] / "build" / "benchmarks"
 
 
 class BuildError(Exception):
-    """The native programs could not be built; the message says why."""
+    """The native programs could not be built, for the reason in the message."""
 
 
 @dataclass(frozen=True)
 class NativePrograms:
-    """What was built."""
+    """The built programs."""
 
     replay: Path
     preparation: Path
     sizes: Path
-    laws: dict[str, Path]  # by the level of optimisation
+    laws: dict[str, Path]  # by level of optimisation
     law_sums: Path
     empty_method: Any
     compiler: str

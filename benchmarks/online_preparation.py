@@ -1,4 +1,4 @@
-"""``python -m benchmarks.online_preparation``: what velocity in real time costs a loop."""
+"""``python -m benchmarks.online_preparation``: the cost of velocity in real time."""
 
 import subprocess
 import tempfile
@@ -31,7 +31,7 @@ NATIVE = {
 
 
 def measure_preparation(clock: Clock, effort: Effort) -> Section:
-    """Time a preparation and the estimators that it feeds, from Python and in C++."""
+    """Time a preparation and the estimators after it, from Python and in C++."""
     samples = contact_samples(PERIOD)
     times = clock.best("preparation", _cases(samples), effort.call_rounds)
     rows = [
@@ -43,7 +43,9 @@ def measure_preparation(clock: Clock, effort: Effort) -> Section:
         )
         for name, seconds in times.items()
     ]
-    notes = [f"{PERIOD} samples of contact; least of the rounds, with the loop around the call."]
+    notes = [
+        f"{PERIOD} samples of contact; shortest of the rounds, including the loop around the call."
+    ]
     try:
         native = _native(effort)
     except BuildError as error:

@@ -1,7 +1,7 @@
-"""The same regression by other packages: y = ln F, φ = [1, v, ln x], nothing forgotten.
+"""The same regression by other packages: y = ln F, φ = [1, v, ln x], without forgetting.
 
 Each starts at θ = 0 with P = 1e3 I, takes every sample (penetration, velocity, force) as it comes,
-makes of it whatever its package wants, and returns the last θ.
+converts it for its package, and returns the last θ.
 """
 
 import warnings
@@ -19,7 +19,7 @@ START = 1e3  # P₀
 
 
 def palpate_single_stage(samples: Samples) -> Floats:
-    """Our estimator, with its gate and its checks; the law ln K = B/K = n = 0 is θ = 0."""
+    """Run our estimator, with its gate and its checks; the law ln K = B/K = n = 0 is θ = 0."""
     estimator = SingleStageRLS(
         initial=HuntCrossley(stiffness=1.0, damping=0.0, exponent=0.0),
         initial_covariance=START,
@@ -34,7 +34,7 @@ def palpate_single_stage(samples: Samples) -> Floats:
 
 
 def palpate_least_squares(samples: Samples) -> Floats:
-    """Our bare engine, fed rows made in Python."""
+    """Run our plain engine, with rows created in Python."""
     engine = LeastSquares(3, initial_covariance=START)
     update = engine.update
     for penetration, velocity, force in samples:
@@ -43,7 +43,7 @@ def palpate_least_squares(samples: Samples) -> Floats:
 
 
 def plain_numpy(samples: Samples) -> Floats:
-    """Eq. 13 written down in NumPy, by its quicker spellings: dot() for @, += for +."""
+    """Eq. 13 in NumPy, with its faster functions: dot() for @, += for +."""
     theta, p, row = np.zeros(3), START * np.eye(3), np.ones(3)
     for penetration, velocity, force in samples:
         row[1], row[2] = velocity, log(penetration)
@@ -55,7 +55,7 @@ def plain_numpy(samples: Samples) -> Floats:
 
 
 def numpy_without_temporaries(samples: Samples) -> Floats:
-    """The same with every array allocated beforehand, which is as quick as we can make it."""
+    """The same with every array allocated in advance, our fastest version."""
     theta, p, row = np.zeros(3), START * np.eye(3), np.ones(3)
     g, gain, move, fall = np.empty(3), np.empty(3), np.empty(3), np.empty((3, 3))
     column = gain[:, None]
@@ -72,7 +72,7 @@ def numpy_without_temporaries(samples: Samples) -> Floats:
 
 
 def padasip_rls(samples: Samples) -> Floats:
-    """FilterRLS: P₀ = I/eps, and zero weights where its default is random ones."""
+    """FilterRLS: P₀ = I/eps, and zero weights instead of random ones, its default."""
     from padasip.filters import FilterRLS
 
     rls = FilterRLS(3, mu=1.0, eps=1.0 / START, w="zeros")
@@ -84,7 +84,7 @@ def padasip_rls(samples: Samples) -> Floats:
 
 
 def filterpy_kalman(samples: Samples) -> Floats:
-    """KalmanFilter as RLS: F = I and Q = 0, so its predict() is left out; R = 1."""
+    """KalmanFilter as RLS: F = I and Q = 0, so predict() is not called; R = 1."""
     from filterpy.kalman import KalmanFilter
 
     kalman = KalmanFilter(dim_x=3, dim_z=1)
@@ -99,7 +99,7 @@ def filterpy_kalman(samples: Samples) -> Floats:
 
 
 def statsmodels_whole(samples: Samples) -> Floats:
-    """RecursiveLS.filter() over the whole record: it has no way to take one more sample."""
+    """RecursiveLS.filter() over the whole record: it cannot add one sample."""
     from statsmodels.regression.recursive_ls import RecursiveLS
 
     x, v, force = np.array(samples).T
@@ -124,10 +124,10 @@ BESIDES: dict[str, Peer] = {
     "statsmodels RecursiveLS, whole record": statsmodels_whole,
 }
 NOTES = (
-    "Ratios: the other's time to ours. θ starts at 0 and P at 1e3 I for all: padasip with "
-    "w='zeros' and eps=1e-3; filterpy with F = I, Q = 0, R = 1 and no predict(); statsmodels with "
-    "initialization='approximate_diffuse' and initial_variance=1e3, where its default is exactly "
-    "diffuse.",
+    "Ratios: the other package's time over palpate's. θ starts at 0 and P at 1e3 I for all: "
+    "padasip with w='zeros' and eps=1e-3; filterpy with F = I, Q = 0, R = 1 and no predict(); "
+    "statsmodels with initialization='approximate_diffuse' and initial_variance=1e3 (its default "
+    "is exactly diffuse).",
     "statsmodels is not online: append() and extend() are not implemented for RecursiveLS, so "
-    "that one more sample means the whole record again.",
+    "each new sample needs the whole record again.",
 )

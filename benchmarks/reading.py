@@ -1,7 +1,7 @@
-"""Reading recordings of messages, beside the readers of the packages ``mcap`` and ``rosbags``.
+"""Reading recordings of messages, compared with the packages ``mcap`` and ``rosbags``.
 
 ``python -m benchmarks.reading --minutes 60`` writes wrenches and poses at 1 kHz, reads them each
-way, in turns and in processes of their own, and prints a table. It is in no limit of the other
+way, alternately and in separate processes, and prints a table. It is far larger than the other
 benchmarks: an hour is 7.2 million messages, and takes a quarter of an hour and 4 GB of disk.
 """
 
@@ -26,12 +26,12 @@ SEED = 1
 BEGIN = 1_700_000_000_000_000_000  # ns since 1970
 STEP = 1_000_000
 WRENCH, POSE = "geometry_msgs/msg/WrenchStamped", "geometry_msgs/msg/PoseStamped"
-_PIECE = 10_000  # messages whose numbers are made at once
+_PIECE = 10_000  # messages whose numbers are generated at once
 Sent = tuple[bool, int, bytes]  # whether it is a wrench, its time, its bytes
 
 
 def messages(minutes: float) -> Iterator[Sent]:
-    """Wrenches and poses in CDR, 300 µs apart, as a driver of 1 kHz sends them."""
+    """Yield wrenches and poses in CDR, 300 µs apart, as a driver at 1 kHz sends them."""
     random = np.random.default_rng(SEED)
     count = int(minutes * 60_000)
     for first in range(0, count, _PIECE):
@@ -43,7 +43,7 @@ def messages(minutes: float) -> Iterator[Sent]:
 
 
 def stamped(at: int, *, is_wrench: bool) -> bytes:
-    """The begin of a message in CDR: its header."""
+    """Return the start of a message in CDR: its header."""
     frame = b"\x08\0\0\0ft_link\0" + bytes(4) if is_wrench else b"\x05\0\0\0base\0" + bytes(7)
     return b"\0\1\0\0" + struct.pack("<iI", *divmod(at, 1_000_000_000)) + frame
 
@@ -82,7 +82,7 @@ def write_rosbag2(path: Path, given: Iterable[Sent]) -> None:
 
 
 def write_rosbag1(path: Path, given: Iterable[Sent]) -> None:
-    """Write them by rosbags, as a bag of ROS 1, whose messages have a count and no padding."""
+    """Write them by rosbags, as a ROS 1 bag, whose messages have a count and no padding."""
     from rosbags.rosbag1 import Writer
     from rosbags.typesys import Stores, get_typestore
 
@@ -112,7 +112,7 @@ def by_mcap(path: Path) -> tuple[int, int]:
 
 
 def by_mcap_stream(path: Path) -> tuple[int, int]:
-    """Raw messages by its reader of streams, its quickest."""
+    """Raw messages by its stream reader, the fastest."""
     from mcap.records import Message
     from mcap.stream_reader import StreamReader
 
@@ -166,7 +166,7 @@ _ROSBAGS = [name for name in READERS if not name.startswith("mcap")]
 
 @dataclass(frozen=True)
 class Kind:
-    """A kind of file: its name there, who writes it, who reads it."""
+    """A kind of file: its name, its writer, its readers."""
 
     name: str
     file: str
@@ -188,7 +188,7 @@ KINDS = [
 
 
 def _once(reader: str, path: Path) -> dict[str, float]:
-    """Read in a process of its own."""
+    """Read in a separate process."""
     command = [sys.executable, "-m", "benchmarks.reading", "--once", reader, str(path)]
     done = subprocess.run(command, capture_output=True, text=True, check=True)
     result: dict[str, float] = json.loads(done.stdout)
@@ -207,7 +207,7 @@ def _once_here(reader: str, path: Path) -> dict[str, float]:
 
 
 def measure(kind: Kind, folder: Path, minutes: float, rounds: int, *, decoded: bool) -> None:
-    """Write a file, read it each way in turns, and print a row of each."""
+    """Write a file, read it each way alternately, and print a row for each."""
     path = folder / kind.file
     kind.write(path, messages(minutes))
     readers = [name for name in kind.readers if decoded or "decoded" not in name]

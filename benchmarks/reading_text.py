@@ -1,7 +1,7 @@
 """``python -m benchmarks.reading_text``: time and memory of reading long tables of text.
 
-Every case runs in a process of its own, after the packages are imported; memory is how far its peak
-lies above the start, beside the arrays that come out. ``FILE PARSER`` measures one in this process.
+Every case runs in a separate process, after the packages are imported; memory is its peak above the
+start, relative to the resulting arrays. ``FILE PARSER`` measures one in this process.
 """
 
 import json
@@ -27,7 +27,7 @@ LIMITS = {"pyarrow": 6.0, "NumPy": 20.0}  # s for 1e7 rows of four numbers
 
 
 def write_table(path: Path, rows: int, label: bool = False) -> None:
-    """Write time, three columns of 17 digits, and a word if asked for."""
+    """Write time, three columns of 17 digits, and optionally a word."""
     generator = np.random.default_rng(0)
     names = ["time_s", "penetration_m", "velocity_m_s", "force_N"] + ["phase"] * label
     end = ",load\n" if label else "\n"
@@ -43,7 +43,7 @@ def write_table(path: Path, rows: int, label: bool = False) -> None:
 
 
 def measured(path: Path, parser: str) -> dict[str, float]:
-    """Read a file, and say how long it took and how much memory."""
+    """Read a file, and return its time and memory."""
     if parser == "NumPy":
         sys.modules["pyarrow"] = None  # type: ignore[assignment]  # as where it is not installed
     else:
@@ -81,7 +81,7 @@ def main(
     Parameters
     ----------
     rows
-        Of the table.
+        Rows of the table.
     markdown
         Write the table to this file as Markdown.
     one
@@ -102,7 +102,7 @@ def main(
                 bound = None if label else Limit(limit * rows / 1e7)
                 found += [
                     Row(f"{rows} rows of {what}, {parser}", result["seconds"], "s", limit=bound),
-                    Row("of it the processor's", result["busy"], "s"),
+                    Row("of that, processor time", result["busy"], "s"),
                     Row(
                         "memory at the peak",
                         result["extra"] / 1e6,
@@ -112,7 +112,7 @@ def main(
                         Limit(3.0),
                     ),
                 ]
-    sections = [Section("Reading text", found, ["One run each, in a process of its own."])]
+    sections = [Section("Reading text", found, ["One run each, in a separate process."])]
     report.print_sections(sections, where, Console(highlight=False, width=120))
     if markdown is not None:
         markdown.write_text(report.as_markdown(sections, where))

@@ -21,7 +21,7 @@ Arrays = tuple[Floats, Floats, Floats]
 class NativeReplay:
     """Runs the C++ program; keeps each estimator's times and last law.
 
-    ``again`` writes into memory used before, as a program would; ``anew`` asks for memory, as
+    ``again`` writes into memory used before, as a program would; ``anew`` into new memory, as
     Python does.
     """
 
@@ -61,7 +61,7 @@ def _update(estimator: ContactEstimator, samples: Samples) -> float:
 
 
 def _update_from_arrays(estimator: ContactEstimator, arrays: Arrays) -> float:
-    """Per sample, from the arrays that replay() is given: they have to become numbers first."""
+    """Time per sample, from the arrays that replay() takes, converted to numbers first."""
     estimator.reset()
     update = estimator.update
     start = perf_counter()
@@ -81,15 +81,15 @@ def _cases(arrays: Arrays, samples: Samples) -> dict[str, Case]:
 
 
 def measure_replays(clock: Clock, effort: Effort) -> Section:
-    """Time both and the program in turns, per sample."""
+    """Time both and the program alternately, per sample."""
     samples = contact_samples(effort.replay_samples)
     penetration, velocity, force = np.array(samples).T.copy()
     arrays = (penetration, velocity, force)
     cases = _cases(arrays, samples)
     notes = [
-        f"{effort.replay_samples} samples; per sample, least of the rounds. A replay writes 8 "
-        "numbers and a status a sample (KelvinVoigtRLS 6) into memory that it asks for; the pages "
-        "of new memory are handed out by the system as they are first written.",
+        f"{effort.replay_samples} samples; per sample, shortest of the rounds. A replay writes 8 "
+        "numbers and a status a sample (KelvinVoigtRLS 6) into new memory; the system provides "
+        "its pages as they are first written.",
     ]
     with tempfile.TemporaryDirectory() as folder:
         native: NativeReplay | None = None
@@ -116,7 +116,7 @@ def _rows(best: dict[str, float], native: NativeReplay | None) -> list[Row]:
         ]
         if native is not None:
             references += [
-                ("C++, into memory it has", min(native.again[name]), Limit(1.5)),
+                ("C++, into existing memory", min(native.again[name]), Limit(1.5)),
                 ("C++, into new memory", min(native.anew[name]), None),
             ]
         for reference, seconds, limit in references:
@@ -126,7 +126,7 @@ def _rows(best: dict[str, float], native: NativeReplay | None) -> list[Row]:
 
 
 def _agreement(arrays: Arrays, native: NativeReplay) -> str:
-    """Say whether both came to the same law."""
+    """Return a sentence on whether both gave the same law."""
     differing = []
     for kind in KINDS:
         last = kind().replay(*arrays).parameters[-1].tolist()
@@ -134,4 +134,4 @@ def _agreement(arrays: Arrays, native: NativeReplay) -> str:
             differing.append(kind.__name__)
     if differing:
         return f"last law differs between Python and C++: {', '.join(differing)}"
-    return "The last law of each is the same in Python and in C++, to the last bit."
+    return "The final law of each method is the same in Python and in C++, bit for bit."

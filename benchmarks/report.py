@@ -18,7 +18,7 @@ class Limit:
     at_least: bool = False
 
     def kept_by(self, value: float) -> bool:
-        """Say whether a value keeps it."""
+        """Return whether a value is within it."""
         return value >= self.bound if self.at_least else value <= self.bound
 
     def __str__(self) -> str:
@@ -38,13 +38,13 @@ class Row:
 
     @property
     def within(self) -> bool | None:
-        """Whether the limit is kept; None without one."""
+        """Whether the value is within the limit; None without one."""
         if self.limit is None:
             return None
         return self.limit.kept_by(self.value if self.ratio is None else self.ratio)
 
     def cells(self) -> list[str]:
-        """The row as words, under ``HEADINGS``."""
+        """Return the row as text, under ``HEADINGS``."""
         return [
             self.name,
             f"{_significant(self.value)} {self.unit}".strip(),
@@ -57,7 +57,7 @@ class Row:
 
 @dataclass(frozen=True)
 class Section:
-    """Rows that belong together, and what to know about them."""
+    """Rows that belong together, with notes on them."""
 
     title: str
     rows: Sequence[Row]
@@ -85,7 +85,7 @@ def print_sections(sections: Sequence[Section], machine: dict[str, str], console
 
 
 def verdict(sections: Sequence[Section]) -> str:
-    """Return how many limits are kept, and which are not."""
+    """Return how many rows are within their limits, and which are not."""
     judged = [row for section in sections for row in section.rows if row.within is not None]
     missed = [row.name for row in judged if not row.within]
     text = f"{len(judged) - len(missed)} of {len(judged)} within their limits"
@@ -106,7 +106,7 @@ def as_markdown(sections: Sequence[Section], machine: dict[str, str]) -> str:
 
 
 def as_dict(sections: Sequence[Section], machine: dict[str, str]) -> dict[str, Any]:
-    """Return everything as plain numbers and words."""
+    """Return everything as plain numbers and text."""
     return {
         "machine": machine,
         "sections": [

@@ -1,7 +1,7 @@
-"""Reports of whole recordings: how large, how long they take, and whether they read back exactly.
+"""Reports of whole recordings: their size, their time, and whether they read back exactly.
 
-``python -m benchmarks.reports``: the examples, and recordings by others where there are any, in
-``PALPATE_DATA`` or ``../shared/data`` beside the checkout.
+``python -m benchmarks.reports``: the examples, and others' recordings if there are any, in
+``PALPATE_DATA`` or ``../shared/data`` next to the checkout.
 """
 
 import statistics
@@ -26,7 +26,7 @@ app = App(name="python -m benchmarks.reports", help_format="plaintext", version_
 
 @app.default
 def main() -> None:
-    """Write a report of each recording, and print what it took."""
+    """Write a report of each recording, and print its size and time."""
     console, sizes, ratios, exact, names = Console(), [], [], 0, []
     for file in [*sorted(EXAMPLES.glob("*.csv")), *recorded()]:
         try:
@@ -56,7 +56,7 @@ def main() -> None:
 
 
 def measure(file: Path) -> tuple[int, float, bool]:
-    """Bytes of a recording's page, its time over that of the numbers, and whether it reads back."""
+    """Return the bytes of a page, its time over the numbers', and whether it reads back."""
     began = time.perf_counter()
     result = identify(file)
     compared = compare(result.contact)

@@ -1,4 +1,4 @@
-"""Ours beside the other packages: time a sample, and whether the numbers agree."""
+"""Comparison with other packages: time a sample, and whether the numbers agree."""
 
 from time import perf_counter
 
@@ -19,12 +19,12 @@ def compare_with_peers(clock: Clock, effort: Effort) -> Section:
     cases = {name: lambda p=peer: _seconds(p, samples) for name, peer in peers.items()}
     best = clock.best("other packages", cases, effort.peer_rounds)
     rows = [*_speeds(best), *_differences(peers, samples)]
-    title = "Beside other packages: single-stage regression, per sample"
+    title = "Compared with other packages: single-stage regression, per sample"
     return Section(title, rows, [*NOTES, *notes])
 
 
 def _installed(peers: dict[str, Peer], samples: Samples) -> tuple[dict[str, Peer], list[str]]:
-    """Those that can be imported, and a note on each that cannot."""
+    """Return those that can be imported, and a note on each that cannot."""
     present, notes = {}, []
     for name, peer in peers.items():
         try:

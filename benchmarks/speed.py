@@ -1,7 +1,7 @@
-"""``python -m benchmarks.speed``: every figure of speed and memory, each beside its limit.
+"""``python -m benchmarks.speed``: all results of speed and memory, with their limits.
 
-All are ratios to something measured in the same run, or bounds that any machine of the last years
-keeps. Needs the ``develop`` extra.
+All are ratios to something measured in the same run, or bounds that any recent machine keeps.
+Needs the ``develop`` extra.
 """
 
 import json

@@ -1,4 +1,4 @@
-"""How long a user waits for ``import palpate`` and for ``palpate --help``."""
+"""The time of ``import palpate`` and of ``palpate --help``."""
 
 import subprocess
 import sys
@@ -20,9 +20,9 @@ def _running(*command: str) -> Case:
 
 
 def measure_startup(clock: Clock, effort: Effort) -> Section:
-    """Start processes in turns; medians."""
+    """Start processes alternately; medians."""
     program = Path(sys.executable).with_name("palpate")
-    everything = "import numpy; from palpate import identify"  # palpate alone waits for a name
+    everything = "import numpy; from palpate import identify"  # loads palpate's modules
     cases = {
         "bare Python": _running(sys.executable, "-c", "pass"),
         "import numpy": _running(sys.executable, "-c", "import numpy"),
@@ -40,5 +40,5 @@ def measure_startup(clock: Clock, effort: Effort) -> Section:
         Row("import palpate, beyond NumPy", more, "ms", limit=Limit(120.0)),
         Row("palpate --help", times["palpate --help"], "ms", limit=Limit(400.0)),
     ]
-    notes = [f"Whole processes, with warm disk caches; medians of {effort.start_rounds} rounds."]
+    notes = [f"Complete processes, with warm disk caches; medians of {effort.start_rounds} rounds."]
     return Section("Starting", rows, notes)

@@ -1,4 +1,4 @@
-"""Timing, interleaved: every case once a round, so that a slow second is slow for all of them."""
+"""Interleaved timing: every case once a round, so that a slow second affects all of them."""
 
 import gc
 from collections.abc import Callable, Iterator, Mapping
@@ -14,7 +14,7 @@ Case = Callable[[], float]
 
 @dataclass(frozen=True)
 class Effort:
-    """How much of everything is run."""
+    """The size of each measurement."""
 
     call_rounds: int = 80
     replay_rounds: int = 30
@@ -25,24 +25,24 @@ class Effort:
 
     @classmethod
     def quick(cls) -> "Effort":
-        """Enough to see that it works, and the order of magnitude."""
+        """Short runs that show the order of magnitude."""
         return cls(8, 4, 2, 3, 20_000, (1, 4))
 
 
 class Clock:
-    """Runs cases in rounds, and shows how far it is on standard error."""
+    """Runs cases in rounds, and shows its progress on standard error."""
 
     def __init__(self, progress: Progress) -> None:
         self._progress = progress
 
     def rounds(self, title: str, cases: Mapping[str, Case], rounds: int) -> dict[str, list[float]]:
-        """Return the seconds an item of each case, a round each."""
+        """Return the seconds an item of each case, for each round."""
         times: dict[str, list[float]] = {name: [] for name in cases}
         task = self._progress.add_task(title, total=rounds)
         for _ in range(rounds):
             for name, case in cases.items():
                 gc.collect()
-                gc.disable()  # as timeit does, for all alike
+                gc.disable()  # as timeit does, for all cases
                 try:
                     times[name].append(case())
                 finally:
@@ -54,9 +54,9 @@ class Clock:
     def best(
         self, title: str, cases: Mapping[str, Case], rounds: int, *, passes: int = 2
     ) -> dict[str, float]:
-        """Return the least of the rounds: what other processes add is never negative.
+        """Return the shortest of the rounds, because other processes only ever add time.
 
-        A case runs ``passes`` times in its turn, as the one before it left the caches cold.
+        A case runs ``passes`` times in its turn, because the one before left the caches cold.
         """
         warm = {name: _least(case, passes) for name, case in cases.items()}
         return {name: min(times) for name, times in self.rounds(title, warm, rounds).items()}
@@ -68,7 +68,7 @@ def _least(case: Case, passes: int) -> Case:
 
 @contextmanager
 def clock() -> Iterator[Clock]:
-    """Open a clock; nothing is drawn while a case runs."""
+    """Open a clock; it draws nothing while a case runs."""
     console = Console(stderr=True)
     with Progress(console=console, auto_refresh=False, transient=True) as progress:
         yield Clock(progress)

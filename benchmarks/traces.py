@@ -1,4 +1,4 @@
-"""A trace of variable projection: full, thinned and none, beside a replay of the single stage.
+"""A trace of variable projection: full, thinned and none, compared with a single-stage replay.
 
 ``python -m benchmarks.traces`` measures this alone.
 """
@@ -60,7 +60,7 @@ def _cases(arrays: Arrays) -> dict[str, Case]:
 
 
 def measure_traces(running: Clock, effort: Effort) -> Section:
-    """Time them in turns, per sample."""
+    """Time them alternately, per sample."""
     penetration, velocity, force = np.array(contact_samples(effort.replay_samples)).T.copy()
     cases = _cases((penetration, velocity, force))
     best = running.best("traces", cases, effort.replay_rounds, passes=2)
@@ -87,9 +87,9 @@ def measure_traces(running: Clock, effort: Effort) -> Section:
         ),
     ]
     notes = [
-        f"{effort.replay_samples} samples, all in contact; per sample, least of the rounds. In the "
+        f"{effort.replay_samples} samples, all in contact; per sample, shortest round. In the "
         "first thousand a search over the whole range of exponents is due after every 64th part "
-        "of the samples, 180 of them, whatever is written down.",
+        "of the samples, 180 of them, with any trace.",
     ]
     return Section("Trace of VariableProjection, per sample", rows, notes)
 

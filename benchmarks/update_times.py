@@ -1,8 +1,8 @@
-"""Times ``update`` of every estimator in this interpreter, or beside another palpate's.
+"""Time ``update`` of every estimator in this interpreter, or compared with another palpate's.
 
-``python benchmarks/update_times.py`` prints nanoseconds, the least of some passes, as JSON.
-``python benchmarks/update_times.py --beside OTHER/bin/python`` runs itself in both interpreters in
-turns, so that both meet the same machine, and prints the ratios of this palpate to the other.
+``python benchmarks/update_times.py`` prints nanoseconds, the shortest of some passes, as JSON.
+``python benchmarks/update_times.py --beside OTHER/bin/python`` runs alternately in both
+interpreters, under the same load, and prints the ratios of this palpate to the other.
 """
 
 import argparse
@@ -38,7 +38,7 @@ def samples() -> list[tuple[float, float, float]]:
 
 
 def watching() -> dict[str, dict[str, object]]:
-    """What an estimator may watch for; an earlier palpate knows of no outliers."""
+    """The detectors of an estimator; an earlier palpate has no outlier rejection."""
     detector = {"change_detector": palpate.ChangeDetector()}
     kinds: dict[str, dict[str, object]] = {"": {}, ", detector": dict(detector)}
     if hasattr(palpate, "OutlierRejection"):
@@ -47,7 +47,7 @@ def watching() -> dict[str, dict[str, object]]:
 
 
 def update_times(passes: int = 7) -> dict[str, float]:
-    """Nanoseconds an update, warm, the least of the passes."""
+    """Return nanoseconds an update, warm, the shortest of the passes."""
     rows = samples()
     times = {}
     for name in NAMES:
@@ -66,7 +66,7 @@ def update_times(passes: int = 7) -> dict[str, float]:
 
 
 def beside(other: str, rounds: int) -> None:
-    """Print this palpate's times over the other's, the least of the rounds each."""
+    """Print this palpate's times over the other's, the shortest of the rounds each."""
     best: dict[str, dict[str, float]] = {sys.executable: {}, other: {}}
     for _ in range(rounds):
         for python, least in best.items():

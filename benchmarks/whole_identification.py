@@ -1,7 +1,7 @@
-"""``palpate identify`` on an hour of a robot's recording, step by step, beside reading it raw.
+"""``palpate identify`` on an hour of a robot's recording, step by step, over reading it raw.
 
 ``python -m benchmarks.whole_identification --minutes 60`` writes wrenches and poses of a probe that
-taps a ball, at 1 kHz, into an MCAP file, and times what the command does with it.
+taps a ball, at 1 kHz, into an MCAP file, and times each step of the command.
 """
 
 import argparse
@@ -27,7 +27,7 @@ Result = TypeVar("Result")
 
 
 def messages(minutes: float) -> Iterator[Sent]:
-    """Poses and wrenches of a probe that taps, 300 µs apart."""
+    """Yield poses and wrenches of a tapping probe, 300 µs apart."""
     random = np.random.default_rng(SEED)
     count, piece = int(minutes * 60_000), 60_000
     for first in range(0, count, piece):
@@ -48,7 +48,7 @@ def messages(minutes: float) -> Iterator[Sent]:
 
 
 def timed(name: str, raw: float, work: Callable[[], Result]) -> Result:
-    """Do it, and print a row of the table."""
+    """Run a step, and print its row of the table."""
     begin = time.perf_counter()
     result = work()
     seconds = time.perf_counter() - begin

@@ -1,8 +1,8 @@
-"""Stiffness at working depth beside K, with their relative errors, on recordings by others.
+"""Stiffness at working depth and K, with their relative errors, on others' recordings.
 
 ``python -m benchmarks.working_depth``. K is the force at one metre of depth, where no probe has
-been; the stiffness ∂F/∂x at the median penetration is what a recording holds. The recordings are
-those of ``PALPATE_DATA``, or of ``../shared/data`` beside the checkout.
+been; a recording determines the stiffness ∂F/∂x at the median penetration. The recordings are
+those of ``PALPATE_DATA``, or of ``../shared/data`` next to the checkout.
 """
 
 import math
@@ -27,25 +27,25 @@ HEADINGS = (
     "recording",
     "verdict on the stiffness",
     "depth, mm",
-    "stiffness, N/m (± repeatable ± what the findings would move)",
-    "all of its error",
-    "repeatable",
+    "stiffness, N/m (± statistical ± systematic)",
+    "total error",
+    "statistical",
     "K, N/mⁿ",
     "its error",
     "n",
 )
 WHY = (
+    "How well is the stiffness known where the probe was, compared with K? For the recordings "
+    "marked `trust`, the stiffness is known to {whole} in total, and K to {coefficient} (medians). "
     "K is the force at one metre of depth, where no probe has been, in a unit that depends on the "
-    "exponent. The stiffness where the probe was is known better: that of the recordings marked "
-    "`trust` to {whole}, all told, where K is known to {coefficient} (medians)."
+    "exponent."
 )
 NOTE = (
-    "Each recording as `palpate identify` takes it, with variable projection and nothing set. The "
-    "stiffness is ∂F/∂x at the median penetration. Its repeatable error is from the scatter of the "
-    "residual, with how well the surface is known; all of it has what the diagnosis' findings "
-    "would move beside that. K's error is what the scatter leaves, and the surface; what the "
-    "findings would move of K is not in it. Errors are of one standard deviation, in per cent of "
-    "the value's size."
+    "Each recording is identified by `palpate identify` with its defaults (variable projection). "
+    "The stiffness is ∂F/∂x at the median penetration. Its statistical error is from the scatter "
+    "of the residual and the uncertainty of the surface; the total error adds the systematic "
+    "uncertainty from the diagnosis. K's error is from the scatter and the surface only. Errors "
+    "are one standard deviation, in per cent of the value's size."
 )
 
 app = App(name="python -m benchmarks.working_depth", help_format="plaintext", version_flags=[])
@@ -131,13 +131,13 @@ def page(rows: Sequence[Row], skipped: Sequence[str]) -> str:
     lines = [
         f"<!-- Written by python -m benchmarks.working_depth --markdown {PAGE} -->",
         "",
-        "# Stiffness at working depth, beside K",
+        "# Stiffness at working depth, compared with K",
         "",
         *_why(rows),
         NOTE,
         "",
-        "| stiffness marked | recordings | all of its error | repeatable | K's error | "
-        "K's over the repeatable one |",
+        "| stiffness marked | recordings | total error | statistical | K's error | "
+        "K's over the statistical one |",
         "|---|--:|--:|--:|--:|--:|",
         *_summaries(rows),
         "",

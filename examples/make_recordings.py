@@ -1,11 +1,10 @@
-"""Makes the small recordings in ``examples/recordings``: from the laboratory, with known truth.
+"""Write the small recordings in ``examples/recordings``: from the laboratory, with known truth.
 
     python examples/make_recordings.py [FOLDER]
 
-Each file is a probe on a soft material, as a 1 kHz controller would have logged it: a pause in
-which the force sensor's bias is measured, a smooth approach, then a motion. The notes above the
-header say which law made the force, and how coarse and noisy the sensors were. Needs the extra
-``lab``.
+Each file is a probe on a soft material, as a 1 kHz controller would log it: a pause for measuring
+the force sensor's bias, a smooth approach, then a motion. The notes above the header hold the law
+that generated the force, and the sensors' resolution and noise. Needs the extra ``lab``.
 """
 
 import dataclasses
@@ -50,7 +49,7 @@ def with_tachometer(seed: int) -> Contact:
 
 
 def in_segments(seed: int) -> Contact:
-    """Four touches of a phantom, each a recording of its own."""
+    """Four contacts with a phantom, each a separate recording."""
     sensors = Sensors(penetration_resolution=20e-6)
     parts = []
     for k, depth in enumerate((12e-3, 8e-3, 10e-3, 6e-3)):
@@ -66,7 +65,7 @@ def in_segments(seed: int) -> Contact:
 
 
 def under_a_bead(seed: int) -> Contact:
-    """Nanonewtons and micrometres, as an atomic force microscope has them."""
+    """A contact at the scale of an atomic force microscope: nanonewtons and micrometres."""
     motion = Motion(
         1e-4 * PAPER_MOTION.depth,
         tuple(1e-4 * a for a in PAPER_MOTION.amplitudes),

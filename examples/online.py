@@ -1,10 +1,10 @@
-"""As a controller would use it: one call a sample, and the law whenever somebody asks.
+"""Identify in a control loop: one call per sample, and the law on request.
 
     python examples/online.py [RECORDING.csv]
 
 The recording stands in for the robot. In a real loop the ``for`` is your 1 kHz timer, and the two
-numbers come from your encoder and your force sensor; the preparation makes the velocity, and gives
-everything as late as that is.
+numbers come from your encoder and your force sensor. The preparation computes the velocity, and
+delays position and force by as much as its filter does.
 """
 
 import sys
@@ -16,18 +16,18 @@ BALL = Path(__file__).parent / "recordings" / "ball.csv"
 
 
 def main() -> None:
-    """Feel one recording, sample by sample."""
+    """Identify one recording, sample by sample."""
     contact = prepare(sys.argv[1] if len(sys.argv) > 1 else BALL)
     samples = zip(
         contact.time.tolist(), contact.penetration.tolist(), contact.force.tolist(), strict=True
     )
     preparation = OnlinePreparation(sample_time=contact.sample_time)
-    # Trust nothing below ten times the force noise: ln F has no patience with it.
+    # Use no force below ten times its noise, because ln F amplifies the noise of small forces.
     estimator = SingleStageRLS(gate=ContactGate(minimum_penetration=1e-4, make_force=0.6))
     report_at = 0.5
     for time, position, force in samples:
         sample = preparation.update(position, force, time)
-        if sample is None:  # half a window first, or see preparation.status
+        if sample is None:  # the filter's window is not full yet; preparation.status has the reason
             continue
         status = estimator.update(*sample)
         if sample.time >= report_at:
@@ -37,10 +37,10 @@ def main() -> None:
 
 
 def describe(estimator: SingleStageRLS) -> str:
-    """What is known now, in one line."""
+    """Return the current estimate, in one line."""
     estimate = estimator.estimate()
     if not estimate.samples:
-        return "nothing touched yet"
+        return "no contact yet"
     law = estimate.law
     parts = [
         f"{symbol} = {value:.5g} ± {error:.2g}"

@@ -1,9 +1,9 @@
-"""A force law of your own: anything that is linear in what you do not know.
+"""Identify your own force law, if it is linear in its parameters.
 
     python examples/own_law.py
 
-Here a Kelvin–Voigt contact that also rubs: F = K x + B v + C sign(v). Write down a sample as a row
-of known numbers φ = [x, v, sign v], ask for θ = [K, B, C], and palpate.LeastSquares does the rest.
+This example is a Kelvin–Voigt contact with Coulomb friction: F = K x + B v + C sign(v). Each sample
+is a row of regressors φ = [x, v, sign v]; palpate.LeastSquares estimates θ = [K, B, C].
 """
 
 import math
@@ -12,7 +12,7 @@ import numpy as np
 
 from palpate import LeastSquares
 
-# The truth, which a real probe would not tell us.
+# The truth, unknown with a real probe.
 STIFFNESS, DAMPING, FRICTION = 800.0, 12.0, 0.4  # N/m, N·s/m, N
 NOISE = 0.05  # N
 

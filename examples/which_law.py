@@ -1,10 +1,10 @@
-"""Which law it is, in a loop of one's own: asked a few times a second, and K′ and B′ beside it.
+"""Select the law in your own loop: ask for the verdict, with K′ and B′, once a second.
 
     python examples/which_law.py [RECORDING.csv]
 
 The recording stands in for the robot, as in ``online.py``. ``update`` and ``candidate`` take a
-microsecond or two, ``verdict`` some ten, and ``dynamic_stiffness`` half a millisecond: where your
-loop has not that, give a ``copy`` of the estimator to another thread, as is done here.
+microsecond or two, ``verdict`` some ten, and ``dynamic_stiffness`` half a millisecond. If that is
+too long for your loop, pass a ``copy`` of the estimator to another thread, as here.
 """
 
 import sys
@@ -18,16 +18,16 @@ SPONGE = Path(__file__).parent / "recordings" / "sponge.csv"
 
 
 def main() -> None:
-    """Feel one recording, sample by sample, and say which law it is."""
+    """Identify one recording, sample by sample, and print which law it is."""
     contact = prepare(sys.argv[1] if len(sys.argv) > 1 else SPONGE)
     samples = zip(
         contact.time.tolist(), contact.penetration.tolist(), contact.force.tolist(), strict=True
     )
     step = contact.sample_time
     preparation = OnlinePreparation(sample_time=step)
-    # memory="any" tells eleven laws apart in place of five, for twice the time.
+    # memory="any" compares eleven laws instead of five, in twice the time.
     estimator = Estimator(sample_time=step, change_detector=ChangeDetector())
-    in_force, ask_at, asked = None, 1.0, list[Future[str]]()
+    in_force, report_at, pending = None, 1.0, list[Future[str]]()
     with ThreadPoolExecutor(1) as aside:
         for time, position, force in samples:
             sample = preparation.update(position, force, time)
@@ -38,30 +38,30 @@ def main() -> None:
             estimator.update(*sample)
             if estimator.candidate is not in_force:
                 in_force = estimator.candidate
-                print(f"{time:5.2f} s  {in_force or 'another material: none yet'}")
-            if time >= ask_at:
-                ask_at += 1.0
-                asked.append(aside.submit(described, estimator.copy()))
-            while asked and asked[0].done():
-                print(f"{time:5.2f} s    {asked.pop(0).result()}")
-    estimator.finish_pending()  # the last samples too
-    print(described(estimator))
+                print(f"{time:5.2f} s  {in_force or 'the material changed: no verdict yet'}")
+            if time >= report_at:
+                report_at += 1.0
+                pending.append(aside.submit(describe, estimator.copy()))
+            while pending and pending[0].done():
+                print(f"{time:5.2f} s    {pending.pop(0).result()}")
+    estimator.finish_pending()  # include the last samples
+    print(describe(estimator))
 
 
-def described(estimator: Estimator) -> str:
-    """The verdict and what a small oscillation feels, in one line."""
+def describe(estimator: Estimator) -> str:
+    """Return the verdict and the response to a small oscillation, in one line."""
     verdict = estimator.verdict()
     if not verdict.model_ranking:
         return "no verdict yet"
     try:
-        felt = estimator.dynamic_stiffness()
+        response = estimator.dynamic_stiffness()
     except InvalidParameterError as error:  # the probe has hardly moved
         return f"{verdict}; {error}"
     flags = "".join(f"; {flag}" for flag in (*estimator.estimate().flags, *verdict.flags))
     return (
-        f"{verdict}; K′ {felt.stiffness:.5g} ± {felt.stiffness_error:.2g} N/m, "
-        f"B′ {felt.damping:.4g} ± {felt.damping_error:.2g} N·s/m at {1e3 * felt.depth:.2g} mm and "
-        f"{felt.frequency:.3g} rad/s{flags}"
+        f"{verdict}; K′ {response.stiffness:.5g} ± {response.stiffness_error:.2g} N/m, "
+        f"B′ {response.damping:.4g} ± {response.damping_error:.2g} N·s/m "
+        f"at {1e3 * response.depth:.2g} mm and {response.frequency:.3g} rad/s{flags}"
     )
 
 

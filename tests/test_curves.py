@@ -198,7 +198,7 @@ def test_without_contact_there_is_no_answer_and_laws_and_flags_come_by_curve() -
     assert np.isnan(fits.stiffness[0])
     assert fits.taken[0] == 0
     assert len(fit_curves(*[np.empty((0, 10))] * 3)) == 0
-    with pytest.raises(InvalidParameterError, match="nothing of the curve is contact"):
+    with pytest.raises(InvalidParameterError, match="the curve has no contact"):
         stated_cost(nothing[0], nothing[0], nothing[0])
     x = np.linspace(1e-3, 5e-3, 100)
     v = np.full_like(x, 0.01)

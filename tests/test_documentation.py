@@ -108,6 +108,27 @@ def test_the_snippets_of_a_page_run(page, at_home, briefly, run, capsys):
     assert capsys.readouterr().err == ""
 
 
+LINK = re.compile(r"\]\(([^)\s]+)\)|src(?:set)?=\"([^\"]+)\"")
+
+
+def anchors_of(page: Path) -> set[str]:
+    """What a link may name after ``#``: the headings, as GitHub makes anchors of them."""
+    text = FENCED.sub("", "\n" + page.read_text(encoding="utf-8"))
+    headings = re.findall(r"^#+ (.+)$", text, re.M)
+    return {re.sub(r"[^\w -]", "", heading.lower()).replace(" ", "-") for heading in headings}
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
+def test_every_link_of_a_page_leads_to_a_file_and_a_heading(page):
+    text = FENCED.sub("", "\n" + page.read_text(encoding="utf-8"))
+    for link in ("".join(found) for found in LINK.findall(text)):
+        name, _, anchor = link.partition("#")
+        if ":" not in name:
+            file = page.parent / name if name else page
+            assert file.exists(), link
+            assert not anchor or anchor in anchors_of(file), link
+
+
 def test_the_readme_and_the_docs_have_snippets_to_run():
     languages = {snippet.language for found in SNIPPETS.values() for snippet in found}
     assert {"python", "sh"} <= languages

@@ -1,4 +1,4 @@
-"""How accurate identification is: every figure beside its bound and the paper's method.
+"""How accurate identification is: every result with its bound and the paper's method.
 
-``python -m benchmarks.accuracy`` runs all parts; ``docs/accuracy`` keeps what it printed.
+``python -m benchmarks.accuracy`` runs all parts; ``docs/accuracy`` has the results.
 """

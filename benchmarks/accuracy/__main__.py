@@ -32,31 +32,112 @@ from palpate.writing import check_writable, make_folder, write_text
 
 @dataclass(frozen=True, slots=True)
 class Part:
-    """Tables that are run, and written to one page, together."""
+    """Tables that are run together and written to one page."""
 
     title: str
+    question: str
     run: Callable[[Campaign], list[Group]]
 
 
 PARTS = {
-    "time": Part("What a sample costs", timing.timing),  # first, while the workers are idle
-    "ideal": Part("Beside the bound: no force offset", efficiency.ideal),
-    "offset": Part("Beside the bound: an unknown offset", efficiency.unknown_offset),
-    "chain": Part("Beside the bound: the paper's sensors", efficiency.sensor_chain),
-    "light-contact": Part("Light contact, lost contact and tares", light.light),
-    "starts": Part("Starting values", starts.starts),
-    "approaches": Part("A probe that only goes in", approaches.approaches),
-    "convergence": Part("How soon: three sines", convergence.three_sines),
-    "one-sine": Part("How soon: one sine", convergence.one_sine),
-    "changes": Part("A material that changes", changes.changes),
-    "alarms": Part("The change detector", alarms.alarms),
-    "outliers": Part("Outliers", outliers.outliers),
-    "contact-point": Part("A surface that is unknown", contact_point.contact_point),
-    "coverage": Part("Whether the error bars are true", coverage.coverage),
-    "bars": Part("Error bars where noise is correlated", bars.bars),
-    "recordings": Part("Recordings, beside offline least squares", recordings.recordings),
-    "holding": Part("A contact that is held", holding.holding),
-    "drift": Part("A material that drifts", drift.drift),
+    "time": Part(  # first, while the workers are idle
+        "What a sample costs",
+        "What does a sample cost? Every ratio is relative to the paper's single-stage update in "
+        "the same run.",
+        timing.timing,
+    ),
+    "ideal": Part(
+        "Errors over the Cramér–Rao bound: no force offset",
+        "How close are the errors to the smallest possible? The Cramér–Rao bound is 1: no unbiased "
+        "method is below it, except by chance.",
+        efficiency.ideal,
+    ),
+    "offset": Part(
+        "Errors over the Cramér–Rao bound: unknown offset",
+        "How close are the errors to the smallest possible when the force offset is unknown?",
+        efficiency.unknown_offset,
+    ),
+    "chain": Part(
+        "Errors over the Cramér–Rao bound: the paper's sensors",
+        "How close are the errors to the smallest possible with the paper's sensors: rounded "
+        "force, encoder steps, filtered velocity?",
+        efficiency.sensor_chain,
+    ),
+    "light-contact": Part(
+        "Light contact, lost contact and tares",
+        "Is the result right where the probe leaves the material, where contact is lost above the "
+        "surface, and where the tare is wrong?",
+        light.light,
+    ),
+    "starts": Part(
+        "Starting values",
+        "Can bad starting values spoil the result?",
+        starts.starts,
+    ),
+    "approaches": Part(
+        "A one-way approach",
+        "Does the search find the global minimum where a probe only goes in?",
+        approaches.approaches,
+    ),
+    "convergence": Part(
+        "Convergence time: three sines",
+        "How long until K, B and n are within 5 % and stay there?",
+        convergence.three_sines,
+    ),
+    "one-sine": Part(
+        "Convergence time: one sine",
+        "How long until K, B and n are within 5 % and stay there, with a single sine?",
+        convergence.one_sine,
+    ),
+    "changes": Part(
+        "A changing material",
+        "How fast does the estimate follow a sudden change of the material?",
+        changes.changes,
+    ),
+    "alarms": Part(
+        "The change detector",
+        "How often does the change detector raise a false alarm, and how late does it find small "
+        "changes?",
+        alarms.alarms,
+    ),
+    "outliers": Part(
+        "Outliers",
+        "What do outliers cost with and without rejection, and does the rejection exclude good "
+        "samples?",
+        outliers.outliers,
+    ),
+    "contact-point": Part(
+        "An unknown surface",
+        "How accurate are K and the surface when the surface is known to ±2 mm only?",
+        contact_point.contact_point,
+    ),
+    "coverage": Part(
+        "Coverage of the 95 % intervals",
+        "How often do the 95 % intervals contain the truth, in white noise and with the paper's "
+        "sensors?",
+        coverage.coverage,
+    ),
+    "bars": Part(
+        "Coverage with correlated noise",
+        "How often do the 95 % intervals contain the truth where noise is correlated and contacts "
+        "are short?",
+        bars.bars,
+    ),
+    "recordings": Part(
+        "Recordings, compared with offline least squares",
+        "Does `identify` find the least-squares solution on real recordings?",
+        recordings.recordings,
+    ),
+    "holding": Part(
+        "A held contact",
+        "Does the estimate drift while the probe holds still for 100 s?",
+        holding.holding,
+    ),
+    "drift": Part(
+        "A drifting material",
+        "How well does `DriftTracking` follow a stiffness that drifts slowly?",
+        drift.drift,
+    ),
 }
 
 app = App(name="python -m benchmarks.accuracy", help_format="plaintext")
@@ -72,20 +153,20 @@ def accuracy(
     markdown: Path | None = None,
     json: Path | None = None,
 ) -> None:
-    """Measure how accurate identification is, beside what bounds it.
+    """Measure how accurate identification is, compared with its bounds.
 
     Parameters
     ----------
     seeds
         Seeds of the noise, 2 or more.
     only
-        Parts to run, by name; all unless given.
+        Parts to run, by name. Default: all.
     workers
-        Worker processes; one a core unless given.
+        Worker processes. Default: one per core.
     scheduler
-        Address of a scheduler of Dask, whose workers were started in a checkout.
+        Address of a Dask scheduler whose workers run in a checkout.
     markdown
-        Write a page for each part into this folder too.
+        Also write a page for each part into this folder.
     json
         Write the numbers to this file.
     """
@@ -106,7 +187,8 @@ def accuracy(
                 report.print_group(group, console)
             groups += found
             if markdown is not None:
-                page = report.page(PARTS[name].title, f"--only {name}", found, facts)
+                part, arguments = PARTS[name], f"--only {name}"
+                page = report.page(part.title, part.question, arguments, found, facts)
                 write_text(markdown / f"{name}.md", page)
     console.print(report.words(facts))
     if json is not None:

@@ -1,4 +1,4 @@
-"""The change detector: alarms where nothing changes, and how late it finds small changes."""
+"""The change detector: false alarms, and its delay for small changes."""
 
 from dataclasses import replace
 from functools import partial
@@ -60,13 +60,13 @@ def _false(campaign: Campaign) -> Group:
         hours = len(cases) * WATCHED / 3600.0
         lines.append(Line(name, (sum(counts) / hours,), (limit,), (sum(counts), max(counts))))
     return Group(
-        "False alarms by what the error is like",
-        f"Nothing changes: four materials by three motions, {WATCHED:g} s each, "
-        f"{len(cases) * WATCHED / 3600.0:.1f} h a line; 0.05 N of noise (rms), contact above "
-        "0.25 N and down to 0.15 N. Sensor chain: force in steps of 1/8 N, penetration of 20 µm, "
-        "velocity by a centred filter of 15 ms. "
+        "False alarms by kind of noise",
+        f"The material does not change: four materials by three motions, {WATCHED:g} s each, "
+        f"{len(cases) * WATCHED / 3600.0:.1f} h per line; 0.05 N of noise (rms), contact above "
+        "0.25 N and down to 0.15 N. Sensor chain: force in steps of 1/8 N, penetration in steps "
+        "of 20 µm, velocity by a centred filter of 15 ms. "
         "`VariableProjection(change_detector=ChangeDetector())`.",
-        ("an hour",),
+        ("per hour",),
         lines,
         ("alarms", "most in one run"),
         precision=".3g",
@@ -132,8 +132,8 @@ def _robot(campaign: Campaign) -> Group:
         lines.append(Line(name, (float(sum(counts)),), (Limit(0.0),), (hours,)))
     return Group(
         "False alarms with the robot",
-        f"Nothing changes: the lab's robot and sensors, three sines, {ROBOT_RUN:g} s a run. "
-        "`identify(contact, VariableProjection(change_detector=ChangeDetector()))`.",
+        f"The material does not change: the lab's robot and sensors, three sines, {ROBOT_RUN:g} s "
+        "a run. `identify(contact, VariableProjection(change_detector=ChangeDetector()))`.",
         ("alarms",),
         lines,
         ("hours",),
@@ -156,8 +156,8 @@ def _recordings(campaign: Campaign) -> Group:
     return Group(
         "Alarms in recordings",
         "Real contacts of skin, heels, polymers, silicone, a robot's phantom and cells, whole "
-        "files; none is known to change. "
-        "`identify(contact, VariableProjection(change_detector=ChangeDetector()))`.",
+        "files; none is known to change. `identify(contact, "
+        "VariableProjection(change_detector=ChangeDetector()))`.",
         ("alarms",),
         [Line(f"{len(known)} recordings", (total,), (Limit(2.0),), ())] if known else [],
         (),
@@ -196,9 +196,9 @@ def _delays(campaign: Campaign) -> Group:
             )
     return Group(
         "Milliseconds until a small change is found",
-        f"Change at a random time from 5 to 10 s; three sines, 0.05 N of white noise, "
-        f"{campaign.seeds} seeds; {LOOKED:g} s are looked at, and what is missed counts as that. "
-        "`VariableProjection(change_detector=ChangeDetector())`.",
+        "Change at a random time from 5 to 10 s; three sines, 0.05 N of white noise, "
+        f"{campaign.seeds} seeds; {LOOKED:g} s are examined, and a missed change counts as that "
+        "time. `VariableProjection(change_detector=ChangeDetector())`.",
         ("95th percentile", "missed, %"),
         lines,
         ("median",),

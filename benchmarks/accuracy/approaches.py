@@ -1,4 +1,4 @@
-"""Whether the search over the exponent ends in the lowest valley when a probe only goes in."""
+"""Whether the search over the exponent finds the global minimum when a probe only goes in."""
 
 import numpy as np
 
@@ -10,8 +10,8 @@ from palpate import ContactGate, HuntCrossley, VariableProjection
 SPEEDS = ("constant", "half a sine", "least jerk", "fading")
 NOISES = (1e-4, 5e-3, 5e-2)  # N
 EXPONENTS = np.arange(0.3, 3.6, 0.002)
-# Of the noise variance, by which the answer's sum of squares may exceed the least: the priors,
-# worth a sample or two each, move it by a few.
+# Multiple of the noise variance by which the sum of squares may exceed the minimum: the priors,
+# worth a sample or two each, change it by a few.
 EXCESS = 10.0
 
 
@@ -25,10 +25,10 @@ def approaches(campaign: Campaign) -> list[Group]:
         )
     return [
         Group(
-            "Approaches that end in the wrong valley",
-            f"A probe goes in once, 2 to 15 mm in 0.2 to 3 s, by four profiles of the speed; n "
-            "from 0.5 to 3, peak force 1 to 50 N, noise of 1e-4, 0.005 or 0.05 N. Missed: the sum "
-            f"of squares is more than {EXCESS:g} σ² above the least over {len(EXPONENTS)} "
+            "Approaches that end in the wrong minimum",
+            "A probe goes in once, 2 to 15 mm in 0.2 to 3 s, with four speed profiles; n from 0.5 "
+            "to 3, peak force 1 to 50 N, noise of 1e-4, 0.005 or 0.05 N. Missed means that the "
+            f"sum of squares is more than {EXCESS:g} σ² above the smallest over {len(EXPONENTS)} "
             "exponents, each solved for K, B and the offset by SVD.",
             ("missed, %",),
             lines,
@@ -50,7 +50,7 @@ def _missed(case: tuple[int, int]) -> bool:
     clean = HuntCrossley(stiffness, damping, exponent).force(x, v)
     f = clean + rng.normal(0.0, deviation, len(x))
     x, v, f = x[f > 0.0], v[f > 0.0], f[f > 0.0]
-    # Every sample counts, as in the search beside it: what is asked is how that ends.
+    # Every sample counts, as in the reference search, to compare the two results.
     estimator = VariableProjection(gate=ContactGate(make_force=1e-9))
     estimator.replay(x, v, f)
     estimate = estimator.estimate()

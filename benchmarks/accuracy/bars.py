@@ -25,12 +25,12 @@ RATE = 1e3  # samples a second
 POLES = {"AR(1) 0.9": 0.9, "AR(1) 0.98": 0.98}
 LOW_PASS = "low-pass 50 Hz"
 NOISES = ("white", *POLES, LOW_PASS)
-BEFORE = 2000  # samples in which a filter forgets how it began
-LIGHTEST = 10.0 * NOISE  # N; below it noise, not depth, would say what is contact
+BEFORE = 2000  # samples in which the start of a filter decays
+LIGHTEST = 10.0 * NOISE  # N; below it noise, not depth, would determine contact
 
 
 def bars(campaign: Campaign) -> list[Group]:
-    # A column is of five materials: as a mean of so many contacts.
+    # A column covers five materials: a mean of so many contacts.
     of_mean, of_cell = Limit(100.0, 90.0), Limit(100.0, 85.0)
     lines = []
     for motion in MOTIONS:
@@ -63,26 +63,31 @@ def bars(campaign: Campaign) -> list[Group]:
             )
     return [
         Group(
-            "Coverage of the 95 % interval, whatever the noise",
+            "Coverage of the 95 % interval by kind of noise",
             f"True x and v, noise of {NOISE:g} N (rms) and an unknown offset, five materials; "
-            f"contact from the depth at which the spring gives {LIGHTEST:g} N; "
-            "`VariableProjection()`, and the diagnosis's S and C at working depth. Beside it the "
-            "standard error and the error (rms), over the standard error that white noise would "
-            "leave (Cramér–Rao): of K, B and n, and of S and C.",
+            f"contact from the depth at which the spring force is {LIGHTEST:g} N; "
+            "`VariableProjection()`, and the diagnosis's S and C at working depth. The last "
+            "columns are the standard error and the rms error over the Cramér–Rao bound for white "
+            "noise: of K, B and n, and of S and C.",
             ("lowest cell", *SYMBOLS, "S", "C"),
             lines,
-            ("bar / white", "error / white", "bar / white, S, C", "error / white, S, C"),
+            (
+                "standard error / bound",
+                "error / bound",
+                "standard error / bound, S, C",
+                "error / bound, S, C",
+            ),
             precision=".3g",
             notes=[
-                f"%, mean of five materials, {campaign.seeds} seeds each. The lowest cell is the "
-                "least of twenty-five, a material and a number each."
+                f"In %, mean of five materials, {campaign.seeds} seeds each. The lowest cell is "
+                "the smallest of twenty-five: five materials by five quantities."
             ],
         )
     ]
 
 
 def _contact(material: str, motion: str, kind: str, seed: int) -> Floats:
-    """Errors of K, B, n, S and C, their standard errors, and those of white noise; shape (3, 5)."""
+    """Return errors of K, B, n, S and C, their s.e., and those of white noise; shape (3, 5)."""
     law = MATERIALS[material]
     x, v = MOTIONS[motion]()
     where = list(MATERIALS).index(material), list(MOTIONS).index(motion), NOISES.index(kind)

@@ -17,16 +17,16 @@ Result = TypeVar("Result")
 
 
 class Campaign:
-    """Runs functions of a seed on the workers that a fleet has: Dask's.
+    """Runs functions of a seed on Dask workers, as a fleet does.
 
     Parameters
     ----------
     seeds : int
-        How many seeds a row uses, unless it says otherwise.
+        Number of seeds of a row, unless the row sets its own.
     workers : int, optional
-        Processes; the cores unless given.
+        Number of processes. Default: one per core.
     scheduler : str, optional
-        Address of a scheduler of one's own, whose workers can import the benchmarks.
+        Address of a Dask scheduler whose workers can import the benchmarks.
     """
 
     def __init__(

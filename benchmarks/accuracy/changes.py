@@ -1,4 +1,4 @@
-"""How soon the force is right again after the material changed, and false alarms."""
+"""The delay until the force is right again after a change of the material, and false alarms."""
 
 from dataclasses import dataclass, replace
 from functools import cache, partial
@@ -53,7 +53,7 @@ ANOTHER_EXPONENT = {"ball → PVC": (BALL, PVC), "PVC → ball": (PVC, BALL)}
 
 @dataclass(frozen=True, slots=True)
 class Recovery:
-    """Milliseconds after a change; ``alarms`` counts all of the run."""
+    """Milliseconds after a change; ``alarms`` counts those of the whole run."""
 
     error: float
     model: float
@@ -74,8 +74,8 @@ def changes(campaign: Campaign) -> list[Group]:
         for name in CHANGES
     }
     return [
-        _recovery(runs, "a", "the force error is back", "error"),
-        _recovery(runs, "b", "the model's own error is back for good", "model"),
+        _recovery(runs, "a", "the force error has recovered", "error"),
+        _recovery(runs, "b", "the model error has recovered for good", "model"),
         _overshoots(campaign),
         _exponents(campaign),
         _false_alarms(campaign),
@@ -84,8 +84,8 @@ def changes(campaign: Campaign) -> list[Group]:
 
 def _recovery(runs: Runs, letter: str, what: str, attribute: str) -> Group:
     meaning = {
-        "a": "Samples until the mean of |e| over the next 5 ms is first below 2σ = 0.1 N, "
-        "e = F − F̂ a priori.",
+        "a": "Samples until the mean of |e| over the next 5 ms is first below 2σ = 0.1 N, with "
+        "the one-step prediction error e = F − F̂.",
         "b": "Samples until |F_true − F̂| is below 2σ = 0.1 N and stays so to the end.",
     }[letter]
     lines = []
@@ -99,7 +99,7 @@ def _recovery(runs: Runs, letter: str, what: str, attribute: str) -> Group:
     return Group(
         f"Milliseconds until {what} after a change",
         f"{meaning} Change at a random time from 5 to 10 s of 12; three sines, 0.05 N of noise; "
-        "`VariableProjection(change_detector=ChangeDetector())`, beside "
+        "`VariableProjection(change_detector=ChangeDetector())`, compared with "
         "`SingleStageRLS(perturbation=SelfPerturbation())`.",
         ("95th percentile",),
         lines,
@@ -114,7 +114,7 @@ def _recovery(runs: Runs, letter: str, what: str, attribute: str) -> Group:
             "SPRLS worst",
         ),
         precision=".1f",
-        notes=[f"{len(single)} seeds. Never within the run counts as the time that was left."],
+        notes=[f"{len(single)} seeds. A run without recovery counts as the remaining time."],
     )
 
 
@@ -164,10 +164,10 @@ def _overshoots(campaign: Campaign) -> Group:
         lines.append(Line(name, (float(late),), limits, (float(median), float(alarm))))
     return Group(
         "Overshoot of the stiffness after a change with the robot, %",
-        "The largest K̂/K − 1 from 60 ms to 3 s after a change at a random time from 6 to 8 s; the "
-        f"lab's robot and sensors, three sines, {len(seeds)} seeds. "
-        "`identify(contact, VariableProjection(change_detector=ChangeDetector()))`. A speed that a "
-        "centred filter smears shows a change some milliseconds before it.",
+        "The largest K̂/K − 1 from 60 ms to 3 s after a change at a random time from 6 to 8 s; "
+        f"the lab's robot and sensors, three sines, {len(seeds)} seeds. `identify(contact, "
+        "VariableProjection(change_detector=ChangeDetector()))`. A centred velocity filter shows "
+        "the change some milliseconds early.",
         ("95th percentile",),
         lines,
         ("median", "alarm 95th, ms"),
@@ -199,10 +199,10 @@ def _exponents(campaign: Campaign) -> Group:
         median, late = np.percentile(times, [50.0, 95.0])
         lines.append(Line(name, (float(late),), (), (float(median),)))
     return Group(
-        "Milliseconds until another exponent is known after a change",
-        "Until n̂ is within 0.05 and stays so for the 3 s that are looked at: the old one is kept "
-        "until the samples reject it. Change at a random time from 5 to 9 s; three sines, 0.05 N "
-        "of noise. `VariableProjection(change_detector=ChangeDetector())`.",
+        "Milliseconds until a changed exponent is known",
+        "Until n̂ is within 0.05 of the truth and stays there to the end of 3 s. The estimator "
+        "keeps the old exponent until the samples reject it. Change at a random time from 5 to 9 "
+        "s; three sines, 0.05 N of noise. `VariableProjection(change_detector=ChangeDetector())`.",
         ("95th percentile",),
         lines,
         ("median",),
@@ -238,9 +238,9 @@ def _false_alarms(campaign: Campaign) -> Group:
     )
     return Group(
         "False alarms",
-        f"Nothing changes for 10 minutes of three sines, 0.05 N of noise, {campaign.seeds} seeds "
-        f"({campaign.seeds * WATCHED / 3600.0:.0f} h); `ChangeDetector()`. The Maxwell sponge is "
-        f"{maxwell}.",
+        "The material does not change for 10 minutes of three sines, 0.05 N of noise, "
+        f"{campaign.seeds} seeds ({campaign.seeds * WATCHED / 3600.0:.0f} h); `ChangeDetector()`. "
+        f"The Maxwell sponge is {maxwell}.",
         ("alarms",),
         lines,
         ("per 10 min", "most in one run"),
@@ -259,7 +259,7 @@ def _alarms_out_of_class(seed: int) -> int:
 
 @cache
 def _relaxing_force() -> Floats:
-    """Of the lab's relaxing sponge, touched a microsecond before the first sample: not rested."""
+    """The force of the lab's relaxing sponge, touched a microsecond before the first sample."""
     motion = sines(WATCHED)
     time = np.insert(motion.time, 0, -1e-6)
     x, v = (np.insert(signal, 0, 0.0) for signal in (motion.penetration, motion.velocity))

@@ -1,4 +1,4 @@
-"""A contact point that is unknown by up to 2 mm."""
+"""An unknown contact point, off by up to 2 mm."""
 
 from functools import partial
 
@@ -10,7 +10,7 @@ from benchmarks.accuracy.table import Group, Limit, Line
 from palpate import VariableProjection
 from palpate.design.precision import cramer_rao_bound
 
-DURATION = 20.0  # s, the approach included
+DURATION = 20.0  # s, including the approach
 UNKNOWN = 2e-3  # m
 
 
@@ -36,9 +36,9 @@ def contact_point(campaign: Campaign) -> list[Group]:
     return [
         Group(
             "Unknown contact point",
-            "True x and v but for a shift of up to ±2 mm, 0.05 N of noise; a second of approach "
+            "True x and v, shifted by up to ±2 mm, 0.05 N of noise; one second of approach "
             "from 3 mm above the surface, then three sines to 20 s; `VariableProjection("
-            'surface="estimate")`. The bound has offset and surface as nuisances.',
+            'surface="estimate")`. The bound treats offset and surface as nuisance parameters.',
             ("95th percentile", "worst"),
             lines,
             ("rms", "bound", "rms / bound"),
@@ -49,7 +49,7 @@ def contact_point(campaign: Campaign) -> list[Group]:
 
 
 def _run(material: str, seed: int) -> tuple[tuple[float, float], tuple[str, ...]]:
-    """Errors of K [%] and of the surface [µm], and the flags."""
+    """Return errors of K [%] and of the surface [µm], and the flags."""
     law, rng = MATERIALS[material], np.random.default_rng(seed)
     motion = approach_and_probe(DURATION)
     x, v = motion.penetration, motion.velocity

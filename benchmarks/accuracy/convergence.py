@@ -1,4 +1,4 @@
-"""How long until K, B and n are within 5 % and stay there."""
+"""The time until K, B and n are within 5 % and stay there."""
 
 from dataclasses import dataclass
 from functools import partial
@@ -25,21 +25,21 @@ from palpate.design import Motion
 from palpate.design.precision import jacobian
 
 DURATION = 20.0  # s
-KNOWN_TO = 3e-3  # N, an offset that a pause has left
+KNOWN_TO = 3e-3  # N, an offset after a tare in a pause
 UNKNOWN = 0.1  # N, drawn for the default
 WITHIN = 0.05
 
 
 @dataclass(frozen=True, slots=True)
 class Variant:
-    """What is known of the offset: its deviation, 0 none at all, None nothing."""
+    """What is known of the offset: its standard deviation; 0 if there is none, None if unknown."""
 
     words: str
     offset: float | None
 
     @property
     def settings(self) -> dict[str, Any]:
-        """Arguments of VariableProjection."""
+        """Return the arguments of VariableProjection."""
         if self.offset is None:
             return {}
         return {"offset": False} if self.offset == 0.0 else {"offset_deviation": self.offset}
@@ -52,12 +52,12 @@ VARIANTS = (
 )
 METHOD = (
     "Worst over the seeds, s; true x and v, 0.05 N of noise, {duration:g} s. No offset: "
-    "`offset=False`. Known to 3 mN: `offset_deviation=3e-3`, the offset drawn with it. Unknown: "
-    "`VariableProjection()`, the offset drawn with 0.1 N. Beside it: the median, and the time "
-    "from which twice the Cramér–Rao bound is below 5 %; of normal errors the worst of 200 is "
-    "near 2.8 bounds, so no unbiased method has its worst there. The default's prior of the "
-    "offset, twenty times the noise, is not in the bound: early on it says more than the samples "
-    "do."
+    "`offset=False`. Known to 3 mN: `offset_deviation=3e-3`, with an offset drawn from it. "
+    "Unknown: `VariableProjection()`, with an offset drawn from N(0, (0.1 N)²). Last columns: the "
+    "median, and the time from which twice the Cramér–Rao bound is below 5 %. The worst of 200 "
+    "normal errors is near 2.8 bounds, so no unbiased method has its worst there. The default "
+    "prior on the offset, twenty times the noise, is not in the bound: early on it contributes "
+    "more than the samples."
 )
 BESIDE = (
     *(f"median {symbol}" for symbol in SYMBOLS),
@@ -118,7 +118,7 @@ def _line(
 
 
 def _times(material: str, motion: Motion, variant: Variant, seed: int) -> Floats:
-    """Seconds until K, B and n stay within 5 %; the whole duration where they do not."""
+    """Return the seconds until K, B and n stay within 5 %; the duration if they do not."""
     law, rng = MATERIALS[material], np.random.default_rng(seed)
     probe = sines(DURATION, motion)
     x, v = probe.penetration, probe.velocity
@@ -129,14 +129,14 @@ def _times(material: str, motion: Motion, variant: Variant, seed: int) -> Floats
 
 
 def last_outside(outside: NDArray[np.bool_]) -> Floats:
-    """Seconds until no sample of a column is outside any more."""
+    """Return the seconds until no sample of a column is outside any more."""
     reversed_first = np.argmax(outside[::-1], axis=0)
     samples = np.where(outside.any(axis=0), len(outside) - reversed_first, 0)
     return np.asarray(samples * SAMPLE_TIME, dtype=np.float64)
 
 
 def _bound(material: str, motion: Motion, variant: Variant) -> tuple[float, ...]:
-    """Seconds until twice the bound stays below 5 %."""
+    """Return the seconds until twice the bound stays below 5 %."""
     law, probe = MATERIALS[material], sines(DURATION, motion)
     columns = jacobian(law, probe.penetration, probe.velocity) * law.parameters
     if variant.offset != 0.0:
@@ -144,7 +144,7 @@ def _bound(material: str, motion: Motion, variant: Variant) -> tuple[float, ...]
     information = np.cumsum(columns[:, :, None] * columns[:, None, :], axis=0) / NOISE**2
     if variant.offset:
         information[:, -1, -1] += variant.offset**-2
-    first = 10  # samples below which no inverse is sound
+    first = 10  # fewest samples for a valid inverse
     covariance = np.linalg.inv(information[first:])
     errors = np.sqrt(np.abs(np.diagonal(covariance, axis1=1, axis2=2)[:, :3]))
     late = last_outside(2.0 * errors > WITHIN) + first * SAMPLE_TIME

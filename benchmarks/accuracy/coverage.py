@@ -1,4 +1,4 @@
-"""How often the 95 % interval holds the truth."""
+"""How often the 95 % interval contains the truth."""
 
 from functools import partial
 
@@ -14,7 +14,7 @@ def coverage(campaign: Campaign) -> list[Group]:
     ideal = "True x and v, white noise of 0.05 N, an unknown offset; `VariableProjection()`."
     chain = (
         "The paper's sensor chain with {}: an encoder's steps and a surface up to half a step "
-        "away are not in the model, so nothing promises 95 % here."
+        "away are not in the model, so 95 % is not guaranteed here."
     )
     return [
         _group(
@@ -22,8 +22,8 @@ def coverage(campaign: Campaign) -> list[Group]:
             "Coverage of the 95 % interval",
             ideal,
             [Trial(name, "offset", single_stage=False) for name in MATERIALS],
-            # Above 95: a bar is never below that of white noise, and it pays for not knowing that
-            # the noise is white.
+            # Above 95, because a bar is never below that of white noise, and is wider because the
+            # noise is not known to be white.
             (Limit(99.0, 93.0),),
             5 * campaign.seeds,
         ),
@@ -40,13 +40,13 @@ def coverage(campaign: Campaign) -> list[Group]:
                 ("offset unknown", "`VariableProjection()`", None, None),
                 (
                     "offset known from the pause",
-                    "`offset_deviation` set to what the pause leaves",
+                    "`offset_deviation` set to the uncertainty after the pause",
                     OFFSET_LEFT,
                     None,
                 ),
                 (
                     "offset known from the pause, the surface to the encoder's step",
-                    "the same, and `surface_deviation` to what `identify` makes of the steps",
+                    "the same, and `surface_deviation` as `identify` derives it from the steps",
                     OFFSET_LEFT,
                     SURFACE_LEFT,
                 ),

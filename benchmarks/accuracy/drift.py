@@ -12,7 +12,7 @@ from palpate import ConstantForgetting, DriftTracking, VariableProjection
 from palpate.estimators import ContactEstimator
 from palpate.validation import Floats
 
-DURATION, SETTLED = 40.0, 2000  # s; samples left out
+DURATION, SETTLED = 40.0, 2000  # s; excluded samples
 METHODS: dict[str, Callable[[], ContactEstimator]] = {
     "drift tracking": DriftTracking,
     "projection": lambda: VariableProjection(offset=False),
@@ -34,8 +34,8 @@ def drift(campaign: Campaign) -> list[Group]:
             "Drift",
             "The whole force drifts by ±30 % at 0.1 Hz for 40 s of three sines, 0.05 N of noise. "
             "Relative rms error of the force scale K x_rⁿ at x_r = 10 mm, %, from 2 s on; "
-            "`DriftTracking()` beside `VariableProjection(offset=False)` without and with constant "
-            "forgetting.",
+            "`DriftTracking()` compared with `VariableProjection(offset=False)`, without and with "
+            "constant forgetting.",
             ("rms",),
             lines,
             ("worst seed", *(f"VP, {name}" for name in ("no forgetting", *list(METHODS)[2:]))),
@@ -46,7 +46,7 @@ def drift(campaign: Campaign) -> list[Group]:
     ]
 
 
-# Deviation of ln K after a second, 1/√s, and correlation of the noise: the first has to be flagged,
+# Deviation of ln K after a second, 1/√s, and correlation of the noise: the first must be flagged,
 # the second is what `DriftTracking()` assumes.
 WALKS = ((0.2, 0.0), (0.02, 0.0), (0.04, 0.0), (0.1, 0.0), (0.02, 0.9))
 
@@ -61,9 +61,9 @@ def _too_slow(campaign: Campaign) -> Group:
         )
     return Group(
         "A walk that is too slow",
-        "ln K walks at random for 20 s of three sines, 0.05 N of noise. Share of runs, %, at whose "
-        "end `DriftTracking()`, whose walk is 0.02/√s, says that it is too slow. Noise of "
-        "AR(1) 0.9 is taken for a drift where the filter cannot follow it, as on a soft material.",
+        "ln K walks at random for 20 s of three sines, 0.05 N of noise. Percentage of runs after "
+        "which `DriftTracking()`, with its walk of 0.02/√s, flags that the walk is too slow. On a "
+        "soft material AR(1) 0.9 noise looks like a drift that the filter cannot follow.",
         ("walk of 0.2/√s", "of 0.02/√s"),
         lines,
         ("of 0.04/√s", "of 0.1/√s", "of 0.02/√s, AR(1) 0.9"),
@@ -96,7 +96,7 @@ def _noise(random: np.random.Generator, count: int, correlation: float) -> Float
 
 
 def _errors(material: str, seed: int) -> list[float]:
-    """Relative rms error of the force scale by each method, %."""
+    """Return the relative rms error of the force scale by each method, %."""
     law, motion = MATERIALS[material], sines(DURATION)
     x, v = motion.penetration, motion.velocity
     scale = 1.0 + 0.3 * np.sin(2.0 * np.pi * 0.1 * motion.time)

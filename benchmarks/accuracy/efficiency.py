@@ -17,7 +17,7 @@ def ideal(campaign: Campaign) -> list[Group]:
             campaign,
             "RMSE over the Cramér–Rao bound, no offset",
             "True x and v, white noise of 0.05 N, three sines; `VariableProjection(offset=False)` "
-            "beside `SingleStageRLS()`.",
+            "and `SingleStageRLS()`.",
             [Trial(name) for name in MATERIALS],
             lambda _: Limit(1.15),
             seeds=5 * campaign.seeds,
@@ -30,8 +30,9 @@ def unknown_offset(campaign: Campaign) -> list[Group]:
         _group(
             campaign,
             "RMSE over the Cramér–Rao bound, unknown offset",
-            "The same with a force offset drawn from N(0, (0.1 N)²) for each seed; "
-            "`VariableProjection()`. The bound has the offset as a nuisance.",
+            "True x and v, white noise of 0.05 N, three sines, and for each seed a force offset "
+            "from N(0, (0.1 N)²); `VariableProjection()`. The bound treats the offset as a "
+            "nuisance parameter.",
             [Trial(name, "offset") for name in MATERIALS],
             lambda _: Limit(1.15),
             seeds=5 * campaign.seeds,
@@ -44,13 +45,13 @@ def sensor_chain(campaign: Campaign) -> list[Group]:
         ("offset unknown", "`VariableProjection()`", None, None),
         (
             "offset known from the pause",
-            f"`offset_deviation={OFFSET_LEFT:.4f}`, what the pause leaves",
+            f"`offset_deviation={OFFSET_LEFT:.4f}`, the uncertainty after the pause",
             OFFSET_LEFT,
             None,
         ),
         (
             "offset known from the pause, the surface to the encoder's step",
-            "The same, and `surface_deviation` as `identify` takes it of the steps",
+            "The same, and `surface_deviation` as `identify` derives it from the encoder's steps",
             OFFSET_LEFT,
             SURFACE_LEFT,
         ),
@@ -60,10 +61,10 @@ def sensor_chain(campaign: Campaign) -> list[Group]:
             campaign,
             f"RMSE over the Cramér–Rao bound, the paper's sensor chain, {words}",
             f"{settings}. Force in steps of 1/8 N after 0.05 N of noise, a bias measured in a 2 s "
-            "pause and removed, a 20 µm encoder whose steps lie anywhere to the surface, velocity "
-            "by a Savitzky–Golay filter of 15 ms. The bound has white noise of 0.05 N and the "
-            "offset as a nuisance; quantisation of the force alone gives 1.23 times it, and what "
-            "is known of the offset is not in it, so that ratios below 1 are no wonder.",
+            "pause and removed, a 20 µm encoder at random alignment to the surface, velocity "
+            "by a Savitzky–Golay filter of 15 ms. The bound assumes white noise of 0.05 N and an "
+            "unknown offset. Quantisation of the force alone multiplies it by 1.23. It includes "
+            "no prior knowledge of the offset, so ratios below 1 are possible.",
             [Trial(name, "chain", offset, surface) for name in MATERIALS],
             lambda time: Limit(1.3 if time <= 5.0 else 1.5),
             seeds=campaign.seeds,

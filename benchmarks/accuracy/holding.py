@@ -12,7 +12,7 @@ from palpate import VariableProjection
 
 BEFORE, HOLD, AFTER = 10_000, 100_000, 10_000  # samples
 DEPTH = 10.5e-3  # m
-LOOK = 100  # samples between looks at the estimate
+LOOK = 100  # samples between two estimates
 
 
 def holding(campaign: Campaign) -> list[Group]:
@@ -26,13 +26,13 @@ def holding(campaign: Campaign) -> list[Group]:
         lines.append(Line(material, tuple(hold.tolist()), (Limit(1.0),), tuple(after.tolist())))
         flags = Counter(flag for run in runs for flag in run[2])
         held = "; ".join(f"“{flag}” ({count})" for flag, count in flags.most_common())
-        notes.append(f"{material}, flags of a contact that is held from the start: {held}.")
+        notes.append(f"{material}, flags of a contact held from the start: {held}.")
     return [
         Group(
             "Held for 100 s",
             "Three sines for 10 s, 100 s held at 10.5 mm, three sines for 10 s; 0.05 N of noise, "
-            "`VariableProjection()`. Largest move of a parameter from where it stood when the hold "
-            "began, %, looked at every 0.1 s; beside it the same after the hold.",
+            "`VariableProjection()`. Largest change of a parameter since the hold began, %, "
+            "checked every 0.1 s; last columns: the same after the hold.",
             SYMBOLS,
             lines,
             tuple(f"after: {symbol}" for symbol in SYMBOLS),
@@ -43,7 +43,7 @@ def holding(campaign: Campaign) -> list[Group]:
 
 
 def _moves(material: str, seed: int) -> tuple[Floats, Floats, tuple[str, ...]]:
-    """Largest moves during and after the hold [%], and the flags of a purely held contact."""
+    """Return the largest changes during and after the hold [%], and the flags of a held contact."""
     law, rng = MATERIALS[material], np.random.default_rng(seed)
     motion = sines((BEFORE + AFTER) * 1e-3)
     x = np.insert(motion.penetration, BEFORE, np.full(HOLD, DEPTH))

@@ -1,4 +1,4 @@
-"""Light contact, contact that is lost above the surface, and tares: which samples count."""
+"""Light contact, contact lost below the surface on the way out, and tares."""
 
 import math
 import zlib
@@ -17,13 +17,13 @@ from palpate.design.precision import cramer_rao_bound
 
 SECONDS = 10.0
 LEVELS = (0.005, 0.05, 0.2)  # N
-LEVEL = 0.05  # N, where there is one only
-FIRST_SEED = 20_000  # none of these was looked at while the rule was made
+LEVEL = 0.05  # N, if there is only one
+FIRST_SEED = 20_000  # none of these was used while the rule was developed
 
 
 @dataclass(frozen=True, slots=True)
 class Material:
-    """A law, and how deep it is probed."""
+    """A law, and the depth of probing."""
 
     law: HuntCrossley
     depth: float = 10e-3  # m
@@ -53,7 +53,7 @@ class Path:
 
 @lru_cache(maxsize=8)
 def path(kind: str) -> Path:
-    """One of the motions, which all leave the material."""
+    """Return one of the motions, which all leave the material."""
     t: Floats = 1e-3 * np.arange(round(1e3 * SECONDS), dtype=np.float64)
     if kind == "chirp":  # 0.5 to 3 Hz
         rates = 2.0 * math.pi * (0.5 + 2.5 * t / SECONDS)
@@ -76,7 +76,7 @@ def path(kind: str) -> Path:
 
 
 def estimated(x: Floats, v: Floats, f: Floats, tare: float | None = None) -> Estimate:
-    """What variable projection knows in the end, in the units that `identify` would choose."""
+    """Return the final estimate of variable projection, in the units of `identify`."""
     touching = (x > 0.0) & (f > 0.0)
     scale = Scale(*(float(np.abs(signal[touching]).max()) for signal in (x, v, f)))
     estimator = VariableProjection(scale=scale, offset_deviation=tare)
@@ -85,7 +85,7 @@ def estimated(x: Floats, v: Floats, f: Floats, tare: float | None = None) -> Est
 
 
 def _noise(line: str, seed: int, samples: int, level: float = LEVEL) -> Floats:
-    """White noise, N, of its own for each line of a table: the lines are then independent."""
+    """Return white noise, N, separate for each line of a table, so that lines are independent."""
     random = np.random.default_rng([FIRST_SEED + seed, zlib.crc32(line.encode())])
     return random.normal(0.0, level, samples)
 
@@ -122,9 +122,10 @@ def _efficiency(campaign: Campaign) -> list[Group]:
     scatter = (2.0 * campaign.seeds) ** -0.5
     title = "Light contact: RMSE over the Cramér–Rao bound"
     definition = (
-        "Ten seconds of motions that leave the material, with the free air between: true x and v, "
-        "white noise, no tare. The bound has all samples and the offset as a nuisance. Beside it "
-        "how many in a hundred 95 % intervals hold the truth."
+        "Ten seconds of motions that leave the material, including the free air between touches: "
+        "true x and v, white noise, no tare. The bound uses all samples and treats the offset as "
+        "a nuisance parameter. Last columns: the percentage of 95 % intervals that contain the "
+        "truth."
     )
     notes = [
         f"{campaign.seeds} seeds from {FIRST_SEED}; each ratio is known to ±{scatter:.1%} (one "
@@ -136,12 +137,12 @@ def _efficiency(campaign: Campaign) -> list[Group]:
     )
     return [
         Group(
-            title, definition, SYMBOLS, lines, tuple(f"covers {s}" for s in SYMBOLS), notes=notes
+            title, definition, SYMBOLS, lines, tuple(f"coverage {s}" for s in SYMBOLS), notes=notes
         ),
         Group(
-            "In short",
-            "Over all figures, and over the worst of K, B and n of each line, which is above the "
-            "bound by chance.",
+            "Summary",
+            "Median of all figures, and of the worst of K, B and n of each line, which exceeds "
+            "the bound by chance.",
             ("all",),
             [median],
             ("worst of K, B, n",),
@@ -151,7 +152,7 @@ def _efficiency(campaign: Campaign) -> list[Group]:
 
 
 def _errors(name: str, kind: str, level: float, seed: int) -> tuple[Floats, NDArray[np.bool_]]:
-    """Errors of K, B and n, and whether the intervals hold the truth."""
+    """Return errors of K, B and n, and whether the intervals contain the truth."""
     material, motion = MATERIALS[name], path(kind)
     x, v = motion.x * material.depth, motion.v * material.depth
     f = material.law.force(x, v) + _noise(f"{name} {kind} {level}", seed, x.size, level)
@@ -180,8 +181,8 @@ def _lost(campaign: Campaign) -> Group:
                 )
     return Group(
         "Contact that is lost above the surface",
-        "A material that recovers slowly: on the way out there is no force below 10 or 30 % of the "
-        "depth that was reached. 0.05 N of white noise. Errors, %, rms.",
+        "A material that recovers slowly: on the way out there is no force below 10 or 30 % of "
+        "the maximum depth. 0.05 N of white noise. Errors, %, rms.",
         SYMBOLS,
         lines,
         precision=".2f",
@@ -190,7 +191,7 @@ def _lost(campaign: Campaign) -> Group:
 
 
 def _after_loss(name: str, kind: str, below: float, air: bool, seed: int) -> Floats:
-    """Relative errors of K, B and n."""
+    """Return relative errors of K, B and n."""
     material, motion = MATERIALS[name], path(kind)
     lost = _recovering(motion, below)
     x, v = motion.x * material.depth, motion.v * material.depth
@@ -202,7 +203,7 @@ def _after_loss(name: str, kind: str, below: float, air: bool, seed: int) -> Flo
 
 
 def _recovering(motion: Path, below: float) -> NDArray[np.bool_]:
-    """Where the material has not come back yet."""
+    """Return where the material has not recovered yet."""
     lost, reached = np.zeros(motion.x.size, dtype=bool), 0.0
     for k, (x, v) in enumerate(zip(motion.x.tolist(), motion.v.tolist(), strict=True)):
         reached = max(reached, x) if x > 0.0 else 0.0
@@ -210,10 +211,10 @@ def _recovering(motion: Path, below: float) -> NDArray[np.bool_]:
     return lost
 
 
-#: Force offset, what a tare is said to have left, and what is to be found; N.
+#: Force offset, N (None: what a good tare leaves), and stated uncertainty of the tare, N.
 OFFSETS = {
     "untared, 5 N": (5.0, None),
-    "a wrong tare, 5 N off and said to 5 mN": (5.0, 5e-3),
+    "a wrong tare, 5 N off and stated to 5 mN": (5.0, 5e-3),
     "a good tare, to 5 mN": (None, 5e-3),
 }
 
@@ -239,8 +240,8 @@ def _offsets(campaign: Campaign) -> Group:
     return Group(
         "Offsets and tares",
         "A random motion, through the surface with free air, or deep within (a fifth of the stroke "
-        "around 60 % of the depth, never in free air); 0.05 N of white noise. How many in a "
-        "hundred 95 % intervals hold K, how many are flagged, and the error of K, %, rms.",
+        "around 60 % of the depth, never in free air); 0.05 N of white noise. Percentage of 95 % "
+        "intervals that contain K, percentage flagged, and rms error of K, %.",
         ("K covered", "flagged"),
         lines,
         ("K, % rms",),
@@ -252,7 +253,7 @@ def _offsets(campaign: Campaign) -> Group:
 def _with_offset(
     name: str, where: str, offset: float | None, tare: float | None, seed: int
 ) -> tuple[float, float, float]:
-    """Relative error of K, whether its interval holds it, and whether the tare is flagged."""
+    """Return the error of K, whether its interval contains it, and whether the tare is flagged."""
     material, motion = MATERIALS[name], path("random")
     deep = where == "deep"
     x = material.depth * (0.6 + 0.2 * (motion.x - 0.35) if deep else motion.x)

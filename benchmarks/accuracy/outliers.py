@@ -1,4 +1,4 @@
-"""Outliers: what they do to the estimate, and that nothing good is left out."""
+"""Outliers: their effect on the estimate, and good samples that are rejected."""
 
 from dataclasses import replace
 from functools import partial
@@ -72,21 +72,21 @@ def _errors(campaign: Campaign) -> Group:
     return Group(
         "Error of K and B, rms, %",
         f"`identify` with its defaults, {SECONDS:g} s of three sines at 1 kHz, 0.05 N of noise on "
-        f"the force, {campaign.seeds} seeds. A lost position is 0 (0.1 % of them; the penetration "
-        "has 1 µm of noise, and `prepare` works the velocity out from it, without what is lost). "
-        "Smeared: by a filter of 15 ms that takes it all, as that of a control loop may. The probe "
-        "is in contact from the first sample on, and a position that is lost among the first "
-        "spoils fifteen velocities, with the leverage of many seconds. Velocity spikes are added "
-        "to 0.1 % of the samples and force spikes to 1 % of them, either way; clipped is at a "
-        "part of the largest force.",
+        f"the force, {campaign.seeds} seeds. A lost position reads 0 (0.1 % of the samples; the "
+        "penetration has 1 µm of noise, and `prepare` computes the velocity from it without the "
+        "lost ones). Smeared: a filter of 15 ms computes the velocity from all positions, as in "
+        "some control loops. The probe is in contact from the first sample on, so a position lost "
+        "among the first corrupts fifteen velocities, with the leverage of many seconds. Velocity "
+        "spikes are added to 0.1 % of the samples and force spikes to 1 %, of either sign; "
+        "clipped: at that fraction of the largest force.",
         ("K", "B"),
         lines,
-        ("K, taking all", "B, taking all", "left out, %"),
+        ("K, no rejection", "B, no rejection", "rejected, %"),
     )
 
 
 def _error(law: HuntCrossley, fault: str, seed: int) -> tuple[float, ...]:
-    """Errors of K and B, %, with and without the rejection, and what was left out, %."""
+    """Return errors of K and B, %, with and without the rejection, and the rejected samples, %."""
     contact = _faulty(law, fault, seed)
     errors: list[float] = []
     for rejection in (None, False):
@@ -131,12 +131,12 @@ def _needless(campaign: Campaign) -> Group:
         left_out, samples = np.sum(counts, axis=0)
         lines.append(Line(name, (100.0 * left_out / samples,), (Limit(NEEDLESS),), (samples,)))
     return Group(
-        "Good samples left out, %",
-        "Ball, PVC, sponge and a gel by three sines, taps from the free air and strokes that are "
-        f"held, {len(cases) // 12} seeds of {SECONDS:g} s; contact above 0.25 N and down to "
-        "0.15 N; penetration and force rounded to these steps, and the velocity worked out where "
-        "they are.",
-        ("left out",),
+        "Good samples rejected, %",
+        "Ball, PVC, sponge and a gel by three sines, taps from free air and held strokes, "
+        f"{len(cases) // 12} seeds of {SECONDS:g} s; contact above 0.25 N and down to 0.15 N; "
+        "where penetration and force are rounded to these steps, the velocity is computed from "
+        "the rounded penetration.",
+        ("rejected",),
         lines,
         ("samples",),
         precision=".3g",
@@ -204,11 +204,11 @@ def _changes(campaign: Campaign) -> Group:
     return Group(
         "Milliseconds until a change of the material is found",
         f"Change at a random time from 5 to 8 s, 0.05 N of noise, {campaign.seeds} seeds; "
-        f"{AFTER:g} s are looked at. `VariableProjection(change_detector=ChangeDetector(), "
+        f"{AFTER:g} s are examined. `VariableProjection(change_detector=ChangeDetector(), "
         "outlier_rejection=OutlierRejection())`.",
         ("95th percentile", "missed, %"),
         lines,
-        ("median", "most samples left out"),
+        ("median", "most samples rejected"),
         precision=".3g",
     )
 

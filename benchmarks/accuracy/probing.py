@@ -1,4 +1,4 @@
-"""What is probed and how: the laboratory's materials and motions, exactly followed."""
+"""The probed materials and motions: the laboratory's, followed exactly."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -19,7 +19,7 @@ SYMBOLS = ("K", "B", "n")
 
 
 def truth(name: str) -> HuntCrossley:
-    """The law of one of the laboratory's materials."""
+    """Return the law of one of the laboratory's materials."""
     material = lab.MATERIALS[name]
     assert isinstance(material, lab.Homogeneous)
     assert isinstance(material.law, HuntCrossley)
@@ -34,7 +34,7 @@ MEAN_DEPTH = THREE_SINES.depth
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Sampled:
-    """Time [s], penetration [m] and velocity [m/s] of the probe, as they truly are."""
+    """The true time [s], penetration [m] and velocity [m/s] of the probe."""
 
     time: Floats
     penetration: Floats
@@ -52,7 +52,7 @@ def sines(duration: float, motion: Motion = THREE_SINES, start: float = 0.0) -> 
 def approach_and_probe(duration: float, free: float = 3e-3) -> Sampled:
     """A second from ``free`` [m] above the surface to the mean depth, then the three sines.
 
-    The lab's own approach begins 0.5 mm above it, less than is unknown of the surface here.
+    The lab's own approach begins 0.5 mm above it, less than the uncertainty of the surface here.
     """
     t = _clock(duration)
     ramp = np.clip(t, 0.0, 1.0)
@@ -79,7 +79,7 @@ def noise(rng: np.random.Generator, samples: int) -> Floats:
 def feed(
     estimator: ContactEstimator, x: Floats, v: Floats, f: Floats, ends: Sequence[int]
 ) -> Iterator[Estimate]:
-    """Give samples one by one; yield what is known after each of these numbers of samples."""
+    """Pass samples one by one; yield the estimate after each of these numbers of samples."""
     update, start = estimator.update, 0
     for end in ends:
         part = slice(start, end)

@@ -29,7 +29,7 @@ UNSURE = ("exponent not identifiable", "exponent at the edge")
 
 @dataclass(frozen=True, slots=True)
 class Fit:
-    """Fit RMSE% of ours and of SciPy, and what ours says of the exponent."""
+    """Fit RMSE% of palpate and of SciPy, and palpate's flag on the exponent."""
 
     ours: float
     scipy: float
@@ -56,16 +56,16 @@ def recordings(campaign: Campaign) -> list[Group]:
             else:
                 lines.append(_line(file.stem, fit))
         what = (
-            "The window and the gate that the notes beside each recording give."
+            "The window and the gate from the notes of each recording."
             if noted
-            else "The whole file, with the gate that `choose_gate` gives."
+            else "The whole file, with the gate of `choose_gate`."
         )
         groups.append(_group(part, what, lines, notes))
     return groups
 
 
 def recorded() -> list[Path]:
-    """Return the recordings of PALPATE_DATA or beside the checkout; none where there are none."""
+    """Return the recordings of PALPATE_DATA or next to the checkout, if any."""
     given = os.environ.get("PALPATE_DATA")
     beside = Path(__file__).resolve().parents[3] / "shared" / "data"
     folder = Path(given) if given else beside
@@ -74,11 +74,10 @@ def recorded() -> list[Path]:
 
 def _group(part: str, what: str, lines: list[Line], notes: list[str]) -> Group:
     return Group(
-        f"Recordings, against SciPy, {part}",
-        f"{what} RMSE% of `identify`'s final law over that of "
-        "`scipy.optimize.least_squares` on the same samples: K, B, n and an offset, n from "
-        f"{EXPONENTS[0]} to {EXPONENTS[1]}, best of {len(STARTS)} starts. The limit holds where "
-        "no flag concerns the exponent.",
+        f"Recordings, compared with SciPy, {part}",
+        f"{what} RMSE% of `identify`'s final law over that of `scipy.optimize.least_squares` on "
+        f"the same samples: K, B, n and an offset, n from {EXPONENTS[0]} to {EXPONENTS[1]}, best "
+        f"of {len(STARTS)} starts. The limit applies where no flag concerns the exponent.",
         ("ratio",),
         lines,
         ("RMSE %", "SciPy RMSE %", "n ± standard error", "flags"),
@@ -96,7 +95,7 @@ def _line(name: str, fit: Fit) -> Line:
 
 
 def _compared(item: tuple[Path, bool]) -> Fit | str:
-    """The fit, or in words why there is none."""
+    """Return the fit, or the reason why there is none."""
     file, noted = item
     notes = file.with_suffix(".json")
     window = json.loads(notes.read_text()).get("fit") if noted and notes.exists() else None

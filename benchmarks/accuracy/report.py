@@ -30,7 +30,7 @@ def circumstances(seeds: int) -> dict[str, Any]:
 
 
 def console() -> Console:
-    """Return where tables are printed; wide enough for all columns where it is not a terminal."""
+    """Return the console for tables; wide enough for all columns if it is not a terminal."""
     there = Console(highlight=False)
     return there if there.is_terminal else Console(highlight=False, width=150)
 
@@ -61,16 +61,28 @@ def print_group(group: Group, console: Console) -> None:
 
 
 def markdown(groups: list[Group], facts: dict[str, Any]) -> str:
-    """Everything as Markdown; a value beyond its limit is bold."""
+    """Return everything as Markdown; a value beyond its limit is bold."""
     parts = [part for group in groups for part in _markdown_group(group)]
     return "\n".join([*parts, words(facts), ""])
 
 
-def page(title: str, arguments: str, groups: list[Group], facts: dict[str, Any]) -> str:
-    """Return a page of its own, which says how it was made."""
+def page(
+    title: str, question: str, arguments: str, groups: list[Group], facts: dict[str, Any]
+) -> str:
+    """Return a separate page: its command, a question, the answer in a line, the tables."""
     command = f"python -m benchmarks.accuracy {arguments} --markdown docs/accuracy"
     tables = markdown(groups, facts).replace("### ", "## ")
-    return f"<!-- Written by {command} -->\n\n# {title}\n\n{tables}"
+    return f"<!-- Written by {command} -->\n\n# {title}\n\n{question} {_answer(groups)}\n\n{tables}"
+
+
+def _answer(groups: list[Group]) -> str:
+    within = [line.within for group in groups for line in group.lines]
+    kept, lines = within.count("yes"), within.count("yes") + within.count("no")
+    if not lines:
+        return "Nothing was measured."
+    if kept == lines:
+        return f"All {lines} lines are within their limit."
+    return f"Lines within their limit: {kept} of {lines}; bold values are beyond it."
 
 
 def words(facts: dict[str, Any]) -> str:
@@ -108,7 +120,7 @@ def _cells(group: Group, line: Line) -> list[str]:
 
 
 def _around(group: Group, line: Line) -> tuple[list[str], list[str]]:
-    """What stands before and after a line's own values; limits only where the group has any."""
+    """Return the cells before and after a line's own values; limits only if the group has any."""
     if not group.judged:
         return [line.figure], []
     return [line.figure, line.limit], [line.within]

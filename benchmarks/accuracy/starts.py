@@ -35,11 +35,12 @@ def starts(campaign: Campaign) -> list[Group]:
         lines.append(Line(figure, (100.0 * missed / len(cases),)))
     return [
         Group(
-            "Starts that do not converge",
+            "Starting values that do not converge",
             "K, B and n not all within 5 % of the truth after 20 s of three sines, true x and v, "
-            "0.05 N of noise. Starts of the paper's methods: 21 K from 0.1 to 1e5, log-spaced, by "
-            "6 n from 0.5 to 3, B = 0, the default covariance. Variable projection has no starting "
-            "values, so that none can fail; its line is its fraction of seeds that miss.",
+            "0.05 N of noise. Starting values of the paper's methods: 21 K from 0.1 to 1e5, "
+            "log-spaced, by 6 n from 0.5 to 3, B = 0, the default covariance. Variable projection "
+            "has no starting values, so none can fail; its line is the percentage of seeds that "
+            "miss.",
             ("not converged, %",),
             lines,
             precision=".1f",

@@ -1,4 +1,4 @@
-"""What a part of the benchmark gives: figures beside the limits that we hold ourselves to."""
+"""The result of a part of the benchmark: values with their limits."""
 
 from dataclasses import asdict, dataclass, field
 from typing import Any
@@ -8,13 +8,13 @@ Value = float | str
 
 @dataclass(frozen=True, slots=True)
 class Limit:
-    """What a figure should be: at most ``highest``, at least ``lowest``."""
+    """The limits of a value: at most ``highest``, at least ``lowest``."""
 
     highest: float
     lowest: float | None = None
 
     def holds(self, value: Value) -> bool:
-        """Whether a value keeps to it; words never do."""
+        """Return whether a value is within the limit; text never is."""
         if isinstance(value, str):
             return False
         return value <= self.highest and (self.lowest is None or value >= self.lowest)
@@ -36,9 +36,9 @@ class Line:
     ours : tuple
         Values, one a column of the group.
     limits : tuple of Limit or None
-        What they should keep to; fewer than values: the last holds for the rest. Empty: none.
+        Their limits; if there are fewer than values, the last holds for the rest. Empty: none.
     beside : tuple
-        What else is worth seeing: bounds, other methods.
+        For comparison: bounds, other methods.
     """
 
     figure: str
@@ -47,23 +47,23 @@ class Line:
     beside: tuple[Value, ...] = ()
 
     def limit_of(self, column: int) -> Limit | None:
-        """What a column should keep to."""
+        """Return the limit of a column."""
         return self.limits[min(column, len(self.limits) - 1)] if self.limits else None
 
     def holds(self, column: int) -> bool:
-        """Whether a column keeps to its limit, or has none."""
+        """Return whether a column is within its limit, or has none."""
         limit = self.limit_of(column)
         return limit is None or limit.holds(self.ours[column])
 
     @property
     def limit(self) -> str:
-        """The limits in words; one where all are the same."""
+        """Return the limits as text; one if all are the same."""
         words = [str(limit) if limit else "–" for limit in self.limits]
         return " / ".join(words if len(set(words)) > 1 else words[:1])
 
     @property
     def within(self) -> str:
-        """Whether all are kept, in a word."""
+        """Return whether all values are within their limits, as one word."""
         if not any(self.limits):
             return "–"
         return "yes" if all(self.holds(i) for i in range(len(self.ours))) else "no"
@@ -76,7 +76,7 @@ class Group:
     Parameters
     ----------
     title, definition : str
-        What it shows, and how it is measured.
+        Its content, and how it is measured.
     columns, beside : tuple of str
         Headings of ``ours`` and ``beside`` in every line.
     lines : list of Line
@@ -96,11 +96,11 @@ class Group:
 
     @property
     def judged(self) -> bool:
-        """Whether any of its lines has a limit."""
+        """Return whether any of its lines has a limit."""
         return any(any(line.limits) for line in self.lines)
 
     def show(self, value: Value) -> str:
-        """A value as the tables print it."""
+        """Return a value as the tables print it."""
         if isinstance(value, str):
             return value
         if value != value:
@@ -108,6 +108,6 @@ class Group:
         return f"{value:.2g}" if abs(value) >= 1e4 else format(value, self.precision)
 
     def as_dict(self) -> dict[str, Any]:
-        """Return plain numbers and words."""
+        """Return plain numbers and text."""
         lines = [{**asdict(line), "within": line.within} for line in self.lines]
         return {**asdict(self), "lines": lines}

@@ -1,4 +1,4 @@
-"""What an update and an estimate cost, against the single-stage update of the same run."""
+"""The time of an update and an estimate, over the single-stage update of the same run."""
 
 import time
 from collections.abc import Callable
@@ -35,7 +35,7 @@ def timing(campaign: Campaign) -> list[Group]:
         ),
     }
     best = {name: [np.inf, np.inf, np.inf] for name in makers}
-    for _ in range(REPEATS):  # interleaved, so that all meet the same machine
+    for _ in range(REPEATS):  # interleaved, so that all run under the same load
         for name, make in makers.items():
             estimator = make()
             update, estimate = _update_ns(estimator, samples), _estimate_ns(estimator)
@@ -58,11 +58,11 @@ def _group(best: dict[str, list[float]]) -> Group:
     first = best["default"][2]
     lines.insert(1, Line("update, first 2 s", (first / early,), (Limit(2.5),), (first, early)))
     return Group(
-        "Calls from Python, over a single-stage update",
-        "A call from Python of `VariableProjection` over `SingleStageRLS.update()`, the least of "
-        f"{REPEATS} interleaved repeats of 10 000 updates (2000 for the first 2 s, when the global "
-        "search is due more often) and 2000 estimates on the ball; loops in a function, bound "
-        "methods in locals.",
+        "Calls from Python, relative to a single-stage update",
+        "A call from Python of `VariableProjection`, relative to `SingleStageRLS.update()`: the "
+        f"minimum of {REPEATS} interleaved repeats of 10 000 updates (2000 for the first 2 s, when "
+        "the global search runs more often) and 2000 estimates on the ball; loops in a function, "
+        "bound methods in locals.",
         ("ratio",),
         lines,
         ("ns", "single-stage update ns"),
@@ -77,8 +77,8 @@ def _watching(best: dict[str, list[float]]) -> Group:
         ("with both", "both", Limit(1.4)),
     )
     return Group(
-        "Watching, over a bare update",
-        "`VariableProjection.update()` from Python, of the same runs.",
+        "Change detection and outlier rejection, relative to a plain update",
+        "`VariableProjection.update()` from Python, in the same runs.",
         ("ratio",),
         [
             Line(words, (best[name][0] / bare,), (limit,), (best[name][0],))

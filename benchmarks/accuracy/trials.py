@@ -18,17 +18,17 @@ FORCE_STEP = 1.0 / 8.0  # N
 ENCODER_STEP = 20e-6  # m
 VELOCITY_WINDOW = 15e-3  # s
 PAUSE = 2000  # samples in which the force bias is measured
-# What the pause leaves of the bias: that of the mean of a quantised signal, and its scatter.
+# The bias that remains after the pause: that of the mean of a quantised signal, and its scatter.
 OFFSET_LEFT = FORCE_STEP / math.pi * math.exp(
     -2.0 * math.pi**2 * NOISE**2 / FORCE_STEP**2
 ) + math.hypot(NOISE, FORCE_STEP / math.sqrt(12.0)) / math.sqrt(PAUSE)
-# As `identify` takes it of the encoder's steps.
+# As `identify` derives it from the encoder's steps.
 SURFACE_LEFT = 2.0 * ENCODER_STEP / math.sqrt(12.0)
 
 
 @dataclass(frozen=True, slots=True)
 class Trial:
-    """A material, a sensor and what the estimator knows.
+    """A material, a sensor and the estimator's prior knowledge.
 
     ``sensor`` is "true" (true x and v, white noise), "offset" (the same and a constant force) or
     "chain" (the paper's rig).
@@ -43,7 +43,7 @@ class Trial:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Outcome:
-    """Errors of K, B and n at each time, shape (4, 3), and whether the 95 % intervals hold it."""
+    """Errors of K, B and n at each time, shape (4, 3), and whether the 95 % intervals hold."""
 
     errors: Floats
     covered: Floats
@@ -58,7 +58,7 @@ def run(trial: Trial, seed: int) -> Outcome:
         offset=trial.sensor != "true",
         offset_deviation=trial.offset_deviation,
         surface_deviation=trial.surface_deviation,
-        # By its stiffness a surface that is off looks like an offset.
+        # An error of the surface looks like an offset, scaled by the stiffness.
         scale=Scale(10e-3, 20e-3, law.force(10e-3, 0.0)) if trial.surface_deviation else None,
     )
     errors, covered = np.empty((2, len(ENDS), 3))
@@ -73,7 +73,7 @@ def run(trial: Trial, seed: int) -> Outcome:
 
 
 def bounds(trial: Trial) -> Floats:
-    """Cramér–Rao bound of K, B and n at each time, shape (4, 3)."""
+    """Return the Cramér–Rao bound of K, B and n at each time, shape (4, 3)."""
     law, motion = MATERIALS[trial.material], sines(TIMES[-1])
     return np.array(
         [
@@ -96,7 +96,7 @@ def rms(errors: Sequence[Floats]) -> Floats:
 
 
 def _measured(trial: Trial, rng: np.random.Generator) -> tuple[Floats, Floats, Floats]:
-    """x, v and F as the sensor gives them."""
+    """Return x, v and F as the sensor delivers them."""
     law = MATERIALS[trial.material]
     if trial.sensor == "chain":
         return _chain(trial.material, rng)
@@ -108,7 +108,7 @@ def _measured(trial: Trial, rng: np.random.Generator) -> tuple[Floats, Floats, F
 
 
 def _chain(material: str, rng: np.random.Generator) -> tuple[Floats, Floats, Floats]:
-    """The paper's rig: quantised force and position, a bias removed, the velocity worked out."""
+    """The paper's rig: quantised force and position, bias subtracted, velocity computed."""
     margin = 0.05  # s before and after, so that the filter is centred throughout
     motion = sines(TIMES[-1] + 2.0 * margin, start=-margin)
     inside = slice(round(margin * 1e3), round(margin * 1e3) + ENDS[-1])
@@ -116,7 +116,7 @@ def _chain(material: str, rng: np.random.Generator) -> tuple[Floats, Floats, Flo
     pause = _quantised(bias + noise(rng, PAUSE), FORCE_STEP).mean()
     true = MATERIALS[material].force(motion.penetration[inside], motion.velocity[inside])
     f = _quantised(true + bias + noise(rng, ENDS[-1]), FORCE_STEP) - pause
-    phase = rng.uniform(-0.5, 0.5) * ENCODER_STEP  # of the encoder's steps to the surface
+    phase = rng.uniform(-0.5, 0.5) * ENCODER_STEP  # of the encoder's steps relative to the surface
     x = _quantised(motion.penetration + phase, ENCODER_STEP)
     v = velocity_of(motion.time, x, VELOCITY_WINDOW)
     return x[inside], v[inside], f

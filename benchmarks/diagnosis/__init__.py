@@ -1,1 +1,1 @@
-"""How often an identification is wrong, and how often its diagnosis says so."""
+"""How often an identification is wrong, and how often its diagnosis warns."""

@@ -1,4 +1,4 @@
-"""``python -m benchmarks.diagnosis``: silent lies, what names them, pairs and recordings."""
+"""``python -m benchmarks.diagnosis``: undetected errors, their causes, and real recordings."""
 
 import os
 import sys
@@ -24,9 +24,9 @@ def diagnosis(
     store: Path = Path("build/diagnosis.jsonl"),
     markdown: Path | None = None,
 ) -> None:
-    """Put one fault on each of many recordings, and count what is wrong and what is said.
+    """Put one fault on each of many recordings; count wrong numbers and how many are reported.
 
-    What is in the store is not done again, so that an interrupted run goes on where it was.
+    Results in the store are not computed again, so an interrupted run continues where it stopped.
 
     Parameters
     ----------
@@ -39,7 +39,7 @@ def diagnosis(
     workers
         Processes.
     store
-        Lines of JSON that hold every outcome; remove it after a change of the code.
+        File with every outcome as a line of JSON; remove it after a change of the code.
     markdown
         Write the tables to this file, after its line ``<!-- measured -->``.
     """

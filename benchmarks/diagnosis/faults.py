@@ -1,4 +1,4 @@
-"""Faults, one at a time: what goes wrong between a material and its recording."""
+"""Faults between a material and its recording, one at a time."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -18,13 +18,13 @@ class Fault:
     Attributes
     ----------
     kind, severity : str
-        What, and how much, in words.
+        Which fault, and how much, as text.
     before, after : callable, optional
-        What it does before the sensors' noise, and after it.
+        Its effect before the sensors' noise, and after it.
     names : tuple of str
-        Checks that name it rightly.
+        Checks that identify it correctly.
     stops : bool
-        Whether the recording must be refused trust altogether.
+        Whether the verdict must be *do not trust*.
     """
 
     kind: str
@@ -57,7 +57,7 @@ def surface(metres: float) -> Damage:
 
 
 def delay(seconds: float) -> Damage:
-    """The force is late."""
+    """The force lags."""
 
     def damage(p: Probing) -> None:
         p.force = _later(p.force, seconds)
@@ -97,7 +97,7 @@ def offset_drift(part: float) -> Damage:
 
 
 def memory(part: float, tau: float) -> Damage:
-    """A branch that relaxes; the truth is that at the motion's frequency."""
+    """A relaxing branch; the truth is the response at the motion's frequency."""
 
     def damage(p: Probing) -> None:
         spring, state = _spring(p), np.zeros(p.time.size)
@@ -118,7 +118,7 @@ def memory(part: float, tau: float) -> Damage:
 
 
 def friction(part: float) -> Damage:
-    """A part of the force that turns with the direction."""
+    """A part of the force that changes sign with the direction."""
 
     def damage(p: Probing) -> None:
         p.force = p.force + part * _spring(p) * np.tanh(20.0 * p.velocity / p.speed)
@@ -139,7 +139,7 @@ def damping_form(power: float) -> Damage:
 
 
 def quadratic(p: Probing) -> None:
-    """F = K₁x + K₂x² + Bv, each spring half of the force at working depth."""
+    """F = K₁x + K₂x² + Bv, each spring with half of the force at working depth."""
     x, d = np.maximum(p.penetration, 0.0), p.depth
     at_depth = float(p.law.force(d, 0.0))
     p.force = 0.5 * at_depth * (x / d + (x / d) ** 2) + p.damping * p.velocity * (x > 0.0)
@@ -184,7 +184,7 @@ def saturation(part: float) -> Damage:
 
 
 def stuck(part: float) -> Damage:
-    """The force stands still, in stretches of 0.1 s."""
+    """The force is constant in segments of 0.1 s."""
 
     def damage(p: Probing) -> None:
         for start in p.random.integers(2000, p.time.size - 100, round(part * SECONDS_OF_STUCK)):
@@ -193,7 +193,7 @@ def stuck(part: float) -> Damage:
     return damage
 
 
-SECONDS_OF_STUCK = 70  # stretches that would fill the recording
+SECONDS_OF_STUCK = 70  # segments that would fill the recording
 
 
 def spiked(part: float) -> Damage:
@@ -218,7 +218,7 @@ def coarse(part: float) -> Damage:
 
 
 def jitter(part: float) -> Damage:
-    """Time stamps that are off."""
+    """Wrong time stamps."""
 
     def damage(p: Probing) -> None:
         p.time = p.time + part * SAMPLE_TIME * p.random.uniform(-1.0, 1.0, p.time.size)
@@ -257,12 +257,12 @@ def scaled(name: str, factor: float) -> Damage:
 
 
 def swapped(p: Probing) -> None:
-    """Force and penetration in each other's place."""
+    """Force and penetration exchanged."""
     p.penetration, p.force = p.force, p.penetration
 
 
 def velocity_against(p: Probing) -> None:
-    """A velocity column of the other sign."""
+    """A velocity column with the wrong sign."""
     p.recorded_velocity = -p.velocity
 
 

@@ -1,4 +1,4 @@
-"""What is done for each recording, in worker processes, and the store that keeps it."""
+"""The work for each recording, in worker processes, and the store of its outcomes."""
 
 import json
 import os
@@ -22,7 +22,7 @@ Jobs = dict[str, tuple[Callable[[Any], Rows], Any]]
 
 
 def jobs_of(ideal: range, robot: range) -> Jobs:
-    """Every job by its key in the store."""
+    """Return every job by its key in the store."""
     jobs: Jobs = {}
     for seed in ideal:
         for place, fault in enumerate(FAULTS):
@@ -68,7 +68,7 @@ def _repeats(job: tuple[str, list[Path]]) -> Rows:
 
 
 def done(store: Path, jobs: Jobs, workers: int) -> Rows:
-    """Do what is not in the store yet, and return the rows of all jobs."""
+    """Run the jobs that are not in the store yet, and return the rows of all."""
     known: dict[str, Rows] = {}
     if store.is_file():
         lines = (json.loads(line) for line in store.read_text().splitlines())

@@ -1,4 +1,4 @@
-"""One recording with one fault: whether it was wrong, and whether that was said."""
+"""One recording with one fault: whether the result was wrong, and whether palpate warned."""
 
 import math
 from dataclasses import dataclass
@@ -11,31 +11,31 @@ from palpate import RecordingError, identify
 from palpate.diagnosis import Diagnosis
 from palpate.identifying import Identification
 
-ERRORS, LEAST = 3.0, 0.05  # a lie is wrong by more of its own standard errors, and by this part
+ERRORS, LEAST = 3.0, 0.05  # a lie is off by more than so many standard errors, and by this fraction
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """What became of one recording.
+    """The outcome of one recording.
 
     Attributes
     ----------
     overall : str
-        The verdict; ``"refused"`` where it was not identified at all.
+        The verdict; ``"refused"`` if it was not identified.
     named : tuple of str
-        The checks of the findings that are more than a note, the gravest first.
+        The checks of the findings that are more than a note, the most severe first.
     lie, parameters_lie : bool
         Whether stiffness or damping at working depth was wrong, and K, B or n.
     flagged : bool
-        Whether a flag without a diagnosis would have said so.
+        Whether a flag without a diagnosis would have warned.
     stiffness_error, damping_error : float
         Relative, at working depth.
     stiffness_deviation, damping_deviation : float
         The same in standard errors of the diagnosis.
     delay : float
-        As its remedy has it, s; NaN where none was found.
+        The delay in the remedy, s; NaN if none was found.
     changes : tuple of float
-        Times at which the material was said to change, s.
+        Times of the reported changes of the material, s.
     sentence : str
         The reason of the verdict.
     """
@@ -70,7 +70,7 @@ def outcome(fault: Fault, seed: int) -> Outcome:
 
 
 def refused(error: RecordingError) -> Outcome:
-    """What becomes of a recording that cannot be identified: no number, no lie."""
+    """Return the outcome of a recording that cannot be identified: no number, no lie."""
     words = str(error)
     return Outcome("refused", (), lie=False, parameters_lie=False, flagged=True, sentence=words)
 
@@ -106,13 +106,13 @@ def judged(made: Probing, result: Identification, fault: Fault) -> Outcome:
 
 
 def _delay(found: Diagnosis) -> float:
-    """By the remedy ``--delay 5ms, …``, s."""
+    """Return the delay in the remedy ``--delay 5ms, …``, s."""
     words = [f.remedy for f in found.findings if f.check == "delay" and f.severity != "note"]
     return 1e-3 * float(words[0].split()[1].removesuffix("ms,")) if words and words[0] else math.nan
 
 
 def printed_errors(result: Identification, depth: float) -> tuple[float, float]:
-    """Standard errors of stiffness and damping at a depth by the estimate's own covariance."""
+    """Return standard errors of stiffness and damping at a depth by the estimate's covariance."""
     law, covariance = result.law, result.estimate.covariance
     rows = []
     for k, value in enumerate(law.parameters):

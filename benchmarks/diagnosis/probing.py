@@ -1,4 +1,4 @@
-"""A probed material with known truth, before anything goes wrong."""
+"""A probed material with known truth, without faults."""
 
 from dataclasses import dataclass, field
 
@@ -14,16 +14,16 @@ FREE = 0.8  # s before the touch
 
 @dataclass
 class Probing:
-    """What a probe did and felt, and what is true at its working depth.
+    """The motion and force of a probe, and the truth at its working depth.
 
     Attributes
     ----------
     time, penetration, velocity, force : numpy.ndarray, shape (k,)
-        s, m, m/s, N; the motion as it was.
+        s, m, m/s, N; the true motion.
     law : HuntCrossley
         The material.
     random : numpy.random.Generator
-        Of this recording.
+        The generator of this recording.
     stiffness, damping : float
         ∂F/∂x and ∂F/∂v at the working depth, by the material.
     noise : float
@@ -46,17 +46,17 @@ class Probing:
 
     @property
     def depth(self) -> float:
-        """Median penetration in contact, m."""
+        """The median penetration in contact, m."""
         return float(np.median(self.penetration[self.penetration > 1e-3]))
 
     @property
     def speed(self) -> float:
-        """Rms of the velocity in contact, m/s."""
+        """The rms velocity in contact, m/s."""
         return float(np.sqrt(np.mean(self.velocity[self.penetration > 1e-3] ** 2)))
 
     @property
     def contact(self) -> Contact:
-        """As a user prepares it."""
+        """Return the contact as a user prepares it."""
         return prepare(
             time=self.time,
             penetration=self.penetration,
@@ -66,7 +66,7 @@ class Probing:
 
 
 def probing(seed: int) -> Probing:
-    """A material and a motion drawn by the seed: n of 1 to 2.1, a few newtons, three sines."""
+    """Draw a material and a motion: n of 1 to 2.1, a few newtons, three sines."""
     random = np.random.default_rng([seed, 2026])
     time: Floats = np.arange(float(round(SECONDS / SAMPLE_TIME))) * SAMPLE_TIME
     depth = random.uniform(4e-3, 12e-3)
@@ -96,7 +96,7 @@ def _motion(time: Floats, depth: float, random: np.random.Generator) -> tuple[Fl
 
 
 def measured(probing: Probing) -> None:
-    """What sensors add: white noise on the force and a micrometre on the penetration."""
+    """Add the sensors' noise: white on the force and a micrometre on the penetration."""
     random = probing.random
     probing.force = probing.force + probing.noise * random.standard_normal(probing.force.size)
     probing.penetration = probing.penetration + 1e-6 * random.standard_normal(probing.time.size)

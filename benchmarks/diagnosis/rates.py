@@ -1,4 +1,4 @@
-"""Rates and errors that have a limit, as a Markdown table."""
+"""Rates and errors with limits, as a Markdown table."""
 
 import math
 from collections.abc import Callable
@@ -12,7 +12,7 @@ UNSTEADY = ("change", "gain drift")
 
 
 def rates(rows: Rows) -> list[list[str]]:
-    """For each figure what it is of the ideal probe and of the robot, and its limit."""
+    """Return each rate for the ideal probe and for the robot, and its limit."""
     banks = {bank: [row for row in rows if row["bank"] == bank] for bank in ("ideal", "robot")}
     figures: list[tuple[str, Callable[[Rows], str], str]] = [
         ("clean, not *trust*", _share(_is("clean"), _spoken), "≤ 1 %"),
@@ -30,7 +30,7 @@ def rates(rows: Rows) -> list[list[str]]:
 
 
 def _size(row: Row) -> float:
-    """The number that a severity begins with."""
+    """Return the number at the start of a severity."""
     return abs(float(row["severity"].split()[0].rstrip("%")))
 
 

@@ -8,7 +8,7 @@ from palpate import RecordingError, identify
 
 
 def verdict_of(path: Path) -> dict[str, Any]:
-    """Verdict, reason, and relative errors of stiffness and damping; or why there is none."""
+    """Return verdict, reason, and relative errors of stiffness and damping; or an error."""
     try:
         found = identify(path).diagnosis
     except RecordingError as error:
@@ -29,5 +29,5 @@ def verdict_of(path: Path) -> dict[str, Any]:
 
 
 def _short(words: str) -> str:
-    """Without the folder that the file lies in."""
+    """Return the name without its folder."""
     return words.rpartition("/")[2]

@@ -1,4 +1,4 @@
-"""Repeats of one object: how far the error bars of stiffness and damping must be widened."""
+"""Repeats of one object: how much too narrow the error bars of stiffness and damping are."""
 
 from collections.abc import Iterable
 from itertools import pairwise
@@ -11,12 +11,12 @@ from palpate import Contact, RecordingError, identify, prepare
 from palpate.diagnosis import Quantity, WorkingDepth
 from palpate.validation import Floats
 
-BLOCKS = {"C": 10, "G": 5}  # of equal time, that each recording of a set is cut into
+BLOCKS = {"C": 10, "G": 5}  # of equal time, into which each recording of a set is cut
 LEVER = "A_aurora_220118"  # one muscle under loads of 100 to 1000 mN: each recording is a repeat
 
 
 def repeats_of(folder: Path) -> dict[str, list[Path]]:
-    """The recordings of each comparison, by its name."""
+    """Return the recordings of each comparison, by its name."""
     found = {LEVER: sorted(folder.glob(f"{LEVER}*.csv"))}
     for initial in BLOCKS:
         found |= {path.stem: [path] for path in sorted(folder.glob(f"{initial}_*.csv"))}
@@ -24,7 +24,7 @@ def repeats_of(folder: Path) -> dict[str, list[Path]]:
 
 
 def factors(job: tuple[str, list[Path]]) -> dict[str, Any]:
-    """Reduced χ at a common working depth, without the systematic part and with it."""
+    """Return reduced χ at a common working depth, without the systematic part and with it."""
     name, paths = job
     parts = [
         part
@@ -56,7 +56,7 @@ def _quantities(there: list[WorkingDepth], key: str) -> list[Quantity]:
 
 
 def _factors(quantities: list[Quantity]) -> list[float]:
-    """Scatter in per cent, and reduced χ by repeatable and by both error bars."""
+    """Return scatter in per cent, and reduced χ by the statistical and by both error bars."""
     values = np.array([quantity.value for quantity in quantities])
     repeatable = np.array([quantity.standard_error for quantity in quantities])
     both = np.hypot(repeatable, [quantity.systematic for quantity in quantities])

@@ -11,7 +11,7 @@ PROBED = ("ball", "sponge", "pvc")
 
 
 def outcomes(job: tuple[str, int]) -> list[tuple[Fault, Outcome]]:
-    """Press a material once with the robot, and put each fault on what was felt."""
+    """Press a material once with the robot, and put each fault on the recording."""
     name, seed = job
     material = lab.MATERIALS[name]
     run = lab.Bench(material, lab.THREE_SINES).run(seed)
@@ -51,7 +51,7 @@ def _probing(run: lab.Measurement, law: HuntCrossley, seed: int) -> Probing:
 
 
 def pair(job: tuple[str, str, int]) -> str:
-    """The verdict on one material under one motion; ``"refused"`` where there is none."""
+    """Return the verdict on one material under one motion; ``"refused"`` if there is none."""
     material, motion, seed = job
     bench = lab.Bench(lab.MATERIALS[material], lab.TRAJECTORIES[motion])
     try:

@@ -94,8 +94,8 @@ def _pairs(rows: Rows) -> list[str]:
         ("material", *motions), [[m, *(verdicts[m, each] for each in motions)] for m in materials]
     )
     words = (
-        f"{right} of {len(rows)} right: {', '.join(DESCRIBED)} follow Hunt–Crossley and are to be "
-        "trusted, the others are not."
+        f"{right} of {len(rows)} right: {', '.join(DESCRIBED)} follow Hunt–Crossley and should "
+        "be trusted, the others should not."
     )
     return [words, "", *table]
 
@@ -108,7 +108,7 @@ def _recordings(rows: Rows) -> list[str]:
         marks = [row.get("stiffness", "–"), row.get("damping", "–")]
         lines.append([row["name"], row["overall"], *marks, *bars, row["reason"]])
     return _table(
-        ("recording", "verdict", "S", "C", "S, repeatable and systematic", "C", "reason"), lines
+        ("recording", "verdict", "S", "C", "S, statistical and systematic", "C", "reason"), lines
     )
 
 
@@ -119,8 +119,8 @@ def _pairs_of(errors: list[float]) -> list[tuple[float, float]]:
 def _repeats(rows: Rows) -> list[str]:
     words = (
         "Blocks of one recording (set A: recordings of one muscle under four loads), at one depth. "
-        "The factor, reduced χ, is by how much the error bars are too narrow: by the repeatable "
-        "part alone, and with the systematic one, which is to be 2 at most."
+        "The factor, reduced χ, is how much too narrow the uncertainty is: the statistical part "
+        "alone, and with the systematic one, which should be at most 2."
     )
     lines = []
     for row in rows:
@@ -129,6 +129,6 @@ def _repeats(rows: Rows) -> list[str]:
     headings = [
         f"{quantity}{what}"
         for quantity in ("S", "C")
-        for what in (" scatters, %", ", repeatable", " and systematic")
+        for what in (" scatters, %", ", statistical", " and systematic")
     ]
     return [words, "", *_table(("recording", "repeats", "depth", *headings), lines)]

@@ -1,1 +1,1 @@
-"""What :mod:`benchmarks.fleet` measures, a module each."""
+"""The measurements of :mod:`benchmarks.fleet`, one module each."""

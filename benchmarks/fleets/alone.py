@@ -1,6 +1,6 @@
-"""What the machine itself allows: the fit alone, in processes that share nothing but its cores.
+"""The limit of the machine: the fit alone, in processes that share nothing but its cores.
 
-No scheduler, no files, no writing: two workers cannot be quicker against one than this.
+No scheduler, no files, no writing: the upper limit of the speed-up by two workers.
 """
 
 import multiprocessing
@@ -15,7 +15,7 @@ _START = 5.0  # s, in which a process starts and imports
 
 
 def ratio(processes: int = 2, *, seconds: float = _SECONDS) -> float:
-    """Curves a second of so many processes at once, over those of one; the best of three tries."""
+    """Return the rate of so many processes at once, over that of one; the best of three tries."""
     best = [max(_rate(count, seconds) for _ in range(3)) for count in (processes, 1)]
     return best[0] / best[1]
 
@@ -28,7 +28,7 @@ def _rate(processes: int, seconds: float) -> float:
 
 
 def _fitted(begin: float, end: float) -> float:
-    """Curves a second between two moments of the monotonic clock, which all processes share."""
+    """Return curves a second between two times of the clock that all processes share."""
     from palpate.estimators.batch_fit import fit_curves
 
     rows = curves(0, _CURVES)

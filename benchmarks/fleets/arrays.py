@@ -1,4 +1,4 @@
-"""From Zarr to Parquet: how quick, with how much memory, and two workers against one."""
+"""From Zarr to Parquet: speed, memory, and two workers over one."""
 
 import tempfile
 import time
@@ -15,7 +15,7 @@ from palpate.fleet.tasks import Settings
 UNKNOWN = Settings(
     diagnosis="none", estimator={"surface": "estimate"}, preparation={"surface": "estimate"}
 )
-_WANTED = 1e5  # curves, of which the limit of the time is
+_WANTED = 1e5  # curves, to which the time limit applies
 
 
 def measure(count: int, folder: Path | None = None) -> Section:
@@ -36,7 +36,7 @@ def measure(count: int, folder: Path | None = None) -> Section:
         Row("  with the workers' start and end", whole, unit),
         Row("  a second", count / two.seconds, "curves/s"),
         Row("  peak memory of the larger worker", peak / 1e9, "GB", limit=Limit(1.0)),
-        Row("  part of the workers' time that was not theirs", idle, "", limit=Limit(0.05)),
+        Row("  overhead, part of the workers' time", idle, "", limit=Limit(0.05)),
         Row(
             "one worker", one.seconds, unit, one.seconds / two.seconds, "two workers",
             Limit(1.85, at_least=True) if count >= _WANTED else None,
@@ -44,9 +44,7 @@ def measure(count: int, folder: Path | None = None) -> Section:
     ]  # fmt: skip
     if count >= _WANTED:
         bare = alone.ratio()
-        rows += [
-            Row("two processes against one, the fit alone: what this machine allows", bare, "×")
-        ]
+        rows += [Row("two processes over one, the fit alone: the limit of this machine", bare, "×")]
     notes = ["penetration, velocity and force; surface unknown; diagnosis none; from the first "
              "batch to the last file on disk"]  # fmt: skip
     return Section("Zarr to Parquet", rows, notes)

@@ -1,4 +1,4 @@
-"""How evenly the work is shared: processor time of the less busy of two workers over the other."""
+"""Load balance: processor time of the less busy of two workers over the other."""
 
 import os
 import tempfile
@@ -23,7 +23,7 @@ _MEASURED = running.timed_batch
 
 
 def timed(batch: Any, settings: Settings) -> Any:
-    """Do a task as a fleet does, and note its worker's processor time and the time on the clock."""
+    """Run a task as a fleet does, and record its worker's processor time and wall time."""
     begun, processor = time.perf_counter(), time.process_time()
     found = _MEASURED(batch, settings)
     spent = time.process_time() - processor, time.perf_counter() - begun
@@ -34,7 +34,7 @@ def timed(batch: Any, settings: Settings) -> Any:
 
 @contextmanager
 def timing() -> Iterator[dict[int, np.ndarray]]:
-    """Collect the times of each task, s of the processor and of the clock, by its worker."""
+    """Collect processor time and wall time of each task, s, by its worker."""
     found: dict[int, np.ndarray] = {}
     with tempfile.TemporaryDirectory() as folder:
         os.environ[_FOLDER] = folder
@@ -66,7 +66,7 @@ def measure(count: int, folder: Path | None = None) -> Section:
         path = Path(scratch)
         write_array(path / "curves.zarr", count, samples=SAMPLES)
         write_recordings(path / "files", [SAMPLES] * count)
-        # Sorted by name the long ones come last, as those of a campaign that grew.
+        # Sorted by name the long ones come last, as in a growing campaign.
         uneven = np.geomspace(200.0, 60_000.0, max(count // 20, 20)).astype(int).tolist()
         write_recordings(path / "uneven", uneven)
         rows = []

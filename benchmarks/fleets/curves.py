@@ -8,15 +8,15 @@ from numpy.typing import NDArray
 SEED = 13
 SAMPLES = 1000
 SAMPLE_TIME = 1e-3
-#: Curves that are made, and stored, together: 8 MB an array.
+#: Curves that are generated and stored together: 8 MB an array.
 BLOCK = 1000
-# Of an indenter of cells, scaled up to the millimetres of a robot: the arithmetic has no scale.
+# Of a cell indenter, scaled to a robot's millimetres: the arithmetic has no scale.
 DEPTH = 2e-3  # m
 NOISE = (1e-3, 3e-2)  # of the peak force
 
 
 def curves(first: int, count: int, samples: int = SAMPLES) -> tuple[NDArray[np.float64], ...]:
-    """Penetration, velocity and force of some curves: the same whoever asks for them."""
+    """Return penetration, velocity and force of some curves, always the same."""
     random = np.random.default_rng([SEED, first])
     time = np.arange(samples) * SAMPLE_TIME
     sweep = np.sin(np.pi * time / time[-1])  # in and out
@@ -37,7 +37,7 @@ def curves(first: int, count: int, samples: int = SAMPLES) -> tuple[NDArray[np.f
 
 
 def write_array(path: Path, count: int, *, velocity: bool = True, samples: int = SAMPLES) -> None:
-    """Write so many curves as a group by Zarr, one block a chunk."""
+    """Write so many curves as a Zarr group, one block a chunk."""
     import zarr
 
     group = zarr.open_group(str(path), mode="w")

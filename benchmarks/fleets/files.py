@@ -1,4 +1,4 @@
-"""Small recordings of messages, some of them damaged, beside reading them by rosbags alone."""
+"""Small recordings of messages, some damaged, compared with reading them by rosbags alone."""
 
 import tempfile
 import time
@@ -13,11 +13,11 @@ from palpate.fleet.running import run_fleet
 from palpate.fleet.tasks import Settings
 
 SECONDS = 1.0
-_FILES = 200  # that are made; the others are copies of them, which reading cannot tell
+_FILES = 200  # that are generated; the others are copies, equivalent for reading
 
 
 def recording(seed: int) -> list[tuple[bool, int, bytes]]:
-    """A robot that presses a material once a second for a while, at 1 kHz: wrenches and poses."""
+    """Yield wrenches and poses of a robot that presses a material once a second, at 1 kHz."""
     random = np.random.default_rng(seed)
     time_ = np.arange(int(SECONDS * 1000)) * 1e-3
     depth = 4e-3 * np.sin(2 * np.pi * 3.0 * time_) - 1e-3
@@ -37,7 +37,7 @@ def recording(seed: int) -> list[tuple[bool, int, bytes]]:
 
 
 def write_files(folder: Path, count: int, damaged: int) -> list[Path]:
-    """Write so many files, of which some, evenly among them, are cut or overwritten."""
+    """Write so many files, some of which, at equal distances, are cut or overwritten."""
     folder.mkdir()
     made = []
     for seed in range(min(count, _FILES)):
@@ -49,7 +49,7 @@ def write_files(folder: Path, count: int, damaged: int) -> list[Path]:
     for k in range(count):
         path = folder / f"touch-{k:05d}.mcap"
         content = made[k % len(made)]
-        if k in spoilt:  # zeros, or the first bytes alone: nothing of them can be read
+        if k in spoilt:  # zeros, or only the first bytes: unreadable
             content = bytes(len(content)) if k % 2 else content[:40]
         path.write_bytes(content)
         paths.append(path)
@@ -57,7 +57,7 @@ def write_files(folder: Path, count: int, damaged: int) -> list[Path]:
 
 
 def read_by_rosbags(path: Path, store: object) -> int:
-    """Read and decode all messages by rosbags; 0 of a file that it cannot read."""
+    """Read and decode all messages by rosbags; return 0 for a file that it cannot read."""
     from rosbags.rosbag2.storage_mcap import McapReader
 
     reader = McapReader(path)
@@ -67,14 +67,14 @@ def read_by_rosbags(path: Path, store: object) -> int:
             store.deserialize_cdr(data, connection.msgtype) is not None  # type: ignore[attr-defined]
             for connection, _, data in reader.messages(reader.connections, None, None)
         )
-    except Exception:  # whatever damage makes it say; it has closed the file then
+    except Exception:  # any error from damage; it has closed the file then
         return 0
     reader.close()
     return count
 
 
 def measure(count: int, damaged: int, folder: Path | None = None) -> Section:
-    """Identify all of them with one worker, and read them by rosbags in this one process."""
+    """Identify all of them with one worker, and read them by rosbags in this process."""
     from rosbags.typesys import Stores, get_typestore
 
     with tempfile.TemporaryDirectory(dir=folder) as scratch:

@@ -1,4 +1,4 @@
-"""Workers that are killed at random moments: every row is there once, and the same to the bit."""
+"""Workers killed at random moments: every row occurs once, and is bitwise the same."""
 
 import hashlib
 import os
@@ -19,7 +19,7 @@ SEED = 20
 
 
 def measure(count: int, kills: int, folder: Path | None = None) -> Section:
-    """Run undisturbed, then killing a worker so many times; both on two workers."""
+    """Run undisturbed, then kill a worker so many times; both with two workers."""
     with tempfile.TemporaryDirectory(dir=folder) as scratch:
         path = Path(scratch)
         write_array(path / "curves.zarr", count)
@@ -42,7 +42,7 @@ def measure(count: int, kills: int, folder: Path | None = None) -> Section:
 
 
 def digests(folder: Path) -> dict[str, str]:
-    """The files of a fleet's results, by what is in them."""
+    """Return the files of a fleet's results, by their content."""
     return {
         path.name: hashlib.sha256(path.read_bytes()).hexdigest()
         for path in sorted(folder.glob("part-*.parquet"))
@@ -50,7 +50,7 @@ def digests(folder: Path) -> dict[str, str]:
 
 
 def _disturbed(path: Path, there: Path, seconds: float, most: int, seed: int) -> int:
-    """Run once, and kill workers meanwhile, half of a run's time apart; how many were killed."""
+    """Run once, kill workers meanwhile, half a run's time apart, and return the number killed."""
     chosen, ended, killed = random.Random(seed), threading.Event(), 0
 
     def kill() -> None:

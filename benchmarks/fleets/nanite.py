@@ -1,4 +1,4 @@
-"""Force maps: the fit alone, with the exponent of a paraboloid, beside nanite's."""
+"""Force maps: the fit alone, with the exponent of a paraboloid, compared with nanite's."""
 
 import json
 import math
@@ -19,7 +19,7 @@ _ROUNDS = 5
 
 
 def maps() -> list[Path]:
-    """Those beside the checkout, or in PALPATE_DATA."""
+    """Return those next to the checkout, or in PALPATE_DATA."""
     beside = Path(__file__).parents[3] / "shared" / "data"
     folder = Path(os.environ.get("PALPATE_DATA", beside)) / "afm_maps"
     return sorted(folder.glob("*.jpk-force-map"))
@@ -27,12 +27,12 @@ def maps() -> list[Path]:
 
 def measure(python: str, most: int = 10_000) -> Section:
     """Fit the same segments of the same curves by both, one core."""
-    title = "Force maps beside nanite"
+    title = "Force maps, compared with nanite"
     files = maps()
     if not files:
-        return Section(title, [], ["skipped: there are no force maps in PALPATE_DATA"])
+        return Section(title, [], ["skipped: PALPATE_DATA has no force maps"])
     with tempfile.TemporaryDirectory() as scratch:
-        # -P: else this module, beside the program, would be the nanite that it imports.
+        # -P: otherwise the program would import this module, which is next to it, as nanite.
         command = [python, "-P", str(_ALONE), scratch, *map(str, files)]
         done = subprocess.run(
             command, capture_output=True, text=True, check=False,
@@ -40,7 +40,7 @@ def measure(python: str, most: int = 10_000) -> Section:
         )  # fmt: skip
         if done.returncode:
             words = (done.stderr.strip().splitlines() or ["it ended"])[-1]
-            return Section(title, [], [f"skipped: nanite cannot be run by {python}: {words}"])
+            return Section(title, [], [f"skipped: cannot run nanite by {python}: {words}"])
         theirs = json.loads(done.stdout.splitlines()[-1])[:most]
         curves = [dict(np.load(Path(scratch) / each["file"])) for each in theirs]
     seconds, ratios = _ours(theirs, curves)
@@ -55,7 +55,7 @@ def measure(python: str, most: int = 10_000) -> Section:
             limit=Limit(len(curves), at_least=True)),
         Row("largest difference of E", 100.0 * max(abs(r - 1.0) for r in ratios), "%"),
     ]  # fmt: skip
-    notes = ["approach, exponent 1.5, no weights; each curve by a call of its own"]
+    notes = ["approach, exponent 1.5, no weights; each curve by a separate call"]
     return Section(title, rows, notes)
 
 

@@ -1,7 +1,7 @@
-"""Fits of force maps by nanite, in an environment and a process of its own.
+"""Fits of force maps by nanite, in a separate environment and process.
 
-``python nanite_alone.py FOLDER MAP…`` writes what it fitted, and what it found, to FOLDER. nanite
-is under the GPL, is imported by nothing of palpate, and is in none of its extras.
+``python nanite_alone.py FOLDER MAP…`` writes the curves and its results to FOLDER. nanite is under
+the GPL; no part of palpate imports it, and none of the extras contains it.
 """
 
 import json

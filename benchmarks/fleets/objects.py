@@ -1,4 +1,4 @@
-"""Object storage: the same rows from a server of S3's protocol on this machine as from disk."""
+"""Object storage: equal rows from an S3 server on this machine and from disk."""
 
 import os
 import tempfile
@@ -20,7 +20,7 @@ SETTINGS = Settings(diagnosis="none")
 
 @contextmanager
 def server() -> Iterator[str]:
-    """A server on loopback, with one empty bucket, that the environment leads clients to."""
+    """Run a server on loopback, with one empty bucket, and set the environment for clients."""
     import boto3
     from moto.server import ThreadedMotoServer
 
@@ -33,7 +33,7 @@ def server() -> Iterator[str]:
         "AWS_ACCESS_KEY_ID": "nobody",
         "AWS_SECRET_ACCESS_KEY": "nothing",
         "AWS_DEFAULT_REGION": "us-east-1",
-        # Of this machine, and through no proxy.
+        # On this machine, and without a proxy.
         "NO_PROXY": "127.0.0.1,localhost",
     }
     before = {name: os.environ.get(name) for name in wanted}
@@ -51,7 +51,7 @@ def server() -> Iterator[str]:
 
 
 def upload(folder: Path) -> None:
-    """Put all files of a folder into the bucket, by their paths in it."""
+    """Put all files of a folder into the bucket, by their relative paths."""
     import boto3
 
     client = boto3.client("s3")
@@ -80,7 +80,7 @@ def measure(files: int, curves: int, folder: Path | None = None) -> Section:
 
 
 def different(one: Path, other: Path, root: Path) -> int:
-    """How many rows of two folders differ, but for where their sources are."""
+    """Return how many rows of two folders differ, except in the address of their source."""
     local, remote = f"{root}/", f"s3://{BUCKET}/"
     tables = [read_results(folder).to_pylist() for folder in (one, other)]
     if len(tables[0]) != len(tables[1]):

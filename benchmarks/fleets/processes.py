@@ -1,4 +1,4 @@
-"""The processes that this one started: which they are, and how much memory each has had."""
+"""The processes that this one started, and their peak memory."""
 
 import os
 import threading
@@ -10,7 +10,7 @@ _PROC = Path("/proc")
 
 
 def descendants(of: int | None = None) -> list[int]:
-    """Processes that one, unless given this one, started, and that these started."""
+    """Return the descendants of a process. Default: of this one."""
     children: dict[int, list[int]] = {}
     for entry in _PROC.iterdir():
         if entry.name.isdecimal():
@@ -28,7 +28,7 @@ def descendants(of: int | None = None) -> list[int]:
 
 
 def workers() -> list[int]:
-    """Those of them that are workers of Dask: made by ``spawn``, and no tracker of resources."""
+    """Return the Dask workers among them: started by ``spawn``, and no resource tracker."""
     found = []
     for process in descendants():
         try:
@@ -41,7 +41,7 @@ def workers() -> list[int]:
 
 
 def peak(process: int) -> int:
-    """The most memory that a process has had, bytes; 0 of one that has ended."""
+    """Return the peak memory of a process, bytes; 0 if it has ended."""
     try:
         for line in (_PROC / str(process) / "status").read_text().splitlines():
             if line.startswith("VmHWM"):

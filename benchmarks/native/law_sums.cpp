@@ -1,6 +1,6 @@
-// law_sums: how far the residual by the sums is from that of the samples themselves, over Σ F², of
-// every law at exponents between the nodes of the grid. A line for each way that samples come: the
-// largest of the everyday and of the full tier at middling exponents, the same at low ones, and the
+// law_sums: difference of the residual by the sums from that of the samples, over Σ F², of
+// every law at exponents between the nodes of the grid. A line for each kind of samples: the
+// largest of the common and of the full tier at middling exponents, the same at low ones, and the
 // name.
 #include <algorithm>
 #include <array>
@@ -17,7 +17,7 @@ using namespace palpate;
 using namespace palpate::viscoelastic;
 
 constexpr double sample_time = 1e-3;
-// Of the unit of depth: 2 % of the peak.
+// In units of depth: 2 % of the peak.
 constexpr double gate = 0.025;
 constexpr std::array<double, 5> middling{1.137, 1.63, 2.41, 3.11, 3.22};
 constexpr std::array<double, 2> low{0.53, 0.61};
@@ -34,8 +34,8 @@ struct Moved {
   double step;
 };
 
-// Out of contact in every turn of the slowest of three sines. Any force will do, as any numbers
-// have a residual; this one is near a law.
+// Out of contact in every period of the slowest of three sines. Any force will do, because any
+// numbers have a residual; this one is near a law.
 std::vector<Moved> motion(const Case& how) {
   std::mt19937 random(1);
   std::vector<Moved> all;
@@ -55,7 +55,7 @@ std::vector<Moved> motion(const Case& how) {
   return all;
 }
 
-// ξⁿ and the branches of one exponent, without a grid.
+// ξⁿ and the branches for one exponent, without a grid.
 template <class Times>
 class Direct {
  public:

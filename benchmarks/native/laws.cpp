@@ -2,8 +2,8 @@
 //
 // FILE holds doubles: all penetrations, velocities, forces and time steps. A line for each of the
 // two tiers, without and with forgetting: bytes, ns a sample, that of the later half, the longest
-// call in µs by the least of all passes at each sample, the longest that was seen, and the longest
-// of as many empty calls beside it.
+// call in µs by the minimum of all passes at each sample, the longest of all passes, and the
+// longest of ten times as many empty calls.
 #include <algorithm>
 #include <chrono>
 #include <cstdio>
@@ -42,17 +42,16 @@ double nanoseconds_since(Clock::time_point start) {
   return std::chrono::duration<double, std::nano>(Clock::now() - start).count();
 }
 
-// What others take of the machine is never negative: of each stretch the least of all passes
-// counts.
+// Other processes only ever add time: for each segment the minimum of all passes counts.
 template <class Each>
-std::vector<double> least_times(std::size_t count, std::size_t stretch, int passes, double& longest,
+std::vector<double> least_times(std::size_t count, std::size_t segment, int passes, double& longest,
                                 const Each& each) {
-  std::vector<double> least(count / stretch, 1e18);
+  std::vector<double> least(count / segment, 1e18);
   for (int pass = 0; pass < passes; ++pass) {
     auto step = each();
     for (std::size_t part = 0; part < least.size(); ++part) {
       const auto start = Clock::now();
-      for (std::size_t k = part * stretch; k < (part + 1) * stretch; ++k) step(k);
+      for (std::size_t k = part * segment; k < (part + 1) * segment; ++k) step(k);
       const double spent = nanoseconds_since(start);
       least[part] = std::min(least[part], spent);
       longest = std::max(longest, spent);
@@ -61,10 +60,10 @@ std::vector<double> least_times(std::size_t count, std::size_t stretch, int pass
   return least;
 }
 
-double mean(const std::vector<double>& times, std::size_t begin, std::size_t stretch) {
+double mean(const std::vector<double>& times, std::size_t begin, std::size_t segment) {
   double sum = 0.0;
   for (std::size_t i = begin; i < times.size(); ++i) sum += times[i];
-  return sum / static_cast<double>((times.size() - begin) * stretch);
+  return sum / static_cast<double>((times.size() - begin) * segment);
 }
 
 template <class Estimator>
@@ -80,14 +79,14 @@ void run(const char* name, palpate::viscoelastic::Offered offered, double factor
     };
   };
   const auto nothing = [] { return [](std::size_t) {}; };
-  constexpr std::size_t stretch = 50;
+  constexpr std::size_t segment = 50;
   const std::size_t count = motion.samples.size();
   double ignored = 0.0, longest = 0.0, of_machine = 0.0;
-  const auto stretches = least_times(count, stretch, passes, ignored, fresh);
+  const auto segments = least_times(count, segment, passes, ignored, fresh);
   const auto calls = least_times(count, 1, passes, longest, fresh);
   least_times(count * 10, 1, passes, of_machine, nothing);
   std::printf("%s %zu %.1f %.1f %.2f %.1f %.1f\n", name, sizeof(Estimator),
-              mean(stretches, 0, stretch), mean(stretches, stretches.size() / 2, stretch),
+              mean(segments, 0, segment), mean(segments, segments.size() / 2, segment),
               *std::max_element(calls.begin(), calls.end()) / 1e3, longest / 1e3, of_machine / 1e3);
 }
 
@@ -99,8 +98,8 @@ int main(int argc, char** argv) {
   const int passes = std::atoi(argv[2]);
   if (motion.samples.size() < 100 || passes < 1) return 2;
   using palpate::ViscoelasticContact, palpate::FullViscoelasticContact;
-  run<ViscoelasticContact>("everyday", 0x1f, 1.0, motion, passes);
-  run<ViscoelasticContact>("everyday,forgetting", 0x1f, 0.999, motion, passes);
+  run<ViscoelasticContact>("common", 0x1f, 1.0, motion, passes);
+  run<ViscoelasticContact>("common,forgetting", 0x1f, 0.999, motion, passes);
   run<FullViscoelasticContact>("full", 0x7ff, 1.0, motion, passes);
   run<FullViscoelasticContact>("full,forgetting", 0x7ff, 0.999, motion, passes);
 }

@@ -1,5 +1,5 @@
 // preparation FILE PASSES: the best pass, in seconds per sample, of the velocity filter on an even
-// clock and on an uneven one, of the whole preparation, and of the estimators that it feeds.
+// clock and on an uneven one, of the whole preparation, and of the estimators after it.
 //
 // FILE holds doubles: all penetrations, all velocities, all forces.
 #include <algorithm>
@@ -22,7 +22,7 @@ std::vector<double> read_doubles(const char* path) {
   return values;
 }
 
-// What is worked out must be used, or the compiler may leave the work out.
+// Results must be used, or the compiler may remove the computation.
 volatile double used = 0.0;
 
 template <class Kind, class Update>

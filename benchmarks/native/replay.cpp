@@ -24,7 +24,7 @@ std::vector<double> read_doubles(const char* path) {
   return values;
 }
 
-// Memory for a trace, uninitialised; its pages are first touched by the first pass.
+// Memory for a trace, uninitialised; the first pass touches its pages first.
 struct Trace {
   Trace(std::size_t count, std::size_t size)
       : parameters(std::make_unique_for_overwrite<double[]>(count * size)),
@@ -45,7 +45,7 @@ double seconds_since(std::chrono::steady_clock::time_point start) {
   return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
 }
 
-// The best pass into the same memory again and again, and into new memory each time.
+// The best pass into the same memory repeatedly, and into new memory each time.
 template <class Estimator>
 void run(const char* name, const palpate::Signals& in, int passes) {
   double again = 1e9, anew = 1e9;

@@ -1,5 +1,5 @@
-// sizes: prints the bytes of every estimator, without and with a change detector, and with outliers
-// left out too.
+// sizes: prints the bytes of every estimator, without and with a change detector, and with outlier
+// rejection too.
 #include <cstdio>
 
 #include "palpate/palpate.hpp"

@@ -1,4 +1,4 @@
-// A robot presses its probe into something it does not know, and learns what it is as it moves.
+// A robot presses its probe into an unknown material, and identifies it as it moves.
 #include <cmath>
 #include <cstddef>
 #include <cstdio>
@@ -6,17 +6,18 @@
 #include <random>
 
 int main() {
-  // The world: soft rubber, F = K xⁿ + B xⁿ v, felt by a force sensor with 0.05 N of noise.
+  // The simulated material: soft rubber, F = K xⁿ + B xⁿ v; the force sensor has 0.05 N of noise.
   const palpate::HuntCrossley rubber{.stiffness = 20000.0, .damping = 20000.0, .exponent = 1.5};
   std::mt19937 random(1);
   std::normal_distribution<double> noise(0.0, 0.05);
 
-  // No sensor delivers a velocity: the preparation makes it of the positions, and gives all three
-  // numbers as late as that is, 9 ms.
+  // No sensor delivers a velocity: the preparation computes it from the positions, and delays all
+  // three numbers by 9 ms.
   palpate::OnlinePreparation<> preparation({.filter = {.sample_time = 1e-3}});
 
-  // What the robot knows: nothing. It takes the logarithm of the force, so contact is where the
-  // force is well above the noise: made at 1 N, lost at 0.8 N. In between it keeps what it learned.
+  // The robot knows nothing of the material. The method uses the logarithm of the force, so contact
+  // needs a force well above the noise: it begins at 1 N and ends at 0.8 N. Out of contact the
+  // estimate is held.
   palpate::SingleStageRLS estimator(
       {.method = {.initial = {.stiffness = 0.1, .damping = 0.0, .exponent = 1.0},
                   .initial_covariance = palpate::diagonal<3>({1e3, 1e3, 1e3})},

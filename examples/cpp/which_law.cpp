@@ -1,4 +1,4 @@
-// A robot presses its probe into something that may remember, and says which law it is as it moves.
+// A robot presses its probe into a material that may relax, and selects its law as it moves.
 #include <cmath>
 #include <cstddef>
 #include <cstdio>
@@ -14,12 +14,12 @@ namespace v = palpate::viscoelastic;
 constexpr double dt = 1e-3;
 
 const char* damper(v::Damping damping) {
-  return damping == v::Damping::none            ? "no damper"
-         : damping == v::Damping::hunt_crossley ? "a damper as Hunt and Crossley's"
-                                                : "a damper as a half-space's";
+  return damping == v::Damping::none            ? "no damping"
+         : damping == v::Damping::hunt_crossley ? "Hunt-Crossley damping"
+                                                : "half-space damping";
 }
 
-// By how much the law in force is before the next; ten are strong evidence.
+// The lead of the law in force over the next; ten is strong evidence.
 double lead(const v::Solver<v::FlatSums>& solver) {
   const auto& verdict = solver.verdict();
   const std::size_t chosen = solver.solution().fit.candidate;
@@ -34,7 +34,7 @@ double lead(const v::Solver<v::FlatSums>& solver) {
 }  // namespace
 
 int main() {
-  // The world: F = K xⁿ + B xⁿ v, of which half as much again relaxes with times from 2 ms to 2 s.
+  // The simulated material: F = K xⁿ + B xⁿ v, and 0.5 K xⁿ more, which relaxes over 2 ms to 2 s.
   const palpate::GeneralisedHuntCrossley foam{.stiffness = 2e4,
                                               .exponent = 1.5,
                                               .damping = 4e4,
@@ -50,14 +50,14 @@ int main() {
 
   palpate::ViscoelasticContact estimator({.method = {.sample_time = dt}});
   for (int tick = 0; tick <= 3000; ++tick) {
-    // Your 1 kHz loop. A real one has no velocity: palpate::OnlinePreparation makes it.
+    // Your 1 kHz loop. A real one has no velocity: palpate::OnlinePreparation computes it.
     const double t = dt * tick;
     const double x = 4e-3 - 6e-3 * std::cos(11.0 * t);
     const double velocity = 66e-3 * std::sin(11.0 * t);
     v::relax(foam, branches, x, dt, state);
     const double force = v::relaxing_force(foam, branches, x, velocity, state) + noise(random);
 
-    // Neither throws, allocates or blocks; verdict and parameters are worked out a little at each.
+    // Never throws, allocates or blocks; each call computes a part of verdict and parameters.
     estimator.update(x, velocity, force, dt);
 
     if (tick % 250 != 0) continue;
@@ -67,13 +67,13 @@ int main() {
       continue;
     }
     const v::Candidate& law = solver.solution().law();
-    std::printf("%4.2f s  %s, %s, %.0f before the next of %.0f independent samples\n", t,
+    std::printf("%4.2f s  %s, %s, leads the next by %.0f; %.0f independent samples\n", t,
                 damper(law.damping), law.memory == v::Memory::none ? "no memory" : "memory",
                 lead(solver), solver.verdict().effective);
   }
-  estimator.finish_pending();  // all that is spread over the next samples otherwise
+  estimator.finish_pending();  // otherwise the next samples would finish it
   const v::Candidate& law = estimator.method().solver().solution().law();
   const bool right = law.damping == v::Damping::hunt_crossley && law.memory == v::Memory::flat;
-  std::printf("it was Hunt and Crossley's with memory: %s\n", right ? "found" : "not found");
+  std::printf("the truth, Hunt-Crossley with memory: %s\n", right ? "found" : "not found");
   return right ? 0 : 1;
 }

@@ -32,11 +32,11 @@ from peers.reference_simulators import (
 
 
 def main() -> None:
-    print("| simulator | set | motion in contact | largest force | force beside its law |")
+    print("| simulator | set | motion in contact | largest force | deviation from its law |")
     print("|---|---|---|--:|--:|")
     for name, simulator in REFERENCE_SIMULATORS.items():
         print(_row(name, _numbers(simulator.law), *_shown(name, simulator)))
-    print("\n| simulator | estimator | returned | error of each |\n|---|---|---|---|")
+    print("\n| simulator | estimator | identified | error of each |\n|---|---|---|---|")
     for name, simulator in REFERENCE_SIMULATORS.items():
         for words, estimator, seed in _estimators(simulator.law):
             print(_row(name, words, *_returned(name, estimator, seed)))
