@@ -528,7 +528,7 @@ def judged(count):
 
 REASONS = [
     "failed: bad.csv: no column 'force_N'",
-    "do-not-trust: touch-000.csv: signs: 3 samples pull (and 1 other row)",
+    "do-not-trust: touch-000.csv: signs: 3 samples pull (and 1 more)",
     "with-care: touch-002.csv: spikes: there are spikes",
 ]
 
@@ -564,11 +564,11 @@ def test_a_row_without_a_verdict_has_the_severity_of_its_findings_and_flags():
     checked = [*["input"] * 4, "none"]
     table = rows([1.0] * 5, [0.1] * 5, flags=flags, findings=findings, checked=checked)
     assert verdicts_of(table) == [
-        ("no finding", ""),
+        ("no-finding", ""),
         ("flagged", "only 3 samples in contact"),
         ("do-not-trust", "stiffness not identifiable: ..."),
         ("with-care", "spikes: two"),
-        ("not checked", ""),
+        ("not-checked", ""),
     ]
     uncertain = rows([300.0], [3.0], stiffness_at_depth_systematic=[4.0])
     assert format_values(uncertain, "stiffness") == ["300 ± 5 N/m"]

@@ -45,7 +45,7 @@ def test_a_folder_of_all_kinds_becomes_a_row_each(
     out = printed("fleet", recordings, "-o", results, "--workers", 1, "--report")
     assert "9 contacts in" in out
     assert any(line.split()[:2] == ["bad.csv", "failed"] for line in out.splitlines())
-    assert len(re.findall(r"no finding +\S+ ± \S+ N/m +\S+ ± \S+ N·s/m", out)) == 8
+    assert len(re.findall(r"no-finding +\S+ ± \S+ N/m +\S+ ± \S+ N·s/m", out)) == 8
     table = read_results(results)
     names = [name.rpartition("/")[2] for name in table.column("source").to_pylist()]
     assert names == ["array.zarr"] * 5 + ["bad.csv"] + [f"touch-{k:03d}.csv" for k in range(3)]

@@ -36,10 +36,8 @@ Sources: TypeAlias = tuple[str, ...]
 #: Above this number of rows only the counts of the verdicts are printed.
 _MOST_ROWS = 30
 _MOST_REASONS = 3
-_STYLES = {
-    "failed": "red", "do-not-trust": "red", "with-care": "yellow", "flagged": "yellow",
-    "trust": "green",
-}  # fmt: skip
+_STYLES = dict.fromkeys(("with-care", "flagged"), "yellow") | {"trust": "green"}
+_STYLES |= dict.fromkeys(("failed", "do-not-trust"), "red")
 
 
 @Parameter(name="*", group=Group("Workers", sort_key=1.6))
@@ -150,20 +148,17 @@ def _print(found: "Fleet", page: Path | None, *, as_json: bool) -> None:
     console = Terminal()
     new = found.contacts - found.reused
     if found.reused:
-        words = f"{found.reused} of {_counted(found.contacts)} reused from an earlier run"
-        say(console, words)
+        say(console, f"{found.reused} of {_counted(found.contacts)} reused from an earlier run")
     if new:
         rate = new / found.seconds if found.seconds > 0.0 else 0.0
-        words = f"{_counted(new)} in {found.seconds:.3g} s ({rate:.3g} per second)"
-        if found.rows != new:
-            words += f": {found.rows} rows, one per place"
-        say(console, words)
+        places = "" if found.rows == new else f": {found.rows} rows, one per place"
+        say(console, f"{_counted(new)} in {found.seconds:.3g} s ({rate:.3g} per second){places}")
     complete = _print_rows(console, found)
     say_path(console, f"results: {found.folder}")
-    if page is None and not complete:
-        say(console, "for all reasons, repeat the command with --report; it reuses the results")
     if page is not None:
         say_path(console, f"report: {page}")
+    elif not complete:
+        say(console, "for all reasons, repeat the command with --report; it reuses the results")
 
 
 def _counted(contacts: int) -> str:
@@ -171,13 +166,7 @@ def _counted(contacts: int) -> str:
 
 
 def _print_rows(console: Terminal, found: "Fleet") -> bool:
-    """Print a line per row, or counts of the verdicts if there are many; then the worst reasons.
-
-    Returns
-    -------
-    bool
-        Whether every row was printed, with its reason.
-    """
+    """Print rows, or counts of verdicts, and the worst reasons; return whether these are all."""
     from palpate.fleet import maps
     from palpate.fleet.files import read_results
 
@@ -242,5 +231,6 @@ def map(
     found = map_of(read_results(results), by.split(","), of=of, depth=depth)
     drawing.save("palpate.fleet.figures.draw_map", found)
     console = Terminal()
-    say(console, found.summary)
+    for line in found.lines:
+        say(console, line)
     say_path(console, f"figure: {drawing.figure}")

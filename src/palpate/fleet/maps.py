@@ -91,9 +91,7 @@ def names_of(table: Table) -> list[str]:
 
 
 #: From the most to the least severe; the last two are of rows that have no verdict.
-VERDICTS = (
-    "failed", "do-not-trust", "with-care", "flagged", "trust", "no finding", "not checked",
-)  # fmt: skip
+VERDICTS = ["failed", "do-not-trust", "with-care", "flagged", "trust", "no-finding", "not-checked"]
 #: Why rows have no verdict, by what was checked.
 NO_VERDICT = {
     "none": "palpate checked neither the data nor the fits; add --diagnosis input or full",
@@ -110,14 +108,13 @@ def verdicts_of(table: Table) -> list[tuple[str, str]]:
     columns = "source", "error", "verdict", "checked", "findings", "flags"
     for source, error, verdict, checked, findings, flags in _each(table, *columns):
         reasons = [words.split(": ", 1) for words in findings or () if words[:5] != "note:"]
-        reasons += [
-            ["do-not-trust" if words.startswith(_distrusting("stiffness")) else "flagged", words]
-            for words in flags or ()
-        ]
+        doubt = _distrusting("stiffness")
+        marks = ("flagged", "do-not-trust")
+        reasons += [[marks[words.startswith(doubt)], words] for words in flags or ()]
         if error is not None:
             reasons = [["failed", error.removeprefix(f"{source}: ")]]
-        usual = "not checked" if checked == "none" else "no finding"
-        severity, reason = min(reasons, key=_severity, default=[usual, ""])
+        usual = "not-checked" if checked == "none" else "no-finding"
+        severity, reason = min(reasons, key=_severity, default=(usual, ""))
         found.append((verdict or severity, reason))
     return found
 
@@ -133,11 +130,7 @@ def reasons_of_verdicts(names: Sequence[str], verdicts: Sequence[tuple[str, str]
         if reason and verdict in VERDICTS[:4]:
             groups[verdict, _without_numbers(reason)].append(f"{verdict}: {name}: {reason}")
     ordered = sorted(groups.items(), key=lambda group: (_severity(group[0]), -len(group[1])))
-    return [each[0] + _others(len(each) - 1) for _, each in ordered]
-
-
-def _others(count: int) -> str:
-    return f" (and {count} other row{'s' * (count > 1)})" if count else ""
+    return [each[0] + f" (and {len(each) - 1} more)" * (len(each) > 1) for _, each in ordered]
 
 
 def format_values(table: Table, quantity: str) -> list[str]:
@@ -356,12 +349,12 @@ class Map:
         return f"at the working depth of each contact, {span}"
 
     @property
-    def summary(self) -> str:
-        """The map in one line: median, range, and counts of places to treat with care."""
+    def lines(self) -> list[str]:
+        """Median and range of the values, and counts of places to treat with care."""
         known = self.value[np.isfinite(self.value)]
         if not known.size:
             nothing = f"none of {len(self.value)} places has a {self.quantity} {self.where}"
-            return "; ".join([nothing, *self._remarks])
+            return [nothing, *self._remarks]
         error = float(np.nanmedian(self.error)) if np.isfinite(self.error).any() else np.nan
         low, high = (rounded(float(v), 3) for v in np.percentile(known, (5.0, 95.0)))
         middle = with_error(float(np.median(known)), error, unit=self.unit)
@@ -369,7 +362,12 @@ class Map:
             f"{self.quantity} {self.where}: median {middle} (error of one place), 5th to 95th "
             f"percentile of {known.size} places {low} to {high} {self.unit}".rstrip()
         )
-        return "; ".join([words, *self._remarks])
+        return [words, *self._remarks]
+
+    @property
+    def summary(self) -> str:
+        """The lines as one."""
+        return "; ".join(self.lines)
 
     @property
     def _remarks(self) -> list[str]:

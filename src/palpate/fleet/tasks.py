@@ -220,8 +220,7 @@ class Settings:
         ``"none"``; ``"input"`` (default) checks the data, which takes as long as the
         identification; ``"full"`` gives each contact a verdict and takes some fifty times as long.
     minimum_penetration, minimum_force : float, optional
-        Samples are in contact above this penetration, m, and force, N. Default: chosen from the
-        data.
+        Smallest penetration, m, and force, N, in contact. Default: chosen from the data.
     version : str
         Version of palpate that made the settings; a worker with another version refuses them.
 
