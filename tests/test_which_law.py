@@ -257,7 +257,7 @@ def test_a_verdict_is_read_back_to_the_bit_and_all_laws_have_a_row(law):
     result = identified("half-space with a flat spectrum", law)
     written = json.loads(json.dumps(result.as_dict(), allow_nan=False))["law_verdict"]
     assert LawVerdict.from_dict(written) == result.law_verdict
-    assert written["standings"][0]["parameters"] == 5
+    assert written["model_ranking"][0]["parameters"] == 5
     [ranking] = view.which_law([result])
     model_ranking = result.law_verdict.model_ranking
     assert [row[0] for row in ranking.rows] == [str(each.candidate) for each in model_ranking]

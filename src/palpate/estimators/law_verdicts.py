@@ -165,7 +165,6 @@ class LawVerdict(Plain):
     def as_dict(self) -> dict[str, Any]:
         """Return it as plain numbers and text; its key of the ranking keeps the older name."""
         whole = Plain.as_dict(self)
-        whole["standings"] = whole.pop("model_ranking")
         return {"law": str(self.candidate), **whole.pop("candidate"), **whole}
 
     def __str__(self) -> str:
@@ -194,7 +193,7 @@ class LawVerdict(Plain):
 
         model_ranking = (
             RankedModel(candidate(each), or_nan(each["score"]), or_nan(each["rms_error"]))
-            for each in words["standings"]
+            for each in words.get("model_ranking") or words["standings"]  # before 0.1
         )
         numbers = {name: or_nan(words[name]) for name in _NUMBERS}
         found = words["findings"] if "findings" in words else words["flags"]  # in schema 1
