@@ -164,7 +164,7 @@ def test_the_diagnosis_is_of_the_law_that_is_asked_for(printed):
 def test_what_an_oscillation_feels_is_printed_with_what_the_everyday_laws_say(run, printed):
     own = palpate.identify(BALL, trace=False).dynamic_stiffness().frequency
     out = printed("identify", BALL, "--frequency", f"{own:.6f}rad/s")
-    assert "of the everyday laws, by the same samples: Hunt–Crossley, before " in out
+    assert "of the everyday laws, by the same samples: Hunt–Crossley, preferred over " in out
     assert "a small oscillation of " in out
     assert "K′ = 2000.7" in out
     _, printed, _ = run("identify", BALL, "--frequency", f"{own:.6f}rad/s", "--json")

@@ -202,7 +202,7 @@ TWO, THREE = (lab.BALL, lab.PVC), (lab.BALL, lab.PVC, lab.PVC)
         (lambda: lab.SplineTrajectory([0.0, 1.0, 1.0, 2.0], [0.0] * 4), "time must increase"),
         (lambda: lab.Probing(clearance=-1.0), "clearance must be in"),
         (lambda: lab.Palpation(shift=6.0), "shift must be in"),
-        (lambda: lab.Tapping(depths=()), "depths must name"),
+        (lambda: lab.Tapping(depths=()), "depths must have"),
         (lambda: lab.Bench("ball", lab.THREE_SINES, PROBE), "material must be a Material"),
         (lambda: lab.Bench(lab.BALL, "sines", PROBE), "trajectory must be a Trajectory"),
         (lambda: lab.Bench(lab.BALL, lab.THREE_SINES, "robot"), "probe must be a Probe"),
