@@ -1,6 +1,7 @@
 """The verdict and the law on the command line: what is printed, what mends it, how it ends."""
 
 import json
+import re
 from pathlib import Path
 
 import faults
@@ -30,7 +31,7 @@ def test_every_finding_is_printed_with_its_remedy_and_json_is_the_diagnosis(prin
     path = write(faults.changed(0.2))
     found, words = palpate.diagnose(path), printed("diagnose", path)
     assert all(finding.check.split()[0] in words for finding in found.findings)
-    assert "→ --changes identifies each" in words
+    assert "→ identify each segment separately: --changes" in words
     assert f"{found.episodes[0].stop:.4g} s: stiffness = " in words
     out = printed("diagnose", path, "--json")
     assert json.loads(out)["schema_version"] == 2
@@ -62,13 +63,14 @@ def test_each_stretch_between_changes_is_identified_by_itself(run, write):
     assert parts["law"] == whole["law"]
     assert parts["fit_rmse_percent"] < 0.1 * whole["fit_rmse_percent"]
     words = run("identify", path, "--changes")[1]
-    assert f"{first['stop']:.4g} s: trust" in words
-    assert f"\nto {first['stop']:.4g} " in words  # a row of the table
+    row = next(line for line in words.splitlines() if f" to {first['stop']:.4g} " in line)
+    assert row.endswith("  trust")
+    assert "--changes" not in words  # which was just done
     assert whole["changes"] == []  # a plain estimator looks for none
     # Half as much stiffness again shows in a sample or two, but the probe has to come to where it
     # was before: within a tenth of the slowest sine, which takes 1.6 s.
     assert parts["changes"] == pytest.approx([3.5], abs=0.16)
-    assert "in a control loop, alarms at 3.5" in words
+    assert "the online change detector raises an alarm at 3.5" in words
     assert "motion" not in words  # which is not to blame for what two materials leave open
 
 
@@ -139,7 +141,7 @@ def test_compare_ranks_and_recommends_nothing_where_nothing_is_to_be_trusted(run
     assert ranking["failing"] == ["double-stage"]
     assert all("exclude each other" in words for words in ranking["exclusions"])
     out = run("compare", write(faults.changed(1.0)))[1]
-    assert "recommended: none of them" in out
+    assert "recommended method: none" in out
 
 
 PHANTOM = Path(__file__).parents[1] / "examples" / "recordings" / "phantom.csv"
@@ -150,8 +152,6 @@ def test_a_law_is_chosen_and_said(printed):
     out = printed("identify", PHANTOM, "--law", "auto")
     result = palpate.identify(PHANTOM, law="auto", trace=False)
     assert str(result.law_verdict.candidate) in out
-    assert "by viscoelastic" in out
-    assert "independent samples of" in " ".join(out.split())
 
 
 def test_the_diagnosis_is_of_the_law_that_is_asked_for(printed):
@@ -164,9 +164,7 @@ def test_the_diagnosis_is_of_the_law_that_is_asked_for(printed):
 def test_what_an_oscillation_feels_is_printed_with_what_the_everyday_laws_say(run, printed):
     own = palpate.identify(BALL, trace=False).dynamic_stiffness().frequency
     out = printed("identify", BALL, "--frequency", f"{own:.6f}rad/s")
-    assert "of the everyday laws, by the same samples: Hunt–Crossley, before " in out
-    assert "a small oscillation of " in out
-    assert "K′ = 2000.7" in out
+    assert re.search(r"^oscillation +at 1\.59 Hz and 8\.78 mm: K′ = 2000\.7", out, re.MULTILINE)
     _, printed, _ = run("identify", BALL, "--frequency", f"{own:.6f}rad/s", "--json")
     felt = json.loads(printed)["results"][0]["small_oscillation"]
     assert felt["frequency"] == pytest.approx(own, abs=1e-6)

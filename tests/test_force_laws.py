@@ -376,7 +376,7 @@ def two_times_in_the_wrong_order():
             solref=(0.02, 1.0), solimp=(0.9, 0.9, 0.001, 0.5, 2.0), inverse_mass=1.0), "solref"),
         (lambda: engines.mujoco(
             solref=(-1e3, -1.0), solimp=(0.9, 0.95, 0.001, 0.5, 2.0), inverse_mass=1.0),
-         "solimp must have one impedance"),
+         "solimp must be constant"),
     ],
 )  # fmt: skip
 def test_nonsense_is_refused_in_words(make, words):

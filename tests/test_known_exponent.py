@@ -148,7 +148,7 @@ def test_a_wrong_exponent_is_a_finding_and_a_modulus_says_that_the_shape_was_not
     finding = result.diagnosis.findings[0]
     assert result.diagnosis.verdict.overall != "trust"
     assert finding.check == "shape"
-    assert "exponent that was given" in finding.message
+    assert "exponent that was passed" in finding.message
     there = identify(contact, palpate.VariableProjection(exponent=1.5), trace=False)
     assert there.diagnosis.verdict.stiffness == "trust"
     modulus = there.elastic_modulus(palpate.Sphere(radius=0.1))

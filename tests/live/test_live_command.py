@@ -71,7 +71,7 @@ def recording(tmp_path):
         ("lab:ball --exponent 1.5 --method kelvin-voigt", "the law of kelvin-voigt has none"),
         (
             "lab:ball --law auto --method single-stage",
-            "law auto and method single-stage do not go together",
+            "method single-stage does not identify law auto, only the hunt-crossley law",
         ),
         ("lab:ball --law magic", "law must be one of hunt-crossley, auto, any"),
         ("lab:ball --direction down", "--direction must be three numbers"),

@@ -14,6 +14,7 @@ from palpate.cli.options import (
     Channel,
     Channels,
     Unit,
+    in_si,
     quantities,
     quantity,
     units_of,
@@ -73,12 +74,12 @@ class ReadingOptions:
     strict: Annotated[bool, Parameter(group=READ, negative="")] = False
     "Refuse bad rows and damaged files, which are else left out and said."
 
-    min_penetration: Annotated[float | None, _PREPARED] = None
-    "Contact is deeper than this, m; unless given chosen by the method, or from the data for it."
-    min_force: Annotated[float | None, _PREPARED] = None
-    "Contact is firmer than this, N; unless given chosen by the method, or from the data for it."
-    velocity_window: Annotated[float | None, _PREPARED] = None
-    "Length of the velocity filter, s; 15 samples but at most 15 ms unless given."
+    min_penetration: Annotated[float | None, in_si("penetration", "DEPTH", PREPARED)] = None
+    "Least penetration in contact, such as 2mm (default: chosen by the method or from the data)."
+    min_force: Annotated[float | None, in_si("force", "FORCE", PREPARED)] = None
+    "Least force in contact, such as 0.5N (default: chosen by the method or from the data)."
+    velocity_window: Annotated[float | None, in_si("time", "DURATION", PREPARED)] = None
+    "Length of the velocity filter, such as 30ms (default: 15 samples, at most 15ms)."
     flip_force: Annotated[bool, _FLAG] = False
     "Turn the sign of the force: compression is to be positive."
     flip_penetration: Annotated[bool, _FLAG] = False
