@@ -27,15 +27,7 @@ _DAMPING = GeneralisedHuntCrossley.names().index("damping")
 
 
 def verdict_on(status: Mapping[str, Any]) -> dict[str, Any] | None:
-    """Return the verdict on the force law as plain numbers and text.
-
-    None if the estimator compares no laws.
-
-    Parameters
-    ----------
-    status : mapping
-        The loop's status.
-    """
+    """Return the verdict on the force law in a status; None if the estimator compares no laws."""
     page = status.get("verdict")
     if page is None:
         return None
@@ -113,13 +105,8 @@ Numbers = dict[str, tuple[float, float]]
 def numbers_of(verdict: Mapping[str, Any]) -> Numbers:
     """Return those :data:`NUMBERS` that the preferred law has, each with its standard error.
 
-    They hold at the depth and frequency of the motion. Empty until the first verdict, and again
-    after a change of material.
-
-    Parameters
-    ----------
-    verdict : mapping
-        Of :func:`verdict_on`.
+    They hold at the depth and frequency of the motion. Empty until the first verdict of
+    :func:`verdict_on`, and again after a change of material.
     """
     parameters, depth, omega = verdict["parameters"], verdict["depth"], verdict["frequency"]
     # Depth and frequency are of the samples since a change; an outdated law has no band there.
@@ -162,7 +149,7 @@ def standing(verdict: Mapping[str, Any]) -> str:
     lead, second = lead_of(verdict)
     return {
         "none": "no verdict yet",
-        "before": "outdated: no verdict yet on the samples since",
+        "before": "outdated: no verdict yet on the new samples",
         "alone": "the only law compared",
         "open": f"not distinguishable from {second}: ΔBIC {rounded(max(lead, 0.0), 2)}",
         "weak": f"preferred over {second}: ΔBIC {rounded(lead, 2)}, 10 is strong evidence",
@@ -194,13 +181,7 @@ def describe_verdict(verdict: Mapping[str, Any], numbers: Numbers) -> str:
 
 
 def law_lines(verdict: Mapping[str, Any]) -> Iterator[str]:
-    """Yield the lines that describe the verdict at the end of a run.
-
-    Parameters
-    ----------
-    verdict : mapping
-        As for :func:`numbers_of`.
-    """
+    """Yield the lines that describe the verdict at the end of a run."""
     numbers, changes = numbers_of(verdict), int(verdict["changes"])
     turned = f", changed {changes} times" if changes and verdict["known"] else ""
     yield f"law: {describe_verdict(verdict, {})}{_evidence(verdict)}{turned}"
@@ -230,12 +211,7 @@ def written(numbers: Numbers, name: str) -> str:
 def fields_of(verdict: Mapping[str, Any], origin: float = 0.0) -> dict[str, float | str]:
     """Return the verdict as fields of a message: text, and plain numbers in SI units.
 
-    Parameters
-    ----------
-    verdict : mapping
-        As for :func:`numbers_of`.
-    origin : float
-        Zero of the loop's times, s.
+    ``origin`` is the zero of the loop's times, s.
     """
     fields: dict[str, float | str] = {
         "law": str(verdict["law"]) if verdict["parameters"] is not None else "",
@@ -327,22 +303,14 @@ Words = dict[str, Any]
 
 
 def view_of(page: Mapping[str, Any], verdict: Mapping[str, Any] | None, now: float) -> Words:
-    """Return the texts that stand still while the view is paused.
-
-    Parameters
-    ----------
-    page : mapping
-        From the watch: loop, depth, now, changes.
-    verdict : mapping, optional
-        From :func:`verdict_on`.
-    now : float
-        Time of the newest sample, s.
-    """
+    """Return the texts that stand still while the view is paused; ``now`` is a sample's time, s."""
     loop, depth, found = page["loop"], page["depth"], page["now"]
     law = loop.get("law") or {}
     known = math.isfinite(depth["value"])
     at = f" at {format_quantity(depth['value'], 'm')}" if known else " at working depth"
-    names = ("Relaxed stiffness", "Damping") if law.get("remembers") else ("Stiffness", "Damping")
+    names = "Stiffness", "Damping"
+    if law.get("remembers"):
+        names = "Relaxed stiffness", "Viscous damping"
     chosen = " (chosen)" if known and depth["chosen"] else ""
     tiles = [
         [f"{name}{at}{chosen} [{unit}]", with_error(*found.get(key, (math.nan, math.nan)))]
@@ -458,14 +426,7 @@ def _absent(verdict: Mapping[str, Any], numbers: Numbers, name: str) -> str:
 def facts_of(page: Mapping[str, Any], state: str, contact_force: float | None = None) -> Words:
     """Return the texts that go on while the view is paused: verdict, state, counts, times.
 
-    Parameters
-    ----------
-    page : mapping
-        From the watch: loop, others, page.
-    state : str
-        A key of the page's states.
-    contact_force : float, optional
-        Present force, N, if the probe is in contact.
+    ``contact_force`` is the present force, N, if the probe is in contact.
     """
     loop, others = page["loop"], page["others"]
     lamp, title, words = _STATES.get(state, _STATES["none"])
@@ -514,7 +475,7 @@ def _counts(
     return [[name, str(count), kind if count else ""] for name, count, kind in rows]
 
 
-_FINE = {"taken": "samples", "learned": "learned", "changes": "changes"}
+_FINE = {"taken": "samples", "learned": "used", "changes": "changes"}
 
 
 def _verdict_line(found: Mapping[str, Any] | None) -> list[str]:
