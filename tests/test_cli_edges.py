@@ -132,7 +132,7 @@ def test_a_figure_never_replaces_the_recording(refused, tmp_path, monkeypatch, c
     link.hardlink_to(file)
     monkeypatch.setattr(figures, "draw", pytest.fail)  # it is said before the work
     monkeypatch.setattr(figures, "draw_comparison", pytest.fail)
-    assert "this file is read" in refused(command, file, "--figure", link)
+    assert "this is an input file" in refused(command, file, "--figure", link)
     assert file.read_bytes() == before
 
 
@@ -309,7 +309,7 @@ REFUSED = {
     "identify BALL --frequency 500Hz -o out": ["band of the motion"],
     # Samples of which none is left.
     "identify probe.csv --start 5": ["no sample between 5 s", "0.599 s"],
-    "identify probe.csv --min-penetration 1": ["never touches", "above 1 m"],
+    "identify probe.csv --min-penetration 1": ["no contact found", "above 1 m"],
     "identify probe.csv --force Fz": ["no column 'Fz'", "force_N", "name others"],
     # Figures.
     "identify probe.csv --figure out.eps": ["out.eps", "end in .svg, .pdf or .png"],
@@ -334,7 +334,7 @@ REFUSED = {
     "lab ball -o absent/x.csv --seconds 90000": ["absent"],
     "lab ball -o . --seconds 90000": ["this is a folder"],
     "lab ball -o o.svg --picture o.svg --seconds 90000": ["two outputs would be this file"],
-    "lab ball --probe ideal -o probe.csv --trajectory probe.csv": ["this file is read"],
+    "lab ball --probe ideal -o probe.csv --trajectory probe.csv": ["this is an input file"],
     "paper --only fig05 fig99": ["fig99", "--only", "fig05, fig06"],
     "paper --only fig05 -o probe.csv/below": ["probe.csv/below"],
 }
@@ -369,7 +369,7 @@ NEVER = {
 def test_a_probe_that_never_touches_is_one_line(refused, tmp_path, name):
     path = written(tmp_path / "never.csv", text_of(NEVER[name]))
     numbers = not name.startswith("of ")
-    words = "the probe never touches" if numbers else "column 'penetration_m': no sample holds a"
+    words = "no contact found" if numbers else "column 'penetration_m': no sample holds a"
     assert f"{path}: {words}" in refused("identify", path)
 
 

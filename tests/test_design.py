@@ -356,7 +356,7 @@ def test_a_file_says_what_it_holds_above_its_header(printed, tmp_path):
         (["-o", "/dev/stdout", "--json"], "cannot both write to standard output"),
         (["-o", "a.svg", "--figure", "a.svg"], "two outputs would be this file"),
         (["-o", "a.csv", "--amplitudes", "0", "--frequencies", "1"], "the probe is held"),
-        (["--width", "88mm"], "name one with --figure"),
+        (["--width", "88mm"], "pass --figure"),
     ],
 )
 def test_what_cannot_be_written_is_one_line(refused, tmp_path, monkeypatch, options, words):

@@ -224,7 +224,7 @@ def test_one_class_is_pressed_identified_compared_diagnosed_drawn_kept_and_expor
         assert result["law"][name] == pytest.approx(
             value, abs=4.0 * result["standard_errors"][name]
         )
-    status, out, _ = run("identify", file, "--law", "fung", "-o", folder)
+    status, out, _ = run("identify", file, "--law", "fung", "-o", folder, "-v")
     assert "truth 0.004" in out  # from the file's notes
     saved = palpate.load_result(folder)
     assert {"kind": "fung", **saved.law.as_dict()} == result["law"]
