@@ -274,7 +274,6 @@ struct LevelNoise {
   // Satterthwaite's degrees of freedom of Σ term(k), term(k) = d_k yᵀ D_k y: each measured level
   // has its own scatter, all extrapolated levels share one, and those that count as σ² have almost
   // none.
-
   template <class Term>
   double degrees(const Term& term) const noexcept {
     double whole = 0.0, spread = 0.0, common = 0.0;
