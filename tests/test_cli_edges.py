@@ -132,7 +132,7 @@ def test_a_figure_never_replaces_the_recording(refused, tmp_path, monkeypatch, c
     link.hardlink_to(file)
     monkeypatch.setattr(figures, "draw", pytest.fail)  # it is said before the work
     monkeypatch.setattr(figures, "draw_comparison", pytest.fail)
-    assert "this file is read" in refused(command, file, "--figure", link)
+    assert "this is an input file" in refused(command, file, "--figure", link)
     assert file.read_bytes() == before
 
 
@@ -334,7 +334,7 @@ REFUSED = {
     "lab ball -o absent/x.csv --seconds 90000": ["absent"],
     "lab ball -o . --seconds 90000": ["this is a folder"],
     "lab ball -o o.svg --picture o.svg --seconds 90000": ["two outputs would be this file"],
-    "lab ball --probe ideal -o probe.csv --trajectory probe.csv": ["this file is read"],
+    "lab ball --probe ideal -o probe.csv --trajectory probe.csv": ["this is an input file"],
     "paper --only fig05 fig99": ["fig99", "--only", "fig05, fig06"],
     "paper --only fig05 -o probe.csv/below": ["probe.csv/below"],
 }

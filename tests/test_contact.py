@@ -58,7 +58,9 @@ def test_another_segment_begins_where_the_label_changes(labels):
 
 @pytest.mark.parametrize("labels", [[[0], [0, 1], 2], [0, [1, 2], 3]], ids=str)
 def test_labels_of_no_sense_are_refused(labels):
-    with pytest.raises(InvalidParameterError, match="segment must be one label a sample"):
+    with pytest.raises(
+        InvalidParameterError, match="segment must be an array of one label per sample"
+    ):
         at(range(3), segment=labels)
     with pytest.raises(InvalidParameterError, match="time has 3, segment has 2"):
         at(range(3), segment=[0, 1])
@@ -93,7 +95,7 @@ def test_a_window_keeps_the_samples_between_two_times():
     assert len(whole.window()) == 500
     assert whole.window(start=0.4).time[0] == 0.4
     assert whole.window(stop=0.1).time[-1] == 0.1
-    words = r"probe.csv: no sample between 7 s and 8 s.* 0 s to 0.499 s"
+    words = r"probe.csv: there is no sample between 7 s and 8 s.* 0 s to 0.499 s"
     with pytest.raises(RecordingError, match=words):
         whole.window(7.0, 8.0)
 

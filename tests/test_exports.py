@@ -345,7 +345,7 @@ def test_what_an_engine_can_do_nothing_with_is_refused_in_words(toy, engine, giv
 def test_an_export_replaces_only_what_an_export_wrote(ball, saved, name, tmp_path):
     first = exports.export(ball, "usd", mass=1.0)
     second = exports.export(ball, "drake", allow=True, replay=False)
-    with pytest.raises(RecordingError, match="this file is read"):
+    with pytest.raises(RecordingError, match="this is an input file"):
         first.save(saved, inputs=[saved / "material.usda"])
     (tmp_path / name).write_text("mine", encoding="utf-8")
     with pytest.raises(RecordingError, match=rf"{name}: palpate did not write this .*-o FOLDER"):

@@ -174,8 +174,8 @@ def findings_of(contact: Contact, trace: Trace, estimator: ContactEstimator) -> 
         if law.remembers:
             yield Finding(
                 "memory",
-                f"the law relaxes ({verdict.candidate}): force, stiffness and damping at a depth "
-                "are those after relaxation; K′ and B′ are those of a small oscillation",
+                f"the law relaxes ({verdict.candidate.title}): force, stiffness and damping "
+                "at a depth are those after relaxation; K′ and B′ are those of a small oscillation",
             )
         yield from verdict.findings
     for refusal in (Status.NOT_FINITE, Status.INVALID_STEP, Status.OUT_OF_RANGE):

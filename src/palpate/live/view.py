@@ -166,8 +166,8 @@ def standing(verdict: Mapping[str, Any]) -> str:
 
 def lead_of(verdict: Mapping[str, Any]) -> tuple[float, str]:
     """Return the preferred law's ΔBIC and the next best law; NaN and "" if there is no other."""
-    own = [each["score"] for each in verdict["standings"] if each["law"] == verdict["law"]]
-    others = [each for each in verdict["standings"] if each["law"] != verdict["law"]]
+    own = [each["score"] for each in verdict["model_ranking"] if each["law"] == verdict["law"]]
+    others = [each for each in verdict["model_ranking"] if each["law"] != verdict["law"]]
     if not (own and others):
         return math.nan, ""
     return float(others[0]["score"]) - float(own[0]), str(others[0]["law"])
@@ -383,7 +383,7 @@ def law_of(verdict: Mapping[str, Any], now: float) -> Words:
     if sure not in ("none", "before") and math.isfinite(verdict["since"]):
         turned = f"; changed {count} times" if (count := verdict["changes"]) else ""
         since = f"Preferred for {_ago(now, verdict['since'])}{turned}."
-    scores = {each["law"]: each["score"] for each in verdict["standings"] if verdict["known"]}
+    scores = {each["law"]: each["score"] for each in verdict["model_ranking"] if verdict["known"]}
     laws = []
     for name in verdict["offered"]:
         behind = max(scores.get(name, math.nan) - scores.get(verdict["law"], 0.0), 0.0)

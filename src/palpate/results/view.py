@@ -386,7 +386,7 @@ def which_law(results: "Iterable[Identified]") -> Iterator[ViewSection]:
         return
     rows = [
         (
-            str(each.candidate),
+            each.candidate.title,
             rounded(each.score, 3),
             format_quantity(each.rms_error, "N"),
             str(each.candidate.parameters),
@@ -396,7 +396,7 @@ def which_law(results: "Iterable[Identified]") -> Iterator[ViewSection]:
     ]
     samples = rounded(found.effective_samples, 3), rounded(found.samples, 4)
     score = "{}; effective sample size {} of {}".format(_SCORE, *samples)
-    flags = (Line(f"{found.candidate}: {flag}", tone="soft") for flag in found.flags)
+    flags = (Line(f"{found.candidate.title}: {flag}", tone="soft") for flag in found.flags)
     headings = ["law", ">ΔBIC", ">rms error", ">parameters", "which means"]
     yield ViewSection("Model ranking", [Line(score, tone="soft"), *flags], headings, rows)
 
@@ -649,7 +649,9 @@ def _samples(result: "Identified") -> str:
 
 def _law_verdict(result: "Identified") -> str:
     found = result.law_verdict
-    return "" if found is None or not found.known else f"Model selection: {found}"
+    return (
+        "" if found is None or not found.known else f"model selection: {found}".replace("law: ", "")
+    )
 
 
 def _correlation(result: "Identified") -> str:
