@@ -44,8 +44,10 @@ def law_of(whole: dict) -> dict:
 
 def test_identify_prints_a_table_that_a_person_reads(printed, good):
     out = printed("identify", good)
-    assert re.search(r"\d+ samples, 1 contact", out)
     result = palpate.identify(palpate.prepare(good))
+    assert f" {result.estimate.samples} samples, 1 contact" in out
+    assert "method" not in out  # the usual one
+    assert "; method single-stage" in printed("identify", good, "--method", "single-stage")
     law, errors = result.law, result.standard_errors
     for symbol, value, error in zip(law.symbols, law.parameters, errors, strict=True):
         assert f"{symbol} = {with_error(value, error)}" in out

@@ -649,9 +649,8 @@ def _samples(result: "Identified") -> str:
 
 def _law_verdict(result: "Identified") -> str:
     found = result.law_verdict
-    return (
-        "" if found is None or not found.known else f"model selection: {found}".replace("law: ", "")
-    )
+    known = found is not None and found.known
+    return f"Model selection: {str(found).removeprefix('law: ')}" if known else ""
 
 
 def _correlation(result: "Identified") -> str:
