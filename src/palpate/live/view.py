@@ -510,5 +510,5 @@ def _diagnosis(found: Mapping[str, Any]) -> Iterator[list[str]]:
             both.append(f"{name} {with_error(or_nan(there[name]['value']), error, unit=unit)}")
         yield [f"At {format_quantity(there['depth'], 'm')}: {', '.join(both)}", ""]
     last = rounded(found["window"][1] - found["window"][0], 2)
-    words = f"{found['method']}, the last {last} s at {found['at']}, {found['samples']} samples"
-    yield [words, "soft"]
+    words = f"{found['method']}, the last {last} s at {found['at']}, {found['samples']} samples; "
+    yield [f"{words}± includes the systematic uncertainty", "soft"]
