@@ -140,7 +140,7 @@ def test_a_probe_that_travels_is_identified_place_by_place(path):
 @pytest.mark.parametrize("path", files("G_silicone_*.csv"))
 def test_a_surface_that_is_never_seen_is_called_an_assumption(path):
     findings = palpate.identify(path).diagnosis.findings
-    assert any(f.check == "surface" and "an assumption" in f.message for f in findings)
+    assert any(f.check == "surface" and "position is assumed" in f.message for f in findings)
 
 
 @pytest.mark.parametrize("path", one_of_each_set("[ACDEFG]_*[!w].csv"))
