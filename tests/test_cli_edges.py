@@ -268,7 +268,7 @@ def test_values_beyond_any_measurement_are_no_numbers(
     status, out, err = run("identify", file, "--json")
     if not status:
         assert err == ""
-        assert "holds no number in" in json.dumps(json.loads(out)["findings"])
+        assert "without a usable number" in json.dumps(json.loads(out)["findings"])
     assert vectors or not status
 
 
@@ -303,24 +303,14 @@ REFUSED = {
     # Laws and methods.
     "identify probe.csv --method spring": ["method must be one of", "single-stage", "'spring'"],
     "identify probe.csv --law springy": ["law must be one of hunt-crossley, auto, any"],
-    "identify probe.csv --law auto --method single-stage": ["do not go together"],
-    "identify probe.csv --law auto --surface estimate": [
-        "cannot estimate the surface",
-        "--surface fit",
-    ],
-    "identify probe.csv --method single-stage --surface estimate": [
-        "the method single-stage cannot estimate"
-    ],
+    "identify probe.csv --law auto --method single-stage": ["does not identify law auto"],
+    "identify probe.csv --law auto --surface estimate": ["estimate the surface", "--surface fit"],
+    "identify probe.csv --method single-stage --surface estimate": ["single-stage cannot estimate"],
     "identify BALL --frequency 500Hz -o out": ["band of the motion"],
     # Samples of which none is left.
     "identify probe.csv --start 5": ["no sample between 5 s", "0.599 s"],
-    "identify probe.csv --min-penetration 1": ["never touches", "above 1 m"],
-    "identify probe.csv --force Fz": [
-        "no column 'Fz'",
-        "force_N",
-        "name channels with --time",
-        "palpate info probe.csv",
-    ],
+    "identify probe.csv --min-penetration 1": ["no contact found", "above 1 m"],
+    "identify probe.csv --force Fz": ["no column 'Fz'", "force_N", "--time", "info probe.csv"],
     # Figures.
     "identify probe.csv --figure out.eps": ["out.eps", "end in .svg, .pdf or .png"],
     "identify probe.csv --figure folder.svg": ["folder.svg"],
@@ -329,14 +319,18 @@ REFUSED = {
     "lab bal -o x.csv": ["MATERIAL must be one of ball, sponge"],
     "lab ball -o x.csv --trajectory sines": ["must be one of three-sines, two-sines"],
     "lab ball -o x.csv --trajectory gone.csv": ["gone.csv: No such file"],
-    "lab ball -o x.csv --stiffness 3": ["--stiffness goes with a law of one's own"],
-    "lab hunt-crossley -o x.csv --stiffness 3": ["needs --stiffness, --damping, --exponent"],
-    "lab HALF-SPACE -o x.csv": ["--damping-exponent, may have --relaxation-stiffness"],
+    "lab ball -o x.csv --stiffness 3": ["--stiffness has no effect on ball"],
+    "lab hunt-crossley -o x.csv --stiffness 3": [
+        "takes exactly --stiffness, --damping, --exponent"
+    ],
+    "lab HALF-SPACE -o x.csv": ["--damping-exponent, and optionally --relaxation-stiffness"],
     "lab HALF-SPACE --damping-exponent 0.5 --relaxation-stiffness 3 -o x.csv": [
         "longest_time must be above 0"
     ],
     "lab ball -o x.csv --picture rig.bmp": ["must end in .svg, .pdf or .png"],
-    "lab ball -o x.csv --picture rig.svg --probe ideal": ["an ideal probe has none"],
+    "lab ball -o x.csv --picture rig.svg --probe ideal": [
+        "needs a robot: use --probe twin-pantograph"
+    ],
     "lab ball -o absent/x.csv --seconds 90000": ["absent"],
     "lab ball -o . --seconds 90000": ["this is a folder"],
     "lab ball -o o.svg --picture o.svg --seconds 90000": ["two outputs name this file"],
@@ -375,7 +369,7 @@ NEVER = {
 def test_a_probe_that_never_touches_is_one_line(refused, tmp_path, name):
     path = written(tmp_path / "never.csv", text_of(NEVER[name]))
     numbers = not name.startswith("of ")
-    words = "the probe never touches" if numbers else "column 'penetration_m': no sample has a"
+    words = "no contact found" if numbers else "column 'penetration_m': no sample has a"
     assert f"{path}: {words}" in refused("identify", path)
 
 

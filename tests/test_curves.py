@@ -220,8 +220,8 @@ def test_units_change_nothing() -> None:
 
 
 def test_a_range_without_a_search_and_arrays_of_other_shapes_are_refused() -> None:
-    with pytest.raises(InvalidParameterError, match="surface_range is for"):
+    with pytest.raises(InvalidParameterError, match="surface_range needs"):
         fit_curves(*[np.ones((2, 5))] * 3, surface_range=(0.0, 1e-3))
     for shape, other in (((2, 5), (2, 6)), ((2, 5, 1), (2, 5, 1))):
-        with pytest.raises(InvalidParameterError, match="of one shape"):
+        with pytest.raises(InvalidParameterError, match="must all have shape"):
             fit_curves(np.ones(shape), np.ones(shape), np.ones(other))

@@ -143,9 +143,10 @@ def test_the_design_that_is_shown_is_the_design_that_is_printed(run):
     assert run(*words)[1].split() == shown.text.split()
 
 
-def test_the_result_that_is_shown_is_the_result_that_is_printed(run, monkeypatch):
+@pytest.mark.parametrize("page", ["README.md", "docs/identifying.md"])
+def test_the_result_that_is_shown_is_the_result_that_is_printed(page, run, monkeypatch):
     monkeypatch.chdir(ROOT)
-    [shown] = [s for s in SNIPPETS[ROOT / "docs" / "identifying.md"] if s.language == "text"]
+    shown = next(each for each in SNIPPETS[ROOT / page] if each.language == "text")
     assert run("identify", "examples/recordings/ball.csv")[1].split() == shown.text.split()
 
 

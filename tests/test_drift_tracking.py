@@ -29,7 +29,7 @@ from palpate import (
 )
 
 NOT_YET = "not tracking yet"
-TOO_SLOW = "the material drifts faster than the walk allows"
+TOO_SLOW = "the material drifts faster than the random walk allows"
 
 # rms of the force scale; the sponge's force is 3 N, so that 0.05 N of noise weigh seven times more.
 LIMITS = {"ball": 0.005, "pvc": 0.005, "sponge": 0.01}

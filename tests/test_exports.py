@@ -186,7 +186,7 @@ def test_of_a_law_that_remembers_the_nearest_member_is_exported_with_its_error()
     statement = exports.export(law, "usd", allow=True).statement
     stated = statement.as_dict()["error_percent"]["nearest"]
     assert stated == pytest.approx(found.error_percent)
-    assert any("remembers" in warning for warning in statement.warnings)
+    assert any("no stress relaxation" in warning for warning in statement.warnings)
     assert not statement.exact
 
 
@@ -209,14 +209,14 @@ def test_a_claim_says_how_far_off_the_engine_was_and_how_that_is_known(toy, ball
     assert found["law_leaves"] == pytest.approx(ball.fit_rmse_percent, rel=1e-3)
     assert found["against_measured"] > 1.12
     assert "within 1.2 % of the law's force (replayed)" in made.statement.claim
-    assert any("and predicted was" in warning for warning in made.statement.warnings)
+    assert any("but the predicted one" in warning for warning in made.statement.warnings)
     assert made.statement.claim in made.files["fragment.txt"]
     toy(runs=False)
-    assert "predicted, not replayed here" in exports.export(ball, "toy").statement.claim
+    assert "(predicted, not replayed)" in exports.export(ball, "toy").statement.claim
     # A law alone is judged on the paper's motion.
     alone = exports.export(BALL.law, "toy").statement
     assert "on the paper's motion" in alone.claim
-    assert any("a law alone" in warning for warning in alone.warnings)
+    assert any("a law without a recording" in warning for warning in alone.warnings)
     found = alone.as_dict()
     assert found["verdict"] is found["error_percent"]["against_measured"] is None
 
@@ -247,7 +247,7 @@ def test_more_than_five_percent_is_refused_and_what_is_allowed_says_so_in_the_fr
             exports.export(BALL.law, "toy")
         assert refused.value.statement.refused
         made = exports.export(BALL.law, "toy", allow=True)
-        assert "allowed although the force of the engine is off" in made.files["fragment.txt"]
+        assert "although the force error of the engine is" in made.files["fragment.txt"]
 
 
 def test_a_result_that_is_not_to_be_trusted_is_refused_and_one_with_care_warns(toy, saved):
@@ -257,7 +257,7 @@ def test_a_result_that_is_not_to_be_trusted_is_refused_and_one_with_care_warns(t
         verdict = Verdict(overall, overall, overall)
         judged = replace(result, verdict=verdict, findings=(finding,))
         if overall == "do-not-trust":
-            with pytest.raises(ExportRefusedError, match="do not trust: the force is late"):
+            with pytest.raises(ExportRefusedError, match="do-not-trust: the force is late"):
                 exports.export(judged, "toy")
         else:
             [words] = [w for w in exports.export(judged, "toy").statement.warnings if "care" in w]
@@ -265,17 +265,17 @@ def test_a_result_that_is_not_to_be_trusted_is_refused_and_one_with_care_warns(t
 
 
 def test_a_damping_that_gives_energy_is_refused_and_exported_as_none(toy):
-    with pytest.raises(ExportRefusedError, match="makes energy"):
+    with pytest.raises(ExportRefusedError, match="generates energy"):
         exports.export(HuntCrossley(2000.0, -5.0, 1.0), "toy")
     made = exports.export(HuntCrossley(2000.0, -5.0, 1.0), "toy", allow=True)
     assert made.statement.nearest.law.damping == 0.0
-    with pytest.raises(ExportRefusedError, match="nothing pushes back"):
+    with pytest.raises(ExportRefusedError, match="not above 0; run palpate diagnose"):
         exports.export(HuntCrossley(-2000.0, 5.0, 1.0), "toy", allow=True)
 
 
 def test_an_unstable_time_step_is_refused_and_one_near_it_warned_of(toy):
     toy(largest_step=1.5e-3)
-    assert any("unstable" in w for w in exports.export(BALL.law, "toy").statement.warnings)
+    assert any("stability limit" in w for w in exports.export(BALL.law, "toy").statement.warnings)
     with pytest.raises(ExportRefusedError, match=r"below 1\.5 ms"):
         exports.export(BALL.law, "toy", time_step=2e-3)
     # It is that of a semi-implicit penalty.
@@ -293,7 +293,7 @@ def test_what_has_no_engine_here_is_marked_and_its_impacts_are_warned_of(ball, t
     made = exports.export(ball, "usd", mass=1.0)
     assert not made.statement.compared.replayed
     for name, text in made.files.items():
-        assert "not replayed here" in text, name
+        assert "not replayed" in text, name
         assert "impacts will be wrong" in text, name
     paths = made.save(tmp_path)
     assert {path.name for path in paths} == {*made.files, "statement.json", "statement.md"}
@@ -319,17 +319,17 @@ def test_a_time_step_is_counted_where_the_engine_takes_it_implicitly_and_said_wh
 @pytest.mark.parametrize(
     "engine, given, words",
     [
-        ("toy", {"geom": "tip"}, "geom means nothing to Toy"),
-        ("toy", {"tip_radius": 5e-3}, "tip_radius means nothing to Toy"),
+        ("toy", {"geom": "tip"}, "Toy does not use geom"),
+        ("toy", {"tip_radius": 5e-3}, "Toy does not use tip_radius"),
         ("toy", {"form": "pair"}, "form must be one of auto, only for toy"),
         ("toy", {"mass": -1.0}, "mass must be in"),
         ("toy", {"time_step": math.nan}, "time_step must be finite"),
-        ("mujoco", {}, "the mass that it feels"),
-        ("mujoco", {"mass": 1.0, "model": "robot.xml"}, "give mass or model"),
-        ("mujoco", {"geom": "tip"}, "geom names one of a model"),
+        ("mujoco", {}, "add --mass, such as"),
+        ("mujoco", {"mass": 1.0, "model": "robot.xml"}, "pass either mass or model"),
+        ("mujoco", {"geom": "tip"}, "add --model FILE"),
         ("unity", {}, "to must be one of mujoco"),
-        ("pybullet", {}, "no longer exports to pybullet: .*kelvin-v"),
-        ("gazebo-classic", {}, "no longer exports to gazebo-classic: .*kelvin-v"),
+        ("pybullet", {}, "no longer exports to pybullet; .*kelvin-v"),
+        ("gazebo-classic", {}, "no longer exports to gazebo-classic; .*kelvin-v"),
         ("gazebo", {}, "ignores the <kp> and <kd>"),  # with DART
     ],
 )
@@ -370,8 +370,8 @@ def test_the_command_prints_the_claim_and_writes_the_files(run, printed, saved, 
     folder = tmp_path / "new" / "ball"
     out = printed("export", saved, "--to", "usd", "--mass", "1", "-o", folder)
     words = " ".join(out.split())
-    assert "within 0.53 % of the law's force (predicted, not replayed here)" in words
-    assert "the law itself leaves 0.41 %" in words
+    assert "within 0.53 % of the law's force (predicted, not replayed)" in words
+    assert "(the law itself: 0.41 %)" in words
     assert f"wrote {folder / 'material.usda'}" in out
     first = (folder / "statement.json").read_bytes()
     assert run("export", saved / "result.json", "--to", "usd", "--mass", "1", "-o", folder)[0] == 0
@@ -384,7 +384,7 @@ def test_the_command_ends_with_3_where_it_refuses_and_writes_only_why(run, saved
     toy(factor=1.1)
     status, out, _ = run("export", saved, "--to", "toy", "-o", tmp_path)
     assert status == 3
-    assert "refused, because" in out
+    assert "refused: " in out
     assert "--allow" in out
     assert {path.name for path in tmp_path.iterdir()} == {"statement.json", "statement.md"}
     assert json.loads((tmp_path / "statement.json").read_text())["files"] == []
@@ -392,7 +392,7 @@ def test_the_command_ends_with_3_where_it_refuses_and_writes_only_why(run, saved
     # What it then refuses again leaves the earlier fragment there, and says whose that is.
     for _ in range(2):
         assert run("export", saved, "--to", "toy", "-o", tmp_path)[0] == 3
-        assert "earlier export, and not of this one: fragment.txt" in (
+        assert "earlier export, not of this one: fragment.txt" in (
             (tmp_path / "statement.md").read_text()
         )
 
@@ -583,7 +583,7 @@ def test_a_step_damps_a_spring_as_backward_euler_does() -> None:
 
 def test_a_step_that_damps_more_than_the_law_is_warned_of_and_sap_needs_one() -> None:
     coarse = fitted("drake", BALL_LAW, time_step=1e-3)
-    assert any("damps a body by 2 N·s/m" in words for words in map(str, coarse.findings))
+    assert any("adds a damping of 2 N·s/m" in words for words in map(str, coarse.findings))
     assert not fitted("drake", BALL_LAW, time_step=1e-4).findings
     assert fitted("drake", KELVIN_VOIGT_LAW, time_step=0.0).form == "point"
 

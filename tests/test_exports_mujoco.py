@@ -129,8 +129,8 @@ def test_a_pair_says_when_it_pulls_and_pulls_no_more_than_its_spring_pushes_at_t
     law = SPONGE_LAW
     fragment = fitted(law)
     said = " ".join(map(str, fragment.findings))
-    assert "withdrawn faster than 0.1 m/s (K/B), the pair pulls, by up to 4.7 N" in said
-    assert "form for MJX is two-contacts" in said
+    assert "withdrawn faster than 0.1 m/s (K/B), the pair pulls with up to 4.7 N" in said
+    assert "for MJX use --form two-contacts" in said
     assert [row.adhesion for row in fragment.rows.rows] == [0.0, 4.7]
     # Below that speed it is the law; above it, it pulled with 6 N, and the callback does not pull.
     fast = np.array([[0.0, 1.0], [0.01, 0.01], [-0.08, -0.3], [0.0, 0.0]])
@@ -266,9 +266,11 @@ def test_a_replay_leaves_no_callback_behind_when_it_fails(monkeypatch):
 def test_an_exponent_below_one_is_the_callbacks():
     law = GeneralisedHuntCrossley(30.0, 0.8, 20.0, 0.8)
     assert fitted(law).form == "callback"
-    with pytest.raises(InvalidParameterError, match=r"no exponent below 1.*--form callback"):
+    with pytest.raises(
+        InvalidParameterError, match=r"an exponent of at least 1, not 0.*--form callback"
+    ):
         fitted(law, form="pair")
-    with pytest.raises(InvalidParameterError, match="no damping below 0"):
+    with pytest.raises(InvalidParameterError, match="cannot have negative damping"):
         fitted(GeneralisedHuntCrossley(2000.0, 1.0, -20.0, 1.0), form="pair")
     # Its nearest K x + B v has no damper: a negative one would make solref positive.
     law = GeneralisedHuntCrossley(2000.0, 1.0, -20.0, 0.0)
@@ -306,7 +308,7 @@ def test_an_older_version_gets_contacts_that_push_and_a_pair_for_a_newer_one_is_
 def test_a_mass_that_the_contact_adds_is_told_where_it_counts():
     # A tonne on a material of 3 N: two rows of d = 1e-4 add 0.2 kg.
     soft = GeneralisedHuntCrossley(300.0, 1.0, 4.0, 0.0)
-    words = "the mass that the contacts add comes to"
+    words = "the mass that the contacts add changes the force by"
     heavy = fitted(soft, mass=1000.0, form="pair")
     assert sum(each.startswith(words) for each in map(str, heavy.findings)) == 1
     assert error(heavy, SHORT) > 1.0
@@ -333,7 +335,7 @@ def test_a_pair_beats_the_default_geom_and_the_pyramid(model):
     # The arm in its pose is another mass than 1/Â, by which MuJoCo scales.
     assert fragment.robot.mobility != pytest.approx(1.0 / fragment.request.mass, rel=0.1)
     assert fragment.form == "kelvin-voigt"
-    assert any("an impact feels" in each for each in map(str, fragment.findings))
+    assert any("the effective mass in impacts is" in each for each in map(str, fragment.findings))
     assert error(fragment, SHORT) < 0.01
     data = fragment.pressable().model
     assert {int(dim) for dim in data.pair_dim} == {1}
@@ -364,7 +366,7 @@ LYING = BOX.replace('type="box"', 'type="capsule" euler="0 90 0"')
 @pytest.mark.parametrize(
     "text, contacts, words",
     [
-        (BOX, 4, "as long as it lies flat"),
+        (BOX, 4, "4 contacts when it lies flat"),
         (LYING, 1, "twice the force"),
         (LYING.replace("<freejoint/>", '<joint type="slide" axis="0 0 1"/>'), 2, "lies flat"),
     ],
@@ -384,17 +386,17 @@ def test_the_contacts_of_a_geom_share_the_force(model, text, contacts, words):
 @pytest.mark.parametrize(
     "text, geom, words",
     [
-        (ARM, None, "geom must say what touches"),
-        (ARM, "finger", "no 'finger'; there are floor, palm, tip"),
+        (ARM, None, "add --geom NAME"),
+        (ARM, "finger", "no geom 'finger'; it has floor, palm, tip"),
         (ARM, "floor", "floor is a plane"),
         (ARM.replace("</worldbody>", ""), "tip", "MuJoCo cannot read it"),
-        (BOX.replace("foot", "palpate_pad"), "palpate_pad", "take the earlier export out"),
-        (BOX.replace("<freejoint/>", ""), "foot", "stands in the world"),
+        (BOX.replace("foot", "palpate_pad"), "palpate_pad", "remove the earlier export"),
+        (BOX.replace("<freejoint/>", ""), "foot", "fixed to the world"),
         (BOX.replace('mass="2"', 'mass="0"'), "foot", "MuJoCo cannot compile it"),
         pytest.param(
             within(SLIDE, "<default><pair adhesion='3'/></default>"),
             "tip",
-            "give it to its own pairs",
+            "move it to the model's own pairs",
             marks=pulling,
         ),
     ],
@@ -404,7 +406,7 @@ def test_a_model_that_cannot_be_used_is_told_in_words(model, text, geom, words):
     with pytest.raises(InvalidParameterError, match=words):
         fitted(KELVIN_VOIGT, model=path, geom=geom)
     path.unlink()
-    with pytest.raises(InvalidParameterError, match="there is no file"):
+    with pytest.raises(InvalidParameterError, match="does not exist"):
         fitted(KELVIN_VOIGT, model=path, geom=geom)
 
 
@@ -416,8 +418,8 @@ def refusals_of(fragment):
     "text, geom, words",
     [
         (MESH, "tip", "is a mesh"),
-        (within(BOX, "<option><flag override='enable'/></option>"), "foot", "overrides every"),
-        (within(BOX, "<option><flag contact='disable'/></option>"), "foot", "contacts off"),
+        (within(BOX, "<option><flag override='enable'/></option>"), "foot", "overrides solref"),
+        (within(BOX, "<option><flag contact='disable'/></option>"), "foot", "disables contacts"),
     ],
 )
 def test_a_model_that_undoes_the_contact_is_refused(model, text, geom, words):
@@ -450,7 +452,7 @@ def test_a_models_own_time_step_and_mass_are_those_that_count(model):
     assert made.fragment.mobility == pytest.approx(1.0 / 6.0)
     assert made.fragment.request.mass == pytest.approx(2.0)
     assert 'timestep="0.07"' in made.files["scene.xml"]
-    with pytest.raises(InvalidParameterError, match="give time_step or model"):
+    with pytest.raises(InvalidParameterError, match="pass either time_step or model"):
         export(KELVIN_VOIGT, "mujoco", model=path, geom="tip", time_step=1e-3)
 
 
@@ -467,7 +469,7 @@ def test_an_exponent_just_below_one_is_written_as_one():
     law = GeneralisedHuntCrossley(300.0, 0.9987, 3000.0, 0.9987)
     pair = fitted(law)
     assert pair.form == "pair"
-    assert any("0.9987 is written as 1" in words for words in map(str, pair.findings))
+    assert any("0.9987 is exported as 1" in words for words in map(str, pair.findings))
     assert force_error(pair.predicted(SHORT), SHORT.force_by(law), SHORT.judged) < 0.1
 
 
@@ -526,7 +528,7 @@ def test_what_is_no_scene_of_ours_or_pressed_by_a_robot_is_refused(run, refused,
     assert "--probe ideal" in refused("lab", folder / "scene.xml", "-o", no, "--seconds", "4")
     other = tmp_path / "other.xml"
     for text, words in (
-        ("<mujoco><worldbody/></mujoco>", "no scene that palpate export wrote"),
+        ("<mujoco><worldbody/></mujoco>", "not a scene of palpate export"),
         ("<mujoco>", "MuJoCo cannot read it"),
     ):
         other.write_text(text)

@@ -283,7 +283,7 @@ def test_a_width_that_no_paper_has_is_refused(width):
 @pytest.mark.parametrize(
     "options, words",
     [
-        (["--width", "88mm"], "name one with --figure"),
+        (["--width", "88mm"], "pass --figure"),
         (["--figure", "out.svg", "--width", "88"], "from 60mm to 400mm, such as 88mm, not '88'"),
         (["--figure", "out.svg", "--width", "5cm"], "from 60mm to 400mm"),
         (["--figure", "out.svg", "--width", "wide"], "--width must be a number and one of m, cm"),

@@ -11,8 +11,17 @@ from fleets import LAW, STEP, contact, curves, rows, write_recordings
 
 import palpate
 from palpate import FleetError, InvalidParameterError, VariableProjection, identify, identify_many
-from palpate.fleet.files import Results, read_results
-from palpate.fleet.maps import kinds_of, map_of, outliers_of, reasons_of, repeats_of, slowest
+from palpate.fleet.files import Results, read_results, sources_of
+from palpate.fleet.maps import (
+    format_values,
+    kinds_of,
+    map_of,
+    outliers_of,
+    reasons_of,
+    repeats_of,
+    slowest,
+    verdicts_of,
+)  # fmt: skip
 from palpate.fleet.rows import table_of_rows
 from palpate.fleet.running import identify_batch
 from palpate.fleet.tasks import ContactSource, Settings, batches, digest_of, tasks_table
@@ -65,7 +74,7 @@ def test_a_contact_that_fails_is_a_row_with_its_reason(tmp_path):
     assert rows[0]["error"] is None
     assert "absent.csv" in rows[1]["error"]
     assert rows[1]["error_kind"] == "RecordingError"
-    assert "never touches" in rows[2]["error"]
+    assert "no contact found" in rows[2]["error"]
     assert rows[3]["error_kind"] == "InvalidParameterError"
     assert all(np.isnan(row["stiffness"]) for row in rows[1:])
 
@@ -128,7 +137,7 @@ def test_a_row_that_says_nothing_says_so_and_spoils_no_other(surface):
         assert row["error"] is not None
         assert row["covariance"] is None
         assert np.isnan(row["stiffness_at_depth"])
-    assert surface or "never touches" in rows[3]["error"]
+    assert surface or "no contact found" in rows[3]["error"]
     assert rows[4]["error"] is None
     assert rows[4]["samples"] == x.shape[1] - 10
     assert_at_depth(rows[4])
@@ -150,17 +159,17 @@ def test_times_that_do_not_increase_are_an_error_whatever_is_checked(surface):
 def test_outliers_of_arrays_are_left_out_and_said_as_identify_does(spoil, surface):
     x, v, f = curves(1)
     rounded = fitted(x, v, np.round(f / 0.2) * 0.2, surface)  # no end of the range
-    assert not any("left out" in flag for flag in rounded[0]["flags"])
+    assert not any("excluded" in flag for flag in rounded[0]["flags"])
     if spoil == "spiked":
         f[0, [120, 330]] += 5.0
         x[0, 140] += 2e-3
     else:
         f[0] = np.minimum(f[0], 0.9 * f[0].max())
     [row] = fitted(x, v, f, surface)
-    assert any("left out as outliers" in flag for flag in row["flags"])
+    assert any("excluded as outliers" in flag for flag in row["flags"])
     assert_at_depth(row)
     [all_of_it] = fitted(x, v, f, method=searching(surface, outlier_rejection=False))
-    assert not any("left out" in flag for flag in all_of_it["flags"])
+    assert not any("excluded" in flag for flag in all_of_it["flags"])
     error = row["stiffness_at_depth_standard_error"]
     assert all_of_it["stiffness_at_depth_standard_error"] > 5.0 * error
 
@@ -219,13 +228,13 @@ def test_rows_of_a_gated_recursion_are_those_of_identify():
     rows = fitted(x, v, force, method="single-stage", diagnosis="input")
     flags = {name: " ".join(row["flags"] or []) for name, row in zip(names, rows, strict=True)}
     assert "negative damping" in flags["negative damping"]
-    assert "left out as an outlier" in flags["spiked"]
+    assert "excluded as outlier" in flags["spiked"]
     assert "only 25 samples" in flags["few samples"]
     assert "less than 0.2 s" in flags["brief"]
-    assert "condition 10 violated" in flags["wrong sign of the velocity"]
-    assert "refused" in flags["no velocity"]
+    assert "|v| ≥ 0.1 K/B in" in flags["wrong sign of the velocity"]
+    assert "rejected" in flags["no velocity"]
     assert [row["error"] is None for row in rows] == [True] * 10 + [False] * 2
-    assert "never touches" in rows[11]["error"]
+    assert "no contact found" in rows[11]["error"]
     for k, row in enumerate(rows[:10]):
         there = np.isfinite(x[k]) & np.isfinite(force[k])
         channels = {"penetration": x[k], "velocity": v[k], "force": force[k]}
@@ -241,10 +250,10 @@ def test_rows_of_a_gated_recursion_are_those_of_identify():
 @pytest.mark.parametrize(
     "options, words",
     [
-        ({"penetration": np.ones((2, 3))}, "contacts must be given"),
+        ({"penetration": np.ones((2, 3))}, "pass contacts, or the arrays"),
         ({"penetration": np.ones((2, 3)), "force": np.ones((2, 4)), "sample_time": 1.0}, "shape"),
-        ({"penetration": np.ones((2, 3)), "force": np.ones((2, 3))}, "time and sample_time"),
-        ({"contacts": [], "force": np.ones((2, 3))}, "beside contacts"),
+        ({"penetration": np.ones((2, 3)), "force": np.ones((2, 3))}, "either time or sample_time"),
+        ({"contacts": [], "force": np.ones((2, 3))}, "not contacts and force"),
         ({"contacts": [], "diagnosis": "some"}, "diagnosis must be none, input or full"),
         ({"contacts": [], "preparation": {"tares": 1}}, "no setting tares"),
     ],
@@ -267,7 +276,7 @@ def test_a_batch_of_names_and_one_of_samples_give_the_same_numbers(tmp_path):
 
 
 def test_a_worker_of_another_version_and_a_batch_without_its_columns_are_refused():
-    with pytest.raises(FleetError, match=r"palpate 9\.9 asks; install one version"):
+    with pytest.raises(FleetError, match=r"by palpate 9\.9; install the same version"):
         identify_batch(tasks_table([], [], []), Settings(version="9.9"))
     with pytest.raises(InvalidParameterError, match="source, kind and index"):
         identify_batch(pa.table({"file": ["a"]}), Settings())
@@ -385,7 +394,7 @@ def test_a_map_has_values_and_errors_over_places_or_those_at_one_depth_by_the_la
     assert found.places.shape == (36, 2)
     assert (found.units, found.unit, np.isnan(found.value).sum()) == (("m", "m"), "N/m", 1)
     assert "median 1200 ± 20 N/m" in found.summary
-    assert "; 1 place has no number" in found.summary
+    assert "; 1 place has no value" in found.summary
     law = {"stiffness": 4000.0, "damping": 50.0, "exponent": 1.3}
     row = {"depth": 2e-3, "covariance": [100.0**2, *[0.0] * 8], **law}
 
@@ -398,9 +407,9 @@ def test_a_map_has_values_and_errors_over_places_or_those_at_one_depth_by_the_la
     assert found.error[0] == pytest.approx(100.0 * 5e-3**1.3)
     assert "at 5 mm" in found.summary
     assert np.isnan(found.value[1])
-    assert "1 place was not pressed so deep" in found.summary
+    assert "1 place was not pressed to this depth" in found.summary
     found = at_5_mm(np.nan, np.nan)
-    assert "no force at 5 mm at any of 2 places; 2 places were not pressed" in found.summary
+    assert "none of 2 places has a force at 5 mm; 2 places were not pressed" in found.summary
 
 
 def test_a_map_says_of_which_places_the_numbers_are_not_to_be_trusted():
@@ -418,7 +427,7 @@ def test_a_map_says_of_which_places_the_numbers_are_not_to_be_trusted():
     assert found.mistrusted.tolist() == [True, False, True, False]
     assert map_of(table, ["x"], of="damping").mistrusted.tolist() == [True, True, False, False]
     for words in (
-        "do-not-trust, signs: 1 of the places", "with-care, spikes: 1", "1 lies on others",
+        "do-not-trust, signs: at 1 of 4 places", "with-care, spikes: at 1", "1 place repeats",
     ):  # fmt: skip
         assert words in found.summary
     assert "tare" not in found.summary
@@ -427,14 +436,14 @@ def test_a_map_says_of_which_places_the_numbers_are_not_to_be_trusted():
     uncertain = rows([1.0, 1.0], [2.0, 0.1], x=[0.0, 1.0])
     assert map_of(uncertain, ["x"]).mistrusted.tolist() == [True, False]
     unchecked = rows([1.0], [0.1], x=[0.0], checked=["none"])
-    assert "the data were not checked" in map_of(unchecked, ["x"]).summary
+    assert "data not checked" in map_of(unchecked, ["x"]).summary
 
 
 @pytest.mark.parametrize(
     "by, words",
     [
         (["x", "w"], "no column 'w'"),
-        (["z"], "no row has a number in z"),
+        (["z"], "column z is empty; columns with values: x, y"),
         (["source"], "holds no numbers"),
         (["x", "y", "z"], "one or two columns"),
         (["x", "x"], "one or two columns"),
@@ -471,8 +480,8 @@ def test_scattered_places_and_those_without_a_number_are_drawn_as_dots():
     value = np.r_[random.uniform(100.0, 200.0, 30), np.nan]
     x, y = random.uniform(0.0, 0.05, (2, 31)).tolist()
     for findings, labels in (
-        ([[]] * 31, ["no number"]),
-        ([["do-not-trust: signs: "]] * 2 + [[]] * 29, ["no number", "not to be trusted"]),
+        ([[]] * 31, ["no value"]),
+        ([["do-not-trust: signs: "]] * 2 + [[]] * 29, ["no value", "not to be trusted"]),
     ):
         table = rows(value, np.full(31, 3.0), x=x, y=y, findings=findings)
         for by in (["x", "y"], ["x"]):
@@ -490,14 +499,76 @@ def test_the_page_says_what_there_is_and_leaves_the_rest_out(tmp_path, monkeypat
     failed = [{"source": "<b>.csv", "error": "<b>.csv: it is damaged", "error_kind": "X"}]
     folder = written(tmp_path / "r", pa.concat_tables([table, table_of_rows(failed, Settings())]))
     page = fleet_page(folder)
-    for words in ("What was identified", "Over the material", "only … samples", "it is damaged"):
+    for words in ("Identified values", "Map of the material", "only … samples", "it is damaged"):
         assert words in page
     assert "&lt;b&gt;.csv" in page
     assert "<b>.csv" not in page
     assert "Outliers" not in page
-    assert "Findings of the diagnosis" not in page
+    assert "<h2>Findings" not in page
     assert "not checked" not in page
     monkeypatch.setattr("palpate.fleet.report.drawing", lambda *_: iter(()))
     unchecked = written(tmp_path / "n", rows([1.0] * 6, [0.1] * 6, checked=["none"] * 6))
-    assert "Neither the data nor the fits were checked" in fleet_page(unchecked)
+    assert "palpate checked neither the data nor the fits" in fleet_page(unchecked)
     assert read_results(folder).num_rows == 37
+
+
+def judged(count):
+    """Rows of a full diagnosis: one failed, two not to be trusted, one with care, the rest well."""
+    verdicts = ["do-not-trust", "do-not-trust", "with-care", *["trust"] * (count - 4)]
+    findings = [
+        ["with-care: tare: the tare is uncertain", "do-not-trust: signs: 3 samples pull"],
+        ["do-not-trust: signs: 4 samples pull"],
+        ["with-care: spikes: there are spikes"],
+        *[["note: tare: the tare is good"]] * (count - 4),
+    ]
+    table = rows(range(1, count), [0.1] * (count - 1), verdict=verdicts, findings=findings)
+    failed = {"source": "bad.csv", "error": "bad.csv: no column 'force_N'", "error_kind": "X"}
+    return pa.concat_tables([table, table_of_rows([failed], Settings())])
+
+
+REASONS = [
+    "failed: bad.csv: no column 'force_N'",
+    "do-not-trust: touch-000.csv: signs: 3 samples pull (and 1 more)",
+    "with-care: touch-002.csv: spikes: there are spikes",
+]
+
+
+@pytest.mark.parametrize("count", [30, 31])
+def test_a_fleet_prints_a_line_per_row_up_to_30_and_above_counts_and_the_worst(
+    count, printed, tmp_path
+):
+    folder = tmp_path / "results"
+    write_recordings(tmp_path / "all", 1)
+    sources = sources_of([tmp_path / "all"])
+    [batch] = batches(sources, [1.0])
+    Results.begin(folder, Settings(), sources).write(batch, judged(count), np.ones(count))
+    lines = printed("fleet", tmp_path / "all", "-o", folder).splitlines()
+    assert lines[0] == "1 of 1 contact reused from an earlier run"
+    assert lines[-1 - (count > 30)] == f"results: {folder}"
+    if count == 30:
+        assert lines[1].split() == ["contact", "verdict", "stiffness"]
+        assert lines[2].split() == ["touch-000.csv", "do-not-trust", "1.00", "±", "0.10", "N/m"]
+        assert lines[31].split() == ["bad.csv", "failed", "–"]
+        assert lines[32:35] == REASONS
+        assert len(lines) == 36
+    else:
+        assert lines[1] == "31 rows: 1 failed, 2 do-not-trust, 1 with-care, 27 trust"
+        assert lines[2:5] == REASONS
+        assert lines[-1].startswith("for all reasons, repeat the command with --report")
+        assert len(lines) == 7
+
+
+def test_a_row_without_a_verdict_has_the_severity_of_its_findings_and_flags():
+    flags = [[], ["only 3 samples in contact"], ["stiffness not identifiable: ..."], [], []]
+    findings = [[], [], [], ["note: a: b", "with-care: spikes: two"], []]
+    checked = [*["input"] * 4, "none"]
+    table = rows([1.0] * 5, [0.1] * 5, flags=flags, findings=findings, checked=checked)
+    assert verdicts_of(table) == [
+        ("no-finding", ""),
+        ("flagged", "only 3 samples in contact"),
+        ("do-not-trust", "stiffness not identifiable: ..."),
+        ("with-care", "spikes: two"),
+        ("not-checked", ""),
+    ]
+    uncertain = rows([300.0], [3.0], stiffness_at_depth_systematic=[4.0])
+    assert format_values(uncertain, "stiffness") == ["300 ± 5 N/m"]

@@ -359,7 +359,7 @@ def two_times_in_the_wrong_order():
         (lambda: GeneralisedHuntCrossley(1.0, 1.0, 1.0, 1.0, 0.0, 3.0), "relaxation must be a"),
         (lambda: law_with(FlatSpectrum(1e-3, 1.0)).step("rest", 1e-3, 1e-3), "state must be"),
         (lambda: law_with(FlatSpectrum(1e-3, 1.0)).step(
-            law_with(SingleRelaxation(1.0)).rest(), 1e-3, 1e-3), "state must be of this law"),
+            law_with(SingleRelaxation(1.0)).rest(), 1e-3, 1e-3), "state must have this law"),
         (lambda: law_with(SingleRelaxation(1.0)).force_along([1e-3], [0.0], 0.0), "time_steps"),
         (lambda: law_with(SingleRelaxation(1.0)).dynamic_stiffness(-1.0, 1.0), "depth must be"),
         (lambda: law_with(SingleRelaxation(1.0)).dynamic_stiffness(1.0, -1.0), "frequency must"),
@@ -376,7 +376,7 @@ def two_times_in_the_wrong_order():
             solref=(0.02, 1.0), solimp=(0.9, 0.9, 0.001, 0.5, 2.0), inverse_mass=1.0), "solref"),
         (lambda: engines.mujoco(
             solref=(-1e3, -1.0), solimp=(0.9, 0.95, 0.001, 0.5, 2.0), inverse_mass=1.0),
-         "solimp must have one impedance"),
+         "solimp must be constant"),
     ],
 )  # fmt: skip
 def test_nonsense_is_refused_in_words(make, words):

@@ -148,12 +148,12 @@ def test_a_wrong_exponent_is_a_finding_and_a_modulus_says_that_the_shape_was_not
     finding = result.diagnosis.findings[0]
     assert result.diagnosis.verdict.overall != "trust"
     assert finding.check == "shape"
-    assert "exponent that was given" in finding.message
+    assert "exponent that was passed" in finding.message
     there = identify(contact, palpate.VariableProjection(exponent=1.5), trace=False)
     assert there.diagnosis.verdict.stiffness == "trust"
     modulus = there.elastic_modulus(palpate.Sphere(radius=0.1))
     assert modulus.refused is None
-    assert any("the exponent was given" in remark for remark in modulus.remarks)
+    assert any("the exponent was fixed" in remark for remark in modulus.remarks)
 
 
 def test_a_change_of_the_material_is_found_with_it():

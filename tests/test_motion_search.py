@@ -75,7 +75,7 @@ def test_the_better_motion_stays_where_the_force_is_clear_of_the_noise():
 def test_a_motion_out_of_its_limits_is_replaced_by_one_within():
     result = design(BALL, noise=0.05, max_speed=0.01)
     assert result.better.motion.top_speed <= 0.01
-    assert "it keeps to the limits" in result.reason
+    assert "it keeps the limits" in result.reason
     deeper = design(BALL, noise=0.05, max_depth=0.03)
     assert deeper.better.motion.peak_penetration > 0.029
     assert "it goes deeper" in deeper.reason

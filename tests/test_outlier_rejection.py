@@ -156,7 +156,7 @@ def test_any_estimator_leaves_the_same_samples_out() -> None:
     for name, result in compare(contact_of(motion, force)).items():
         assert np.flatnonzero(result.trace.rejected).tolist() == hit.tolist(), name
         said = [finding.message for finding in result.findings]
-        assert "3 samples were left out as outliers (0.05 %)" in said
+        assert "3 samples (0.05 %) excluded as outliers" in said
         assert result.as_dict()["rejected_samples"] == 3
 
 

@@ -224,7 +224,7 @@ def test_one_class_is_pressed_identified_compared_diagnosed_drawn_kept_and_expor
         assert result["law"][name] == pytest.approx(
             value, abs=4.0 * result["standard_errors"][name]
         )
-    status, out, _ = run("identify", file, "--law", "fung", "-o", folder)
+    status, out, _ = run("identify", file, "--law", "fung", "-o", folder, "-v")
     assert "truth 0.004" in out  # from the file's notes
     saved = palpate.load_result(folder)
     assert {"kind": "fung", **saved.law.as_dict()} == result["law"]
@@ -263,7 +263,7 @@ INCOMPLETE = {
     "a name that is taken": (
         contact_estimator.register,
         type("Other", (StickyRLS,), {"method": "single-stage"}),
-        "method must be new: 'single-stage' is SingleStageRLS",
+        "method 'single-stage' is taken by SingleStageRLS: choose another",
     ),
     "a part that is missing": (
         contact_estimator.register,

@@ -236,7 +236,7 @@ def test_what_is_not_known_cannot_be_checked():
     numbers = {**NUMBERS, "error K [%]": math.nan, "error B [%]": 1.0}
     for unknown in (number("error") > 3.0, number("bias") < "error", largest("bias", "error") < 3):
         assert judge(unknown, number("bias") < 0.0)(numbers).holds is None
-    assert judge(number("bias") < "error").describe([numbers]) == "error: not known"
+    assert judge(number("bias") < "error").describe([numbers]) == "error: unknown"
     assert judge()(NUMBERS) == SeedAnswer(None)
     with pytest.raises(KeyError, match="scatter α = 6"):
         judge("scatter α = 6")(NUMBERS)
@@ -260,9 +260,12 @@ def test_the_words_say_every_other_number_that_was_used_with_its_unit_once():
 def test_a_second_material_is_judged_beside_the_first():
     two = judge(number("bias") < 0.0, elsewhere="elsewhere")
     assert two(NUMBERS).holds is True
-    assert two.describe([NUMBERS]) == "On the elsewhere it does not hold (4.00)"
+    assert two.describe([NUMBERS]) == "For the elsewhere the claim does not hold (4.00)"
     seeds = [NUMBERS, {**NUMBERS, "elsewhere bias": -4.0}]
-    assert two.describe(seeds) == "On the elsewhere it holds in 1 of 2 seeds (0 (−4.00 to 4.00))"
+    assert (
+        two.describe(seeds)
+        == "For the elsewhere the claim holds in 1 of 2 seeds (0 (−4.00 to 4.00))"
+    )
 
 
 CLAIM = Claim("key", "V", "words", unit="mm")
@@ -274,7 +277,7 @@ VERDICTS = {
     "one cannot tell": (
         (True, None),
         Reproduction.REPRODUCED,
-        "reproduced (1 of 2 seeds can tell)",
+        "reproduced (checked in 1 of 2 seeds)",
     ),
 }
 

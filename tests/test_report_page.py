@@ -95,11 +95,20 @@ def test_every_section_of_a_result_is_said_in_the_same_words_wherever_it_is_show
     report, ball, run
 ):
     """A table over the renderers: terminal, plain text, report; of the first three a notebook."""
-    out = run("identify", EXAMPLES / "ball.csv")[1] + run("diagnose", EXAMPLES / "ball.csv")[1]
+    out = (
+        run("identify", EXAMPLES / "ball.csv", "-v")[1] + run("diagnose", EXAMPLES / "ball.csv")[1]
+    )
     shown = [" ".join(each.split()) for each in (out, ball.summary(), Reading(report).words)]
     card = " ".join(Reading(ball._repr_html_()).words.split())
     told = [view.verdict(ball), view.depths(ball), view.law(ball)]
-    for section in (*told, view.follows(ball), view.findings(ball), view.preparation([ball])):
+    whole = view.depths(ball, whole=True)
+    for section in (
+        *told,
+        whole,
+        view.follows(ball),
+        view.findings(ball),
+        view.preparation([ball]),
+    ):
         cells = [
             part for row in section.table()[1] for cell in row for part in str(cell).split("\n")
         ]
@@ -114,7 +123,7 @@ def test_each_stretch_between_changes_is_a_row_and_the_fit_is_said_of_their_own_
     assert len(section.rows) == 2
     words = result.summary()
     assert "change detector" in words
-    assert "fit by the laws of each part" in words
+    assert "fit (each part by its own law)" in words
 
 
 def test_a_contact_that_says_nothing_has_no_error_bars():

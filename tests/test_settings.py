@@ -67,8 +67,8 @@ REFUSED = [
     (palpate.ExtendedKelvinVoigtRLS, "initial", QUADRATIC, "be in …1e+101"),
     (palpate.SingleStageRLS, "initial", HuntCrossley(1.0, 1e101, 1.0), "be in …1e+101"),
     (palpate.DoubleStageRLS, "initial", HuntCrossley(1.0, 1.0, 1e101), "be in …1e+101"),
-    (palpate.SingleStageRLS, "initial", HuntCrossley(0.0, 0.0, 1.0), "be in (0, inf)"),
-    (palpate.SingleStageRLS, "initial", HuntCrossley(-1.0, 0.0, 1.0), "be in (0, inf)"),
+    (palpate.SingleStageRLS, "initial", HuntCrossley(0.0, 0.0, 1.0), "be above 0"),
+    (palpate.SingleStageRLS, "initial", HuntCrossley(-1.0, 0.0, 1.0), "be above 0"),
     (LINEAR, "initial", 5.0, "a KelvinVoigt, not 5.0"),
     (LINEAR, "initial", HuntCrossley(1.0, 1.0, 1.0), "a KelvinVoigt, not HuntCrossley"),
     (LINEAR, "forgetting", 0.99, "a ConstantForgetting or FadingForgetting…, not 0.99"),
@@ -78,8 +78,8 @@ REFUSED = [
     (PROJECTION, "noise", 0.0, "in (0, 1e+30], not 0.0"),
     (PROJECTION, "offset", None, "a bool, not None"),
     (PROJECTION, "offset_deviation", 0.0, "in (0, 1e+30], not 0.0"),
-    (PROJECTION, "exponent_range", (2.0, 1.0), "(2.0, 1.0): it holds nothing"),
-    (PROJECTION, "exponent_range", (1.0, 1.1), "0.2 to 5 wide, not (1.0, 1.1)"),
+    (PROJECTION, "exponent_range", (2.0, 1.0), "(lowest, highest), 0.2 to 5 apart, not (2.0, 1.0)"),
+    (PROJECTION, "exponent_range", (1.0, 1.1), "0.2 to 5 apart, not (1.0, 1.1)"),
     (PROJECTION, "exponent_range", (0.0, 2.0), "in [0.1, 10], not 0.0"),
     (PROJECTION, "exponent_range", 1.5, "(lowest, highest) …, not 1.5"),
     (PROJECTION, "change_detector", True, "a ChangeDetector or …, not True"),
@@ -96,8 +96,8 @@ REFUSED = [
     (MEMORY, "exponent", 0.2, "in"),
     (PROJECTION, "surface", "search", "'estimate' or None, not 'search'"),
     (PROJECTION, "surface", 0.0, "'estimate' or None, not 0.0"),
-    (SEARCHING, "surface_range", (1e-3, -1e-3), "holds nothing"),
-    (SEARCHING, "surface_range", (1e-3, 1e-3), "holds nothing"),
+    (SEARCHING, "surface_range", (1e-3, -1e-3), "be (lowest, highest) in m"),
+    (SEARCHING, "surface_range", (1e-3, 1e-3), "be (lowest, highest) in m"),
     (SEARCHING, "surface_range", (0.0, 0.06), "in …0.06"),
     (SEARCHING, "surface_range", 1e-3, "(lowest, highest"),
     (SEARCHING, "surface_range", (0.0, math.nan), "be finite"),
@@ -117,9 +117,9 @@ REFUSED = [
     (OFFLINE, "delay", 60.0, "be in [-10, 10]"),
     (OFFLINE, "surface", "x", "be a number"),
     (CURVES, "surface", "search", "be 'estimate'"),
-    (partial(CURVES, surface="estimate"), "surface_range", (1e-3, 0.0), "it holds nothing"),
+    (partial(CURVES, surface="estimate"), "surface_range", (1e-3, 0.0), "(lowest, highest) in m"),
     (CURVES, "exponent", 0.0, "be in"),
-    (CURVES, "exponent_range", (1.0, 1.1), "be 0.2 to 5 wide"),
+    (CURVES, "exponent_range", (1.0, 1.1), "be …0.2 to 5 apart"),
     (CURVES, "threads", 0, "be in"),
     (CURVES, "noise", -1.0, "be in"),
     (CURVES, "offset_deviation", [1.0, 2.0, 3.0], "one for each of 2 curves"),
@@ -170,7 +170,7 @@ def test_a_scalar_variances_and_a_matrix_say_the_same_and_stages_have_no_joint_c
 
 
 def test_every_setting_of_an_estimator_is_given_by_name(kind):
-    with pytest.raises(InvalidParameterError, match="_range is for surface='estimate'"):
+    with pytest.raises(InvalidParameterError, match="_range needs surface='estimate'"):
         PROJECTION(surface_range=(-1e-3, 1e-3))
     with pytest.raises(TypeError):
         kind(kind.default_initial)

@@ -83,7 +83,7 @@ def test_a_depth_is_a_number_above_zero(ball, depth):
 def test_a_working_depth_that_was_not_reached_is_said(ball):
     there = ball.at_depth(50e-3).diagnosis
     assert there.verdict.stiffness == there.verdict.damping == "with-care"
-    assert "50 mm, lies outside the depths in contact" in there.reason
+    assert "50 mm, is outside the recorded depths" in there.reason
     assert ball.at_depth(9e-3).diagnosis.verdict.overall == "trust"
 
 

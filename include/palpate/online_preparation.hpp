@@ -1,31 +1,28 @@
-// From what a robot measures to what an estimator takes, one sample at a time:
+// From a robot's measurements to an estimator's samples, one at a time:
 //
 //   penetration = ± d·p − surface,   force = ± d·f − offset − tare,   velocity by VelocityFilter
 //
 // p [m] and f [N] are a position and a force along the contact normal, or vectors with the
-// direction d into the material. The tare is the mean force of the first seconds, in which nothing
-// is touched.
+// direction d into the material. The tare is the mean force of the first seconds, without contact.
 //
-// Velocity from positions as they come. No sensor delivers it, and whatever makes it is late; so
-// the position and the force are given as late as the velocity is, and all three are of one
-// instant.
+// The velocity is computed from the positions, which delays it; position and force are delayed
+// equally, so all three are of one instant.
 //
 //   min over a, b, c of Σ (x_i − a − b s_i − c s_i²)²,   s_i = t_i − t_m,   v(t_m) = b
 //
-// over the latest W samples, where m is the one in their middle: the Savitzky–Golay filter of a
-// whole recording, half a window later. On an even clock, s_i = k T for k = −h … h, it comes to
+// over the latest W samples with m in their middle: the Savitzky–Golay filter of a whole recording,
+// half a window later. With an even clock, s_i = k T for k = −h … h, this is
 //
 //   v = Σ k x_k / (T Σ k²),   Σ k² = h (h + 1)(2 h + 1)/3,   h = (W − 1)/2
 //
-// and elsewhere to two regressions, on s and on the part of s² that is orthogonal to 1 and s. The
-// penetration and the force of the instant are as they were measured: a smoothed penetration is
-// another motion.
+// otherwise two regressions, on s and on the part of s² that is orthogonal to 1 and s. Penetration
+// and force of the instant are not smoothed, as a smoothed penetration would be another motion.
 //
-// Why not sooner: a backward difference is half a sample late and has the position's noise, and a
-// mean of past samples lags the force; both are errors of stiffness and damping, not of the noise.
+// A shorter delay would bias stiffness and damping: a backward difference is half a sample late and
+// has the position's noise, and a mean of past samples lags the force.
 //
-// A lost position (outliers.hpp) is left out of every window, and its sample is not given. To
-// know one takes the two samples after it, and the output is those two later.
+// Dropouts of the position (outliers.hpp) are excluded from every window, and their samples are not
+// returned. Detecting one needs the two samples after it, which adds to the delay.
 #pragma once
 
 #include <algorithm>
@@ -44,8 +41,8 @@ namespace palpate {
 struct VelocityFilterSettings {
   double sample_time = 1e-3;   // s
   std::uint32_t samples = 15;  // W, odd; longer than 15 ms flattens the motion of a probe
-  double longest_gap = 0.0;    // s; a window holds no longer one; 0: as long as the window, W T
-  bool lost_positions = true;  // are left out
+  double longest_gap = 0.0;    // s; a longer one restarts the window; 0: the window's length, W T
+  bool lost_positions = true;  // exclude dropouts
 
   bool operator==(const VelocityFilterSettings&) const = default;
 };

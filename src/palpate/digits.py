@@ -22,11 +22,11 @@ def with_error(value: float, *errors: float, unit: str = "") -> str:
     value : float
         The number.
     errors : float
-        Of it, such as the repeatable and the systematic one. What is not positive is left out, and
-        what is not finite is unknown, which is said. The largest decides on the digits; one that
-        these would write as zero keeps one.
+        Its errors, such as the statistical and the systematic one. Errors that are not positive
+        are omitted; one that is not finite is written "± unknown". The largest decides the digits;
+        a smaller one keeps at least one digit.
     unit : str
-        Written behind, if any.
+        Appended, if any.
     """
     known = [error for error in errors if math.isfinite(error) and error > 0.0]
     if not math.isfinite(value):
@@ -41,16 +41,16 @@ def with_error(value: float, *errors: float, unit: str = "") -> str:
 
 
 def parameter(value: float, error: float, *, unit: str = "", fixed: bool = False) -> str:
-    """Write a law's parameter as :func:`with_error`; of one that was given, ``1.5 (fixed)``.
+    """Write a law's parameter as :func:`with_error`; a fixed one as ``1.5 (fixed)``.
 
     Parameters
     ----------
     value, error : float
         A number and its standard error.
     unit : str
-        Written behind, if any.
+        Appended, if any.
     fixed : bool
-        Whether it was given, and not identified.
+        Whether it was fixed, not identified.
     """
     if fixed and math.isfinite(value):
         return f"{rounded(value, 6)} {unit}".rstrip() + " (fixed)"
@@ -153,7 +153,7 @@ def _ten_to(power: int) -> str:
 
 
 def format_quantity(value: float, unit: str, digits: int = 3) -> str:
-    """A quantity with the prefix that a person reads best: 0.0008 m is 0.8 mm."""
+    """Format a quantity with an SI prefix: 0.0008 m is 0.8 mm."""
     for prefix, size in {"k": 1e3, "": 1.0, "m": 1e-3, "µ": 1e-6, "n": 1e-9, "p": 1e-12}.items():
         if abs(value) >= 0.1 * size:
             return f"{rounded(value / size, digits)} {prefix}{unit}"

@@ -1,4 +1,4 @@
-"""The one message with a severity: what was found, what to do, and what it does to the numbers."""
+"""The one kind of message with a severity: what was found, what to do, what it changes."""
 
 import math
 from collections.abc import Mapping
@@ -11,7 +11,7 @@ Mark: TypeAlias = Literal["trust", "with-care", "do-not-trust"]
 Severity: TypeAlias = Literal["note", "with-care", "do-not-trust"]
 #: From the best to the worst.
 MARKS: tuple[Mark, ...] = ("trust", "with-care", "do-not-trust")
-#: What each does to the overall verdict, in the same order.
+#: The overall verdict that each causes, in the same order.
 SEVERITIES: tuple[Severity, ...] = ("note", "with-care", "do-not-trust")
 
 
@@ -25,27 +25,27 @@ def worst(*marks: Mark) -> Mark:
 
 @dataclass(frozen=True, slots=True)
 class Finding(Plain):
-    """One sentence about a recording, or about what was made or identified from it.
+    """One message about a recording, its preparation or its identification.
 
     Attributes
     ----------
     check : str
         The check or the step that found it, such as ``"delay"`` or ``"surface"``.
     message : str
-        What was found, in plain words.
+        What was found.
     remedy : str or None
-        What to do: an option of ``palpate identify``, a command, or a few words.
+        The next step: one sentence, perhaps with options of ``palpate identify``.
     severity : str
-        ``"note"``, ``"with-care"`` or ``"do-not-trust"``: what it does to the overall verdict. It
-        is at least what the two marks do: that of the stiffness counts in full, a damping that is
-        not trusted calls for care.
+        ``"note"``, ``"with-care"`` or ``"do-not-trust"``: the overall verdict is at least that. It
+        follows the marks: that of the stiffness counts in full, a damping that is not trusted calls
+        for care.
     z : float
-        Significance, in standard errors; NaN where the check has none.
+        Significance, in standard errors; NaN if the check has none.
     stiffness, damping : str
-        The mark that it alone gives each at working depth: ``"trust"``, ``"with-care"`` or
+        The marks that it alone gives at working depth: ``"trust"``, ``"with-care"`` or
         ``"do-not-trust"``.
     moves_stiffness_percent, moves_damping_percent : float
-        How far it moves them, in per cent of their size; NaN where that is not known.
+        How far it changes them, in per cent of their size; NaN if unknown.
     """
 
     check: str

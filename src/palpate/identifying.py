@@ -21,39 +21,41 @@ if TYPE_CHECKING:
     import pandas
     import xarray
     from matplotlib.figure import Figure
+    from numpy.typing import ArrayLike
 
 
 class Identification(Identified):
-    """What a whole contact gave.
+    """The result of a whole contact: law, trace and diagnosis.
 
     Attributes
     ----------
     contact : Contact
-        What was identified.
+        The contact that was identified.
     estimator : ContactEstimator
-        As it stood after the last sample; it can go on.
+        Its state after the last sample; it can go on.
     trace : Trace
-        Every sample, on the contact's clock, with the estimates that :func:`palpate.identify` was
-        asked for.
+        Every sample, on the contact's clock, with the estimates requested from
+        :func:`palpate.identify`.
     findings : tuple of Finding
-        What the estimate leaves open, and what is to be known of the samples; the diagnosis has
-        them too. ``flags`` has them in words.
+        What the estimate does not determine, and what is special about the samples; the diagnosis
+        has them too. ``flags`` has their text.
     data : Data, optional
-        The contact with the checks of its channels, where several methods share them.
+        The contact with the checks of its channels, which several methods share.
     depth : float, optional
-        The working depth of the diagnosis, m; the median penetration taken unless given.
+        The working depth of the diagnosis, m. Default: the median penetration in contact.
     segments : tuple of Identification
-        One for each stretch between changes of the material, by :meth:`by_segment`.
+        One for each segment between changes of the material, by :meth:`by_segment`; or one for each
+        place of a travelling probe, by :meth:`by_place`.
     noticed : Trace, optional
         With a change detector, by :meth:`by_segment`.
     place : Place, optional
         Where on the material it is, by :meth:`by_place`.
     chosen : tuple of str
-        The settings that were left open, and chosen from the data.
+        The settings that were None, and chosen from the data.
     query : QueryOptions
-        The impact and the tip that derived numbers are for, by :meth:`with_query`.
+        The impact and the tip of the derived quantities, by :meth:`with_query`.
     traced : int, float, "full" or False
-        How much of a trace was requested; of its stretches and places too.
+        How much of a trace was requested; the same for segments and places.
     """
 
     segments: tuple["Identification", ...]
@@ -62,7 +64,7 @@ class Identification(Identified):
         return view.line(self)
 
     def _repr_html_(self) -> str:
-        """Shown by a notebook: verdict, numbers at working depth, and the law."""
+        """Card for a notebook: verdict, numbers at working depth, and the law."""
         from palpate.reports.identification import card
 
         return card(self)
@@ -78,7 +80,7 @@ class Identification(Identified):
         return draw(self, dark=dark, width=width)
 
     def to_pandas(self) -> "pandas.DataFrame":
-        """Return every sample, and what was known after it, as a frame indexed by time.
+        """Return every sample, and the estimate after it, as a frame indexed by time.
 
         ``penetration``, ``velocity``, ``force``, ``segment``, ``predicted_force`` (a priori),
         ``fitted_force`` (by the final law), ``status``, ``validity_margin``, and each parameter
@@ -95,7 +97,7 @@ class Identification(Identified):
         return to_pandas(self)
 
     def to_xarray(self) -> "xarray.Dataset":
-        """Return the same along ``time``, the law's parameters along ``parameter``.
+        """Return the same as a dataset along ``time``; parameters along ``parameter``.
 
         Raises
         ------
@@ -110,17 +112,17 @@ class Identification(Identified):
         """Write report, numbers, trace and options to a folder; :func:`load_result` reads it back.
 
         ``report.html``, ``result.json``, ``trace.parquet`` (``.csv`` without pyarrow) and
-        ``run.toml``, each whole or not at all.
+        ``run.toml``, each complete or not at all.
 
         Parameters
         ----------
         folder : str or Path
-            It is made where it is not there.
+            Created if it does not exist.
 
         Raises
         ------
         RecordingError
-            It cannot be made or written to.
+            The folder cannot be created or written to.
         MissingExtraError
             matplotlib, which the report needs, is not installed.
         """
@@ -129,83 +131,100 @@ class Identification(Identified):
         Destination(Path(folder)).save(self)
 
     def as_dict(self) -> dict[str, Any]:
-        """Return the result as plain numbers and words; what is not defined is None."""
+        """Return the result as plain numbers and text; undefined values are None."""
         from palpate.results.saved import of_one
 
         return of_one(self)
 
 
 def identify(
-    source: "Contact | Recorded",
+    source: "Contact | Recorded | None" = None,
     estimator: ContactEstimator | str | None = None,
     *,
+    method: str | None = None,
     law: str | None = None,
     trace: Traced = 2000,
+    time: "ArrayLike | None" = None,
+    penetration: "ArrayLike | None" = None,
+    force: "ArrayLike | None" = None,
+    velocity: "ArrayLike | None" = None,
 ) -> Identification:
     """Identify the contact model of a whole contact.
 
-    The samples go one by one through the estimator's own recursion, a segment at a time.
+    The samples go one by one through the estimator's recursion, a segment at a time.
 
     Parameters
     ----------
-    source : Contact, Recording, path or frame
-        What is not yet a contact is prepared by :func:`prepare`, with its default columns.
+    source : Contact, Recording, path or frame, optional
+        Prepared by :func:`prepare`, with its default columns, unless it is a contact. Or pass
+        arrays in its place: ``time``, ``penetration`` and ``force``.
     estimator : ContactEstimator or str, optional
-        Method and settings; it is left as it is. Or the name of a method, such as
-        ``"single-stage"``. :class:`VariableProjection` unless given. A ``gate`` or ``scale`` it
-        leaves open (None) is chosen from the data: see :mod:`palpate.preparation.gates`; but
-        variable projection chooses its samples itself, and knows what a tare left of the offset by
-        the contact's ``tare_deviation``. Outliers are left out by :class:`OutlierRejection` unless
-        ``outlier_rejection`` is False.
+        Method with settings, which is not modified, or the name of a method. Default:
+        :class:`VariableProjection`. A ``gate`` or ``scale`` of None is chosen from the data: see
+        :mod:`palpate.preparation.gates`. Variable projection selects its samples itself, and uses
+        the contact's ``tare_deviation`` as the prior of its offset. :class:`OutlierRejection`
+        excludes outliers unless ``outlier_rejection`` is False.
+    method : str, optional
+        Name of a method, such as ``"single-stage"``, in place of ``estimator``.
     law : str, optional
-        In place of an estimator, or beside the name of one that identifies it. ``"auto"``: the
-        everyday law by which these samples are best explained; ``"any"``: of all that there are;
-        or one by name: ``"hunt-crossley"``, which is the default, ``"kelvin-voigt"``,
-        ``"half-space"``, or by its memory ``"flat"``, ``"single"``, ``"power-law"``, or by both,
-        ``"half-space+single"``. :class:`ViscoelasticContact` says what they are, and
-        :attr:`Identification.law_verdict` by what evidence one was chosen.
+        In place of an estimator, or next to the name of a method that identifies it. ``"auto"``:
+        model selection among the common laws; ``"any"``: among all laws; or one law:
+        ``"hunt-crossley"`` (the default), ``"kelvin-voigt"``, ``"half-space"``; with a relaxation:
+        ``"flat"``, ``"single"``, ``"power-law"``; or both, ``"half-space+single"``.
+        :class:`ViscoelasticContact` defines them; :attr:`Identification.law_verdict` has the
+        evidence.
     trace : int, float, "full" or False
-        What :attr:`Identification.trace` holds of the estimates along the way. An int: at most so
-        many, after samples evenly spread up to the last one. A float: one every so many seconds, in
-        [1e-9, 1e9]; ``trace=2.0`` is 2 s, ``trace=2`` two estimates. ``"full"``: one after every
-        sample, which takes several times as long by variable projection. False: none. The result,
-        its diagnosis, its figures, and what a trace says of each sample are the same bits.
+        Which estimates along the way :attr:`Identification.trace` holds. An int: at most so many,
+        evenly spread up to the last sample. A float: one every so many seconds, in [1e-9, 1e9];
+        ``trace=2.0`` is 2 s, ``trace=2`` two estimates. ``"full"``: one after every sample, which
+        takes several times as long with variable projection. False: none. The result, its
+        diagnosis and figures are identical.
+    time, penetration, force : array_like, shape (k,), optional
+        s, m (positive inside the material) and N (compression positive), in place of ``source``.
+    velocity : array_like, shape (k,), optional
+        m/s, positive while penetrating, next to those arrays. Default: differentiated.
 
     Raises
     ------
     RecordingError
-        The recording cannot be prepared; the probe never touches: no sample passes the gate; or a
-        search for the surface has no free approach: fewer than 20 samples lie above the surface
-        that it found.
+        The recording cannot be prepared; no sample is in contact; or fewer than 20 samples lie
+        above the surface that was estimated.
     InvalidParameterError
-        The source is none of these, there is no such estimator or law, they do not go together, or
-        ``trace`` is none of these.
+        The source or ``trace`` has another type; there is no such method or law; or arguments
+        exclude each other.
     """
-    traced, estimator = checked_trace(trace), _asked_for(estimator, law)  # before reading anything
-    contact = source if isinstance(source, Contact) else prepare(source)
-    return Identification.of(Data(contact), estimator, trace=traced)
+    if method is not None and estimator is not None:
+        raise InvalidParameterError(f"pass estimator or method={method!r}, not both")
+    traced = checked_trace(trace)  # before reading anything
+    estimator = _with_law(method if estimator is None else estimator, law)
+    arrays = {"time": time, "penetration": penetration, "force": force, "velocity": velocity}
+    given = {name: values for name, values in arrays.items() if values is not None}
+    if not isinstance(source, Contact) or given:
+        source = prepare(source, **given)  # type: ignore[arg-type]
+    return Identification.of(Data(source), estimator, trace=traced)
 
 
 def diagnose(
     source: "Contact | Recorded",
     estimator: ContactEstimator | str | None = None,
     *,
+    method: str | None = None,
     law: str | None = None,
     depth: float | None = None,
 ) -> Diagnosis:
-    """Say what may be wrong with the identification of a contact, and how far to trust it.
+    """Diagnose the identification of a contact: verdict, findings, numbers at working depth.
 
     Parameters
     ----------
     source : Contact, Recording, path or frame
         As for :func:`identify`.
     estimator : ContactEstimator or str, optional
-    law : str, optional
+    method, law : str, optional
         As for :func:`identify`.
     depth : float, optional
-        The working depth, m; the median penetration of the samples taken unless given.
+        The working depth, m. Default: the median penetration in contact.
     """
-    result = identify(source, estimator, law=law, trace=False)
+    result = identify(source, estimator, method=method, law=law, trace=False)
     return (result if depth is None else result.at_depth(depth)).diagnosis
 
 
@@ -219,31 +238,31 @@ def compare(
     watch: Callable[[Sequence[str]], Iterable[str]] = iter,
     known: Identification | None = None,
 ) -> dict[str, Identification]:
-    """Identify a contact with every method.
+    """Identify a contact with every method, side by side.
 
     Parameters
     ----------
     source : Contact, Recording, path or frame
         As for :func:`identify`.
     gate : ContactGate, optional
-        Which samples are contact, for every method. Unless given it is chosen from the data, the
-        same for all but variable projection, which chooses its samples itself.
+        Which samples are in contact, for every method. Default: chosen from the data, the same for
+        all but variable projection, which selects its samples itself.
     outlier_rejection : OutlierRejection or False, optional
-        How outliers are left out; False takes them all.
+        How outliers are excluded; False keeps them all.
     exponent : float, optional
-        Where the shape of the tip tells it, such as 1.5 for a sphere: kept by every method whose
-        law has one. A method that cannot keep one so small or large is left out.
+        Exponent known from the shape of the tip, such as 1.5 for a sphere: fixed in every method
+        whose law has one. A method that cannot fix this value is omitted.
     trace : int, float, "full" or False
         As for :func:`identify`.
     watch : callable
-        Goes through the methods' names, such as with a progress bar.
+        Iterates over the methods' names, such as with a progress bar.
     known : Identification, optional
-        Of this contact: it is the answer of its own method, unless that was asked for otherwise.
+        Of this contact: reused as the result of its own method, if that has the same settings.
 
     Returns
     -------
     dict
-        An :class:`Identification` for each name in ``ESTIMATORS`` but those left out.
+        An :class:`Identification` by method's name, in the order of ``ESTIMATORS``.
     """
     traced = checked_trace(trace)
     contact = source if isinstance(source, Contact) else prepare(source)
@@ -271,16 +290,16 @@ def compare(
     return results
 
 
-def _asked_for(
+def _with_law(
     estimator: ContactEstimator | str | None, law: str | None
 ) -> ContactEstimator | str | None:
-    """An estimator by the law that it is to find, where one is asked for."""
+    """The estimator of a law, if one is requested."""
     if law is None:
         return estimator
     if isinstance(estimator, ContactEstimator):
         raise InvalidParameterError(
-            f"law must not be given beside an estimator with its settings, such as "
-            f"{type(estimator).__name__}(), which says which law it is"
+            f"law={law!r} excludes an estimator with settings, such as "
+            f"{type(estimator).__name__}(), which has a law already: leave one of them out"
         )
     kind, settings = estimator_by_law(law, estimator)
     return kind(**settings)

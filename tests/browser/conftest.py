@@ -45,7 +45,7 @@ def chromium():
 
 
 def assert_readable(page, width, dark):
-    """Only tables and drawings scroll sideways, by themselves; the theme is what was asked for."""
+    """The page fits the width, its text has contrast, and its theme is the requested one."""
     assert page.evaluate("document.documentElement.scrollWidth") <= width
     assert page.evaluate(CONTRAST) >= 4.5  # as WCAG 2 asks of text
     back = page.evaluate("getComputedStyle(document.body).backgroundColor")

@@ -1,5 +1,6 @@
 """The page of a live run, in a browser: its curves move, its controls act, and it comes back."""
 
+import re
 import socket
 import socketserver
 import threading
@@ -13,6 +14,7 @@ import pytest
 
 import palpate
 from palpate.live import run
+from palpate.live.diagnosing import Diagnosing
 from palpate.live.page import Page
 from palpate.live.recorder import Recorder
 from palpate.live.running import default_estimator
@@ -42,7 +44,7 @@ class Endless(Replay):
 
     def ask(self, options):
         self.asked.append(options)
-        return f"the source was asked for {options}"
+        return f"the source received {options}"
 
 
 @contextmanager
@@ -108,6 +110,8 @@ pytestmark = pytest.mark.browser
 BALL = palpate.prepare(Path(__file__).parents[2] / "examples" / "recordings" / "ball.csv")
 PIXELS = """name => { const canvas = document.querySelector(`${name} canvas`);
   return canvas.toDataURL(); }"""
+# The verdict, and what stands below it.
+TOP_DOWN = ("#verdict", "#state", ".controls", "#numbers", ".panel")
 # What the card says at one moment: the verdict changes while it is looked at.
 CARD = """() => { const text = name => document.querySelector(name).innerText;
   const all = name => [...document.querySelectorAll(name)].map(each => each.innerText);
@@ -149,7 +153,7 @@ def wait(page, condition):
 
 
 def card(page, law):
-    """What the card says while a law is in force."""
+    """What the card says while a law is preferred."""
     seen = {}
     until_true(lambda: seen.update(page.evaluate(CARD)) or law in seen["law"])
     return seen
@@ -170,6 +174,10 @@ def test_the_page_moves_and_is_readable(live, opened, width, dark):
         page.assert_readable()
         assert page.evaluate("globalThis.shifts") < 0.005  # nothing that a person would see
         assert page.inner_text("#state-name") in ("Contact", "Free", "Changed")
+        assert "without --no-diagnosis" in page.inner_text("#verdict-line")
+        head, *below = (page.locator(each).first.bounding_box() for each in TOP_DOWN)
+        assert head["y"] + head["height"] <= min(each["y"] for each in below)
+        assert page.inner_text("#working").count("±") == 2
 
 
 def test_the_card_says_which_law_it_is_and_nothing_moves_when_that_changes(opened):
@@ -204,7 +212,7 @@ def test_the_card_says_which_law_it_is_and_nothing_moves_when_that_changes(opene
             seen = card(page, "flat spectrum")
             assert page.evaluate("globalThis.shifts") < 0.005  # as above
             assert seen["laws"] == seen["offered"]
-            assert sum(score == "in force" for score in seen["scores"]) == 1
+            assert sum(score == "preferred" for score in seen["scores"]) == 1
             assert "Relaxation stiffness M" in seen["numbers"]
             assert "τ" not in seen["numbers"]  # no law on offer has one of its own
             assert "p" not in seen["panels"]
@@ -219,7 +227,7 @@ def test_a_page_without_a_recorder_does_not_offer_one_and_stays_when_the_run_is_
         wait(page, "document.querySelector('.number-tile b').textContent.includes('±')")
         source.ended.set()
         page.wait_for_selector("#state[data-state=ended]")
-        page.wait_for_selector("#link:has-text('The run is over: trying again')")
+        page.wait_for_selector("#link:has-text('The run has ended: reconnecting')")
         assert page.evaluate("palpate.store.length") > 500
         assert " ± " in page.inner_text(".number-tile b")
 
@@ -229,7 +237,7 @@ def test_a_dropped_connection_heals(live, opened):
     with Wire(port) as wire, opened(wire.url, lossy=True) as page:
         wait(page, "palpate.store.length > 500")
         wire.cut()
-        page.wait_for_selector("#link.broken:has-text('trying again')")
+        page.wait_for_selector("#link.broken:has-text('reconnecting')")
         time.sleep(0.5)
         wire.whole = True
         page.wait_for_selector("#link:not(.broken):has-text('frames/s')", timeout=15_000)
@@ -297,18 +305,68 @@ def test_controls_act(live, page):
     page.click("summary")
     page.fill("#seconds", "1")
     page.click("#tare")
+    if page.is_visible("#tare-question"):  # in contact, as the next test shows
+        page.click("#tare-now")
     page.wait_for_selector("#state[data-state=taring]", timeout=5000)
     page.wait_for_selector("#state:not([data-state=taring])")
     page.click("#reset")
     page.wait_for_selector("#said li:has-text('reset')")
     page.fill("#depth", "5")
     page.click("text=Set depth")
-    page.wait_for_selector(".number-tile:has-text('5 mm, chosen')")
+    page.wait_for_selector(".number-tile:has-text('5 mm (chosen)')")
     page.click("#median")
     page.click("text=Change now")
-    page.wait_for_selector("#said li:has-text('the source was asked')")
+    page.wait_for_selector("#said li:has-text('the source received')")
     assert {"change": "firmer"} in live[0].asked
     page.click("summary")
+
+
+def swinging(middle):
+    """A ball, 2 mm around a depth."""
+    moment = np.arange(0.0, 3.0, 1e-3)
+    depth = middle - 2e-3 * np.cos(4.0 * np.pi * moment)
+    velocity = np.gradient(depth, 1e-3)
+    law = palpate.HuntCrossley(2000.0, 2000.0, 1.0)
+    force = np.where(depth > 0.0, law.force(np.maximum(depth, 0.0), velocity), 0.0)
+    force += 0.01 * np.random.default_rng(0).standard_normal(force.size)
+    return palpate.Contact(moment, penetration=depth, velocity=velocity, force=force)
+
+
+def test_tare_in_contact_asks_first_and_the_verdict_is_that_of_the_diagnosis(opened):
+    sink = Diagnosing(window=2.0, every=0.5)
+    with running(swinging(8e-3), sink) as (_, own), opened(own.url) as page:
+        wait(page, "palpate.page.state === 'contact'")
+        page.click("#tare")
+        words = page.inner_text("#tare-words")
+        said = re.fullmatch(r"The probe is in contact with ([\d.]+) N\. Taring now makes .*", words)
+        assert 10.0 < float(said[1]) < 35.0  # K x of 6 to 10 mm, B v x, and 1.6 times that
+        page.click("#tare-cancel")
+        assert page.is_hidden("#tare-question")
+        wait(page, "palpate.page.others.diagnosis.verdict")
+        assert "taring" not in page.inner_text("#said")
+        shown, reason = page.evaluate("""() => [document.querySelector("#verdict-line").innerText,
+            palpate.page.others.diagnosis.reason]""")
+        assert shown.endswith(f": {reason.removesuffix('.')}.")
+        page.click("#hold")  # a held loop does not judge contact, and the probe is in contact still
+        page.wait_for_selector("#state[data-state=held]")
+        page.click("#tare")
+        page.keyboard.press("Escape")
+        assert page.is_hidden("#tare-question")
+        page.click("#hold")
+        page.click("#tare")
+        page.click("#tare-now")
+        page.wait_for_selector("#said li:has-text('taring for 1 s')")
+        page.wait_for_selector("#verdict-line:has-text('the force was tared since')")
+
+
+def test_tare_out_of_contact_asks_nothing(opened):
+    sink = Diagnosing(every=3600.0)
+    with running(swinging(-8e-3), sink) as (_, own), opened(own.url) as page:
+        page.wait_for_selector("#verdict-line:has-text('first diagnosis has not finished')")
+        wait(page, "palpate.page.state === 'free'")
+        page.click("#tare")
+        assert page.is_hidden("#tare-question")
+        page.wait_for_selector("#said li:has-text('taring for 1 s')")
 
 
 def test_a_recording_is_begun_and_ended(page, folder):
@@ -337,7 +395,7 @@ def test_another_estimator_brings_its_own_panels(page):
     page.fill("#settings input[name=forgetting_factor]", "3")
     page.evaluate("document.querySelector('#estimator').noValidate = true")
     page.click("text=Start this estimator")
-    page.wait_for_selector("#answer:has-text('Refused: factor must be in')")
+    page.wait_for_selector("#answer:has-text('Request refused: factor must be in')")
     page.select_option("#method", "variable-projection")
     page.check("#settings input[name=change_detector]")
     page.check("#settings input[name=outlier_rejection]")

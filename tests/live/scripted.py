@@ -117,7 +117,7 @@ def column(rows, name):
 
 
 class Endless:
-    """A sample every millisecond, in real time, until it is told to end, or so many have come."""
+    """A sample every millisecond, in real time, until it is ended or has sent so many."""
 
     name = "endless source"
     sample_time = T

@@ -64,22 +64,22 @@ def recording(tmp_path):
 @pytest.mark.parametrize(
     "arguments, words",
     [
-        ("nowhere.csv", "SOURCE must be a recording's path, or one of lab:ball"),
+        ("nowhere.csv", "SOURCE must be the path of a recording, or one of lab:ball"),
         ("lab:ball,waltz", "motion must be one of"),
         ("lab:ball --method magic", "magic"),
         ("lab:ball --exponent 90", "exponent"),
         ("lab:ball --exponent 1.5 --method kelvin-voigt", "the law of kelvin-voigt has none"),
         (
             "lab:ball --law auto --method single-stage",
-            "law auto and method single-stage do not go together",
+            "method single-stage does not identify law auto, only the hunt-crossley law",
         ),
         ("lab:ball --law magic", "law must be one of hunt-crossley, auto, any"),
         ("lab:ball --direction down", "--direction must be three numbers"),
         ("lab:ball --tare soon", "--tare must be a number"),
         ("lab:ball --seconds -1", "--seconds must be in"),
-        ("lab:ball --rate 20", "--rate must be from 100 to 10000 samples a second, not 20"),
-        ("lab:ball --speed 2", "--speed has no effect: lab:ball is no recording"),
-        ("lab:ball --publish fax:1", "--publish must be one of"),
+        ("lab:ball --rate 20", "--rate must be in [100, 10000] Hz, not 20"),
+        ("lab:ball --speed 2", "lab:ball is not a recording: omit --speed"),
+        ("lab:ball --publish fax:1", "--publish must begin with one of"),
         ("lab:ball --record no/such/folder/a.mcap", "no/such/folder"),
     ],
 )

@@ -115,7 +115,7 @@ def test_the_laboratory_runs_in_real_time_and_does_what_it_is_asked():
             source.ask(wrong)
     assert "ideal probe" in source.name
     source._process.kill()
-    with pytest.raises(EndOfSourceError, match="ended by itself"):
+    with pytest.raises(EndOfSourceError, match="ended unexpectedly"):
         list(iter(lambda: source.take(0.2), None))
     source.close()
     source.close()
@@ -151,6 +151,8 @@ def test_without_mujoco_an_ideal_probe_is_taken_and_said(monkeypatch):
 
 @pytest.mark.parametrize("opened", [open_source, open_publisher])
 def test_ros_1_is_refused_in_one_line_that_says_what_to_use(opened):
-    with pytest.raises(InvalidParameterError, match=r"no longer speaks ROS 1 live: .*dds:") as told:
+    with pytest.raises(
+        InvalidParameterError, match=r"no longer supports live ROS 1: .*dds:"
+    ) as told:
         opened("ros1:/pose,/wrench")
     assert "\n" not in str(told.value)

@@ -120,7 +120,7 @@ def test_before_the_first_sample_there_is_no_law_and_no_number():
     assert not any(math.isfinite(fields[name]) for name in (*NUMBERS, "depth", "frequency"))
     assert describe_verdict(before, numbers_of(before)) == "no law yet"
     card = plain(law_of(before, math.nan))
-    assert (card["law-name"], card["law-badge"]) == ("Not known yet", "no verdict yet")
+    assert (card["law-name"], card["law-badge"]) == ("Not known yet", "not known yet")
     assert {words for _, words in card["law-numbers"]} == {"–"}
 
 
@@ -148,9 +148,9 @@ def test_a_change_of_the_material_gives_the_evidence_up_until_there_is_a_verdict
     assert turns[-1] == "half-space"
     given_up = [page for page in said.values() if not page["known"]]
     assert given_up
-    for page in given_up:  # what stands meanwhile is said to be of before
+    for page in given_up:  # until then the last verdict is marked as outdated
         assert certainty(page) == "before"
-        assert "of before" in describe_verdict(page, {})
+        assert "outdated" in describe_verdict(page, {})
         assert page["effective_samples"] == 0.0
         assert numbers_of(page) == {}
         assert page["changes"] == 0
@@ -181,7 +181,7 @@ def test_a_verdict_that_flickers_is_said_to():
     law = GeneralisedHuntCrossley(2e4, 1.5, 0.0, 1.5, 2e4, SingleRelaxation(0.05))
     _, said, _ = watched(arrivals(*swung(law, 3.0)), at=range(400, 3000, 20))
     flags = {flag.split(":")[0] for page in said.values() for flag in page["flags"]}
-    assert "the verdict is not settled" in flags
+    assert "the preferred law is not settled" in flags
     assert "B is 0" in flags
 
 
@@ -261,7 +261,7 @@ def test_it_says_when_it_is_no_longer_of_what_the_loop_does(samples):
     page = diagnosed(recent(samples, 1.0, LATE), status)
     assert outdated(page, status) == ""
     later = {**status, "method": "single-stage", "counts": {"changes": 2}}
-    words = "another estimator runs now and the material has changed since"
+    words = "the estimator was changed since and the material has changed since"
     assert outdated(page, later) == words
     assert outdated(page, {**status, "tare": 0.3}) == "the force was tared since"
 

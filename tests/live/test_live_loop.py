@@ -61,7 +61,7 @@ def same(rows, contact, trace, *, predicted=True):
     # Where an estimator starts is no estimate.
     learned = np.isin(trace.status, (Status.UPDATED, Status.GUARDED, Status.RESTARTED))
     np.testing.assert_array_equal(known, np.cumsum(learned) > 0)
-    # A prediction by the law itself, or by its regression in scaled units: rounded otherwise.
+    # The law and its regression in scaled units round a prediction differently.
     if predicted:
         force = column(given, "predicted_force")
         np.testing.assert_allclose(force, trace.predicted_force, rtol=1e-12, atol=1e-12)
@@ -168,7 +168,7 @@ def test_what_is_no_number_is_refused_said_and_forgotten(values):
     assert (states[900:1399] == State.INVALID).all()
     assert (states[1401:] == State.CONTACT).all()
     assert loop.counts.refused == 1
-    assert any("no numbers" in words for words in loop.said)
+    assert any("NaN, infinite" in words for words in loop.said)
     assert loop.status()["fault"] == ""  # it is over
     # But for that sample, whose window has a hole, all is as if it had never come.
     gone = ([*each[:900], *each[901:]] for each in (TIMES, POSITIONS, FORCES))
@@ -231,7 +231,7 @@ def test_a_silent_source_is_lost_and_found_again():
     loop, rows = looped([*script[:1000], Silence(30.0), *script[1000:], Silence(5.0)])
     assert loop.counts.silences == 2
     assert loop.status()["counts"]["gaps"] == 1
-    assert any("no sample comes" in words for words in loop.said)
+    assert any("no samples arrive" in words for words in loop.said)
     states = column(rows, "state")
     # Until the new window is whole nothing is known of the contact.
     assert states[1000] == State.LOST
@@ -271,7 +271,7 @@ def test_samples_that_come_too_seldom_for_the_window_are_said_to():
 def test_the_same_fault_in_each_sample_is_said_once_a_second():
     loop, _ = looped([each._replace(force=math.nan) for each in SCRIPT])
     assert loop.counts.refused == len(TIMES)
-    assert sum("no numbers" in words for words in loop.said) == 2
+    assert sum("NaN, infinite" in words for words in loop.said) == 2
 
 
 def test_hold_and_resume_and_reset_after_which_nothing_is_known_until_something_is_learned():
@@ -288,8 +288,8 @@ def test_hold_and_resume_and_reset_after_which_nothing_is_known_until_something_
     assert loop.cycle.count == np.isfinite(column(rows, "time")).sum() - 600 - 600
     assert np.isfinite(stiffness[1490:1500]).all()
     assert np.isnan(stiffness[1500:]).all()
-    assert at_depth(loop.status(), rows[-1], 8e-3) == "nothing known yet"
-    assert at_depth(loop.status(), rows[1499], 8e-3) == "another estimator begins"
+    assert at_depth(loop.status(), rows[-1], 8e-3) == "no estimate yet"
+    assert at_depth(loop.status(), rows[1499], 8e-3) == "another estimator starts"
 
 
 def test_a_tare_is_taken_and_taken_off():
@@ -334,7 +334,9 @@ def test_a_law_for_which_there_is_no_room_is_a_clear_line():
     class WideEstimator(palpate.VariableProjection):
         law_type = Wide
 
-    with pytest.raises(palpate.InvalidParameterError, match="more than 8 parameters"):
+    with pytest.raises(
+        palpate.InvalidParameterError, match="of 9 parameters, and the loop takes at most 8"
+    ):
         looped([], estimator=WideEstimator())
 
 
@@ -343,7 +345,7 @@ def test_a_recording_says_once_what_its_preparation_said_and_what_it_knows_with_
     place = Finding("surface", "its place is an assumption")
     source = Replay(touch(tare_deviation=0.01, findings=[ends, place]))
     assert source.news() == [
-        "tare of the recording are those of all of it, as palpate identify finds them",
+        "tare computed from the whole recording, as in palpate identify",
         "file: it ends before its end (record it again)",
         "surface: its place is an assumption",
     ]

@@ -194,7 +194,7 @@ def test_an_estimate_is_never_shown_by_the_law_of_another_estimator(watched):
     write(0.4, status=float(Status.RESTARTED))
     seen.look()
     page = seen.page({"clients": 1}, ended=True)
-    assert page["view"]["numbers"][2] == ["Stiffness K [N/mⁿ]", "2000"]
+    assert page["view"]["numbers"][0] == ["Stiffness K [N/mⁿ]", "2000"]
     assert page["view"]["changes"][0][1][0] == "K = 2000 N/mⁿ"
     assert page["facts"]["state-name"] == "Stopped"  # not by a word of its own
     assert ["page: browsers", "1", ""] in page["facts"]["counts"]
@@ -341,7 +341,7 @@ def test_a_histogram_knows_percentiles_to_the_width_of_its_bins(seed):
     found = histogram.as_dict()
     for name, percent in (("p50", 50.0), ("p99", 99.0), ("p99.9", 99.9)):
         true = np.percentile(times, percent, method="inverted_cdf")
-        # A bin is a twentieth of a decade wide, and its upper end is what is said.
+        # A bin is a twentieth of a decade wide, and the percentile is its upper end.
         assert true <= found[name] * (1.0 + 1e-12)
         assert found[name] <= true * 10.0 ** (1.0 / 20.0)
     assert found["max"] == times.max()

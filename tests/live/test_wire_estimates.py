@@ -1,4 +1,4 @@
-"""Estimates published on each wire are what the loop found, and are said in types that all know."""
+"""Estimates published on each wire are those of the loop, in standard message types."""
 
 import json
 import math
@@ -23,7 +23,7 @@ from palpate.live import run
 from palpate.live.choices import State
 from palpate.live.diagnosing import diagnosed, recent
 from palpate.live.publishing import Publisher, open_publisher
-from palpate.live.sinks import PLACE, diagnosis_of
+from palpate.live.sinks import PLACE, UNDIAGNOSED, diagnosis_of
 from palpate.live.sources import Replay
 
 NAMES = [
@@ -235,11 +235,11 @@ def test_every_estimate_is_published_with_names_and_units(kind) -> None:
     assert re.match("stiffness .*±", said["words"])
     numbers = [said[name] for name in ("lost", "age", "stiffness_standard_error", "stiffness")]
     assert sorted(map(float, numbers)) == [*map(float, numbers)]
-    # In JSON they are numbers; in ROS all that is said is text.
+    # In JSON they are numbers; in ROS every value is text.
     assert issubclass(kind, RosListener) or {type(each) for each in numbers} <= {int, float}
     # Nothing diagnoses it: no reader may take that for trust.
     assert np.isnan(values[:, 16:17]).all()
-    assert (said["verdict"], said["reason"]) == ("not diagnosed yet", "nothing diagnoses this loop")
+    assert (said["verdict"], said["reason"]) == ("not diagnosed yet", UNDIAGNOSED)
 
 
 def watching(diagnosis):
@@ -289,7 +289,7 @@ def test_a_verdict_is_published_until_it_is_not_of_what_the_loop_does():
         listener.connect()
         estimate, said = heard(1000)
         assert math.isnan(estimate["verdict"])
-        assert said["reason"] == "the first diagnosis is to come"
+        assert said["reason"] == "the first diagnosis has not finished yet"
         pages["now"] = page = diagnosed(recent(samples, 20.0, 0.0), status)
         estimate, said = heard(1100)
         assert (estimate["verdict"], estimate["age"]) == (2.0, 0.0)
@@ -325,7 +325,7 @@ def test_an_address_in_use_is_one_clear_line() -> None:
 
 def test_nobody_there_is_one_clear_line() -> None:
     address = f"zenoh:/palpate?connect=tcp/127.0.0.1:{free_port()}"
-    with pytest.raises(PalpateError, match=r"^zenoh: nobody answers at tcp/.*rmw_zenohd") as caught:
+    with pytest.raises(PalpateError, match=r"^zenoh: no answer from tcp/.*rmw_zenohd") as caught:
         open_publisher(address)
     assert "\n" not in str(caught.value)
 

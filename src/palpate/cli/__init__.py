@@ -25,6 +25,7 @@ _PLAIN = {
     "–": "-", "−": "-", "×": "x", "√": "sqrt", "≥": ">=", "≤": "<=", "…": "...", "“": '"',
     "”": '"', "é": "e", "ó": "o", "σ": "sigma", "✓": "+", "✗": "-", "◐": "~",
     "≈": "~", "→": "->", "λ": "lambda", "₀": "0", "α": "alpha", "τ": "tau",
+    "Δ": "delta ", "δ": "delta", "′": "'",
 }  # fmt: skip
 # Of several in a row only the first needs the sign that says what they are: 10⁻¹² is 10^-12.
 _SUPERSCRIPTS = dict(zip("ⁿᵖ⁺⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "np+-0123456789", strict=True))

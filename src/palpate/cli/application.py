@@ -62,10 +62,10 @@ def application(words: Sequence[str] = ()) -> App:
         Parameters
         ----------
         shell
-            Which shell; the one that runs this unless given.
+            Which shell (default: the one that runs this).
         output
-            File to write the completion to, and nothing else; unless given, where the shell looks
-            for it, with a line in its startup file where it needs one.
+            Write the completion to this file and nothing else (default: where the shell looks for
+            it, with a line in its startup file if needed).
         """
         from cyclopts.completion.detect import ShellDetectionError, detect_shell
 
@@ -92,11 +92,11 @@ def application(words: Sequence[str] = ()) -> App:
         Parameters
         ----------
         config
-            Take options from this TOML file; those on the command line have the last word.
+            Take options from this TOML file; the command line overrides them.
         no_color
-            Print without colour, as NO_COLOR in the environment does.
+            Print without colour, like the environment variable NO_COLOR.
         verbose
-            Say on standard error what is read, taken and done, with seconds; -vv says more.
+            Print everything, and log each step with its time to standard error; -vv logs more.
         """
         if config is not None:
             app.config = OptionsFile(

@@ -17,10 +17,10 @@ if TYPE_CHECKING:
 Several = Annotated[tuple[float, ...] | None, Parameter(consume_multiple=True)]
 
 
-@Parameter(name="*", group=Group("The material, as guessed", sort_key=0.5))
+@Parameter(name="*", group=Group("Guess of the material", sort_key=0.5))
 @dataclass(frozen=True)
 class ModelOptions:
-    """The material as guessed; an order of magnitude is a start."""
+    """A guess of the material; an order of magnitude is enough to start."""
 
     stiffness: float
     "K, N/mⁿ."
@@ -33,12 +33,12 @@ class ModelOptions:
 @Parameter(name="*", group=Group("The sensor", sort_key=0.6))
 @dataclass(frozen=True)
 class Sensor:
-    """What the force is measured with."""
+    """The force sensor."""
 
     noise: float
     "Standard deviation of the force, N."
     resolution: float = 0.0
-    "Step that the force is rounded to, N."
+    "Quantisation step of the force, N."
     sample_time: float = 1e-3
     "Time between samples, s."
 
@@ -46,39 +46,41 @@ class Sensor:
 @Parameter(name="*", group=Group("The motion", sort_key=0.7))
 @dataclass(frozen=True)
 class Plan:
-    """The motion, and what a better one has to keep to."""
+    """The planned motion, and the limits of a better one."""
 
     depth: float = 10e-3
     "Mean depth, m."
     amplitudes: Several = None
-    "Amplitude of each sine, m; 1e-3 1.8e-3 1.8e-3 unless given."
+    "Amplitude of each sine, m (default: 1e-3 1.8e-3 1.8e-3)."
     frequencies: Several = None
-    "Frequency of each sine, rad/s (not Hz); 4 11 15 unless given."
+    "Frequency of each sine, rad/s, not Hz (default: 4 11 15)."
     max_depth: float | None = None
-    "Peak penetration of the better motion, m; that of the planned motion unless given."
+    "Largest penetration of the better motion, m (default: that of the planned motion)."
     max_speed: float | None = None
-    "Highest speed of the better motion, m/s; that of the planned motion unless given."
+    "Highest speed of the better motion, m/s (default: that of the planned motion)."
 
 
 @Parameter(name="*", group=OUTPUT)
 @dataclass(frozen=True)
 class Written:
-    """The file that the motion to play is written to."""
+    """The CSV file of the motion."""
 
     output: OutputFile | None = None
-    "CSV of the better motion, time_s, penetration_m, velocity_m_s: for a robot, or palpate lab."
+    "CSV file for the better motion (time_s, penetration_m, velocity_m_s), for a robot or the lab."
     seconds: float | None = None
-    "How long its sines last at least, s; 20 unless given."
+    "Minimum duration of its sines, s (default: 20)."
     rate: float | None = None
-    "Its samples a second; those of the sensor unless given."
+    "Its samples per second (default: those of the sensor)."
 
     def check(self, figure: Path | None, *, as_json: bool) -> None:
-        """Say before the work what could not be written after it."""
+        """Check before the computation that the files can be written after it."""
         for name, value in (("seconds", self.seconds), ("rate", self.rate)):
             if value is not None and self.output is None:
-                raise InvalidParameterError(f"--{name} is of the motion's file: name it with -o")
+                raise InvalidParameterError(f"--{name} needs a file for the motion: add -o FILE")
         if as_json and self.output is not None and is_standard_output(self.output):
-            raise InvalidParameterError("--json and the motion cannot both go to standard output")
+            raise InvalidParameterError(
+                "--json and -o cannot both write to standard output: name a file with -o FILE"
+            )
         check_outputs([each for each in (self.output, figure) if each is not None])
 
 
@@ -93,9 +95,9 @@ def design(
     written: Written = Written(),
     drawing: FigureOptions = FigureOptions(),
 ) -> None:
-    """Tell what a planned motion would identify, how soon, and find a better motion.
+    """Predict how precisely and how soon a planned motion identifies a material; improve it.
 
-    The motion is depth + Σ amplitude · sin(frequency · t); the paper's three sines unless given.
+    The motion is depth + Σ amplitude · sin(frequency · t) (default: the paper's three sines).
 
     For example:
 
@@ -105,11 +107,11 @@ def design(
     Parameters
     ----------
     offset
-        A force offset is unknown too.
+        Also estimate a force offset.
     surface
-        The position of the surface is unknown too.
+        Also estimate the surface position.
     as_json
-        Print one JSON object instead of a table; what is infinite is null.
+        Print one JSON object instead of a table; infinite numbers are null.
     """
     from palpate.cli.design_tables import command_line, print_design
     from palpate.design import PAPER_MOTION, Motion
@@ -137,11 +139,11 @@ def design(
     if as_json:
         print_json({**result.as_dict(), "command": command_line(result)})
         return
-    # A motion that goes on into a pipe is not mixed with words about it.
+    # The tables must not mix with a motion that goes to standard output.
     console = Terminal(stderr=written.output is not None and is_standard_output(written.output))
     print_design(result, console)
     if played is not None:
-        say_path(console, f"motion, the {result.chosen[0]} one: {written.output}")
+        say_path(console, f"{result.chosen[0]} motion: {written.output}")
         seconds = f"--seconds {played.duration:.4g}"
         command = f"palpate lab MATERIAL -o FILE --trajectory {written.output} {seconds}"
         say_command(console, command)
@@ -150,7 +152,7 @@ def design(
 
 
 def _write_motion(result: "Design", written: Written) -> "MotionCommand | None":
-    """Write the motion to play, where that is asked for, and return it."""
+    """Write the motion if -o names a file, and return it."""
     from palpate.cli.design_tables import notes_of
     from palpate.design import MotionCommand, write_motion
     from palpate.validation import number_in

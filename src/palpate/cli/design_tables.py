@@ -1,4 +1,4 @@
-"""A planned motion's design as tables that a person reads."""
+"""The tables of ``palpate design``."""
 
 import math
 from collections.abc import Callable
@@ -14,7 +14,7 @@ from palpate.digits import rounded
 
 
 def print_design(design: Design, console: Console) -> None:
-    """Print what the planned motion and a better one would identify, and how soon."""
+    """Print how precisely and how soon the planned and a better motion identify the material."""
     law = design.law
     words = (law.stiffness, law.exponent, law.dissipation)
     say(console, "F = {} x^{} (1 + {} v)".format(*(rounded(each, 4) for each in words)), "bold")
@@ -33,14 +33,14 @@ def print_design(design: Design, console: Console) -> None:
         say_command(console, command_line(design) or "", "bold")
     say(
         console,
-        "least standard errors that any unbiased method can have (Cramér–Rao), for exact "
-        "penetration and velocity and white noise; eq. 10 matters to the single stage only",
+        "lower bounds on the standard errors (Cramér–Rao), for exact penetration and velocity and "
+        "white noise; eq. 10 concerns --method single-stage only",
         "dim",
     )
 
 
 def notes_of(design: Design) -> dict[str, str]:
-    """Return what stands above the header of a motion's file."""
+    """Return the comment lines above the header of a motion's file."""
     name, chosen = design.chosen
     law, motion = design.law, chosen.motion
     sines = zip(motion.amplitudes, motion.frequencies, strict=True)
@@ -49,7 +49,7 @@ def notes_of(design: Design) -> dict[str, str]:
     precision = ", ".join(f"{symbol} {_percent(float(error))}" for symbol, error in errors)
     return {
         "made by": f"palpate design; palpate {__version__}",
-        "motion": f"{name}, {' + '.join([f'{motion.depth:.6g}', *terms])} m from the sines' start",
+        "motion": f"{name}, {' + '.join([f'{motion.depth:.6g}', *terms])} m, t from the first sine",
         "guessed material": repr(law),
         "sensor": _sensor(design),
         "predicted standard errors": f"{precision} after {chosen.durations[-1]:g} s of the sines",
@@ -58,7 +58,7 @@ def notes_of(design: Design) -> dict[str, str]:
 
 
 def command_line(design: Design) -> str | None:
-    """Return the command that designs with the better motion in place of the planned one."""
+    """Return the ``palpate design`` command of the better motion."""
     if design.better is None:
         return None
     motion, limits = design.better.motion, design.limits
@@ -91,9 +91,9 @@ def _sensor(design: Design) -> str:
     steps = f" in steps of {rounded(design.resolution, 3)} N" if design.resolution else ""
     unknown = [*(["force offset"] * design.offset), *(["surface"] * design.surface)]
     return (
-        f"noise {rounded(design.noise, 3)} N{steps}, together "
-        f"{rounded(design.effective_noise, 3)} N, every {rounded(1e3 * design.sample_time, 3)} ms; "
-        f"also unknown: {' and '.join(unknown) or 'nothing'}"
+        f"noise {rounded(design.noise, 3)} N{steps} (effective "
+        f"{rounded(design.effective_noise, 3)} N), every {rounded(1e3 * design.sample_time, 3)} ms"
+        f"; also estimated: {' and '.join(unknown) or 'nothing'}"
     )
 
 

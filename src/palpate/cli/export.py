@@ -15,26 +15,26 @@ if TYPE_CHECKING:
     from palpate.exports import Statement
 
 
-@Parameter(name="*", group=Group("The engine", sort_key=1.4))
+@Parameter(name="*", group=Group("Engine", sort_key=1.4))
 @dataclass(frozen=True)
 class ExportOptions:
-    """What presses, and how the engine simulates it."""
+    """Options for the pressing body and its simulation."""
 
     mass: float | None = None
-    "Of the body that presses, as the contact feels it, kg; MuJoCo needs it, or --model."
+    "Effective mass of the pressing body at the contact, kg; MuJoCo needs it, or --model."
     model: Path | None = None
-    "A model of your own (MuJoCo's XML), from which is taken what the contact feels; with --geom."
+    "Your own MuJoCo model (XML), from which the effective mass is computed; needs --geom."
     geom: str | None = None
-    "The geom of --model that touches."
+    "Name of the touching geom in --model."
     form: str = "auto"
-    "Which of the engine's ways; the best for the law unless given."
+    "Form of the contact in the engine (auto: the most accurate one for the law)."
     tip_radius: Depth | None = None
-    "Of a round tip, such as 5mm, where the engine's law has it."
+    "Radius of a spherical tip, such as 5mm, for engines whose law contains it."
     time_step: Duration | None = None
-    "Of the simulation; 1ms unless given, or that of --model."
+    "Time step of the simulation (default: that of --model, else 1ms)."
 
     def options(self) -> dict[str, Any]:
-        """What is asked for, SI."""
+        """Return the options as arguments of :func:`palpate.exports.export`, SI."""
         return vars(self) | quantities(self, tip_radius="penetration", time_step="time")
 
 
@@ -49,11 +49,10 @@ def export(
     as_json: AsJson = False,
     into: ExportOptions = ExportOptions(),
 ) -> int:
-    """Write an identified law in the numbers of a simulation engine, with its error.
+    """Export an identified law to a simulation engine, and state the engine's error.
 
-    The recorded motion is replayed in the engine, where it is installed. What should not be used is
-    refused, with exit status 3: a result not to be trusted, or an engine that is off by more
-    than 5 % of force.
+    palpate replays the recorded motion in the engine if it is installed. It refuses, with exit
+    status 3, to export a result with the verdict do-not-trust or with a force error above 5 %.
 
     For example:
 
@@ -65,15 +64,15 @@ def export(
     Parameters
     ----------
     result
-        What palpate identify FILE -o FOLDER wrote: the folder, or its result.json.
+        Folder written by palpate identify FILE -o FOLDER, or its result.json.
     to
-        mujoco, drake, opensim or usd.
+        Engine: mujoco, drake, opensim or usd.
     output
-        Write fragment, smallest scene and statement to this folder.
+        Write fragment, minimal scene and statement to this folder.
     allow
-        Export what would be refused; the fragment says so.
+        Export even if refused; the fragment then names the refusals.
     replay
-        Ask the real engine where it is installed; else its error is predicted.
+        Replay the motion in the engine if it is installed; else predict its error.
     as_json
         Print the statement as one JSON object.
     """
@@ -86,7 +85,7 @@ def export(
     try:
         made = run(saved, to, allow=allow, replay=replay, **into.options())
     except ExportRefusedError as refused:
-        if refused.statement is None:  # nothing was made that a statement could be about
+        if refused.statement is None:  # the refusal came before the law was fitted
             complain(str(refused))
             return UNTRUSTED
         paths = [] if output is None else save_statement(refused.statement, output, inputs, {})
@@ -107,6 +106,6 @@ def _print(statement: "Statement", paths: list[Path], *, as_json: bool) -> None:
     for line in others:
         say(console, line, "yellow" if line.startswith("Warning") else "")
     if statement.refused:
-        say(console, "Nothing was exported; --allow exports it all the same, and says so in it.")
+        say(console, "palpate exported nothing; add --allow to export despite the refusals.")
     for path in paths:
         say_path(console, f"wrote {path}", "dim")

@@ -1,11 +1,14 @@
 """The commands ``palpate fleet`` and ``palpate map``."""
 
+import os
+from collections import Counter
 from dataclasses import asdict, dataclass, replace
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal, TypeAlias
 
 from cyclopts import Group, Parameter
+from rich.text import Text
 
 from palpate.cli import complain
 from palpate.cli.options import (
@@ -18,7 +21,7 @@ from palpate.cli.options import (
     ResultFolder,
     quantity,
 )
-from palpate.cli.printing import AsJson, Terminal, bar, print_json, say, say_path
+from palpate.cli.printing import AsJson, Terminal, bar, print_json, print_table, say, say_path
 from palpate.cli.reading import ReadingOptions
 from palpate.errors import InvalidParameterError
 
@@ -30,17 +33,24 @@ if TYPE_CHECKING:
 Sources: TypeAlias = tuple[str, ...]
 
 
-@Parameter(name="*", group=Group("Where it runs", sort_key=1.6))
+#: Above this number of rows only the counts of the verdicts are printed.
+_MOST_ROWS = 30
+_MOST_REASONS = 3
+_STYLES = dict.fromkeys(("with-care", "flagged"), "yellow") | {"trust": "green"}
+_STYLES |= dict.fromkeys(("failed", "do-not-trust"), "red")
+
+
+@Parameter(name="*", group=Group("Workers", sort_key=1.6))
 @dataclass(frozen=True)
 class Running:
-    """Where a fleet runs."""
+    """Options for the workers of a fleet."""
 
     workers: int | None = None
-    "Processes on this machine; one a core unless given."
+    "Number of processes on this machine (default: one per core)."
     scheduler: Address | None = None
-    "A scheduler of Dask, such as tcp://10.0.0.7:8786, in place of processes here."
+    "Address of a Dask scheduler, such as tcp://10.0.0.7:8786 (default: processes on this machine)."
     dashboard: Annotated[bool, Parameter(negative="")] = False
-    "Show Dask's page at http://127.0.0.1:8787, on this machine alone."
+    "Serve the Dask dashboard at http://127.0.0.1:8787, on this machine only."
 
 
 def fleet(
@@ -55,10 +65,10 @@ def fleet(
     running: Running = Running(),
     reading: ReadingOptions = ReadingOptions(),
 ) -> int:
-    """Identify many contacts: a row for each, in a dataset of Parquet.
+    """Identify many contacts and write one row for each to a Parquet dataset.
 
-    What is done stays: after an interrupt the same command goes on. A recording that fails is a row
-    with its reason; the exit status is 2 where all of them do.
+    Repeat the command to continue after an interrupt. A recording that fails is a row with its
+    error; if all fail, the exit status is 2.
 
     For example:
 
@@ -69,13 +79,13 @@ def fleet(
     Parameters
     ----------
     sources
-        Files, patterns, folders, force maps, Zarr arrays, or addresses such as s3://bucket/folder.
+        Files, patterns, folders, force maps, Zarr groups, or addresses such as s3://bucket/folder.
     output
         Folder for the results.
     diagnosis
-        Check the data (input), everything, with a verdict for each (full), or nothing (none).
+        Check nothing (none), the data (input), or data and fits with a verdict for each (full).
     report
-        Write report.html beside the results: distributions, repeats, flags, outliers, failures.
+        Write report.html to the same folder: distributions, repeats, flags, outliers, failures.
     as_json
         Print one JSON object instead of text.
     """
@@ -88,7 +98,7 @@ def fleet(
         with bar("identifying") as progress:
             found = run_fleet(sources, output, settings, **vars(running), progress=progress)
     except KeyboardInterrupt:
-        complain(f"interrupted; what is done is in {output}, and the same command goes on")
+        complain(f"interrupted; finished rows are in {output}; repeat the command to continue")
         raise
     page = None
     if report:
@@ -98,7 +108,7 @@ def fleet(
             page = save_report(output)
     _print(found, page, as_json=as_json)
     if not found.identified:
-        complain(f"nothing was identified: none of the {found.failures} rows has numbers")
+        complain("no contact was identified; the column error of the results has the reasons")
         return 2
     return 0
 
@@ -106,13 +116,13 @@ def fleet(
 def _settings(
     choosing: MethodOptions, diagnosis: Literal["none", "input", "full"], reading: ReadingOptions
 ) -> "Settings":
-    """What was asked for, without what is so anyhow."""
+    """Return the settings of a run; preparation options with their default values are omitted."""
     from palpate.fleet.tasks import Settings
 
     for option in ("save_config", "curve"):
         if getattr(reading, option) is not None:
             name = option.replace("_", "-")
-            raise InvalidParameterError(f"--{name} is of one recording; leave it out for a fleet")
+            raise InvalidParameterError(f"--{name} applies to one recording; omit it for a fleet")
     usual = ReadingOptions().preparation
     own = {name: value for name, value in reading.preparation.items() if value != usual[name]}
     return Settings(
@@ -126,7 +136,7 @@ def _settings(
 
 
 def require_figures() -> None:
-    """Say before the work that what draws is not installed."""
+    """Raise before the work starts if matplotlib is not installed."""
     import_module("palpate.figures")
 
 
@@ -138,24 +148,47 @@ def _print(found: "Fleet", page: Path | None, *, as_json: bool) -> None:
     console = Terminal()
     new = found.contacts - found.reused
     if found.reused:
-        words = f"{found.reused} of {_counted(found.contacts)} reused from an earlier run"
-        say(console, words)
+        say(console, f"{found.reused} of {_counted(found.contacts)} reused from an earlier run")
     if new:
         rate = new / found.seconds if found.seconds > 0.0 else 0.0
-        words = f"{_counted(new)} in {found.seconds:.3g} s, {rate:.3g} a second"
-        if found.rows != new:
-            words += f": {found.rows} rows, one a place where the probe travels"
-        say(console, words)
-    for kind, count in sorted(found.reasons.items()):
-        rows = found.identified + found.failures
-        say(console, f"{count} of {rows} rows failed: {kind}; the column error says why")
+        places = "" if found.rows == new else f": {found.rows} rows, one per place"
+        say(console, f"{_counted(new)} in {found.seconds:.3g} s ({rate:.3g} per second){places}")
+    complete = _print_rows(console, found)
     say_path(console, f"results: {found.folder}")
     if page is not None:
         say_path(console, f"report: {page}")
+    elif not complete:
+        say(console, "for all reasons, repeat the command with --report; it reuses the results")
 
 
 def _counted(contacts: int) -> str:
     return "1 contact" if contacts == 1 else f"{contacts} contacts"
+
+
+def _print_rows(console: Terminal, found: "Fleet") -> bool:
+    """Print rows, or counts of verdicts, and the worst reasons; return whether these are all."""
+    from palpate.fleet import maps
+    from palpate.fleet.files import read_results
+
+    table = read_results(found.folder)
+    verdicts = maps.verdicts_of(table)
+    names = maps.names_of(table)
+    common = len(os.path.commonprefix(names).rpartition("/")[0])  # noqa: RUF071 - cut at a slash
+    names = [name[common:].lstrip("/") for name in names]
+    if few := len(names) <= _MOST_ROWS:
+        marks = [Text(verdict, _STYLES.get(verdict, "")) for verdict, _ in verdicts]
+        columns = names, marks, *(maps.format_values(table, name) for name in maps.JUDGED)
+        print_table(console, ["contact", "verdict", *maps.JUDGED], [*zip(*columns, strict=True)])
+    else:
+        counts = Counter(verdict for verdict, _ in verdicts)
+        words = [f"{counts[each]} {each}" for each in maps.VERDICTS if each in counts]
+        say(console, f"{len(names)} rows: {', '.join(words)}")
+    reasons = maps.reasons_of_verdicts(names, verdicts)
+    for line in reasons[:_MOST_REASONS]:
+        say(console, line, _STYLES[line.partition(":")[0]])
+    if found.identified and not any(table.column("verdict").to_pylist()):
+        say(console, maps.NO_VERDICT.get(table.column("checked")[0].as_py(), ""), "dim")
+    return few and len(reasons) <= _MOST_REASONS
 
 
 # The command ``palpate map``.
@@ -170,7 +203,7 @@ def map(
     at: Depth | None = None,
     drawing: FigureOptions = FigureOptions(),
 ) -> None:
-    """Draw what a fleet found over where it was found, with its error beside it.
+    """Draw results of palpate fleet over position, next to their standard errors.
 
     For example:
 
@@ -182,11 +215,12 @@ def map(
     results
         Folder that ``palpate fleet`` wrote.
     by
-        Two columns to draw over, such as x,y; or one, such as x or index.
+        Two columns for the axes, such as x,y; or one, such as x or index.
     of
-        What is drawn, at the working depth of each contact.
+        Quantity to draw, at the working depth of each contact.
     at
-        One depth for all, such as 2mm: only so are places compared that were pressed differently.
+        Common depth, such as 2mm, to compare places pressed to different depths (default: the
+        working depth of each contact).
     """
     from palpate.fleet.files import read_results
     from palpate.fleet.maps import map_of
@@ -197,5 +231,6 @@ def map(
     found = map_of(read_results(results), by.split(","), of=of, depth=depth)
     drawing.save("palpate.fleet.figures.draw_map", found)
     console = Terminal()
-    say(console, found.summary)
+    for line in found.lines:
+        say(console, line)
     say_path(console, f"figure: {drawing.figure}")

@@ -55,14 +55,14 @@ def identify(
     Parameters
     ----------
     files
-        A recording, or several contacts with one object; - is standard input. CSV, Parquet, HDF5,
-        MATLAB, ROS bags, MCAP, force curves: palpate info FILE shows what is in it.
+        A recording, or several of one object; - is standard input. CSV, Parquet, HDF5, MATLAB, ROS
+        bags, MCAP, force curves: palpate info FILE shows what is in it.
     changes
-        Identify each stretch between changes of the material by itself.
+        Identify each segment between changes of the material separately.
     output
-        Write a report, the numbers, the trace and the options to this folder.
+        Write report, numbers, trace and options to this folder.
     as_json
-        Print one JSON object instead of a table.
+        Print one JSON object instead of text.
     """
     from palpate.identifying import identify as run
 
@@ -91,7 +91,7 @@ def identify(
 
 
 def _in_parts(result: "Identification", *, changes: bool) -> "Identification":
-    """With each stretch between changes by itself, or each place of a probe that travels."""
+    """Identify each segment between changes, or each place of a travelling probe, separately."""
     if changes:
         return result.by_segment()
     prepared = result.contact.prepared
@@ -120,7 +120,7 @@ def diagnose(
     judging: VerdictOptions = VerdictOptions(),
     reading: ReadingOptions = ReadingOptions(),
 ) -> int:
-    """Say what may be wrong with a recording and its identification, and how far to trust it.
+    """Check a recording and its identification: every finding, with the next step.
 
     For example:
 
@@ -129,9 +129,9 @@ def diagnose(
     Parameters
     ----------
     files
-        A recording, or several contacts with one object, as for palpate identify.
+        A recording, or several of one object, as for palpate identify.
     as_json
-        Print one JSON object instead of a table.
+        Print one JSON object instead of text.
     """
     from palpate.identifying import identify as run
     from palpate.results.saved import described
@@ -169,14 +169,14 @@ def compare(
     Parameters
     ----------
     files
-        A recording, or several contacts with one object, as for palpate identify.
+        A recording, or several of one object, as for palpate identify.
     as_json
-        Print one JSON object instead of a table.
+        Print one JSON object instead of text.
     """
     depth = judging.depth
     if reading.surface == "estimate":
         raise InvalidParameterError(
-            "--surface estimate is for one method that can: palpate identify"
+            "--surface estimate works with palpate identify only: pass --surface fit here"
         )
     drawing.check(list(files))
     contact = reading.contact(files)

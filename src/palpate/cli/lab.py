@@ -22,18 +22,18 @@ _TRAJECTORIES = names_in("palpate.lab.TRAJECTORIES")
 @Parameter(name="*", group=Group("The probe and the sensors", sort_key=1.5))
 @dataclass(frozen=True)
 class Instruments:
-    """What carries the probe, and what measures."""
+    """The robot and the sensors."""
 
     probe: Literal["twin-pantograph", "ideal"] = "twin-pantograph"
-    "twin-pantograph (needs the extra lab), or ideal: a tip that is where the command says."
+    "twin-pantograph (needs the extra lab), or ideal: a tip that follows the command exactly."
     noise: float = 0.05
-    "Standard deviation of the force, N; 0 switches it off."
+    "Standard deviation of the force noise, N; 0 for none."
     resolution: float = 0.125
-    "Step that the force is rounded to, N; 0 for none."
+    "Quantisation step of the force, N; 0 for none."
     bias: float = 0.5
     "Standard deviation of the force sensor's unknown bias, N; 0 for none."
     counts: float = 20_000.0
-    "Counts a turn of the robot's encoders; 0 for encoders without steps."
+    "Encoder counts per turn; 0 for exact encoders."
 
 
 def lab(
@@ -48,7 +48,7 @@ def lab(
     instruments: Instruments = Instruments(),
     **law: float,
 ) -> None:
-    """Press a material of known truth, and write the recording.
+    """Simulate a touch of a material with known parameters, and write the recording.
 
     The same seed gives the same file.
 
@@ -63,24 +63,24 @@ def lab(
     ----------
     material
         ball, sponge, pvc, inclusion, tissue, relaxing-sponge, soft-and-hard (by lateral position)
-        or soft-then-hard (by time); or a force law, such as hunt-crossley, with parameters of one's
-        own; or a scene of MuJoCo that palpate export wrote.
+        or soft-then-hard (by time); or a force law, such as hunt-crossley, with its parameters as
+        options; or a MuJoCo scene from palpate export.
     output
-        CSV to write; the truth stands in the notes above its header.
+        CSV file to write; the true parameters are in the comments above its header.
     trajectory
         three-sines, two-sines, one-sine, near-surface, palpation or tapping; or a CSV file with
         columns time_s and penetration_m.
     seconds
-        Length of the recording, the pause of 2 s included.
+        Duration of the recording, including the pause of 2 s.
     seed
-        Of noise, bias and encoder phases.
+        Random seed of noise, bias and encoder phases.
     picture
-        Draw the rig as it presses the material to this file (.png, .svg or .pdf).
+        Draw the rig in contact with the material into this file (.png, .svg or .pdf).
     law
-        Parameters of a law of one's own by their names, SI: --stiffness, --damping, --exponent and
-        so on. The memory of generalised-hunt-crossley has --relaxation-stiffness and --longest-time
-        for one relaxation time; --shortest-time too for a flat spectrum; --spectrum-exponent too
-        for a power law.
+        Parameters of the force law by name, SI: --stiffness, --damping, --exponent and so on. For
+        generalised-hunt-crossley with memory, --relaxation-stiffness and --longest-time give one
+        relaxation time; add --shortest-time for a flat relaxation spectrum, and
+        --spectrum-exponent for a power law.
     """
     from palpate import lab as laboratory
     from palpate.recordings import write_contact
@@ -100,16 +100,16 @@ def lab(
 
         check_figure(picture)
         if ideal:
-            raise InvalidParameterError("--picture shows the robot; an ideal probe has none")
+            raise InvalidParameterError("--picture needs a robot: use --probe twin-pantograph")
     inputs = [] if trajectory in laboratory.TRAJECTORIES else [Path(trajectory)]
     inputs += [Path(material)] if _is_scene(material) else []
     check_outputs([output, picture] if picture else [output], inputs)
-    with bar(f"pressing {bench.material.name}") as progress:
+    with bar(f"simulating a touch of {bench.material.name}") as progress:
         measurement = bench.run(
             seed, seconds=seconds, progress=lambda reached: progress(reached / seconds)
         )
     write_contact(measurement.contact, output, notes=_versions(bench))
-    # A recording that goes on into a pipe is not mixed with words about it.
+    # The summary must not mix with a recording that goes to standard output.
     console = Terminal(stderr=is_standard_output(output))
     _print(measurement, output, console)
     if picture is not None:
@@ -127,8 +127,8 @@ def _material(name: str, given: dict[str, float]) -> "Material":
     if name in MATERIALS:
         if given:
             raise InvalidParameterError(
-                f"{_options([*given][:1])} goes with a law of one's own, such as hunt-crossley; "
-                f"{name} has its own parameters"
+                f"{_options([*given][:1])} has no effect on {name}, whose parameters are fixed: "
+                "use a force law instead, such as hunt-crossley"
             )
         return MATERIALS[name]
     if _is_scene(name):
@@ -139,9 +139,9 @@ def _material(name: str, given: dict[str, float]) -> "Material":
     law = FORCE_LAWS[name]
     needed = [each for each in law.names() if each not in law.optional]
     if not set(needed) <= set(given) <= set(law.names()):
-        words = f"{name} needs {_options(needed)}"
-        words += f", may have {_options(law.optional)}" if law.optional else ""
-        raise InvalidParameterError(f"{words}, and no others")
+        words = f"law '{name}' takes exactly {_options(needed)}"
+        words += f", and optionally {_options(law.optional)}" if law.optional else ""
+        raise InvalidParameterError(words)
     return Homogeneous(law_from({"kind": name, **given}), name)
 
 
@@ -182,7 +182,7 @@ def _print(measurement: "Measurement", output: Path, console: Terminal) -> None:
     say_path(console, f"truth: {contact.provenance['truth']}")
     say(
         console,
-        f"peak penetration {1e3 * truth.penetration.max():.2f} mm, fastest "
+        f"peak penetration {1e3 * truth.penetration.max():.2f} mm, peak speed "
         f"{1e3 * abs(truth.velocity).max():.1f} mm/s, peak force {truth.force.max():.2f} N",
     )
     say_path(console, f"recording: {output}")

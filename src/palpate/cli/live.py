@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from palpate.live.sources import Source
     from palpate.preparation import OnlinePreparation
 
-# Of the rest that a source begins with, what is sure to be without contact.
+# Fraction of a source's initial rest that is certainly without contact.
 _OF_REST = 0.8
 _SOURCE = Parameter(completer=names_in("palpate.lab.MATERIALS", prefix="lab:"))
 _READ = Parameter(group=READ)
@@ -45,33 +45,33 @@ _SIGNED = Parameter(group=PREPARED, allow_leading_hyphen=True)
 @Parameter(name="*")
 @dataclass(frozen=True)
 class StreamOptions:
-    """What a source delivers, and how it becomes penetration, velocity and force."""
+    """Options of the source and the preparation of its samples."""
 
     rate: Annotated[float | None, _READ] = None
-    "Samples a second, nominally; what the source says unless given."
+    "Nominal sample rate, Hz (default: the source's own)."
     speed: Annotated[float, _READ] = 1.0
-    "Times its own pace, of a recording."
+    "Replay speed relative to the recording."
     position: Annotated[Channels | None, _READ] = None
-    "The channel of a recording that is the position; looked for unless given."
+    "Position channel of a recording (default: auto-detect)."
     force: Annotated[Channels | None, _READ] = None
-    "The channel of a recording that is the force; looked for unless given."
+    "Force channel of a recording (default: auto-detect)."
     unit: Annotated[tuple[Unit, ...], Parameter(group=READ)] = ()
     "Units of a recording's channels, such as penetration=mm,force=mN."
     tare: Annotated[Duration | None, _PREPARED] = None
-    "Take off the mean force of so long at the start, such as 1s; of the laboratory it always is."
+    "Subtract the mean force of this long at the start, such as 1s (laboratory: always on)."
     surface: Annotated[Depth | None, _SIGNED] = None
-    "Where the material begins: a position such as 0.7mm."
+    "Position of the material's surface, such as 0.7mm."
     direction: Annotated[Direction | None, _SIGNED] = None
-    "Into the material, three numbers such as 0,0,-1: position and force are vectors then."
+    "Direction into the material, such as 0,0,-1, for positions and forces that are vectors."
     velocity_window: Annotated[float | None, _PREPARED] = None
-    "Length of the velocity filter, s; 15 samples but at most 15 ms unless given."
+    "Length of the velocity filter, s (default: 15 samples, at most 15 ms)."
     flip_force: Annotated[bool, _FLAG] = False
-    "Turn the sign of the force: compression is to be positive."
+    "Invert the sign of the force, so that compression is positive."
     flip_penetration: Annotated[bool, _FLAG] = False
-    "Turn the sign of the position: into the material is to be positive."
+    "Invert the sign of the position, so that into the material is positive."
 
     def source(self, address: str) -> "Source":
-        """Return the source of an address."""
+        """Return the source at an address."""
         from palpate.live.sources import SourceOptions, open_source
         from palpate.preparation import Columns
         from palpate.validation import number_in
@@ -90,18 +90,18 @@ class StreamOptions:
         return source
 
     def _check(self, address: str) -> None:
-        """Refuse what would have no effect."""
+        """Raise for an option that would have no effect."""
         from palpate.live.sources import SOURCES
 
         recording = address.partition(":")[0] not in SOURCES
         others = ("rate",) if recording else ("speed", "position", "force", "unit")
         for name in others:
             if getattr(self, name) != getattr(StreamOptions, name):
-                words = "has its own times" if recording else "is no recording"
-                raise InvalidParameterError(f"--{name} has no effect: {address} {words}")
+                words = "has timestamps" if recording else "is not a recording"
+                raise InvalidParameterError(f"{address} {words}: omit --{name}")
 
     def preparation(self, source: "Source") -> "OnlinePreparation":
-        """Return what makes samples of what the source delivers."""
+        """Return the preparation of the source's samples."""
         from palpate.preparation import OnlinePreparation
 
         given: dict[str, Any] = quantities(self, surface="penetration")
@@ -115,32 +115,32 @@ class StreamOptions:
         return OnlinePreparation(sample_time=source.sample_time, **given)
 
 
-@Parameter(name="*", group=Group("The page", sort_key=8))
+@Parameter(name="*", group=Group("Live page", sort_key=8))
 @dataclass(frozen=True)
 class PageOptions:
-    """Where the page is served."""
+    """Options of the live page."""
 
     page: bool = True
-    "Serve a page that shows the loop."
+    "Serve a live page of the run."
     host: str = "127.0.0.1"
-    "Address to listen on; on any but this machine's own a token is demanded, and printed once."
+    "Address to listen on; one that other machines reach requires a token, printed at the start."
     port: int = 8765
-    "Port to listen on; 0 for any that is free."
+    "Port to listen on; 0 for a free one."
     open: Annotated[bool, Parameter(negative="")] = False
     "Open the page in a browser."
 
 
-@Parameter(name="*", group=Group("The loop", sort_key=7))
+@Parameter(name="*", group=Group("Real-time loop", sort_key=7))
 @dataclass(frozen=True)
 class Looping:
-    """How the loop runs."""
+    """Options of the real-time loop."""
 
     realtime: Annotated[bool, Parameter(negative="")] = False
-    "Ask for a fixed priority and locked memory; what is not allowed is said."
+    "Request a fixed priority and locked memory; warn if the system refuses."
     seconds: float | None = None
-    "Stop after so long, s."
+    "Stop after this time, s."
     diagnosis: bool = True
-    "Diagnose the last 20 s, every 5 s or more, in a process of its own."
+    "Diagnose the last 20 s, at most every 5 s, in a separate process."
 
 
 def live(
@@ -157,9 +157,9 @@ def live(
     looping: Looping = Looping(),
     incoming: StreamOptions = StreamOptions(),
 ) -> None:
-    """Identify while a robot moves, each sample before the next one comes.
+    """Identify in real time: update the estimate with each sample before the next arrives.
 
-    Ctrl-C ends it; what was lost, late or refused is printed then.
+    Ctrl-C stops the run and prints a summary with the lost, late and rejected samples.
 
     For example:
 
@@ -171,25 +171,21 @@ def live(
     Parameters
     ----------
     source
-        The laboratory, such as lab:ball; a recording's path; or a robot on the wire: an address
-        that begins with zmq:, dds: or zenoh:.
+        The laboratory, such as lab:ball; the path of a recording, which is replayed; or the address
+        of a robot, which begins with zmq:, dds: or zenoh:.
     law
-        The law: auto, the everyday one that explains the samples best so far, and by how much; any,
-        the best of all; or one, such as half-space, flat or half-space+single; Hunt-Crossley's
-        unless given.
+        Force law: auto, the best of the common laws; any, the best of all laws; or one law, such as
+        half-space, flat or half-space+single (default: Hunt-Crossley).
     method
-        The estimator, such as single-stage; the usual one of the law unless given. It can be
-        changed in the page.
+        Estimator, such as single-stage (default: depends on the law). The page can change it.
     exponent
-        Exponent of the law where the shape of the tip tells it, such as 1.5 under a sphere; kept,
-        whatever method is chosen.
+        Fix the exponent n of the law, such as 1.5 for a spherical tip, for every estimator.
     record
-        Record what comes and what is found to this MCAP file; one that is there is left, and the
-        name has a number then.
+        Record measurements and estimates to this MCAP file; if it exists, to a numbered one.
     publish
-        Publish the estimates on this wire too, such as zmq:tcp://127.0.0.1:5556.
+        Also publish the estimates on a wire, such as zmq:tcp://127.0.0.1:5556.
     console
-        Show a line of figures.
+        Show a status line on the console.
     """
     from palpate.live.running import default_estimator, run
     from palpate.validation import number_in
@@ -212,8 +208,7 @@ def live(
     )
     if "recorder" in found["failed"]:
         raise RecordingError(
-            f"{record or 'the recording'}: the recorder failed, and what came after that is not in "
-            "it; what was recorded until then can be read"
+            f"{record or 'the recording'}: the recorder failed; the file is readable up to then"
         )
 
 
@@ -246,7 +241,7 @@ def _sinks(
 
 
 def _direction(text: str) -> list[float]:
-    """Three numbers with commas between them."""
+    """Parse three comma-separated numbers."""
     try:
         numbers = [float(part) for part in text.split(",")]
     except ValueError:

@@ -1,4 +1,4 @@
-"""The options that several commands take: their kinds of values, headings in help, and meaning."""
+"""The options that several commands share: value types, headings in the help, and meaning."""
 
 import math
 import re
@@ -21,12 +21,12 @@ if TYPE_CHECKING:
 
 # The headings under which help shows the options.
 WHAT = Group("Options", sort_key=1)
-OUTPUT = Group("What is printed and drawn", sort_key=2)
-PREPARED = Group("How it is prepared", sort_key=6)
-READ = Group("What is read", sort_key=5)
-KEPT = Group("Options in a file", sort_key=9)
+OUTPUT = Group("Output", sort_key=2)
+PREPARED = Group("Preparation", sort_key=6)
+READ = Group("Input", sort_key=5)
+KEPT = Group("Configuration file", sort_key=9)
 
-# Kinds of words; help shows them in place of a value.
+# Types of values, as help shows them.
 Channel: TypeAlias = Annotated[str, Parameter(metavar="CHANNEL")]
 Channels: TypeAlias = Annotated[str, Parameter(metavar="CHANNELS")]
 Unit: TypeAlias = Annotated[str, Parameter(metavar="UNIT")]
@@ -74,13 +74,13 @@ Method: TypeAlias = Annotated[str | None, _METHOD]
 @Parameter(name="*")
 @dataclass(frozen=True)
 class MethodOptions:
-    """Which law is identified, and by which method."""
+    """Law and method."""
 
     law: Law = None
-    """The law: auto, the everyday one that explains the samples best; any, the best of all; or one,
-    such as half-space, flat or half-space+single; Hunt-Crossley's unless given."""
+    """Contact law: auto (model selection among the common laws), any (among all laws), or one, such
+    as half-space, flat or half-space+single (default: hunt-crossley)."""
     method: Method = None
-    "The estimator, such as single-stage; the usual one of the law unless given."
+    "Estimator, such as single-stage (default: the best for the law)."
 
     @property
     def kind(self) -> "type[ContactEstimator]":
@@ -89,7 +89,7 @@ class MethodOptions:
 
     @property
     def settings(self) -> dict[str, Any]:
-        """Its settings by which it finds the law that is asked for."""
+        """The settings with which it identifies the requested law."""
         return self._found[1]
 
     @cached_property
@@ -100,7 +100,7 @@ class MethodOptions:
 
     @property
     def options(self) -> dict[str, str]:
-        """What repeats the choice, by option."""
+        """The options that repeat the choice."""
         law = {} if self.law is None else {"law": self.law}
         return {**law, "method": self.kind.method}
 
@@ -108,20 +108,20 @@ class MethodOptions:
 @Parameter(name="*", group=OUTPUT)
 @dataclass(frozen=True)
 class FigureOptions:
-    """Where a figure goes to, and how it looks."""
+    """File and style of a figure."""
 
     figure: FigureFile = None
-    "Draw it to this file (.svg, .pdf or .png)."
+    "Draw a figure to this file (.svg, .pdf or .png)."
     dark: Dark = False
     "Draw on a dark background."
     width: Annotated[str | None, Parameter(metavar="WIDTH")] = None
-    "Width of the figure as it is printed, 60mm to 400mm: a journal's column is 88mm."
+    "Printed width of the figure, 60mm to 400mm; a journal's column is 88mm."
 
     def check(self, inputs: Sequence[Path] = ()) -> None:
-        """Say before the work what could not be drawn after it."""
+        """Check before the work that the figure can be drawn after it."""
         if self.figure is None:
             if self.width is not None:
-                raise InvalidParameterError("--width is that of a figure: name one with --figure")
+                raise InvalidParameterError("--width needs a figure: pass --figure FILE too")
             return
         from palpate.figures import check_figure
 
@@ -129,7 +129,7 @@ class FigureOptions:
         check_figure(self.figure, inputs=inputs)
 
     def save(self, draw: str, what: Any, inputs: Sequence[Path] = ()) -> None:
-        """Draw by a function such as ``palpate.figures.draw``, where a figure is wanted."""
+        """Draw with a function such as ``palpate.figures.draw``, if a figure is requested."""
         if self.figure is not None:
             from palpate.figures import save
 
@@ -149,28 +149,28 @@ class FigureOptions:
         raise InvalidParameterError(f"--width must be {limits}, such as 88mm, not {self.width!r}")
 
 
-@Parameter(name="*", group=Group("How it is judged", sort_key=3))
+@Parameter(name="*", group=Group("Verdict", sort_key=3))
 @dataclass(frozen=True)
 class VerdictOptions:
-    """Where the numbers are wanted, and which verdict is a failure."""
+    """Working depth, and the verdict that counts as a failure."""
 
     at: Depth | None = None
-    "Working depth, such as 3mm; the median penetration unless given."
+    "Working depth, such as 3mm (default: the median penetration)."
     fail_on: Literal["do-not-trust", "with-care"] | None = None
-    "End with exit status 3 on this verdict or a worse one."
+    "Exit with status 3 on this verdict or a worse one."
 
     @property
     def depth(self) -> float | None:
-        """The working depth, m, where one is asked for."""
+        """The requested working depth, m, if any."""
         return positive("--at", self.at, "penetration", 1e100)
 
     @property
     def options(self) -> dict[str, str]:
-        """What was asked for of the numbers, by option."""
+        """The options that were passed."""
         return {} if self.at is None else {"at": self.at}
 
     def status(self, verdicts: "Iterable[Verdict]") -> int:
-        """Return 3 where a verdict is to fail, else 0."""
+        """Return 3 if a verdict counts as a failure, else 0."""
         from palpate.findings import MARKS
 
         if self.fail_on is None:
@@ -179,29 +179,29 @@ class VerdictOptions:
         return UNTRUSTED if any(each.overall in failing for each in verdicts) else 0
 
 
-@Parameter(name="*", group=Group("What follows from the law", sort_key=4))
+@Parameter(name="*", group=Group("Derived quantities", sort_key=4))
 @dataclass(frozen=True)
 class QuantityOptions:
-    """Which impact and which tip the numbers that follow from the law are for."""
+    """Impact, tip and frequency of the derived quantities."""
 
     impact_speed: Annotated[str | None, Parameter(metavar="SPEED")] = None
-    "Speed of the rebound's impact, such as 0.5m/s; the fastest approach unless given."
+    "Print the coefficient of restitution at this impact speed, such as 0.5m/s."
     tip: Annotated[str | None, Parameter(metavar="SHAPE")] = None
-    "Gives the elastic modulus: sphere:radius=5mm, punch:radius=2mm, cone:angle=30deg (half)."
+    "Print Young's modulus for this tip: sphere:radius=5mm, punch:radius=2mm or cone:angle=30deg."
     poisson: float | None = None
-    "Poisson's ratio of the material, for --tip; 0.5, incompressible as soft tissue, unless given."
+    "Poisson's ratio of the material, for --tip (default: 0.5, incompressible)."
     frequency: Annotated[str | None, Parameter(metavar="FREQUENCY")] = None
-    "Prints K', B' and tan delta of a small oscillation, such as 2Hz, within the motion's band."
+    "Print K', B' and tan delta of a small oscillation, such as 2Hz, within the motion's band."
 
     @property
     def options(self) -> dict[str, str | float]:
-        """What was asked for, by option."""
+        """The options that were passed."""
         given = {name.replace("_", "-"): value for name, value in vars(self).items()}
         return {name: value for name, value in given.items() if value is not None}
 
     @property
     def query(self) -> "QueryOptions":
-        """What is asked for, SI."""
+        """The request, SI."""
         from palpate.quantities.derived import QueryOptions
         from palpate.validation import number_in
 
@@ -217,9 +217,9 @@ class QuantityOptions:
 
 
 def quantity(option: str, text: str, channel: str | Mapping[str, float]) -> float:
-    """A number with a unit of a channel, in SI; without a unit it is in SI already.
+    """Return a number with a unit of a channel in SI; without a unit it is in SI already.
 
-    Or with one of other units, by their sizes, the first where there is none.
+    Or with a unit of a mapping from units to their sizes, the first if it has none.
     """
     from palpate.recordings.recording import UNITS
 
@@ -234,10 +234,19 @@ def quantity(option: str, text: str, channel: str | Mapping[str, float]) -> floa
     return float(found[1]) * units[found[2] or si]
 
 
+def in_si(channel: str, metavar: str, group: Group) -> Parameter:
+    """An option whose number may have a unit of a channel, such as 2mm; SI without one."""
+
+    def convert(_: Any, tokens: Sequence[Any]) -> float:
+        return quantity("it", tokens[0].value, channel)
+
+    return Parameter(group=group, metavar=metavar, converter=convert)
+
+
 def positive(
     option: str, text: str | None, channel: str | Mapping[str, float], most: float
 ) -> float | None:
-    """A quantity above zero and at most so much, SI; None where it was not given."""
+    """Return a quantity above zero and at most so much, SI; None if it was not passed."""
     from palpate.validation import number_in
 
     if text is None:
@@ -246,7 +255,7 @@ def positive(
 
 
 def quantities(options: Any, **channels: str) -> dict[str, float]:
-    """Those of some options that were given, in SI, each in the units of a channel."""
+    """Return the options that were passed, in SI, each in the units of a channel."""
     return {
         name: quantity(f"--{name.replace('_', '-')}", text, channel)
         for name, channel in channels.items()
@@ -255,7 +264,7 @@ def quantities(options: Any, **channels: str) -> dict[str, float]:
 
 
 def units_of(option: str, pairs: tuple[str, ...]) -> dict[str, str]:
-    """Channels and their units, CHANNEL=UNIT each, or several with commas between them."""
+    """Return units by channel of CHANNEL=UNIT pairs, which commas may join."""
     units = {}
     for pair in (each for given in pairs for each in given.split(",")):
         channel, sign, unit = pair.partition("=")

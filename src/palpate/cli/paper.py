@@ -29,9 +29,9 @@ def paper(
     seeds: int = 5,
     workers: int | None = None,
 ) -> None:
-    """Run the paper's experiments on the laboratory's rig, and write a report.
+    """Repeat the paper's experiments in simulation, and write a report.
 
-    What is finished stays: a run that was interrupted goes on where it was.
+    Repeat the command to continue an interrupted run.
 
     For example:
 
@@ -40,13 +40,13 @@ def paper(
     Parameters
     ----------
     only
-        Experiments by name, such as fig05 fig06; all unless given.
+        Names of experiments, such as fig05 fig06 (default: all).
     output
-        Folder for report.html, report.json, claims.md, the figures and the outcomes.
+        Folder for report.html, report.json, claims.md, figures and outcomes.
     seeds
-        How often everything is done, with other noise each time.
+        Number of repetitions, each with other noise.
     workers
-        Processes; as many as there are cores unless given.
+        Number of processes (default: one per core).
     """
     from palpate.lab.rig import require_mujoco
     from palpate.paper.running import run_paper
@@ -70,7 +70,7 @@ def paper(
             )
     except KeyboardInterrupt:
         if (output / "report.html").is_file():
-            words = "interrupted; the same command goes on from what is finished"
+            words = "interrupted; repeat the command to continue"
             complain(f"{words}: {output / 'report.html'}")
         raise
     _print(report, output)
@@ -93,8 +93,8 @@ def _say_what_is_reused(report: "Report") -> None:
 
 @contextmanager
 def _progress() -> "Iterator[Progress]":
-    """A bar where a person looks on; elsewhere a line for each figure."""
-    with bar("pressing") as shown:
+    """Show a bar on a terminal, else print a line for each figure."""
+    with bar("simulating") as shown:
 
         def advance(words: str, done: int, total: int) -> None:
             shown(done, total)
@@ -108,7 +108,7 @@ def _print(report: "Report", folder: Path) -> None:
     from palpate.paper.report import SIGNS
 
     console = Terminal()
-    headings = ["figure", "claim", "the paper's", "ours", "verdict"]
+    headings = ["figure", "claim", "paper", "ours", "verdict"]
     rows = []
     for each in report.judgements:
         numbers = (words or "–" for words in (each.claim.number, each.ours_text))

@@ -1,8 +1,11 @@
-"""What is printed, in the width that there is: words fold, and every number stays whole."""
+"""Printing to the terminal: words fold at its width, and numbers stay whole."""
 
 import json
+import logging
+import math
 import os
 import re
+import shlex
 import shutil
 import sys
 import textwrap
@@ -122,32 +125,38 @@ def print_table(
     from rich.table import Table  # here, so that help, which has none, comes at once
 
     texts = [list(map(as_text, row)) for row in rows]
-    shown, plain, widths, least = list[int](), dict[int, str](), dict[int, int](), dict[int, int]()
+    shown, plain, least, cells = list[int](), dict[int, str](), dict[int, int](), dict[int, int]()
     for k, column in enumerate(zip(*texts, strict=True)):
         words = list(map(str, column))
         if set(words).issubset(_NOTHING):
             continue
         shown.append(k)
         plain[k] = headings[k].removeprefix(">")
-        widths[k] = max(map(_width, [plain[k], *words]))
-        least[k] = min(widths[k], _NARROWEST_PROSE) if headings[k] in prose else widths[k]
+        most = _NARROWEST_PROSE if headings[k] in prose else math.inf
+        cells[k] = int(min(max(map(_width, words)), most))
+        least[k] = max(cells[k], int(min(_width(plain[k]), most)))
     if sum(least.values()) + _GAP * (len(shown) - 1) <= console.width:
         table = Table(box=None, pad_edge=False, padding=(0, _GAP, 0, 0), header_style="bold")
+        table.show_header = any(plain.values())
         for k in shown:
             justify: JustifyMethod = "left" if plain[k] == headings[k] else "right"
             folded = headings[k] in prose
             table.add_column(plain[k], justify=justify, no_wrap=not folded, overflow="fold")
         for row in texts:
             table.add_row(*(row[k] for k in shown))
-        console.print(table)
+        for parts in console.render_lines(table, pad=False):
+            line = Text.assemble(*((part.text, part.style or "") for part in parts))
+            line.rstrip()
+            console.print(line, soft_wrap=True)
         return
     flat = {k: plain[k].replace("\n", ", ").strip() for k in shown}
     labels = {k: flat[k] for k in shown[1:]}
-    widest = max(least[k] for k in labels) if labels else 0
+    widest = max(cells[k] for k in labels) if labels else 0
     room = max(console.width - widest - 2 * _GAP, _NARROWEST_LABEL)
     for row in texts:
         block = Table(box=None, show_header=False, padding=(0, 0, 0, _GAP))
-        block.add_column(width=min(room, max(map(cell_len, labels.values()), default=0)))
+        labelled = min(room, max(map(cell_len, labels.values()), default=0))
+        block.add_column(width=labelled, overflow="fold")
         block.add_column(overflow="fold")
         for k, label in labels.items():
             if row[k].plain not in _NOTHING:
@@ -215,9 +224,12 @@ def print_identifications(
 
     if len(results) > 1:
         sections = [*view.of_comparison(results), view.preparation(results)]
-    else:
+    elif is_verbose():
         sections = [*view.of_identification(results[0])]
-    console = _print(results[0], sections)
+    else:
+        sections = [*view.answer(results[0], [shlex.quote(str(file)) for file in files])]
+    short = len(results) == 1 and not is_verbose()
+    console = _print("" if short else results[0].contact.source or "contact", sections)
     if figure is not None:
         say_path(console, f"figure: {figure}")
     if folder is not None:
@@ -228,13 +240,14 @@ def print_diagnosis(result: "Identification") -> None:
     """Print the verdict, the numbers that it is about, and every finding with its remedy."""
     from palpate.results import view
 
-    _print(result, view.of_diagnosis(result))
+    _print(result.contact.source or "contact", view.of_diagnosis(result))
 
 
-def _print(result: "Identification", sections: "Iterable[ViewSection]") -> Terminal:
-    """Print sections below the name of the recording."""
+def _print(title: str, sections: "Iterable[ViewSection]") -> Terminal:
+    """Print sections below a title, if any."""
     console = Terminal()
-    say_path(console, result.contact.source or "contact", "bold")
+    if title:
+        say_path(console, title, "bold")
     for k, section in enumerate(sections):
         if k:
             console.print()
@@ -247,6 +260,11 @@ def _print(result: "Identification", sections: "Iterable[ViewSection]") -> Termi
     return console
 
 
+def is_verbose() -> bool:
+    """Whether -v was given: it makes palpate's logger say what is done."""
+    return logging.getLogger("palpate").isEnabledFor(logging.INFO)
+
+
 def _cell(cell: "str | Marked") -> Cell:
     return cell if isinstance(cell, str) else Text(cell.text, _STYLES[cell.mark])
 
@@ -254,6 +272,7 @@ def _cell(cell: "str | Marked") -> Cell:
 def _format_line(line: "Line") -> Text:
     words = Text(f"{line.name}: " if line.name else "")
     if line.mark:
-        words.append(f"{line.mark} ", f"bold {_STYLES[line.mark]}")
+        words.append(line.mark.replace("-", " "), f"bold {_STYLES[line.mark]}")
+        words.append(": " if line.text[:1].islower() else " " if line.text[:1] == "(" else ". ")
     words.append("; ".join((line.text, *line.remarks)))
     return words.append(f" ({line.remedy})", "dim") if line.remedy else words

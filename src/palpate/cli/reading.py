@@ -14,6 +14,7 @@ from palpate.cli.options import (
     Channel,
     Channels,
     Unit,
+    in_si,
     quantities,
     quantity,
     units_of,
@@ -73,12 +74,12 @@ class ReadingOptions:
     strict: Annotated[bool, Parameter(group=READ, negative="")] = False
     "Fail on bad rows or damaged files instead of skipping them with a warning."
 
-    min_penetration: Annotated[float | None, _PREPARED] = None
-    "Least penetration in contact, m (default: from the method or the data)."
-    min_force: Annotated[float | None, _PREPARED] = None
-    "Least force in contact, N (default: from the method or the data)."
-    velocity_window: Annotated[float | None, _PREPARED] = None
-    "Length of the velocity filter, s (default: 15 samples, at most 15 ms, at least 5 samples)."
+    min_penetration: Annotated[float | None, in_si("penetration", "DEPTH", PREPARED)] = None
+    "Least penetration in contact, such as 2mm (default: chosen by the method or from the data)."
+    min_force: Annotated[float | None, in_si("force", "FORCE", PREPARED)] = None
+    "Least force in contact, such as 0.5N (default: chosen by the method or from the data)."
+    velocity_window: Annotated[float | None, in_si("time", "DURATION", PREPARED)] = None
+    "Length of the velocity filter, such as 30ms (default: 15 samples, at most 15ms)."
     flip_force: Annotated[bool, _FLAG] = False
     "Reverse the sign of the force: compression must be positive."
     flip_penetration: Annotated[bool, _FLAG] = False

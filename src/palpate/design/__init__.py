@@ -1,4 +1,4 @@
-"""What a planned motion would tell of a material, and a better motion."""
+"""How precisely a planned motion identifies a material, and a better motion."""
 
 from palpate.design.motion import PAPER_MOTION as PAPER_MOTION
 from palpate.design.motion import Motion as Motion

@@ -1,4 +1,4 @@
-"""The figure of a design: the planned motion and the better one, and what each would identify."""
+"""The figure of a design: the planned and the better motion, and the precision of each."""
 
 import math
 from typing import TYPE_CHECKING, NamedTuple
@@ -15,13 +15,13 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-# Periods of the slowest sine that are shown, and points of the fastest one's.
+# Shown periods of the slowest sine, and points per period of the fastest.
 _PERIODS = 2.0
 _POINTS, _MOST_POINTS = 40, 1500
 _DURATIONS = 30
 CAPTION = (
-    "Standard errors: the least that any unbiased method can have (Cramér–Rao), over the value of "
-    "the guessed material; lines at 5 % and 1 %."
+    "Standard errors: lower bound for any unbiased method (Cramér–Rao), relative to the guessed "
+    "value; lines at 5 % and 1 %."
 )
 
 
@@ -36,9 +36,9 @@ def draw_design(design: Design, *, dark: bool = False, width: float | None = Non
     design : Design
         As :func:`palpate.design.design` returns it.
     dark : bool
-        For a dark background.
+        Draw for a dark background. Default: False.
     width : float, optional
-        Of the figure as it is printed, m, in [0.06, 0.4]; a page of 11 inches unless given.
+        Printed width of the figure, m, in [0.06, 0.4]. Default: a page of 11 inches.
 
     Raises
     ------
@@ -62,7 +62,7 @@ def draw_design(design: Design, *, dark: bool = False, width: float | None = Non
         if look.narrow:
             figure.align_ylabels(panels)
         better = "no better motion" if design.better is None else "better"
-        caption = f"{CAPTION} Circles: with what the sensor's steps repeat."
+        caption = f"{CAPTION} Circles: including the sensor's rounding error."
         parts = zip(design.law.symbols, design.law.parameters, design.law.units, strict=True)
         words = (f"{symbol} = {rounded(float(value), 4)} {unit}" for symbol, value, unit in parts)
         title = [f"{better}: {design.reason}", f"guessed: {', '.join(map(str.strip, words))}"]
@@ -71,7 +71,7 @@ def draw_design(design: Design, *, dark: bool = False, width: float | None = Non
 
 
 class _Shown(NamedTuple):
-    """A motion, and its colour and dashes."""
+    """A motion with its colour and dashes."""
 
     name: str
     of: PredictedPrecision
@@ -98,7 +98,7 @@ def _shown_time(motions: list[_Shown]) -> Floats:
 def _draw_motions(
     depths: "Axes", orbits: "Axes", design: Design, motions: list[_Shown], look: Look
 ) -> None:
-    """Penetration over time; velocity over it, and the limits that the better motion keeps to."""
+    """Penetration over time; velocity over penetration, with the better motion's limits."""
     time, limits = _shown_time(motions), design.limits
     depth = scale_of(max(each.of.peak_penetration for each in motions), "m")
     speed = scale_of(max([limits.speed, *(each.of.peak_speed for each in motions)]), "m/s")
@@ -159,7 +159,7 @@ def _finish_precision(axes: "Axes", symbol: str, targets: tuple[float, ...], loo
         axis.set_minor_formatter(NullFormatter())
         if axis.get_scale() == "log":
             low, high = axis.get_view_interval()
-            few = high > 100.0 * low and axis is axes.yaxis  # of decades alone there is room
+            few = high > 100.0 * low and axis is axes.yaxis  # there is room for decades only
             axis.set_major_locator(LogLocator(subs=(1.0,) if few else (1.0, 2.0, 5.0), numticks=9))
     axes.set(xlabel="time in motion [s]", ylabel=f"s.e. of {symbol} [%]")
     head(axes, f"Relative standard error of {symbol}")

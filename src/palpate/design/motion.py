@@ -1,4 +1,4 @@
-"""A motion as it is planned, as a robot plays it from rest to rest, and its file."""
+"""A planned motion, its command for a robot from rest to rest, and its file."""
 
 import math
 from collections.abc import Iterable, Mapping
@@ -25,14 +25,14 @@ class Motion:
     depth : float
         x₀, m, in (0, 10].
     amplitudes : sequence of float, shape (m,)
-        aᵢ, m, each in [0, 10]. Without any, or all zero, the probe is held.
+        aᵢ, m, each in [0, 10]. If there are none, or all are 0, the probe is held still.
     frequencies : sequence of float, shape (m,)
         ωᵢ, rad/s (not Hz), each in (0, 1e5].
 
     Raises
     ------
     InvalidParameterError
-        A value is out of its range, or there are not as many frequencies as amplitudes.
+        A value is out of its range, or the numbers of amplitudes and frequencies differ.
     """
 
     depth: float
@@ -49,23 +49,23 @@ class Motion:
             object.__setattr__(self, name, values)
         if len(self.amplitudes) != len(self.frequencies):
             raise InvalidParameterError(
-                "amplitudes and frequencies must be as many, not "
+                "amplitudes and frequencies must be equal in number, not "
                 f"{len(self.amplitudes)} and {len(self.frequencies)}"
             )
 
     @property
     def peak_penetration(self) -> float:
-        """x₀ + Σ aᵢ, m: it never goes deeper, however long it runs."""
+        """x₀ + Σ aᵢ, m: upper bound of the penetration."""
         return self.depth + math.fsum(self.amplitudes)
 
     @property
     def least_penetration(self) -> float:
-        """x₀ − Σ aᵢ, m: it never comes higher, however long it runs."""
+        """x₀ − Σ aᵢ, m: lower bound of the penetration."""
         return self.depth - math.fsum(self.amplitudes)
 
     @property
     def top_speed(self) -> float:
-        """Σ aᵢ ωᵢ, m/s: the speed at t = 0, and never exceeded."""
+        """Σ aᵢ ωᵢ, m/s: the speed at t = 0, which is the highest."""
         return math.fsum(a * w for a, w in zip(self.amplitudes, self.frequencies, strict=True))
 
     def at(self, time: "ArrayLike") -> tuple[Floats, Floats]:
@@ -103,51 +103,51 @@ def _several(name: str, values: Any) -> tuple[Any, ...]:
 PAPER_MOTION = Motion(10e-3, (1e-3, 1.8e-3, 1.8e-3), (4.0, 11.0, 15.0))
 
 
-# As a robot plays it: rest, approach, the sines, retreat, rest.
+# The command for a robot: rest, approach, the sines, retreat, rest.
 
-#: Before anything moves, s: the force sensor's bias is measured in it.
+#: Rest before the motion, s, in which the force sensor's bias is measured.
 PAUSE = 2.0
-# After the retreat, s: what a filter of the velocity still asks for.
+# Rest after the retreat, s, for the velocity filter.
 _REST = 0.5
-# How high above the surface a motion begins, over the depth that it reaches: as well as a surface
-# has to be known to plan a motion at all.
+# Start height over the peak penetration; the surface must be known that well to plan a motion.
 _CLEARANCE = 0.1
-# Points a period of the fastest sine among which the moment to leave is looked for, and at most.
+# Points per period of the fastest sine in the search for the start of the retreat, and at most.
 _POINTS, _MOST_POINTS = 64, 1_000_000
 _MOST_SAMPLES = 10_000_000
 
 
 @dataclass(frozen=True, slots=True)
 class MotionCommand:
-    """A motion from rest above the surface and back to it, without a jump in its acceleration.
+    """A motion from rest above the surface and back to it, with continuous acceleration.
 
-    The sines begin at their mean depth x₀ at their highest speed V, where they do not accelerate.
-    The approach has that speed at its end, and never exceeds it:
+    The sines begin at their mean depth x₀ at their highest speed V and zero acceleration. The
+    approach ends at that speed and never exceeds it:
 
         v = V (3s² − 2s³),  x = −c + V T (s³ − s⁴/2),  T = 2 (x₀ + c)/V,  s from 0 to 1 in T.
 
-    The retreat is the same backwards, from a moment at which the sines come out fastest.
+    The retreat is the reverse, from a time at which the sines withdraw fastest.
 
     Parameters
     ----------
     motion : Motion
-        The sines; they have to move.
+        The sines; at least one amplitude is above 0.
     seconds : float
-        How long they last at least, s, in (0, 1e5]: at most a period of the slowest longer.
+        Minimum duration of the sines, s, in (0, 1e5]. Default: 20. They last at most one period of
+        the slowest longer.
 
     Attributes
     ----------
     clearance : float
-        c, m above the surface at either end: a tenth of the peak penetration.
+        c, m above the surface at both ends: a tenth of the peak penetration.
     start, stop : float
-        When the sines begin and end, s, from the first sample on.
+        Start and end of the sines, s, from the first sample.
     duration : float
-        Of the whole, s.
+        Duration of the whole motion, s.
 
     Raises
     ------
     InvalidParameterError
-        The probe is held, or an argument is out of its range.
+        The probe is held still, or an argument is out of its range.
     """
 
     motion: Motion
@@ -162,7 +162,7 @@ class MotionCommand:
         number_in("seconds", self.seconds, 0.0, 1e5, open_low=True)
         speed = self.motion.top_speed
         if speed == 0.0:
-            raise InvalidParameterError("the probe is held: there is no motion to write")
+            raise InvalidParameterError("the probe is held still: make an amplitude larger than 0")
         clearance = _CLEARANCE * self.motion.peak_penetration
         start = PAUSE + 2.0 * (self.motion.depth + clearance) / speed
         leaving = _outward(self.motion, self.seconds)
@@ -186,7 +186,7 @@ class MotionCommand:
         return x, v
 
     def _at_an_end(self, time: Floats, *, begins: bool) -> tuple[Floats, Floats]:
-        """The approach, or the retreat, which is one with the time turned round."""
+        """The approach, or the retreat, which is an approach reversed in time."""
         moment = 0.0 if begins else self.stop - self.start
         x, v = (float(each) for each in self.motion.at(moment))
         length = 2.0 * (x + self.clearance) / abs(v)
@@ -201,14 +201,14 @@ class MotionCommand:
         Parameters
         ----------
         sample_time : float
-            s, in [1e-5, 1], and so long that there are at most 1e7 samples.
+            s, in [1e-5, 1], with at most 1e7 samples in total.
         """
         step = number_in("sample_time", sample_time, 1e-5, 1.0)
         count = math.ceil(self.duration / step) + 1
         if count > _MOST_SAMPLES:
             raise InvalidParameterError(
-                f"a motion of {self.duration:.4g} s in steps of {step:g} s has {count} samples; "
-                f"at most {_MOST_SAMPLES} are written: make it shorter, or the steps longer"
+                f"a motion of {self.duration:.4g} s in steps of {step:g} s has {count} samples, "
+                f"more than {_MOST_SAMPLES}: make it shorter, or the steps longer"
             )
         time = np.arange(count, dtype=np.float64) * step
         return time, *self.at(time)
@@ -221,9 +221,9 @@ def write_motion(
     sample_time: float = 1e-3,
     notes: Mapping[str, str] | None = None,
 ) -> None:
-    """Write a motion as CSV, whole or not at all: time_s, penetration_m and velocity_m_s.
+    """Write a motion as CSV with the columns time_s, penetration_m and velocity_m_s.
 
-    ``palpate lab --trajectory`` plays it, and so can a robot.
+    ``palpate lab --trajectory`` and robots can play it. A write error leaves no partial file.
 
     Parameters
     ----------
@@ -234,7 +234,7 @@ def write_motion(
     sample_time : float
         s, in [1e-5, 1].
     notes : mapping, optional
-        Lines above the header, before those that say when the sines begin and end.
+        Comment lines above the header, before those on start and end of the sines.
 
     Raises
     ------
@@ -254,9 +254,9 @@ def write_motion(
 
 
 def _outward(motion: Motion, earliest: float) -> float:
-    """When the sines come out fastest within a period of the slowest: there is no acceleration.
+    """The time, within a period of the slowest sine, at which the sines withdraw fastest.
 
-    Above the surface they have left already, so only moments below it count.
+    The acceleration is zero there. Only times below the surface count.
     """
     moving = [w for a, w in zip(motion.amplitudes, motion.frequencies, strict=True) if a > 0.0]
     period = 2.0 * math.pi / min(moving)
@@ -268,11 +268,11 @@ def _outward(motion: Motion, earliest: float) -> float:
     good = (x > 0.0) & (v < 0.0)
     if not good.any():
         raise InvalidParameterError(
-            "the sines come out of the material nowhere below its surface: a larger depth helps"
+            "the sines never withdraw below the surface: increase the depth"
         )
     first = turning[good][np.argmin(v[good])]
     low, high = float(time[first]), float(time[first + 1])
-    for _ in range(60):  # halvings: to the last digit
+    for _ in range(60):  # bisections: to machine precision
         middle = 0.5 * (low + high)
         falling = _acceleration(motion, np.array(middle)) < 0.0
         low, high = (middle, high) if falling else (low, middle)

@@ -1,4 +1,4 @@
-"""What a planned motion would identify, before anything is touched, and a better motion."""
+"""The precision of a planned motion before any contact, and a better motion."""
 
 import math
 from collections.abc import Sequence
@@ -22,25 +22,25 @@ from palpate.force_laws import HuntCrossley
 from palpate.stages import timed
 from palpate.validation import Plain, instance, number_in, plain
 
-#: When the precision is predicted, s.
+#: Default durations for which the precision is predicted, s.
 DURATIONS = (0.5, 1.0, 5.0, 20.0)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Design(PlannedMeasurement, Plain):
-    """What a planned motion would identify of a guessed material, and what a better one would.
+    """The predicted precision of a planned motion on a guessed material, and of a better one.
 
     Attributes
     ----------
     law, noise, resolution, sample_time, offset, surface
-        What the motions are measured with.
+        The guess of the material, the sensor, and what else is estimated.
     limits : Limits
-        What the better motion has to keep to.
+        Limits of the better motion.
     planned : PredictedPrecision
-        What the planned motion would tell.
+        Precision of the planned motion.
     better : PredictedPrecision or None
-        The same of the motion within the limits whose worst expected error after the longest
-        duration is the least found; None where the planned motion is as good.
+        Precision of the motion within the limits with the least worst expected error after the
+        longest duration; None if the planned motion is as good.
     reason : str
         Why it is better, or why there is none.
     """
@@ -52,24 +52,24 @@ class Design(PlannedMeasurement, Plain):
 
     @property
     def chosen(self) -> tuple[str, PredictedPrecision]:
-        """The motion to play: the better one, or the planned one where none was found.
+        """The motion to play: the better one, or the planned one if there is none.
 
         Raises
         ------
         InvalidParameterError
-            No motion within the limits was found, and the planned one does not keep to them.
+            There is no better motion within the limits, and the planned one exceeds them.
         """
         if self.better is not None:
             return "better", self.better
         if not self.limits.allow(self.planned.motion):
             raise InvalidParameterError(
-                "no motion within the limits was found, and the planned one exceeds them: there "
-                "is none to write"
+                "found no motion within the limits, and the planned one exceeds them: raise "
+                "--max-depth or --max-speed"
             )
         return "planned", self.planned
 
     def as_dict(self) -> dict[str, Any]:
-        """Return plain numbers and words; what is infinite or undefined is None."""
+        """Return plain numbers and text; infinite or undefined numbers are None."""
         law = {"kind": self.law.kind, **self.law.as_dict()}
         own = {name: plain(getattr(self, name)) for name in ("effective_noise", "speed_limit")}
         return {**Plain.as_dict(self), **own, "law": law, "limits": asdict(self.limits)}
@@ -89,47 +89,47 @@ def design(
     max_depth: float | None = None,
     max_speed: float | None = None,
 ) -> Design:
-    """Tell what a planned motion would identify of a guessed material, and find a better one.
+    """Predict the precision of a planned motion on a guessed material, and find a better motion.
 
     No unbiased estimator has a standard error below the Cramér–Rao bound,
 
         s(θᵢ) ≥ σ √[(JᵀJ)⁻¹]ᵢᵢ,   J = ∂F/∂(K, B, n[, F₀][, d]) at every sample in contact,
 
-    with F₀ an offset and d the position of the surface, where they are unknown too.
-    :class:`VariableProjection` comes close to it. Penetration and velocity are taken as exact,
-    noise as white, the law as true: on a real rig it takes longer.
+    with the offset F₀ and the surface position d if they are estimated too.
+    :class:`VariableProjection` comes close to it. The prediction assumes exact penetration and
+    velocity, white noise and a true law; a real rig takes longer.
 
-    K is the force at a depth of 1 m, which no probe reaches: much of its error is that of n,
-    carried from the depths probed to 1 m. A force within those depths is known far better.
+    K is the force extrapolated to a depth of 1 m: much of its error is that of n. The force within
+    the probed depths is known far better.
 
     Parameters
     ----------
     law : HuntCrossley
-        The material as guessed: K and B in (0, 1e20], n in (0, 10].
+        Guess of the material: K and B in (0, 1e20], n in (0, 10].
     motion : Motion
-        The motion as planned; the paper's three sines unless given.
+        The planned motion. Default: the paper's three sines.
     noise, resolution : float
-        σ and step Δ of the force, N: see :func:`effective_noise`.
+        σ and quantisation step Δ of the force, N: see :func:`effective_noise`.
     sample_time : float
-        s, in [1e-5, 1], and at least six samples in a period: ω · sample_time ≤ 1.
+        s, in [1e-5, 1], with at least six samples in a period: ω · sample_time ≤ 1.
     offset : bool
-        A force offset is unknown too, as in :class:`VariableProjection`.
+        Whether a force offset is estimated too, as in :class:`VariableProjection`.
     surface : bool
-        The position of the surface is unknown too. Only samples in contact count: those of the free
-        approach, which would help, do not.
+        Whether the surface position is estimated too. Only samples in contact count; those of the
+        free approach would help.
     durations : sequence of float
         s, each in [sample_time, 1000] and of at most 1e7 samples.
     max_depth, max_speed : float, optional
         Limits of the better motion: peak penetration, m, in (0, 10], and speed, m/s, in (0, 1000].
-        What the planned motion itself reaches, unless given. It also stays below K/B, where the law
-        begins to pull, and deeper than a tenth of the peak penetration and than where K xⁿ is ten
-        times the noise, but for at most a tenth of the largest (or than the planned motion does,
-        where that comes higher and stays in contact).
+        Default: those of the planned motion. The better motion is always slower than K/B, above
+        which the law becomes adhesive. It stays deeper than a tenth of the peak penetration, and
+        than where K xⁿ is ten times the noise but at most a tenth of its largest value (or than the
+        planned motion, if that is shallower but stays in contact).
 
     Raises
     ------
     InvalidParameterError
-        An argument is of the wrong kind or out of its range.
+        An argument is of the wrong type or out of its range.
     """
     instance("law", law, HuntCrossley)
     instance("motion", motion, Motion)
@@ -145,7 +145,7 @@ def design(
     step = number_in("sample_time", sample_time, 1e-5, 1.0)
     for i, frequency in enumerate(motion.frequencies):
         number_in(f"frequencies[{i}]", frequency, 0.0, 1.0 / step, open_low=True)
-    effective_noise(noise, resolution)  # which refuses what is out of range
+    effective_noise(noise, resolution)  # checks the ranges
     spans = _checked_durations(durations, step)
     measured = law, float(noise), float(resolution), step, bool(offset), bool(surface)
     measurement = PlannedMeasurement(*measured)
@@ -169,38 +169,38 @@ def _checked_durations(durations: Sequence[float], step: float) -> tuple[float, 
 
 
 def _why(planned: PredictedPrecision, better: PredictedPrecision | None, limits: Limits) -> str:
-    """In words, what makes the difference."""
+    """Why the better motion is better, or why there is none."""
     if better is None:
         if limits.speed == 0.0:
-            return "the planned probe is held; a highest speed is needed to look for a motion"
+            return "the planned motion holds the probe still: pass --max-speed to search for one"
         if math.isinf(planned.worst):
-            return "no motion within the limits was found that identifies the three parameters"
-        return "no motion within the limits was found that is better by 2 %"
+            return "no motion within the limits identifies all three parameters"
+        return "no motion within the limits is better by 2 %"
     reasons = []
     if not limits.allow(planned.motion):
-        price = ", and is less precise for it" if better.worst > planned.worst else ""
-        reasons.append(f"it keeps to the limits, which the planned motion does not{price}")
+        price = ", though it is less precise" if better.worst > planned.worst else ""
+        reasons.append(f"it keeps the limits, which the planned motion exceeds{price}")
     if better.motion.peak_penetration > 1.02 * planned.motion.peak_penetration:
-        reasons.append("it goes deeper, where the force stands further out of the noise")
+        reasons.append("it goes deeper, where the force is larger compared with the noise")
     if _span(better) > 1.02 * _span(planned):
         reasons.append(
             "its stroke covers a wider range of depths, from "
             f"{rounded(1e3 * better.least_penetration, 3)} to "
             f"{rounded(1e3 * better.peak_penetration, 3)} mm, "
-            "which identifies the exponent, and with it the stiffness"
+            "which identifies exponent and stiffness"
         )
     if better.rms_speed > 1.02 * planned.rms_speed:
         reasons.append(
-            f"it is faster, {rounded(1e3 * better.rms_speed, 3)} mm/s rms for "
-            f"{rounded(1e3 * planned.rms_speed, 3)}, which identifies the damping"
+            f"it is faster, {rounded(1e3 * better.rms_speed, 3)} instead of "
+            f"{rounded(1e3 * planned.rms_speed, 3)} mm/s rms, which identifies the damping"
         )
     if len(better.motion.amplitudes) < len(planned.motion.amplitudes):
-        reasons.append("the stroke and the speed are divided among fewer sines")
-    return "; ".join(reasons) or "it divides depth and speed better between the three"
+        reasons.append("it has fewer sines, with more stroke and speed each")
+    return "; ".join(reasons) or "its depths and speeds suit the three parameters better"
 
 
 def _span(predicted: PredictedPrecision) -> float:
-    """Range of the logarithm of the depth, from which the exponent is identified."""
+    """Range of the logarithm of the depth, which determines the precision of the exponent."""
     if predicted.least_penetration <= 0.0:
         return math.inf
     return math.log(predicted.peak_penetration / predicted.least_penetration)

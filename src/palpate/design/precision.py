@@ -1,12 +1,11 @@
-"""How precisely a planned motion identifies the parameters of a guessed law, and after how long.
+"""How precisely, and how soon, a planned motion identifies the parameters of a guessed law.
 
-By the Fisher information: for F = f(x, v; θ) + ε with white noise of standard deviation σ, no
-unbiased estimator of θ has a covariance below
+The Fisher information gives the bound: for F = f(x, v; θ) + ε with white noise of standard
+deviation σ, no unbiased estimator of θ has a covariance below
 
-    (JᵀJ)⁻¹ σ²,   J = ∂f/∂θ at every sample;
+    (JᵀJ)⁻¹ σ²,   J = ∂f/∂θ at every sample.
 
-and by what a sensor that rounds adds to its noise. Then a better motion, within limits of depth and
-speed.
+A sensor's rounding adds to it. A search finds a better motion within limits of depth and speed.
 """
 
 import math
@@ -22,20 +21,20 @@ from palpate.digits import rounded
 from palpate.force_laws import ForceLaw, HuntCrossley
 from palpate.validation import Floats, number_in, plain
 
-# Harmonics of the rounding error that are distinct from white noise: at least 87 % of its power.
+# Harmonics of the rounding error that are treated apart from white noise: 87 % of its power.
 _MOST = 4
-# Smaller ones than this fraction of the noise are left in it.
+# Harmonics below this fraction of the noise count as white noise.
 _LEAST = 1e-3
 
 
 def effective_noise(noise: float, resolution: float) -> float:
     """Noise of a sensor that also rounds: √(σ² + Δ²/12), N.
 
-    Rounding to steps of Δ adds an error that is uniform over a step, of variance Δ²/12, and new at
-    every sample as long as noise carries the force across steps: σ ≥ Δ/2. Below that a part of it,
-    of amplitude (Δ/π) e^(−2π²σ²/Δ²), comes back whenever the force does. A motion that crosses
-    many steps and does not soon repeat still averages it out; one that repeats does not, and a
-    held force keeps it for ever: see ``expected_errors``.
+    Rounding to steps of Δ adds an error that is uniform over a step, of variance Δ²/12. For
+    σ ≥ Δ/2 it is independent from sample to sample. Below that, a part of amplitude
+    (Δ/π) e^(−2π²σ²/Δ²) depends on the force only. It averages out over a motion that crosses many
+    steps without repeating soon, but not over a periodic motion or a held force: see
+    ``expected_errors``.
 
     Parameters
     ----------
@@ -52,13 +51,13 @@ def effective_noise(noise: float, resolution: float) -> float:
 def mean_rounding_error(noise: float, resolution: float) -> Floats:
     """Amplitudes βₖ [N] of the mean rounding error, Σ βₖ sin 2πk F/Δ, k = 1, 2, … up to four.
 
-    βₖ = Δ/(πk) e^(−2π²k²σ²/Δ²): Gaussian noise of σ, blurring the sawtooth of a sensor of step Δ.
-    Those that are small beside the noise are left out; without rounding there is none.
+    βₖ = Δ/(πk) e^(−2π²k²σ²/Δ²): the sawtooth of a sensor of step Δ, blurred by Gaussian noise of σ.
+    Amplitudes that are small compared with the noise are omitted.
     """
     if resolution == 0.0:
         return np.empty(0)
     order = np.arange(1, _MOST + 1)
-    # Beyond this the exponential is nothing, and its argument might overflow.
+    # Beyond this the exponential is 0, and its argument might overflow.
     ratio = min(noise / resolution, 10.0)
     betas: Floats = resolution / (np.pi * order) * np.exp(-2.0 * (np.pi * order * ratio) ** 2)
     count = int(np.count_nonzero(betas > _LEAST * effective_noise(noise, resolution)))
@@ -73,7 +72,7 @@ def jacobian(
     offset: bool = False,
     surface: bool = False,
 ) -> Floats:
-    """∂F/∂(θ[, offset][, surface]) at every sample, shape (k, q); of the law 0 out of contact.
+    """∂F/∂(θ[, offset][, surface]) at every sample, shape (k, q); ∂F/∂θ is 0 out of contact.
 
     Parameters
     ----------
@@ -82,7 +81,7 @@ def jacobian(
     penetration, velocity : numpy.ndarray, shape (k,)
         m and m/s, finite.
     offset, surface : bool
-        Whether a force offset [N] and the position of the surface [m] are unknown too.
+        Whether a force offset [N] and the surface position [m] are estimated too.
     """
     inside = penetration > 0.0
     depth = np.where(inside, penetration, 1.0)
@@ -98,56 +97,56 @@ def jacobian(
 def cramer_rao_bound(
     law: ForceLaw, penetration: Floats, velocity: Floats, noise: float, **unknown: bool
 ) -> Floats:
-    """Return the least standard errors that a motion allows, as :func:`jacobian` orders them.
+    """Return lower bounds of the standard errors for a motion, in the order of :func:`jacobian`.
 
-    Infinite where it does not identify them; ``noise`` is the standard deviation of the force, N.
+    They are infinite for what the motion does not identify; ``noise`` is that of the force, N.
     """
     rows = jacobian(law, penetration, velocity, **unknown) / noise
     return np.sqrt(np.diag(inverse_information(rows.T @ rows)))
 
 
 def inverse_information(information: Floats) -> Floats:
-    """Covariance from an information matrix; infinite where a direction carries nothing."""
+    """Covariance from an information matrix; infinite for directions without information."""
     diagonal = np.sqrt(np.diag(information))
     unit = np.where(diagonal > 0.0, diagonal, 1.0)
     scaled = information / np.outer(unit, unit)
-    # Rounding of k samples' sums leaves eigenvalues of this size where there are none.
+    # Rounding errors of sums over k samples leave eigenvalues of this size instead of 0.
     if np.linalg.eigvalsh(scaled).min() < 1e-13:
         return np.full_like(information, np.inf)
     inverse: Floats = np.linalg.inv(scaled) / np.outer(unit, unit)
     return inverse
 
 
-# What one planned motion is measured with.
+# The measurement of one planned motion.
 
-#: Longest time that is looked at, s; what takes longer counts as never.
+#: Longest predicted time, s; a longer one counts as infinite.
 HORIZON = 1000.0
-# So long every sample is counted; after it one in several stands for all, s.
+# Until this time every sample counts, s; then one sample represents several.
 _EVERY_SAMPLE = 20.0
-# At most so many samples are worked on at once: memory, and where the search looks more closely.
+# Samples per block: it limits memory and the part that the search bisects.
 _BLOCK = 500
-# So many samples are enough for a quick look at what rounding does.
+# Samples for a quick estimate of the rounding's effect.
 _QUICK = 20_000
-# The forces, over those guessed, that rounding is averaged over.
+# Factors on the guessed forces over which the rounding's effect is averaged.
 _FORCES = (0.9, 1.0, 1.1)
 
 
 @dataclass(frozen=True, slots=True)
 class PlannedMeasurement:
-    """What a motion is measured with: the law guessed, the sensor, and what else is unknown.
+    """The guessed law, the sensor, and what else is estimated.
 
-    Only samples in contact (x > 0) count: the others tell nothing of the law.
+    Only samples in contact (x > 0) count: the others carry no information about the law.
 
     Parameters
     ----------
     law : HuntCrossley
-        The material as guessed.
+        Guess of the material.
     noise, resolution : float
-        σ of the force before it is rounded, and the step Δ that it is rounded to, N.
+        σ of the force before rounding, and the quantisation step Δ, N.
     sample_time : float
         s.
     offset, surface : bool
-        Whether a force offset and the position of the surface are estimated along.
+        Whether a force offset and the surface position are estimated too.
     """
 
     law: HuntCrossley
@@ -161,7 +160,7 @@ class PlannedMeasurement:
     def speed_limit(self) -> float:
         """0.1 K/B, m/s (eq. 10).
 
-        Faster, the single-stage method is biased; variable projection is not.
+        Above it the single-stage method is biased; variable projection is not.
         """
         return 0.1 * self.law.stiffness / self.law.damping
 
@@ -173,7 +172,8 @@ class PlannedMeasurement:
     def relative_errors(self, motion: Motion, duration: float, *, quick: bool = False) -> Floats:
         """Cramér–Rao bounds of (K, B, n) over their values after a duration [s], shape (3,).
 
-        Infinite where the motion does not tell. ``quick`` counts one sample for several.
+        Infinite for what the motion does not identify. With ``quick`` one sample represents
+        several.
         """
         stride = self._stride(motion) if quick else 1
         total = self._nothing()
@@ -182,18 +182,17 @@ class PlannedMeasurement:
         return self._relative(total)
 
     def expected_errors(self, motion: Motion, duration: float, *, quick: bool = False) -> Floats:
-        """RMS errors of least squares with a sensor that rounds, over the values, shape (3,).
+        """Relative RMS errors of least squares with a sensor that rounds, shape (3,).
 
-        Where the noise does not blur the steps, part of the rounding is the same whenever the
-        force is the same, m(F) = Σ βₖ sin 2πk(F/Δ + φ): it does not average out over a motion that
-        repeats. With C = (JᵀJ)⁻¹ and the mean over φ, of which nobody knows where it lies,
+        If the noise does not blur the steps, part of the rounding error depends on the force only,
+        m(F) = Σ βₖ sin 2πk(F/Δ + φ), and does not average out over a periodic motion. With
+        C = (JᵀJ)⁻¹ and the mean over the unknown φ,
 
             E δθ² = (σ² + Δ²/12 − Σ βₖ²/2) C + Σ βₖ²/2 [(CJᵀ cos 2πkF/Δ)² + (CJᵀ sin 2πkF/Δ)²].
 
-        Where the steps fall depends on the guess: this is the mean over 0.9, 1 and 1.1 times the
-        forces in the waves, and no less than the bound, :meth:`relative_errors`, below which only
-        luck gets. Where noise blurs the steps it is the bound. ``quick`` counts one sample for
-        several.
+        As the steps' positions depend on the guess, the waves use the mean over 0.9, 1 and 1.1
+        times the forces. The result is at least the bound, :meth:`relative_errors`, and equal to it
+        if noise blurs the steps. With ``quick`` one sample represents several.
         """
         bound = self.relative_errors(motion, duration, quick=quick)
         betas = mean_rounding_error(self.noise, self.resolution)
@@ -222,11 +221,11 @@ class PlannedMeasurement:
     def times_to(self, motion: Motion, targets: Sequence[float]) -> Floats:
         """Time [s] after which each parameter's bound is within each target, shape (targets, 3).
 
-        Samples only ever add information (JᵀJ grows by positive semidefinite terms), so that no
-        bound grows with time: the first block of samples in which a target is met is bisected.
-        Every sample counts for 20 s. After it one in several stands for all, at least 64 in a
-        period of the fastest sine and one in 10 ms: sums over a smooth motion, which they change
-        by far less than the time is printed to. Infinite beyond ``HORIZON``.
+        Each sample adds information (JᵀJ grows by positive semidefinite terms), so no bound grows
+        with time, and the first block of samples that meets a target is bisected. Every sample
+        counts for 20 s; then one represents several, with at least 64 in a period of the fastest
+        sine and one in 10 ms, which changes the time by far less than its printed digits. Infinite
+        beyond ``HORIZON``.
         """
         times = np.full((len(targets), 3), math.inf)
         total = self._nothing()
@@ -245,7 +244,7 @@ class PlannedMeasurement:
     def _first(
         self, motion: Motion, before: Floats, index: Floats, stride: int, column: int, target: float
     ) -> int:
-        """Return the least count of a block's samples that meets a target; all of them do."""
+        """Return the least number of samples of a block that meets a target; the block does."""
 
         def met(count: int) -> bool:
             part = before + self._information(motion, index[:count], stride)
@@ -281,7 +280,7 @@ class PlannedMeasurement:
 
     def _relative(self, information: Floats) -> Floats:
         errors: Floats = np.sqrt(np.diag(inverse_information(information)))[:3]
-        with np.errstate(over="ignore"):  # of a parameter next to nothing, nothing is known
+        with np.errstate(over="ignore"):  # a parameter near 0 has an infinite relative error
             return errors / self.law.parameters
 
     def _nothing(self) -> Floats:
@@ -290,29 +289,29 @@ class PlannedMeasurement:
 
 
 def _blocks(start: int, stop: int, stride: int, size: int) -> Iterator[Floats]:
-    """Sample numbers from start to stop by stride, at most so many at a time."""
+    """Blocks of sample numbers from start to stop by stride, ``size`` at most each."""
     for first in range(start, stop, size * stride):
         yield np.arange(first, min(stop, first + size * stride), stride, dtype=np.float64)
 
 
 # A better motion than the planned one, within limits of depth and speed.
 
-# The probe stays deeper than this fraction of the peak penetration, and where K xⁿ is so many times
-# the noise but at most this fraction of its largest: what is less, gates leave out.
+# The probe stays deeper than this fraction of the peak penetration, and where K xⁿ is this many
+# times the noise but at most this fraction of its largest value: gates exclude lighter samples.
 MARGIN = 0.1
 CLEAR = 10.0
-# What gains less is not worth a change.
+# A smaller gain is not worth a change.
 LEAST_GAIN = 0.02
-# A quadratic velocity filter of 15 samples takes 5.57 (ω Δt)² off a sine's speed: here 0.5 %.
+# A quadratic velocity filter of 15 samples reduces a sine's speed by 5.57 (ω Δt)²: here 0.5 %.
 FASTEST_PHASE = 0.03
-# Four digits are enough to type, and move a depth by less than this fraction of it.
+# Rounding to four digits changes a depth by less than this fraction of it.
 _DIGITS = 4
 _SLACK = 1e-3
 
 
 @dataclass(frozen=True, slots=True)
 class Limits:
-    """What a motion has to keep to, for all time.
+    """Limits of a motion, of any duration.
 
     Parameters
     ----------
@@ -330,7 +329,7 @@ class Limits:
     frequency: float
 
     def allow(self, motion: Motion) -> bool:
-        """Whether the motion keeps to them."""
+        """Whether the motion is within the limits."""
         return (
             motion.peak_penetration <= self.peak_penetration * (1.0 + 1e-12)
             and motion.least_penetration >= self.least_penetration * (1.0 - 1e-12)
@@ -345,10 +344,10 @@ def limits_around(
     max_depth: float | None,
     max_speed: float | None,
 ) -> Limits:
-    """Limits as asked for; what is left open is what the motion itself reaches.
+    """The requested limits; those not specified are the motion's own.
 
-    The speed also stays below K/B, beyond which the law pulls at a probe on its way out, and the
-    frequency so low that a velocity filter of 15 samples costs the damping 0.5 %.
+    The speed also stays below K/B, above which the law is adhesive on withdrawal, and the frequency
+    so low that a velocity filter of 15 samples biases the damping by at most 0.5 %.
     """
     peak_penetration = motion.peak_penetration if max_depth is None else max_depth
     law = measurement.law
@@ -368,13 +367,12 @@ def limits_around(
 def find_better(
     given: Motion, measurement: PlannedMeasurement, limits: Limits, duration: float
 ) -> Motion | None:
-    """Return a motion within the limits whose worst error of (K, B, n) is less, or None.
+    """Return a motion within the limits with a smaller worst error of (K, B, n), or None.
 
-    The worst expected error after the duration is compared over strokes from the peak penetration
-    up to 24 heights, then over 9 around the best of them, all at the highest speed: of the planned
-    sines in their proportions, of a single sine, and of one with a small second one, which does
-    not repeat. Where the planned motion is within the limits, nothing is returned that gains less
-    than 2 %.
+    It compares the worst expected error after the duration for strokes from the peak penetration up
+    to 24 heights, then to 9 around the best, all at the highest speed, for three shapes: the
+    planned sines in their proportions, a single sine, and a sine with a small second one, which
+    does not repeat. If the planned motion is within the limits, the gain must be at least 2 %.
     """
     if limits.speed == 0.0:
         return None
@@ -391,7 +389,7 @@ def find_better(
         nonlocal best, least, best_shape
         for height in heights.tolist():
             candidate = _stroke(shape, top, height, limits)
-            # The bound is quick, and no expected error is less.
+            # The bound is fast to compute, and no expected error is less.
             if measurement.relative_errors(candidate, duration, quick=True).max() >= least:
                 continue
             error = float(measurement.expected_errors(candidate, duration, quick=True).max())
@@ -411,7 +409,7 @@ def find_better(
 
 
 def _shapes(given: Motion) -> Iterator[Motion]:
-    """Motions to scale: only the proportions of their sines count."""
+    """Motions to be scaled: only the proportions of their sines count."""
     if given.top_speed > 0.0:
         yield given
     yield Motion(1.0, (1.0,), (1.0,))
@@ -436,14 +434,14 @@ def _typed(value: float) -> float:
     return float(f"{value:.{_DIGITS}g}")
 
 
-# What one planned motion would tell of a guessed material.
+# The precision of one planned motion on a guessed material.
 
 TARGETS = (0.05, 0.01)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PredictedPrecision:
-    """What one motion would tell of a guessed material.
+    """The predicted precision of one motion on a guessed material.
 
     Attributes
     ----------
@@ -452,16 +450,14 @@ class PredictedPrecision:
     durations : tuple of float
         s, increasing.
     relative_errors : numpy.ndarray, shape (durations, 3)
-        Least standard error of (K, B, n) over its value, after each duration (Cramér–Rao); infinite
-        where the motion does not tell.
+        Lower bound of the relative standard errors of (K, B, n) after each duration (Cramér–Rao);
+        infinite for what the motion does not identify.
     expected_errors : numpy.ndarray, shape (durations, 3)
-        RMS error of least squares, with what a sensor's rounding repeats; the same where it repeats
-        nothing.
+        Relative RMS errors of least squares, including the sensor's rounding.
     targets : tuple of float
         5 % and 1 %.
     times : numpy.ndarray, shape (targets, 3)
-        Seconds after which (K, B, n) can be known to each target; infinite where that takes more
-        than 1000 s.
+        Time after which (K, B, n) can be within each target, s; infinite above 1000 s.
     least_penetration, peak_penetration : float
         Least and largest penetration within the longest duration, m.
     peak_speed, rms_speed : float
@@ -471,7 +467,7 @@ class PredictedPrecision:
     peak_force : float
         N.
     notes : tuple of str
-        What a reader should know before running it.
+        Warnings about the motion.
     """
 
     motion: Motion
@@ -490,16 +486,16 @@ class PredictedPrecision:
 
     @property
     def leaves_contact(self) -> bool:
-        """Whether the probe comes up to the surface or above it within the longest duration."""
+        """Whether the probe reaches the surface or leaves it within the longest duration."""
         return self.least_penetration <= 0.0
 
     @property
     def worst(self) -> float:
-        """Largest of the expected errors after the longest duration."""
+        """Largest expected error after the longest duration."""
         return float(self.expected_errors[-1].max())
 
     def as_dict(self) -> dict[str, Any]:
-        """Return plain numbers and words; what is infinite or undefined is None."""
+        """Return plain numbers and text; infinite or undefined numbers are None."""
         names = ("stiffness", "damping", "exponent")
 
         def rows(key: str, values: Sequence[float], table: Floats) -> list[dict[str, float]]:
@@ -518,7 +514,7 @@ class PredictedPrecision:
 def predict_precision(
     motion: Motion, measurement: PlannedMeasurement, durations: tuple[float, ...]
 ) -> PredictedPrecision:
-    """Say what a motion would identify after each of the durations, which increase."""
+    """Predict the precision of a motion after each of the durations, which increase."""
     law, step = measurement.law, measurement.sample_time
     _, x, v = motion.sampled(durations[-1], step)
     touching = x > 0.0
@@ -530,9 +526,9 @@ def predict_precision(
     notes = _notes(motion, measurement, float(x.min()), outward)
     if np.isfinite(errors[-1]).all() and (expected[-1] > 1.2 * errors[-1]).any():
         notes.append(
-            "the noise does not blur the sensor's steps, and the motion repeats them: after "
-            f"{durations[-1]:g} s errors are about {(expected[-1] / errors[-1]).max():.1f} times "
-            "the bound"
+            "the sensor's quantisation error repeats with the motion, as the noise is below its "
+            f"steps: after {durations[-1]:g} s the errors are about "
+            f"{(expected[-1] / errors[-1]).max():.1f} times the bound"
         )
     return PredictedPrecision(
         motion=motion,
@@ -557,23 +553,23 @@ def _notes(
     notes = []
     law = measurement.law
     if motion.top_speed == 0.0:
-        notes.append("the probe is held: nothing of the law is identifiable")
+        notes.append("the probe is held still: no parameter is identifiable")
     if least_penetration <= 0.0:
         notes.append(
-            f"the probe leaves contact: it comes up to {rounded(1e3 * least_penetration, 3)} mm; a "
-            "larger depth or smaller amplitudes keep it in"
+            f"the probe leaves contact: it rises to {rounded(1e3 * least_penetration, 3)} mm; "
+            "increase the depth to stay in contact"
         )
     if outward < -law.stiffness / law.damping:
         notes.append(
-            "on its way out the probe is faster than K/B = "
-            f"{rounded(law.stiffness / law.damping, 3)} m/s: there the law pulls, "
-            "which no contact can"
+            "the probe withdraws faster than K/B = "
+            f"{rounded(law.stiffness / law.damping, 3)} m/s, where the law becomes adhesive "
+            "(negative force)"
         )
     fastest = max(motion.frequencies, default=0.0)
     if fastest * measurement.sample_time > FASTEST_PHASE:
         loss = 5.57 * (fastest * measurement.sample_time) ** 2
         notes.append(
-            f"a velocity filter of 15 samples takes {loss:.1%} off the speed of the sine of "
-            f"{rounded(fastest, 4)} rad/s, and with it biases the damping"
+            f"a velocity filter of 15 samples reduces the speed of the sine of "
+            f"{rounded(fastest, 4)} rad/s by {loss:.1%}, which biases the damping"
         )
     return notes

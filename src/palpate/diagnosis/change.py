@@ -37,7 +37,7 @@ class Changes:
     times : tuple of float
         The borders, s.
     laws : tuple of ForceLaw
-        One for each stretch, SI.
+        One for each segment, SI.
     """
 
     cause: MisfitHypothesis
@@ -248,7 +248,7 @@ def _judged(fit: Fit, cut: Cut) -> Changes | None:
         return max(moved, key=abs) / other.sizes[0], 0.0
 
     sentence = f"the material changes at {when}: stiffness at working depth {levels} N/m"
-    remedy = "--changes identifies each stretch by itself"
+    remedy = "identify each segment separately: --changes"
     return Changes(
         MisfitHypothesis("change", *found, sentence, remedy, moves, *moves(fit)), times, laws
     )

@@ -78,9 +78,16 @@ class Data:
         spread = width * (width**2 - 1.0)
         return float(self.penetration_noise * np.sqrt(12.0 / spread) / self.sample_time)
 
+    @property
+    def wider_window(self) -> str:
+        """Next step where a differentiated velocity is noisy: twice the filter's window."""
+        prepared = self.contact.prepared
+        window = (prepared.window if prepared is not None else None) or 15e-3
+        return f"run again with --velocity-window {2.0 * window:.2g}"
+
     @cached_property
     def findings(self) -> tuple[Finding, ...]:
-        """What the checks of the data found, and what its preparation said."""
+        """What the checks of the data found, and the findings of its preparation."""
         with np.errstate(all="ignore"):  # absurd samples overflow, and are then found
             found = [check(self) for check in (CHECKS if len(self) >= FEWEST else ())]
         return (*(each for each in found if each is not None), *self.contact.findings)
@@ -113,19 +120,19 @@ def coarse(data: Data) -> Finding | None:
         return Finding.of_both(
             "with-care",
             "coarse steps",
-            f"the force comes in steps of {format_quantity(data.force_step, 'N')}, {part:.1%} of "
-            "its largest",
-            "a finer range of the sensor, or press harder",
+            f"the force is quantised in steps of {format_quantity(data.force_step, 'N')}, "
+            f"{part:.1%} of its largest value",
+            "set the force sensor to a finer range",
         )
     step = step_of(data.penetration)
     if _coarse(data.penetration, step, PENETRATION_STEP * data.peak_penetration):
         return Finding.of_both(
             "with-care",
             "coarse steps",
-            f"the penetration comes in steps of {format_quantity(step, 'm')}, "
-            f"{step / data.peak_penetration:.1%} of its largest: the velocity is made of them, and "
+            f"the penetration is quantised in steps of {format_quantity(step, 'm')}, "
+            f"{step / data.peak_penetration:.1%} of its largest value: the velocity is coarse and "
             "the damping too small",
-            "a finer encoder, deeper or faster strokes, or a longer --velocity-window",
+            data.wider_window if data.differentiated else VELOCITY_NONE,
         )
     return None
 
@@ -150,9 +157,9 @@ def held(data: Data) -> Finding | None:
             return Finding.of_both(
                 "with-care",
                 "held channel",
-                f"the {name} changes only every {beat} samples, as one that is held: "
+                f"the {name} changes only every {beat} samples (sample and hold): it is "
                 f"{rounded(late, 2)} ms late on average",
-                "record at the rate of the slowest channel, or keep one sample of each beat",
+                "record at the rate of the slowest channel",
             )
     return None
 
@@ -192,13 +199,13 @@ def signs(data: Data) -> Finding | None:
     deep, shallow = float(force[x >= high].mean()), float(force[x <= low].mean())
     if deep >= shallow:
         return None
-    remedy = "--flip-penetration"
+    remedy = "run again with --flip-penetration"
     words = (
         f"the force falls from {rounded(shallow, 3)} N to {rounded(deep, 3)} N as the "
-        "penetration grows: is it positive into the material?"
+        "penetration grows: the penetration must be positive into the material"
     )
     if deep < 0.0 and abs(deep) > abs(shallow):
-        remedy = "--flip-force"
+        remedy = "run again with --flip-force"
         words = (
             f"the force is negative, {rounded(deep, 3)} N, where the penetration is largest: "
             "compression must be positive"
@@ -236,8 +243,8 @@ def spikes(data: Data) -> Finding | None:
     return Finding.of_both(
         "do-not-trust" if part > MANY else "with-care",
         "spikes",
-        f"{part:.2%} of the samples of the {name} are spikes",
-        "a median filter of five samples, or look after the cable",
+        f"{part:.2%} of the {name} samples are spikes",
+        f"check the {name} sensor's cable",
     )
 
 
@@ -263,12 +270,12 @@ def stamps(data: Data) -> Finding | None:
     ratio = _misfit(time, x) / by_index if by_index > 0.0 else 0.0
     if ratio <= RATIO:
         return None
-    words = "the time stamps jump where the penetration runs smoothly: they are of arrival"
     return Finding.of_both(
         "with-care",
         "time stamps",
-        f"{words}, not of sampling",
-        "stamp where the sensor is sampled, or give the samples even times",
+        "the time stamps jump where the penetration is smooth: they are times of arrival, not of "
+        "sampling",
+        "record the time at which the sensor is sampled",
         z=ratio,
     )
 
@@ -290,7 +297,7 @@ def _misfit(time: Floats, x: Floats) -> float:
 DEEPEST, FASTEST = 0.25, 3.0  # m, m/s; of the recordings the largest are 19 mm and 0.84 m/s
 # F/x², a modulus that no geometry changes much: recordings show 6e3 to 7e7 Pa.
 SOFTEST, HARDEST = 2.0, 5e8  # never by depth**2, which overflows
-FIRMEST = 5e3  # N; TPU under a testing machine is pressed with 2.6 kN
+LARGEST_FORCE = 5e3  # N; TPU under a testing machine is pressed with 2.6 kN
 SLOWEST = 0.2  # s between samples
 
 
@@ -306,23 +313,23 @@ def penetration_unit(data: Data) -> Finding | None:
     return Finding.of_both(
         "do-not-trust",
         "penetration unit",
-        f"the penetration reaches {rounded(depth, 3)} m at {rounded(force, 3)} N: millimetres, "
-        "or columns swapped?",
-        "--unit penetration=mm",
+        f"the penetration reaches {rounded(depth, 3)} m at {rounded(force, 3)} N: it may be in "
+        "millimetres, or swapped with another column",
+        "run again with --unit penetration=mm",
     )
 
 
 def force_unit(data: Data) -> Finding | None:
     """F > 5 kN or F/x² > 5e8 Pa; it sees 87 % of the cases, so the peak force is always printed."""
     depth, force = data.peak_penetration, data.peak_force
-    if depth <= 0.0 or (force <= FIRMEST and force / depth <= HARDEST * depth):
+    if depth <= 0.0 or (force <= LARGEST_FORCE and force / depth <= HARDEST * depth):
         return None
     return Finding.of_both(
         "do-not-trust",
         "force unit",
-        f"the force reaches {rounded(force, 3)} N at {rounded(1e3 * depth, 3)} mm: are these "
-        "millinewtons?",
-        "--unit force=mN",
+        f"the force reaches {rounded(force, 3)} N at {rounded(1e3 * depth, 3)} mm: it may be in "
+        "millinewtons",
+        "run again with --unit force=mN",
     )
 
 
@@ -333,15 +340,17 @@ def time_unit(data: Data) -> Finding | None:
     return Finding.of_both(
         "do-not-trust",
         "time unit",
-        f"there is a sample every {rounded(data.sample_time, 3)} s: are the times milliseconds?",
-        "--unit time=ms",
+        f"there is a sample every {rounded(data.sample_time, 3)} s: the times may be in "
+        "milliseconds",
+        "run again with --unit time=ms",
     )
 
 
 # A recorded velocity against the penetration's own rate.
 
-REMEDY, OTHER = "leave it out: --velocity none", ": another unit, sign or channel"
-MEAN = 15  # samples of a stretch, over which noise averages out
+VELOCITY_NONE = "differentiate the penetration instead: --velocity none"
+OTHER = ": it may have another unit or sign, or be another channel"
+MEAN = 15  # samples of a piece, over which noise averages out
 STOP = (0.8, 1.25)  # slopes; recorded columns have 1.01 to 1.08
 CARE = 0.05  # of the damping, as for every cause
 ALIKE = 0.9  # correlation, above which a slope means something
@@ -349,20 +358,20 @@ VELOCITIES_AGAINST = -0.5
 
 
 def velocity_column(data: Data) -> Finding | None:
-    """Slope of ∫v dt on Δx, over stretches of 15 samples, where the two are alike.
+    """Slope of ∫v dt on Δx, over pieces of 15 samples, where the two are correlated.
 
     Beyond 0.8 … 1.25, or where they run against each other, it is another channel; within, the
     damping B = ∂F/∂v is wrong by the slope.
     """
     if data.differentiated or len(data) < 4 * MEAN:
         return None
-    way, integral = _stretches(data)
+    way, integral = _pieces(data)
     if way.size < 4 or np.ptp(way) == 0.0 or np.ptp(integral) == 0.0:
         return None
     alike = float(np.corrcoef(way, integral)[0, 1])
     if alike < VELOCITIES_AGAINST:
         words = "the velocity column runs against the rate of the penetration" + OTHER
-        return Finding.of_both("do-not-trust", "velocity column", words, REMEDY)
+        return Finding.of_both("do-not-trust", "velocity column", words, VELOCITY_NONE)
     if alike <= ALIKE:
         return None
     # Noise in one of the two lowers the first and raises the second: the one nearer to 1 is sure.
@@ -370,22 +379,22 @@ def velocity_column(data: Data) -> Finding | None:
     slope = min(slopes, key=lambda each: abs(each - 1.0))
     words = f"the velocity column is {rounded(slope, 3)} times the rate of the penetration"
     if not STOP[0] <= slope <= STOP[1]:
-        return Finding.of_both("do-not-trust", "velocity column", words + OTHER, REMEDY)
+        return Finding.of_both("do-not-trust", "velocity column", words + OTHER, VELOCITY_NONE)
     if abs(slope - 1.0) <= CARE:
         return None
     wrong = f"{abs(slope - 1.0):.0%} too {'small' if slope > 1.0 else 'large'}"
     return Finding(
         "velocity column",
-        f"{words}: the damping is {wrong}, if the penetration is right",
-        REMEDY,
+        f"{words}: the damping is {wrong} if the penetration is right",
+        VELOCITY_NONE,
         damping="with-care",
         moves_stiffness_percent=0.0,
         moves_damping_percent=100.0 * (slope - 1.0),
     )
 
 
-def _stretches(data: Data) -> tuple[Floats, Floats]:
-    """Way of each stretch by the penetration, and by the velocity's integral, m."""
+def _pieces(data: Data) -> tuple[Floats, Floats]:
+    """Way of each piece by the penetration, and by the velocity's integral, m."""
     ends = np.arange(0, (len(data) // MEAN) * MEAN, MEAN)
     last = ends + MEAN - 1
     whole = data.segment[ends] == data.segment[last]

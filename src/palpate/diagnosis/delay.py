@@ -1,4 +1,4 @@
-"""Causes of misfit beside the fit: columns of drift, friction or another shape; delay; memory."""
+"""Causes of misfit: drift, friction or another shape, as columns of a fit; delay; relaxation."""
 
 import math
 from functools import cache
@@ -6,7 +6,7 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.diagnosis.finding import remedy_of_memory
+from palpate.diagnosis.finding import TASK_SPEED, remedy_of_memory
 from palpate.diagnosis.fit import (
     AugmentedFit,
     Band,
@@ -16,13 +16,14 @@ from palpate.diagnosis.fit import (
     Moves,
     Solution,
     augmented_fit,
+    deeper_half,
 )
 from palpate.digits import format_quantity, rounded, with_error
 from palpate.validation import Floats
 
 
 def columns(fit: Fit) -> list[MisfitHypothesis]:
-    """Fit every column beside the law, one at a time."""
+    """Add one column at a time to the law's own, and fit."""
     law, data, samples = fit.solution.law, fit.data, fit.band.samples
     x, rest = np.maximum(fit.x, 1e-12), np.zeros_like(fit.x)
     # Without units: depth over the working depth, speed over its rms, time from −½ to ½.
@@ -56,45 +57,47 @@ def columns(fit: Fit) -> list[MisfitHypothesis]:
 
 
 def _explained(fit: Fit, name: str, amount: float) -> tuple[str, str]:
-    """What so much of a column means, and what to do."""
+    """What so much of a column means, and the next step."""
     part = abs(amount) / max(abs(fit.force_at_depth(fit.solution.law)), 1e-300)
-    mass = f"a mass of {rounded(amount, 2)} kg moves with the probe beyond the force sensor"
+    half = rounded(0.5 * float(fit.data.time[0] + fit.data.time[-1]), 3)
     return {
         "gain drift": (
-            f"the material {'hardens' if amount > 0.0 else 'softens'} by {abs(amount):.1%} over "
+            f"the material {'hardens' if amount > 0.0 else 'softens'} by {abs(amount):.1%} during "
             "the recording",
-            "identify parts of the recording, with --start and --stop",
+            f"identify the two halves separately: --stop {half}, then --start {half}",
         ),
         "offset drift": (
-            f"the zero of the force drifts by {format_quantity(abs(amount), 'N')}",
-            "let the sensor warm up, and tare before each touch",
+            f"the force sensor's zero drifts by {format_quantity(abs(amount), 'N')}",
+            "tare the sensor before each touch",
         ),
         "friction": (
-            f"a friction of {part:.1%} of the force: it turns with the direction, not with the "
-            "speed",
-            "press along the surface's normal; the damping is for this speed only",
+            f"friction of {part:.1%} of the force: it depends on the direction of motion, not on "
+            "the speed",
+            "press along the surface normal",
         ),
         "damping form": (
-            "the damping grows with depth in another way than the law's",
-            "the stiffness at working depth holds; take the damping at that depth only",
+            "the damping grows with depth differently than in the law",
+            "use the damping at the working depth only",
         ),
         "damping with depth": (
-            "the damping grows with depth, as it does not in the law",
-            "--method variable-projection, which has F = K xⁿ + B xⁿ v",
+            "the damping grows with depth, which this law leaves out",
+            "run again with --method variable-projection, whose damping grows with depth",
         ),
         "shape": (
-            "the force does not grow with depth as by the exponent that was given"
+            "the force does not grow with depth by the exponent that was passed"
             if fit.fixed
-            else "the force grows with depth in another way than the law's",
-            "identify a smaller range of depths, with --min-penetration",
+            else "the force grows with depth differently than in the law",
+            deeper_half(fit),
         ),
         "square speed": (
-            "the damping is not in proportion to the speed",
-            "the damping is for this speed only; move as fast as the task will",
+            "the damping force is not proportional to the speed",
+            TASK_SPEED,
         ),
         "inertia": (
-            mass if amount > 0.0 else "the force follows the acceleration",
-            "weigh what moves beyond the sensor and take m·a off the force",
+            f"a mass of {rounded(amount, 2)} kg moves between the force sensor and the material"
+            if amount > 0.0
+            else "the force depends on the acceleration",
+            "subtract mass times acceleration, of what moves beyond the sensor, from the force",
         ),
     }[name]
 
@@ -153,11 +156,11 @@ def delay(fit: Fit) -> list[MisfitHypothesis]:
     error = abs(fine.amount) / max(fine.z, 1e-300)
     sentence = (
         f"the force is {with_error(abs(late) * 1e3, error * 1e3, unit='ms')} "
-        f"{'late' if late > 0.0 else 'early'}, or the damping follows another law; the two cannot "
-        "be told apart by the recording"
+        f"{'late' if late > 0.0 else 'early'}, or the damping follows another law (the recording "
+        "cannot tell which)"
     )
     read = f"{late * 1e3:.2g}" if abs(late) < 10e-3 else f"{late * 1e3:.3g}"
-    remedy = f"--delay {read}ms, if the sensors can be out of step by that"
+    remedy = f"run again with --delay {read}ms if the sensors can be out of step by that much"
 
     def moves(other: Fit) -> tuple[float, float]:
         after = other.stiffness(moved.law), other.damping(moved.law)
@@ -167,7 +170,7 @@ def delay(fit: Fit) -> list[MisfitHypothesis]:
 
 
 def delay_sensitivity(fit: Fit) -> str:
-    """How much 1 ms between force and position would change the damping, in words.
+    """Describe how much 1 ms between force and position would change the damping.
 
     K (x + vτ)ⁿ = K xⁿ + τ n K xⁿ⁻¹ v: to first order a force that is early by τ is the damper of a
     half-space.
@@ -175,7 +178,7 @@ def delay_sensitivity(fit: Fit) -> str:
     law = fit.solution.law
     damping = abs(fit.damping(law))
     by_skew = abs(fit.stiffness(law)) * 1e-3 / damping if damping > 0.0 else math.inf
-    words = f"1 ms of skew between force and position would change the damping by {by_skew:.1%}"
+    words = f"1 ms of skew between force and position changes the damping by {by_skew:.1%}"
     if fit.laws is None or not fit.laws.own:
         return words
     if fit.laws.verdict.candidate.damping != "half-space":
@@ -273,29 +276,28 @@ def memory(fit: Fit) -> list[MisfitHypothesis]:
 
 
 def _describe(fit: Fit, time: float) -> tuple[str, str]:
-    """What was found, and what to do; where the law may remember, it is beside its memory."""
-    over = f"about {rounded(time, 2)} s"
+    """What was found, and the next step; a law that relaxes may leave some relaxation over."""
+    over, tare = f"about {rounded(time, 2)} s", "tare the sensor before each touch"
     if fit.equivalent is None:
         return (
-            f"the material remembers for {over}: its stiffness is that at "
+            f"stress relaxation over {over}: the stiffness holds at "
             f"{rounded(1.0 / fit.period, 2)} Hz",
             remedy_of_memory(fit.laws, time),
         )
-    parts = "identify parts of the recording, with --start and --stop"
     if fit.equivalent.longest == 0.0:
         return (
-            f"beside the law the force relaxes over {over}, and no law with memory that was "
-            "offered explains it better: a sensor may drift, or the material change",
-            parts,
+            f"the force relaxes over {over}, which no compared law describes better: sensor drift, "
+            "or a material that changes",
+            tare,
         )
     if time > fit.equivalent.longest:
         return (
-            f"beside what the law remembers the force relaxes over {over}, as where a sensor "
-            "drifts or a material softens",
-            parts,
+            f"the force relaxes over {over}, longer than the law does: sensor drift, or a material "
+            "that softens",
+            tare,
         )
     return (
-        f"the force relaxes over {over} otherwise than by the law's spectrum",
+        f"the force relaxes over {over} differently than the law",
         remedy_of_memory(fit.laws, time),
     )
 

@@ -1,4 +1,4 @@
-"""Every check of a fit and of its data, run: from an identification to its diagnosis."""
+"""From an identification to its diagnosis: runs every check of the fit and of its data."""
 
 import logging
 import math
@@ -11,7 +11,7 @@ from operator import attrgetter
 import numpy as np
 
 from palpate.diagnosis.change import Changes, changes
-from palpate.diagnosis.data import Data, beat_of
+from palpate.diagnosis.data import VELOCITY_NONE, Data, beat_of
 from palpate.diagnosis.delay import columns, delay, delay_sensitivity, memory
 from palpate.diagnosis.finding import Diagnosis, Episode, Laws, Quantity, Verdict, WorkingDepth
 from palpate.diagnosis.fit import FEWEST_ROWS, Fit, MisfitHypothesis, Search
@@ -74,27 +74,27 @@ def flat(fit: Fit) -> Finding | None:
         return None
     mark: Mark = "do-not-trust" if part > MANY_FLAT else "with-care"
     if at_top < elsewhere:
-        words = f"the force stands still for {part:.1%} of the contact while the probe moves"
-        return Finding.of_both(mark, "stuck force", words, "look after the sensor's connection")
-    words = f"the force stays at its largest, {rounded(top, 3)} N, for {part:.1%} of the contact"
-    remedy = "press less deep, or take a sensor of a larger range"
-    return Finding.of_both(mark, "saturation", f"{words}: saturated?", remedy)
+        words = f"the force is constant for {part:.1%} of the contact while the probe moves"
+        return Finding.of_both(mark, "stuck force", words, "check the sensor's connection")
+    words = (
+        f"the force stays at its largest value, {rounded(top, 3)} N, for {part:.1%} of the "
+        "contact: the sensor saturates"
+    )
+    return Finding.of_both(mark, "saturation", words, "use a force sensor with a larger range")
 
 
-# Outliers that were left out: said always, and not to be trusted blindly where they are many.
+# Excluded outliers: always reported, and many of them call for care.
 
 MANY_LEFT_OUT = 0.02  # of the samples in contact
 
 
 def outliers(count: int, samples: int) -> Finding:
-    """Say how many of the samples in contact were left out; more than 2 % call for care."""
-    words = f"{count} samples were left out as outliers"
-    if count == 1:
-        words = "1 sample was left out as an outlier"
+    """Return how many samples in contact were excluded; more than 2 % call for care."""
+    part = rounded(100.0 * count / samples, 2)
     return Finding(
         "outliers",
-        f"{words} ({rounded(100.0 * count / samples, 2)} %)",
-        "look at the figure: if they are no outliers, --no-reject-outliers takes them",
+        f"{count} sample{'s' * (count > 1)} ({part} %) excluded as outlier{'s' * (count > 1)}",
+        "if they are real, run again with --no-reject-outliers",
         "with-care" if count > MANY_LEFT_OUT * samples else "note",
     )
 
@@ -115,9 +115,9 @@ def one_way(fit: Fit) -> Finding | None:
     chosen = fit.laws is not None and fit.laws.own
     return Finding(
         "one way",
-        "the probe goes one way at nearly one speed: stiffness, damping and memory are "
-        "distinguished by the shape of the law alone, and their error bars do not say so",
-        "press and let go, at several speeds",
+        "the probe moves one way at nearly one speed: only the shape of the law separates "
+        "stiffness, damping and relaxation, which the error bars do not include",
+        "press and release, at several speeds",
         stiffness="with-care" if chosen else "trust",
         damping="do-not-trust",
     )
@@ -139,13 +139,13 @@ def velocity_noise(fit: Fit) -> Finding | None:
     if not part > CARE:
         return None
     derived = fit.data.differentiated
-    whose = "the velocity, worked out of the penetration," if derived else "the velocity column"
+    whose = (
+        "the velocity, differentiated from the penetration," if derived else "the velocity column"
+    )
     return Finding(
         "velocity noise",
-        f"{whose} is noisy: the damping is some {min(part, 1.0):.0%} too small",
-        "--velocity-window 0.03, or move faster"
-        if derived
-        else "--velocity-window on a file without that column, or a filtered velocity",
+        f"{whose} is noisy: the damping is about {min(part, 1.0):.0%} too small",
+        fit.data.wider_window if derived else VELOCITY_NONE,
         damping="do-not-trust" if part > STOP else "with-care",
         moves_stiffness_percent=0.0,
         moves_damping_percent=100.0 * min(part, 1.0),
@@ -171,29 +171,32 @@ def diagnose_parts(
     depths: Sequence[float] = (),
     laws: Laws | None = None,
     notes: Sequence[Finding] = (),
+    method: str = "variable-projection",
 ) -> Diagnosis:
-    """Diagnose what an estimator made of a recording.
+    """Diagnose the identification of a recording.
 
     Parameters
     ----------
     data : Data
-        The recording, whose own checks are made once for all methods.
+        The recording; its own checks are made once for all methods.
     trace : Trace
-        Of the replay.
+        The replay.
     estimate : Estimate
-        At its end.
+        The last estimate.
     depths : sequence of float
-        The working depth, which the verdict is about, and others, m, > 0. Unless given the median
-        and the 90th percentile of the penetration of the samples taken.
+        The working depth, which the verdict is about, and others, m, > 0. Default: the median and
+        the 90th percentile of the penetration in contact.
     laws : Laws, optional
-        What laws that are compared made of the same samples.
+        Model selection on the same samples.
     notes : sequence of Finding
-        What is to be known of the estimate and of its samples. Of several materials only what calls
-        for care: one law for all of them is not identifiable by any motion.
+        Flags of the estimate and its samples. Of several materials only those that call for care:
+        no motion identifies one law for all of them.
+    method : str
+        Name of the method, for remedies.
     """
     found = list(data.findings)
     with np.errstate(all="ignore"):  # a column of an absurd fit may overflow; it is then left out
-        fit = Fit(data, trace, estimate, depths[0] if depths else None, laws)
+        fit = Fit(data, trace, estimate, depths[0] if depths else None, laws, method)
         others = depths[1:] if depths else fit.deeper
         try:
             if len(fit.band) >= FEWEST_ROWS // 2 and fit.finite:
@@ -238,15 +241,15 @@ def _diagnosed(
 
 
 def _with_better_law(fit: Fit, judged: Judged) -> Judged:
-    """With the law that explains the samples better, and how far it moves the numbers."""
+    """With the law that model selection prefers, and how far it changes the result."""
     cause = better_law(fit)
     if cause is None:
         return judged
     checks = [finding.check for finding in judged.findings]
     if "delay" in checks:  # which looks like another damper, or like memory
-        cause = replace(cause, remedy=f"{cause.remedy}; unless the force is late")
+        cause = replace(cause, remedy=f"{cause.remedy}, unless the force is known to be late")
     found = finding_of(cause, "note", *marks_of(cause))
-    # What explains most is said first; of a memory that is what the memory's own finding says.
+    # The cause that explains most comes first; of relaxation, its own finding.
     first = cause.gain > max((each.gain for each, _ in judged.counted), default=0.0)
     place = 0 if first and checks[:1] not in (["memory"], ["surface"]) else 1
     findings = [*judged.findings[:place], found, *judged.findings[place:]]
@@ -254,7 +257,7 @@ def _with_better_law(fit: Fit, judged: Judged) -> Judged:
 
 
 def _moved_by_velocity(fit: Fit, judged: Judged, found: list[Finding]) -> Judged:
-    """With what a wrong velocity does to the damping, and the filter that it was made with.
+    """With the error of the damping that a wrong or filtered velocity causes.
 
     At a frequency ω the slope of the parabola through a window of T keeps 1 − (ωT/2)²/10 of the
     velocity, and the damping becomes as much larger: 0.1 % at 2 Hz by the usual 15 ms.
@@ -289,8 +292,8 @@ def _whole(
 def _nothing_to_check(fit: Fit) -> Finding:
     count = int(np.count_nonzero(fit.inside))
     few = count < FEWEST_ROWS
-    words = f"only {count} samples in contact: too few" if few else "the motion says too little"
-    remedy = "record longer" if few else "move the probe: palpate design finds a motion"
+    words = f"only {count} samples in contact: too few" if few else "the motion varies too little"
+    remedy = "record longer" if few else "move the probe in and out at several speeds"
     message = f"{words} to check the law"
     return Finding.of_both("do-not-trust", "excitation", message, remedy)
 
@@ -310,9 +313,9 @@ def _notes(fit: Fit) -> list[Finding]:
         notes.append(
             Finding(
                 "surface",
-                "the probe is never out of contact: where the surface lies is an assumption, and "
-                "K, B and n are for it; stiffness and damping at working depth hold all the same",
-                "record from before the touch",
+                "there is no free air in the recording, so the surface position is assumed: K, B "
+                "and n depend on it, stiffness and damping at working depth do not",
+                "start the recording before the touch",
             )
         )
     return notes

@@ -1,4 +1,4 @@
-"""What a diagnosis says: findings, a verdict, and numbers at the working depth."""
+"""The parts of a diagnosis: findings, a verdict, and numbers at the working depth."""
 
 import math
 from collections.abc import Iterable, Sequence
@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from palpate.digits import rounded, with_error
+from palpate.digits import format_quantity, with_error
 from palpate.estimators import ContactEstimator, LawVerdict
 from palpate.estimators.law_verdicts import EVERYDAY, verdict_of
 from palpate.findings import Finding, Mark
@@ -32,17 +32,17 @@ class Verdict(Plain):
 
 @dataclass(frozen=True, slots=True)
 class Quantity(Plain):
-    """A number with two error bars, SI; or arrays of them.
+    """A number with a statistical and a systematic standard error, SI; or arrays of them.
 
     Attributes
     ----------
     value : float
         By the identified law.
     standard_error : float
-        Repeatable part, from the scatter of blocks of the residual; NaN where it is not known.
+        Statistical part, from the long-run covariance of the residual; NaN if unknown.
     systematic : float
-        What the causes that were found would move it by, or how far the method is off the least
-        squares of its law, where that is more; 0 of neither.
+        How far the causes that were found change it, or how far the method is off the least
+        squares of its law, whichever is larger; 0 without either.
     """
 
     value: float
@@ -51,21 +51,26 @@ class Quantity(Plain):
 
     @property
     def whole_error(self) -> float:
-        """What repeats and what the findings would move together; NaN where one is unknown."""
+        """Both standard errors together, hypot(statistical, systematic); NaN if one is unknown."""
         return math.hypot(self.standard_error, self.systematic)
+
+    @property
+    def combined(self) -> "Quantity":
+        """The same with :attr:`whole_error` as its one standard error."""
+        return Quantity(self.value, self.whole_error, 0.0)
 
     def scaled(self, factor: float) -> "Quantity":
         """Return so many times the quantity."""
         return Quantity(*(factor * x for x in (self.value, self.standard_error, self.systematic)))
 
     def format(self, unit: str = "") -> str:
-        """It with both error bars, what repeats and what the findings would move, and a unit."""
+        """Format value ± statistical ± systematic standard error, and a unit."""
         return with_error(self.value, self.standard_error, self.systematic, unit=unit)
 
 
 @dataclass(frozen=True, slots=True)
 class WorkingDepth(Plain):
-    """What the law says at one depth and at rest, SI.
+    """Force, stiffness and damping of the law at one depth and at rest, SI.
 
     Attributes
     ----------
@@ -106,7 +111,7 @@ def stacked(depths: Sequence[WorkingDepth], shape: tuple[int, ...]) -> WorkingDe
 
 @dataclass(frozen=True, slots=True)
 class Episode:
-    """A stretch of time in which the material stayed as it was.
+    """A time span in which the material did not change.
 
     Attributes
     ----------
@@ -135,24 +140,24 @@ class Episode:
         }
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, repr=False)
 class Diagnosis(Plain):
-    """What may be wrong with an identification, and how far its numbers can be trusted.
+    """What may be wrong with an identification, and how far to trust its numbers.
 
     Attributes
     ----------
     verdict : Verdict
         On the stiffness and the damping at working depth, and overall.
     findings : tuple of Finding
-        The gravest first.
+        The most severe first.
     working_depths : tuple of WorkingDepth
         Force, stiffness and damping with both error bars: at the working depth, which the verdict
-        is about and is the median penetration unless another is asked for; then at the 90th
-        percentile of the penetration.
+        is about (default: the median penetration); then at the 90th percentile of the
+        penetration.
     episodes : tuple of Episode
-        One for each stretch between changes of the material; empty where none was found.
+        One for each segment between changes of the material; empty without a change.
     law_verdict : LawVerdict, optional
-        Which everyday law it is by the same samples, where the identified one is among them.
+        Model selection among the common laws on the same samples, if the identified law is one.
     """
 
     verdict: Verdict
@@ -161,6 +166,18 @@ class Diagnosis(Plain):
     episodes: tuple[Episode, ...] = ()
     law_verdict: LawVerdict | None = None
 
+    def __repr__(self) -> str:
+        at, marks = self.working_depth, self.verdict
+        stiffness, damping = (
+            with_error(each.value, each.whole_error, unit=unit)
+            for each, unit in ((at.stiffness, "N/m"), (at.damping, "N·s/m"))
+        )
+        return (
+            f"<Diagnosis: {marks.overall}; {self.reason}\n"
+            f" at {format_quantity(at.depth, 'm')}: stiffness {stiffness} ({marks.stiffness}), "
+            f"damping {damping} ({marks.damping}); {len(self.findings)} findings>"
+        )
+
     @property
     def working_depth(self) -> WorkingDepth:
         """Numbers at the working depth."""
@@ -168,27 +185,28 @@ class Diagnosis(Plain):
 
     @property
     def reason(self) -> str:
-        """The message of the gravest finding that is more than a note."""
+        """The message of the most severe finding, if that is more than a note."""
         if not self.findings or self.findings[0].severity == "note":
-            return "nothing was found that moves the numbers"
+            return "no problem found that would change the result"
         return self.findings[0].message
 
     @property
     def remedy(self) -> str | None:
-        """What to do about the reason."""
+        """The next step: the remedy of the reason."""
         first = self.findings[:1]
         return first[0].remedy if first and first[0].severity != "note" else None
 
     def as_dict(self) -> dict[str, Any]:
-        """Return it as plain numbers and words; what is not defined is None."""
+        """Return plain numbers and text; undefined values are None."""
         return {**Plain.as_dict(self), "working_depth": self.working_depth.as_dict()}
 
 
-# What laws that are compared made of the samples that were identified.
+# Model selection on the samples that were identified.
 
-REMEDY = "--law auto"
-FASTER = "move as fast as the task will"
-# Of the everyday bank: its longest relaxation time, in sample times.
+REMEDY = "run again with --law auto"
+MORE_LAWS = "run again with --law any, which offers more laws"
+TASK_SPEED = "record at the speed of the task"
+# The longest relaxation time of the common laws, in sample times.
 _LONGEST = 2048.0
 
 
@@ -215,7 +233,7 @@ class Laws:
 
     @property
     def of_all(self) -> bool:
-        """Whether they were more than the everyday ones."""
+        """Whether they were more than the common ones."""
         return len(self.verdict.model_ranking) > EVERYDAY
 
     @classmethod
@@ -227,23 +245,21 @@ class Laws:
 
 
 def remedy_of_memory(laws: Laws | None, time: float) -> str:
-    """What to do of a memory that the residual shows, in agreement with the verdict on laws.
+    """Return the next step for relaxation in the residual; it agrees with the model selection.
 
     Parameters
     ----------
     laws : Laws, optional
         That were compared.
     time : float
-        For how long the residual remembers, s.
+        Relaxation time that the residual shows, s.
     """
     if laws is None or all(each.candidate.memory == "none" for each in laws.verdict.model_ranking):
-        return f"{REMEDY} tells whether a law with memory is better; or {FASTER}"
-    if laws.verdict.candidate.memory != "none":
-        if not laws.own:
-            return f"{REMEDY} identifies the memory; or {FASTER}"
-        return FASTER if laws.of_all else f"--law any has more kinds of memory; or {FASTER}"
-    if time > laws.longest and not laws.of_all:
-        longest = rounded(laws.longest, 2)
-        return f"longer than the {longest} s of {REMEDY}: as likely the drift of a sensor; {FASTER}"
-    better = "by the verdict on laws" if laws.own else f"by {REMEDY}: {laws.verdict.candidate} is"
-    return f"no law with memory is better, {better}; {FASTER}"
+        return REMEDY
+    if laws.verdict.candidate.memory != "none" and not laws.own:
+        return REMEDY
+    if laws.own and not laws.of_all:
+        return MORE_LAWS
+    if time > laws.longest:  # as likely the drift of a sensor
+        return "tare the sensor before each touch"
+    return TASK_SPEED

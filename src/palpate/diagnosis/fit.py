@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from palpate.diagnosis.data import Data
 from palpate.diagnosis.finding import Laws
+from palpate.estimators import ESTIMATORS
 from palpate.estimators.by_law import linear_in
 from palpate.estimators.estimate import Estimate, Trace
 from palpate.estimators.least_squares import least_squares, robust_covariance
@@ -24,7 +25,7 @@ class EquivalentEstimate(Estimate):
     Attributes
     ----------
     own_errors : numpy.ndarray, shape (3,)
-        Standard errors of force, stiffness and damping at the depth, by the law that it was.
+        Standard errors of force, stiffness and damping at the depth, by the identified law.
     longest : float
         The longest time that the law relaxed over, s; 0 for one without memory.
     """
@@ -39,18 +40,18 @@ class EquivalentEstimate(Estimate):
 
     @property
     def law(self) -> HuntCrossley:
-        """The law that it is taken for."""
+        """The equivalent Hunt–Crossley law."""
         return self._equivalent
 
 
 def equivalent_hunt_crossley(
     data: Data, estimate: Estimate, depth: float
 ) -> tuple[Data, EquivalentEstimate]:
-    """Take out of the force what a generalised law has beside a Hunt–Crossley law.
+    """Subtract from the force what a generalised law adds to a Hunt–Crossley law.
 
-    F − M Σ w g − (B xᵖ − B′ xⁿ) v, with B′ xⁿ = B xᵖ at a depth [m], is to be K xⁿ + B′ xⁿ v: what
-    is left beside it no less than before, and force, stiffness and damping at that depth are the
-    same, those of the relaxed material.
+    F − M Σ w g − (B xᵖ − B′ xⁿ) v, with B′ xⁿ = B xᵖ at a depth [m], is compared with
+    K xⁿ + B′ xⁿ v: the residual is the same, and so are force, stiffness and damping at that depth,
+    those of the relaxed material.
     """
     law: GeneralisedHuntCrossley = estimate.law
     x, v = data.penetration - estimate.surface, data.velocity
@@ -232,9 +233,11 @@ class Fit:
     estimate : Estimate
         Where the search for the least squares starts.
     depth : float, optional
-        The working depth, m; the median penetration of the samples taken unless given.
+        The working depth, m. Default: the median penetration in contact.
     laws : Laws, optional
         That were compared by the same samples.
+    method : str
+        That made the estimate, for remedies.
     """
 
     def __init__(
@@ -244,9 +247,10 @@ class Fit:
         estimate: Estimate,
         depth: float | None = None,
         laws: Laws | None = None,
+        method: str = "variable-projection",
     ) -> None:
-        self._given, self.laws = (data, trace, estimate), laws
-        #: Where the law is taken for another.
+        self._given, self.laws, self.method = (data, trace, estimate), laws, method
+        #: Of a law that relaxes: the equivalent Hunt–Crossley law.
         self.equivalent: EquivalentEstimate | None = None
         if estimate.law.relaxes:
             known = data.penetration[trace.taken[data.known]] - estimate.surface
@@ -292,15 +296,21 @@ class Fit:
     def at_depth(self, depth: float) -> "Fit":
         """Return the same fit with another working depth, m.
 
-        It is made again only of a law that is taken for another, which is like it at that depth.
+        Only an equivalent law has to be fitted again: it is equivalent at one depth.
         """
         if self._given[2].law.relaxes:
-            return Fit(*self._given, depth, self.laws)
+            return Fit(*self._given, depth, self.laws, self.method)
         other = copy(self)
         other.depth = depth
         for name in ("gradients", "sizes"):  # cached, and of the depth
             other.__dict__.pop(name, None)
         return other
+
+    @property
+    def finds_surface(self) -> bool:
+        """Whether the method can estimate the position of the surface."""
+        kind = ESTIMATORS.get(self.method)
+        return kind is not None and "surface" in kind().settings
 
     @cached_property
     def finite(self) -> bool:
@@ -449,7 +459,7 @@ class MovedSamples:
     force: Floats
 
 
-# A cause of misfit: how significant it is, what it explains and how far it moves the numbers.
+# A cause of misfit: how significant it is, what it explains and how far it changes the result.
 
 # The largest z of a cause that moves any number is 3.7 on 196 clean recordings, of probe and robot.
 SIGNIFICANT = 4.5
@@ -459,7 +469,7 @@ COLLINEAR = 1e-5
 
 @dataclass(frozen=True, slots=True)
 class MisfitHypothesis:
-    """What one cause would explain, beside the law.
+    """What one cause would explain in addition to the law.
 
     Attributes
     ----------
@@ -509,7 +519,7 @@ class MisfitHypothesis:
 
 @dataclass(frozen=True, slots=True)
 class AugmentedFit:
-    """A column fitted beside the law's own.
+    """A column fitted together with the law's own.
 
     Attributes
     ----------
@@ -528,7 +538,7 @@ class AugmentedFit:
 
 
 def augmented_fit(fit: Fit, column: Floats) -> AugmentedFit | None:
-    """Fit a column beside the law's Jacobian; None where the law has it already."""
+    """Fit a column together with the law's Jacobian; None if it is collinear with that."""
     jacobian, residual = fit.solution.jacobian, fit.solution.residual
     own, left = fit.solution.inverse @ column, fit.solution.without(column)
     if not np.isfinite(left).all() or float(left @ left) <= COLLINEAR**2 * float(column @ column):
@@ -545,3 +555,11 @@ def augmented_fit(fit: Fit, column: Floats) -> AugmentedFit | None:
 #: How far something moves stiffness and damping at a fit's working depth, of their size.
 Moves = Callable[[Fit], tuple[float, float]]
 Search = Callable[[Fit], list[MisfitHypothesis]]
+
+
+def deeper_half(fit: Fit) -> str:
+    """Next step where a law holds in no wide range of depths: half the working depth and deeper."""
+    from_here = 0.5 * fit.depth + fit.estimate.surface
+    if fit.range[0] + fit.estimate.surface >= from_here:
+        return "use stiffness and damping at the working depth only"
+    return f"identify the deeper half alone: --min-penetration {1e3 * from_here:.2g}mm"

@@ -1,4 +1,4 @@
-"""From causes to a verdict: which is named, what is left to doubt, and the mark that each earns."""
+"""From causes to a verdict: which one is named, which remain possible, and their marks."""
 
 import math
 from dataclasses import dataclass, replace
@@ -7,7 +7,7 @@ from operator import attrgetter
 
 import numpy as np
 
-from palpate.diagnosis.finding import REMEDY, Laws, Quantity, WorkingDepth
+from palpate.diagnosis.finding import MORE_LAWS, REMEDY, Laws, Quantity, WorkingDepth
 from palpate.diagnosis.fit import (
     FEWEST_FREE,
     FEWEST_ROWS,
@@ -16,6 +16,7 @@ from palpate.diagnosis.fit import (
     MisfitHypothesis,
     MovedSamples,
     augmented_fit,
+    deeper_half,
 )
 from palpate.digits import format_quantity, rounded, with_error
 from palpate.estimators.law_verdicts import RELAXATION_STIFFNESS, STRONG
@@ -25,7 +26,7 @@ from palpate.force_laws import HuntCrossley
 from palpate.preparation.surfaces import placed
 from palpate.validation import Floats
 
-# How far a cause moves the numbers: judgement, not calibration.
+# How far a cause changes the result: judgement, not calibration.
 CARE = 0.05
 STOP_STIFFNESS, STOP_DAMPING = 0.20, 0.50
 STOP_CHANGE = 0.15
@@ -46,7 +47,7 @@ class Judged:
     findings : list of Finding
         One for each significant cause, the named one first.
     counted : tuple of (MisfitHypothesis, float)
-        The causes that may have moved stiffness and damping, each with its weight.
+        The causes that may have changed stiffness and damping, each with its weight.
     damping : float
         Least systematic part of the damping, of its size.
     """
@@ -134,7 +135,7 @@ def _in_doubt(named: MisfitHypothesis, rivals: list[MisfitHypothesis]) -> Misfit
     second = max(others, key=attrgetter("gain"))
     if named.name == "surface" or _surely(named, second):
         return named
-    return replace(named, sentence=f"{named.sentence}; or {second.sentence}")
+    return replace(named, sentence=f"{named.sentence}, or {second.sentence}")
 
 
 def _finding(cause: MisfitHypothesis, weight: float, ratio: float, *, leading: bool) -> Finding:
@@ -177,13 +178,14 @@ def mark_of(moved: float, stop: float) -> Mark:
 # Of the rms error. Of 31 recordings made by others six heel strikes get 0.91 to 1.00 of it by
 # another law, which predicts what was held out no better; each of the 21 below 0.9 does.
 BETTER = 0.9
+_BOTH = ("stiffness", "damping")
 
 
 def better_law(fit: Fit) -> MisfitHypothesis | None:
-    """The law that explains the samples clearly better; None where there is none.
+    """The law that model selection clearly prefers; None where there is none.
 
-    Clearly: the evidence is strong, and it leaves a tenth less of the force. It moves stiffness and
-    damping to what it says at the motion's own frequency.
+    Clearly: the evidence is strong, and its rms error a tenth smaller. It changes stiffness and
+    damping to its own at the motion's frequency.
     """
     laws = fit.laws
     if laws is None or laws.own or not laws.verdict.known:
@@ -192,18 +194,17 @@ def better_law(fit: Fit) -> MisfitHypothesis | None:
     if own is None or not (own.score >= STRONG and best.rms_error <= BETTER * own.rms_error):
         return None
 
-    left, leaves = (format_quantity(each.rms_error, "N") for each in (own, best))
-    sentence = (
-        f"another law is clearly better: {best.candidate} leaves {leaves} "
-        f"rms where {own.candidate} leaves {left}, by "
-        f"{rounded(laws.verdict.effective_samples, 3)} independent samples"
-    )
     gain = 1.0 - (best.rms_error / own.rms_error) ** 2
     moves = partial(_apart, laws=laws)
+    changes = [f"{name} {round(100 * by):+d} %" for name, by in zip(_BOTH, moves(fit), strict=True)]
+    sentence = (
+        f"model selection clearly prefers {best.candidate.title} (ΔBIC {rounded(own.score, 3)}): "
+        f"{', '.join(changes)} at working depth"
+    )
     remedy = REMEDY
     if any(each.check == RELAXATION_STIFFNESS for each in laws.verdict.findings):
         # Of an approach alone, say: prediction gains, and K alone means little.
-        remedy += ": K′ and B′ at the motion's frequency, not the relaxed stiffness"
+        remedy += ", and read K′ and B′"
     return MisfitHypothesis("law", math.nan, gain, math.nan, sentence, remedy, moves, *moves(fit))
 
 
@@ -259,15 +260,17 @@ def _described(fit: Fit, found: Floats, error: float, gain: float) -> MisfitHypo
         return other.apart((stiffness, damping), before)
 
     after = fit.units.restored(HuntCrossley(k, c, n)).parameters / fit.law.parameters - 1.0
-    way = "deeper than" if depth > 0.0 else "above where"
+    way = "deeper than zero penetration" if depth > 0.0 else "above zero penetration"
     sentence = (
-        f"the surface lies {format_quantity(abs(depth) * reference, 'm')} ± "
-        f"{format_quantity(error * reference, 'm')} {way} the penetration says: K {after[0]:+.0%}, "
-        f"B {after[1]:+.0%}, while stiffness and damping at working depth hardly move"
+        f"the surface is {format_quantity(abs(depth) * reference, 'm')} ± "
+        f"{format_quantity(error * reference, 'm')} {way}: with it K changes by {after[0]:+.0%} "
+        f"and B by {after[1]:+.0%}, stiffness and damping at working depth hardly at all"
     )
     parameter = abs((n - before.parameters[2]) * math.log(reference)) + n * abs(depth)
     z = abs(depth) / max(error, 1e-300)
-    remedy = "--surface estimate"
+    remedy = "run again with --surface estimate"
+    if not fit.finds_surface:
+        remedy = "run again with --method variable-projection --surface estimate"
     return MisfitHypothesis("surface", z, gain, parameter, sentence, remedy, moves, *moves(fit))
 
 
@@ -312,17 +315,13 @@ def misfit(fit: Fit) -> Finding | None:
     if left <= UNEXPLAINED and times <= RATIO:
         return None
     part = rounded(left, 2) if left < 0.01 else f"{left:.0%}"
-    remedy = "palpate compare shows whether another law fits better"
-    if better_law(fit) is not None:
-        remedy = REMEDY
-    elif fit.laws is not None and fit.laws.own:
-        remedy = "--law any tries more laws, and palpate compare other methods"
-    elif fit.laws is not None:
-        remedy = f"no everyday law is clearly better, by {REMEDY}; palpate compare has all methods"
+    remedy = REMEDY if fit.laws is None or better_law(fit) is not None else deeper_half(fit)
+    if fit.laws is not None and fit.laws.own and not fit.laws.of_all:
+        remedy = MORE_LAWS
     mark: Mark = "do-not-trust" if left > TOO_MUCH_UNEXPLAINED else "trust"
     return Finding(
         "misfit",
-        f"the law leaves {part} of the force unexplained, {rounded(times, 2)} times the noise",
+        f"the law leaves {part} of the force unexplained ({rounded(times, 2)} times the noise)",
         remedy,
         "with-care",
         times,
@@ -345,17 +344,26 @@ def offset(fit: Fit) -> Finding | None:
         return None
     return Finding(
         "offset",
-        f"the law wants a zero of the force {format_quantity(abs(difference), 'N')} "
-        f"{'above' if difference > 0 else 'below'} that in free air: it is another law at light "
-        "touch, or the tare is wrong",
-        "--tare START:STOP over a time without contact",
+        f"the fitted force offset is {format_quantity(abs(difference), 'N')} "
+        f"{'above' if difference > 0 else 'below'} the force in free air: another law at light "
+        "touch, or a wrong tare",
+        f"tare in free air: --tare {_longest_free(fit)}",
         "with-care",
         z,
     )
 
 
+def _longest_free(fit: Fit) -> str:
+    """The longest time without contact, START:STOP, s."""
+    edges = np.flatnonzero(np.diff(np.r_[0, fit.free, 0]))
+    starts, stops = edges[::2], edges[1::2] - 1
+    k = int(np.argmax(stops - starts))
+    ends = (float(fit.data.time[at]) for at in (starts[k], stops[k]))
+    return ":".join(f"{end:.3f}".rstrip("0").rstrip(".") for end in ends)
+
+
 def excitation(fit: Fit) -> Finding | None:
-    """The motion says too little of stiffness or damping at working depth."""
+    """The motion does not determine stiffness or damping at working depth well enough."""
     count = int(np.count_nonzero(fit.inside))
     if count < FEWEST_SAMPLES or len(fit.band) < FEWEST_ROWS // 2:
         words = f"only {count} samples in contact"
@@ -369,9 +377,9 @@ def excitation(fit: Fit) -> Finding | None:
         return None
     return Finding(
         "excitation",
-        f"the motion identifies the stiffness to {of_stiffness:.0%} and the damping to "
-        f"{of_damping:.0%}",
-        "palpate design finds a better motion: more speed, or a wider range of depths",
+        f"the motion determines the stiffness to {of_stiffness:.0%} and the damping to "
+        f"{of_damping:.0%} (one standard error)",
+        "move faster and over a wider range of depths",
         stiffness=mark,
         damping="with-care" if of_damping > WIDE_DAMPING else "trust",
     )
@@ -385,10 +393,9 @@ def extrapolation(fit: Fit) -> Finding | None:
     return Finding.of_both(
         "with-care",
         "depth",
-        f"the working depth, {format_quantity(fit.depth, 'm')}, lies outside the depths in "
-        f"contact, {format_quantity(least, 'm')} to {format_quantity(peak, 'm')}: the law "
-        "is extrapolated",
-        "choose another with --at, or press as deep",
+        f"the working depth, {format_quantity(fit.depth, 'm')}, is outside the recorded depths, "
+        f"{format_quantity(least, 'm')} to {format_quantity(peak, 'm')}: the law is extrapolated",
+        f"choose a recorded depth: --at {1e3 * fit.reference:.2g}mm",
     )
 
 
@@ -418,12 +425,14 @@ def method(fit: Fit) -> Finding | None:
         return None
     off_s, off_c = (apart / fit.sizes).tolist()
     large = max(abs(off_s), abs(off_c)) > CARE
-    words = "the method fails here: its" if large else "the method's"
+    own = fit.method == "variable-projection"
+    remedy = deeper_half(fit) if own else "run again with --method variable-projection"
+    whose = f"{fit.method} fails here: its" if large else "the method's"
     return Finding(
         "method",
-        f"{words} stiffness is {off_s:+.2g} and its damping {off_c:+.2g} of their size off the "
-        f"least squares of its own law, {rounded(z, 2)} standard errors",
-        "--method variable-projection",
+        f"{whose} stiffness is {off_s:+.1%} and its damping {off_c:+.1%} off the least-squares fit "
+        f"of its own law ({rounded(z, 2)} standard errors)",
+        remedy,
         z=z,
         stiffness=mark_of(abs(off_s), STOP_STIFFNESS),
         damping=mark_of(abs(off_c), STOP_DAMPING),
@@ -480,11 +489,12 @@ def sign(fit: Fit, at: WorkingDepth, others: list[Finding]) -> list[Finding]:
         known = worst(*(getattr(other, name) for other in others)) == "do-not-trust"
         if not known and (negative or (matters and abs(found.value) <= bar)):
             marks[name] = "do-not-trust"
-            words = f"the sign of the {name} is not known"
+            words = f"the sign of the {name} is unknown"
             if negative:
-                words = f"the {name} is negative, and that of no passive material is"
+                words = f"the {name} is negative, which no passive material has"
             parts.append(f"{words}: {with_error(found.value, found.whole_error, unit=unit)}")
-    remedy = "mend what the other findings name, or record a faster motion: palpate design"
+    remedy = others[0].remedy if others and others[0].severity != "note" else None
+    remedy = remedy or "record a faster motion"
     both = marks["stiffness"], marks["damping"]
     said = Finding("sign", "; ".join(parts), remedy, "note", math.nan, *both)
     return [said] if parts else []

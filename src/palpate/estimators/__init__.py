@@ -1,4 +1,4 @@
-"""The estimators: a method is a class, and its place in the table here."""
+"""The estimators: each method is a class, registered in a table here."""
 
 from palpate.estimators.by_law import watch as _watch
 from palpate.estimators.contact_estimator import ESTIMATORS as ESTIMATORS
@@ -24,7 +24,7 @@ from palpate.estimators.viscoelastic import ViscoelasticContact as ViscoelasticC
 from palpate.force_laws import FORCE_LAWS as _FORCE_LAWS
 from palpate.force_laws.laws import WATCHERS as _WATCHERS
 
-# In this order they stand in tables, and are asked which fits best: the default first.
+# The order of tables and of comparisons; the default comes first.
 for _kind in (
     VariableProjection, SingleStageRLS, DoubleStageRLS, KelvinVoigtRLS, ExtendedKelvinVoigtRLS,
     DriftTracking, ViscoelasticContact,

@@ -1,7 +1,7 @@
-"""Whole curves at once: the Hunt–Crossley law by the minimum of a stated cost, thousands a second.
+"""Batch fits of whole curves: the Hunt–Crossley law, thousands of curves a second.
 
-The same least squares as :class:`VariableProjection`, for contacts that are there as a whole and of
-which only the last answer is wanted; ``docs/curves.md`` has the cost and how it is minimised.
+The same least squares as :class:`VariableProjection`, for complete contacts of which only the final
+estimate is needed; ``docs/curves.md`` has the cost and how it is minimised.
 """
 
 from dataclasses import dataclass
@@ -19,33 +19,33 @@ from palpate.settings import Scale
 from palpate.validation import Floats, all_good, arguments, instance, real_array, whole_in
 
 _SIGNALS = ("penetration", "velocity", "force")
-_AT_ONCE = 2_000_000  # samples of one call of the core, between which Ctrl-C is heard
+_AT_ONCE = 2_000_000  # samples per call of the core; Ctrl-C takes effect between calls
 _RANGE: tuple[float, float] = _core.defaults["VariableProjection"]["exponent_range"]
-_MOST_SAMPLES = 1 << 20  # the levels of error bars that look at noise end there
-#: By the codes of :attr:`CurveFits.status`.
+_MOST_SAMPLES = 1 << 20  # the noise levels of the error bars end there
+#: Names of the codes in :attr:`CurveFits.status`.
 STATUS_WORDS = ("fitted", "no contact", "did not settle", "surface at the edge of its range")
 
 
 @dataclass(frozen=True, eq=False)
 class CurveFits:
-    """What :func:`fit_curves` found, one row a curve.
+    """Result of :func:`fit_curves`, one row per curve; numbers are NaN without contact.
 
     Attributes
     ----------
     stiffness, damping, exponent : numpy.ndarray, shape (k,)
-        K, N/mⁿ; B, N·s/mⁿ⁺¹; n. NaN without contact, as all the rest is.
+        K, N/mⁿ; B, N·s/mⁿ⁺¹; n.
     offset, surface : numpy.ndarray, shape (k,)
-        F₀, N, and d, m; 0 where it is not estimated.
+        F₀, N, and d, m; 0 if not estimated.
     covariance : numpy.ndarray, shape (k, 5, 5)
-        Of (K, B, n, F₀, d), SI; zero where one is not estimated.
+        Covariance of (K, B, n, F₀, d), SI; zero for what is not estimated.
     noise : numpy.ndarray, shape (k,)
-        Standard deviation of the force by the residual, or as it was given, N.
+        Standard deviation of the force, N: from the residual, or as specified.
     cost : numpy.ndarray, shape (k,)
-        The stated cost at its minimum, N².
+        The minimised cost, N².
     taken : numpy.ndarray of int64, shape (k,)
-        Samples that the cost is over.
+        Number of samples in the cost.
     flags : numpy.ndarray of uint8, shape (k,)
-        Bits of ``IdentifiabilityFlag``; :meth:`describe_flags` has them in words.
+        Bits of ``IdentifiabilityFlag``; :meth:`describe_flags` describes them.
     status : numpy.ndarray of uint8, shape (k,)
         Codes of :data:`STATUS_WORDS`.
     """
@@ -69,13 +69,13 @@ class CurveFits:
 
     @property
     def standard_errors(self) -> Floats:
-        """Of (K, B, n, F₀, d), SI, shape (k, 5)."""
+        """Standard errors of (K, B, n, F₀, d), SI, shape (k, 5)."""
         errors: Floats = np.sqrt(np.diagonal(self.covariance, axis1=1, axis2=2))
         return errors
 
     @property
     def status_names(self) -> list[str]:
-        """The status of each curve in words."""
+        """The name of each curve's status."""
         return [STATUS_WORDS[code] for code in self.status.tolist()]
 
     def law(self, curve: int) -> HuntCrossley:
@@ -84,7 +84,7 @@ class CurveFits:
         return HuntCrossley(*(float(column[curve]) for column in columns))
 
     def describe_flags(self, curve: int) -> tuple[str, ...]:
-        """What is not identifiable from the motion of one curve, and what motion would help."""
+        """What the motion of one curve does not identify, and which motion would."""
         return tuple(map(str, findings_of(int(self.flags[curve]))))
 
 
@@ -108,51 +108,52 @@ def fit_curves(
 
     min over (K, B, n, F₀, d) of Σ (F − K (x − d)ⁿ − B (x − d)ⁿ v − F₀)² + priors
 
-    The samples are those that :class:`VariableProjection` would choose, the priors its own, and so
-    are the error bars; the answer is the minimum of that cost. The recursion, which updates an
-    answer sample by sample, lies within a tenth of a standard error of it where the surface is
-    known. Outliers are not looked for. ``docs/curves.md`` writes the cost down.
+    Choice of samples, priors and error bars are those of :class:`VariableProjection`. Where the
+    surface is known, that estimator's sample-by-sample result is within a tenth of a standard error
+    of this minimum. Outliers are not rejected. ``docs/curves.md`` defines the cost.
 
     Parameters
     ----------
     penetration, velocity, force : array_like, shape (k, samples) or (samples,)
-        m, m/s (positive while penetrating) and N, one row a curve, in the order of time. A sample
-        of which one is not finite is not there: shorter curves are filled up with NaN.
+        m, m/s (positive while penetrating) and N, one row per curve, in the order of time. Samples
+        with a non-finite value are ignored: pad shorter curves with NaN.
     surface : "estimate", optional
-        Find where the material begins too, within ``surface_range``. None: at 0.
+        Also estimate the surface position, within ``surface_range``. Default: the surface is at 0.
     surface_range : tuple of float, optional
-        Where the surface is looked for, m, in the coordinate of the penetration: (lowest, highest).
-        Default: ± a fifth of the unit of penetration; a curve whose best surface lies at an edge of
-        that is fitted again, from one travel of the probe above its highest sample to its deepest.
+        Range of the surface position, m, in the coordinate of the penetration: (lowest, highest).
+        Default: ± a fifth of the unit of penetration. With the default, a curve whose surface lies
+        at an edge is fitted again: from one travel of the probe above its highest sample to its
+        deepest sample.
     exponent : float, optional
-        n, in [0.1, 10], where the shape of the tip says it: 1.5 for a sphere. None: fitted.
+        Known n, in [0.1, 10], from the tip's shape: 1.5 for a sphere. Default: fitted.
     exponent_range : tuple of float
-        Where the exponent is looked for: (lowest, highest), within [0.1, 10], 0.2 to 5 apart.
+        Range of the fitted exponent: (lowest, highest), within [0.1, 10], 0.2 to 5 apart.
     offset : bool
-        Fit a constant force offset beside the law.
+        Fit a constant force offset together with the law. Default: True.
     offset_deviation : float or array_like, shape (k,), optional
-        What a tare left of that offset, N, > 0, of all or of each; NaN or None: no tare.
+        Standard deviation of the force offset after the tare, N, > 0, one or one per curve.
+        Default, and NaN: no tare.
     surface_deviation : float or array_like, shape (k,), optional
-        How well the surface is known, m, > 0, of all or of each; NaN or None: exactly.
+        Standard deviation of the surface position, m, > 0, one or one per curve. Default, and NaN:
+        the surface is known exactly.
     noise : float, optional
-        Standard deviation of the force, N, > 0. None: from the residual.
+        Standard deviation of the force, N, > 0. Default: from the residual.
     scale : Scale, optional
-        Units of the arithmetic, in which the priors are stated. None: the largest penetration,
-        speed and force of each curve, as :func:`identify` chooses them.
+        Units of the arithmetic and of the priors. Default: the largest penetration, speed and force
+        of each curve, as :func:`identify` chooses them.
     threads : int
-        That share the curves, 1 to 1024. The interpreter's lock is released: do not change the
-        arrays meanwhile.
+        Number of threads, 1 to 1024. Default: 1. The interpreter's lock is released: do not change
+        the arrays meanwhile.
 
     Returns
     -------
     CurveFits
-        Numbers with their joint covariance, flags and a status, a row a curve. The same bits for
-        any number of threads.
+        One row per curve; identical for any number of threads.
 
     Raises
     ------
     InvalidParameterError
-        A setting is outside its range, or the arrays are not of one shape.
+        A setting is outside its range, or the arrays differ in shape.
     """
     settings = arguments(locals())
     curves = _checked_curves(*(settings.pop(name) for name in _SIGNALS))
@@ -169,10 +170,10 @@ def _fitted(
     threads: int,
     roles: NDArray[np.uint8] | None = None,
 ) -> tuple[Floats, Floats, NDArray[np.int64], NDArray[np.uint8]]:
-    """What the core writes, a row a curve: numbers, covariance, samples taken, and codes.
+    """The core's results, one row per curve: numbers, covariance, samples taken, and codes.
 
     The numbers are K, B, n, F₀, d, noise, cost, scale (3), prior of F₀ (2) and σ² of the priors;
-    the codes flags and status.
+    the codes are flags and status.
     """
     count, samples = curves[0].shape
     exponents, offset, noise, offset_deviation, surface_deviation, *rest = settings
@@ -195,40 +196,40 @@ def _checked_curves(*given: "ArrayLike") -> tuple[Floats, ...]:
     if len(shapes) > 1 or arrays[0].ndim not in (1, 2):
         found = ", ".join(str(array.shape) for array in arrays)
         raise InvalidParameterError(
-            f"penetration, velocity and force must be of one shape, (curves, samples), not {found}"
+            f"penetration, velocity and force must all have shape (curves, samples), not {found}"
         )
     if arrays[0].shape[-1] > _MOST_SAMPLES:
         raise InvalidParameterError(
-            f"curves must have at most {_MOST_SAMPLES} samples, not {arrays[0].shape[-1]}; "
-            "VariableProjection takes longer ones"
+            f"curves must have at most {_MOST_SAMPLES} samples, not {arrays[0].shape[-1]}: "
+            "use VariableProjection for longer ones"
         )
     return tuple(np.ascontiguousarray(np.atleast_2d(array)) for array in arrays)
 
 
 def _checked(count: int, settings: dict[str, Any]) -> tuple[Any, ...]:
-    """The settings of :func:`fit_curves`, as the core takes them; what is 0 is not given."""
+    """The settings of :func:`fit_curves`, as the core takes them; 0 means not specified."""
     offset, scale = settings["offset"], settings["scale"]
-    # The prior of the offset is that of each curve.
+    # Each curve has its own prior of the offset.
     level, exponents, fixed, *_ = projection_settings({**settings, "offset_deviation": None})
     exponents = (fixed, fixed) if fixed else exponents
     instance("scale", scale, (Scale, type(None)))
     deviations = (
         _of_each(name, settings[name], count) for name in ("offset_deviation", "surface_deviation")
     )
-    # Of a surface 0: the core chooses where it is looked for.
+    # A range of (0, 0) lets the core choose the surface's range.
     surfaces = surfaces_in(settings["surface"], settings["surface_range"], (0.0, 0.0), 1e30)
     units = (0.0, 0.0, 0.0) if scale is None else scale._plain()
     return exponents, offset, level, *deviations, surfaces, units
 
 
 def _of_each(name: str, value: "ArrayLike | None", count: int) -> Floats:
-    """Return a deviation for each curve; 0 is none."""
+    """Return one deviation per curve; 0 means none."""
     if value is None:
         return np.zeros(count)
     given = real_array(name, value)
     if given.shape not in ((), (1,), (count,)):
         raise InvalidParameterError(
-            f"{name} must be one number or one for each of {count} curves, not of shape "
+            f"{name} must be one number, or one for each of {count} curves, not an array of shape "
             f"{given.shape}"
         )
     all_good(name, given, np.isnan(given) | ((given > 0.0) & (given <= 1e30)), "in (0, 1e+30]")

@@ -1,8 +1,8 @@
-"""Which method finds a law; and least squares for one that no compiled method identifies.
+"""Which method identifies a law; and least squares for laws that no compiled method identifies.
 
-A law without memory says nothing of the order of its samples. So they are condensed by where they
-lie: sums over the cells of a grid of penetration and velocity, whose size is fixed and whose cells
-merge by twos where a sample lies outside. The fit sees what force and its two slopes are in a cell.
+A law without memory does not depend on the order of its samples. They are therefore summed in the
+cells of a grid of penetration and velocity. The grid has a fixed size; when a sample lies outside,
+pairs of cells merge. The fit uses the mean force and its two slopes in each cell.
 """
 
 import itertools
@@ -31,26 +31,26 @@ from palpate.force_laws import FORCE_LAWS, ForceLaw, GeneralisedHuntCrossley
 from palpate.settings import SAMPLE_TIME, ContactGate, Scale
 from palpate.validation import Floats, arguments, one_of
 
-# Cells of penetration and of velocity; half of them are in use at least. Of Fung's law over five
-# times its length the optimum is then within 0.01 standard errors of that of the samples.
+# Cells of penetration and of velocity; at least half are in use. For Fung's law over five times its
+# length the optimum is then within 0.01 standard errors of the optimum over the samples.
 CELLS = (64, 32)
-# Of a cell: N, Σx, Σv, Σx², Σxv, Σv², ΣF, ΣFx, ΣFv.
+# Each cell holds N, Σx, Σv, Σx², Σxv, Σv², ΣF, ΣFx, ΣFv.
 _SUMS = 9
-# A sample so large would overflow the squares of what follows from it.
+# Larger samples would overflow later products and squares.
 LARGEST = 1e30
-# From the mean force at four nodes of a cell, √2 deviations from its middle, to force and slopes.
+# Weights from the force at four nodes of a cell, √2 deviations off its middle, to force and slopes.
 _NODES = math.sqrt(2.0) * np.array([[1.0, -1.0, 0.0, 0.0], [0.0, 0.0, 1.0, -1.0]])
 _WEIGHTS = np.vstack([np.full(4, 0.25), _NODES / 4.0])
-# A fit is due when there are an eighth more samples, a search from many starts when twice as many.
+# It fits again after an eighth more samples, and from many starts after twice as many.
 FEWEST, _GROWTH = 16, 9 / 8
-# Starts of the parameters in which the force is not linear: by so many factors each.
+# Factors tried per parameter in which the force is not linear, by the number of such parameters.
 _STARTS = {1: 33, 2: 11, 3: 6}
 _DECADES = 2.0
-_SEARCHED = 64  # cells by which starts are compared
-_POLISHED = 3  # of the starts
-# Of the energy: of a thousand rows a hundred-thousandth of a standard error.
+_SEARCHED = 64  # cells used to compare starts
+_POLISHED = 3  # starts that are fitted to convergence
+# Relative gain of Σr² at which a fit ends: 1e-5 standard errors for a thousand rows.
 _ENOUGH = 1e-13
-# In standard errors: a fit of an eighth fewer samples is no further off, or the step is none.
+# In standard errors: a larger step from a fit of an eighth fewer samples is discarded.
 _NEAR = 3.0
 
 
@@ -59,20 +59,21 @@ class LeastSquaresOfLaw(PythonEstimator):
 
     min over (θ, F₀) of Σ (F − F(x, v; θ) − F₀)²
 
-    A variable projection of the Hunt–Crossley law goes beside it: it says which samples are contact
-    and which are outliers, and predicts until there is a fit. Levenberg–Marquardt goes on from the
-    last fit when there are an eighth more samples, and from many starts when twice as many
-    (:meth:`ForceLaw.sizes` says where); what the force is linear in needs no start.
+    A :class:`VariableProjection` runs next to it: it decides which samples are contact and which
+    are outliers, and predicts until the first fit. Levenberg–Marquardt continues from the last fit
+    after an eighth more samples, and from many starts (around :meth:`ForceLaw.sizes`) after twice
+    as many. Parameters in which the force is linear need no start.
 
     Parameters
     ----------
     offset : bool
-        Estimate a constant force offset beside the law.
+        Estimate a constant force offset together with the law. Default: True.
     offset_deviation : float, optional
-        What a tare left of that offset, N, > 0: a prior F₀ ~ N(0, offset_deviation²). None: no
-        prior, and in :func:`identify` the contact's ``tare_deviation`` if it has one.
+        Standard deviation of the force offset after the tare, N, > 0: a prior
+        F₀ ~ N(0, offset_deviation²). Default: no prior; in :func:`identify` the contact's
+        ``tare_deviation``, if any.
     surface_deviation : float, optional
-        How well the position of the surface is known, m, > 0: times F/x of the ``scale`` it widens
+        Standard deviation of the surface position, m, > 0: times F/x of the ``scale`` it widens
         the prior, as in :class:`VariableProjection`.
     gate, outlier_rejection, sample_time, scale
         As in :class:`SingleStageRLS`.
@@ -113,7 +114,7 @@ class LeastSquaresOfLaw(PythonEstimator):
         self._noise, self._fitted = 0.0, 0
 
     def leave_contact(self) -> None:
-        """End the contact; the estimate is held until it is made again."""
+        """End the contact; the estimate is held until the next contact."""
         self._guide.leave_contact()
         if self._samples:
             self._status = Status.HELD
@@ -121,7 +122,7 @@ class LeastSquaresOfLaw(PythonEstimator):
     def update(
         self, penetration: float, velocity: float, force: float, dt: float | None = None
     ) -> Status:
-        """Take one sample, and say what was done with it; never raises on data."""
+        """Take one sample and return its status; never raises on data."""
         size = max(abs(penetration), abs(velocity), abs(force))
         if LARGEST < size < math.inf and penetration > 0.0:
             return Status.OUT_OF_RANGE
@@ -138,12 +139,12 @@ class LeastSquaresOfLaw(PythonEstimator):
         return status
 
     def finish_pending(self) -> None:
-        """Fit all samples that there are, from many starts."""
+        """Fit all samples so far, from many starts."""
         if self._samples >= FEWEST:
             self._commit(search=True)
 
     def predict(self, penetration: float, velocity: float) -> float:
-        """Force [N] that the sensor would show by the last fit."""
+        """Force [N] that the last fit predicts for the sensor, offset included."""
         if self._found is None:
             return self._guide.predict(penetration, velocity)
         law = self.law_type.from_parameters(self._found[:-1])
@@ -152,7 +153,7 @@ class LeastSquaresOfLaw(PythonEstimator):
         return float(np.nan_to_num(force + self._found[-1]))
 
     def estimate(self) -> Estimate:
-        """Return what is known now: the last fit, gone on with the samples since."""
+        """Return the last fit, updated by one step with the samples since."""
         if self._found is None:
             scale = self._settings["scale"] or PROBING
             sizes = self.law_type.sizes(scale.penetration, scale.velocity, scale.force)
@@ -165,7 +166,7 @@ class LeastSquaresOfLaw(PythonEstimator):
         return Estimate(value, self.law_type)
 
     def _gone_on(self, rows: "_Rows") -> tuple[Floats, Floats]:
-        """The last fit after a step on all samples, and its covariance; it stays the last fit."""
+        """The last fit after one step on all samples, and its covariance; the fit itself stays."""
         found = self._found
         assert found is not None
         residual, jacobian = rows.at(found, self._noise)
@@ -194,11 +195,11 @@ class LeastSquaresOfLaw(PythonEstimator):
 
     def _add(self, x: float, v: float, force: float) -> None:
         deep, fast = self._range or (math.ldexp(1.0, math.frexp(x)[1]),) * 2
-        while x >= deep:  # the lower half has it all
+        while x >= deep:  # all samples move to the lower half
             pairs = self._cells[::2] + self._cells[1::2]
             self._cells[:] = 0.0
             self._cells[: CELLS[0] // 2], deep = pairs, 2.0 * deep
-        while abs(v) >= fast:  # the middle has it all
+        while abs(v) >= fast:  # all samples move to the middle
             pairs = self._cells[:, ::2] + self._cells[:, 1::2]
             self._cells[:] = 0.0
             quarter, fast = CELLS[1] // 4, 2.0 * fast
@@ -221,7 +222,7 @@ def _again(law: type[ForceLaw], settings: dict[str, Any], state: Any) -> LeastSq
 
 
 class _Rows:
-    """What cells say, as rows of a least squares: in each the force, and its slopes."""
+    """The cells as rows of a least squares: the force in each cell, and its two slopes."""
 
     def __init__(self, estimator: LeastSquaresOfLaw, most: int | None = None) -> None:
         self.law, settings = estimator.law_type, estimator.settings
@@ -244,7 +245,7 @@ class _Rows:
             by_speed = np.where(across > 0.0, by_speed, 0.0)
         self.weight = np.sqrt(count)
         rows = np.stack([force, by_depth, by_speed]) * self.weight
-        self.force = np.append(rows.reshape(-1), 0.0)  # the last is the prior of the offset
+        self.force = np.append(rows.reshape(-1), 0.0)  # the last row is the prior of the offset
         one, other = _NODES[:, :, None]
         # Near the surface a node may lie above it.
         self.x = np.maximum(x + one * along, 1e-3 * x).reshape(-1)
@@ -253,7 +254,7 @@ class _Rows:
         self.sizes = self.law.sizes(*rms.tolist())
 
     def at(self, found: Floats, noise: float) -> tuple[Floats, Floats]:
-        """Residual and Jacobian; a residual of ∞ where there is no law."""
+        """Residual and Jacobian; the residual is ∞ where the law is not finite."""
         with np.errstate(all="ignore"):
             force, gradient = self.law.force_and_gradient(found[:-1], self.x, self.v)
             zero = np.full_like(self.x, float(self.with_offset))
@@ -269,7 +270,7 @@ class _Rows:
         return residual, rows[1:].T
 
     def projected(self, found: Floats, noise: float) -> tuple[float, Floats]:
-        """Energy and parameters of the best of what the force is linear in, the rest as it is."""
+        """Σr² and parameters after solving for those in which the force is linear."""
         residual, jacobian = self.at(found, noise)
         better, own = found.copy(), [*self.linear, len(found) - 1]
         if np.isfinite(residual).all():
@@ -278,13 +279,13 @@ class _Rows:
         return float(residual @ residual), better
 
     def solved(self, found: Floats, noise: float) -> tuple[float, Floats]:
-        """Energy and parameters of the least squares next to a start."""
+        """Σr² and parameters of the least squares from a start."""
         with np.errstate(all="ignore"):
             best = least_squares(lambda trial: self.at(trial, noise), found, enough=_ENOUGH)
             return float(best.residual @ best.residual), best.parameters
 
     def best_start(self, before: Floats | None, noise: float) -> Floats | None:
-        """The best of a last fit and of many starts; None where the law has no finite force."""
+        """The best fit from the last fit and many starts; None if the law has no finite force."""
         free = [k for k in range(len(self.sizes)) if k not in self.linear]
         count = _STARTS.get(len(free), 3)
         decades = [_DECADES if self.law.units[k] else 0.5 * _DECADES for k in free]
@@ -300,12 +301,12 @@ class _Rows:
         return found if math.isfinite(energy) else None
 
     def noise(self, energy: float) -> float:
-        """Standard deviation of the force, N, where the rows leave an energy."""
+        """Standard deviation of the force, N, from the Σr² of the rows."""
         within = max(self.energy - float(self.force @ self.force), 0.0)
         return math.sqrt((within + energy) / max(self.samples - len(self.sizes) - 1, 1))
 
     def covariance(self, found: Floats, residual: Floats, jacobian: Floats) -> Floats:
-        """Of the parameters and the offset, for white noise; wide where nothing says them."""
+        """Covariance of parameters and offset for white noise; wide where not identifiable."""
         if not np.isfinite(residual).all():
             return _unknown(found)
         size, energy = _sizes(jacobian), float(residual @ residual)
@@ -319,12 +320,12 @@ class _Rows:
 
 
 def _unknown(found: Floats) -> Floats:
-    """A covariance of a hundred times the parameters."""
+    """A covariance of unknown parameters: standard errors of a hundred times their values."""
     return np.diag(np.append((100.0 * found[:-1]) ** 2, 0.0))
 
 
 def _deviation(variance: Floats, square: Floats) -> Floats:
-    """Standard deviation within a cell; 0 where it is rounding."""
+    """Standard deviation within a cell; 0 if it is only rounding error."""
     return np.sqrt(np.where(variance > 1e-12 * square, variance, 0.0))
 
 
@@ -335,7 +336,7 @@ def _sizes(jacobian: Floats) -> Floats:
 
 
 def _step(jacobian: Floats, residual: Floats) -> Floats:
-    """A step of the normal equations, in columns of length one."""
+    """A step of the normal equations, with columns scaled to length one."""
     size = _sizes(jacobian)
     unit = jacobian / size
     step: Floats = np.linalg.lstsq(unit.T @ unit, unit.T @ residual, rcond=1e-13)[0] / size
@@ -343,10 +344,10 @@ def _step(jacobian: Floats, residual: Floats) -> Floats:
 
 
 def linear_in(law: type[ForceLaw]) -> tuple[int, ...]:
-    """Return places of parameters in which the force is linear, all of them at once.
+    """Return the indices of the parameters in which the force is jointly linear.
 
-    The force is linear where the gradient by one of them depends on none: asked of two depths and
-    speeds, at sizes of a probing hand.
+    The force is linear in a set of parameters if its gradient by them does not depend on them. This
+    is tested at two depths and speeds, with parameters of a probing hand's size.
     """
     x, v = np.array([3e-3, 9e-3]), np.array([-15e-3, 10e-3])
     sizes = law.sizes(10e-3, 20e-3, 1.0)
@@ -369,14 +370,14 @@ def linear_in(law: type[ForceLaw]) -> tuple[int, ...]:
     return tuple(found)
 
 
-# For each law that is registered, now and later, and that no other method identifies.
+# One class for each registered law that no other method identifies.
 
 
 _CLASSES: dict[type[ForceLaw], type[LeastSquaresOfLaw]] = {}
 
 
 def least_squares_of(law: type[ForceLaw]) -> type[LeastSquaresOfLaw]:
-    """Return the least squares of a law, as a class of its own."""
+    """Return the least-squares estimator class of a law."""
     own = {"law_type": law, "method": law.kind, "__doc__": f"Least squares of {law.__name__}."}
     if law not in _CLASSES:
         _CLASSES[law] = type(f"{law.__name__}LeastSquares", (LeastSquaresOfLaw,), own)
@@ -384,19 +385,19 @@ def least_squares_of(law: type[ForceLaw]) -> type[LeastSquaresOfLaw]:
 
 
 def watch(law: type[ForceLaw]) -> None:
-    """Register the least squares of a law, unless it remembers or has a method."""
+    """Register the least squares of a law, unless it has memory or another method."""
     if not law.relaxes and all(each.law_type is not law for each in ESTIMATORS.values()):
         register(least_squares_of(law))
 
 
-# An estimator by the law that it is to find: what ``identify(law=…)`` and ``--law`` take.
+# Estimators by the name of their law: what ``identify(law=…)`` and ``--law`` accept.
 
 USUAL = "hunt-crossley"
 _DAMPERS = {"none": "spring", "hunt-crossley": "hunt-crossley", "half-space": "half-space"}
 
 
 def _by_name() -> dict[str, dict[str, str]]:
-    """Settings of :class:`ViscoelasticContact` by the law that is asked for."""
+    """Settings of :class:`ViscoelasticContact` by the name of the requested law."""
     settings: dict[str, dict[str, str]] = {"auto": {}, "any": {"memory": "any"}}
     settings["half-space"] = {"damping": "half-space", "memory": "none"}
     both = [(each.damping, each.memory) for each in CANDIDATES if each.memory != "none"]
@@ -409,7 +410,7 @@ _SETTINGS = _by_name()
 
 
 def law_names() -> tuple[str, ...]:
-    """Return what a law may be asked for by: its kind, or how it is to be found."""
+    """Return the names that ``law`` accepts: kinds of law, and ways to choose one."""
     plain = [kind for kind in FORCE_LAWS if kind != GeneralisedHuntCrossley.kind]
     able = {estimator.law_type.kind for estimator in ESTIMATORS.values()}
     return tuple(dict.fromkeys([USUAL, *_SETTINGS, *(kind for kind in plain if kind in able)]))
@@ -418,22 +419,22 @@ def law_names() -> tuple[str, ...]:
 def estimator_by_law(
     law: str | None = None, method: str | None = None
 ) -> tuple[type[ContactEstimator], dict[str, Any]]:
-    """Return the estimator of a law, and the settings by which it finds it.
+    """Return the estimator that identifies a law, and its settings.
 
     Parameters
     ----------
     law : str, optional
         ``"hunt-crossley"``, ``"kelvin-voigt"`` or another law that one method identifies;
-        ``"auto"``, the everyday law by which the samples are best explained; ``"any"``, of all laws
-        that there are; ``"half-space"``; a kind of memory, ``"flat"``, ``"single"`` or
-        ``"power-law"``, with the damper that the samples say; or both, ``"half-space+single"``.
+        ``"auto"``, the common law that fits the samples best; ``"any"``, the best of all candidate
+        laws; ``"half-space"``; a kind of memory, ``"flat"``, ``"single"`` or ``"power-law"``, with
+        the damping form that fits best; or both, ``"half-space+single"``.
     method : str, optional
-        Name of an estimator; it has to be one of that law.
+        Name of an estimator that identifies this law.
 
     Raises
     ------
     InvalidParameterError
-        There is no such law or method, or they do not go together.
+        The law or the method does not exist, or the method does not identify the law.
     """
     given = None if method is None else estimator_named(method)
     if law is None:
@@ -447,11 +448,10 @@ def estimator_by_law(
         able = [ViscoelasticContact]
     found = given or able[0]  # the default before all others
     if found not in able:
-        own = f"the {found.law_type.kind} law alone"
+        own = f"the {found.law_type.kind} law"
         if found is ViscoelasticContact:
             own = ", ".join((USUAL, *_SETTINGS))
         raise InvalidParameterError(
-            f"law {law} and method {found.method} do not go together, which identifies {own}: "
-            "leave one of them out"
+            f"method {found.method} does not identify law {law}, only {own}: pass one of them alone"
         )
     return found, dict(settings or {})

@@ -1,6 +1,6 @@
-"""The face that every estimator of a contact shows, and the table of all of them by name.
+"""The interface of every contact estimator, and the table of all estimators by name.
 
-The command line, ``compare``, the reports and the conformance tests all ask that.
+The command line, ``compare``, the reports and the conformance tests all use that table.
 """
 
 import copy
@@ -36,67 +36,67 @@ from palpate.validation import (
 
 
 class ContactEstimator(Configured):
-    """What estimators have in common: samples one at a time, or arrays by the same recursion.
+    """Base class of all estimators: samples one at a time, or arrays through the same recursion.
 
-    Its subclasses are the methods. Settings are the constructor's keyword arguments; what was
-    learned is kept separately, and :meth:`replace` forgets it.
+    Each subclass is one method. Settings are the constructor's keyword arguments. They are kept
+    apart from what the estimator has learned; :meth:`replace` keeps only the settings.
     """
 
     __slots__ = ()
-    #: What the command line calls the method.
+    #: Name of the method on the command line.
     method: ClassVar[str]
     #: The force law that it identifies.
     law_type: ClassVar[type[ForceLaw]]
-    #: Whether its answer is biased where condition 10 of the paper does not hold.
+    #: Whether its result is biased where condition 10 of the paper does not hold.
     needs_condition_10: ClassVar[bool] = False
-    #: Of what it minimises the squares, where its error bars take that for white noise.
+    #: The residual whose squares it minimises, if its error bars assume that residual to be white.
     minimises: ClassVar[Literal["force", "logarithm"] | None] = None
-    #: Whether it chooses its samples itself, and wants no gate chosen from the data.
+    #: Whether it chooses its samples itself and needs no gate chosen from the data.
     chooses_samples: ClassVar[bool] = False
-    #: The known exponents that it can keep.
+    #: Range of a known exponent.
     exponents: ClassVar[tuple[float, float]] = (0.1, 10.0)
-    #: Whether it chooses among laws, and has a verdict on them.
+    #: Whether it selects among several laws and returns a verdict on them.
     chooses_law: ClassVar[bool] = False
-    #: Whether it gives way to another method of its law that is registered.
+    #: Whether another registered method of the same law replaces it.
     gives_way: ClassVar[bool] = False
-    #: Whether it takes what a tare left, and how well the surface is known, from the contact.
+    #: Whether it uses the contact's uncertainty of the force offset and of the surface position.
     knows_offset: ClassVar[bool] = False
 
-    if TYPE_CHECKING:  # the compiled class, or a method of one's own, brings these
+    if TYPE_CHECKING:  # the compiled class, or the user's own method, defines these
 
         def update(
             self, penetration: float, velocity: float, force: float, dt: float | None = None
         ) -> _core.Status:
-            """Take one sample, and say what was done with it; never raises on data."""
+            """Take one sample and return its status; never raises on data."""
 
         def _fill(self, trace: Trace, x: Floats, v: Floats, f: Floats, dt: Floats | None) -> None:
-            """Take checked arrays sample by sample, and write a trace of them."""
+            """Take checked arrays sample by sample, and fill the trace."""
 
         def predict(self, penetration: float, velocity: float) -> float:
-            """Force [N] that the sensor would show by the present estimate."""
+            """Force [N] that the present estimate predicts for the sensor, offset included."""
 
         def estimate(self) -> Estimate:
-            """What is known now."""
+            """The current estimate."""
 
         def reset(self) -> None:
             """Forget everything but the settings."""
 
         def leave_contact(self) -> None:
-            """End the contact; the estimate is held until it is made again."""
+            """End the contact; the estimate is held until the next contact."""
 
         def evidence(self) -> Evidence:
-            """What a verdict is worked out from, by a method that chooses a law."""
+            """The numbers from which a verdict is computed, of a method that selects a law."""
 
         @property
         def offered(self) -> tuple[Candidate, ...]:
-            """The laws that compete, by a method that chooses one."""
+            """The laws that compete, of a method that selects one."""
 
         @property
         def candidate(self) -> Candidate | None:
-            """The law in force, by a method that chooses one."""
+            """The law selected so far, of a method that selects one."""
 
     def verdict(self) -> LawVerdict | None:
-        """Which law it is, by a method that chooses one; None by any other."""
+        """Which law fits best, of a method that selects one; otherwise None."""
         return None
 
     def replay(
@@ -108,26 +108,26 @@ class ContactEstimator(Configured):
         *,
         at: "ArrayLike | None" = None,
     ) -> Trace:
-        """Take arrays sample by sample, as ``update`` would, and write everything down.
+        """Take arrays sample by sample, as ``update`` would, and record a trace.
 
-        A compiled one releases the interpreter's lock meanwhile: do not change the arrays from
-        another thread.
+        A compiled estimator releases the interpreter's lock meanwhile: do not change the arrays
+        from another thread.
 
         Parameters
         ----------
         penetration, velocity, force : array_like, shape (k,)
             m, m/s and N.
         dt : float or array_like, shape (k,), optional
-            Time since the previous sample, s; ``sample_time`` unless given.
+            Time since the previous sample, s. Default: ``sample_time``.
         at : array_like of int, shape (m,), optional
-            The samples after which the estimate is written down, rising from 0 on (default: every
-            one). The fewer, the quicker, where an estimate costs more than a sample.
+            Indices, from 0 and rising, of the samples after which the trace has the estimate.
+            Fewer are faster where an estimate costs more than a sample. Default: every sample.
 
         Raises
         ------
         InvalidParameterError
-            Arrays of different length, of the wrong type or not one-dimensional; or ``at`` names
-            what is no sample, or not in their order.
+            The arrays differ in length, have the wrong type or are not one-dimensional; or ``at``
+            is not a rising sequence of sample indices.
         """
         x, v, f = signals(penetration=penetration, velocity=velocity, force=force)
         steps = None if dt is None else _time_steps(dt, x.size)
@@ -137,29 +137,29 @@ class ContactEstimator(Configured):
 
     @property
     def fixed(self) -> tuple[str, ...]:
-        """The law's parameters that its settings give, and that are not identified."""
+        """Names of the law's parameters that the settings fix; they are not identified."""
         return ("exponent",) if self._settings.get("exponent") is not None else ()
 
     def replace(self, **changes: Any) -> Self:
-        """Return a fresh estimator with these settings changed, which has learned nothing."""
+        """Return a new estimator with these settings changed and no samples taken."""
         return type(self)(**{**self._settings, **changes})
 
 
 class CompiledEstimator(ContactEstimator):
     """An estimator whose recursion is compiled; ``update`` never allocates.
 
-    Threads may use one together: each call is taken whole, and waits while another thread replays.
+    Several threads may use one estimator: each call runs alone and waits for other threads' calls.
     """
 
     __slots__ = ()
 
-    if TYPE_CHECKING:  # the compiled class brings these
+    if TYPE_CHECKING:  # the compiled class defines these
 
         def _estimate(self) -> _core.EstimateValue: ...
         def _replay(self, *arrays: Any) -> None: ...
 
     def estimate(self) -> Estimate:
-        """Return what is known now."""
+        """Return the current estimate."""
         return Estimate(self._estimate(), self.law_type, self.fixed)
 
     def _fill(self, trace: Trace, x: Floats, v: Floats, f: Floats, dt: Floats | None) -> None:
@@ -169,9 +169,10 @@ class CompiledEstimator(ContactEstimator):
 
 
 class PythonEstimator(ContactEstimator):
-    """An estimator written in Python: it gives ``update``, ``predict``, ``estimate``, ``reset``
-    and ``leave_contact``, keeps its settings in ``_settings`` and what it learned in other
-    attributes, and gets the rest from here.
+    """Base class of an estimator written in Python.
+
+    A subclass defines ``update``, ``predict``, ``estimate``, ``reset`` and ``leave_contact``, and
+    keeps its settings in ``_settings`` and what it has learned in other attributes.
     """
 
     def _fill(self, trace: Trace, x: Floats, v: Floats, f: Floats, dt: Floats | None) -> None:
@@ -201,7 +202,7 @@ class PythonEstimator(ContactEstimator):
 
 
 def _time_steps(dt: "ArrayLike", samples: int) -> Floats:
-    """One time step, or as many as there are samples."""
+    """One time step, or one for each sample."""
     one = np.isscalar(dt) or (isinstance(dt, np.ndarray) and dt.ndim == 0)
     steps = signal("dt", np.array([dt]) if one else dt)
     if not one:
@@ -210,7 +211,7 @@ def _time_steps(dt: "ArrayLike", samples: int) -> Floats:
 
 
 def _rows(at: "ArrayLike | None", samples: int) -> NDArray[np.int64] | None:
-    """The samples after which a trace has the estimate; None: after each."""
+    """Indices of the samples after which a trace has the estimate; None: after each."""
     if at is None:
         return None
     given = signal("at", at)
@@ -218,29 +219,29 @@ def _rows(at: "ArrayLike | None", samples: int) -> NDArray[np.int64] | None:
     sound = (rows >= 0).all() and (rows < samples).all() and (np.diff(rows) > 0).all()
     if not sound or not np.array_equal(rows, given):
         raise InvalidParameterError(
-            f"at must be samples in their order, whole numbers in [0, {samples}), not {shown(at)}"
+            f"at must be rising sample indices, whole numbers in [0, {samples}), not {shown(at)}"
         )
     return rows
 
 
 Kind = TypeVar("Kind", bound=type[ContactEstimator])
 
-#: In the order of a table: the default first.
+#: All registered estimators by their ``method``; the default comes first.
 ESTIMATORS: dict[str, type[ContactEstimator]] = {}
 
-# What the face of an estimator has beside what ContactEstimator gives.
+# What an estimator must define in addition to what ContactEstimator provides.
 _FACE = ("update", "predict", "estimate", "reset", "leave_contact", "_state", "_restore")
 
 
 def register(kind: Kind) -> Kind:
-    """Make an estimator known by its ``method``; a decorator.
+    """Register an estimator under its ``method``; a decorator.
 
-    It has to pass the conformance tests, which find it here (``CONTRIBUTING.md``).
+    The conformance tests check every registered estimator (``CONTRIBUTING.md``).
 
     Raises
     ------
     InvalidParameterError
-        It is no estimator, lacks a part of the face, or another has its name.
+        It is not an estimator, lacks an attribute, or another estimator has its name.
     """
     if not (isinstance(kind, type) and issubclass(kind, ContactEstimator)):
         raise InvalidParameterError(f"estimator must be a ContactEstimator, not {shown(kind)}")
@@ -252,7 +253,7 @@ def register(kind: Kind) -> Kind:
             del ESTIMATORS[name]
     if ESTIMATORS.setdefault(kind.method, kind) is not kind:
         raise InvalidParameterError(
-            f"method must be new: {kind.method!r} is {ESTIMATORS[kind.method].__name__}"
+            f"method {kind.method!r} is taken by {ESTIMATORS[kind.method].__name__}: choose another"
         )
     return kind
 
@@ -263,22 +264,22 @@ def estimator_named(name: str) -> type[ContactEstimator]:
     Raises
     ------
     InvalidParameterError
-        There is none; the message lists them.
+        No estimator has this name; the message lists those that exist.
     """
     one_of("method", name, ESTIMATORS)
     return ESTIMATORS[name]
 
 
-# What every compiled estimator's loop is set by, as the compiled constructors take it.
+# The settings of every compiled estimator's loop, as the compiled constructors take them.
 
-#: None is off, but in ``identify`` on; False is off there too.
+#: None is off, except in ``identify``, where it is on; False is off there too.
 Rejection = OutlierRejection | Literal[False] | None
 
 
 def loop_settings(
     settings: dict[str, Any], default_scale: Scale, perturbation: tuple[float, ...] = (0.0, 0.0)
 ) -> tuple[Any, ...]:
-    """Check them; an absent detector or rejection costs no memory and no time."""
+    """Check the loop's settings; an absent detector or rejection costs no memory and no time."""
     forgetting = settings.get("forgetting")
     instance("forgetting", forgetting, (ConstantForgetting, FadingForgetting, type(None)))
     detector, rejection = settings["change_detector"], settings["outlier_rejection"]
@@ -302,5 +303,5 @@ def loop_settings(
 
 
 def known_exponent(exponent: float | None) -> float | None:
-    """Check an exponent that is not to be identified; None where it is."""
+    """Check a known exponent; None: the exponent is to be identified."""
     return None if exponent is None else number_in("exponent", exponent, 0.1, 10.0)

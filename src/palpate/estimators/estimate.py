@@ -1,4 +1,4 @@
-"""What an estimator knows now, what a replay wrote down, and the figures of merit of that."""
+"""An estimator's current estimate, the trace of a replay, and the errors of that trace."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
@@ -8,108 +8,109 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from palpate._core import EstimateValue, Status
+from palpate.digits import with_error
 from palpate.errors import InvalidParameterError
 from palpate.findings import Finding
 from palpate.force_laws import ForceLaw
 from palpate.validation import Floats, number_in, shown, signals, whole_in
 
-# By the bits of IdentifiabilityFlag in include/palpate/estimate.hpp.
+# Keys: the bits of IdentifiabilityFlag in include/palpate/estimate.hpp.
 ADVICE = {
     1: Finding(
         "exponent",
         "exponent not identifiable from this motion",
-        "reach shallow and deep penetrations in turn",
+        "alternate between shallow and deep penetrations",
     ),
     2: Finding(
         "damping",
         "damping not identifiable",
-        "pass the same depths at different speeds, both ways",
+        "press and release several times, at different speeds",
     ),
     4: Finding(
         "exponent range",
         "exponent at the edge of its range",
-        "widen exponent_range, or check the surface",
+        "check that the penetration is 0 at the surface",
     ),
     8: Finding(
         "surface range",
         "surface at the edge of its range",
-        "widen surface_range, or record the approach",
+        "record the approach through free air",
     ),
     128: Finding(
         "memory",
-        "the samples begin in contact: what the material remembered nobody saw, and a law without "
-        "memory is all that they say yet",
+        "the samples begin in contact, so the material's relaxation state is unknown: the estimate "
+        "uses a law without memory until half a second has passed",
     ),
     64: Finding(
         "offset",
-        "offset beyond what the tare left",
-        "tare again out of contact, or check the surface",
+        "force offset larger than the tare's uncertainty allows",
+        "tare again out of contact",
     ),
     16: Finding(
         "tracking",
-        "not tracking yet: the start still waits for a motion that makes the exponent identifiable",
+        "not tracking yet: the exponent is not yet identifiable from this motion",
+        "alternate between shallow and deep penetrations",
     ),
     32: Finding(
         "tracking",
-        "the material drifts faster than the walk allows, or the noise is correlated: the error "
-        "bars are too narrow",
-        "raise stiffness_drift, or the dissipation's and the exponent's",
+        "the material drifts faster than the random walk allows, or the noise is correlated: the "
+        "standard errors are too small",
+        "raise stiffness_drift",
     ),
 }
 
 
 def findings_of(bits: int) -> tuple[Finding, ...]:
-    """Return what the bits of an estimate's flags say."""
+    """Return the findings of an estimate's flag bits."""
     return tuple(finding for bit, finding in ADVICE.items() if bits & bit)
 
 
 class Estimate(EstimateValue):
-    """What an estimator knows now, in SI.
+    """An estimator's current estimate, in SI.
 
-    Estimators make it; :meth:`from_law` is for a method of one's own.
+    Estimators return it; :meth:`from_law` makes one in your own method.
 
     Attributes
     ----------
     law : force law
         The contact model.
     parameters : numpy.ndarray, shape (p,)
-        The law's parameters in its own order.
+        The law's parameters, in the law's order.
     covariance : numpy.ndarray, shape (p, p)
-        Joint covariance of the law's parameters, in their order: the recursion's P times the
-        variance of its residual, taken from θ to the law by the delta method.
+        Joint covariance of the law's parameters: the recursion's P times the variance of its
+        residual, converted from θ to the law by the delta method.
     standard_errors : numpy.ndarray, shape (p,)
-        Square roots of its diagonal. Variable projection makes them so wide that ± 1.96 of them
-        hold the truth in 95 of 100 although the noise is correlated and itself only estimated:
-        they contain the factor t₀.₉₇₅(ν)/1.96. The paper's methods take the noise for white here;
+        Square roots of the covariance's diagonal. Those of variable projection hold for correlated
+        noise of unknown variance: they contain the factor t₀.₉₇₅(ν)/1.96, so that ± 1.96 standard
+        errors cover the truth in 95 % of cases. The paper's methods assume white noise here;
         :attr:`Identification.standard_errors` does not.
     offset, offset_standard_error : float
-        Force that the sensor shows without contact, N, by methods that estimate it; else 0.
+        Force that the sensor shows without contact, N; 0 by methods that do not estimate it.
     surface, surface_standard_error : float
-        Where the material begins, in the coordinate of the penetration, m, by methods that search
-        for it; else 0.
+        Surface position in the coordinate of the penetration, m; 0 by methods that do not estimate
+        it.
     joint_covariance : numpy.ndarray, shape (p + 1, p + 1)
         Covariance of the law's parameters and, last, the offset.
     findings : tuple of Finding
-        What is not identifiable from this motion, and what motion would help; ``flags`` has them
-        in words.
+        What this motion does not identify, and which motion would; ``flags`` has their text.
     fixed : tuple of str
-        Names of the law's parameters that were given, such as a known exponent; the others were
-        identified with them, and the standard errors of these are 0.
+        Names of the law's parameters that were specified, such as a known exponent; their standard
+        errors are 0.
     valid : bool
-        Condition 10, |v| < 0.1 K/B, at the last sample taken. Always true for laws without a
-        logarithm.
+        Whether condition 10, |v| < 0.1 K/B, held at the last sample taken. Always true for laws
+        without a logarithm.
     validity_margin : float
         1 − |v B/K| / 0.1: 1 at rest, 0 at the limit, negative beyond it.
     status : Status
-        Of the last sample that was neither refused nor left out.
+        Status of the last sample that was neither refused nor rejected as an outlier.
     samples : int
-        Samples taken.
+        Number of samples taken.
     guarded : int
-        Of them, how many the covariance guard touched (``docs/numerics.md``).
+        Number of samples at which the covariance guard acted (``docs/numerics.md``).
     restarts : int
-        How often a change of the material was detected and the estimate reinitialised.
+        Number of detected changes of the material, each of which restarts the estimate.
     rejected : int
-        Samples left out as outliers.
+        Number of samples rejected as outliers.
     """
 
     __slots__ = ("_law_type", "fixed")
@@ -131,7 +132,7 @@ class Estimate(EstimateValue):
         validity_margin: float = 1.0,
         fixed: tuple[str, ...] = (),
     ) -> "Estimate":
-        """Return the estimate of a method of one's own.
+        """Return the estimate of your own method.
 
         Parameters
         ----------
@@ -140,18 +141,18 @@ class Estimate(EstimateValue):
         covariance : array_like, shape (p, p)
             Joint covariance of the law's parameters, p at most 8.
         status : Status
-            Of the last sample that was not refused.
+            Status of the last sample that was not refused.
         samples : int
-            Samples taken.
+            Number of samples taken.
         validity_margin : float
-            Condition 10, where it concerns the law.
+            Margin of condition 10. Default: 1, for laws that it does not concern.
         fixed : tuple of str
-            The law's parameters that were given.
+            Names of the law's parameters that were specified. Default: none.
 
         Raises
         ------
         InvalidParameterError
-            The covariance is not a matrix of the law's size, or the law has more than 8 parameters.
+            The covariance has the wrong size, or the law has more than 8 parameters.
         """
         matrix = np.ascontiguousarray(covariance, dtype=np.float64).reshape(-1)
         try:
@@ -166,7 +167,7 @@ class Estimate(EstimateValue):
         return self._law_type.from_parameters(self.parameters)
 
     def stiffness_at(self, depth: float) -> tuple[float, float]:
-        """∂F/∂x at a depth [m] and at rest, and its standard error, N/m."""
+        """∂F/∂x at a depth [m] and zero velocity, and its standard error, N/m."""
         return self.with_error(lambda law: law.stiffness_at(depth))
 
     def damping_at(self, depth: float) -> tuple[float, float]:
@@ -174,23 +175,23 @@ class Estimate(EstimateValue):
         return self.with_error(lambda law: law.damping_at(depth))
 
     def with_error(self, number: Callable[[Any], float]) -> tuple[float, float]:
-        """Any number by the law, and its standard error by the delta method: √(gᵀ C g).
+        """Any function of the law, and its standard error by the delta method: √(gᵀ C g).
 
         Parameters
         ----------
         number : callable
-            Of the law, to a float.
+            Takes the law, returns a float.
         """
         values, errors = self.with_errors(lambda law: (number(law),))
         return float(values[0]), float(errors[0])
 
     def with_errors(self, numbers: Callable[[Any], Sequence[float]]) -> tuple[Floats, Floats]:
-        """Several numbers by the law, and their standard errors, as :meth:`with_error` has them.
+        """Several functions of the law, and their standard errors, as in :meth:`with_error`.
 
         Parameters
         ----------
         numbers : callable
-            Of the law, to m floats.
+            Takes the law, returns m floats.
 
         Returns
         -------
@@ -200,16 +201,16 @@ class Estimate(EstimateValue):
         law, parameters = self.law, self.parameters
         of = law.from_parameters
         values = np.array(numbers(law), dtype=np.float64)
-        # By differences over a hundredth of an error, in which a law is as good as linear; what has
-        # none does not count. Where an error is tens of times the number, this keeps its sign.
+        # Central differences over 1 % of each standard error, where a law is nearly linear. The
+        # limit keeps the parameter's sign where its error is tens of times its value.
         errors, sizes = self.standard_errors, np.abs(parameters)
         steps = np.where(np.isfinite(errors), 0.01 * errors, 1.0)
         steps = np.where(sizes > 0.0, np.minimum(steps, 0.5 * sizes), steps)
-        # Nor is an exponent moved by more than a half, where it may have left its range.
+        # An exponent moves by a half at most, to stay in its range.
         plain = [not unit for unit in law.units]
         steps = np.where(plain, np.minimum(steps, 0.5), steps)
         gradient = np.zeros((len(values), len(steps)))
-        with np.errstate(all="ignore"):  # of a start that knows nothing the error may be infinite
+        with np.errstate(all="ignore"):  # before the first fit an error may be infinite
             for k in np.flatnonzero(steps).tolist():
                 up, down = parameters.copy(), parameters.copy()
                 up[k], down[k] = up[k] + steps[k], down[k] - steps[k]
@@ -221,12 +222,12 @@ class Estimate(EstimateValue):
 
     @property
     def findings(self) -> tuple[Finding, ...]:
-        """What is not identifiable from this motion, and what motion would help."""
+        """What this motion does not identify, and which motion would."""
         return findings_of(self._flags)
 
     @property
     def flags(self) -> tuple[str, ...]:
-        """The findings in words."""
+        """The findings as text."""
         return tuple(map(str, self.findings))
 
     @property
@@ -235,25 +236,26 @@ class Estimate(EstimateValue):
         return self.validity_margin > 0.0
 
     def __repr__(self) -> str:
-        return (
-            f"Estimate({self.law!r}, standard_errors={self.standard_errors.tolist()}, "
-            f"samples={self.samples}, status={self.status.name})"
-        )
+        law = self._law_type
+        rows = zip(law.symbols, self.parameters, self.standard_errors, law.units, strict=True)
+        words = [f"{symbol} = {with_error(*pair, unit=unit)}" for symbol, *pair, unit in rows]
+        counts = f"samples={self.samples}, status={self.status.name}"
+        return f"Estimate({law.__name__}: {', '.join(words)}; {counts})"
 
 
-# What a replay wrote down, sample by sample.
+# The trace of a replay, sample by sample.
 
-#: How much of a trace is requested: the estimate after every sample, after at most so many of them
-#: (an int), every so many seconds (a float), or never.
+#: When a trace has the estimate: after every sample ("full"), at most this often (int), every so
+#: many seconds (float), or never (False).
 Traced: TypeAlias = Literal[False, "full"] | int | float
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Trace:
-    """Every sample of a replay: what was predicted, what was done with it, what was known after.
+    """Predicted force, status and estimate at each sample of a replay.
 
-    A full trace has the estimate after each of k samples, a thinned one after m of them, down to
-    none; all else is known of each sample, and the same whichever estimates are there.
+    A full trace has the estimate after each of its k samples, a thinned one after m of them (m may
+    be 0). Predicted force, margin and status cover every sample in both.
 
     Attributes
     ----------
@@ -262,17 +264,16 @@ class Trace:
     standard_errors : numpy.ndarray, shape (m, p)
         Their standard errors.
     predicted_force : numpy.ndarray, shape (k,)
-        N, a priori: from the estimate before the sample; by variable projection, of which each
-        estimate costs several samples, from its latest search, at most 64 samples before. NaN where
-        a sample is not finite.
+        One-step prediction, N: from the estimate before the sample. Variable projection predicts
+        from its latest search, at most 64 samples earlier. NaN where a sample is not finite.
     validity_margin : numpy.ndarray, shape (k,)
-        Condition 10 as 1 − |v B/K| / 0.1, with the same estimates in place of the truth.
+        Condition 10 as 1 − |v B/K| / 0.1, by the same estimates.
     status : numpy.ndarray of uint8, shape (k,)
-        A :class:`Status` each.
+        The :class:`Status` of each sample.
     time : numpy.ndarray, shape (m,)
-        Of the estimates, s, by :func:`palpate.identify`; empty where a replay was given no clock.
+        Times of the estimates, s, from :func:`palpate.identify`; empty for a replay without times.
     samples : numpy.ndarray of int, shape (m,), optional
-        The samples after which the estimates were known. None: a full trace, after every one.
+        Indices of the samples after which the trace has the estimates. None: after every sample.
     """
 
     parameters: NDArray[np.float64]
@@ -285,8 +286,8 @@ class Trace:
 
     @classmethod
     def empty(cls, samples: int, size: int, at: NDArray[np.int64] | None = None) -> "Trace":
-        """Room for ``samples`` samples of a law with ``size`` parameters, estimates ``at`` some."""
-        # One block: the fewer new pages, the faster a replay.
+        """An empty trace of ``samples`` samples and ``size`` parameters, with estimates ``at``."""
+        # One allocation: fewer new memory pages make a replay faster.
         rows = samples if at is None else len(at)
         block, ends = np.empty(2 * rows * size + 2 * samples), [rows * size, 2 * rows * size]
         parameters, errors, rest = np.split(block, ends)
@@ -297,7 +298,7 @@ class Trace:
 
     @classmethod
     def joined(cls, traces: "Sequence[Trace]", size: int) -> "Trace":
-        """Return traces one behind the other, as one."""
+        """Return consecutive traces joined into one."""
         if not traces:
             return cls.empty(0, size)
         parts = {
@@ -315,6 +316,11 @@ class Trace:
     def __len__(self) -> int:
         return len(self.status)
 
+    def __repr__(self) -> str:
+        taken, rejected = int(self.taken.sum()), int(self.rejected.sum())
+        counts = f"{taken} taken, {rejected} rejected, {len(self.parameters)} estimates"
+        return f"Trace({len(self)} samples: {counts})"
+
     def __getitem__(self, window: slice) -> "Trace":
         """Part of the trace, sharing its memory where it is full."""
         rows, samples = self._rows(window)
@@ -329,7 +335,7 @@ class Trace:
         )
 
     def _rows(self, window: slice) -> tuple[Any, NDArray[np.int64] | None]:
-        """Which estimates are in a part of the samples, and after which of that part's samples."""
+        """Rows of the estimates within a window, and their sample indices in that window."""
         if self.samples is None:
             return window, None
         kept = np.arange(len(self))[window]
@@ -339,16 +345,16 @@ class Trace:
 
     @property
     def full(self) -> bool:
-        """Whether the estimate is there after every sample."""
+        """Whether the trace has the estimate after every sample."""
         return self.samples is None
 
     @property
     def after(self) -> NDArray[np.int64]:
-        """The samples after which the estimates were known; shape (m,)."""
+        """Indices of the samples after which the trace has the estimates; shape (m,)."""
         return np.arange(len(self)) if self.samples is None else self.samples
 
     def everywhere(self, values: Floats) -> Floats:
-        """Numbers of the estimates in a row for each sample, NaN where there is no estimate.
+        """Spread the estimates' numbers over one row per sample; NaN where there is no estimate.
 
         Parameters
         ----------
@@ -376,25 +382,25 @@ class Trace:
 
     @property
     def rejected(self) -> NDArray[np.bool_]:
-        """Which samples were left out as outliers; shape (k,)."""
+        """Which samples were rejected as outliers; shape (k,)."""
         rejected: NDArray[np.bool_] = self.status == Status.REJECTED
         return rejected
 
 
 def checked_trace(trace: Any) -> Traced:
-    """Return how much of a trace is requested, once it is known to be sound.
+    """Check the ``trace`` argument and return it.
 
     Raises
     ------
     InvalidParameterError
-        It is none of False, "full", a number of rows and a time in [1e-9, 1e9] s.
+        It is not False, "full", a number of rows or a time in [1e-9, 1e9] s.
     """
     if trace is False or (isinstance(trace, str) and trace == "full"):
         return trace  # type: ignore[return-value]  # a str that equals it
     if trace is True or isinstance(trace, str):
         raise InvalidParameterError(
-            "trace must be 'full', False, an int (at most so many estimates) or a float (seconds "
-            f"between estimates), not {shown(trace)}"
+            "trace must be 'full', False, an int (the largest number of estimates) or a float "
+            f"(seconds between estimates), not {shown(trace)}"
         )
     if isinstance(trace, int | np.integer):
         return whole_in("trace", int(trace), 1, 10**9)
@@ -402,10 +408,10 @@ def checked_trace(trace: Any) -> Traced:
 
 
 def thinned(trace: Traced, time: Floats, segments: "Sequence[slice]") -> NDArray[np.int64] | None:
-    """Return after which samples of a contact a trace has the estimate; None: after each.
+    """Return the samples after which a contact's trace has the estimate; None: after each.
 
-    At most so many, evenly spread, of which the last sample is one; or of each segment the first
-    sample of each interval of seconds, and the last sample.
+    For an int: that many at most, evenly spread, up to the last sample. For seconds: in each
+    segment the first sample of every interval, and the last sample.
     """
     if trace == "full":
         return None
@@ -425,9 +431,9 @@ def thinned(trace: Traced, time: Floats, segments: "Sequence[slice]") -> NDArray
     return None if len(after) == len(time) else after
 
 
-# Figures of merit, as the paper takes them.
+# The error measures of the paper.
 
-# The paper's Tables II, IV and VI leave out the first 0.2 s of contact.
+# The paper's Tables II, IV and VI exclude the first 0.2 s of contact.
 START_UP = 0.2  # s
 
 
@@ -440,9 +446,9 @@ def rmse_percent(measured: "ArrayLike", predicted: "ArrayLike") -> float:
 
 
 def prediction_rmse_percent(trace: Trace, force: Floats, time_steps: Floats) -> float:
-    """RMSE% of the a-priori force over the samples taken after the first 0.2 s of contact.
+    """RMSE% of the one-step prediction over the samples taken after the first 0.2 s of contact.
 
-    NaN where there was less contact than that.
+    NaN if the contact was shorter.
     """
     taken = trace.taken
     late = taken & (np.cumsum(np.where(taken, time_steps, 0.0)) > START_UP)
@@ -450,6 +456,6 @@ def prediction_rmse_percent(trace: Trace, force: Floats, time_steps: Floats) -> 
 
 
 def violated_fraction(trace: Trace) -> float:
-    """Share of the samples taken at which condition 10 did not hold; NaN without samples."""
+    """Fraction of the samples taken that violate condition 10; NaN without samples."""
     margin = trace.validity_margin[trace.taken]
     return float(np.mean(~(margin > 0.0))) if margin.size else float("nan")

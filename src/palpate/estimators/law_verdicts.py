@@ -1,4 +1,4 @@
-"""Which law it is, and the numbers that laws have in common: what a verdict says."""
+"""The verdict on which law fits, its findings, and the numbers that all laws have in common."""
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
@@ -13,7 +13,7 @@ from palpate.findings import Finding
 from palpate.force_laws import ForceLaw, GeneralisedHuntCrossley
 from palpate.validation import Plain, defined, or_nan
 
-# By the values of the compiled enumerations.
+# In the order of the compiled enumerations.
 DAMPINGS = ("none", "hunt-crossley", "half-space")
 MEMORIES = ("none", "flat", "single", "power-law")
 _WITH = {
@@ -26,12 +26,12 @@ _WITH = {
 
 @dataclass(frozen=True, slots=True)
 class Candidate(Plain):
-    """A law that may be offered.
+    """A law that can compete in model selection.
 
     Attributes
     ----------
     damping : "none", "hunt-crossley" or "half-space"
-        Whether there is a damper, and its exponent: p = n, or p = n − 1.
+        The damping form: none, p = n, or p = n − 1.
     memory : "none", "flat", "single" or "power-law"
         How the material relaxes.
     linear : bool
@@ -48,8 +48,14 @@ class Candidate(Plain):
         return laws[self.damping] + _WITH[self.memory]
 
     @property
+    def title(self) -> str:
+        """Its name in a sentence; ``str`` is the shorter name in files and on the wire."""
+        name = str(self).replace("flat spectrum", "flat relaxation spectrum")
+        return name.replace("half-space", "half-space damping")
+
+    @property
     def own(self) -> tuple[str, ...]:
-        """Names of its own numbers: the law's others follow from these, or are none."""
+        """Names of its free parameters; the law's other parameters follow from these or are 0."""
         has = {
             "stiffness": True,
             "exponent": not self.linear,
@@ -62,35 +68,35 @@ class Candidate(Plain):
 
     @property
     def parameters(self) -> int:
-        """Numbers that are looked for, the offset among them."""
+        """Number of fitted parameters, including the offset."""
         return len(self.own) + 1
 
 
-#: Every law that can be offered; the first five are distinguished by the everyday bank.
+#: Every law that can compete; the first :data:`EVERYDAY` are the common laws of ``memory="auto"``.
 CANDIDATES: tuple[Candidate, ...] = tuple(
     Candidate(DAMPINGS[damping], MEMORIES[memory], linear)
     for damping, memory, linear in _core.defaults["ViscoelasticContact"]["candidates"]
 )
-#: How many of them are distinguished by the everyday bank, from the first on.
+#: Number of common laws.
 EVERYDAY = 5
-#: Differences of the score, twice those of a logarithm of the odds: e and e⁵ to one. Less than the
-#: first is worth but a bare mention (Kass & Raftery, J. Am. Stat. Assoc. 90, 1995).
+#: Score differences, 2 ln of the odds: e to 1 and e⁵ to 1. Below the first the evidence is "not
+#: worth more than a bare mention" (Kass & Raftery, J. Am. Stat. Assoc. 90, 1995).
 UNDECIDED, STRONG = 2.0, 10.0
 
 
 @dataclass(frozen=True, slots=True)
 class RankedModel:
-    """How a law that was offered stood at the last verdict.
+    """The score of one competing law at the last verdict.
 
     Attributes
     ----------
     candidate : Candidate
         The law.
     score : float
-        N_eff ln(RSS/N) + 2 p ln N_eff, less that of the law that was chosen: from 0 on, the more
-        the worse. Ten are strong evidence.
+        N_eff ln(RSS/N) + 2 p ln N_eff minus the selected law's: 0 for that law, larger is worse.
+        Ten is strong evidence.
     rms_error : float
-        Root of RSS/N, N.
+        √(RSS/N), N.
     """
 
     candidate: Candidate
@@ -99,15 +105,15 @@ class RankedModel:
 
     @property
     def meaning(self) -> str:
-        """What its score means."""
+        """The score in words."""
         if self.score == 0.0:
             return "chosen"
         if self.score < UNDECIDED:
-            return "cannot be told from it"
+            return "cannot be distinguished"
         return "less likely" if self.score < STRONG else "strong evidence against it"
 
     def as_dict(self) -> dict[str, Any]:
-        """Return it as plain numbers and words."""
+        """Return it as plain numbers and text."""
         return {
             "law": str(self.candidate),
             **self.candidate.as_dict(),
@@ -121,30 +127,30 @@ _NUMBERS = ("samples", "effective_samples", "depth", "frequency")
 
 
 def band_about(frequency: float) -> tuple[float, float]:
-    """Frequencies that a motion contained, rad/s, by its own: half to twice; laws part beyond."""
+    """Frequency band of a motion, rad/s: half to twice its mean; laws differ outside of it."""
     return 0.5 * frequency, 2.0 * frequency
 
 
 @dataclass(frozen=True, slots=True)
 class LawVerdict(Plain):
-    """Which law it is, and by what.
+    """The selected law and the evidence for it.
 
     Attributes
     ----------
     candidate : Candidate
-        The law that was chosen.
+        The selected law.
     model_ranking : tuple of RankedModel
-        Of the laws that were offered, the best first; empty before the first verdict.
+        All competing laws, the best first; empty before the first verdict.
     samples : float
-        Samples that the evidence is of, less what was forgotten.
+        Number of samples in the evidence, after forgetting.
     effective_samples : float
-        N_eff: so many samples of white noise would say as much.
+        Effective sample size N_eff: as many independent samples carry the same information.
     depth : float
-        Where the motion was on average, m.
+        Mean depth of the motion, m.
     frequency : float
-        Of the motion, rad/s: root mean square speed over that of the way from its mean depth.
+        Frequency of the motion, rad/s: rms speed over the rms distance from the mean depth.
     findings : tuple of Finding
-        What the samples leave open of it; ``flags`` has them in words.
+        What the samples leave open about the law; ``flags`` has their text.
     """
 
     candidate: Candidate
@@ -159,64 +165,66 @@ class LawVerdict(Plain):
 
     @property
     def flags(self) -> tuple[str, ...]:
-        """The findings in words."""
+        """The findings as text."""
         return tuple(map(str, self.findings))
 
     def as_dict(self) -> dict[str, Any]:
-        """Return it as plain numbers and words; the standings in their order."""
+        """Return it as plain numbers and text."""
         whole = Plain.as_dict(self)
-        whole["standings"] = whole.pop("model_ranking")
         return {"law": str(self.candidate), **whole.pop("candidate"), **whole}
 
     def __str__(self) -> str:
         if not self.known:
-            return f"law: {self.candidate}, for want of samples"
-        words = "the only one that was offered"
+            return f"law: {self.candidate.title} (too few samples to compare laws)"
+        words = "the only candidate"
         if len(self.model_ranking) > 1:
             other = self.model_ranking[1]
-            words = f"which {other.candidate} cannot be told from"
+            words = f"cannot be distinguished from {other.candidate.title}"
             if other.score >= UNDECIDED:
-                words = f"before {other.candidate} by {rounded(other.score, 3)}"
+                words = f"preferred over {other.candidate.title} (ΔBIC {rounded(other.score, 3)})"
         return (
-            f"law: {self.candidate}, {words}; evidence of {rounded(self.effective_samples, 3)} "
-            f"independent samples of {rounded(self.samples, 4)}"
+            f"law: {self.candidate.title}, {words}; effective sample size "
+            f"{rounded(self.effective_samples, 3)} of {rounded(self.samples, 4)}"
         )
+
+    def __repr__(self) -> str:
+        return f"LawVerdict({self})"
 
     @classmethod
     def from_dict(cls, words: Mapping[str, Any]) -> "LawVerdict":
-        """Return the verdict of its numbers and words, as :meth:`as_dict` has them."""
+        """Return the verdict from the dictionary that :meth:`as_dict` makes."""
 
         def candidate(each: Mapping[str, Any]) -> Candidate:
             return Candidate(each["damping"], each["memory"], each["linear"])
 
         model_ranking = (
             RankedModel(candidate(each), or_nan(each["score"]), or_nan(each["rms_error"]))
-            for each in words["standings"]
+            for each in words.get("model_ranking") or words["standings"]  # before 0.1
         )
         numbers = {name: or_nan(words[name]) for name in _NUMBERS}
-        said = words["findings"] if "findings" in words else words["flags"]  # in schema 1
-        findings = tuple(map(Finding.from_dict, said))
+        found = words["findings"] if "findings" in words else words["flags"]  # in schema 1
+        findings = tuple(map(Finding.from_dict, found))
         return cls(candidate(words), tuple(model_ranking), **numbers, findings=findings)
 
     def rank_of(self, law: ForceLaw) -> RankedModel | None:
-        """Return how an identified law stood; None where it was not offered."""
+        """Return the rank of an identified law; None if it did not compete."""
         wanted = law.candidate and Candidate(*law.candidate)
         return next((each for each in self.model_ranking if each.candidate == wanted), None)
 
     @property
     def known(self) -> bool:
-        """Whether it is of the samples that there are, and not of a lead-in that was given up."""
+        """Whether the ranking is of the present samples, not of a discarded lead-in."""
         return bool(self.model_ranking) and 2.0 * self.samples >= self.effective_samples
 
     @property
     def band(self) -> tuple[float, float]:
-        """Frequencies that the motion contained, rad/s: half to twice its own."""
+        """Frequency band of the motion, rad/s: half to twice its mean frequency."""
         return band_about(self.frequency)
 
 
 @dataclass(frozen=True, slots=True)
 class DynamicStiffness:
-    """What a small oscillation feels: numbers that laws of any kind have in common.
+    """Stiffness and damping for small oscillations about a depth, which laws of every kind have.
 
     Attributes
     ----------
@@ -243,32 +251,29 @@ class DynamicStiffness:
         return self.frequency * self.damping / self.stiffness if self.stiffness else math.nan
 
 
-# What a verdict on laws is worked out from, where it may be given to another process.
-
-
 class Evidence(NamedTuple):
-    """What a verdict is worked out from: plain numbers, that another process may be given.
+    """The plain numbers from which a verdict is computed; they can be sent to another process.
 
     Attributes
     ----------
     rows : sequence of (int, float, float)
-        Of each law that competed its place among :data:`CANDIDATES`, its score and RSS/N, N².
+        For each competing law its index in :data:`CANDIDATES`, its score and RSS/N, N².
     samples, effective_samples : float
-        As those of :class:`LawVerdict`.
+        As in :class:`LawVerdict`.
     chosen : int
-        Place of the law in force.
+        Index of the selected law in :data:`CANDIDATES`.
     depth, frequency : float
-        As those of :class:`LawVerdict`.
+        As in :class:`LawVerdict`.
     begun : bool
         Whether the samples began in contact.
     one_way : float
-        Mean velocity over its root mean square, ±1 where the motion went one way at one speed.
+        Mean velocity over its root mean square: ±1 for motion in one direction at one speed.
     offered : int
-        The laws on offer, a bit each.
+        The competing laws, one bit each.
     step : float
-        Between samples, s.
+        Time between samples, s.
     shallowest : float, optional
-        Penetration that the gate asks of a sample, m; None where it asks for a force too.
+        The gate's minimum penetration, m; None if the gate has a force threshold too.
     """
 
     rows: Sequence[Sequence[float]]
@@ -285,116 +290,118 @@ class Evidence(NamedTuple):
 
     @property
     def laws(self) -> tuple[Candidate, ...]:
-        """The laws on offer."""
+        """The competing laws."""
         return tuple(law for index, law in enumerate(CANDIDATES) if self.offered >> index & 1)
 
 
 # What a verdict on laws leaves open.
 
-#: Mean velocity over its root mean square, from which on a motion goes one way: 1 at one speed,
-#: 0.90 of a half sine, 0 of whatever comes back.
+#: A motion is one-way above this ratio of mean to rms velocity: 1 at constant speed, 0.90 for a
+#: half sine, 0 for any motion that returns.
 ONE_WAY = 0.8
-# Of the force at the mean depth that a law leaves: of HC's K′ 1 % took 0.8 standard errors, 3 % 3
-# and 10 % 7, 20 seeds of three sines from out of contact to 13 mm.
+# Residual as a fraction of the force at mean depth. 1 % biases Hunt–Crossley's K′ by 0.8 standard
+# errors, 3 % by 3 and 10 % by 7 (20 seeds, three sines from free air to 13 mm).
 _NOISY = 0.02
 
 
 def _open_law(
     evidence: Evidence, model_ranking: tuple[RankedModel, ...], law: GeneralisedHuntCrossley
 ) -> Iterator[Finding]:
-    """What the samples leave open of which law it is; nothing before the first verdict."""
+    """Findings on what the samples leave open about the law; none before the first verdict."""
     if not model_ranking:
         return
-    # A motion at one speed, such as an approach alone, tells damper and spring apart by the noise.
-    if tied := [str(each.candidate) for each in model_ranking[1:] if each.score < UNDECIDED]:
+    # At one speed, as in an approach alone, only noise distinguishes a damper from a spring.
+    if tied := [each.candidate.title for each in model_ranking[1:] if each.score < UNDECIDED]:
         yield Finding(
             "which law",
-            f"the samples do not tell it from {' or '.join(tied)}, and the error bars are of the "
-            "one law alone",
-            "press and let go, at several speeds",
+            f"the samples do not distinguish it from {' or '.join(tied)}: the standard errors hold "
+            "only if this law is the right one",
+            "press and release several times, at different speeds",
         )
     stand = {each.candidate for each in model_ranking}
     if any(each.memory != "none" and each not in stand for each in evidence.laws):
         yield Finding(
             "which law",
-            "no law with memory competes yet: five numbers fit any hundred samples; stiffness and "
-            "damping may be those of one",
+            "too few samples yet to compare laws with memory: one of them may be right, with other "
+            "stiffness and damping",
         )
-    # At one speed v damper, memory and spring are functions of the depth alone, x = vt.
+    # At one speed v damping, memory and stiffness are all functions of the depth alone, x = vt.
     if abs(evidence.one_way) > ONE_WAY:
         yield Finding(
             "one way",
-            "the motion goes one way at nearly one speed: damping, memory and stiffness are "
-            "distinguished by the shape of the law alone, and may be far off",
-            "press and let go, at several speeds",
+            "the probe moves one way at nearly one speed: only the assumed shape of the law "
+            "separates damping, memory and stiffness, which may be far off",
+            "press and release several times, at different speeds",
         )
-    # Light samples are taken by their own force: those that noise makes negative count as out of
-    # contact, and what is left is too firm, E(F | F > 0) > F, and the stiffness too low.
+    # Light samples are selected by their own force: noise makes some negative, which count as out
+    # of contact. The mean of the others is too high, E(F | F > 0) > F, and the stiffness too low.
     depth, shallowest = evidence.depth, evidence.shallowest
     if shallowest is None or not (depth > 0.0 and law.stiffness > 0.0):
         return
     n, noise = law.exponent, model_ranking[0].rms_error
     force = law.stiffness * depth**n
-    # Two deviations above none, one sample in forty is left out.
+    # At a force of two standard deviations the gate excludes one sample in forty.
     if noise > _NOISY * force and force * (shallowest / depth) ** n < 2.0 * noise:
-        needed = 1e3 * depth * (3.0 * noise / force) ** (1.0 / n)
+        # There the force is three times the noise.
+        needed = depth * (3.0 * noise / force) ** (1.0 / n)
         yield Finding(
             "gate",
-            "light samples are taken by a force within the noise, which makes K′ and K too low",
-            f"gate=ContactGate(minimum_penetration=…) of {rounded(needed, 2)} mm, where the force "
-            "is three times that",
+            "the contact gate selects light samples by a force within the noise, so K′ and K are "
+            "too low",
+            f"set gate=ContactGate(minimum_penetration={needed:.2g})",
         )
 
 
-#: The check that says that the samples leave open how much relaxes.
+#: The check that reports a relaxation stiffness that is not identifiable.
 RELAXATION_STIFFNESS = "relaxation stiffness"
-# Of the half second that is given up where samples begin in contact a third: 5 % of it are left.
+# A third of the half second that is discarded where samples begin in contact: 5 % of a relaxation
+# of this time remain.
 _FORGOTTEN = 0.5 / 3.0
 
 
 def _open_memory(evidence: Evidence, estimate: Estimate) -> Iterator[Finding]:
-    """What the samples leave open of the memory."""
+    """Findings on what the samples leave open about the memory."""
     law: GeneralisedHuntCrossley = estimate.law
     if not law.remembers:
         return
     errors = estimate.standard_errors
     if not errors[4] < 0.25 * (law.stiffness + law.relaxation_stiffness):
         words = "relaxation stiffness not identifiable"
-        yield Finding(RELAXATION_STIFFNESS, words, "press quickly, and hold")
+        yield Finding(RELAXATION_STIFFNESS, words, "press quickly, then hold")
     if law.stiffness < 0.0:
         yield Finding(
             "relaxed stiffness",
-            "negative relaxed stiffness: where the material ends up once all has relaxed, these "
-            "samples do not say; K′ and B′ at their own frequency they do",
-            "press from out of contact, and hold",
+            "negative relaxed stiffness: the samples do not identify the relaxed material; K′ and "
+            "B′ at the motion's frequency remain valid",
+            "start out of contact, press, then hold",
         )
-    # The longest of the law's times: the only one, or the end of its spectrum.
+    # The law's longest relaxation time: its only one, or the end of its spectrum.
     if evidence.begun and law.parameters[7] > _FORGOTTEN:
         yield Finding(
             "memory",
-            "the samples begin in contact, and longer than half a second is remembered: K and M "
-            "may be off by twice their error bars",
-            "record from before the touch",
+            "the samples begin in contact, and the material relaxes for over half a second: K and "
+            "M may be off by two standard errors",
+            "start recording before the touch",
         )
     if (time := law.relaxation_time) is not None:
-        # A factor of e either way at two deviations.
+        # At this limit two standard errors are a factor of e either way.
         if not errors[7] < 0.5 * time:
             words = "relaxation time not identifiable"
-            yield Finding("relaxation time", words, "move at several speeds, and hold")
+            yield Finding("relaxation time", words, "move at several speeds, then hold")
         if time > 0.5 * evidence.samples * evidence.step:
-            words = "slow drift or relaxation: the time is longer than half of the samples"
+            words = "slow drift or relaxation: the relaxation time exceeds half of the recording"
             yield Finding("relaxation time", words)
 
 
 def verdict_of(evidence: Evidence, estimate: Estimate) -> LawVerdict:
-    """Return the verdict.
+    """Return the verdict on the law.
 
     Parameters
     ----------
     evidence : Evidence
-        Of :meth:`ViscoelasticContact.evidence`.
+        From :meth:`ViscoelasticContact.evidence`.
     estimate : Estimate
-        Of the same moment.
+        The estimate at the same time.
     """
     ranked = sorted(evidence.rows, key=lambda row: row[1])
     least = ranked[0][1] if ranked else 0.0

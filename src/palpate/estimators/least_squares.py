@@ -1,4 +1,4 @@
-"""Least squares of any law, error bars of any residual, and a recursion of one's own."""
+"""Least squares of any law, standard errors for any residual, and plain recursive least squares."""
 
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
@@ -17,22 +17,22 @@ MOST_STEPS = 25
 def long_run_covariance(
     scores: Floats, residual: Floats, shared: Sequence[Floats] = (), fitted: int = 0
 ) -> Floats:
-    """Covariance of Σ u e for a residual e that is correlated, whatever with.
+    """Covariance of Σ u e for a correlated residual e.
 
-    Σ d_k D_k of Haar levels, with t₀.₉₇₅(ν)/1.96, as in ``docs/variable-projection.md``: the
-    estimator of all error bars.
+    Σ d_k D_k of Haar levels, with t₀.₉₇₅(ν)/1.96, as in ``docs/variable-projection.md``. All
+    standard errors of palpate come from it.
 
     Parameters
     ----------
     scores : numpy.ndarray, shape (k, p)
-        u, one row a sample, in the order of time: the influence of its residual.
+        u, the influence of each residual; one row per sample, in the order of time.
     residual : numpy.ndarray, shape (k,)
         e, of a fit to these samples.
     shared : sequence of numpy.ndarray
-        Where residuals are averages over windows: the part of its window that each row shares with
-        the next, with the next but one, and so on.
+        For residuals that are averages over windows: the fraction of each row's window that it
+        shares with the next row, with the next but one, and so on. Default: no windows.
     fitted : int
-        How many parameters the fit has.
+        Number of fitted parameters. Default: 0.
     """
     covariance = np.empty((scores.shape[1],) * 2)
     shares = np.array([part.sum() / (len(residual) - k) for k, part in enumerate(shared, start=1)])
@@ -43,10 +43,10 @@ def long_run_covariance(
 def robust_covariance(
     jacobian: Floats, residual: Floats, shared: Sequence[Floats] = (), others: int = 0
 ) -> Floats:
-    """Covariance of a least squares from its Jacobian and what it leaves.
+    """Covariance of a least-squares fit from its Jacobian and residual.
 
-    ``others`` is how many parameters were fitted too, whose columns are orthogonal to these; for
-    ``shared`` see :func:`long_run_covariance`.
+    ``others`` is the number of further fitted parameters, whose columns are orthogonal to these;
+    for ``shared`` see :func:`long_run_covariance`.
     """
     size = np.linalg.norm(jacobian, axis=0)
     size[size == 0.0] = 1.0
@@ -69,22 +69,22 @@ def least_squares(
     bounds: tuple[Floats | float, Floats | float] = (-np.inf, np.inf),
     enough: float = 1e-9,
 ) -> Fitted:
-    """Levenberg–Marquardt from a start, of any law; in one step where the model is linear.
+    """Fit any law by Levenberg–Marquardt from a start; a linear model takes one step.
 
-    Of the Hunt–Crossley law on samples as they are ``_core.fit_samples`` finds the same minimum
-    three to fifteen times quicker; this one takes any law's gradient, and averages of it.
+    For the Hunt–Crossley law on raw samples ``_core.fit_samples`` finds the same minimum three to
+    fifteen times faster; this function takes any law, and window averages of its gradient.
 
     Parameters
     ----------
     model : callable
-        Gives the residual of parameters, shape (k,), and the force's gradient by them, (k, p); a
-        column of zeros keeps its parameter.
+        Takes parameters and returns their residual, shape (k,), and the gradient of the force by
+        them, shape (k, p); a column of zeros keeps its parameter fixed.
     start : numpy.ndarray, shape (p,)
-        Where it begins.
+        Starting values.
     bounds : tuple of numpy.ndarray
-        The lowest and the highest parameters.
+        Lower and upper bounds. Default: none.
     enough : float
-        It ends when a step gains less than this of Σ r².
+        It stops when a step reduces Σ r² by less than this fraction. Default: 1e-9.
     """
     best, damping, (low, high) = Fitted(start, *model(start)), 1e-9, bounds
     energy = float(best.residual @ best.residual)
@@ -95,7 +95,7 @@ def least_squares(
         size = np.linalg.norm(jacobian, axis=0)
         size[size == 0.0] = 1.0
         unit = jacobian / size
-        # Damped, the condition is no worse than 1e9, so that normal equations will do.
+        # Damping limits the condition number to 1e9, so the normal equations are accurate enough.
         normal = unit.T @ unit + max(damping, 1e-12) * np.eye(len(size))
         trial = np.clip(at + np.linalg.solve(normal, slope / size) / size, low, high)
         after = Fitted(trial, *model(trial))
@@ -118,11 +118,11 @@ def mean_error(values: Floats) -> float:
     return float(np.sqrt(long_run_covariance(scores, values - values.mean(), (), 1)[0, 0]))
 
 
-# The bare recursion of eq. 13, for a regression of one's own.
+# The plain recursion of eq. 13, for your own regression.
 
 
 class LeastSquares(Configured, _core.LeastSquares):
-    """Recursive least squares with forgetting, for any y = φᵀθ that is linear in θ.
+    """Recursive least squares with forgetting, for any model y = φᵀθ.
 
     g = P φ;  L = g / (λ + φᵀ g);  e = y − φᵀ θ;  θ ← θ + L e;  P ← (P − L gᵀ) / λ   (eq. 13)
 
@@ -131,14 +131,14 @@ class LeastSquares(Configured, _core.LeastSquares):
     order : int
         Number of coefficients θ, 1 to 8.
     initial : array_like, shape (order,), optional
-        θ₀; zeros unless given.
+        θ₀. Default: zeros.
     initial_covariance : float or array_like
-        P₀: a scalar, ``order`` variances or a matrix, in the units of θ².
+        P₀: a scalar, ``order`` variances or a matrix, in the units of θ². Default: 1e6.
 
     Raises
     ------
     InvalidParameterError
-        An order outside 1 to 8, or a start of another size.
+        The order is outside 1 to 8, or ``initial`` has another size.
     """
 
     __slots__ = ("_settings",)
@@ -162,6 +162,6 @@ class LeastSquares(Configured, _core.LeastSquares):
         super().__init__(int(order), start, covariance.reshape(-1))
 
     def reset(self) -> None:
-        """Forget every row taken."""
+        """Forget all rows."""
         fresh = LeastSquares(**self._settings)
         self._restore(fresh._state())

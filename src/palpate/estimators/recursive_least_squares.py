@@ -1,6 +1,6 @@
-"""The paper's recursive estimators: settings, names and words over the compiled recursion.
+"""The paper's recursive estimators: Python settings for the compiled recursion.
 
-The estimator's own numbers (θ, P) live in the units of its ``scale``.
+Their θ and P are in the units of the ``scale``.
 """
 
 from typing import Any, ClassVar, Literal
@@ -29,30 +29,30 @@ from palpate.validation import arguments, covariance_matrix, instance, number_in
 
 
 class RecursiveLeastSquaresEstimator(CompiledEstimator):
-    """The settings of the paper's recursive estimators; its subclasses are the methods.
+    """Base class of the paper's recursive estimators, with the settings that they share.
 
     Parameters
     ----------
     initial : force law, optional
-        Where the estimate starts, SI; small values unless given.
+        Initial estimate, SI. Default: small values.
     initial_covariance : float or array_like, optional
         P₀ of θ, in units of ``scale``: a scalar, p variances or a p × p matrix, variances in
-        [1e-20, 1e20]. The larger, the faster the start and the larger its overshoot.
+        [1e-20, 1e20]. Larger values start faster and overshoot more. Default: the method's own.
     forgetting : ConstantForgetting or FadingForgetting, optional
-        λ over time; the paper's fading one unless given.
+        λ over time. Default: the paper's fading forgetting.
     perturbation : SelfPerturbation, optional
-        Reopens the covariance when the material changes (section VII); None never does.
+        Raises the covariance when the material changes (section VII). Default: none.
     change_detector : ChangeDetector, optional
-        Restarts the estimate when another material is touched; None never does.
+        Restarts the estimate when the probe touches another material. Default: none.
     outlier_rejection : OutlierRejection or False, optional
-        Leaves lost positions and spikes out. None: off, and in :func:`identify` on; False: off.
+        Rejects dropouts and spikes. Default (None): off, but on in :func:`identify`; False: off.
     gate : ContactGate, optional
-        Which samples are contact. None: every sample with x > 0 and F > 0, and in :func:`identify`
-        a gate chosen from the data.
+        Which samples are contact. Default: those with x > 0 and F > 0; in :func:`identify`, a gate
+        chosen from the data.
     sample_time : float
-        Time between samples where ``update`` is given none, s, in (0, 1e6].
+        Time between samples when ``update`` gets no ``dt``, s, in (0, 1e6]. Default: 1 ms.
     scale : Scale, optional
-        Units of the arithmetic. None: plain SI, and in :func:`identify` chosen from the data.
+        Units of the arithmetic. Default: SI units; in :func:`identify` chosen from the data.
 
     Raises
     ------
@@ -81,7 +81,7 @@ class RecursiveLeastSquaresEstimator(CompiledEstimator):
         self._begin(arguments(locals()))
 
     def _begin(self, settings: dict[str, Any]) -> None:
-        """Keep the settings, with what was left to the method, and make the recursion."""
+        """Fill in the method's defaults, keep the settings and make the recursion."""
         usual = {"initial": self.default_initial, "forgetting": FadingForgetting()}
         usual["initial_covariance"] = self.default_covariance
         self._settings = {  # type: ignore[misc]  # a slot of each subclass: two bases with slots would clash
@@ -101,7 +101,7 @@ class RecursiveLeastSquaresEstimator(CompiledEstimator):
         covariance = covariance_matrix(
             "initial_covariance", given["initial_covariance"], len(start)
         )
-        exponent = known_exponent(given.get("exponent"))  # of a Hunt–Crossley law
+        exponent = known_exponent(given.get("exponent"))  # only Hunt–Crossley estimators have it
         if exponent is not None:
             start[2] = exponent
         loop = loop_settings(given, Scale(), perturbation._plain())
@@ -109,18 +109,18 @@ class RecursiveLeastSquaresEstimator(CompiledEstimator):
 
 
 class HuntCrossleyRLS(RecursiveLeastSquaresEstimator):
-    """Settings of those that identify the Hunt–Crossley law: the exponent may be known.
+    """Base class of those that identify the Hunt–Crossley law: the exponent may be known.
 
     Parameters
     ----------
     exponent : float, optional
-        n, in [0.1, 10], where the shape of the tip tells it, as 1.5 for a sphere: it is kept, with
-        an error of zero, and so are neither the exponent of ``initial`` nor its variance looked at.
-        None: it is identified.
+        Known n, in [0.1, 10], from the tip's shape: 1.5 for a sphere. It stays fixed, with a
+        standard error of 0; the exponent of ``initial`` and its variance have no effect. Default:
+        identified.
     initial, initial_covariance, forgetting, perturbation, change_detector, outlier_rejection
         As in :class:`RecursiveLeastSquaresEstimator`.
     gate, sample_time, scale
-        As there.
+        As in :class:`RecursiveLeastSquaresEstimator`.
 
     Raises
     ------
@@ -148,19 +148,18 @@ class HuntCrossleyRLS(RecursiveLeastSquaresEstimator):
 
 
 class SingleStageRLS(HuntCrossleyRLS, _core.SingleStageRLS):
-    """The paper's method: the Hunt–Crossley law, linear in one logarithm.
+    """The paper's method: the Hunt–Crossley law by a regression of the logarithm of the force.
 
     y = ln F, φ = [1, v, ln x], θ = [ln K, B/K, n]   (eqs. 9, 12, 13)
 
     Valid while |v| < 0.1 K/B (eq. 10), which every estimate reports; beyond it K and B are biased
-    low. Low-force samples weigh as much as high-force ones, so gate above the noise.
+    low. Low-force samples weigh as much as high-force ones, so set the gate above the noise.
 
-    Where the exponent is known, y = ln F − n ln x, φ = [1, v], θ = [ln K, B/K].
+    With a known exponent, y = ln F − n ln x, φ = [1, v], θ = [ln K, B/K].
 
-    Settings are those of :class:`RecursiveLeastSquaresEstimator` and ``exponent``, n in [0.1, 10]
-    where the shape of the tip tells it, as 1.5 for a sphere: it is kept, with an error of zero.
-    ``initial`` is a :class:`HuntCrossley` of positive stiffness, ``initial_covariance`` that of θ,
-    1e3 unless given.
+    Settings are those of :class:`RecursiveLeastSquaresEstimator`, and ``exponent``: a known n, in
+    [0.1, 10], from the tip's shape (1.5 for a sphere), with a standard error of 0. ``initial`` is a
+    :class:`HuntCrossley` of positive stiffness, ``initial_covariance`` is that of θ (default: 1e3).
     """
 
     __slots__ = ("_settings",)
@@ -176,7 +175,7 @@ class SingleStageRLS(HuntCrossleyRLS, _core.SingleStageRLS):
         stiffness = self._settings["initial"].stiffness
         if not stiffness > 0.0:
             raise InvalidParameterError(
-                f"initial stiffness must be in (0, inf), for its logarithm, not {stiffness!r}"
+                f"initial stiffness must be above 0 (its logarithm is taken), not {stiffness!r}"
             )
         return plain
 
@@ -187,15 +186,14 @@ class DoubleStageRLS(HuntCrossleyRLS, _core.DoubleStageRLS):
     Stage 1: y = F, φ = [x^n̂, x^n̂ v] → K̂, B̂ (eq. 3).
     Stage 2: y = ln(F / (K̂ + B̂ v)), φ = ln x → n̂ (eq. 4), skipped while K̂ + B̂ v ≤ 0.
 
-    Kept as it is for comparison: from most starts it freezes where K and n trade against each
-    other, and only starts within about 10 % of the truth converge.
+    Kept unchanged for comparison: it converges only from starts within about 10 % of the truth.
+    From others it stalls, because errors in K and n compensate each other.
 
-    Where the exponent is known there is stage 1 alone, with the truth for n̂: a linear least squares
-    that does not freeze.
+    With a known exponent only stage 1 remains: linear least squares, which does not stall.
 
-    Settings are those of :class:`RecursiveLeastSquaresEstimator` and ``exponent``, as of
-    :class:`SingleStageRLS`; ``initial`` is a :class:`HuntCrossley`, ``initial_covariance`` that of
-    [K, B] and n, (1e8, 1e8, 1e3) unless given, with no covariance between the stages.
+    Settings are those of :class:`RecursiveLeastSquaresEstimator`, and ``exponent`` as in
+    :class:`SingleStageRLS`. ``initial`` is a :class:`HuntCrossley`; ``initial_covariance`` is that
+    of [K, B] and n (default: variances 1e8, 1e8, 1e3), with no covariance between the stages.
     """
 
     __slots__ = ("_settings",)
@@ -209,8 +207,8 @@ class DoubleStageRLS(HuntCrossleyRLS, _core.DoubleStageRLS):
         covariance = plain[1]
         if covariance[0][2] or covariance[1][2]:
             raise InvalidParameterError(
-                "initial_covariance must be zero between [K, B] and n: the stages know nothing of "
-                f"each other, not {shown(self._settings['initial_covariance'])}"
+                "initial_covariance must be zero between [K, B] and n, because the two stages are "
+                f"independent, not {shown(self._settings['initial_covariance'])}"
             )
         return plain
 
@@ -218,11 +216,11 @@ class DoubleStageRLS(HuntCrossleyRLS, _core.DoubleStageRLS):
 class KelvinVoigtRLS(RecursiveLeastSquaresEstimator, _core.KelvinVoigtRLS):
     """The linear contact model by recursive least squares.
 
-    y = F, φ = [x, v], θ = [K, B] in eq. 13. The simplest and quickest to settle; wrong in shape
-    wherever stiffness grows with depth.
+    y = F, φ = [x, v], θ = [K, B] in eq. 13. The simplest method and the fastest to converge; its
+    law is wrong where stiffness grows with depth.
 
     Settings are those of :class:`RecursiveLeastSquaresEstimator`; ``initial`` is a
-    :class:`KelvinVoigt`, ``initial_covariance`` 1e8 unless given.
+    :class:`KelvinVoigt`, ``initial_covariance`` is 1e8 by default.
     """
 
     __slots__ = ("_settings",)
@@ -238,8 +236,8 @@ class ExtendedKelvinVoigtRLS(RecursiveLeastSquaresEstimator, _core.ExtendedKelvi
     y = F, φ = [x, x², v], θ = [K₁, K₂, B] in eq. 13, for the law of eq. 14.
 
     Settings are those of :class:`RecursiveLeastSquaresEstimator`; ``initial`` is an
-    :class:`ExtendedKelvinVoigt`, ``initial_covariance`` 1e10 unless given: in SI x² is so small
-    that K₂ never moves under a smaller one.
+    :class:`ExtendedKelvinVoigt`, ``initial_covariance`` is 1e10 by default: in SI x² is so small
+    that K₂ stays at its start under a smaller one.
     """
 
     __slots__ = ("_settings",)

@@ -1,4 +1,4 @@
-"""Variable projection: no starting values, no logarithm, an error bar on every number."""
+"""Variable projection: no starting values, no logarithm, a standard error for every number."""
 
 from typing import Any, Literal
 
@@ -21,7 +21,7 @@ from palpate.settings import (
 from palpate.validation import arguments, instance, number_in, pair_in, shown
 
 _DEFAULTS = _core.defaults["VariableProjection"]
-# Where it is not chosen: the probing of a hand-sized robot.
+# The default scale: that of a hand-sized robot.
 PROBING = Scale(*_DEFAULTS["scale"])
 
 
@@ -30,56 +30,55 @@ class VariableProjection(CompiledEstimator, _core.VariableProjection):
 
     min over (K, B, n, F₀) of Σ (F − K xⁿ − B xⁿ v − F₀)²
 
-    For each exponent of a grid the law is linear in the rest, so a few sums per exponent hold all
-    that the samples say; the minimum over n is searched globally and then solved. No logarithm, no
-    condition 10, no starting values, and at the Cramér–Rao bound. Accumulating a sample is cheap;
-    the solve happens when an estimate is asked for.
+    For each exponent of a grid the law is linear in the other parameters, so a few sums per
+    exponent hold all information of the samples; the minimum over n is searched globally, then
+    refined. No logarithm, no condition 10, no starting values; it attains the Cramér–Rao bound.
+    Adding a sample is cheap; the solve happens on a call of ``estimate``.
 
     Parameters
     ----------
     noise : float, optional
-        Standard deviation of the force, N, > 0. None: estimated from the residual.
+        Standard deviation of the force, N, > 0. Default: estimated from the residual.
     forgetting : ConstantForgetting or FadingForgetting, optional
-        None forgets nothing.
+        Forgetting of old samples. Default: none.
     change_detector : ChangeDetector, optional
-        Restarts the estimate when another material is touched; None never does.
+        Restarts the estimate when the probe touches another material. Default: none.
     outlier_rejection : OutlierRejection or False, optional
-        Leaves lost positions and spikes out. None: off, and in :func:`identify` on; False: off.
+        Rejects dropouts and spikes. Default (None): off, but on in :func:`identify`; False: off.
     offset : bool
-        Estimate a constant force offset beside the law: what the removal of the sensor's bias left.
+        Estimate a constant force offset, the sensor's remaining bias. Default: True.
     offset_deviation : float, optional
-        What a tare left of that offset, N, > 0: a prior F₀ ~ N(0, offset_deviation²). None: one
-        unit of force, and in :func:`identify` the contact's ``tare_deviation`` if it has one. What
-        quantisation to steps Δ leaves is (Δ/π) exp(−2π²σ²/Δ²). Free air, ten samples and more of it
-        above the surface, says the offset too. A tare that the contact contradicts by three
-        deviations is flagged; a prior that it contradicts by five is dropped.
+        Standard deviation of the force offset after the tare, N, > 0: a prior
+        F₀ ~ N(0, offset_deviation²). Default: one unit of force; in :func:`identify` the contact's
+        ``tare_deviation``, if any. Quantisation in steps Δ leaves (Δ/π) exp(−2π²σ²/Δ²). Ten or more
+        samples in free air inform the offset too. If the contact contradicts the tare by three
+        standard deviations, it is flagged; if it contradicts a prior by five, the prior is dropped.
     exponent_range : tuple of float
-        Where the exponent is looked for: (lowest, highest), within [0.1, 10], 0.2 to 5 apart.
+        Range of the exponent: (lowest, highest), within [0.1, 10], 0.2 to 5 apart.
     exponent : float, optional
-        n, in [0.1, 10], where the shape of the tip tells it, as 1.5 for a sphere: it is kept, with
-        an error of zero, and ``exponent_range`` does not count. None: it is looked for.
+        Known n, in [0.1, 10], from the tip's shape: 1.5 for a sphere. It stays fixed, with a
+        standard error of 0; ``exponent_range`` has no effect. Default: estimated.
     surface : "estimate", optional
-        Search for the position of the surface too, within ``surface_range``, from samples that
-        include the free approach; the gate then does not apply. None: the penetration is measured
-        from the surface.
+        Also estimate the surface position, within ``surface_range``, from samples that include the
+        free approach; the gate then does not apply. Default: the penetration is 0 at the surface.
     surface_range : tuple of float, optional
-        Where the surface is looked for, m, in the coordinate of the penetration: (lowest, highest).
-        Forty-one candidates. None: ± a fifth of the unit of penetration, ±2 mm without a ``scale``.
+        Range of the surface position, m, in the coordinate of the penetration: (lowest, highest),
+        with 41 candidates. Default: ± a fifth of the unit of penetration, ±2 mm without ``scale``.
     surface_deviation : float, optional
-        How well the position of the surface is known, m, > 0. A surface that is off looks like an
-        offset, so what free air or a tare says of that is taken as no better than this depth times
-        the stiffness F/x of the ``scale``, which has to be near the largest values. None: it is
-        known exactly; in :func:`identify` to twice the noise and rounding of the penetration, as
-        the zero of an encoder lies anywhere within its step.
+        Standard deviation of the surface position, m, > 0. A wrong surface looks like an offset, so
+        the offset's prior, from free air or a tare, is no tighter than this depth times the
+        stiffness F/x of the ``scale``, which must be near the largest values. Default: 0; in
+        :func:`identify` twice the noise and rounding of the penetration, because the zero of an
+        encoder lies anywhere within its step.
     gate : ContactGate, optional
-        Which samples are contact. With a ``make_force`` of 0, as None has it, the estimator chooses
-        them itself among those deeper than ``minimum_penetration``: by the force of a sample's
-        neighbours and never by its own, which would bias (``docs/variable-projection.md``). A
-        ``make_force`` is honoured as it is.
+        Which samples are contact. With a ``make_force`` of 0 (the default) the estimator selects
+        them among those deeper than ``minimum_penetration``, by the force of a sample's neighbours;
+        selection by its own force would bias (``docs/variable-projection.md``). A positive
+        ``make_force`` applies as it is.
     sample_time : float
-        Time between samples where ``update`` is given none, s, in (0, 1e6].
+        Time between samples when ``update`` gets no ``dt``, s, in (0, 1e6]. Default: 1 ms.
     scale : Scale, optional
-        Units of the arithmetic, near the largest values to come. None: 10 mm, 20 mm/s and 1 N, and
+        Units of the arithmetic, near the largest expected values. Default: 10 mm, 20 mm/s and 1 N;
         in :func:`identify` chosen from the data.
 
     Raises
@@ -124,14 +123,13 @@ class VariableProjection(CompiledEstimator, _core.VariableProjection):
 def projection_settings(
     settings: dict[str, Any],
 ) -> tuple[float, tuple[float, float], float, bool, float]:
-    """Check what the projection is set by, as the compiled constructors take it; 0 is not given."""
+    """Check the projection's settings, as the compiled constructors take them; 0 means None."""
     noise = positive_or_none("noise", settings["noise"])
     exponents = settings["exponent_range"]
     low, high = pair_in("exponent_range", exponents, 0.1, 10.0)
     if not 0.2 <= high - low <= 5.0:
-        reason = "nothing" if high <= low else "too little or too much to search"
         raise InvalidParameterError(
-            f"exponent_range must be 0.2 to 5 wide, not {shown(exponents)}: it holds {reason}"
+            f"exponent_range must be (lowest, highest), 0.2 to 5 apart, not {shown(exponents)}"
         )
     known, offset = known_exponent(settings["exponent"]) or 0.0, settings["offset"]
     instance("offset", offset, bool)
@@ -140,7 +138,7 @@ def projection_settings(
 
 
 def positive_or_none(name: str, value: float | None) -> float:
-    """Check a number above 0, as the compiled constructors take it; 0 is None."""
+    """Check a number above 0, as the compiled constructors take it; 0 means None."""
     return 0.0 if value is None else number_in(name, value, 0.0, 1e30, open_low=True)
 
 
@@ -150,20 +148,19 @@ def surfaces_in(
     usual: tuple[float, float],
     widest: float,
 ) -> tuple[float, float] | None:
-    """Check where a surface is looked for, m; None: nowhere."""
+    """Check the range of an estimated surface position, m; None: not estimated."""
     if not (surface is None or (isinstance(surface, str) and surface == "estimate")):
         raise InvalidParameterError(f"surface must be 'estimate' or None, not {shown(surface)}")
     if surface is None and surface_range is not None:
         raise InvalidParameterError(
-            "surface_range is for surface='estimate'; without it the surface is at 0"
+            "surface_range needs surface='estimate'; otherwise the surface is at 0"
         )
     if surface_range is None:
         return None if surface is None else usual
     low, high = pair_in("surface_range", surface_range, -widest, widest)
     if not high > low:
         raise InvalidParameterError(
-            f"surface_range must be (lowest, highest) in m, not {shown(surface_range)}: it holds "
-            "nothing"
+            f"surface_range must be (lowest, highest) in m, not {shown(surface_range)}"
         )
     return low, high
 
@@ -178,23 +175,23 @@ class DriftTracking(CompiledEstimator, _core.DriftTracking):
 
     F = k ξⁿ (1 + b v) + F₀,  ξ = x/x_r;  d(ln k), db and dn are random walks.
 
-    It starts itself from variable projection, with its answer, covariance and noise, once the
-    exponent is known to 0.05; until then its answer is that of variable projection, and a flag says
-    so. Started cold such a filter diverges in about one start of ten, so it cannot be. For a
-    material that changes at once, use a :class:`ChangeDetector`.
+    Until the standard error of the exponent is below 0.05, its estimate is that of variable
+    projection, with a flag; then the filter starts from that estimate, covariance and noise. (From
+    arbitrary values such a filter diverges in about one start of ten.) For a material that changes
+    abruptly, use a :class:`ChangeDetector`.
 
     Parameters
     ----------
     stiffness_drift : float
-        How far ln k walks in a second, 1/√s, ≥ 0. Too large and the walk takes all that makes the
-        exponent identifiable; 0.02 follows ±30 % at 0.1 Hz to a few tenths of a percent.
+        Random walk of ln k in one second, 1/√s, ≥ 0. If it is too large, the exponent is no longer
+        identifiable; 0.02 follows ±30 % at 0.1 Hz to a few tenths of a percent.
     dissipation_drift : float
-        The same of b = B/K, s/m per √s, ≥ 0.
+        Random walk of b = B/K in one second, s/m per √s, ≥ 0.
     exponent_drift : float
-        The same of n, 1/√s, ≥ 0; 0 where the exponent is known.
+        Random walk of n in one second, 1/√s, ≥ 0; 0 for a known exponent.
     noise, offset, offset_deviation, exponent_range, exponent
-        As in :class:`VariableProjection`; but an offset is not estimated unless asked for, since
-        beside a drifting stiffness few motions make it identifiable.
+        As in :class:`VariableProjection`, except that ``offset`` is False by default: few motions
+        identify an offset together with a drifting stiffness.
     change_detector, outlier_rejection, gate, sample_time, scale
         As in :class:`VariableProjection`.
 
@@ -233,7 +230,7 @@ class DriftTracking(CompiledEstimator, _core.DriftTracking):
         )
         if exponent is not None and drift[2] > 0.0:
             raise InvalidParameterError(
-                f"exponent_drift must be 0 where the exponent is known, not {exponent_drift!r}"
+                f"exponent_drift must be 0 for a known exponent, not {exponent_drift!r}"
             )
         loop = loop_settings(self._settings, PROBING)
         super().__init__(projection_settings(self._settings), drift, loop)

@@ -1,4 +1,4 @@
-"""Laws whose damper has an exponent of its own, and that may remember; and which of them it is."""
+"""Generalised Hunt–Crossley laws, with and without memory, and the selection among them."""
 
 from typing import Any, Literal
 
@@ -34,57 +34,55 @@ Memory = Literal["auto", "any", "none", "flat", "single", "power-law"]
 
 
 class ViscoelasticContact(CompiledEstimator, _core.ViscoelasticContact):
-    """Generalised Hunt–Crossley laws, with memory and without, and which of them it is.
+    """Generalised Hunt–Crossley laws, with and without memory, and the selection among them.
 
     min over (K, n, B, M, F₀, τ or α) of Σ (F − K xⁿ − B xᵖ v − M Σ wᵢ gᵢ − F₀)²,
     ġᵢ = d(xⁿ)/dt − gᵢ/τᵢ
 
-    for each law that is offered: p = n or n − 1; without memory, or with a flat spectrum, one
-    relaxation time or a power law. One set of sums serves them all, and the least
-    N_eff ln(RSS/N) + 2 p ln N_eff wins, as the samples come: Schwarz's criterion with twice the
-    penalty, N_eff the samples that noise of the residual's correlation leaves of N. Verdict and
-    estimate are worked out a little at every sample: a verdict when there are an eighth more
-    samples, the estimate when there are a 32nd more, and both at once by :meth:`finish_pending`.
-    ``docs/viscoelastic.md`` says the rest.
+    for each competing law: p = n or n − 1; no memory, or a flat relaxation spectrum, one relaxation
+    time or a power law. All laws share one set of sums. The law with the least
+    N_eff ln(RSS/N) + 2 p ln N_eff is selected as samples arrive: Schwarz's criterion (BIC) with
+    twice the penalty, N_eff the effective sample size for the residual's correlation. The work is
+    spread over the samples: a new verdict after an eighth more samples, a new estimate after 1/32
+    more, and both immediately by :meth:`finish_pending`. See ``docs/viscoelastic.md``.
 
-    What the material remembers is what the penetration made it: it is carried through loss of
-    contact. Where samples begin in contact, nobody saw what it remembers: what the first half
-    second says is without memory and flagged, and then given up.
+    The relaxation state follows from the penetration and continues through loss of contact. If the
+    samples begin in contact, the state is unknown: for half a second the estimate has no memory and
+    a flag, and is then discarded.
 
     Parameters
     ----------
     damping : "auto", "hunt-crossley", "half-space" or "none"
-        The damper: p = n, p = n − 1, or none, which takes a memory. "auto": as the samples say.
+        Damping form: p = n, p = n − 1, or none (needs a memory). Default: "auto", the best fit.
     memory : "auto", "none", "flat", "single", "power-law" or "any"
-        The relaxation. "auto": none, or a flat spectrum of six relaxation times from two to 2048
-        sample times. "any": whichever of all that there are. A kind that is named is taken for
-        granted: the law has it, whatever the samples say. "any", "single" and "power-law" keep
-        twelve times and all their products, which takes several times as long a sample.
+        Kind of relaxation. Default: "auto", the better of none and a flat spectrum of six
+        relaxation times from two to 2048 sample times. "any": the best of all kinds. The law has a
+        named kind whatever the samples show. "any", "single" and "power-law" keep twelve times and
+        all their products, and take several times as long per sample.
     forgetting : ConstantForgetting or FadingForgetting, optional
-        None forgets nothing. What the material remembers is not forgotten.
+        Forgetting of old samples, not of the relaxation state. Default: none.
     change_detector, outlier_rejection
         As in :class:`VariableProjection`.
     offset : bool
-        Estimate a constant force offset beside the law.
+        Estimate a constant force offset together with the law. Default: True.
     offset_deviation, surface_deviation : float, optional
-        What a tare left of that offset, N, > 0, and how well the position of the surface is known,
+        Standard deviation of the force offset after the tare, N, > 0, and of the surface position,
         m, > 0; as in :class:`VariableProjection`.
     exponent : float, optional
-        n, in [0.5, 3.25], where the shape of the tip tells it; None: it is looked for there.
+        Known n, in [0.5, 3.25], from the tip's shape. Default: estimated in that range.
     gate : ContactGate, optional
-        Which samples are contact. Those above 0.1 % of the unit of penetration inform the estimate.
+        Which samples are contact. The estimate uses those above 0.1 % of the unit of penetration.
     sample_time : float, optional
-        Time between samples where ``update`` is given none, s, in (0, 1e6], and nearly that where
-        it is: relaxation times are looked for from two of them on. None: 1 ms, and in
-        :func:`identify` that of the data.
+        Time between samples, s, in (0, 1e6]; a ``dt`` of ``update`` must be close to it. The
+        shortest relaxation time is two sample times. Default: 1 ms; in :func:`identify` the data's.
     scale : Scale, optional
-        Units of the arithmetic, near the largest values to come. None: 10 mm, 20 mm/s and 1 N, and
+        Units of the arithmetic, near the largest expected values. Default: 10 mm, 20 mm/s and 1 N;
         in :func:`identify` chosen from the data.
 
     Raises
     ------
     InvalidParameterError
-        A setting is outside its range, or no law is left.
+        A setting is outside its range, or no law matches damping and memory.
     """
 
     __slots__ = ("_settings",)
@@ -130,56 +128,55 @@ class ViscoelasticContact(CompiledEstimator, _core.ViscoelasticContact):
 
     @property
     def candidate(self) -> Candidate | None:
-        """The law in force; None before the first verdict, and until the next after a change.
+        """The selected law; None before the first verdict and after a detected change.
 
-        It costs less than a microsecond, and so may be asked for after every sample.
+        It takes less than a microsecond, so it can be read after every sample.
         """
         rows, *_, chosen, _, _, _, _ = self._evidence()
         return CANDIDATES[chosen] if rows else None
 
     def evidence(self) -> Evidence:
-        """Return what a verdict is worked out from, in some microseconds: for another process."""
+        """Return the numbers of a verdict, in some microseconds, for use in another process."""
         offered = _offered(self._settings["damping"], self._settings["memory"])
         gate = self._settings["gate"] or ContactGate()
         shallowest = None if gate.make_force else gate.minimum_penetration
         return Evidence(*self._evidence(), offered, float(self._step), shallowest)
 
     def verdict(self) -> LawVerdict:
-        """Return which law it is, with the evidence of all that were offered."""
+        """Return the selected law, with the evidence for all competing laws."""
         return verdict_of(self.evidence(), self.estimate())
 
     def dynamic_stiffness(
         self, depth: float | None = None, frequency: float | None = None
     ) -> DynamicStiffness:
-        """Return stiffness and damping that a small oscillation feels, with standard errors.
+        """Return stiffness and damping for small oscillations, with standard errors.
 
-        By the delta method from the covariance of the law that was chosen; that another law might
-        have been is not in them.
+        The standard errors come from the selected law's covariance by the delta method; they do not
+        include the uncertainty of the selection.
 
         Parameters
         ----------
         depth : float, optional
-            m, > 0; the motion's mean depth unless given.
+            m, > 0. Default: the motion's mean depth.
         frequency : float, optional
-            rad/s; the motion's own unless given.
+            rad/s. Default: the motion's mean frequency.
 
         Raises
         ------
         InvalidParameterError
-            The frequency is outside the band of the motion, half to twice its own: what happens
-            there its samples do not say. Or there is no verdict on
-            this material yet.
+            The frequency is outside half to twice the motion's mean frequency, where the samples
+            carry no information; or there is no verdict on this material yet.
         """
         verdict, estimate = self.verdict(), self.estimate()
         low, high = verdict.band
-        # Without a verdict the law is where it starts, or of a motion of before a change.
+        # Without a verdict the law is its initial value, or that of before a change.
         if not (verdict.model_ranking and high > 0.0 and verdict.depth > 0.0):
-            raise InvalidParameterError("frequency must be one of the motion: none is known yet")
+            raise InvalidParameterError("motion's frequency not known yet: take more samples first")
         omega = verdict.frequency if frequency is None else number("frequency", frequency)
         if not low <= omega <= high:
             raise InvalidParameterError(
                 f"frequency must be in the band of the motion, {low:.3g} to {high:.3g} rad/s, not "
-                f"{shown(frequency)}: a law says nothing of what its samples did not contain"
+                f"{shown(frequency)}: the samples carry no information outside of it"
             )
         x = verdict.depth if depth is None else number_in("depth", depth, 0.0, 1e100, open_low=True)
 
@@ -209,7 +206,6 @@ def _offered(damping: str, memory: str) -> int:
             bits |= 1 << index
     if not bits:
         raise InvalidParameterError(
-            f"damping and memory must leave a law: there is none with damping={damping!r} and "
-            f"memory={memory!r}"
+            f"no law has damping={damping!r} and memory={memory!r}: change one of them"
         )
     return bits

@@ -1,4 +1,4 @@
-"""A law in the numbers of a simulation engine, with its error stated, and replayed.
+"""Export a law as the parameters of a simulation engine, and state the engine's error.
 
 made = exports.export(palpate.load_result("ball"), to="mujoco", mass=1.0)
 made.save("ball-in-mujoco")

@@ -1,8 +1,8 @@
-"""What an export has to do with, whichever the engine.
+"""Common parts of the exports, independent of the engine.
 
-The motion that it has to be right on, and what is asked of an engine; the errors of a force and of
-a rebound; the text that engines read; the law of an engine's kind that is nearest to another; and
-at the end what an engine is, and which there are.
+The motion on which errors are measured and the request to an engine; errors of force and
+restitution; the text that engines read; the nearest law of an engine's form; and at the end the
+base class of engines and their registry.
 """
 
 import math
@@ -32,28 +32,28 @@ from palpate.quantities.restitution import restitution
 from palpate.results.saved import SavedResult
 from palpate.validation import Floats, one_of
 
-#: An engine is asked for the force at so many states at most, unless it is slow.
+#: Most states at which an engine computes the force; slow engines have a lower limit.
 MOST_SAMPLES = 20_000
-#: Where the paper's motion is judged: deeper, m, than where the probe enters.
+#: Depth, m, above which the paper's motion counts for errors.
 FIRM = 2e-3
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ProbeMotion:
-    """Where a probe was, sample by sample, below the surface that the law was identified with.
+    """A motion of a probe, with penetration measured from the surface of the identified law.
 
     Attributes
     ----------
     time, penetration, velocity, acceleration : numpy.ndarray, shape (k,)
         s, m, m/s and m/s².
     judged : numpy.ndarray of bool, shape (k,)
-        The samples that errors are taken over: in firm contact.
+        Samples in firm contact, over which errors are computed.
     starts : tuple of int
-        Places of the samples that do not follow upon the one before, the first among them.
+        First sample of each continuous part of the motion. Default: (0,).
     force : numpy.ndarray, shape (k,), optional
-        As measured, without its offset, N.
+        Measured force without its offset, N.
     source : str
-        What it is, in words.
+        Description of the motion.
     """
 
     time: Floats
@@ -67,9 +67,9 @@ class ProbeMotion:
 
     @classmethod
     def of_paper(cls) -> "ProbeMotion":
-        """Return the paper's: a smooth approach, then 10 + 1 sin 4t + 1.8 sin 11t + 1.8 sin 15t mm.
+        """Return that of the paper: an approach, then 10 + sin 4t + 1.8 sin 11t + 1.8 sin 15t mm.
 
-        Judged where it is deeper than 2 mm.
+        Samples deeper than 2 mm count for errors.
         """
         time: Floats = 1e-3 * np.arange(6000, dtype=np.float64)
         command = Probing(pause=0.0).at(time)
@@ -78,12 +78,12 @@ class ProbeMotion:
 
     @classmethod
     def recorded(cls, result: Identification | SavedResult) -> "ProbeMotion":
-        """Return the motion that a law was identified from; judged where samples were taken.
+        """Return the motion of a recording; the samples used by the estimate count for errors.
 
         Raises
         ------
         RecordingError
-            No sample was taken.
+            The estimate used no sample.
         """
         contact = result.contact
         if isinstance(result, Identification):
@@ -101,7 +101,7 @@ class ProbeMotion:
         penetration = contact.penetration[whole] - surface
         judged = result.trace.taken[whole] & (penetration > 0.0)
         if not judged.any():
-            raise RecordingError(f"{contact.source}: no sample of it was taken; identify it again")
+            raise RecordingError(f"{contact.source}: no sample was used; identify it again")
         starts = tuple(np.cumsum([0, *(part.size for part in kept[:-1])]).tolist())
         motion = cls(time, penetration, velocity, np.concatenate(parts), judged, starts)
         return replace(motion, force=contact.force[whole] - offset, source="the recorded motion")
@@ -111,23 +111,23 @@ class ProbeMotion:
 
     @property
     def deepest(self) -> float:
-        """Of the judged samples, m."""
+        """Largest penetration of the judged samples, m."""
         return float(self.penetration[self.judged].max())
 
     @property
     def shallowest(self) -> float:
-        """Of the judged samples, m."""
+        """Smallest penetration of the judged samples, m."""
         return float(self.penetration[self.judged].min())
 
     @property
     def fastest(self) -> float:
-        """The highest speed of the judged samples, either way, m/s."""
+        """Largest absolute velocity of the judged samples, m/s."""
         return float(np.abs(self.velocity[self.judged]).max())
 
     def force_by(self, law: ForceLaw) -> Floats:
-        """Force by a law at every sample, N; of one with memory, from rest where samples begin."""
+        """Return a law's force at every sample, N; laws with relaxation start each part at rest."""
         if not law.remembers:
-            # Then the times do not matter, which of several recordings together need not rise.
+            # Without relaxation the times do not matter, which joined recordings may repeat.
             return law.force(self.penetration, self.velocity)
         steps = np.diff(self.time, prepend=0.0)
         inside = np.delete(steps, list(self.starts))
@@ -135,10 +135,9 @@ class ProbeMotion:
         return force_over_breaks(law, self.penetration, self.velocity, steps, list(self.starts))
 
     def firm(self, most: int = MOST_SAMPLES) -> "ProbeMotion":
-        """Return the judged samples alone, at most so many, evenly chosen.
+        """Return the judged samples only, at most so many, evenly chosen.
 
-        For an engine that is asked for its force at one state after another: they are no motion any
-        more that could be followed in time.
+        They are independent states for an engine's force, no longer a motion in time.
         """
         places = self.firm_places(most)
         names = ("time", "penetration", "velocity", "acceleration", "judged")
@@ -147,33 +146,33 @@ class ProbeMotion:
         return replace(self, **kept, force=force, starts=(0,))
 
     def firm_places(self, most: int = MOST_SAMPLES) -> NDArray[np.int64]:
-        """Which samples :meth:`firm` takes."""
+        """Return the indices of the samples that :meth:`firm` chooses."""
         places = np.flatnonzero(self.judged)
         return places[:: -(-places.size // most)]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ExportRequest:
-    """A law to be carried into an engine, and for what.
+    """A law to export to an engine, with the motion, body and options.
 
     Attributes
     ----------
     law : GeneralisedHuntCrossley
-        F = K xⁿ + B xᵖ v, without memory.
-    motion : Motion
-        That it has to be right on.
+        F = K xⁿ + B xᵖ v, without relaxation.
+    motion : ProbeMotion
+        The motion on which the error is measured.
     mass : float, optional
-        Of the body that presses, as the contact feels it, kg.
+        Effective mass of the pressing body at the contact, kg.
     model : Path, optional
-        The user's own model, for engines that read theirs.
+        The user's own model, for engines that can read it.
     geom : str, optional
-        The geom in it that touches.
+        Name of the touching geom in the model.
     tip_radius : float, optional
-        Of a round tip, m, for engines whose law has its radius in it.
+        Radius of a spherical tip, m, for engines whose law contains it.
     time_step : float
-        Of the simulation, s.
+        Time step of the simulation, s. Default: 1e-3.
     form : str
-        Which of the engine's ways; "auto" leaves it to the engine.
+        Form of the contact in the engine. Default: "auto", chosen by the engine.
     """
 
     law: GeneralisedHuntCrossley
@@ -193,45 +192,45 @@ class ExportRequest:
 
     @property
     def mass_or_one(self) -> float:
-        """The mass, kg; 1 kg where none is given, for engines whose law does not depend on it."""
+        """The mass, kg; 1 kg if none was set, for engines whose law does not depend on it."""
         return 1.0 if self.mass is None else self.mass
 
     @property
     def radius_or_any(self) -> float:
-        """The tip's, m; else any that is not all below the surface, for laws without it in them."""
+        """Radius of the tip, m; if unknown, one larger than the depth, where it has no effect."""
         return self.tip_radius or max(0.01, 2.0 * self.motion.deepest)
 
 
-# How far an engine's force is from a law's, and how differently a body rebounds.
+# Errors of an engine's force and restitution.
 
 #: Force [N] at a penetration [m] and a velocity [m/s].
 Pointwise: TypeAlias = Callable[[float, float], float]
 
-# Steps to the half period of the spring alone: e to 10⁻⁶, against the exact relation.
+# Steps per half period of the spring alone: restitution e is accurate to 10⁻⁶.
 _STEPS = 1000
-# Half periods after which a body has come to rest in the material.
+# Half periods after which a body counts as at rest in the material.
 _LONGEST = 40
 
 
 def force_error(force: Floats, reference: Floats, judged: NDArray[np.bool_]) -> float:
-    """100 rms(F − F_reference)/rms(F_reference) over the judged samples, %."""
+    """Return 100 rms(F − F_reference)/rms(F_reference) over the judged samples, %."""
     return rmse_percent(reference[judged], force[judged])
 
 
 @dataclass(frozen=True, slots=True)
 class Drop:
-    """A free body that meets the surface, without weight: to some depth, and how it rebounds.
+    """An impact of a free, weightless body on the surface.
 
     Attributes
     ----------
     mass : float
-        kg.
+        Mass of the body, kg.
     speed : float
-        At first touch, m/s.
+        Speed at first touch, m/s.
     depth : float
-        As deep as it goes, m.
+        Largest depth, m.
     restitution : float
-        e = speed after/speed before; 0 of a body that stays.
+        e = speed after/speed before; 0 if the body does not rebound.
     """
 
     mass: float
@@ -241,9 +240,9 @@ class Drop:
 
 
 def drop_to(law: GeneralisedHuntCrossley, mass: float, depth: float) -> Drop:
-    """Return the drop that goes to a depth [m] by a law, and its restitution.
+    """Return the impact that reaches a depth [m] by a law, with its restitution.
 
-    Where p = n by the exact relation of :mod:`palpate.quantities.restitution`; else by integration.
+    For p = n from the exact relation of :mod:`palpate.quantities.restitution`, else by integration.
     """
     force = law.force
     step = half_period(law, mass, depth) / _STEPS
@@ -256,14 +255,14 @@ def drop_to(law: GeneralisedHuntCrossley, mass: float, depth: float) -> Drop:
 
 
 def drop_restitution(force: Pointwise, mass: float, speed: float, step: float) -> float:
-    """Restitution of a body that meets a material which cannot pull, by RK4 with a step [s].
+    """Return the restitution of an impact on a material that cannot pull, by RK4.
 
     Parameters
     ----------
     force : callable
-        N, at a penetration [m] and a velocity [m/s]; below 0 it counts as 0.
+        Force, N, at a penetration [m] and a velocity [m/s]; below 0 it counts as 0.
     mass, speed, step : float
-        kg; m/s, > 0; s.
+        Mass, kg; speed at first touch, m/s, > 0; time step, s.
     """
 
     def pushing(penetration: float, velocity: float) -> float:
@@ -273,7 +272,7 @@ def drop_restitution(force: Pointwise, mass: float, speed: float, step: float) -
 
 
 def came_back(states: Iterable[tuple[float, float]], drop: Drop) -> float:
-    """Restitution by penetration [m] and velocity [m/s] after each step; 0 of a body that stays."""
+    """Return the restitution from (penetration, velocity) after each step; 0 without a rebound."""
     for x, v in states:
         if x <= 0.0 and v < 0.0:
             return -v / drop.speed
@@ -283,28 +282,28 @@ def came_back(states: Iterable[tuple[float, float]], drop: Drop) -> float:
 
 
 def state_by_state(motion: ProbeMotion, force: Pointwise) -> Floats:
-    """Force at every state of a motion, N."""
+    """Return the force at every state of a motion, N."""
     states = zip(motion.penetration.tolist(), motion.velocity.tolist(), strict=True)
     return np.array([force(x, v) for x, v in states], dtype=np.float64)
 
 
 def restitution_by(law: GeneralisedHuntCrossley, drop: Drop) -> float:
-    """Restitution by another law of a body that meets it as a drop does."""
+    """Return the restitution of the drop's body at the same speed with another law."""
     step = half_period(law, drop.mass, drop.depth) / _STEPS
     return drop_restitution(law.force, drop.mass, drop.speed, step)
 
 
 def half_period(law: GeneralisedHuntCrossley, mass: float, depth: float) -> float:
-    """Of the body on a spring as stiff as the law is, as a secant, at a depth, s."""
+    """Return the half period, s, of a body on a spring of the law's secant stiffness at depth."""
     return math.pi * math.sqrt(mass / (law.stiffness * depth ** (law.exponent - 1.0)))
 
 
 def course(
     force: Pointwise, mass: float, x: float, v: float, step: float
 ) -> Iterator[tuple[float, float]]:
-    """Yield where a free body is and how fast, m ẍ = −F(x, ẋ), until it is above the surface.
+    """Yield position and velocity of a free body, m ẍ = −F(x, ẋ), until it leaves the surface.
 
-    By RK4. A negative step goes back in time, from the greatest depth to first touch.
+    By RK4. A negative step integrates back in time, from the greatest depth to first touch.
     """
 
     def slope(depth: float, speed: float) -> float:
@@ -326,58 +325,58 @@ def course(
 
 
 def _until_surface(force: Pointwise, mass: float, x: float, v: float, step: float) -> float:
-    """Velocity of :func:`course` at the surface; 0 where it is not met in reasonable time."""
+    """Return the velocity of :func:`course` at the surface; 0 if it does not return in time."""
     for nearer, faster in course(force, mass, x, v, step):
         if nearer <= 0.0:
-            # Where x is 0 within the step, by a line.
+            # Interpolate linearly to x = 0 within the step.
             return v + (faster - v) * x / (x - nearer) if x > nearer else faster
         x, v = nearer, faster
     return 0.0
 
 
-# Text for engines and about them: numbers that read back exactly, errors, and comments.
+# Text for engines: numbers that read back exactly, errors, and comments.
 
 
 class _Digits(string.Formatter):
-    """Fills in numbers so that they read back as the same."""
+    """A formatter that writes numbers so that they read back exactly."""
 
     def format_field(self, value: Any, format_spec: str) -> str:
         return digits(value) if isinstance(value, int | float) else str(value)
 
 
 def template(name: str, **values: Any) -> str:
-    """Return one of the engines' texts, which lie in ``templates``, with its places filled in."""
+    """Return a file of ``templates`` with its fields filled in."""
     text = resources.files("palpate.exports") / "templates" / name
     return _Digits().format(text.read_text(encoding="utf-8"), **values)
 
 
 def digits(value: float) -> str:
-    """A number in the fewest digits that read back as the same float."""
+    """Return a number in the fewest digits that read back as the same float."""
     return f"{value:.0f}" if value == int(value) and abs(value) < 1e15 else repr(float(value))
 
 
 def xml_comment(notes: Sequence[str]) -> str:
-    """Lines as an XML comment, in which two hyphens may not stand together."""
+    """Return lines as an XML comment, which may not contain two adjacent hyphens."""
     lines = [re.sub("-(?=-)", "- ", line) for line in _lines(notes)]
     inside = "\n".join(f"  {line}".rstrip() for line in lines)
     return f"<!--\n{inside}\n-->"
 
 
 def hash_comment(notes: Sequence[str]) -> str:
-    """Lines as comments that begin with #."""
+    """Return lines as comments that begin with #."""
     return "\n".join(f"# {line}".rstrip() for line in _lines(notes))
 
 
 def _lines(notes: Sequence[str]) -> list[str]:
-    """Lines of text, without what XML does not take: a file's name may have anything in it."""
+    """Return lines without characters that XML forbids; file names may contain any character."""
     lines = [line for note in notes for line in note.splitlines()]
     return ["".join(each if each.isprintable() else " " for each in line) for line in lines]
 
 
 def percent(value: float) -> str:
-    """An error in two digits, rounded up: what is within 0.31 % is not within 0.3 %."""
+    """Return an error in two digits, rounded up: 0.301 % is written 0.31 %."""
     if not math.isfinite(value):
-        return "an unknown part"
+        return "an unknown percentage"
     if value <= 0.0:
         return "0 %"
     place = 10.0 ** (math.floor(math.log10(value)) - 1)
@@ -386,29 +385,29 @@ def percent(value: float) -> str:
 
 
 def length(metres: float, figures: int) -> str:
-    """A length in mm; in µm where it is less than a tenth of one."""
+    """Return a length in mm, or below 0.1 mm in µm."""
     if abs(metres) >= 1e-4 or metres == 0.0:
         return f"{rounded(1e3 * metres, figures)} mm"
     return f"{rounded(1e6 * metres, figures)} µm"
 
 
 def numbers_of(law: GeneralisedHuntCrossley) -> dict[str, float]:
-    """K, n, B and p by name, of a law without memory."""
+    """Return K, n, B and p by name."""
     names = ("stiffness", "exponent", "damping", "damping_exponent")
     return {name: float(getattr(law, name)) for name in names}
 
 
-# The nearest law of a kind that an engine has, along a motion.
+# The nearest law of an engine's form, along a motion.
 
-_EXPONENTS = (0.5, 3.0)  # what lies between x and x², and a little beyond them
+_EXPONENTS = (0.5, 3.0)  # a little beyond x and x²
 
 
 def with_exponents(
     law: ForceLaw, motion: ProbeMotion, n: float, p: float
 ) -> GeneralisedHuntCrossley:
-    """Return the K xⁿ + B xᵖ v nearest to a law: least squares over the judged samples, B ≥ 0.
+    """Return the nearest K xⁿ + B xᵖ v, by least squares over the judged samples, B ≥ 0.
 
-    The law itself where it has these exponents and no memory.
+    The law itself if it has these exponents and no relaxation.
     """
     if law.powers is not None and not law.remembers:
         own = GeneralisedHuntCrossley.of(law)
@@ -421,8 +420,8 @@ def with_exponents(
 def _nearest(
     law: ForceLaw, motion: ProbeMotion, exponents: tuple[float, float], p: float
 ) -> GeneralisedHuntCrossley:
-    """K, n within these exponents, and B ≥ 0 of least squares over the judged samples."""
-    firm, unit = motion.judged, motion.deepest  # in SI, K and n of a power are one
+    """Return K, n within these bounds, and B ≥ 0 by least squares over the judged samples."""
+    firm, unit = motion.judged, motion.deepest  # in SI units K and n are correlated
     x, v = motion.penetration[firm] / unit, motion.velocity[firm]
     force, damper, logarithm = motion.force_by(law)[firm], x**p * v, np.log(x)
 
@@ -442,9 +441,9 @@ def _nearest(
 def with_one_exponent(
     law: GeneralisedHuntCrossley, motion: ProbeMotion, n: float
 ) -> GeneralisedHuntCrossley:
-    """Return the K xⁿ (1 + b v), b ≥ 0, nearest to a law.
+    """Return the nearest K xⁿ (1 + b v), b ≥ 0.
 
-    Of a law with p = n it has that one's own b = B/K, and so its restitution.
+    For a law with p = n it keeps b = B/K, and so the restitution.
     """
     if law.damping > 0.0 and law.damping_exponent != law.exponent:
         return with_exponents(law, motion, n, n)
@@ -456,7 +455,7 @@ def with_one_exponent(
 
 
 def kelvin_voigt(law: ForceLaw, motion: ProbeMotion) -> GeneralisedHuntCrossley:
-    """Return the K x + B v nearest to a law; see :func:`with_exponents`."""
+    """Return the nearest K x + B v; see :func:`with_exponents`."""
     return with_exponents(law, motion, 1.0, 0.0)
 
 
@@ -467,10 +466,10 @@ def is_kelvin_voigt(law: GeneralisedHuntCrossley) -> bool:
 
 
 def stable_step(law: GeneralisedHuntCrossley, mass: float, depth: float) -> float:
-    """Time step from which on an explicit penalty contact is unstable, s.
+    """Return the time step, s, from which an explicit penalty contact is unstable.
 
     h² k/m + 2 h c/m = 4, with k = n K xⁿ⁻¹ and c = B xᵖ, at the greatest depth. (Semi-implicit
-    Euler of m ẍ + c ẋ + k x = 0; MuJoCo held to within 10 % of it.)
+    Euler of m ẍ + c ẋ + k x = 0; MuJoCo was stable to within 10 % of it.)
     """
     k = law.exponent * law.stiffness * depth ** (law.exponent - 1.0)
     c = law.damping * depth**law.damping_exponent
@@ -479,16 +478,16 @@ def stable_step(law: GeneralisedHuntCrossley, mass: float, depth: float) -> floa
 
 @dataclass(frozen=True, slots=True)
 class Nearest:
-    """The law of one power of depth, without memory, that stands for another.
+    """A law K xⁿ + B xᵖ v exported in place of another.
 
     Attributes
     ----------
     law : GeneralisedHuntCrossley
-        The one exported.
+        The exported law.
     which : str
-        How it came about, in words; empty where it is the law itself.
+        How it was derived, in words; empty for the law itself.
     error_percent : float
-        Of its force against that of the whole law, over the judged samples.
+        Rms error of its force against that of the original law, over the judged samples, %.
     """
 
     law: GeneralisedHuntCrossley
@@ -499,26 +498,26 @@ class Nearest:
     def of(
         cls, member: GeneralisedHuntCrossley, law: ForceLaw, motion: ProbeMotion, which: str
     ) -> "Nearest":
-        """Return a law in place of another, with its error along a motion."""
+        """Return an exported law with its error along a motion."""
         error = force_error(motion.force_by(member), motion.force_by(law), motion.judged)
         return cls(member, which, error)
 
 
 def without_memory(law: GeneralisedHuntCrossley, motion: ProbeMotion) -> Nearest:
-    """Return the member without memory whose force is nearest along a motion.
+    """Return the law without relaxation whose force is nearest along a motion.
 
-    The relaxed one, the instantaneous one, or K and B by least squares with the law's exponents.
+    The relaxed law, the instantaneous one, or K and B by least squares with the law's exponents.
     """
     if not law.remembers:
         return Nearest(law)
     fitted = with_exponents(law, motion, law.exponent, law.damping_exponent)
     members = {
-        "the law once it has relaxed": law.relaxed(),
-        "the law before anything has relaxed": law.instantaneous(),
-        "K and B nearest to the law with memory along this motion": fitted,
+        "the fully relaxed law": law.relaxed(),
+        "the instantaneous (unrelaxed) law": law.instantaneous(),
+        "the law without relaxation nearest along this motion": fitted,
     }
     found = [Nearest.of(member, law, motion, which) for which, member in members.items()]
-    # Not one that nothing pushes back by, or that makes energy.
+    # Avoid laws with K ≤ 0 or B < 0.
     return min(
         found,
         key=lambda each: (each.law.stiffness <= 0.0, each.law.damping < 0.0, each.error_percent),
@@ -526,24 +525,26 @@ def without_memory(law: GeneralisedHuntCrossley, motion: ProbeMotion) -> Nearest
 
 
 def one_power(law: ForceLaw, motion: ProbeMotion) -> Nearest:
-    """Return the K xⁿ + B v nearest to a law of two powers of depth, K₁ x + K₂ x² + B v."""
+    """Return the K xⁿ + B v nearest to the quadratic law K₁ x + K₂ x² + B v."""
     nearest = _nearest(law, motion, _EXPONENTS, 0.0)
-    return Nearest.of(nearest, law, motion, "one power of depth nearest along this motion")
+    return Nearest.of(
+        nearest, law, motion, "the law with one power of depth nearest along this motion"
+    )
 
 
-# What an engine is, to an export: its ways of carrying a law, and what it makes of it.
+# Base classes of engines and of laws in their parameters.
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Replayed:
-    """What an engine did along a motion.
+    """The force of an engine along a motion.
 
     Attributes
     ----------
     force : numpy.ndarray, shape (k,)
-        On the probe, out of the material, N, at every sample of the motion that it was asked for.
+        Force on the probe, positive out of the material, N, at every sample of the motion.
     how : str
-        How the engine was moved, in words.
+        Method of the replay, in words.
     """
 
     force: Floats
@@ -551,38 +552,37 @@ class Replayed:
 
 
 def warned(*messages: str) -> tuple[Finding, ...]:
-    """Return what a user of an engine should know."""
+    """Return messages as warnings."""
     return tuple(Finding("engine", message, severity="with-care") for message in messages)
 
 
 def refused(*messages: str) -> tuple[Finding, ...]:
-    """Return why a law should not be used in an engine."""
+    """Return messages as refusals."""
     return tuple(Finding("engine", message, severity="do-not-trust") for message in messages)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Fragment(ABC):
-    """A law in an engine's own numbers: text to paste, and what the engine will do with it.
+    """A law in an engine's parameters: text to paste, and the engine's force with it.
 
     Attributes
     ----------
     form : str
-        Which of the engine's ways.
+        Form of the contact in the engine.
     request : ExportRequest
-        What it was made for.
+        The request it was made for.
     numbers : mapping of str to float
-        The engine's own parameters by their names.
+        The engine's parameters by name.
     engine_law : GeneralisedHuntCrossley, optional
-        The force law that the engine then has, where it is one of these; but for what
-        :meth:`predicted` adds.
+        The resulting force law in the engine, if it has this form; :meth:`predicted` may add to it.
     exact : bool
-        Whether that is the law that was asked for, to the engine's own accuracy.
+        Whether that is the requested law, to the engine's accuracy. Default: False.
     largest_step : float, optional
-        The time step from which on the simulation is unstable, s.
+        Stability limit of the time step, s.
     findings : tuple of Finding
-        What a user should know, :func:`warned`; and why this should not be used, :func:`refused`.
+        Warnings (:func:`warned`) and refusals (:func:`refused`).
     most_samples : int
-        At how many states, for an engine that is slow.
+        Most states for a replay.
     """
 
     most_samples: ClassVar[int] = MOST_SAMPLES
@@ -596,52 +596,52 @@ class Fragment(ABC):
 
     @abstractmethod
     def files(self, notes: Sequence[str]) -> Mapping[str, str]:
-        """Return text by file name: what is to be pasted, and the smallest scene that runs.
+        """Return text by file name: the fragment to paste, and a minimal scene.
 
         Parameters
         ----------
         notes : sequence of str
-            Lines that each of them has to carry as a comment: origin, error, warnings.
+            Lines for the comment in each file: origin, error, warnings.
         """
 
     def predicted(self, motion: ProbeMotion) -> Floats:
-        """Force that the engine will have along a motion, N: of its law, and it cannot pull."""
-        assert self.engine_law is not None  # or this is overridden
+        """Return the engine's predicted force along a motion, N, at least 0."""
+        assert self.engine_law is not None  # else a subclass overrides this
         return np.maximum(motion.force_by(self.engine_law), 0.0)
 
     def predicted_restitution(self, drop: Drop) -> float:
-        """Restitution that the engine will have in a drop."""
+        """Return the engine's predicted restitution in an impact."""
         assert self.engine_law is not None
         return restitution_by(self.engine_law, drop)
 
     def replay(self, motion: ProbeMotion) -> Replayed | None:
-        """Return what the real engine does along a motion; None of one that is not run here."""
+        """Return the real engine's force along a motion; None if palpate cannot run it."""
         return None
 
     def drop_restitution(self, drop: Drop) -> float | None:
-        """Restitution in the real engine in a drop, at the time step; None where it is not run."""
+        """Return the real engine's restitution at the time step; None if it is not simulated."""
         return None
 
 
 class Engine(ABC):
-    """A simulation engine that a law can be exported to; its module has one as ``ENGINE``.
+    """A simulation engine to which laws can be exported; each module has one as ``ENGINE``.
 
     Attributes
     ----------
     name : str
-        As ``--to`` knows it.
+        Name for ``--to``.
     title : str
-        As a person does.
+        Display name.
     forms : mapping of str to str
-        Its ways by name, in words; "auto" chooses among them.
+        Names and descriptions of the forms of contact; "auto" chooses among them.
     distribution : str, optional
-        What pip installs; None of an engine of which text is written only.
+        Name of its Python package; None if palpate cannot run the engine.
     extra : str
-        Of palpate, which brings it.
+        The extra of palpate that installs it.
     takes : frozenset of str
-        Which of model, geom and tip_radius it can do something with.
+        Which of the options model, geom and tip_radius it uses.
     continuous : bool
-        Whether it can do without time steps: a time step of 0.
+        Whether it accepts a time step of 0 (continuous time).
     """
 
     name: ClassVar[str]
@@ -654,16 +654,16 @@ class Engine(ABC):
 
     @abstractmethod
     def fit(self, request: ExportRequest) -> Fragment:
-        """Return the law in this engine's numbers.
+        """Return the law in this engine's parameters.
 
         Raises
         ------
         InvalidParameterError
-            Something that this engine cannot do without is not given.
+            An option that the engine needs is missing.
         """
 
     def version(self) -> str | None:
-        """Of the installed engine; None where it is not there, or none is run."""
+        """Return the version of the installed engine; None if there is none."""
         if self.distribution is None:
             return None
         try:
@@ -672,9 +672,9 @@ class Engine(ABC):
             return None
 
 
-# Every engine by its name: a module each, which is imported when it is asked for.
+# The registry of engines; each has a module that is imported on use.
 
-#: A module, of which ``ENGINE`` is the engine; none of them imports the simulator itself.
+#: Modules whose ``ENGINE`` is the engine; importing one does not import the simulator.
 MODULES: Mapping[str, str] = MappingProxyType(
     {
         "mujoco": "palpate.exports.mujoco",
@@ -684,7 +684,7 @@ MODULES: Mapping[str, str] = MappingProxyType(
     }
 )
 
-#: Kelvin–Voigt engines that an identified law can be typed into, but that have no export.
+#: Engines without an export, whose two Kelvin–Voigt parameters a user can copy by hand.
 _BY_HAND: Mapping[str, str] = MappingProxyType(
     {
         "pybullet": "its contactStiffness and contactDamping are the K and B",
@@ -693,13 +693,13 @@ _BY_HAND: Mapping[str, str] = MappingProxyType(
 )
 #: gz-physics issues 82 and 636, gz-sim issue 1961.
 _DART = (
-    "Gazebo with DART ignores the <kp> and <kd> of a surface: nothing of the law would arrive; "
-    "export to mujoco or drake instead"
+    "Gazebo with DART ignores the <kp> and <kd> of a surface, so it cannot have the law; export to "
+    "mujoco or drake instead"
 )
 
 
 def engines() -> tuple[str, ...]:
-    """Return the names of the engines that a law can be exported to."""
+    """Return the names of the engines."""
     return tuple(MODULES)
 
 
@@ -709,16 +709,16 @@ def engine_called(name: str) -> Engine:
     Raises
     ------
     InvalidParameterError
-        There is none, or no longer one.
+        There is no such engine, or no longer.
     ExportRefusedError
-        It is one that ignores what it would be given.
+        The engine ignores the parameters of a contact law.
     """
     if name in ("gazebo", "gz", "dart"):
         raise ExportRefusedError(_DART)
     if name in _BY_HAND:
         raise InvalidParameterError(
-            f"palpate no longer exports to {name}: {_BY_HAND[name]} that "
-            "palpate identify FILE --method kelvin-voigt prints"
+            f"palpate no longer exports to {name}; {_BY_HAND[name]} printed by palpate identify "
+            "FILE --method kelvin-voigt"
         )
     one_of("to", name, MODULES)
     engine: Engine = import_module(MODULES[name]).ENGINE

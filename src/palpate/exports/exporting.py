@@ -1,4 +1,4 @@
-"""A law on its way into an engine and back: fitted, judged, written down; and pressed again."""
+"""Export a law: fit the engine's parameters, judge the error, write files, simulate contacts."""
 
 import json
 from collections.abc import Callable, Mapping, Sequence
@@ -28,16 +28,16 @@ STATEMENT = ("statement.json", "statement.md")
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Export:
-    """A law in an engine's numbers, and how far that is from it.
+    """A law in an engine's parameters, and the statement of its error.
 
     Attributes
     ----------
     statement : Statement
-        In words and numbers: exact, or within so much, replayed or predicted.
+        Error, origin, warnings.
     fragment : Fragment
-        What the engine will do with it.
+        The law in the engine's parameters.
     files : mapping of str to str
-        Text by file name: the first is what is to be pasted, ``scene`` the smallest that runs.
+        Text by file name: first the fragment to paste, then a minimal scene.
     """
 
     statement: Statement
@@ -48,19 +48,19 @@ class Export:
         return "\n".join(self.statement.describe())
 
     def save(self, folder: str | Path, *, inputs: Sequence[Path] = ()) -> list[Path]:
-        """Write fragment, scene and statement to a folder, each whole or not at all.
+        """Write fragment, scene and statement to a folder, each file completely or not at all.
 
         Parameters
         ----------
         folder : str or Path
-            It is made where it is not there.
+            Folder; created if it does not exist.
         inputs : sequence of Path
-            Files that must not be written over.
+            Files that must not be overwritten. Default: none.
 
         Raises
         ------
         RecordingError
-            It cannot be made or written to, or one of the files would replace an input, or a file
+            The folder cannot be created or written to, or a file would replace an input or a file
             that no export wrote or that was changed since.
         """
         return save_statement(self.statement, Path(folder), inputs, self.files)
@@ -79,40 +79,40 @@ def export(
     allow: bool = False,
     replay: bool = True,
 ) -> Export:
-    """Return a law in the numbers of a simulation engine, with its error.
+    """Export a law as the parameters of a simulation engine, and state the engine's error.
 
     Parameters
     ----------
     result : Identification, SavedResult or ForceLaw
-        What was identified: the engine is replayed on the motion recorded. A law alone has no
-        recording and no verdict; the paper's motion stands in.
+        The law to export. For an identification the engine replays the recorded motion; for a law
+        alone, which has no verdict, the paper's motion.
     to : str
-        The engine: see :func:`engines`.
+        Name of the engine, one of :func:`engines`.
     mass : float, optional
-        Of the body that presses, as the contact feels it, kg, in (0, 1e6].
+        Effective mass of the pressing body at the contact, kg, in (0, 1e6].
     model : str or Path, optional
-        A model of the engine's, in place of the mass: what its contact feels is taken from it.
+        Model of the engine from which the effective mass is computed, in place of ``mass``.
     geom : str, optional
-        The geom in the model that touches.
+        Name of the touching geom in the model.
     form : str
-        Which of the engine's ways; the best for the law unless given.
+        Form of the contact in the engine. Default: "auto", the most accurate one for the law.
     tip_radius : float, optional
-        Of a round tip, m, in (0, 1], where the engine's law has it.
+        Radius of a spherical tip, m, in (0, 1], for engines whose law contains it.
     time_step : float, optional
-        Of the simulation, s, in (0, 1]; 0 where the engine can do without, as Drake can. 1 ms
-        unless given; a model has its own.
+        Time step of the simulation, s, in (0, 1]; Drake also takes 0, a continuous plant. Default:
+        that of the model, else 1 ms.
     allow : bool
-        Export what would be refused; the fragment says so.
+        Export even if refused; the fragment then names the refusals. Default: False.
     replay : bool
-        Ask the real engine, where it is installed; else its error is predicted.
+        Replay the motion in the engine if it is installed, else predict the error. Default: True.
 
     Raises
     ------
     ExportRefusedError
-        The diagnosis does not trust the result, or the engine is off by more than 5 % of force,
-        or another reason; ``allow`` exports it all the same.
+        The verdict is do-not-trust, the force error of the engine exceeds 5 %, or the simulation is
+        unstable or cannot represent the law; ``allow=True`` exports despite that.
     InvalidParameterError
-        An argument is out of its range, or the engine lacks one.
+        An argument is outside its range, or one that the engine needs is missing.
     """
     engine = engine_called(to)
     source = ExportedLaw.of(result)
@@ -132,7 +132,7 @@ def export(
         form=form,
     )
     if model is not None and time_step is not None:
-        raise InvalidParameterError("give time_step or model: a model has a time step of its own")
+        raise InvalidParameterError("pass either time_step or model: the model has its own")
     _check(engine, request, given_radius=tip_radius is not None)
     fragment = engine.fit(request)
     found = compared(source, nearest, fragment, replay=replay and engine.version() is not None)
@@ -143,26 +143,26 @@ def export(
 
 
 def _check(engine: Engine, request: ExportRequest, *, given_radius: bool) -> None:
-    """Refuse what the engine can do nothing with, rather than ignore it."""
+    """Raise for arguments that the engine does not use."""
     if request.form != "auto" and request.form not in engine.forms:
         known = ", ".join(["auto", *engine.forms])
         raise InvalidParameterError(
             f"form must be one of {known} for {engine.name}, not {request.form!r}"
         )
     if request.model is not None and request.mass is not None:
-        raise InvalidParameterError("give mass or model: what the contact feels is taken from one")
+        raise InvalidParameterError("pass either mass or model: the model determines the mass")
     if request.geom is not None and request.model is None and "geom" in engine.takes:
-        raise InvalidParameterError("geom names one of a model: give that too, as --model FILE")
+        raise InvalidParameterError("geom needs a model that contains it: add --model FILE")
     given = {"model": request.model, "geom": request.geom, "tip_radius": given_radius or None}
     for name, value in given.items():
         if value is not None and name not in engine.takes:
-            raise InvalidParameterError(f"{name} means nothing to {engine.title}: leave it out")
+            raise InvalidParameterError(f"{engine.title} does not use {name}: omit it")
 
 
 def save_statement(
     statement: Statement, folder: Path, inputs: Sequence[Path], files: Mapping[str, str]
 ) -> list[Path]:
-    """Write a statement and the files that it is about; none where nothing was exported."""
+    """Write the statement and the exported files; return their paths."""
     make_folder(folder)
     earlier = _earlier(folder)
     made = {*files, *STATEMENT}
@@ -176,7 +176,7 @@ def save_statement(
         if path.name == STATEMENT[0] and earlier:
             return True
         found = sha256(path.read_bytes()).hexdigest()
-        # Or as it is to be: an export that was interrupted has no statement.
+        # An interrupted export has left files without a statement.
         return found in (earlier.get(path.name), _digest(texts[path.name]))
 
     check_own(folder, texts, own)
@@ -186,7 +186,7 @@ def save_statement(
 
 
 def _earlier(folder: Path) -> dict[str, str]:
-    """SHA-256 of earlier exports' files in a folder by their names, as their statement says."""
+    """Return the SHA-256 of earlier exports' files by name, from the statement in the folder."""
     try:
         found = json.loads((folder / STATEMENT[0]).read_bytes())["sha256"]
         return {str(name): str(digest) for name, digest in found.items()}
@@ -201,11 +201,11 @@ def _digest(text: str) -> str:
 def _written(
     statement: Statement, files: Mapping[str, str], earlier: Mapping[str, str], left: Sequence[str]
 ) -> dict[str, str]:
-    """All files, of which the statement's own two come last."""
+    """Return the text of all files, the two of the statement last."""
     title = f"# {statement.source.name or 'A law'} in {statement.engine.title}"
     listed = [f"- `{name}`" for name in files] or ["Nothing was exported."]
     if left:
-        listed.append(f"\nOf an earlier export, and not of this one: {', '.join(left)}.")
+        listed.append(f"\nFiles of an earlier export, not of this one: {', '.join(left)}.")
     page = "\n\n".join([title, *statement.describe(), "\n".join(listed)])
     number, words = STATEMENT
     texts = {**files, words: page + "\n"}
@@ -215,20 +215,20 @@ def _written(
     return {**texts, number: as_json(whole)}
 
 
-# An exported fragment, for the laboratory to press: the engine's force in place of a law's.
+# An exported fragment as a material of the laboratory: the force is computed by the engine.
 
 
 class InAnEngine:
-    """A material of the laboratory whose force an engine works out, state by state.
+    """A material of the laboratory whose force an engine computes, state by state.
 
     Parameters
     ----------
     name : str
-        What a person calls it.
+        Display name.
     pushed : callable
-        Force of the engine [N] at the states of a motion below the surface, shape (k,).
+        Returns the engine's force [N], shape (k,), at the states of a motion below the surface.
     truth : dict
-        What a recording says of it, SI.
+        Description of the material for the recording, SI.
     """
 
     def __init__(
@@ -237,11 +237,11 @@ class InAnEngine:
         self.name, self._pushed, self._truth = name, pushed, truth
 
     def describe(self) -> dict[str, Any]:
-        """Return the law that was exported, SI, and the engine."""
+        """Return the exported law, SI, and the engine."""
         return self._truth
 
     def touch(self) -> Touch:
-        """Refuse: the contact of an engine has the probe's acceleration in it.
+        """Raise: an engine's contact force depends on the probe's acceleration.
 
         Raises
         ------
@@ -249,14 +249,14 @@ class InAnEngine:
             Always.
         """
         raise InvalidParameterError(
-            f"{self.name} can be pressed by an ideal probe only (--probe ideal), whose motion is "
-            "known beforehand: the contact of an engine has the acceleration in it"
+            f"{self.name} needs a probe with prescribed motion, --probe ideal: the "
+            "engine's contact force depends on the acceleration"
         )
 
     def force(
         self, time: Floats, lateral_position: Floats, penetration: Floats, velocity: Floats
     ) -> Floats:
-        """Force of the engine [N] along a whole motion, shapes (k,); 0 out of contact."""
+        """Return the engine's force [N] along a whole motion, shape (k,); 0 out of contact."""
         force, below = np.zeros_like(time), np.flatnonzero(penetration > 0.0)
         if below.size:
             acceleration = np.gradient(velocity, time)
@@ -266,20 +266,20 @@ class InAnEngine:
 
 
 class SimulatedContact(InAnEngine):
-    """A material of the laboratory whose force is that of the real engine, state by state.
+    """A material of the laboratory whose force an exported law has in the real engine.
 
-    The round trip: of what an engine makes of a law the laboratory records a contact, which is
-    identified as any other.
+    With it the laboratory records a contact simulated by the engine, which can be identified like
+    any other.
 
     Parameters
     ----------
     made : Export
-        By :func:`palpate.exports.export`; to be pressed by :class:`palpate.lab.IdealProbe`.
+        As returned by :func:`palpate.exports.export`; needs :class:`palpate.lab.IdealProbe`.
 
     Raises
     ------
     InvalidParameterError
-        The engine is not run here.
+        palpate cannot run the engine.
     """
 
     def __init__(self, made: Export) -> None:
@@ -289,7 +289,7 @@ class SimulatedContact(InAnEngine):
         def replayed(motion: ProbeMotion) -> Floats:
             ran = fragment.replay(motion)
             if ran is None:
-                raise MissingExtraError(f"{engine.title} is not run here: nothing can press it")
+                raise MissingExtraError(f"palpate cannot run {engine.title} to compute the force")
             return ran.force
 
         name = f"{statement.source.name or 'a law'} in {engine.title}"

@@ -1,8 +1,8 @@
-"""OpenSim: a sphere on a half-space by ``HuntCrossleyForce``, exact at n = p = 3/2.
+"""OpenSim: a sphere on a half-space as a ``HuntCrossleyForce``, exact for n = p = 3/2.
 
 Simbody has F = 4/3 √R E x^(3/2) (1 + 3/2 c v)₊, see :func:`palpate.force_laws.engines.simbody`: so
-E = K/(4/3 √R), which OpenSim calls stiffness, and c = (B/K)/1.5. Each body has parameters of its
-own, from a file; set from Python both would be given the same material.
+E = K/(4/3 √R), which OpenSim calls stiffness, and c = (B/K)/1.5. Each body needs its own
+parameters, which only a file can set; from Python both would get the same material.
 """
 
 import warnings
@@ -28,11 +28,11 @@ from palpate.exports.engine import (
 )
 from palpate.writing import temporary_file
 
-# OpenSim itself: the model as it reads it, pressed and dropped.
+# Running OpenSim: the force and restitution of the exported model.
 
-# A body is looked at so often on its way down, and given so many times as long to come back.
+# States looked at on the way down, and the longest time as a multiple of the time down.
 _LOOKS, _LONGEST = 100, 20
-# With it the exact restitution came out to seven digits.
+# This accuracy reproduced the exact restitution to seven digits.
 _ACCURACY = 1e-8
 
 
@@ -58,7 +58,7 @@ class OpenSimScene:
         return -float(self._force.getRecordValues(self._state).get(self._column))
 
     def drop_restitution(self, drop: Drop) -> float:
-        """Restitution of a body of the drop's mass; 0 of one that stays."""
+        """Return the restitution of the drop's body; 0 if it does not rebound."""
         step = drop.depth / drop.speed / _LOOKS
         self._model.getBodySet().get("tip").setMass(drop.mass)
         state = self._model.initSystem()
@@ -75,35 +75,34 @@ class OpenSimScene:
 
 def _quiet_opensim() -> Any:
     with warnings.catch_warnings():
-        # Python 3.12 says it of every extension made by an older SWIG, as it is imported.
+        # Python 3.12 warns like this when it imports an extension made by an older SWIG.
         warnings.filterwarnings(
             "ignore", "builtin type .* has no __module__ attribute", DeprecationWarning
         )
         import opensim
-    # Or it leaves a log in whichever folder this runs in.
+    # By default OpenSim writes a log to the current folder.
     opensim.Logger.removeFileSink()
     opensim.Logger.setLevelString("Off")
     return opensim
 
 
-#: The tip's modulus over the surface's. They combine by their powers 2/3: it changes the ninth
-#: digit.
+#: Ratio of the tip's modulus to the surface's; it changes the combined modulus in the ninth digit.
 RIGID = 1e13
 _EXPONENT = 1.5
 _HEED = (
-    "A sphere of this radius on a half-space. Each geometry has parameters of its own: set from",
-    "Python both would have the same material, and the force would be softer by the root of 8.",
+    "A sphere of this radius on a half-space. Each geometry has its own parameters: from Python",
+    "both would have the same material, and the force would be lower by a factor of root 8.",
 )
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class SphereOnHalfSpace(Fragment):
-    """One sphere on a half-space."""
+    """A sphere on a half-space."""
 
     def files(self, notes: Sequence[str]) -> Mapping[str, str]:
-        """Return a model, with the force to paste, and a script that drops the tip."""
+        """Return a model with the force to paste, and a script that simulates an impact."""
         mass, radius = self.request.mass_or_one, self.numbers["radius"]
-        # Of a solid sphere; on its slide the tip does not turn.
+        # The inertia of a solid sphere; the tip cannot rotate, so it has no effect.
         tip = {"mass": mass, "inertia": 0.4 * mass * radius**2, "above": -radius}
         contact = {**self.numbers, "rigid": RIGID * self.numbers["stiffness"]}
         comment = xml_comment([*notes, *_HEED])
@@ -114,12 +113,12 @@ class SphereOnHalfSpace(Fragment):
         return {"contact.osim": model, "scene.py": scene}
 
     def replay(self, motion: ProbeMotion) -> Replayed:
-        """Return OpenSim's force at every state of a motion."""
+        """Return OpenSim's force at each state of a motion."""
         scene = OpenSimScene(self.files(())["contact.osim"])
         return Replayed(state_by_state(motion, scene.force), "state by state")
 
     def drop_restitution(self, drop: Drop) -> float:
-        """Restitution in OpenSim, whose integrator keeps to an accuracy and not to a step."""
+        """Return the restitution in OpenSim, whose integrator adapts its step to an accuracy."""
         return OpenSimScene(self.files(())["contact.osim"]).drop_restitution(drop)
 
 
@@ -129,36 +128,35 @@ class OpenSim(Engine):
     name: ClassVar[str] = "opensim"
     title: ClassVar[str] = "OpenSim"
     forms: ClassVar[Mapping[str, str]] = {
-        "hunt-crossley": "F = 4/3 √R E x^1.5 (1 + 1.5 c v), of a sphere of the tip's radius"
+        "hunt-crossley": "F = 4/3 √R E x^1.5 (1 + 1.5 c v), a sphere of the tip's radius"
     }
     distribution: ClassVar[str | None] = "opensim"
     extra: ClassVar[str] = "peers"
     takes: ClassVar[frozenset[str]] = frozenset({"tip_radius"})
 
     def fit(self, request: ExportRequest) -> SphereOnHalfSpace:
-        """Return the law as a HuntCrossleyForce: exactly at n = p = 3/2, else the nearest.
+        """Return the law as a HuntCrossleyForce: exact for n = p = 3/2, else the nearest one.
 
         Raises
         ------
         InvalidParameterError
-            The tip's radius is not given.
+            The tip's radius is missing.
         """
         if request.tip_radius is None:
             raise InvalidParameterError(
-                "tip_radius is needed for OpenSim, whose force goes with its root: give that of "
-                "the tip, as in --tip-radius 5mm"
+                "OpenSim needs the tip's radius, to whose root its force is proportional: add "
+                "--tip-radius, such as --tip-radius 5mm"
             )
         law, radius = with_one_exponent(request.law, request.motion, _EXPONENT), request.tip_radius
         warnings = [
-            f"for a tip of {1e3 * radius:.4g} mm only: the force goes with the root of the radius"
+            f"for a tip radius of {1e3 * radius:.4g} mm only: the force scales with its root"
         ]
         if request.motion.deepest > radius:
             warnings.append(
-                "the tip was pressed deeper than its radius: OpenSim takes the law as it stands "
-                "there"
+                "the tip was pressed deeper than its radius; OpenSim applies the same formula there"
             )
         if request.law.damping < 0.0:
-            warnings.append("the law's damping is negative: it is written as 0")
+            warnings.append("the law's damping is negative; it is exported as 0")
         return SphereOnHalfSpace(
             form="hunt-crossley",
             request=request,

@@ -1,7 +1,7 @@
-"""What an export states: where its law comes from, how far the engine is from it, and in words.
+"""The statement of an export: the origin of its law, and the engine's error.
 
-An :class:`ExportedLaw` is what was identified, or a law alone; :func:`compared` replays the engine
-beside it, or predicts it; a :class:`Statement` judges that, and says it in words and numbers.
+An :class:`ExportedLaw` is an identified law, or a law alone. :func:`compared` replays the motion in
+the engine or predicts its force, and :class:`Statement` decides from the errors whether to export.
 """
 
 import math
@@ -38,32 +38,32 @@ from palpate.quantities.elastic_modulus import Sphere
 from palpate.results.saved import SavedResult
 from palpate.validation import Floats, defined, shown
 
-#: What can be exported.
+#: Types that can be exported.
 Exportable: TypeAlias = Identification | SavedResult | ForceLaw
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ExportedLaw:
-    """A law, the motion that it has to be right on, and how far it is to be trusted.
+    """A law to export, the motion on which its error is measured, and its verdict.
 
     Attributes
     ----------
     law : ForceLaw
-        As identified.
-    motion : Motion
-        The recorded one; the paper's of a law alone.
+        The law as identified.
+    motion : ProbeMotion
+        The recorded motion; for a law alone that of the paper.
     name : str
-        Of the recording; empty of a law alone.
+        Name of the recording; empty for a law alone.
     standard_errors : numpy.ndarray, shape (p,), optional
-        Of the law's parameters.
+        Standard errors of the law's parameters.
     verdict : Verdict, optional
-        None of a law alone: nothing is known of it.
+        Verdict of the diagnosis; None for a law alone.
     findings : tuple of Finding
-        The gravest first.
+        Findings of the diagnosis, most severe first.
     flags : tuple of str
-        Of the identification.
+        Flags of the identification.
     tip_radius : float, optional
-        Of the tip that pressed, m, where it is known and round.
+        Radius of the recording's tip, m, if it is known and spherical.
     """
 
     law: ForceLaw
@@ -77,14 +77,14 @@ class ExportedLaw:
 
     @classmethod
     def of(cls, result: Exportable) -> "ExportedLaw":
-        """Return what an identification, a saved one, or a law alone is.
+        """Return the exported law of an identification, a saved result, or a law alone.
 
         Raises
         ------
         InvalidParameterError
-            It is none of them.
+            The argument is none of these.
         RecordingError
-            A saved one is damaged.
+            The saved result is damaged.
         """
         if isinstance(result, ForceLaw):
             return cls(result, ProbeMotion.of_paper())
@@ -120,23 +120,23 @@ class ExportedLaw:
                 raise
             reason = f"{type(error).__name__}: {error}"
             raise RecordingError(
-                f"{result.folder}: the result is damaged ({reason}); identify again"
+                f"{result.folder}: the result is damaged ({reason}); run palpate identify again"
             ) from None
 
     @property
     def reason(self) -> str:
-        """Why the verdict is what it is: the gravest finding, and its remedy."""
+        """The most severe finding and its remedy; empty if the verdict is trust."""
         if self.verdict is None or self.verdict.overall == "trust":
             return ""
         return next((str(each) for each in self.findings if each.severity != "note"), "")
 
     def nearest(self) -> Nearest:
-        """Return K xⁿ + B xᵖ v in its place, for engines: none of them remembers.
+        """Return the nearest law K xⁿ + B xᵖ v: engines have no laws with relaxation.
 
         Raises
         ------
         ExportRefusedError
-            There is none with K > 0: nothing would push back.
+            The nearest law has no K > 0.
         """
         if self.law.powers is None:
             found = one_power(self.law, self.motion)
@@ -148,39 +148,39 @@ class ExportedLaw:
                 found = Nearest.of(undamped, self.law, self.motion, "without its negative damping")
         if not found.law.stiffness > 0.0:
             raise ExportRefusedError(
-                f"the law has a stiffness of {found.law.stiffness:.3g}, with which nothing pushes "
-                "back: no engine is given that; palpate diagnose FILE says what is wrong"
+                f"the law has a stiffness of {found.law.stiffness:.3g}, not above 0; run palpate "
+                "diagnose FILE to find the cause"
             )
         return found
 
 
-# An engine's force and rebound beside the law's and the measured ones.
+# An engine's force and restitution compared with those of the law and of the measurement.
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Compared:
-    """The errors of an export, by replay where the engine is there, else as predicted.
+    """The errors of an export, replayed if the engine is installed, else predicted.
 
     Attributes
     ----------
     how : str
-        How it was replayed; empty where it was not.
+        Method of the replay; empty without one.
     fails : str
-        Why an engine that is installed was not replayed all the same.
+        Why an installed engine was not replayed.
     predicted_percent : float
-        Of the force that was predicted of the engine, against the law's.
+        Rms error of the engine's predicted force against the law's, %.
     replayed_percent : float, optional
-        Of the real engine's.
+        The same for the replayed force.
     against_measured_percent : float, optional
-        Of the engine's force, replayed or else predicted, against the measured one.
+        The same for the engine's force, replayed or else predicted, against the measured force.
     law_leaves_percent : float, optional
-        Of the law's own, against the measured one.
+        The same for the law's force against the measured force.
     drop : Drop
-        To the greatest depth of the motion, by the exported law.
-    predicted_rebound : float
-        Restitution predicted of the engine in that drop.
-    replayed_rebound : float, optional
-        In the real engine.
+        Impact to the greatest depth of the motion, by the exported law.
+    predicted_restitution : float
+        Restitution predicted for the engine in that impact.
+    replayed_restitution : float, optional
+        Restitution of the real engine.
     """
 
     how: str
@@ -195,7 +195,7 @@ class Compared:
 
     @property
     def replayed(self) -> bool:
-        """Whether the real engine was asked."""
+        """Whether the motion was replayed in the real engine."""
         return self.replayed_percent is not None
 
     @property
@@ -207,7 +207,7 @@ class Compared:
 
     @property
     def drop_restitution(self) -> float:
-        """Restitution by the engine in the drop: replayed, or else predicted."""
+        """Restitution of the engine in the impact: replayed, or else predicted."""
         return (
             self.predicted_restitution
             if self.replayed_restitution is None
@@ -216,7 +216,7 @@ class Compared:
 
     @property
     def restitution_percent(self) -> float:
-        """Error of that restitution, of the law's; NaN of a law by which nothing rebounds."""
+        """Error of that restitution relative to the law's, %; NaN if the law has no rebound."""
         law = self.drop.restitution
         return 100.0 * (self.drop_restitution / law - 1.0) if law > 0.0 else float("nan")
 
@@ -229,23 +229,23 @@ def compared(
     Parameters
     ----------
     source : ExportedLaw
-        The law as identified: what the engine is compared with.
+        The law as identified, which the engine is compared with.
     nearest : Nearest
-        What the fragment was made of.
+        The law that the fragment contains.
     fragment : Fragment
-        The law in the engine.
+        The law in the engine's parameters.
     replay : bool
-        Whether the real engine is asked, where it is there.
+        Whether to replay the motion in the real engine, if it is installed.
     """
     whole = source.motion
     motion = whole.firm(fragment.most_samples)
-    # What the law remembers is that of the whole motion.
+    # A law with relaxation depends on the whole motion, not only on the firm samples.
     law = whole.force_by(source.law)[whole.firm_places(fragment.most_samples)]
     predicted = fragment.predicted(motion)
     ran, fails = None, ""
     try:
         ran = fragment.replay(motion) if replay else None
-    except ImportError as error:  # installed, and yet it does not load
+    except ImportError as error:  # installed, but it does not load
         if _interrupted(error):
             raise KeyboardInterrupt from None
         fails = " ".join(str(error).split())
@@ -254,7 +254,7 @@ def compared(
     def off(force: Floats, reference: Floats | None) -> float | None:
         return None if reference is None else force_error(force, reference, motion.judged)
 
-    # A simulation that runs away at the time step asked for is refused, and not dropped.
+    # A simulation that is unstable at this time step is refused, so its drop need not be simulated.
     limit = fragment.largest_step
     stable = limit is None or fragment.request.time_step < limit
     return Compared(
@@ -273,42 +273,42 @@ def compared(
 
 
 def _interrupted(error: BaseException | None) -> bool:
-    """Whether somebody ended it: an extension says of that too that it cannot be imported."""
+    """Whether Ctrl-C caused an ImportError: extensions raise one when interrupted on import."""
     if error is None or isinstance(error, KeyboardInterrupt):
         return error is not None
     return _interrupted(error.__cause__ or error.__context__)
 
 
-# When an export is refused, what it warns of, and what it carries, in words and as plain numbers.
+# The refusals, warnings and content of a statement, in words and as plain numbers.
 
-#: Beyond it, %, an engine has another contact than the one that was identified.
+#: Largest force error, %, with which an export is not refused.
 MOST_PERCENT = 5.0
-#: Beyond it, %, a rebound is another too, which a force that is right does not show.
+#: Largest error of restitution, %, without a warning; a small force error does not bound it.
 REBOUND_PERCENT = 5.0
-# The same number in another arithmetic differs by less, percentage points.
+# Rounding changes an error by less than this, percentage points.
 _AS_PREDICTED = 1.0
-#: Below it, %, an error is the arithmetic's: single precision in an engine leaves 10⁻⁵.
+#: Below this, %, an error is numerical: single precision in an engine leaves 10⁻⁵.
 EXACT = 1e-3
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Statement:
-    """How far an engine with these numbers is from the law, and how that is known.
+    """The origin of an exported law, the engine's error with it, warnings and refusals.
 
     Attributes
     ----------
     source : ExportedLaw
         The law and its motion.
     nearest : Nearest
-        What stands for the law where no engine has it.
+        The law K xⁿ + B xᵖ v exported in its place; the law itself if it has this form.
     engine : Engine
-        Which one.
+        The engine.
     fragment : Fragment
-        The law in its numbers.
+        The law in the engine's parameters.
     compared : Compared
         The errors.
     allowed : bool
-        Whether it was asked for in spite of refusals.
+        Whether the user allows the export despite refusals. Default: False.
     """
 
     source: ExportedLaw
@@ -320,136 +320,136 @@ class Statement:
 
     @property
     def findings(self) -> tuple[Finding, ...]:
-        """Why it should not be used, as *do not trust*; and what a user should know."""
+        """Refusals, of severity do-not-trust, and warnings."""
         source, nearest, found = self.source, self.nearest, self.compared
         verdict, result = source.verdict, list[Finding]()
         if verdict is None:
-            result += warned("a law alone: no recording says how far it is to be trusted")
+            result += warned("a law without a recording: palpate cannot judge its accuracy")
         elif verdict.overall == "do-not-trust":
-            result += refused(f"the diagnosis says do not trust{_because(source)}")
+            result += refused(f"the verdict is do-not-trust{_because(source)}")
         elif verdict.overall == "with-care":
-            result += warned(f"the diagnosis says with care{_because(source)}")
+            result += warned(f"the verdict is with-care{_because(source)}")
         elif verdict.damping != "trust":
-            result += warned(f"the damping alone is {verdict.damping}: so are impacts")
-        result += warned(*(f"flagged: {flag}" for flag in source.flags))
+            result += warned(f"the verdict on damping, and thus impacts, is {verdict.damping}")
+        result += warned(*(f"flag: {flag}" for flag in source.flags))
         values = source.law.as_dict()
-        # Of two springs one may pull.
+        # With two springs one may be negative.
         strengths = ("damping",) if "quadratic_stiffness" in values else ("stiffness", "damping")
         if not source.law.remembers and any(values.get(each, 0.0) < 0.0 for each in strengths):
             result += refused(
-                "the law has a negative stiffness or damping, and makes energy: "
-                f"{nearest.which} it is another, by {percent(nearest.error_percent)} of force"
+                "the law has a negative stiffness or damping, so it generates energy; the exported "
+                f"law ({nearest.which}) differs by {percent(nearest.error_percent)} of force"
             )
         if nearest.which and source.law.remembers:
             result += warned(
-                f"the law remembers, which no engine does: this is {nearest.which}, "
-                f"{percent(nearest.error_percent)} of force from it on this motion, and more at "
-                "other speeds; restitution is that of this one"
+                f"engines have no stress relaxation: exported is {nearest.which}; it differs by "
+                f"{percent(nearest.error_percent)} of force on this motion and by more at other "
+                "speeds, and restitution is that of the exported law"
             )
         elif nearest.which:
             result += warned(
-                f"the law is none that engines have: this is {nearest.which}, "
-                f"{percent(nearest.error_percent)} of force from it"
+                f"engines do not have this law: exported is {nearest.which}; it differs by "
+                f"{percent(nearest.error_percent)} of force"
             )
         result += self.fragment.findings
-        if not found.percent <= MOST_PERCENT:  # which NaN is not either
+        if not found.percent <= MOST_PERCENT:  # also refuses NaN
             result += refused(
-                f"the force of the engine is off by {percent(found.percent)}, more than "
-                f"{MOST_PERCENT:g} %, {'replayed' if found.replayed else 'as predicted'}"
+                f"the force error of the engine is {percent(found.percent)} "
+                f"({'replayed' if found.replayed else 'predicted'}), more than {MOST_PERCENT:g} %"
             )
         if abs(found.restitution_percent) > REBOUND_PERCENT:
             result += warned(
-                "impacts will be wrong: a restitution of "
-                f"{rounded(found.drop_restitution, 3)}, where the law has "
+                f"impacts will be wrong: the engine's restitution is "
+                f"{rounded(found.drop_restitution, 3)}, that of the law "
                 f"{rounded(found.drop.restitution, 3)}"
             )
         if found.drop.speed > source.motion.fastest and verdict is not None:
             result += warned(
-                f"the law was identified at speeds to {length(source.motion.fastest, 2)}/s: an "
-                f"impact at {rounded(found.drop.speed, 2)} m/s is beyond the recording"
+                f"the law was identified at speeds up to {length(source.motion.fastest, 2)}/s; an "
+                f"impact at {rounded(found.drop.speed, 2)} m/s extrapolates it"
             )
         limit, step = self.fragment.largest_step, self.fragment.request.time_step
         if limit is not None and step >= limit:
             result += refused(
-                f"the simulation is unstable at a time step of {_ms(step)}: it has to be below "
+                f"the simulation is unstable at a time step of {_ms(step)}; choose one below "
                 f"{_ms(limit)}"
             )
         elif limit is not None and step > 0.5 * limit:
             result += warned(
-                f"a time step of {_ms(step)} is above half of the {_ms(limit)} from which on the "
-                "simulation is unstable"
+                f"a time step of {_ms(step)} is more than half of the stability limit of "
+                f"{_ms(limit)}"
             )
         if found.replayed and abs(found.percent - found.predicted_percent) > _AS_PREDICTED:
             result += warned(
-                f"the engine was off by {percent(found.percent)}, and predicted was "
-                f"{percent(found.predicted_percent)}: its version may differ from those known"
+                f"the replayed error is {percent(found.percent)} but the predicted one "
+                f"{percent(found.predicted_percent)}: this version of the engine may be different"
             )
         return tuple(result)
 
     @property
     def refusals(self) -> tuple[str, ...]:
-        """Why it should not be used; nothing where it may be."""
+        """Reasons to refuse the export; empty if there are none."""
         return tuple(each.message for each in self.findings if each.severity == "do-not-trust")
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What a user should know."""
+        """Warnings for the user."""
         return tuple(each.message for each in self.findings if each.severity != "do-not-trust")
 
     @property
     def refused(self) -> bool:
-        """Whether nothing is exported."""
+        """Whether the export is refused and not allowed by the user."""
         return bool(self.refusals) and not self.allowed
 
     @property
     def exact(self) -> bool:
-        """Whether the engine has the identified law itself."""
+        """Whether the engine reproduces the identified law exactly."""
         itself = not self.nearest.which and self.fragment.exact
         return itself and self.compared.percent <= EXACT
 
     @property
     def claim(self) -> str:
-        """The statement itself: exact, within so much of force, or refused."""
+        """The claim in one line: exact, within a force error, or refused."""
         if self.refused:
-            return f"refused, because {'; and because '.join(self.refusals)}"
+            return f"refused: {'; '.join(self.refusals)}"
         motion = self.source.motion
         depths = f"{length(motion.shallowest, 2)} to {length(motion.deepest, 3)}"
-        where = f"depths {depths} at speeds to {length(motion.fastest, 2)}/s"
-        said = f"{self._force()} on {motion.source}, {where}; {self._describe_restitution()}"
+        where = f"at depths {depths} and speeds up to {length(motion.fastest, 2)}/s"
+        words = f"{self._force()} on {motion.source}, {where}; {self._describe_restitution()}"
         if not self.refusals:
-            return said
-        return f"{said}; allowed although {'; and although '.join(self.refusals)}"
+            return words
+        return f"{words}; allowed by the user although {'; '.join(self.refusals)}"
 
     def describe(self) -> list[str]:
-        """Return the statement as lines: claim, origin, the three numbers, numbers, warnings."""
+        """Return the statement as lines: claim, force errors, law, engine parameters, warnings."""
         title = " ".join(filter(None, (self.engine.title, self.engine.version())))
         lines = [f"{title}, {self.fragment.form}: {self.claim}.", *self.basis(), *self.law_lines()]
         if numbers := _listed(self.fragment.numbers, 6):
-            lines.append(f"In the engine's numbers: {numbers}.")
+            lines.append(f"Engine parameters: {numbers}.")
         return [*lines, *(f"Warning: {each}." for each in self.warnings)]
 
     def basis(self) -> list[str]:
-        """Return how the errors are known, and the three of them."""
+        """Return how the errors were obtained, and the three force errors."""
         found, title = self.compared, self.engine.title
         measured, leaves = found.against_measured_percent, found.law_leaves_percent
         if found.replayed:
             how = f"Replayed in {title} {self.engine.version() or ''}, {found.how}".rstrip()
-            how += f"; {percent(found.predicted_percent)} was predicted."
+            how += f" (predicted error {percent(found.predicted_percent)})."
         else:
-            why = f"{title} is not run here"
+            why = f"palpate cannot run {title}"
             if self.engine.distribution is not None:
-                why = f"it does not load: {found.fails}" if found.fails else "not asked for"
+                why = f"it does not load: {found.fails}" if found.fails else "not requested"
                 if not self.engine.version():
                     why = f"{title} is not installed: pip install 'palpate[{self.engine.extra}]'"
-            how = f"Not replayed here ({why}): every error of the engine is a predicted one."
-        three = f"Error of force against the law {percent(found.percent)}"
+            how = f"Not replayed ({why}): the errors of the engine are predicted."
+        three = f"Rms force error: {percent(found.percent)} against the law"
         if measured is not None and leaves is not None:
-            three += f", against the measured force {percent(measured)}"
-            three += f"; the law itself leaves {percent(leaves)}"
+            three += f", {percent(measured)} against the measured force"
+            three += f" (the law itself: {percent(leaves)})"
         return [how, three + "."]
 
     def law_lines(self) -> list[str]:
-        """Return the law that was exported, with the error bars of the identified one."""
+        """Return lines with the identified law, its standard errors, and the exported law."""
         law, errors = self.source.law, self.source.standard_errors
         values = law.as_dict()
         known = [math.nan] * len(values) if errors is None else [float(each) for each in errors]
@@ -459,7 +459,7 @@ class Statement:
                 law.symbols, values.values(), known, law.units, strict=True
             )
         ]
-        origin = f"of {self.source.name}" if self.source.name else "given"
+        origin = f"of {self.source.name}" if self.source.name else "without a recording"
         lines = [f"Law {origin}: {law.kind}, {', '.join(map(str.rstrip, shown))}."]
         if self.nearest.which:
             inside = _listed(numbers_of(self.nearest.law), 4)
@@ -467,11 +467,11 @@ class Statement:
         return lines
 
     def notes(self) -> list[str]:
-        """Return the lines that a fragment carries as a comment."""
+        """Return the lines of the comment in a fragment."""
         return [f"palpate {__version__}", *self.describe()]
 
     def as_dict(self) -> dict[str, Any]:
-        """Return the statement as plain numbers and words, SI; what is not defined is None."""
+        """Return the statement as plain numbers and text, SI; None for undefined numbers."""
         source, found, request = self.source, self.compared, self.fragment.request
         errors, drop = source.standard_errors, found.drop
         law, exported = source.law.as_dict(), self.nearest.law.simplest()
@@ -528,10 +528,10 @@ class Statement:
 
     def _force(self) -> str:
         if self.exact and self.compared.replayed:
-            return "exact: the engine has this law"
+            return "exact (replayed)"
         if self.exact:
-            return "exact, as the engine is documented (not replayed here)"
-        how = "replayed" if self.compared.replayed else "predicted, not replayed here"
+            return "exact according to the engine's documentation (not replayed)"
+        how = "replayed" if self.compared.replayed else "predicted, not replayed"
         return f"within {percent(self.compared.percent)} of the law's force ({how})"
 
     def _describe_restitution(self) -> str:
@@ -539,13 +539,13 @@ class Statement:
         how = "" if found.replayed_restitution is not None else ", predicted"
         drop, mass = found.drop, rounded(found.drop.mass, 3)
         if not math.isfinite(found.restitution_percent):
-            return "no restitution: by the law a free body does not rebound"
+            return "no restitution: a free body does not rebound with this law"
         assumed = "" if self.fragment.request.mass is not None else " (assumed)"
-        numbers = f"{rounded(found.drop_restitution, 3)} for {rounded(drop.restitution, 3)}"
+        numbers = f"{rounded(found.drop_restitution, 3)}, law {rounded(drop.restitution, 3)}"
         return (
             f"restitution within {percent(abs(found.restitution_percent))} "
-            f"({numbers}{how}) where {mass} kg{assumed} meets it at "
-            f"{rounded(drop.speed, 2)} m/s, to {length(drop.depth, 3)}"
+            f"({numbers}{how}) for an impact of {mass} kg{assumed} at {rounded(drop.speed, 2)} m/s "
+            f"to a depth of {length(drop.depth, 3)}"
         )
 
 

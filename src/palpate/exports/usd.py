@@ -1,4 +1,4 @@
-"""USD: a physics material for Newton and for PhysX, both Kelvin–Voigt. Text, not replayed here.
+"""USD: a physics material for Newton and PhysX, both Kelvin–Voigt; palpate does not run them.
 
 NewtonMaterialAPI has newton:contactStiffness and newton:contactDamping; PhysxMaterialAPI has
 physxMaterial:compliantContactStiffness and …Damping, N/m and N·s/m as long as
@@ -22,11 +22,11 @@ from palpate.exports.engine import (
 )
 
 _ALWAYS = (
-    "bind the material to both shapes, the one that presses and the one that is pressed: where one "
-    "has none Newton takes the mean of this material and its own defaults",
-    "take Newton's SolverSemiImplicit, which has this law: SolverMuJoCo of Newton 1.8.0 takes the "
-    "numbers as mass-normalised by default, and its pyramidal cone changes the normal force for "
-    "another friction than the written 1, to NaN at 0; that friction is not the material's",
+    "bind the material to both touching shapes: if one has no material, Newton averages this "
+    "material with its own defaults",
+    "use Newton's SolverSemiImplicit, which has this law: SolverMuJoCo of Newton 1.8.0 takes the "
+    "numbers as mass-normalised by default, and with friction other than the exported 1 its "
+    "pyramidal cone changes the normal force, to NaN at 0; that friction was not measured",
     "the numbers are in kg, m and s: a stage with another metersPerUnit or kilogramsPerUnit does "
     "not convert them",
 )
@@ -34,7 +34,7 @@ _ALWAYS = (
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class _Material(Fragment):
-    """One material, of two numbers."""
+    """A material with a stiffness and a damping."""
 
     def files(self, notes: Sequence[str]) -> Mapping[str, str]:
         law, request, comment = self.engine_law, self.request, hash_comment(notes)
@@ -50,17 +50,17 @@ class Usd(Engine):
 
     name: ClassVar[str] = "usd"
     title: ClassVar[str] = "USD (Newton, PhysX)"
-    forms: ClassVar[Mapping[str, str]] = {"kelvin-voigt": "F = K x + B v, in two numbers"}
+    forms: ClassVar[Mapping[str, str]] = {"kelvin-voigt": "F = K x + B v"}
     takes: ClassVar[frozenset[str]] = frozenset({"tip_radius"})
 
     def fit(self, request: ExportRequest) -> Fragment:
-        """Return the nearest Kelvin–Voigt law as a material."""
+        """Return the material of the nearest Kelvin–Voigt law."""
         law = kelvin_voigt(request.law, request.motion)
         limit = stable_step(law, request.mass_or_one, request.motion.deepest)
-        # PhysX and Newton's MuJoCo do not take the contact explicitly.
+        # PhysX and Newton's SolverMuJoCo integrate the contact implicitly and have no such limit.
         explicit = (
-            "an explicit solver, such as Newton's semi-implicit one, is unstable from a time step "
-            f"of {1e3 * limit:.2g} ms on"
+            "an explicit solver, such as Newton's SolverSemiImplicit, is unstable at time steps of "
+            f"{1e3 * limit:.2g} ms or more"
         )
         return _Material(
             form="kelvin-voigt",

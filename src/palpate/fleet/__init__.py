@@ -1,5 +1,5 @@
-"""Many contacts at once: one pure function from a table of contacts to a table of what they are.
+"""Identify many contacts at once: a pure function from a table of contacts to a table of results.
 
-:func:`palpate.identify_many` runs it here, :mod:`palpate.fleet.running` on Dask; Ray and Spark take
-:func:`palpate.fleet.running.identify_batch` as it is. Needs the extra ``fleet``.
+:func:`palpate.identify_many` runs it in this process, :mod:`palpate.fleet.running` on Dask; Ray and
+Spark can call :func:`palpate.fleet.running.identify_batch` directly. Needs the extra ``fleet``.
 """

@@ -1,8 +1,8 @@
-"""Contacts as arrays of equal length, by the whole-curve fit; and ``identify_many``.
+"""The whole-curve fit of contacts as arrays of equal length; and ``identify_many``.
 
-:class:`palpate.OutlierRejection` compares each sample with what came before it; here the whole
-contact is there, so single samples that leave their neighbours on both sides are found, and forces
-at the end of the sensor's range.
+:class:`palpate.OutlierRejection` compares each sample with earlier ones. Here the whole contact is
+known, so outliers are single samples that depart from their neighbours on both sides, and forces at
+the end of the sensor's range.
 """
 
 import json
@@ -50,13 +50,13 @@ from palpate.preparation.velocity import spikes_of_rows, velocity_of
 from palpate.recordings.recording import Recording, printable
 from palpate.validation import Floats, number_in, real_array, whole_in
 
-# What the bits of an estimate's flags say, for each of their combinations.
+# The findings for each combination of an estimate's flag bits.
 _ADVICE_OF = [tuple(map(str, findings_of(bits))) for bits in range(256)]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Curves:
-    """Contacts of equal length, one row each; NaN marks a sample that is not there.
+    """Contacts of equal length, one row each; NaN marks a missing sample.
 
     Attributes
     ----------
@@ -65,13 +65,13 @@ class Curves:
     penetration, force : numpy.ndarray, shape (k, samples)
         m and N.
     velocity : numpy.ndarray, shape (k, samples), optional
-        m/s; worked out from the penetration where it is not given.
+        m/s. Default: computed from the penetration.
     source : str
-        Where they are from.
+        Name of their source.
     index : numpy.ndarray of int64, shape (k,)
-        Which contact of the source each is.
+        Number of each contact in the source.
     places : dict
-        ``x``, ``y`` and ``z`` of each, m, where they are known.
+        Positions ``x``, ``y`` and ``z`` of the contacts, m, if known.
     """
 
     time: Floats
@@ -86,26 +86,26 @@ class Curves:
         return len(self.penetration)
 
     def clock(self, row: int) -> Floats:
-        """The times of a row, s."""
+        """Return the times of a row, s."""
         clock: Floats = self.time[row] if self.time.ndim == 2 else self.time
         return clock
 
     def known(self) -> "Curves":
-        """The same, with a velocity for each row."""
+        """Return the curves with a velocity, computed if there is none."""
         if self.velocity is not None:
             return self
-        with np.errstate(divide="ignore", invalid="ignore"):  # of times that stand still
+        with np.errstate(divide="ignore", invalid="ignore"):  # repeated times
             rows = [velocity_of(self.clock(k), x) for k, x in enumerate(self.penetration)]
         velocity = np.array(rows).reshape(self.penetration.shape)
         return replace(self, velocity=velocity)
 
     def contact(self, row: int, settings: Settings) -> Contact:
-        """One of them as a contact, prepared as the settings say.
+        """Return a row as a contact, prepared according to the settings.
 
         Raises
         ------
         PalpateError
-            It cannot be.
+            It cannot be prepared.
         """
         x, f, t = self.penetration[row], self.force[row], self.clock(row)
         there = np.isfinite(x) & np.isfinite(f) & np.isfinite(t)
@@ -123,22 +123,22 @@ class Curves:
 def fitted(
     curves: Curves, chosen: dict[str, Any], *, rejects: bool, threads: int
 ) -> tuple[CurveFits, Curves, NDArray[np.int64]]:
-    """Fit curves with velocities: the fits, what they are of, and how many samples were left out.
+    """Fit curves with velocities; return fits, curves used, and numbers of excluded samples.
 
     Parameters
     ----------
     curves : Curves
         The contacts.
     chosen : dict
-        For :func:`palpate.estimators.batch_fit.fit_curves`.
+        Options of :func:`palpate.estimators.batch_fit.fit_curves`.
     rejects : bool
-        Whether outliers are left out.
+        Whether to exclude outliers.
     threads : int
-        That share the rows.
+        Number of threads that share the rows.
     """
     force, marks = curves.force.copy(), np.zeros(curves.force.shape, dtype=np.bool_)
     signals: list[Any] = [curves.penetration, curves.velocity, force]
-    if rejects:  # single samples of a channel that leave their neighbours
+    if rejects:  # single samples that depart from their neighbours
         for values in signals:
             marks |= spikes_of_rows(values, screened=True, threads=threads)
         force[marks] = np.nan
@@ -158,7 +158,7 @@ def fitted(
 
 
 def _ends_of_range(curves: Curves, force: Floats, fits: CurveFits) -> NDArray[np.bool_]:
-    """Forces at the end of the sensor's range, of rows in which as many are equal as it takes."""
+    """Mark forces at the end of the sensor's range, where at least five equal the row's highest."""
     found = np.zeros(force.shape, dtype=np.bool_)
     with np.errstate(invalid="ignore"):
         highest = np.fmax.reduce(force, axis=1, initial=-np.inf)
@@ -172,9 +172,9 @@ def _ends_of_range(curves: Curves, force: Floats, fits: CurveFits) -> NDArray[np
     return found
 
 
-# Contacts of equal length as arrays: through the whole-curve fit, or the recursion one by one.
+# Contacts of equal length as arrays: by the whole-curve fit, or one by one by the recursion.
 
-#: Settings of variable projection that the whole-curve fit has too.
+#: Settings that variable projection and the whole-curve fit share.
 _SHARED = (
     "surface", "surface_range", "exponent", "exponent_range", "offset", "offset_deviation",
     "surface_deviation", "noise", "scale",
@@ -182,16 +182,16 @@ _SHARED = (
 
 
 def fits_whole_curves(settings: Settings) -> bool:
-    """Whether the whole-curve fit answers what these settings ask."""
+    """Whether the whole-curve fit supports these settings."""
     plain = set(settings.preparation) <= {"surface"}
     surface = settings.preparation.get("surface")
     return _may_be_whole(settings) and plain and surface in (None, "estimate")
 
 
 def searches_whole_curves(settings: Settings) -> bool:
-    """Whether a force curve is searched for its surface by the whole-curve fit.
+    """Whether the whole-curve fit searches force curves for their surface.
 
-    The recursion answers the same after every sample, and takes a thousand times as long.
+    The recursion finds the same surface but solves after every sample: a thousand times slower.
     """
     return settings.searches_surface and _may_be_whole(settings)
 
@@ -207,7 +207,7 @@ def _may_be_whole(settings: Settings) -> bool:
 
 
 def row_of_curve(contact: Contact, settings: Settings) -> dict[str, Any]:
-    """Search one contact for its surface by the whole-curve fit, wherever it may be within.
+    """Identify one contact by the whole-curve fit, searching its whole range for the surface.
 
     Raises
     ------
@@ -215,13 +215,13 @@ def row_of_curve(contact: Contact, settings: Settings) -> dict[str, Any]:
         The probe never touches, or there is no free approach.
     """
     low, high = float(np.nanmin(contact.penetration)), float(np.nanmax(contact.penetration))
-    # A tip that moves 60 µm through the air is pressed in by 0.1 µm: within an 80th of the range
-    # from its end, which alone would be called its edge.
+    # A tip that moves 60 µm through the air may indent by only 0.1 µm. The surface then lies in the
+    # last 80th of the range, which the search would report as the edge of its range.
     span = low, high + (high - low) / 79.0
     chosen = {"surface_range": span, "offset_deviation": contact.tare_deviation}
     own = replace(settings, estimator={**chosen, **settings.estimator}, diagnosis="none")
     curve = Curves(
-        contact.sample_time * np.arange(float(len(contact))),  # times of a segment begin anew
+        contact.sample_time * np.arange(float(len(contact))),  # each segment restarts its time
         contact.penetration[None],
         contact.force[None],
         contact.velocity[None],
@@ -240,9 +240,9 @@ def row_of_curve(contact: Contact, settings: Settings) -> dict[str, Any]:
 def identify_curves(
     curves: Curves, settings: Settings, *, threads: int = 1
 ) -> tuple[Table, Floats]:
-    """Identify each of the curves: a table with a row for each, in their order, and its seconds.
+    """Identify curves; return a table of one row each, in order, and the time of each row, s.
 
-    By the whole-curve fit where the settings allow that, else one by one by the recursion.
+    By the whole-curve fit if it supports the settings, else one by one by the recursion.
 
     Parameters
     ----------
@@ -251,7 +251,7 @@ def identify_curves(
     settings : Settings
         How they are identified.
     threads : int
-        That share the rows of the whole-curve fit.
+        Number of threads of the whole-curve fit. Default: 1.
     """
     count, begun = len(curves), perf_counter()
     if fits_whole_curves(settings):
@@ -263,24 +263,24 @@ def identify_curves(
     return identify_each(zip(rows, contacts, strict=True), settings)
 
 
-#: What the row of a contact is called and knows beforehand; and the contact, what it is made of,
-#: what makes it, or why it cannot be had.
+#: Columns known beforehand; and the contact, its recording, a function that makes it, or the
+#: exception that prevents it.
 Given: TypeAlias = tuple[Row, Any]
 
 
 def identify_each(
     contacts: Iterable[Given], settings: Settings, *, searching: bool = False
 ) -> tuple[Table, Floats]:
-    """Identify contacts one by one: a table with a row for each, or one a place; and its seconds.
+    """Identify contacts one by one; return a table of one row each, or per place, and their times.
 
     Parameters
     ----------
     contacts : iterable of (dict, object)
-        What is known of each, and itself.
+        Columns known beforehand, and the contact or what it is made of.
     settings : Settings
-        How they are prepared and identified.
+        How the contacts are prepared and identified.
     searching : bool
-        Whether these are force curves, which the whole-curve fit may search for their surface.
+        Whether these are force curves, which may use the whole-curve fit. Default: False.
     """
     rows: list[Row] = []
     seconds: list[float] = []
@@ -298,7 +298,7 @@ def identify_each(
             )
             new = [row_of_curve(contact, settings)] if searching else [*rows_of(contact, settings)]
             if not new:
-                raise FleetError("the probe travels, and no place of it is in the window asked for")
+                raise FleetError("the probe travels, but no place lies in the time window")
         except Exception as error:
             new = [failure(error)]
         rows += [{**row, **known} for row in new]
@@ -308,7 +308,7 @@ def identify_each(
 
 
 def _named(curves: Curves) -> dict[str, Any]:
-    """Which contacts they are, and where."""
+    """Return source, index and position columns."""
     index = {} if curves.index is None else {"index": curves.index}
     return {"source": [curves.source] * len(curves), **index, **curves.places}
 
@@ -355,11 +355,11 @@ def _numbers(fits: CurveFits) -> dict[str, Any]:
 
 
 def _at_depths(curves: Curves, fits: CurveFits, threads: int) -> dict[str, Floats]:
-    """F = K xⁿ, S = n K xⁿ⁻¹, C = B xⁿ with x = X − d, at the median place X of firm contact.
+    """Return F = K xⁿ, S = n K xⁿ⁻¹, C = B xⁿ at x = X − d, X the median position of firm contact.
 
-    There what is not known of the surface d moves them as little as it moves the force. Firm is
-    what the gate of :func:`palpate.choose_gate` takes, at whose median :func:`palpate.identify`
-    works: not what the law leaves decides, but the noise. NaN where contact never is firm.
+    There an error of the surface d changes them as little as it changes the force. Firm contact is
+    that of the gate of :func:`palpate.choose_gate`, as in :func:`palpate.identify`; it depends on
+    the noise, not on the fit's residuals. NaN without firm contact.
     """
     depths = np.empty((len(curves), 2))
     _core.working_depths(curves.penetration, curves.force, fits.surface, depths, threads)
@@ -377,7 +377,7 @@ def _at_depths(curves: Curves, fits: CurveFits, threads: int) -> dict[str, Float
             ("stiffness", stiffness, slope),
             ("damping", damping, [none, power, log * damping, none, -n * damping / depth]),
         ):
-            g = np.stack(gradient, axis=1)  # by K, B, n, F₀ and d
+            g = np.stack(gradient, axis=1)  # with respect to K, B, n, F₀ and d
             variance = np.einsum("ki,kij,kj->k", g, fits.covariance, g)
             found[f"{name}_at_depth"] = value
             found[f"{name}_at_depth_standard_error"] = np.sqrt(
@@ -397,7 +397,7 @@ def _flags(fits: CurveFits, left_out: NDArray[np.int64]) -> list[Any]:
             f"only {taken} samples in contact": few[k],
             str(NEGATIVE_STIFFNESS): pulling[k],
             str(NEGATIVE_DAMPING): giving[k],
-            "the search for the least squares did not settle: others may fit better": unsettled[k],
+            "the least-squares search did not converge: another fit may be better": unsettled[k],
             str(outliers(count, max(count + taken, 1))): count,
         }
         flags[k] = [*flags[k], *(words for words, so in more.items() if so)]
@@ -405,7 +405,7 @@ def _flags(fits: CurveFits, left_out: NDArray[np.int64]) -> list[Any]:
 
 
 def _errors(curves: Curves, fits: CurveFits, settings: Settings) -> dict[int, str]:
-    """Why some have no numbers: as :func:`palpate.identify` says it."""
+    """Return the errors of rows without numbers, worded as by :func:`palpate.identify`."""
     where = f"{curves.source}: " if curves.source else ""
     found = {}
     if settings.searches_surface:
@@ -426,7 +426,7 @@ def _errors(curves: Curves, fits: CurveFits, settings: Settings) -> dict[int, st
 
 
 def _made(curves: Curves, row: int, settings: Settings) -> Contact | str:
-    """A row as a contact, or why it cannot be one."""
+    """Return a row as a contact, or the message why it cannot be one."""
     try:
         return curves.contact(row, settings)
     except Exception as error:
@@ -434,7 +434,7 @@ def _made(curves: Curves, row: int, settings: Settings) -> Contact | str:
 
 
 def _describe_faults(contact: Contact | str, surface: float) -> list[str]:
-    """What the checks say of the data, the penetration counted from the surface that was found."""
+    """Return the findings on the data, with penetration measured from the identified surface."""
     if isinstance(contact, str):
         return [f"do-not-trust: file: {contact}"]
     if math.isfinite(surface):
@@ -442,7 +442,7 @@ def _describe_faults(contact: Contact | str, surface: float) -> list[str]:
     return [format_finding(each) for each in Data(contact).findings]
 
 
-# Many contacts here, in this process: a row for each.
+# Many contacts in this process: one row each.
 
 
 def identify_many(
@@ -460,50 +460,50 @@ def identify_many(
     source: str = "",
     threads: int | None = None,
 ) -> Table:
-    """Identify many contacts: a table with a row for each.
+    """Identify many contacts; return a table with one row each.
 
-    Contacts of equal length are best given as arrays: the default method then fits all of them at
-    once, by the whole-curve fit of :func:`palpate.fit_curves`, hundreds of times as quick. Other
-    methods go through their recursion, a contact at a time.
+    Pass contacts of equal length as arrays: the default method then fits all of them at once by
+    :func:`palpate.fit_curves`, hundreds of times faster. Other methods run their recursion, one
+    contact at a time.
 
     Parameters
     ----------
     contacts : iterable of Contact, Recording, path or frame, optional
-        As :func:`identify` takes one; arrays in place of them unless given.
+        Inputs of :func:`identify`. Default: none; pass arrays instead.
     method : ContactEstimator or str, optional
-        As for :func:`identify`: method and settings, such as
-        ``VariableProjection(surface="estimate")``, or a name.
+        Name of the method, or an estimator with its settings, such as
+        ``VariableProjection(surface="estimate")``. Default: as for :func:`identify`.
     diagnosis : "none", "input" or "full"
-        ``"input"`` checks the data; ``"full"`` everything, with a verdict for each contact; that
-        takes the recursion, a contact at a time.
+        ``"input"`` (default) checks the data; ``"full"`` also checks the fits and gives each
+        contact a verdict, by the recursion, one contact at a time.
     penetration, force : array_like, shape (k, samples), optional
-        m and N, one row a contact; NaN marks a sample that is not there.
+        m and N, one row per contact; NaN marks a missing sample.
     velocity : array_like, shape (k, samples), optional
-        m/s; worked out from the penetration unless given.
+        m/s. Default: computed from the penetration.
     time : array_like, shape (samples,) or (k, samples), optional
-        s; or ``sample_time``.
+        s. Required with arrays, or ``sample_time``.
     sample_time : float, optional
-        Time between samples, s.
+        Time between samples, s, > 0.
     places : mapping, optional
-        ``x``, ``y`` and ``z``, where each of the rows is on the material, m, shape (k,).
+        Positions ``x``, ``y`` and ``z`` of the contacts on the material, m, shape (k,).
     preparation : mapping, optional
-        What :func:`prepare` is given beside each, such as ``{"tare": "find"}``.
+        Options for :func:`prepare`, such as ``{"tare": "find"}``. Default: none.
     source : str
-        Where arrays are from, for their rows.
+        Name of the arrays' source, for their rows. Default: "".
     threads : int, optional
-        That share the whole-curve fit of arrays (default: as many as there are cores).
+        Number of threads of the whole-curve fit. Default: one per core.
 
     Returns
     -------
     pyarrow.Table
         Law, errors, working depth, offset, surface, flags, findings and provenance, with units in
-        the columns' metadata; NaN or null where a thing is not known. What cannot be identified is
-        a row with its reason in ``error``. ``docs/fleet.md`` has the columns.
+        the columns' metadata; NaN or null for unknown values. A contact that cannot be identified
+        is a row with the reason in ``error``. ``docs/fleet.md`` lists the columns.
 
     Raises
     ------
     InvalidParameterError
-        Neither contacts nor arrays are given, or both; arrays differ in shape; or a setting is
+        Neither contacts nor arrays were passed, or both; arrays differ in shape; or a setting is
         outside its range.
     MissingExtraError
         pyarrow is not installed.
@@ -519,11 +519,11 @@ def identify_many(
     arrays = {"penetration": penetration, "force": force}
     given = [name for name, values in arrays.items() if values is not None]
     if contacts is not None and given:
-        raise InvalidParameterError(f"{given[0]} must not be given beside contacts")
+        raise InvalidParameterError(f"pass either contacts or arrays, not contacts and {given[0]}")
     if contacts is not None:
         return identify_each(_numbered(contacts), settings)[0]
     if len(given) < len(arrays):
-        raise InvalidParameterError("contacts must be given, or penetration and force as arrays")
+        raise InvalidParameterError("pass contacts, or the arrays penetration and force")
     curves = _curves(penetration, force, velocity, time, sample_time, places or {}, source)
     count = cores() if threads is None else whole_in("threads", threads, 1, 1024)
     return identify_curves(curves, settings, threads=count)[0]
@@ -546,17 +546,17 @@ def _curves(
     places: Mapping[str, "ArrayLike"],
     source: str,
 ) -> Curves:
-    x = real_array("penetration", penetration)  # type: ignore[arg-type]  # it was given
+    x = real_array("penetration", penetration)  # type: ignore[arg-type]  # not None
     f = real_array("force", force)  # type: ignore[arg-type]
     v = None if velocity is None else real_array("velocity", velocity)
     wrong = [each.shape for each in (f, v) if each is not None and each.shape != x.shape]
     if x.ndim != 2 or wrong:
         raise InvalidParameterError(
-            "penetration, force and velocity must be of one shape, (contacts, samples), not "
+            "penetration, force and velocity must have the same shape (contacts, samples), not "
             f"{x.shape}{f' and {wrong[0]}' if wrong else ''}"
         )
     if (time is None) == (sample_time is None):
-        raise InvalidParameterError("one of time and sample_time must be given beside arrays")
+        raise InvalidParameterError("arrays need either time or sample_time")
     clock: Floats
     if sample_time is not None:
         step = number_in("sample_time", sample_time, 0.0, 1e6, open_low=True)
@@ -565,13 +565,13 @@ def _curves(
         clock = real_array("time", time)  # type: ignore[arg-type]
         if clock.shape not in (x.shape, x.shape[1:]):
             raise InvalidParameterError(
-                f"time must be of the shape {x.shape[1:]} or {x.shape}, not {clock.shape}"
+                f"time must have the shape {x.shape[1:]} or {x.shape}, not {clock.shape}"
             )
     where = {axis: real_array(axis, values) for axis, values in places.items()}
     for axis, values in where.items():
         if axis not in ("x", "y", "z") or values.shape != x.shape[:1]:
             raise InvalidParameterError(
-                f"places must be x, y and z, each of the shape {x.shape[:1]}, not {axis} of "
+                f"places may have x, y and z, each of shape {x.shape[:1]}, not {axis} of shape "
                 f"{values.shape}"
             )
     return Curves(clock, x, f, v, source, np.arange(len(x), dtype=np.int64), where)

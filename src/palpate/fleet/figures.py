@@ -1,4 +1,4 @@
-"""The figures of a fleet: distributions, the scatter of repeats, and the map over place."""
+"""The figures of a fleet: distributions, the scatter of repeats, and the map over position."""
 
 from typing import TYPE_CHECKING, Any
 
@@ -26,27 +26,27 @@ if TYPE_CHECKING:
 
 
 _BINS = 40
-# Percentiles between which a histogram is drawn; what is beyond is counted in its title.
+# Percentiles that a histogram spans; its title counts the values beyond.
 _HISTOGRAM_SPAN = (0.5, 99.5)
-# High over low from which values are drawn on a logarithmic axis: by then half of them can lie in
-# the first of the bars.
+# Ratio of these percentiles above which the axis is logarithmic: on a linear one half of the values
+# could lie in the first bar.
 _DECADES = 100.0
 
 
 def draw_distributions(table: Table, *, dark: bool = False, width: float | None = None) -> "Figure":
-    """Draw histograms of what was identified, and of how well that is known.
+    """Draw histograms of the identified values and of their relative errors.
 
-    Stiffness and damping at working depth and the exponent, where one was identified; below each
-    its standard error over its size.
+    Stiffness and damping at working depth, and the exponent if it was identified; below each its
+    standard error over its absolute value.
 
     Parameters
     ----------
     table : pyarrow.Table
-        Of results.
+        Rows of results.
     dark : bool
-        For a dark background.
+        Draw for a dark background. Default: False.
     width : float, optional
-        Of the figure as it is printed, m, in [0.06, 0.4]; a page of 11 inches unless given.
+        Printed width, m, in [0.06, 0.4]. Default: 11 inches.
     """
     look = look_of(dark=dark, width=width)
     shown = [("stiffness at working depth", "stiffness_at_depth", "N/m")]
@@ -73,16 +73,16 @@ def draw_distributions(table: Table, *, dark: bool = False, width: float | None 
 def draw_repeats(
     found: list[Repeats], quantity: str, *, dark: bool = False, width: float | None = None
 ) -> "Figure":
-    """Draw how far the scatter of repeats is what their errors say.
+    """Draw the scatter of repeats relative to their standard errors.
 
     Parameters
     ----------
     found : list of Repeats
-        A group each.
+        The groups of repeats.
     quantity : str
-        What they are of.
+        The repeated quantity, for the title.
     dark : bool
-        For a dark background.
+        Draw for a dark background. Default: False.
     width : float, optional
         As for :func:`draw_distributions`.
     """
@@ -104,15 +104,12 @@ def draw_repeats(
 
 
 def _varies(table: Table, name: str) -> bool:
-    """Whether a parameter was identified; one that was given has no error."""
+    """Whether a parameter was identified; a fixed one has no error."""
     return bool((numbers(table, f"{name}_standard_error") > 0.0).any())
 
 
 def _spans_decades(values: Floats) -> bool:
-    """Whether most bars of a linear axis would be empty: cells and springs in one archive.
-
-    Never of values of which one is 0 or below: a logarithmic axis has no place for it.
-    """
+    """Whether positive values span so many decades that a linear axis would be mostly empty."""
     known = values[np.isfinite(values)]
     if not known.size or known.min() <= 0.0:
         return False
@@ -138,7 +135,7 @@ def _histogram(
             axes.xaxis.set_minor_formatter("")
         beyond = known.size - inside.size
         if beyond and title:
-            title = f"{title} ({beyond} beyond)"
+            title = f"{title} ({beyond} outside)"
     missing = values.size - known.size
     if missing and not title:
         title = f"{missing} without a known error"
@@ -147,33 +144,33 @@ def _histogram(
     head(axes, title, legend=False)
 
 
-# A map: what was found over where it was found, with its error beside it.
+# A map of values over position, with their errors next to it.
 
-# A strip that is longer than so many times its width is drawn wider, or nobody would see across it.
+# A strip with a larger ratio of length to width is not drawn to scale: its width would not show.
 _LONGEST = 20.0
 Indices = NDArray[np.intp]
-# Cells are drawn where the places fill a grid at least so far.
+# Least share of a grid's cells with a place from which the map is drawn as cells.
 _FILLED = 0.6
-# Percentiles that the colours span: one wild place leaves the others their differences.
+# Percentiles that the colours span, so that one outlier does not hide the other differences.
 _COLOUR_SPAN = (2.0, 98.0)
 
 
 def draw_map(found: Map, *, dark: bool = False, width: float | None = None) -> "Figure":
-    """Draw values over place, and beside them their standard errors.
+    """Draw values over position, and next to them their standard errors.
 
     Parameters
     ----------
     found : Map
-        By :func:`palpate.fleet.maps.map_of`.
+        As returned by :func:`palpate.fleet.maps.map_of`.
     dark : bool
-        For a dark background.
+        Draw for a dark background. Default: False.
     width : float, optional
-        Of the figure as it is printed, m, in [0.06, 0.4]; a page of 11 inches unless given.
+        Printed width, m, in [0.06, 0.4]. Default: 11 inches.
 
     Raises
     ------
     InvalidParameterError
-        The width is out of its range.
+        The width is outside its range.
     MissingExtraError
         matplotlib is not installed.
     """
@@ -190,13 +187,13 @@ def draw_map(found: Map, *, dark: bool = False, width: float | None = None) -> "
 
 
 def _usual(values: Floats, percentile: float = _COLOUR_SPAN[1]) -> float:
-    """The size that a unit is chosen for: one wild value does not."""
+    """Return the typical largest size, for the choice of a unit; robust against outliers."""
     known = np.abs(values[np.isfinite(values)])
     return float(np.percentile(known, percentile)) if known.size else 0.0
 
 
 def _draw_line(axes: "Axes", found: Map, what: str, unit: AxisScale, look: Look) -> None:
-    """Over one coordinate: values with their errors, and the errors by themselves."""
+    """Draw values with error bars, or the errors alone, over one coordinate."""
     along = scale_of(largest(found.places[:, 0]), found.units[0])
     x = along.factor * found.places[:, 0]
     colour = look.theme.lines[0]
@@ -225,9 +222,9 @@ def _mark(
     look: Look,
     **missing: Any,
 ) -> None:
-    """Mark what has no number, and what is not to be trusted."""
+    """Mark places without a value and those with one that is not to be trusted."""
     for there, sign, size, label, options in (
-        (~known, "x", 5.0, "no number", missing),
+        (~known, "x", 5.0, "no value", missing),
         (known & found.mistrusted, "s", 9.0, "not to be trusted", {"fillstyle": "none"}),
     ):
         if there.any():
@@ -237,7 +234,7 @@ def _mark(
 
 
 def _draw_plane(axes: "Axes", found: Map, what: str, unit: AxisScale, look: Look) -> None:
-    """Over two coordinates: cells of a grid, or a dot a place."""
+    """Draw values over two coordinates, as cells of a grid or as dots."""
     places = found.places - _origin(found)
     along = scale_of(largest(places), found.units[0])
     x, y = (along.factor * places).T
@@ -274,7 +271,7 @@ def _draw_plane(axes: "Axes", found: Map, what: str, unit: AxisScale, look: Look
 
 
 def _origin(found: Map) -> Floats:
-    """Where coordinates are counted from: a stage's own zero may be a metre away."""
+    """Return the origin to subtract: the zero of a stage may be far from the places."""
     low, high = found.places.min(axis=0), found.places.max(axis=0)
     far = np.abs(found.places).max(axis=0) > 20.0 * np.maximum(high - low, 1e-12)
     origin: Floats = np.where(far & (np.array(found.units) == "m"), low, 0.0)
@@ -298,20 +295,22 @@ def _beyond(values: Floats, low: float, high: float) -> str:
 
 
 def _grid(x: Floats, y: Floats) -> tuple[Floats, Floats, Indices, Indices] | None:
-    """Columns and rows of a grid that the places fill, and the cell of each; None of no grid."""
+    """Return columns and rows of the grid of places and the cell of each; None without a grid."""
     columns, rows = _levels(x), _levels(y)
     cells = len(columns) * len(rows)
     if len(columns) < 2 or len(rows) < 2 or len(x) < _FILLED * cells:
         return None
     i = np.abs(x[:, None] - columns).argmin(axis=1)
     j = np.abs(y[:, None] - rows).argmin(axis=1)
-    if len({*zip(i.tolist(), j.tolist(), strict=True)}) < len(x):  # repeats would hide each other
+    if len({*zip(i.tolist(), j.tolist(), strict=True)}) < len(
+        x
+    ):  # repeats in one cell would hide each other
         return None
     return columns, rows, i, j
 
 
 def _levels(values: Floats) -> Floats:
-    """The distinct coordinates; those within a thousandth of the whole are one."""
+    """Return distinct coordinates; those closer than 1/1000 of the range count as equal."""
     order = np.sort(values)
     apart = 1e-3 * max(float(order[-1] - order[0]), 1e-300)
     groups = np.split(order, np.flatnonzero(np.diff(order) > apart) + 1)

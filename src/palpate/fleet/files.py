@@ -1,4 +1,4 @@
-"""Where contacts come from and results go to: files, folders, Zarr, object storage, Parquet."""
+"""Read contacts from files, folders, Zarr and object storage; write results to Parquet."""
 
 import glob
 import hashlib
@@ -26,37 +26,37 @@ from palpate.writing import as_json, make_folder, temporary_file, write_bytes, w
 
 _ZARR_ENDINGS = (".zarr", ".zarr.zip")
 _MARKS = ("zarr.json", ".zgroup", ".zarray")
-#: Arrays of a group, and whose units they have.
+#: Arrays of a group, and the channel whose units each may have.
 _CHANNELS = {name: name for name in ("penetration", "force", "velocity", "time")}
 _CHANNELS |= dict.fromkeys("xyz", "penetration")
 _CLOCK = "sample_time"
-_PIECE = 1 << 20  # bytes of an object that are fetched at once
+_PIECE = 1 << 20  # bytes per read of an object
 
 
 def is_array(name: str) -> bool:
-    """Whether a name is that of arrays by Zarr: by its ending, or by what is in the folder."""
+    """Whether a name is a Zarr group, judged by its ending or by the files in the folder."""
     if name.rstrip("/").lower().endswith(_ZARR_ENDINGS):
         return True
-    return "://" not in name and any(os.path.isfile(f"{name}/{mark}") for mark in _MARKS)  # noqa: PTH113 - of text
+    return "://" not in name and any(os.path.isfile(f"{name}/{mark}") for mark in _MARKS)  # noqa: PTH113 - a str
 
 
 def described_array(name: str) -> ContactSource:
-    """Return what a group of arrays holds.
+    """Describe the contacts of a Zarr group.
 
     Raises
     ------
     RecordingError
-        It cannot be opened, or is no ``penetration`` and ``force`` of curves × samples.
+        The group cannot be opened, or lacks ``penetration`` and ``force`` of curves × samples.
     """
     group = _opened(name)
     shape, chunks = _shape(group, name)
     if not shape[0]:
-        raise RecordingError(f"{name}: holds no contact: penetration and force have no row")
+        raise RecordingError(f"{name}: no contacts; the arrays penetration and force have no rows")
     return ContactSource(name, "zarr", shape[0], shape[1], chunks[0], stamp_of(name)[0])
 
 
 def stamp_of(name: str) -> tuple[str, int]:
-    """What would change if something was written again, such as the latest time; and its bytes."""
+    """Return text that changes when a source is modified, and the size in bytes of its files."""
     if "://" in name:
         fsspec = needed("fsspec", "object storage")
         files, root = fsspec.core.url_to_fs(name)
@@ -64,10 +64,10 @@ def stamp_of(name: str) -> tuple[str, int]:
         marks = "\n".join(f"{each} {_stamp(about)}" for each, about in known)
         return hashlib.sha256(marks.encode()).hexdigest()[:16], 0
     try:
-        status = [os.stat(name)]  # noqa: PTH116 - of text
+        status = [os.stat(name)]  # noqa: PTH116 - a str
         for folder, _, inside in os.walk(name):
             status += [os.stat(f"{folder}/{each}") for each in inside]  # noqa: PTH116
-    except OSError as error:  # its row will say it
+    except OSError as error:  # the source's row reports it
         return str(error.strerror), 0
     whole = [each for each in status if not stat.S_ISDIR(each.st_mode)]
     size, latest = sum(each.st_size for each in whole), max(each.st_mtime_ns for each in status)
@@ -79,22 +79,22 @@ def _stamp(about: Mapping[str, Any]) -> str:
 
 
 def curves_of(name: str, first: int, count: int) -> Curves:
-    """Read some of the contacts of a group of arrays, in SI.
+    """Read a range of contacts of a Zarr group, in SI.
 
     Parameters
     ----------
     name : str
-        Of the group. It holds ``penetration`` and ``force``, curves × samples; ``velocity``, where
-        it was measured; ``time``, for all curves or for each, or an attribute ``sample_time``, s;
-        and ``x``, ``y`` and ``z``, one a curve. An attribute ``units`` of an array names its unit;
-        SI unless given.
+        Name of the group. It holds ``penetration`` and ``force``, curves × samples; optionally
+        ``velocity``; ``time``, shared or per curve, or an attribute ``sample_time``, s; and
+        optionally ``x``, ``y`` and ``z``, one value per curve. The attribute ``units`` of an array
+        names its unit (default: SI).
     first, count : int
-        Which.
+        First contact and number of contacts.
 
     Raises
     ------
     RecordingError
-        They cannot be read.
+        The group cannot be read.
     """
     group = _opened(name)
     (_, samples), _ = _shape(group, name)
@@ -114,12 +114,12 @@ def curves_of(name: str, first: int, count: int) -> Curves:
         step = group.attrs.get(_CLOCK)
         if isinstance(step, bool) or not isinstance(step, int | float) or not 0.0 < step < math.inf:
             raise RecordingError(
-                f"{name}: when its samples were taken is not said; give the group an array time, "
-                f"or an attribute {_CLOCK}, s"
+                f"{name}: the times of its samples are missing; add an array time to the group, or "
+                f"an attribute {_CLOCK} in s"
             )
         time = float(step) * np.arange(float(samples))
     if time.shape[-1] != samples:
-        raise RecordingError(f"{name}: time has {time.shape[-1]} samples, force {samples}")
+        raise RecordingError(f"{name}: time has {time.shape[-1]} samples but force has {samples}")
     return Curves(
         time,
         found["penetration"],
@@ -133,7 +133,7 @@ def curves_of(name: str, first: int, count: int) -> Curves:
 
 @contextmanager
 def on_this_machine(name: str) -> Iterator[Path]:
-    """A source as a file here: itself, or a copy of an object, which is gone afterwards.
+    """Yield a source's path on this machine: its own, or that of a temporary copy of an object.
 
     Raises
     ------
@@ -149,7 +149,7 @@ def on_this_machine(name: str) -> Iterator[Path]:
 
 
 def _on_disk(name: str) -> str:
-    """The name of a file as its folder has it: tables take UTF-8, a folder takes any bytes."""
+    """Return a file's name as on disk: tables hold UTF-8 only, file names may hold any bytes."""
     if "\\x" not in name or os.path.lexists(name):
         return name
     raw = re.sub(
@@ -173,7 +173,7 @@ def _opened(name: str) -> Any:
         return zarr.open_group(_on_disk(name), mode="r")
     except Exception as error:
         raise RecordingError(
-            f"{name}: is no group of arrays by Zarr that can be opened: {first_line(error)}"
+            f"{name}: cannot be opened as a Zarr group: {first_line(error)}"
         ) from None
 
 
@@ -182,24 +182,24 @@ def _shape(group: Any, name: str) -> tuple[tuple[int, int], tuple[int, int]]:
     for channel in ("penetration", "force"):
         if channel not in known:
             raise RecordingError(
-                f"{name}: has no array {channel!r}; penetration and force are needed, curves × "
-                f"samples, and there are {', '.join(sorted(known)) or 'none at all'}"
+                f"{name}: has no array {channel!r}; it needs penetration and force, curves × "
+                f"samples, and has {', '.join(sorted(known)) or 'no arrays'}"
             )
     shape = tuple(group["force"].shape)
     if len(shape) != 2 or tuple(group["penetration"].shape) != shape:
         raise RecordingError(
-            f"{name}: penetration and force must be of one shape, curves × samples, not "
+            f"{name}: penetration and force must have the same shape, curves × samples, not "
             f"{tuple(group['penetration'].shape)} and {shape}"
         )
     for channel in known & set(_CHANNELS):
         array, wanted = group[channel], shape[:1] if channel in "xyz" else shape
         if array.dtype.kind not in "fiu":
             raise RecordingError(
-                f"{name}: {channel} is an array of {array.dtype}, not of real numbers"
+                f"{name}: {channel} has type {array.dtype}; real numbers are required"
             )
         if channel != "time" and tuple(array.shape) != wanted:
             raise RecordingError(
-                f"{name}: {channel} must be of the shape {wanted}, not {array.shape}"
+                f"{name}: {channel} must have the shape {wanted}, not {array.shape}"
             )
     return (shape[0], shape[1]), tuple(group["force"].chunks)
 
@@ -210,42 +210,43 @@ def _in_si(array: Any, kind: str, rows: slice, name: str) -> Floats:
     known = UNITS[kind]
     word = next(iter(known)) if unit is None else plain_unit(str(unit))
     if word not in known:
-        raise RecordingError(f"{name}: {array.basename} is in {word}, not in {', '.join(known)}")
+        allowed = ", ".join(known)
+        raise RecordingError(f"{name}: {array.basename} has unit {word}; allowed are {allowed}")
     taken = array[:] if kind == "time" and array.ndim == 1 else array[rows]
     values: Floats = np.asarray(taken, dtype=np.float64)
-    # As netCDF and xarray pack numbers: what is missing, then a factor, then an offset.
+    # Unpack as netCDF and xarray do: missing values, then the factor, then the offset.
     for missing in ("_FillValue", "missing_value"):
         if isinstance(attributes.get(missing), int | float):
             values = np.where(values == attributes[missing], np.nan, values)
     factor, offset = attributes.get("scale_factor", 1.0), attributes.get("add_offset", 0.0)
     for kind, value in (("scale_factor", factor), ("add_offset", offset)):
         if not isinstance(value, int | float) or not math.isfinite(value):
-            raise RecordingError(f"{name}: its attribute {kind} is no number: {value!r}")
+            raise RecordingError(f"{name}: its attribute {kind} is not a number: {value!r}")
     if (factor, offset) != (1.0, 0.0):
         values = values * factor + offset
     return values if known[word] == 1.0 else values * known[word]
 
 
-# The folder of a fleet's results: one file of Parquet a batch, each whole or not there.
+# The folder of a fleet's results: one Parquet file per batch, written completely or not at all.
 
 MANIFEST = "_fleet.json"
-#: Beside the results, and not among them: two runs differ in nothing else.
+#: Run times have a folder of their own: everything else is the same in two runs.
 TIMES = "_seconds"
 REPORT = "report.html"
-# A file of results is named by its contacts, from the one up to the other.
+# A file of results is named by its range of contacts, first and end.
 _PART = re.compile(r"part-(\d{8,})-(\d{8,})\.parquet$")
 
 
 @dataclass(frozen=True, slots=True)
 class Results:
-    """A folder for the results of one fleet.
+    """The folder of one fleet's results.
 
     Attributes
     ----------
     folder : Path
-        Where they are.
+        Path of the folder.
     contacts : int
-        How many there are to be.
+        Number of contacts of the whole fleet.
     """
 
     folder: Path
@@ -253,14 +254,14 @@ class Results:
 
     @classmethod
     def begin(cls, folder: Path, settings: Settings, sources: Sequence[ContactSource]) -> "Results":
-        """Make the folder, or go on with what a run of the same settings and sources left there.
+        """Make the folder, or continue in that of an earlier run with equal settings and sources.
 
         Raises
         ------
         FleetError
-            It holds what another run left, or something else.
+            The folder holds another run's results, or other files.
         RecordingError
-            It cannot be made or written to.
+            The folder cannot be made or written to.
         """
         make_folder(folder)
         wanted: dict[str, Any] = {
@@ -273,8 +274,8 @@ class Results:
         if path.exists():
             if differs := next(_differences(manifest_of(folder), wanted), ""):
                 raise FleetError(
-                    f"{folder}: holds the results of a run with {differs}; choose another folder, "
-                    "or remove this one"
+                    f"{folder}: holds the results of a run with {differs}; choose another folder "
+                    "with -o, or remove this one"
                 )
         else:
             _check_empty(folder)
@@ -283,16 +284,16 @@ class Results:
         return cls(folder, wanted["contacts"])
 
     def done(self) -> list[tuple[int, int]]:
-        """The contacts that are there, from the one up to the other of each file."""
+        """Return the range of contacts (first, end) of each file of results."""
         return [part for part, _ in _parts(self.folder)]
 
     def error_kinds(self) -> list[str | None]:
-        """Why rows that are there have no numbers; None of one that has.
+        """Return the class of error of each row so far; None of a row with numbers.
 
         Raises
         ------
         FleetError
-            They cannot be read.
+            The results cannot be read.
         """
         if not _parts(self.folder):
             return []
@@ -300,12 +301,12 @@ class Results:
         return kinds
 
     def write(self, batch: Batch, table: Table, seconds: Floats) -> None:
-        """Write the rows of a batch, whole or not at all; its times first.
+        """Write the rows of a batch, its times first; each file completely or not at all.
 
         Raises
         ------
         RecordingError
-            They cannot be written.
+            A file cannot be written.
         """
         pa = needed("pyarrow", "a table of contacts")
         parquet = needed("pyarrow.parquet", "a table of contacts")
@@ -318,26 +319,26 @@ class Results:
 
 
 def read_results(folder: Path) -> Table:
-    """Read the rows of a fleet, in the order of its sources.
+    """Read the rows of a fleet, in the order of the sources.
 
     Raises
     ------
     FleetError
-        The folder holds no results, or not all.
+        The folder holds no results, or some are missing.
     """
     total = manifest_of(folder)["contacts"]
     table = _joined(folder)
     missing = total - sum(end - first for (first, end), _ in _parts(folder))
     if missing:
         raise FleetError(
-            f"{folder}: {missing} of {total} contacts are missing; the command that identified "
-            "the others goes on with them"
+            f"{folder}: {missing} of {total} contacts are missing; repeat the palpate fleet "
+            "command to identify them"
         )
     return table
 
 
 def read_seconds(folder: Path) -> Table:
-    """Read how long each row took: ``source``, ``index`` and ``seconds``."""
+    """Read the time that each row took: columns ``source``, ``index`` and ``seconds``."""
     return _joined(folder, place=TIMES)
 
 
@@ -354,11 +355,11 @@ def _joined(folder: Path, columns: list[str] | None = None, place: str = ".") ->
 
 
 def _parts(folder: Path) -> list[tuple[tuple[int, int], Path]]:
-    """The files of results, by their contacts and in the order of these, each contact once."""
+    """Return the files of results with their ranges, in order; each contact occurs once."""
     matches = [(match, folder / name) for name in _names(folder) if (match := _PART.match(name))]
     found: list[tuple[tuple[int, int], Path]] = []
     for part, path in sorted(((int(match[1]), int(match[2])), path) for match, path in matches):
-        if not found or part[0] >= found[-1][0][1]:  # of two runs at once the other has it too
+        if not found or part[0] >= found[-1][0][1]:  # two runs at once may both have written it
             found.append((part, path))
     return found
 
@@ -371,53 +372,55 @@ def _names(folder: Path) -> list[str]:
 
 
 def manifest_of(folder: Path) -> dict[str, Any]:
-    """Return what a fleet's folder says of the run that made it.
+    """Return the description of the run that wrote a folder of results.
 
     Raises
     ------
     FleetError
-        It holds no results of a fleet.
+        The folder holds no results of a fleet.
     """
     path = folder / MANIFEST
     try:
         found = json.loads(path.read_text(encoding="utf-8"))
         if not {"palpate", "settings", "sources", "contacts"} <= set(found):
-            raise ValueError("it lacks what palpate writes")
+            raise ValueError("it lacks entries that palpate writes")
     except FileNotFoundError:
         raise FleetError(
-            f"{folder}: holds no results of palpate fleet; name the folder that it wrote"
+            f"{folder}: holds no results of palpate fleet; pass the folder of its option -o"
         ) from None
     except (OSError, ValueError, TypeError) as error:
-        raise FleetError(f"{path}: cannot be read: {error}; choose another folder") from None
+        raise FleetError(
+            f"{path}: cannot be read: {error}; choose another folder with -o"
+        ) from None
     return dict(found)
 
 
 def _differences(there: Mapping[str, Any], wanted: Mapping[str, Any]) -> Iterator[str]:
-    """What another run has that this one has not."""
+    """Yield how another run differs from this one."""
     if there["palpate"] != wanted["palpate"]:
-        yield f"palpate {there['palpate']}, and this is {wanted['palpate']}"
+        yield f"palpate {there['palpate']}, but this is {wanted['palpate']}"
     before, now = (run["settings"] for run in (there, wanted))
     for name in sorted({*before, *now}):
         one, other = (
             json.dumps(settings.get(name), ensure_ascii=False) for settings in (before, now)
         )
         if one != other:
-            yield f"{name} {one}, and this asks {other}"
+            yield f"{name} {one}, but this run has {other}"
     if there["sources"] != wanted["sources"]:
         contacts = there["contacts"]
-        yield f"{contacts} contacts of other sources, or of these before they were changed"
+        yield f"{contacts} contacts of other sources, or of these before they changed"
 
 
 def _check_empty(folder: Path) -> None:
     for name in sorted(_names(folder)):
         if not name.startswith("."):
             raise FleetError(
-                f"{folder}: holds {name}, which is of no run of palpate fleet; choose another "
-                "folder"
+                f"{folder}: holds {name}, which palpate fleet did not write; choose another folder "
+                "with -o"
             )
 
 
-# From what a person names to the sources there are: files, globs, folders, arrays, objects.
+# Expand the names on the command line to sources: files, globs, folders, arrays, objects.
 
 #: Endings of files that hold several force curves.
 _MAPS = (".jpk-force-map", ".jpk-qi-data", ".jpk-qi-series")
@@ -428,22 +431,22 @@ _BAG = "metadata.yaml"
 def sources_of(
     names: Sequence[str | os.PathLike[str]], leave_out: Path | None = None
 ) -> list[ContactSource]:
-    """List what there is to identify, in an order that depends on the names alone.
+    """List the sources to identify, in an order that depends only on the names.
 
     Parameters
     ----------
     names : sequence of str or path-like
-        Files, patterns with ``*``, folders, which are gone through, Zarr arrays, and addresses such
+        Files, patterns with ``*``, folders (searched recursively), Zarr groups, and addresses such
         as ``s3://bucket/folder``.
     leave_out : Path, optional
-        A folder that is not gone into, such as that of the results.
+        Folder to skip, such as that of the results.
 
     Raises
     ------
     RecordingError
-        There is nothing of a name, or an array is none of contacts.
+        A name leads to no recording, or an array holds no contacts.
     MissingExtraError
-        What reads the storage is not installed.
+        The package that reads the storage is not installed.
     """
     found: dict[str, ContactSource] = {}
     for name in names:
@@ -452,10 +455,9 @@ def sources_of(
         listed = list(_remote(text) if "://" in text else _local(text, results))
         if not listed:
             raise RecordingError(
-                f"{printable(text)}: there is no recording here; recordings end in "
-                f"{', '.join(_ENDINGS)}"
+                f"{printable(text)}: no recording found; recordings end in {', '.join(_ENDINGS)}"
             )
-        for source in listed:  # a file is one contact however it is named
+        for source in listed:  # list a file once even if it is named twice
             identity = source.name if "://" in text else os.path.realpath(source.name)
             found.setdefault(identity, replace(source, name=printable(source.name)))
     return list(found.values())
@@ -464,27 +466,27 @@ def sources_of(
 def _local(text: str, results: str) -> Iterator[ContactSource]:
     path = Path(text)
     if glob.has_magic(text) and not path.exists():
-        for each in sorted(glob.glob(text, recursive=True)):  # noqa: PTH207 - ** of absolute paths
+        for each in sorted(glob.glob(text, recursive=True)):  # noqa: PTH207 - ** in absolute paths
             yield from _at(Path(each), (results,))
         return
     if not path.exists():
-        raise RecordingError(f"{printable(path)}: there is no such file or folder")
+        raise RecordingError(f"{printable(path)}: no such file or folder")
     if os.path.realpath(path) == results:
-        raise RecordingError(f"{printable(path)}: is the folder of the results; choose another")
+        raise RecordingError(f"{printable(path)}: is the results folder; choose another with -o")
     yield from _at(path, (results,), named=True)
 
 
 def _at(path: Path, outside: tuple[str, ...], *, named: bool = False) -> Iterator[ContactSource]:
-    """What a path holds; a file that was named is one whatever its name ends with.
+    """Yield the sources at a path; a file named by the user counts whatever its ending.
 
-    What cannot be read is a source too, of which a row will say that, unless it was named. Folders
-    of results, of whichever run, and those that this one is within hold none.
+    An unreadable source found in a folder is listed, and its row gets the error; an unreadable
+    array named by the user raises it. Folders of results and cyclic links are skipped.
     """
     name, here = str(path), os.path.realpath(path)
     if is_array(name):
         yield described_array(name) if named else _found_array(name)
     elif not path.is_dir():
-        # A pipe would be waited for without end.
+        # Reading a pipe could wait for ever.
         readable = path.name.lower().endswith(_ENDINGS) and (path.is_file() or not path.exists())
         if named or readable:
             yield _file(name, path)
@@ -497,7 +499,7 @@ def _at(path: Path, outside: tuple[str, ...], *, named: bool = False) -> Iterato
 
 
 def _found_array(name: str) -> ContactSource:
-    """An array that was found on the way: what is wrong with it is for its row to say."""
+    """Describe an array found in a folder; its row reports what is wrong with it."""
     try:
         return described_array(name)
     except RecordingError:
@@ -512,7 +514,7 @@ def _file(name: str, path: Path) -> ContactSource:
 
 
 def _curves_in(path: Path) -> int | None:
-    """How many curves a map holds; None where it cannot be read, which its row will say."""
+    """Return the number of curves of a map; None if it cannot be read, which its row reports."""
     reader = FORCE_CURVES.reader()
     try:
         count: int = reader.count_curves(path)
@@ -522,7 +524,7 @@ def _curves_in(path: Path) -> int | None:
 
 
 def _remote(text: str) -> Iterator[ContactSource]:
-    """What is at an address; the results are on disk, and never within."""
+    """Yield the sources at an address of object storage."""
     if is_array(text):
         yield described_array(text)
         return
@@ -532,7 +534,7 @@ def _remote(text: str) -> Iterator[ContactSource]:
         protocol = text.partition("://")[0]
         listed = (files.glob if glob.has_magic(root) else files.find)(root, detail=True).items()
     except ImportError as error:
-        raise MissingExtraError(f"{text}: {error}; it goes beside 'palpate[fleet]'") from None
+        raise MissingExtraError(f"{text}: {error}; install it next to 'palpate[fleet]'") from None
     except Exception as error:
         raise RecordingError(f"{text}: cannot be listed: {first_line(error)}") from None
     entries = sorted(each for each in listed if each[1].get("type") != "directory")
@@ -548,7 +550,7 @@ def _remote(text: str) -> Iterator[ContactSource]:
 
 
 def _arrays_among(names: Iterable[str]) -> set[str]:
-    """Folders of objects that are groups of Zarr, and in no other such."""
+    """Return the folders that are Zarr groups and not inside another one."""
     marked = {name.rpartition("/")[0] for name in names if name.endswith(_MARKS[:2])}
     return {
         name

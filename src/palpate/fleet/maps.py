@@ -1,4 +1,4 @@
-"""What the rows of a fleet say together: repeats, flags, outliers, failures, and what was slow."""
+"""Statistics over the rows of a fleet: verdicts, repeats, outliers, failures, times, and maps."""
 
 import math
 import re
@@ -20,34 +20,33 @@ from palpate.identification.identified import NEGATIVE_STIFFNESS
 from palpate.results.view import depth_of
 from palpate.validation import Floats, number_in, shown
 
-#: At the working depth, whose repeats are held against their errors.
+#: Quantities at working depth whose repeats are compared with their errors.
 JUDGED = ("stiffness", "damping")
-# Beyond so many σ of χ² repeats do not agree: one group in 700 by chance.
+# Repeats disagree if χ² departs by more than so many σ: by chance one group in 700.
 DISAGREES = 3.0
-# Robust standard deviations from the median of the logarithms: none of 10⁶ by chance.
+# Robust standard deviations from the median of the logarithms: by chance none in 10⁶.
 OUTLIER = 5.0
 _NUMBER = re.compile(r"[-+]?\d[\d.,]*(?:[eE][-+]?\d+)?")
 
 
 @dataclass(frozen=True, slots=True)
 class Repeats:
-    """Contacts with one thing, and whether they agree.
+    """Repeated contacts with one object, and whether they agree.
 
     Attributes
     ----------
     name : str
-        What they have in common: a folder, or a place.
+        Their common folder or place.
     count : int
-        How many have numbers.
+        Number of contacts with values.
     total : int
-        How many there are.
+        Number of contacts.
     mean, error : float
-        Weighted by their errors, and its standard error, SI: as wide as their scatter asks for,
-        where that is more than they say.
+        Weighted mean and its standard error, SI, scaled by ``ratio`` where that is above 1.
     ratio : float
-        √(χ²/ν): their scatter over what their errors say.
+        √(χ²/ν): scatter relative to the standard errors.
     z : float
-        Of χ², by Wilson and Hilferty's cube root.
+        Standard score of χ² by the Wilson–Hilferty transformation.
     """
 
     name: str
@@ -60,29 +59,29 @@ class Repeats:
 
     @property
     def agree(self) -> bool:
-        """Whether the scatter is what their errors say."""
+        """Whether the scatter is consistent with the standard errors."""
         return self.z < DISAGREES
 
 
 def numbers(table: Table, name: str) -> Floats:
-    """A column of numbers; NaN where there is none."""
+    """Return a column as numbers; NaN for null."""
     cells = table.column(name).to_pylist()
     return np.array([math.nan if cell is None else cell for cell in cells], dtype=np.float64)
 
 
 def _errors(table: Table, name: str) -> Floats:
-    """What repeats of a quantity at depth, and what the findings would move where that is known."""
+    """Return the statistical error of a quantity, combined with the systematic one if known."""
     error, moved = (numbers(table, f"{name}_{kind}") for kind in ("standard_error", "systematic"))
     return np.where(np.isfinite(moved), np.hypot(error, moved), error)
 
 
 def _each(table: Table, *names: str) -> Iterator[tuple[Any, ...]]:
-    """These columns, row by row."""
+    """Return an iterator over rows of these columns."""
     return zip(*(table.column(name).to_pylist() for name in names), strict=True)
 
 
 def names_of(table: Table) -> list[str]:
-    """What each row is called: its source, and the number of its contact and of its place."""
+    """Return a name per row: its source, and the number of its contact and of its place."""
     found = []
     for source, index, part in _each(table, "source", "index", "part"):
         words = source or "contact"
@@ -91,18 +90,70 @@ def names_of(table: Table) -> list[str]:
     return found
 
 
-def repeats_of(table: Table, quantity: str) -> list[Repeats]:
-    """Hold contacts with one thing against their own errors: χ² = Σ (v − v̄)²/σ².
+#: From the most to the least severe; the last two are of rows that have no verdict.
+VERDICTS = ["failed", "do-not-trust", "with-care", "flagged", "trust", "no-finding", "not-checked"]
+#: Why rows have no verdict, by what was checked.
+NO_VERDICT = {
+    "none": "palpate checked neither the data nor the fits; add --diagnosis input or full",
+    "input": "palpate checked the data but not the fits; for verdicts add --diagnosis full",
+}
 
-    One thing is one place, to the last bit, where places are known; else one folder of recordings.
-    Contacts of an array without places have nothing that says that they are repeats.
+
+def verdicts_of(table: Table) -> list[tuple[str, str]]:
+    """Return the verdict of each row and its reason: the error, or the most severe finding or flag.
+
+    A row without a verdict has the severity of its findings or flags in place of one.
+    """
+    found = []
+    columns = "source", "error", "verdict", "checked", "findings", "flags"
+    for source, error, verdict, checked, findings, flags in _each(table, *columns):
+        reasons = [words.split(": ", 1) for words in findings or () if words[:5] != "note:"]
+        doubt = _distrusting("stiffness")
+        marks = ("flagged", "do-not-trust")
+        reasons += [[marks[words.startswith(doubt)], words] for words in flags or ()]
+        if error is not None:
+            reasons = [["failed", error.removeprefix(f"{source}: ")]]
+        usual = "not-checked" if checked == "none" else "no-finding"
+        severity, reason = min(reasons, key=_severity, default=(usual, ""))
+        found.append((verdict or severity, reason))
+    return found
+
+
+def _severity(of: Sequence[str]) -> int:
+    return VERDICTS.index(of[0])
+
+
+def reasons_of_verdicts(names: Sequence[str], verdicts: Sequence[tuple[str, str]]) -> list[str]:
+    """Return a line per reason against trust, most severe and most frequent first."""
+    groups: dict[tuple[str, str], list[str]] = defaultdict(list)
+    for name, (verdict, reason) in zip(names, verdicts, strict=True):
+        if reason and verdict in VERDICTS[:4]:
+            groups[verdict, _without_numbers(reason)].append(f"{verdict}: {name}: {reason}")
+    ordered = sorted(groups.items(), key=lambda group: (_severity(group[0]), -len(group[1])))
+    return [each[0] + f" (and {len(each) - 1} more)" * (len(each) > 1) for _, each in ordered]
+
+
+def format_values(table: Table, quantity: str) -> list[str]:
+    """Return a quantity at working depth for each row, with its total standard error and unit."""
+    name = f"{quantity}_at_depth"
+    return [
+        with_error(value, error, unit=AT_DEPTH[quantity]) if math.isfinite(value) else "–"
+        for value, error in zip(numbers(table, name), _errors(table, name), strict=True)
+    ]
+
+
+def repeats_of(table: Table, quantity: str) -> list[Repeats]:
+    """Compare the scatter of repeated contacts with their errors: χ² = Σ (v − v̄)²/σ².
+
+    Repeats are contacts at exactly the same place, or, without places, recordings in the same
+    folder. Contacts of an array without places are not treated as repeats.
 
     Parameters
     ----------
     table : pyarrow.Table
-        Of results.
+        Rows of results.
     quantity : str
-        One of ``JUDGED``.
+        ``"stiffness"`` or ``"damping"``.
     """
     value = numbers(table, f"{quantity}_at_depth")
     error = _errors(table, f"{quantity}_at_depth")
@@ -121,7 +172,7 @@ def repeats_of(table: Table, quantity: str) -> list[Repeats]:
 
 
 def _things(table: Table) -> list[str]:
-    """What each row is a contact with; empty where nothing says it."""
+    """Return the place or folder that identifies the object of each row; empty if unknown."""
     found = []
     for source, index, *place in _each(table, "source", "index", *"xyz"):
         known = [f"{axis} {1e3 * v:.9g} mm" for axis, v in zip("xyz", place, strict=True) if v == v]
@@ -148,14 +199,14 @@ def _judged(name: str, total: int, value: Floats, error: Floats) -> Repeats:
 
 
 def kinds_of(sentences: Iterable[Sequence[str] | None]) -> list[tuple[str, int, str]]:
-    """Sentences by what they say but for their numbers: kind, in how many rows, and an example."""
+    """Group sentences that differ only in numbers: kind, number of rows, and an example."""
     return _counted(
         kind for row in sentences for kind in {_without_numbers(w): w for w in row or ()}.items()
     )
 
 
 def reasons_of(table: Table) -> list[tuple[str, int, str]]:
-    """Why rows have no numbers: in words without names and numbers, how many, and the first."""
+    """Group errors that differ only in names and numbers: kind, number of rows, first row."""
     errors = zip(names_of(table), _each(table, "source", "error"), strict=True)
     return _counted(
         (_without_numbers(error.replace(f"{source}: ", "") if source else error), name)
@@ -165,7 +216,7 @@ def reasons_of(table: Table) -> list[tuple[str, int, str]]:
 
 
 def _counted(pairs: Iterable[tuple[str, str]]) -> list[tuple[str, int, str]]:
-    """Kinds, how many there are of each, and its first example; the most frequent first."""
+    """Return kinds with their count and first example, the most frequent first."""
     examples: dict[str, list[str]] = defaultdict(list)
     for kind, example in pairs:
         examples[kind].append(example)
@@ -179,16 +230,16 @@ def _without_numbers(words: str) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Outlier:
-    """A row that is far from the others.
+    """A row with a value far from the others.
 
     Attributes
     ----------
     name, quantity : str
-        Of the row, and what is far.
+        The row's name, and the quantity.
     value, error : float
-        SI.
+        Value and standard error, SI.
     distance : float
-        In robust standard deviations of the logarithms.
+        Distance from the median, in robust standard deviations of the logarithms.
     """
 
     name: str
@@ -199,11 +250,11 @@ class Outlier:
 
 
 def outliers_of(table: Table) -> list[Outlier]:
-    """Rows whose stiffness or damping is beyond five robust deviations, the farthest first.
+    """Return rows whose stiffness or damping is beyond five robust deviations, farthest first.
 
-    The rule of all outliers, the median departure over 0.6745 for σ: of ln v, for materials differ
-    by factors, with the row's own error beside the deviation. A value that is not positive is none
-    of these.
+    The deviation σ is that of ln v, median absolute deviation over 0.6745, because materials differ
+    by factors; the row's own error is added in quadrature. Values that are not positive are
+    ignored.
     """
     found: list[Outlier] = []
     names = names_of(table)
@@ -211,7 +262,7 @@ def outliers_of(table: Table) -> list[Outlier]:
         value = numbers(table, f"{quantity}_at_depth")
         error = numbers(table, f"{quantity}_at_depth_standard_error")
         usable = np.isfinite(value) & (value > 0.0)
-        if np.count_nonzero(usable) < 8:  # of fewer nobody can say which is out
+        if np.count_nonzero(usable) < 8:  # fewer do not show which is the outlier
             continue
         with np.errstate(all="ignore"):
             size, own = np.log(value), np.where(np.isfinite(error), error / value, 0.0)
@@ -227,7 +278,7 @@ def outliers_of(table: Table) -> list[Outlier]:
 
 
 def slowest(times: Table, most: int = 10) -> list[tuple[str, float, int]]:
-    """The sources that took longest: name, seconds, and how many rows."""
+    """Return the sources that took longest: name, time in s, and number of rows."""
     found: dict[str, list[float]] = defaultdict(list)
     for source, seconds in _each(times, "source", "seconds"):
         found[source or "contact"].append(seconds)
@@ -235,7 +286,7 @@ def slowest(times: Table, most: int = 10) -> list[tuple[str, float, int]]:
     return sorted(whole, key=lambda each: -each[1])[:most]
 
 
-# What a fleet found, over where it was found.
+# Results over position.
 
 Quantity = Literal["stiffness", "damping", "force", "exponent"]
 _OWN = ("x", "y", "z", "index", "part")
@@ -248,28 +299,28 @@ class Map:
     Attributes
     ----------
     quantity, unit : str
-        What it is, and its SI unit.
+        Name of the quantity, and its SI unit.
     value, error : numpy.ndarray, shape (k,)
-        At each place, and its standard error; NaN where it is not known.
+        Value and standard error at each place; NaN if unknown.
     axes : tuple of str
-        Of the coordinates.
+        Names of the coordinates.
     units : tuple of str
-        Of these; empty of a number of a contact.
+        Units of the coordinates; empty for ``index`` and ``part``.
     places : numpy.ndarray, shape (k, 1 or 2)
-        Coordinates.
+        Coordinates, in these units.
     depth : float or None
-        At which all are; None where each is at its own working depth.
+        Common depth of all values, m; None if each is at its own working depth.
     depths : tuple of float
-        The least and the largest depth, m.
+        Smallest and largest working depth, m.
     rows : int
-        Of the results, of which some may have no place.
+        Number of rows, including those without a place.
     shallow : int
-        Places without a number because they were not pressed to the depth.
+        Number of places without a value because the probe did not reach the depth.
     mistrusted : numpy.ndarray of bool, shape (k,)
-        Places whose number is not to be trusted, by verdict, findings or flags; or, but for the
-        damping, is less than its error.
+        Places with a value not to be trusted by verdict, findings or flags, or (except damping)
+        smaller than its error.
     warnings : tuple of str
-        What is said of how many of the places, in words, beside notes.
+        Findings other than notes, with their numbers of places.
     """
 
     quantity: str
@@ -288,9 +339,9 @@ class Map:
 
     @property
     def where(self) -> str:
-        """At which depth, in words."""
+        """The depth of the values, in words."""
         if self.quantity == "exponent":
-            return "of the whole contact"
+            return "over the whole contact"
         if self.depth is not None:
             return f"at {depth_of(self.depth)}"
         low, high = map(depth_of, self.depths)
@@ -298,31 +349,36 @@ class Map:
         return f"at the working depth of each contact, {span}"
 
     @property
-    def summary(self) -> str:
-        """What the map says, in a line."""
+    def lines(self) -> list[str]:
+        """Median and range of the values, and counts of places to treat with care."""
         known = self.value[np.isfinite(self.value)]
         if not known.size:
-            nothing = f"no {self.quantity} {self.where} at any of {len(self.value)} places"
-            return "; ".join([nothing, *self._beside])
+            nothing = f"none of {len(self.value)} places has a {self.quantity} {self.where}"
+            return [nothing, *self._remarks]
         error = float(np.nanmedian(self.error)) if np.isfinite(self.error).any() else np.nan
         low, high = (rounded(float(v), 3) for v in np.percentile(known, (5.0, 95.0)))
         middle = with_error(float(np.median(known)), error, unit=self.unit)
         words = (
-            f"{self.quantity} {self.where}: median {middle} (of one place), 5 to 95 % of "
-            f"{known.size} places {low} to {high} {self.unit}".rstrip()
+            f"{self.quantity} {self.where}: median {middle} (error of one place), 5th to 95th "
+            f"percentile of {known.size} places {low} to {high} {self.unit}".rstrip()
         )
-        return "; ".join([words, *self._beside])
+        return [words, *self._remarks]
 
     @property
-    def _beside(self) -> list[str]:
-        """What to know beside the numbers."""
+    def summary(self) -> str:
+        """The lines as one."""
+        return "; ".join(self.lines)
+
+    @property
+    def _remarks(self) -> list[str]:
+        """Counts of places without a value, and warnings."""
         hidden = len(self.places) - len(np.unique(self.places, axis=0))
         unknown = int(np.isnan(self.value).sum()) - self.shallow
         counts = (
-            (unknown, "place has", "places have", "no number"),
-            (self.shallow, "place was", "places were", "not pressed so deep"),
-            (self.rows - len(self.value), "row has", "rows have", "no place"),
-            (hidden if len(self.axes) > 1 else 0, "lies", "lie", "on others"),
+            (unknown, "place has", "places have", "no value"),
+            (self.shallow, "place was", "places were", "not pressed to this depth"),
+            (self.rows - len(self.value), "row has", "rows have", "no position"),
+            (hidden if len(self.axes) > 1 else 0, "place repeats", "places repeat", "a position"),
         )
         words = [
             f"{count} {one if count == 1 else several} {what}"
@@ -339,41 +395,41 @@ def map_of(
     of: Quantity = "stiffness",
     depth: float | None = None,
 ) -> Map:
-    """Return what a fleet found over one or two columns of its results.
+    """Return the values of a fleet's results over one or two of their columns.
 
     Parameters
     ----------
     results : pyarrow.Table
         As :func:`palpate.fleet.files.read_results` returns it.
     by : sequence of str
-        One or two of ``x``, ``y``, ``z``, ``index``, ``part``, or any column of numbers.
+        One or two of ``x``, ``y``, ``z``, ``index``, ``part``, or of the other numeric columns.
     of : str
-        ``"stiffness"``, ``"damping"`` or ``"force"`` at depth, or ``"exponent"``.
+        ``"stiffness"`` (default), ``"damping"`` or ``"force"`` at depth, or ``"exponent"``.
     depth : float, optional
-        One for all, m, > 0; the working depth of each contact unless given.
+        Common depth, m, > 0. Default: the working depth of each contact.
 
     Raises
     ------
     InvalidParameterError
-        There is no such column, or it holds no number.
+        A column does not exist or holds no numbers.
     """
     axes = tuple(name.strip() for name in by)
     if not 1 <= len(axes) <= 2 or len(set(axes)) < len(axes):
-        raise InvalidParameterError(f"by must be one or two columns, not {shown(', '.join(by))}")
+        raise InvalidParameterError(f"by: pass one or two columns, not {shown(', '.join(by))}")
     places = np.stack([_numbers(results, name) for name in axes], axis=1)
     for axis, values in zip(axes, places.T, strict=True):
         if not np.isfinite(values).any():
             known = [name for name in _OWN if np.isfinite(_numbers(results, name)).any()]
             raise InvalidParameterError(
-                f"by: no row has a number in {axis}; {', '.join(known) or 'none'} of the places do"
+                f"by: column {axis} is empty; columns with values: {', '.join(known) or 'none'}"
             )
     value, error, depths = _values(results, of, depth)
     short = np.zeros(len(value), dtype=bool)
-    if depth is not None and of != "exponent":  # beyond, the law is extrapolated
+    if depth is not None and of != "exponent":  # deeper, the law would be extrapolated
         short = np.isfinite(value) & ~(numbers(results, "largest_depth") >= depth)
         value, error = np.where(short, np.nan, value), np.where(short, np.nan, error)
     mistrusted = mistrusted_of(results, of)
-    if of != "damping":  # which is often next to none, and then known no better than it is large
+    if of != "damping":  # damping near zero has an error as large as itself
         mistrusted |= error > np.abs(value)
     there: NDArray[np.bool_] = np.all(np.isfinite(places), axis=1)
     fields = [results.schema.field(name) for name in axes]
@@ -390,40 +446,44 @@ def map_of(
 
 
 def mistrusted_of(results: Table, of: str) -> NDArray[np.bool_]:
-    """Say of each row whether its number is not to be trusted, by verdict, findings or flags."""
+    """Return a mask of the rows not to be trusted by verdict, findings or flags."""
     verdict = f"verdict_{of}" if of in ("stiffness", "damping") else "verdict"
-    marks = (f"{of} not", f"{of} at the edge", NEGATIVE_STIFFNESS.message)
     return np.array(
         [
             mark == "do-not-trust"
             or (mark is None and any(words.startswith("do-not-trust") for words in findings or ()))
-            or any(words.startswith(marks) for words in flags or ())
+            or any(words.startswith(_distrusting(of)) for words in flags or ())
             for mark, findings, flags in _each(results, verdict, "findings", "flags")
         ],
         dtype=bool,
     )
 
 
+def _distrusting(of: str) -> tuple[str, ...]:
+    """Return how the flags begin that make a quantity not to be trusted."""
+    return f"{of} not", f"{of} at the edge", NEGATIVE_STIFFNESS.message
+
+
 def _warnings(results: Table, there: NDArray[np.bool_]) -> tuple[str, ...]:
-    """What the checks say of how many places, the worst and the most frequent first."""
+    """Return the findings and their numbers of places, most severe and most frequent first."""
     inside = results.filter(there)
     kinds: Counter[tuple[str, ...]] = Counter()
     for findings in inside.column("findings").to_pylist():
         kinds.update({tuple(words.split(": ")[:2]) for words in findings or ()})
     ordered = sorted(kinds.items(), key=lambda kind: (kind[0][0], -kind[1], kind[0][1]))
     words = [
-        f"{severity}, {check}: {count} of the places"
+        f"{severity}, {check}: at {count} of {inside.num_rows} places"
         for (severity, check), count in ordered
         if severity != "note"
     ]
     unchecked = "none" in inside.column("checked").to_pylist()
-    return (*words, *(["the data were not checked"] if unchecked else []))
+    return (*words, *(["data not checked"] if unchecked else []))
 
 
 def _numbers(results: Table, name: str) -> Floats:
     if name not in results.schema.names:
         raise InvalidParameterError(
-            f"by: there is no column {name!r}; there are {', '.join(results.schema.names)}"
+            f"by: there is no column {name!r}; columns: {', '.join(results.schema.names)}"
         )
     try:
         return numbers(results, name)
@@ -435,7 +495,9 @@ def _values(results: Table, of: str, depth: float | None) -> tuple[Floats, Float
     depths = numbers(results, "depth")
     if of == "exponent":
         if "exponent" not in results.schema.names:
-            raise InvalidParameterError("of: this law has no exponent; draw its stiffness")
+            raise InvalidParameterError(
+                "of: this law has no exponent; choose stiffness, damping or force"
+            )
         return numbers(results, of), numbers(results, f"{of}_standard_error"), depths
     name = f"{of}_at_depth"
     if depth is None:

@@ -1,4 +1,4 @@
-"""The report of a fleet: one page that says what all of it comes to, and what to look at."""
+"""The report of a fleet: one HTML page of distributions, repeats, findings and failures."""
 
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
@@ -20,14 +20,14 @@ from palpate.reports import html
 from palpate.reports.html import DRAWINGS, REPORT_STYLE, STYLE, drawing
 from palpate.writing import write_text
 
-#: Rows of a list; a page with more is read by nobody, and the dataset has them all.
+#: Most rows of a table on the page; the dataset has all of them.
 MOST = 20
-# Fewer contacts make no distribution.
+# Least number of contacts for the histograms.
 _FEWEST = 5
-# Of the longest side: along what is shorter there is no map, but the waviness of a surface.
+# Least share of the longest side that a map's axis must span: a smaller span is surface roughness.
 _FLAT = 0.05
-_FINDINGS = "Findings by kind, notes left out"
-_REASONS, _TIMES = ("reason", "rows", "the first of them"), ("source", "took", "rows")
+_FINDINGS = "Findings by kind (without notes)"
+_REASONS, _TIMES = ("reason", "rows", "first row"), ("source", "time", "rows")
 _OWN = """
 .wide td { overflow-wrap: anywhere; }
 .wide td:last-child { overflow-wrap: normal; }
@@ -35,22 +35,22 @@ _OWN = """
 
 
 def save_report(folder: Path) -> Path:
-    """Write the page of a fleet beside its results.
+    """Write the report of a fleet into its folder of results.
 
     Parameters
     ----------
     folder : Path
-        Of the results.
+        Folder of the results.
 
     Returns
     -------
     Path
-        Of the page.
+        Path of the page.
 
     Raises
     ------
     FleetError
-        The folder holds no results, or not all.
+        The folder holds no results, or some are missing.
     MissingExtraError
         matplotlib is not installed.
     RecordingError
@@ -62,7 +62,7 @@ def save_report(folder: Path) -> Path:
 
 
 def fleet_page(folder: Path) -> str:
-    """Return the page of a fleet."""
+    """Return the report of a fleet as HTML."""
     table, times = read_results(folder), maps.slowest(read_seconds(folder))
     flags, findings = (table.column(name).to_pylist() for name in ("flags", "findings"))
     notable = [[f for f in row or () if not f.startswith("note:")] for row in findings]
@@ -72,21 +72,21 @@ def fleet_page(folder: Path) -> str:
     count = table.num_rows
     name = folder.resolve().name or "fleet"
     sections = (
-        ("distributions", "What was identified", _distributions(table)),
-        ("map", "Over the material", _map(table)),
+        ("distributions", "Identified values", _distributions(table)),
+        ("map", "Map of the material", _map(table)),
         ("repeats", "Repeats", _repeats(table)),
         ("flags", "Flags", _kinds("Flags by kind", flags, count)),
-        ("findings", "Findings of the diagnosis", _kinds(_FINDINGS, notable, count)),
+        ("findings", "Findings", _kinds(_FINDINGS, notable, count)),
         ("outliers", "Outliers", _outliers(table)),
-        ("failures", "Failures", _list("Why there are no numbers", _REASONS, reasons)),
-        ("slowest", "What took longest", _list("The slowest sources", _TIMES, slowest)),
-        ("made", "How it was made", _made(folder)),
+        ("failures", "Failures", _list("Errors by kind", _REASONS, reasons)),
+        ("slowest", "Run time", _list("Slowest sources", _TIMES, slowest)),
+        ("made", "Settings", _made(folder)),
     )
     rendered = [line for section in sections for line in html.section(*section)]
     header = [f"<h1>{escape(name)}</h1>", *_tiles(table)]
     parts = ["<header>", *header, "</header>", "<main>", *rendered, "</main>"]
     style = STYLE + DRAWINGS + REPORT_STYLE + _OWN
-    return html.document(f"{name}: what a fleet found", style, parts)
+    return html.document(f"{name}: fleet report", style, parts)
 
 
 def _tiles(table: Table) -> Iterator[str]:
@@ -94,16 +94,16 @@ def _tiles(table: Table) -> Iterator[str]:
     failed = sum(error is not None for error in table.column("error").to_pylist())
     parts = any(part is not None for part in table.column("part").to_pylist())
     tiles = [
-        ("rows", f"{count}", "one a place of a contact" if parts else "one a contact"),
+        ("rows", f"{count}", "one per place" if parts else "one per contact"),
         ("identified", f"{count - failed}", _percent(count - failed, count)),
-        ("failed", f"{failed}", "each with its reason"),
+        ("failed", f"{failed}", "errors listed below"),
     ]
     for quantity in maps.JUDGED:
         value = maps.numbers(table, f"{quantity}_at_depth")
         known = value[np.isfinite(value)]
         if known.size:
             low, middle, high = (rounded(v, 3) for v in np.percentile(known, (5, 50, 95)).tolist())
-            words = f"median, {AT_DEPTH[quantity]}; 5 to 95 %: {low} to {high}"
+            words = f"median, {AT_DEPTH[quantity]}; 5th to 95th percentile: {low} to {high}"
             tiles.append((f"{quantity} at depth", middle, words))
     yield '<div class="tiles">'
     for heading, number, words in tiles:
@@ -114,16 +114,10 @@ def _tiles(table: Table) -> Iterator[str]:
     if verdicts:
         words = ", ".join(f"{html.badge(mark)} {count}" for mark, count in sorted(verdicts.items()))
         yield f"<p>Verdicts: {words}.</p>"
-    elif set(table.column("checked").to_pylist()) == {"none"}:
-        yield (
-            f"<p>{html.badge('with-care', 'not checked')} Neither the data nor the fits were "
-            "checked: that takes <code>--diagnosis input</code> or <code>full</code>.</p>"
-        )
-    else:
-        yield (
-            '<p class="soft">The data were checked, the fits were not, and there are no verdicts: '
-            "they take <code>--diagnosis full</code>.</p>"
-        )
+    elif (checked := {*table.column("checked").to_pylist()}) <= {*maps.NO_VERDICT}:
+        badge = f"{html.badge('with-care', 'not checked')} " * (checked == {"none"})
+        words = maps.NO_VERDICT["none" if checked == {"none"} else "input"]
+        yield f'<p class="soft">{badge}{words}.</p>'
 
 
 def _percent(count: int, of: int) -> str:
@@ -135,14 +129,14 @@ def _distributions(table: Table) -> Iterator[str]:
     if np.count_nonzero(known) < _FEWEST:
         return
     words = (
-        "How what was identified is distributed, stiffness and damping at the working depth, and "
-        "below each how well it is known: its standard error over its value."
+        "Distributions of stiffness and damping at working depth (and of an identified exponent), "
+        "and below each its relative standard error."
     )
     yield from drawing("distributions", partial(draw_distributions, table), words)
 
 
 def _map(table: Table) -> Iterator[str]:
-    """Over the first two coordinates that vary, where there are two."""
+    """Draw the map over the first two coordinates that vary; nothing with fewer."""
     spans = {}
     for axis in "xyz":
         values = maps.numbers(table, axis)
@@ -165,16 +159,16 @@ def _repeats(table: Table) -> Iterator[str]:
         agreeing = len(found) - len(apart)
         yield (
             f"<p>{quantity.capitalize()} at depth: {agreeing} of {len(found)} groups of repeats "
-            "scatter as their own errors say (χ² within 3 σ).</p>"
+            "scatter consistently with their standard errors (χ² within 3 σ).</p>"
         )
         if len(found) > 1:
             words = (
-                f"Scatter of each group of repeats of the {quantity} over what their standard "
-                "errors say: 1 where the errors are right."
+                f"Scatter of the {quantity} in each group of repeats, relative to the standard "
+                "errors: 1 if the errors are right."
             )
             yield from drawing(f"repeats-{quantity}", partial(draw_repeats, found, quantity), words)
         unit = AT_DEPTH[quantity]
-        header = ["repeats of", "with numbers", "weighted mean", "scatter / errors", ""]
+        header = ["repeats of", "identified", "weighted mean", "scatter / errors", ""]
         rows = []
         for each in [*apart, *(e for e in found if e.agree)]:
             count = f"{each.count}" if each.count == each.total else f"{each.count} of {each.total}"
@@ -190,21 +184,21 @@ def _kinds(title: str, sentences: Iterable[Sequence[str] | None], count: int) ->
         [escape(example if number == 1 else kind), f"{number}", _percent(number, count)]
         for kind, number, example in maps.kinds_of(sentences)
     ]
-    yield from _list(title, ["what is said", "rows", ""], rows)
+    yield from _list(title, ["message", "rows", "share"], rows)
 
 
 def _outliers(table: Table) -> Iterator[str]:
     found = maps.outliers_of(table)
     if found:
         yield (
-            "<p>Farther from the median than five robust standard deviations of the logarithm, "
-            "their own errors counted.</p>"
+            "<p>Values farther from the median than five robust standard deviations of the "
+            "logarithm, including their own errors.</p>"
         )
     rows = []
     for each in found:
         number = escape(with_error(each.value, each.error, unit=AT_DEPTH[each.quantity]))
         rows.append([escape(each.name), each.quantity, number, rounded(each.distance, 2)])
-    yield from _list("Outliers", ["contact", "", "at working depth", "robust σ"], rows)
+    yield from _list("Outliers", ["contact", "quantity", "at working depth", "robust σ"], rows)
 
 
 def _made(folder: Path) -> Iterator[str]:
@@ -221,7 +215,7 @@ def _made(folder: Path) -> Iterator[str]:
 
 
 def _list(title: str, header: Sequence[str], rows: Sequence[Sequence[str]]) -> Iterator[str]:
-    """The first rows of a table; nothing where it has none."""
+    """Yield a table of the first rows; nothing without rows."""
     if rows:
         title = title if len(rows) <= MOST else f"{title}: the first {MOST} of {len(rows)}"
         yield from html.table(title, header, rows[:MOST])

@@ -1,4 +1,4 @@
-"""The rows of a table of contacts: their columns, and what each says at its working depth."""
+"""The rows of a table of contacts: their columns, and their values at working depth."""
 
 import json
 import math
@@ -20,61 +20,61 @@ from palpate.preparation.along_penetration import at_places
 from palpate.validation import Floats
 
 Row = dict[str, Any]
-#: At the working depth: what it is, and its unit.
+#: Quantities at working depth and their units.
 AT_DEPTH = {"force": "N", "stiffness": "N/m", "damping": "N·s/m"}
 
 
 def schema_of(settings: Settings) -> Any:
-    """Return the columns of a table: type, unit and description of each, settings of the whole."""
+    """Return the schema of a table: type, unit and description of each column, and the settings."""
     pa = needed("pyarrow", "a table of contacts")
     whole, text, number = pa.int64(), pa.string(), pa.float64()
     texts, numbers = pa.list_(text), pa.list_(number)
     law = settings.law
     columns = [
         ("source", text, "", "the file, folder or array that the contact is from"),
-        ("index", whole, "", "which contact of the source, from 0; null where it is one"),
-        ("part", whole, "", "which place of a probe that travels, from 0; null of one place"),
-        *((axis, number, "m", f"where on the material, along {axis}") for axis in "xyz"),
+        ("index", whole, "", "number of the contact in the source, from 0; null if single"),
+        ("part", whole, "", "number of the place of a travelling probe, from 0; null otherwise"),
+        *((axis, number, "m", f"position on the material along {axis}") for axis in "xyz"),
         ("method", text, "", "the estimator"),
-        ("fit", text, "", "recursion or whole-curve; null of a failure"),
+        ("fit", text, "", "recursion or whole-curve; null after a failure"),
     ]
     for name, unit in zip(law.names(), law.units, strict=True):
         columns.append((name, number, unit, f"{name} of the {law.kind} law"))
-        columns.append((f"{name}_standard_error", number, unit, f"of the {name}"))
+        columns.append((f"{name}_standard_error", number, unit, f"standard error of the {name}"))
     columns += [
-        ("covariance", numbers, "", "of the law's parameters, a row after another, SI"),
-        ("offset", number, "N", "force out of contact; NaN where it is not estimated"),
-        ("offset_standard_error", number, "N", "of the offset"),
-        ("surface", number, "m", "of the penetration; NaN where it is not estimated"),
-        ("surface_standard_error", number, "m", "of the surface"),
+        ("covariance", numbers, "", "of the law's parameters, row by row, SI"),
+        ("offset", number, "N", "force out of contact; NaN if not estimated"),
+        ("offset_standard_error", number, "N", "standard error of the offset"),
+        ("surface", number, "m", "penetration at the surface; NaN if not estimated"),
+        ("surface_standard_error", number, "m", "standard error of the surface"),
         ("depth", number, "m", "working depth: median penetration below the surface"),
         ("largest_depth", number, "m", "largest penetration below the surface, in contact"),
     ]
     for name, unit in AT_DEPTH.items():
-        moved = "what the findings would move; NaN without a full diagnosis"
+        moved = "systematic uncertainty; NaN without a full diagnosis"
         columns.append((f"{name}_at_depth", number, unit, f"{name} at working depth"))
-        columns.append((f"{name}_at_depth_standard_error", number, unit, "what repeats"))
+        columns.append((f"{name}_at_depth_standard_error", number, unit, "statistical uncertainty"))
         columns.append((f"{name}_at_depth_systematic", number, unit, moved))
     columns += [
-        ("residual", number, "N", "standard deviation of what the law leaves of the force"),
-        ("samples", whole, "", "of the contact"),
-        ("taken", whole, "", "samples that the estimate is made of"),
-        ("flags", texts, "", "what to know before trusting the numbers"),
-        ("checked", text, "", "which checks were asked for: none, input or full"),
-        ("findings", texts, "", "severity, check and sentence; null where none was made"),
+        ("residual", number, "N", "standard deviation of the force minus the fitted force"),
+        ("samples", whole, "", "number of samples of the contact"),
+        ("taken", whole, "", "number of samples used by the estimate"),
+        ("flags", texts, "", "warnings about the estimate"),
+        ("checked", text, "", "which checks were requested: none, input or full"),
+        ("findings", texts, "", "severity, check and message; null if nothing was checked"),
     ]
     for name, words in (
         ("verdict", "trust, with-care or do-not-trust"),
-        ("verdict_stiffness", "the same of the stiffness at working depth"),
-        ("verdict_damping", "the same of the damping at working depth"),
+        ("verdict_stiffness", "the same for the stiffness at working depth"),
+        ("verdict_damping", "the same for the damping at working depth"),
     ):
         columns.append((name, text, "", f"{words}; null without a full diagnosis"))
     columns += [
-        ("prepared", text, "", "how each channel was made, as JSON; null of arrays"),
-        ("error", text, "", "why there are no numbers; null where there are"),
+        ("prepared", text, "", "how each channel was prepared, as JSON; null for arrays"),
+        ("error", text, "", "why the row has no numbers; null if it has"),
         ("error_kind", text, "", "name of the error's class"),
-        ("version", text, "", "of the palpate that made the row"),
-        ("settings", text, "", "digest of the settings, which the file's notes hold"),
+        ("version", text, "", "version of palpate that wrote the row"),
+        ("settings", text, "", "digest of the settings, which are in the file's metadata"),
     ]
     fields = [
         pa.field(name, kind, metadata={**({"unit": unit} if unit else {}), "description": words})
@@ -89,7 +89,7 @@ def schema_of(settings: Settings) -> Any:
 
 
 def table_of(columns: Mapping[str, Any], count: int, settings: Settings) -> Table:
-    """Return columns of so many rows as a table; of the others only who made them is known."""
+    """Return columns as a table of the settings' schema; absent columns are NaN or null."""
     pa = needed("pyarrow", "a table of contacts")
     schema = schema_of(settings)
     nothing = _nothing(schema, settings)
@@ -101,7 +101,7 @@ def table_of(columns: Mapping[str, Any], count: int, settings: Settings) -> Tabl
 
 
 def table_of_rows(rows: Sequence[Mapping[str, Any]], settings: Settings) -> Table:
-    """Return rows, of which each says what it knows, as a table of the settings' schema."""
+    """Return rows as a table of the settings' schema; absent values are NaN or null."""
     pa = needed("pyarrow", "a table of contacts")
     schema = schema_of(settings)
     nothing = _nothing(schema, settings)
@@ -109,22 +109,23 @@ def table_of_rows(rows: Sequence[Mapping[str, Any]], settings: Settings) -> Tabl
 
 
 def _nothing(schema: Any, settings: Settings) -> Row:
-    """A row of which nothing is known but who made it."""
+    """Return a row without values, except how it was made."""
     unknown = {each.name: math.nan if each.type == "double" else None for each in schema}
     made = {"method": settings.method, "checked": settings.diagnosis, "version": settings.version}
     return {**unknown, **made, "settings": settings.digest}
 
 
-# A contact, and what was identified of it, as a row of the table.
+# A contact's identification as a row of the table.
 
 
 def rows_of(contact: Contact, settings: Settings) -> Iterator[Row]:
-    """Identify a contact: a row, or one for each place of a probe that travels.
+    """Identify a contact: yield one row, or one per place where the probe travels.
 
     Raises
     ------
     PalpateError
-        It cannot be identified, and is of one place; a place that cannot is a row with its reason.
+        A contact at one place cannot be identified. One of several places that cannot be is a row
+        with its error.
     """
     prepared = contact.prepared
     if prepared is None or not prepared.places:
@@ -140,7 +141,7 @@ def rows_of(contact: Contact, settings: Settings) -> Iterator[Row]:
 
 
 def row_of(contact: Contact, settings: Settings) -> Row:
-    """Identify a contact of one place by the recursion.
+    """Identify a contact at one place by the recursive estimator.
 
     Raises
     ------
@@ -173,18 +174,18 @@ def row_of(contact: Contact, settings: Settings) -> Row:
 
 
 def failure(error: Exception) -> Row:
-    """Return what a row says of a contact that could not be identified."""
+    """Return the columns of a contact that could not be identified: message and class."""
     words = " ".join(str(error).split()) or type(error).__name__
     return {"error": words, "error_kind": type(error).__name__}
 
 
 def format_finding(finding: Finding) -> str:
-    """Return a finding in a line: severity, check, sentence."""
+    """Return a finding in one line: severity, check and message."""
     return f"{finding.severity}: {finding.check}: {finding.message}"
 
 
 def at_depth(law: ForceLaw, covariance: Floats, depth: float) -> Row:
-    """Force, stiffness and damping at a depth, with errors by the delta method: √(gᵀ C g)."""
+    """Return force, stiffness and damping at a depth; errors by the delta method: √(gᵀ C g)."""
     known = Estimate.from_law(law, covariance, status=Status.UPDATED, samples=1)
     with np.errstate(all="ignore"):
         values, errors = known.with_errors(lambda of: of.at_rest(depth))
@@ -195,7 +196,7 @@ def at_depth(law: ForceLaw, covariance: Floats, depth: float) -> Row:
 
 
 def place_in_notes(notes: Mapping[str, str]) -> Row:
-    """Where an instrument says that a curve was taken: its stage's position, m."""
+    """Return the stage's position, m, that the instrument recorded with a force curve."""
     row: Row = {}
     for axis in "xy":
         with suppress(ValueError, IndexError, KeyError):

@@ -1,4 +1,4 @@
-"""A fleet on its workers: tasks in, rows out, on the processors here or on a cluster."""
+"""Run a fleet on Dask workers, on this machine or on a cluster: batches in, rows out."""
 
 import asyncio
 import itertools
@@ -37,7 +37,7 @@ from palpate.recordings.opening import FORCE_CURVES, first_line
 from palpate.recordings.recording import printable
 from palpate.validation import Floats, whole_in
 
-#: A source, and which of its contacts; None where it is one.
+#: A source and the number of the contact in it; None if the source is a single contact.
 Named = tuple[str, int | None]
 _NAMES = ("source", "index")
 _SAMPLES = ("time", "penetration", "velocity", "force", "segment")
@@ -46,44 +46,44 @@ _SAMPLES = ("time", "penetration", "velocity", "force", "segment")
 def identify_batch(batch: Table, settings: Settings, *, threads: int = 1) -> Table:
     """Identify a batch of contacts.
 
-    It depends on nothing but its arguments and what these name, and changes nothing: any engine may
-    run it, anywhere, again.
+    A pure function of its arguments and of the files they name: any engine may run it anywhere,
+    and repeat it.
 
     Parameters
     ----------
     batch : pyarrow.Table or RecordBatch
-        A row a contact. Either ``source``, ``kind`` and ``index`` say where it is, as
-        :meth:`palpate.fleet.tasks.Batch.table` has it; or lists ``time``, ``penetration``,
-        ``force`` and, if it was measured, ``velocity``, SI, are its samples, and ``source`` and
-        ``index`` are its names, where they are there.
+        One row per contact. Either the columns ``source``, ``kind`` and ``index`` locate it, as in
+        :attr:`palpate.fleet.tasks.Batch.table`; or the list columns ``time``, ``penetration``,
+        ``force`` and optionally ``velocity`` hold its samples, SI, and ``source`` and ``index``
+        (optional) name it.
     settings : Settings
-        How they are prepared and identified.
+        How the contacts are prepared and identified.
     threads : int
-        That share contacts of equal length.
+        Number of threads for contacts of equal length. Default: 1.
 
     Returns
     -------
     pyarrow.Table
-        :func:`palpate.fleet.rows.schema_of` says what it holds: a row a contact, in their
-        order; of a recording of a probe that travels a row a place. What fails is a row with its
-        reason.
+        One row per contact in the order of the batch, or one per place where the probe travels;
+        columns as in :func:`palpate.fleet.rows.schema_of`. A contact that fails is a row with its
+        error.
 
     Raises
     ------
     FleetError
-        The settings are of another version of palpate.
+        The settings were made by another version of palpate.
     InvalidParameterError
-        The batch has other columns.
+        The batch lacks a required column.
     """
     return timed_batch(batch, settings, threads=threads)[0]
 
 
 def timed_batch(batch: Table, settings: Settings, *, threads: int = 1) -> tuple[Table, Floats]:
-    """Identify a batch as :func:`identify_batch` does; and the seconds that each row took."""
+    """Return the table of :func:`identify_batch` and the time that each row took, s."""
     if settings.version != __version__:
         raise FleetError(
-            f"a worker has palpate {__version__}, and palpate {settings.version} asks; "
-            "install one version everywhere"
+            f"a worker has palpate {__version__}, but the run was started by palpate "
+            f"{settings.version}; install the same version everywhere"
         )
     pa = needed("pyarrow", "a table of contacts")
     names = set(batch.schema.names)
@@ -101,7 +101,7 @@ def timed_batch(batch: Table, settings: Settings, *, threads: int = 1) -> tuple[
 
 
 def _runs(batch: Table) -> Iterator[tuple[str, list[Named]]]:
-    """Rows next to each other that are read together: of one array or map, or any files."""
+    """Group adjacent rows that are read together: of one array or map, or any files."""
     columns = (batch.column(name).to_pylist() for name in ("kind", "source", "index"))
     rows = zip(*columns, strict=True)
     for (kind, _), group in itertools.groupby(
@@ -131,7 +131,7 @@ def _name(named: Named) -> Row:
 
 
 def _in_files(kind: str, named: list[Named]) -> Iterator[Given]:
-    """Contacts of files; of a map, which is opened once, they are all of one."""
+    """Read the contacts from their files; a map is opened once for all of its curves."""
     for some in [named] if kind == "map" else ([each] for each in named):
         left, source = deque(some), some[0][0]
         path = Path(source)
@@ -147,13 +147,13 @@ def _in_files(kind: str, named: list[Named]) -> Iterator[Given]:
         except Exception as error:
             why = error
             if "://" in source and isinstance(error, PalpateError):
-                # The name of a copy would tell a person nothing.
+                # The name of the temporary copy would mean nothing to the user.
                 why = RecordingError(str(error).replace(printable(path), source))
             yield from [(_name(each), why) for each in left]
 
 
 def _held(batch: Table, settings: Settings) -> Iterator[Given]:
-    """Contacts whose samples are in the batch itself."""
+    """Make the contacts whose samples are in the batch itself."""
     columns = {name: batch.column(name) for name in batch.schema.names}
 
     def contact(k: int, source: str | None) -> Contact:
@@ -170,12 +170,12 @@ def _held(batch: Table, settings: Settings) -> Iterator[Given]:
 
 # Where a fleet runs: processes of this machine, or the workers of a scheduler.
 
-#: s that a scheduler has to answer.
+#: How long to wait for a scheduler's answer, s.
 PATIENCE = 10.0
 LOOPBACK = "127.0.0.1"
-#: States of a nanny that starts no worker any more.
+#: States in which a nanny no longer starts a worker.
 _GONE = ("failed", "closed")
-#: One thread a worker: arithmetic that starts threads of its own would only wait for them.
+#: One thread per worker: threads of the numeric libraries would only compete for the same cores.
 _ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
 
 
@@ -183,21 +183,21 @@ _ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM
 def client_of(
     *, workers: int | None = None, scheduler: str | None = None, dashboard: bool = False
 ) -> Iterator[Any]:
-    """A client of a scheduler that was named, or of processes that are gone afterwards.
+    """Yield a Dask client of the scheduler, or of local processes that end with the context.
 
     Parameters
     ----------
     workers : int, optional
-        Processes on this machine; one a core unless given.
+        Number of local processes. Default: one per core.
     scheduler : str, optional
-        Address of a scheduler of Dask, such as ``tcp://10.0.0.7:8786``, in place of processes here.
+        Address of a Dask scheduler, such as ``tcp://10.0.0.7:8786``. Default: local processes.
     dashboard : bool
-        Let the scheduler here show its page, on this machine alone.
+        Serve the Dask dashboard of local processes, on this machine only. Default: False.
 
     Raises
     ------
     FleetError
-        There is no such scheduler, it has no workers, or one of them has another palpate.
+        The scheduler does not answer, has no workers, or a worker has another version of palpate.
     MissingExtraError
         Dask is not installed.
     """
@@ -211,8 +211,8 @@ def client_of(
         client = distributed.Client(scheduler, timeout=PATIENCE, set_as_default=False)
     except (OSError, ValueError, TypeError, TimeoutError) as error:
         raise FleetError(
-            f"{scheduler}: no scheduler of Dask answers ({first_line(error)}); start one by dask "
-            "scheduler, or leave --scheduler out to use the cores of this machine"
+            f"{scheduler}: no Dask scheduler answers ({first_line(error)}); start one with `dask "
+            "scheduler`, or omit --scheduler to use the cores of this machine"
         ) from None
     with client:
         _check_workers(client, scheduler)
@@ -220,7 +220,7 @@ def client_of(
 
 
 def _check_address(scheduler: str) -> None:
-    """Reach a scheduler once: a client that is made of what does not answer ends in a traceback."""
+    """Connect to a scheduler once: Dask's client prints a traceback if the scheduler is absent."""
     comm = needed("distributed.comm", "a fleet")
     keys = needed("distributed.security", "a fleet").Security().get_connection_args("client")
 
@@ -228,15 +228,15 @@ def _check_address(scheduler: str) -> None:
         found = await comm.connect(scheduler, timeout=PATIENCE, **keys)
         await found.close()
 
-    with ThreadPoolExecutor(1) as apart:  # from an event loop of the caller's
+    with ThreadPoolExecutor(1) as apart:  # the caller may run an event loop already
         apart.submit(asyncio.run, reach()).result()
 
 
 @contextmanager
 def _local(distributed: Any, workers: int, *, dashboard: bool) -> Iterator[Any]:
     dask = needed("dask", "a fleet")
-    # A worker that is stopped from outside is no reason to give its work up at the fourth time:
-    # what kills workers is found by giving it to one alone.
+    # A task is not given up because its workers were stopped from outside: `_answer` finds the
+    # contact that ends workers by running each alone.
     settings = {
         "distributed.scheduler.dashboard.tasks.task-stream-length": 100,
         "distributed.nanny.pre-spawn-environ": _ONE_THREAD,
@@ -269,11 +269,10 @@ def _local(distributed: Any, workers: int, *, dashboard: bool) -> Iterator[Any]:
 
 @contextmanager
 def _kept_at(cluster: Any, workers: int) -> Iterator[None]:
-    """Ask for the workers again and again: one that ends may not be started anew by its nanny.
+    """Request the workers repeatedly: a nanny does not always restart a worker that ended.
 
-    Seen where a worker ended in the moment at which it was given a task, and where it ended before
-    it had started: that nanny has failed, and counts as a worker none the less. With none left, the
-    rest would wait for ever.
+    Seen where a worker ended just as it received a task, and where it ended before it had started:
+    its nanny fails but still counts as a worker. With no worker left, the run would wait for ever.
     """
     ended = threading.Event()
 
@@ -283,7 +282,7 @@ def _kept_at(cluster: Any, workers: int) -> Iterator[None]:
                 name for name, each in dict(cluster.workers).items() if each.status.name in _GONE
             ]
             if failed:
-                with suppress(Exception):  # one that is started instead may end as early
+                with suppress(Exception):  # its replacement may end as early
                     cluster.sync(cluster.scale_down, failed)
             with suppress(Exception):
                 cluster.scale(workers)
@@ -299,7 +298,7 @@ def _kept_at(cluster: Any, workers: int) -> Iterator[None]:
 
 @contextmanager
 def ignoring_interrupts() -> Iterator[None]:
-    """Start processes that ignore Ctrl-C, which a terminal sends to them too."""
+    """Let processes started here ignore Ctrl-C, which a terminal sends to them too."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
@@ -311,17 +310,17 @@ def ignoring_interrupts() -> Iterator[None]:
 
 
 def _check_workers(client: Any, scheduler: str) -> None:
-    """Refuse workers that would fail, or answer differently, by the first of them."""
+    """Raise for the first worker that lacks a package or has another version of palpate."""
     try:
         client.wait_for_workers(1, timeout=PATIENCE)
     except TimeoutError:
         raise FleetError(
-            f"{scheduler}: the scheduler has no workers; start some by dask worker {scheduler}"
+            f"{scheduler}: the scheduler has no workers; start some with `dask worker {scheduler}`"
         ) from None
 
-    def version() -> str:  # within, so that it is sent as it is: a worker may lack palpate
+    def version() -> str:  # nested, so that Dask sends its code: a worker may lack palpate
         try:
-            import pyarrow  # noqa: F401 - whether it can be imported is the question
+            import pyarrow  # noqa: F401 - checks only that the import works
 
             from palpate._core import __version__
         except ImportError as error:
@@ -331,50 +330,48 @@ def _check_workers(client: Any, scheduler: str) -> None:
     try:
         found = client.run(version)
     except Exception as error:
-        raise FleetError(f"{scheduler}: its workers cannot be asked: {first_line(error)}") from None
+        raise FleetError(f"{scheduler}: its workers do not answer: {first_line(error)}") from None
     for worker, answer in sorted(found.items()):
         if answer != f"palpate {__version__}":
             raise FleetError(
-                f"{scheduler}: the worker {worker} has {answer}, and palpate {__version__} "
-                "asks; install one version, with the extra fleet, everywhere"
+                f"{scheduler}: worker {worker} has {answer}, but this is palpate {__version__}; "
+                "install the same version with the extra fleet everywhere"
             )
 
 
-# A fleet, run: batches to the workers, their rows to the folder, until all of them are there.
+# The run: send batches to the workers and write their rows, until every contact has its row.
 
-#: Called with how many contacts are done, and of how many.
+#: Called with the number of contacts done and their total.
 Progress = Callable[[int, int], None]
-# Batches a worker has or waits with: with one more than it works on it never waits for the next.
+# Batches sent per worker: with one waiting beyond the current one it never waits for the next.
 _AHEAD = 3
 _ASK_AGAIN = 5.0  # s
 _PARTS = 16
-_ENDED = (
-    "the workers that identified it ended without a word: a crash, or more memory than there is"
-)
+_ENDED = "the worker process ended while it identified this contact: a crash, or not enough memory"
 
 
 @dataclass(slots=True)
 class Fleet:
-    """What a run of a fleet came to.
+    """The counts of a fleet's run.
 
     Attributes
     ----------
     folder : Path
-        Of the results.
+        Folder of the results.
     contacts : int
-        Of all sources.
+        Number of contacts in all sources.
     reused : int
-        Of these, what was there from an earlier run.
+        Contacts that an earlier run had identified.
     failures : int
-        Rows with a reason in place of numbers, those of earlier runs too.
+        Rows with an error in place of numbers, including those of earlier runs.
     identified : int
-        Rows with numbers, those of earlier runs too.
+        Rows with numbers, including those of earlier runs.
     rows : int
-        That this run wrote.
+        Rows that this run wrote.
     seconds : float
-        From the first batch to the last.
+        Time from the first batch to the last, s.
     reasons : dict
-        How many rows failed with each class of error.
+        Number of failed rows by class of error.
     """
 
     folder: Path
@@ -397,35 +394,36 @@ def run_fleet(
     dashboard: bool = False,
     progress: Progress = lambda done, total: None,
 ) -> Fleet:
-    """Identify all contacts of some sources on Dask, and write a row for each to a folder.
+    """Identify all contacts of some sources on Dask and write one row per contact to a folder.
 
-    A batch is written when it is done; a run that was interrupted goes on where it was.
+    Each batch is written as soon as it is done; an interrupted run continues where it stopped.
 
     Parameters
     ----------
     sources : sequence of str or path-like
         Files, patterns, folders, Zarr arrays, force maps, or addresses such as ``s3://bucket/all``.
     folder : Path
-        For the results, a dataset of Parquet.
+        Folder for the results, a Parquet dataset.
     settings : Settings, optional
-        How contacts are prepared and identified.
+        How contacts are prepared and identified. Default: ``Settings()``.
     workers : int, optional
-        Processes on this machine; one a core unless given.
+        Number of local processes. Default: one per core.
     scheduler : str, optional
-        Address of a scheduler of one's own, in place of processes here.
+        Address of a Dask scheduler. Default: local processes.
     dashboard : bool
-        Let the scheduler show its page on this machine.
+        Serve the Dask dashboard of local processes. Default: False.
     progress : callable, optional
-        Called with the contacts that are done, and with all.
+        Called with the number of contacts done and their total.
 
     Raises
     ------
     RecordingError
-        There is nothing of a name.
+        A source does not exist or holds no recording.
     FleetError
-        The folder is another run's; the scheduler is not there; or a worker has another palpate.
+        The folder holds another run's results, the scheduler does not answer, or a worker has
+        another version of palpate.
     MissingExtraError
-        What it takes is not installed.
+        A required package is not installed.
     """
     settings = settings or Settings()
     if workers is not None:
@@ -459,7 +457,7 @@ def run_fleet(
 
 
 def _count(fleet: Fleet, kinds: Sequence[str | None]) -> None:
-    """Count rows by why they have no numbers; None where they have."""
+    """Add rows to the counts by their class of error; None counts as identified."""
     failed = [kind for kind in kinds if kind is not None]
     fleet.failures += len(failed)
     fleet.identified += len(kinds) - len(failed)
@@ -470,14 +468,14 @@ def _count(fleet: Fleet, kinds: Sequence[str | None]) -> None:
 def _worked(
     client: Any, waiting: Sequence[Batch], settings: Settings
 ) -> Iterator[tuple[Batch, Any]]:
-    """Yield what comes back, in whatever order; no more is out than the workers need."""
+    """Yield batches and their results as they finish, with few batches sent ahead per worker."""
     distributed = needed("distributed", "a fleet")
     left = deque(waiting)
     out: dict[str, Batch] = {}
     coming = distributed.as_completed(loop=client.loop)
     asked, most = -math.inf, 0
     while left or out:
-        if time.monotonic() - asked > _ASK_AGAIN:  # workers may come and go
+        if time.monotonic() - asked > _ASK_AGAIN:  # the number of workers may change
             asked, most = time.monotonic(), _AHEAD * (sum(client.nthreads().values()) or 1)
         while left and len(out) < most:
             batch = left.popleft()
@@ -492,11 +490,11 @@ def _worked(
 def _answer(
     client: Any, future: Any, table: Table, settings: Settings, *, alone: bool = False
 ) -> tuple[Table, Floats]:
-    """What a task gave; where it ended its workers, what its ever smaller parts give.
+    """Return a task's result; if it ended its workers, identify it in ever smaller parts.
 
-    Four workers have ended over the whole: by one of its contacts, or by chance, and then the parts
-    are done. One after another, so that each that ends is known to have done it itself: it is a row
-    with its reason.
+    Dask gives a task up after four workers have ended, because of one contact or by chance. The
+    parts run one after another, so that a contact that ends its worker alone is known to be the
+    cause; it becomes a row with its error.
     """
     distributed = needed("distributed", "a fleet")
     pa = needed("pyarrow", "a table of contacts")
@@ -510,7 +508,7 @@ def _answer(
         raise
     except Exception as error:
         words = f"{type(error).__name__}: {first_line(error)}"
-        raise FleetError(f"a worker cannot work: {words}") from None
+        raise FleetError(f"a worker failed: {words}") from None
     size = -(-table.num_rows // _PARTS)
     answers = []
     for first in range(0, table.num_rows, size):

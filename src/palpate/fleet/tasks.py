@@ -1,4 +1,4 @@
-"""What a fleet is asked to do: its settings, its sources, and tasks of about equal work."""
+"""The settings and sources of a fleet, and its division into tasks of about equal work."""
 
 import dataclasses
 import hashlib
@@ -23,56 +23,56 @@ from palpate.preparation.gates import gate_asked_for
 from palpate.preparation.settings import Preparation
 from palpate.validation import shown
 
-#: A table of pyarrow, which has no types, and is imported where one is made.
+#: A pyarrow table; pyarrow has no type stubs and is imported only where a table is made.
 Table: TypeAlias = Any
-#: Import a package of the extra ``fleet``, or say what needs it.
+#: Import a package of the extra ``fleet``, or raise an error that names what needs it.
 needed = partial(errors.needed, extra="fleet")
 
 
 def cores() -> int:
-    """How many cores this process may use."""
+    """Return the number of cores that this process may use."""
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
 
 
-# What is to be identified: contacts by the source and the number of each, in batches.
+# The contacts to identify, by source and number, in batches.
 
-# What a contact takes, s, and each of its samples, on a core of 2.4 GHz: the medians of touches of
-# 200 to 10 000 samples. A search for the surface takes three times as long as the recursion alone;
-# what a task takes may be wrong by that, for all of the tasks are.
+# Time per contact and per sample, s, on a core of 2.4 GHz: medians over touches of 200 to 10 000
+# samples. A surface search takes three times as long as the recursion alone; this does not matter,
+# because it scales all tasks alike.
 _RECURSION = {"none": (3e-3, 1e-6), "input": (5e-3, 1e-6), "full": (25e-3, 12e-6)}
 _WHOLE_CURVE = {"none": (1e-4, 1e-7), "input": (6e-4, 5e-7)}
-# To read and prepare a file: s, s a byte, and bytes a sample (29 of text with four channels).
+# To read and prepare a file: s, s per byte, and bytes per sample (29 in text with four channels).
 _READING, _READING_A_BYTE, _BYTES_A_SAMPLE = 6e-3, 15e-9, 30.0
-# A task costs the scheduler and the folder of the results some 10 ms.
+# Each task costs some 10 ms for scheduling and for writing its results.
 _SHORTEST, _LONGEST = 0.05, 1.0  # s
-# A worker holds two tasks at the end, while the other may have none: an eighth of its work.
+# At the end one worker may hold two tasks while another has none: an eighth of its work.
 _TASKS_A_WORKER = 16
-# Of arrays in one task: 48 MB as penetration, velocity and force.
+# Samples of arrays in one task: 48 MB of penetration, velocity and force.
 _SAMPLES = 2_000_000
 
 
 @dataclass(frozen=True, slots=True)
 class ContactSource:
-    """Something that holds contacts.
+    """A file, force map or array that holds contacts.
 
     Attributes
     ----------
     name : str
-        Its path or address.
+        Path or address.
     kind : str
         ``"file"``, ``"map"`` or ``"zarr"``.
     count : int or None
-        How many contacts it holds, by their numbers; None where it is a contact by itself.
+        Number of contacts; None for a single contact without a number.
     samples : int
-        Of each, where that is known; else 0.
+        Samples per contact, if known. Default: 0.
     chunk : int
-        Contacts that are stored together, and best read together.
+        Number of contacts that are stored together and best read together. Default: 1.
     stamp : str
-        What would change if it was written again.
+        Text that changes when the source is modified. Default: "".
     size : int
-        Of a file, bytes.
+        Size of a file, bytes. Default: 0.
     """
 
     name: str
@@ -85,11 +85,11 @@ class ContactSource:
 
     @property
     def contacts(self) -> int:
-        """How many there are, as far as can be known before it is read."""
+        """Number of contacts, as far as it is known before the source is read."""
         return 1 if self.count is None else self.count
 
     def seconds(self, diagnosis: str, *, whole_curve: bool) -> float:
-        """About how long each of its contacts takes."""
+        """Return the estimated time per contact, s."""
         by_method = _WHOLE_CURVE if whole_curve else _RECURSION
         contact, sample = by_method[diagnosis]
         if self.kind == "zarr":
@@ -100,16 +100,16 @@ class ContactSource:
 
 @dataclass(frozen=True, slots=True)
 class Batch:
-    """What is identified by one task, and becomes one file of the results.
+    """The contacts that one task identifies; their rows become one file of the results.
 
     Attributes
     ----------
     first : int
-        Which contact of the fleet it begins with.
+        Number of its first contact in the fleet.
     table : pyarrow.Table
-        As :func:`palpate.fleet.running.identify_batch` takes it: a row a contact.
+        Input of :func:`palpate.fleet.running.identify_batch`: one row per contact.
     seconds : float
-        About how long it takes.
+        Estimated time, s.
     """
 
     first: int
@@ -118,12 +118,12 @@ class Batch:
 
     @property
     def end(self) -> int:
-        """Which contact of the fleet it ends before."""
+        """Number of the fleet's contact after its last one."""
         return self.first + int(self.table.num_rows)
 
 
 def tasks_table(names: Sequence[str], kinds: Sequence[str], indices: Sequence[int | None]) -> Table:
-    """Return a table of what is to be identified: ``source``, ``kind`` and ``index``."""
+    """Return a table of contacts to identify, with columns ``source``, ``kind`` and ``index``."""
     pa = needed("pyarrow", "a table of contacts")
     kinds_of_columns = {"source": pa.string(), "kind": pa.string(), "index": pa.int64()}
     columns = zip(kinds_of_columns.items(), (names, kinds, indices), strict=True)
@@ -141,14 +141,14 @@ def batches(
     Parameters
     ----------
     sources : sequence of ContactSource
-        What there is.
+        The sources to divide.
     seconds : sequence of float
-        About how long a contact of each takes.
+        Estimated time per contact of each source, s.
     workers : int
-        That share them.
+        Number of workers. Default: 1.
     done : iterable of (int, int)
-        Contacts that need not be identified, from the one up to the other: without them the
-        batches of the rest are the same.
+        Ranges (first, end) of contacts that are already identified. Default: none. They do not
+        change the batches of the others.
     """
     counts = [source.contacts for source in sources]
     work = np.repeat(seconds, counts)
@@ -161,7 +161,7 @@ def batches(
     each = [source for source in sources for _ in range(source.contacts)]
     index = [k for s in sources for k in ([None] if s.count is None else range(s.count))]
     whole = tasks_table([s.name for s in each], [s.kind for s in each], index)
-    found = [  # copies: of a slice Arrow would send the whole
+    found = [  # copies: Arrow would serialise the whole table for a slice
         Batch(first, whole.take(np.arange(first, end)), float(work[first:end].sum()))
         for first, end in itertools.pairwise(sorted(edges))
         if waiting[first]
@@ -172,7 +172,7 @@ def batches(
 def _cuts(
     sources: Iterable[ContactSource], seconds: Iterable[float], longest: float
 ) -> Iterator[int]:
-    """Where batches begin; chunks that are stored together stay together where they can."""
+    """Yield the first contact of each batch; a stored chunk stays in one batch where possible."""
     at, load = 0, 0.0
     yield at
     for source, each in zip(sources, seconds, strict=True):
@@ -191,7 +191,7 @@ def _cuts(
 
 
 def digest_of(sources: Iterable[ContactSource]) -> str:
-    """A short name for exactly these sources, as they are now."""
+    """Return a digest that identifies these sources and their present content."""
     found = hashlib.sha256()
     for each in sources:
         parts = (each.name, each.kind, each.count, each.samples, each.chunk, each.stamp)
@@ -199,7 +199,7 @@ def digest_of(sources: Iterable[ContactSource]) -> str:
     return found.hexdigest()[:16]
 
 
-# How the contacts of a fleet are prepared and identified: one value, which every row names.
+# How the contacts of a fleet are prepared and identified; every row has the digest of the settings.
 
 DiagnosisDepth = Literal["none", "input", "full"]
 
@@ -211,23 +211,23 @@ class Settings:
     Parameters
     ----------
     method : str
-        Of the estimator.
+        Name of the method. Default: "variable-projection".
     estimator : mapping
-        Its settings, where they are not the usual ones, such as ``{"surface": "estimate"}``.
+        Settings of the method that differ from its defaults, such as ``{"surface": "estimate"}``.
     preparation : mapping
-        What :func:`palpate.prepare` is given beside a recording.
+        Options for :func:`palpate.prepare`. Default: none.
     diagnosis : str
-        ``"none"``; ``"input"``, the checks of the data, which cost as much as the identification;
-        or ``"full"``, with a verdict for each, which costs some fifty times that.
+        ``"none"``; ``"input"`` (default) checks the data, which takes as long as the
+        identification; ``"full"`` gives each contact a verdict and takes some fifty times as long.
     minimum_penetration, minimum_force : float, optional
-        Contact is deeper, m, and firmer, N, than this.
+        Smallest penetration, m, and force, N, in contact. Default: chosen from the data.
     version : str
-        Of the palpate that asks; a worker of another refuses.
+        Version of palpate that made the settings; a worker with another version refuses them.
 
     Raises
     ------
     InvalidParameterError
-        One is outside its range, or there is no such method.
+        A setting is unknown or outside its range, or the method does not exist.
     """
 
     method: str = "variable-projection"
@@ -245,12 +245,13 @@ class Settings:
             )
         usual = estimator_named(self.method)()
         for whose, given, known in (
-            (self.method, self.estimator, set(usual.settings)),
-            ("a preparation", self.preparation, {f.name for f in dataclasses.fields(Preparation)}),
+            (f"method {self.method}", self.estimator, set(usual.settings)),
+            ("preparation", self.preparation, {f.name for f in dataclasses.fields(Preparation)}),
         ):
             for name in given:
                 if name not in known:
-                    raise InvalidParameterError(f"{whose} has no setting {name}")
+                    allowed = ", ".join(sorted(known))
+                    raise InvalidParameterError(f"{whose} has no setting {name}; it has {allowed}")
         usual.replace(**self.estimator)
         Preparation(**self.preparation)
 
@@ -261,25 +262,25 @@ class Settings:
 
     @property
     def searches_surface(self) -> bool:
-        """Whether the estimator is to find the surface."""
+        """Whether the estimator searches for the surface."""
         return self.estimator.get("surface") == "estimate"
 
     def estimator_for(self, contact: Contact) -> ContactEstimator:
-        """Return a fresh estimator, with a gate for this contact where one is asked for."""
+        """Return a new estimator, with a contact gate if a minimum was set."""
         made = estimator_named(self.method)().replace(**self.estimator)
         asked = self.minimum_penetration, self.minimum_force
         gate = gate_asked_for(contact, *asked, alone=made.chooses_samples)
         return made if gate is None else made.replace(gate=gate)
 
     def plain(self) -> dict[str, Any]:
-        """Return them as JSON has it."""
+        """Return the settings as JSON values."""
         values = {field.name: getattr(self, field.name) for field in dataclasses.fields(self)}
         made: dict[str, Any] = json.loads(json.dumps(values, default=_plain, sort_keys=True))
         return made
 
     @property
     def digest(self) -> str:
-        """A short name for exactly these settings, and this version."""
+        """Digest that identifies these settings and the version of palpate."""
         text = json.dumps(self.plain(), sort_keys=True)
         return hashlib.sha256(text.encode()).hexdigest()[:16]
 

@@ -1,4 +1,4 @@
-"""Contact force laws: what the lab is built from, and what identification gives back."""
+"""Contact force laws, for identification and for the simulated laboratory."""
 
 from palpate.force_laws.generalised import GeneralisedHuntCrossley as GeneralisedHuntCrossley
 from palpate.force_laws.laws import FORCE_LAWS as FORCE_LAWS

@@ -1,8 +1,8 @@
-"""Contact laws of simulation engines, as the one law that palpate identifies and presses.
+"""Contact laws of simulation engines as generalised Hunt–Crossley laws.
 
-Each function takes an engine's own numbers, SI, and returns the law F = K xⁿ + B xᵖ v that they
-are; :func:`exact_in` goes back. An engine clips a force at 0, as a real contact does; a law does
-not. Laws that the literature names are in :mod:`palpate.force_laws.literature`.
+Each function takes an engine's own parameters, SI, and returns the equivalent law
+F = K xⁿ + B xᵖ v; :func:`exact_in` is the inverse. Engines clip negative forces to 0, as a real
+contact does; a law does not. Laws from the literature are in :mod:`palpate.force_laws.literature`.
 """
 
 import math
@@ -24,7 +24,7 @@ class EngineLaw:
     exponent, damping_exponent : float
         n and p.
     condition : str
-        What it asks for besides; empty where it takes K and B as they are.
+        What else the engine requires; empty if it takes K and B directly.
     """
 
     name: str
@@ -33,11 +33,11 @@ class EngineLaw:
     condition: str = ""
 
 
-#: None of them remembers.
+#: None of them has memory.
 ENGINES = (
     EngineLaw("Drake, point contact", 1.0, 1.0),
     EngineLaw("Drake, SAP", 1.0, 0.0),
-    EngineLaw("MuJoCo, solref in the direct format", 1.0, 0.0, "but for a mass that it adds"),
+    EngineLaw("MuJoCo, solref in the direct format", 1.0, 0.0, "except for a mass that it adds"),
     EngineLaw("PyBullet", 1.0, 0.0),
     EngineLaw("PhysX and Isaac, compliant contact", 1.0, 0.0),
     EngineLaw("Newton", 1.0, 0.0),
@@ -53,9 +53,9 @@ ENGINES = (
 def exact_in(law: GeneralisedHuntCrossley) -> tuple[EngineLaw, ...]:
     """Return the engines that have exactly this law.
 
-    By exponents: an identified one is never exactly 1.5, a known one may be (``exponent=1.5``). No
-    engine here remembers; of :meth:`GeneralisedHuntCrossley.relaxed` and
-    :meth:`~GeneralisedHuntCrossley.instantaneous` one can be asked.
+    They are matched by exponents: an identified one is never exactly 1.5, a known one may be
+    (``exponent=1.5``). No engine here has memory; for a law with memory, pass its
+    :meth:`~GeneralisedHuntCrossley.relaxed` or :meth:`~GeneralisedHuntCrossley.instantaneous` law.
     """
     if law.remembers:
         return ()
@@ -70,7 +70,7 @@ def exact_in(law: GeneralisedHuntCrossley) -> tuple[EngineLaw, ...]:
 def kelvin_voigt(*, stiffness: float, damping: float) -> GeneralisedHuntCrossley:
     """Return F = K x + B v.
 
-    Of PyBullet (contactStiffness, contactDamping), PhysX and Isaac (compliant contact,
+    The law of PyBullet (contactStiffness, contactDamping), PhysX and Isaac (compliant contact,
     compliantContactAccelerationSpring off), Newton and Gazebo Classic's ODE (kp, kd).
 
     Parameters
@@ -86,8 +86,8 @@ def kelvin_voigt(*, stiffness: float, damping: float) -> GeneralisedHuntCrossley
 def drake_point(*, stiffness: float, dissipation: float) -> GeneralisedHuntCrossley:
     """Return F = k x (1 + d v): Drake's point contact, continuous, TAMSI, Lagged or Similar.
 
-    So that K = k, B = k d and n = p = 1, up to v = −1/d, from where on the engine's force is 0.
-    Of two bodies k = k₁k₂/(k₁ + k₂) and d = (k₂d₁ + k₁d₂)/(k₁ + k₂) (Drake, *Compliant contact*).
+    K = k, B = k d and n = p = 1 for v > −1/d; on faster withdrawals the engine's force is 0. For
+    two bodies k = k₁k₂/(k₁ + k₂) and d = (k₂d₁ + k₁d₂)/(k₁ + k₂) (Drake, *Compliant contact*).
 
     Parameters
     ----------
@@ -104,14 +104,14 @@ def drake_sap(*, stiffness: float, relaxation_time: float) -> GeneralisedHuntCro
     """Return F = k (x + τ v): Drake's SAP, which ignores the dissipation.
 
     Castro, Permenter & Han, *An unconstrained convex formulation of compliant contact*, IEEE T-RO
-    39 (2023) 1301–1320. K = k, B = k τ, n = 1, p = 0. τ is no relaxation of the material.
+    39 (2023) 1301–1320. K = k, B = k τ, n = 1, p = 0. τ is not a relaxation of the material.
 
     Parameters
     ----------
     stiffness : float
-        Of the pair, in series, N/m, > 0.
+        Stiffness of both bodies in series, N/m, > 0.
     relaxation_time : float
-        τ of both bodies added up, s, ≥ 0; 0.1 each unless set.
+        Sum of both bodies' τ, s, ≥ 0; Drake's default is 0.1 for each.
     """
     k = above_zero("stiffness", stiffness)
     damping = k * not_below_zero("relaxation_time", relaxation_time)
@@ -123,7 +123,7 @@ def drake_hydroelastic(
 ) -> GeneralisedHuntCrossley:
     """Return F = (π E R/H) x² (1 + d v): a rigid sphere on Drake's hydroelastic half-space.
 
-    The engine has (E/H) π x² (3R − x)/3: less by x/3R, 17 % at half the radius. K = π E R/H,
+    The engine has (E/H) π x² (3R − x)/3, lower by x/3R, 17 % at half the radius. K = π E R/H,
     n = p = 2. Elandt et al., *A pressure field model for fast, robust approximation of net contact
     force and moment between nominally rigid objects*, IROS 2019.
 
@@ -132,9 +132,9 @@ def drake_hydroelastic(
     modulus : float
         hydroelastic_modulus E, Pa, > 0.
     thickness : float
-        Of the half-space's slab, H, m, > 0.
+        Thickness H of the half-space's slab, m, > 0.
     radius : float
-        Of the sphere, R, m, > 0.
+        Radius R of the sphere, m, > 0.
     dissipation : float
         hunt_crossley_dissipation, s/m, ≥ 0.
     """
@@ -153,11 +153,11 @@ def mujoco(
 
     F = [d²/(d_w² (1 − d) Â)] S x + [d/(d_w (1 − d) Â)] D v + [d/((1 − d) Â)] ẍ,  d = d(x)
 
-    after R F = a_ref − a, R = (1 − d)/d · Â (MuJoCo, *Computation*, constraint model). The last
-    term, a mass d/((1 − d) Â) that the contact adds, is left out: keep d_w small. With d constant
-    K = S/((1 − d) Â), B = D/((1 − d) Â), n = 1, p = 0; with d = d_w (x/width)^q, n = 1 + 2q and
-    p = q, as far as 1 − d is 1 and d well above the 1e-4 that the engine begins with: for
-    d_w = 0.01, q = 1 the spring is 2.5 % high at half the width. Up to x = midpoint · width.
+    from R F = a_ref − a, R = (1 − d)/d · Â (MuJoCo, *Computation*, constraint model). The law omits
+    the last term, a mass d/((1 − d) Â) that the contact adds: keep d_w small. With d constant
+    K = S/((1 − d) Â), B = D/((1 − d) Â), n = 1, p = 0. With d = d_w (x/width)^q, n = 1 + 2q and
+    p = q, for 1 − d near 1 and d well above the engine's initial 1e-4: for d_w = 0.01, q = 1 the
+    spring is 2.5 % too stiff at half the width. Valid up to x = midpoint · width.
 
     Parameters
     ----------
@@ -178,10 +178,10 @@ def mujoco(
         return kelvin_voigt(stiffness=spring * mass, damping=damper * mass)
     if not (low <= 1e-4 and power >= 1.0 and 0.99 <= midpoint <= 1.0 and width > 0.0):
         raise InvalidParameterError(
-            "solimp must have one impedance, d0 = dwidth, or rise as a power of depth: d0 <= 1e-4, "
-            f"midpoint >= 0.99, power >= 1, not {solimp!r}"
+            "solimp must be constant (d0 = dwidth) or a power of depth (d0 <= 1e-4, "
+            f"midpoint >= 0.99, power >= 1), not {solimp!r}"
         )
-    # Up to the midpoint the engine has (x/width)^q/midpoint^(q − 1).
+    # Up to the midpoint the engine uses (x/width)^q/midpoint^(q − 1).
     rise = midpoint ** (1.0 - power) * width**-power
     return GeneralisedHuntCrossley(
         spring * rise**2 / mobility, 1.0 + 2.0 * power, damper * rise / mobility, power
@@ -191,7 +191,7 @@ def mujoco(
 def simbody(*, modulus: float, radius: float, dissipation: float) -> GeneralisedHuntCrossley:
     """Return F = 4/3 √R E x^1.5 (1 + 3/2 c v): Simbody's and OpenSim's HuntCrossleyForce.
 
-    K = 4/3 √R E, B = 3/2 c K, n = p = 1.5. Of two bodies E^(2/3) = s E₁^(2/3),
+    K = 4/3 √R E, B = 3/2 c K, n = p = 1.5. For two bodies E^(2/3) = s E₁^(2/3),
     s = E₂^(2/3)/(E₁^(2/3) + E₂^(2/3)), c = s c₁ + (1 − s) c₂ (Simbody, HuntCrossleyForce).
 
     Parameters
@@ -199,7 +199,7 @@ def simbody(*, modulus: float, radius: float, dissipation: float) -> Generalised
     modulus : float
         Plane-strain modulus of the pair, Pa, > 0, which OpenSim calls stiffness.
     radius : float
-        Of the sphere, or of the pair R₁R₂/(R₁ + R₂), m, > 0.
+        Radius of the sphere, or R₁R₂/(R₁ + R₂) of two, m, > 0.
     dissipation : float
         c, s/m, ≥ 0.
     """
@@ -214,18 +214,18 @@ def hertz_tsuji(
 ) -> GeneralisedHuntCrossley:
     """Return F = 4/3 E √R x^1.5 + 2 √(5/6) β √(2 E √R m) x^¼ v, β = −ln e/√(π² + ln² e).
 
-    A damper for which restitution does not depend on speed (Tsuji, Tanaka & Ishida, *Powder
-    Technology* 71 (1992) 239–250), as Chrono's SMC has it with material properties, and LIGGGHTS
+    With this damper restitution does not depend on speed (Tsuji, Tanaka & Ishida, *Powder
+    Technology* 71 (1992) 239–250). Used by Chrono's SMC with material properties, and by LIGGGHTS
     in ``model hertz``. n = 1.5, p = 0.25.
 
     Parameters
     ----------
     modulus : float
-        Effective, 1/E = (1 − ν₁²)/E₁ + (1 − ν₂²)/E₂, Pa, > 0.
+        Effective modulus, 1/E = (1 − ν₁²)/E₁ + (1 − ν₂²)/E₂, Pa, > 0.
     radius : float
-        Effective, R₁R₂/(R₁ + R₂), m, > 0.
+        Effective radius, R₁R₂/(R₁ + R₂), m, > 0.
     mass : float
-        Effective, m₁m₂/(m₁ + m₂), kg, > 0.
+        Effective mass, m₁m₂/(m₁ + m₂), kg, > 0.
     restitution : float
         e, in (0, 1].
     """
@@ -240,17 +240,17 @@ def hertz_tsuji(
 def chrono_hertz(
     *, stiffness: float, damping: float, radius: float, mass: float
 ) -> GeneralisedHuntCrossley:
-    """Return F = R √x (kₙ x + m gₙ v): Chrono's SMC Hertz with coefficients of one's own.
+    """Return F = R √x (kₙ x + m gₙ v): Chrono's SMC Hertz with user-defined coefficients.
 
-    K = R kₙ, B = R m gₙ, n = 1.5, p = 0.5: the damper of a half-space. LAMMPS gran/hertz has √R
-    in place of R: give it √R.
+    K = R kₙ, B = R m gₙ, n = 1.5, p = 0.5: Kelvin–Voigt half-space damping. LAMMPS gran/hertz has
+    √R in place of R: pass √R.
 
     Parameters
     ----------
     stiffness, damping : float
         kₙ, N/m^2.5, > 0, and gₙ, 1/(s·m^1.5), ≥ 0.
     radius, mass : float
-        Effective, m and kg, > 0.
+        Effective radius and mass, m and kg, > 0.
     """
     scale = above_zero("radius", radius)
     damper = above_zero("mass", mass) * not_below_zero("damping", damping)

@@ -1,4 +1,4 @@
-"""Hunt–Crossley laws whose damper has an exponent of its own, and that may remember."""
+"""Generalised Hunt–Crossley laws: a separate damping exponent, and optional memory."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
@@ -20,7 +20,7 @@ from palpate.force_laws.laws import (
 from palpate.force_laws.relaxation import LONGEST, Relaxation, RelaxationState, relaxation_of
 from palpate.validation import all_good, in_contact, instance, number, number_in, signals, together
 
-# The law's own numbers; those of its relaxation follow.
+# The law's own parameters; those of its relaxation follow.
 _OWN = ("stiffness", "exponent", "damping", "damping_exponent", "relaxation_stiffness")
 
 
@@ -33,29 +33,29 @@ class GeneralisedHuntCrossley(CompiledLaw):
 
     With p = n it is the law of Hunt & Crossley (1975); with p = n − 1 that of a sphere, a cone or a
     punch on a Kelvin–Voigt half-space, whose damper acts on the area of contact (Radok 1957, Lee &
-    Radok 1960); at n = 1, p = 0 that of Kelvin & Voigt. The relaxing part is Boltzmann's
+    Radok 1960); with n = 1, p = 0 that of Kelvin & Voigt. The relaxing part is Boltzmann's
     superposition of xⁿ, quasi-linear viscoelasticity (Fung 1981). Out of contact xⁿ counts as 0,
-    and the material goes on relaxing.
+    and relaxation continues.
 
     Parameters
     ----------
     stiffness : float
-        K, N/mⁿ: that of the relaxed material.
+        K, N/mⁿ, of the fully relaxed material.
     exponent : float
-        n; 1.5 a Hertzian sphere, 2 a cone, 1 a punch.
+        n; 1.5 for a Hertzian sphere, 2 for a cone, 1 for a punch.
     damping : float
         B, N·s/mᵖ⁺¹.
     damping_exponent : float
         p.
     relaxation_stiffness : float
-        M, N/mⁿ: by so much the material is stiffer at once than when it has relaxed.
+        M, N/mⁿ: instantaneous stiffness minus relaxed stiffness. Default: 0.
     relaxation : FlatSpectrum, SingleRelaxation or PowerLawRelaxation, optional
-        How it relaxes; needed where M is not 0. Without it there is no memory.
+        Kind of relaxation; required if M is not 0. Default: none, and no memory.
 
     Raises
     ------
     InvalidParameterError
-        A parameter is not a finite number, or there is a relaxation stiffness without relaxation.
+        A parameter is not finite, or there is a relaxation stiffness without ``relaxation``.
     """
 
     stiffness: float
@@ -81,34 +81,34 @@ class GeneralisedHuntCrossley(CompiledLaw):
         instance("relaxation", self.relaxation, (Relaxation, type(None)))
         if self.relaxation is None and self.relaxation_stiffness != 0.0:
             raise InvalidParameterError(
-                "relaxation must be a FlatSpectrum, SingleRelaxation or PowerLawRelaxation where "
-                f"relaxation_stiffness is not 0: it is {self.relaxation_stiffness!r}"
+                "relaxation must be a FlatSpectrum, SingleRelaxation or PowerLawRelaxation, as "
+                f"relaxation_stiffness is {self.relaxation_stiffness!r}"
             )
 
     @classmethod
     def of(cls, law: ForceLaw) -> "GeneralisedHuntCrossley":
-        """Return the same law as one of these.
+        """Return a law as an equivalent generalised Hunt–Crossley law.
 
         Parameters
         ----------
         law : ForceLaw
-            p is 0 where the damper is linear, and n where it is Hunt and Crossley's.
+            p becomes 0 for a linear damper, and n for Hunt and Crossley's.
 
         Raises
         ------
         InvalidParameterError
-            There is none: of an extended Kelvin–Voigt law with K₁ and K₂, or a law of one's own.
+            No equivalent exists: for an extended Kelvin–Voigt law with K₁ and K₂, or your own law.
         """
         if law.powers is None:
             raise InvalidParameterError(
-                f"law must have one power of depth in its spring, not {law!r}"
+                f"the spring of law must be a single power of depth; it is {law!r}"
             )
         return GeneralisedHuntCrossley(*law.powers)
 
     def simplest(self) -> "KelvinVoigt | HuntCrossley | GeneralisedHuntCrossley":
-        """Return the law as Kelvin and Voigt's, or Hunt and Crossley's, where it is exactly that.
+        """Return the equivalent Kelvin–Voigt or Hunt–Crossley law, if there is one.
 
-        Itself where it remembers or has another damper. Without a damper p does not matter.
+        Otherwise, with memory or another damper, the law itself. Without damping p is irrelevant.
         """
         if self.remembers:
             return self
@@ -121,57 +121,57 @@ class GeneralisedHuntCrossley(CompiledLaw):
 
     @classmethod
     def names(cls) -> list[str]:
-        """Return the names of the numbers that it comes to, in their order."""
+        """Return the names of its eight parameters, in their order."""
         return [*_OWN, "spectrum_exponent", "shortest_time", "longest_time"]
 
     @classmethod
     def from_parameters(cls, parameters: "ArrayLike") -> Self:
-        """Return the law of eight numbers, as :attr:`parameters` has them."""
+        """Return the law of eight numbers in the order of :attr:`parameters`."""
         stiffness, n, damping, p, relaxing, alpha, shortest, longest = np.asarray(
             parameters, dtype=np.float64
         ).tolist()
         relaxation = relaxation_of(alpha, shortest, longest)
         if relaxation is None and relaxing != 0.0:
             raise InvalidParameterError(
-                "longest_time must be above 0 where relaxation_stiffness is not 0: alone it is the "
-                "one relaxation time, with shortest_time the end of a spectrum"
+                "longest_time must be above 0 if relaxation_stiffness is not 0: pass it alone for "
+                "one relaxation time, or with shortest_time for a spectrum"
             )
         return cls(stiffness, n, damping, p, relaxing, relaxation)
 
     @classmethod
     def from_dict(cls, numbers: dict[str, Any]) -> Self:
-        """Return the law of its numbers by name, as :meth:`as_dict` has them."""
+        """Return the law from the dictionary that :meth:`as_dict` makes."""
         return cls.from_parameters([number(name, numbers[name]) for name in cls.names()])
 
     def as_dict(self) -> dict[str, float]:
-        """Return the numbers by name, SI: the last three are those of the relaxation, or 0."""
+        """Return the parameters by name, SI; the last three, of the memory, are 0 without it."""
         spectrum = (0.0, 0.0, 0.0) if self.relaxation is None else self.relaxation.spectrum
         own = [getattr(self, name) for name in _OWN]
         return dict(zip(self.names(), (*own, *spectrum), strict=True))
 
     @property
     def spectrum_exponent(self) -> float:
-        """α of the relaxation; 0 where there is none."""
+        """α of the relaxation; 0 without one."""
         return self.as_dict()["spectrum_exponent"]
 
     @property
     def shortest_time(self) -> float:
-        """The shortest relaxation time, s; 0 where there is one only, or none."""
+        """The shortest relaxation time, s; 0 if there is only one or none."""
         return self.as_dict()["shortest_time"]
 
     @property
     def longest_time(self) -> float:
-        """The longest relaxation time, s; 0 where there is none."""
+        """The longest relaxation time, s; 0 without relaxation."""
         return self.as_dict()["longest_time"]
 
     @property
     def remembers(self) -> bool:
-        """Whether its force depends on more than the present."""
+        """Whether the law has memory."""
         return self.relaxation is not None and self.relaxation_stiffness != 0.0
 
     @property
     def relaxation_time(self) -> float | None:
-        """Its one relaxation time, s; None of a law that has none, or a spectrum of many."""
+        """The relaxation time, s; None for a law without one or with a spectrum of them."""
         return self.longest_time if self.remembers and not self.shortest_time else None
 
     @property
@@ -180,46 +180,46 @@ class GeneralisedHuntCrossley(CompiledLaw):
         return tuple(getattr(self, each.name) for each in fields(self))
 
     def relaxed(self) -> "GeneralisedHuntCrossley":
-        """Return the law of the material once it has relaxed: K alone, without memory."""
+        """Return the law of the fully relaxed material: stiffness K, without memory."""
         return replace(self, relaxation_stiffness=0.0, relaxation=None)
 
     def instantaneous(self) -> "GeneralisedHuntCrossley":
-        """Return the law before anything has relaxed: K + M, without memory."""
+        """Return the law before any relaxation: stiffness K + M, without memory."""
         whole = self.stiffness + self.relaxation_stiffness
         return replace(self, stiffness=whole, relaxation_stiffness=0.0, relaxation=None)
 
     def branches(self) -> tuple[Floats, Floats]:
-        """Relaxation times [s] and weights of the branches that stand for the spectrum.
+        """Relaxation times [s] and weights of the branches that approximate the spectrum.
 
-        Two of them to a factor of two in time; none without memory.
+        Two branches per factor of two in time; none without memory.
         """
         times, weights = _core.relaxation_branches(self.parameters)
         return times, weights
 
     def rest(self, penetration: float = 0.0) -> RelaxationState:
-        """Return the state of a material that has been at a penetration [m] for ever."""
+        """Return the state of a material that is fully relaxed at a penetration [m]."""
         depth = number("penetration", penetration)
         elastic = depth**self.exponent if depth > 0.0 else 0.0
         return RelaxationState(elastic, (0.0,) * len(self.branches()[0]))
 
     def step(self, state: RelaxationState, penetration: float, dt: float) -> RelaxationState:
-        """Return the state after going on to a penetration.
+        """Return the state one step later, at a new penetration.
 
-        Exact where xⁿ is linear in time in between, whatever the time step.
+        Exact for any time step if xⁿ is linear in time in between.
 
         Parameters
         ----------
         state : RelaxationState
-            At the last sample.
+            State at the previous sample.
         penetration : float
             m; at and above the surface xⁿ counts as 0.
         dt : float
-            Time since then, s, in (0, 1e12].
+            Time since the previous sample, s, in (0, 1e12].
 
         Raises
         ------
         InvalidParameterError
-            The state is of a law with another spectrum, or a number is outside its range.
+            The state belongs to a law with another spectrum, or a number is outside its range.
         """
         numbers, depth = self._numbers_of(state), np.array([number("penetration", penetration)])
         steps = np.array([number_in("dt", dt, 0.0, LONGEST, open_low=True)])
@@ -244,8 +244,8 @@ class GeneralisedHuntCrossley(CompiledLaw):
         penetration, velocity : float or array_like
             m and m/s.
         state : RelaxationState, optional
-            What the material remembers, once it was stepped to this penetration. None: everything
-            has relaxed. Along a whole motion there is :meth:`force_along`.
+            State at this penetration. Default: fully relaxed. For a whole motion use
+            :meth:`force_along`.
         """
         static = CompiledLaw.force(self, penetration, velocity)
         if state is None or not self.remembers:
@@ -263,21 +263,21 @@ class GeneralisedHuntCrossley(CompiledLaw):
         time_steps: "ArrayLike",
         state: RelaxationState | None = None,
     ) -> Floats:
-        """Force [N] along a motion, from what the material remembers when it begins.
+        """Force [N] along a motion, from an initial relaxation state.
 
         Parameters
         ----------
         penetration, velocity : array_like, shape (k,)
-            m and m/s; a NaN is passed over.
+            m and m/s; NaN samples are skipped.
         time_steps : float or array_like, shape (k,)
-            Time since the sample before, s, > 0; the first one's is that since the state.
+            Time since the previous sample, s, > 0; for the first sample, since the state.
         state : RelaxationState, optional
-            Before the first sample. None: at rest at the first penetration.
+            State before the first sample. Default: fully relaxed at the first penetration.
 
         Raises
         ------
         InvalidParameterError
-            The arrays do not go together, or a time step is not positive.
+            The arrays differ in shape, or a time step is not positive.
         """
         x, v = signals(penetration=penetration, velocity=velocity)
         steps = np.ascontiguousarray(together(penetration=x, time_steps=time_steps)[1])
@@ -289,7 +289,7 @@ class GeneralisedHuntCrossley(CompiledLaw):
         return self._go(self._numbers_of(begun), steps, x, v)
 
     def dynamic_stiffness(self, depth: "ArrayLike", frequency: "ArrayLike") -> Any:
-        """K′ + iωB′ [N/m]: what a small oscillation about a depth feels.
+        """Dynamic stiffness K′ + iωB′ [N/m] for small oscillations about a depth.
 
         n xⁿ⁻¹ [K + M ∫ w iωτ/(1 + iωτ) d(ln τ)] + iω B xᵖ
 
@@ -298,13 +298,13 @@ class GeneralisedHuntCrossley(CompiledLaw):
         depth : float or array_like
             m, > 0.
         frequency : float or array_like
-            ω, rad/s, ≥ 0. What a motion did not contain, its recording does not say.
+            ω, rad/s, ≥ 0. An identified law is valid only in the frequency band of its recording.
 
         Returns
         -------
         complex or numpy.ndarray
-            Scalars give a complex number. Stiffness is its real part, damping its imaginary part
-            over ω, tan δ the one over the other.
+            A complex number for scalars. Stiffness is the real part, damping the imaginary part
+            over ω, tan δ the imaginary over the real part.
         """
         x, omega = together(depth=in_contact(depth)[0], frequency=frequency)
         all_good("frequency", omega, (omega >= 0.0) & np.isfinite(omega), "finite and ≥ 0")
@@ -317,7 +317,7 @@ class GeneralisedHuntCrossley(CompiledLaw):
         return whole if whole.ndim else complex(whole)
 
     def parameter_gradient(self, penetration: Floats, velocity: Floats) -> Floats:
-        """∂F/∂(K, n, B, p) of the relaxed material, and 0 for what it remembers."""
+        """∂F/∂(K, n, B, p) of the relaxed material, and 0 for the parameters of its memory."""
         elastic = penetration**self.exponent
         damper = penetration**self.damping_exponent * velocity
         depth = np.log(penetration)
@@ -342,13 +342,13 @@ class GeneralisedHuntCrossley(CompiledLaw):
         instance("state", state, RelaxationState)
         if len(state.branches) != len(self.branches()[0]):
             raise InvalidParameterError(
-                f"state must be of this law's spectrum, of {len(self.branches()[0])} branches, "
-                f"not {len(state.branches)}"
+                f"state must have this law's {len(self.branches()[0])} branches, not "
+                f"{len(state.branches)}"
             )
         return np.array([state.elastic, *state.branches])
 
     def _go(self, numbers: Floats, steps: Floats, x: Floats, v: Floats) -> Floats:
-        """Take the numbers of a state along, and return the force."""
+        """Advance a state in place and return the force."""
         force = np.empty(x.size)
         _core.generalised_force_along(self.parameters, steps, x, v, numbers, force)
         return force

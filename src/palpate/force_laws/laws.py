@@ -1,4 +1,4 @@
-"""Force laws: what each has, those of Kelvin–Voigt and Hunt–Crossley, and the table of all.
+"""Force laws: the base class, Kelvin–Voigt and Hunt–Crossley, and the table of all laws.
 
 Equation numbers are those of Haddadi & Hashtrudi-Zaad, *Real-Time Identification of Hunt–Crossley
 Dynamic Models of Contact Environments*, IEEE T-RO 28(3), 2012.
@@ -20,29 +20,29 @@ Floats = NDArray[np.float64]
 
 
 class ForceLaw:
-    """Force by penetration and velocity: a frozen dataclass whose fields are its parameters, SI.
+    """Force as a function of penetration and velocity: a frozen dataclass of parameters, SI.
 
-    A law of one's own derives from this one, gives ``kind``, ``units``, ``symbols``, ``force`` and
-    the two gradients, and is made known by :func:`register`; see ``CONTRIBUTING.md``.
+    Your own law derives from this class, defines ``kind``, ``units``, ``symbols``, ``force`` and
+    the two gradients, and is registered by :func:`register`; see ``CONTRIBUTING.md``.
     """
 
     __slots__ = ()
-    #: What the command line and files call it.
+    #: Name of the law on the command line and in files.
     kind: ClassVar[str]
-    #: Of the parameters, in their order.
+    #: Units and symbols of the parameters, in their order.
     units: ClassVar[tuple[str, ...]]
     symbols: ClassVar[tuple[str, ...]]
-    #: Parameters that are 0 where a description leaves them out.
+    #: Parameters whose default is 0.
     optional: ClassVar[tuple[str, ...]] = ()
     #: Whether condition 10 of the paper, |v| < 0.1 K/B, concerns it.
     has_condition_10: ClassVar[bool] = False
-    #: How many parameters, the first ones, the force is a linear sum of: F = Σ θᵢ ∂F/∂θᵢ.
+    #: Number of leading parameters in which the force is linear: F = Σ θᵢ ∂F/∂θᵢ.
     linear: ClassVar[int] = 0
-    #: Whether the law is (K + B v) xⁿ, of the parameters K, B and n in this order.
+    #: Whether the law is (K + B v) xⁿ, with the parameters K, B and n in this order.
     power_law: ClassVar[bool] = False
-    #: Whether laws of this class may relax; :attr:`remembers` says whether this one does.
+    #: Whether laws of this class can have memory; :attr:`remembers` is that of one law.
     relaxes: ClassVar[bool] = False
-    #: Damping, memory and whether n = 1 of the candidate of the model selection that it is.
+    #: Damping, memory and linearity of the equivalent model-selection candidate.
     candidate: ClassVar[tuple[str, str, bool] | None] = None
 
     def __post_init__(self) -> None:
@@ -51,12 +51,12 @@ class ForceLaw:
 
     @classmethod
     def from_parameters(cls, parameters: "ArrayLike") -> Self:
-        """Return the law of these numbers, as :attr:`parameters` has them."""
+        """Return the law of these numbers, in the order of :attr:`parameters`."""
         return cls(*np.asarray(parameters, dtype=np.float64).tolist())
 
     @classmethod
     def from_dict(cls, numbers: dict[str, Any]) -> Self:
-        """Return the law of its numbers by name, as :meth:`as_dict` has them."""
+        """Return the law from the dictionary that :meth:`as_dict` makes."""
         return cls(**numbers)
 
     @classmethod
@@ -70,37 +70,37 @@ class ForceLaw:
 
     @classmethod
     def sizes(cls, depth: float, speed: float, force: float) -> Floats:
-        """Return how large its parameters may be, by a depth [m], a speed [m/s] and a force [N].
+        """Return typical parameter values for a depth [m], a speed [m/s] and a force [N].
 
-        By their units. Where a fit begins the others are a hundredth to a hundred times this, and
-        those without unit a tenth to ten; a law whose parameters are otherwise says so here.
+        They follow from the units. A fit starts from 0.01 to 100 times these values, or 0.1 to 10
+        times for parameters without unit; override this method for other ranges.
         """
         own = {"N": force, "m": depth, "s": depth / speed if speed > 0.0 else 1.0}
         return np.array([_size_of(unit, own) for unit in cls.units])
 
     @property
     def remembers(self) -> bool:
-        """Whether its force depends on more than the present."""
+        """Whether the law has memory."""
         return False
 
     @property
     def relaxation_time(self) -> float | None:
-        """Its one relaxation time, s; None of a law that has none, or many."""
+        """The relaxation time, s; None for a law without one or with a spectrum of them."""
         return None
 
     @property
     def powers(self) -> tuple[Any, ...] | None:
-        """What :class:`GeneralisedHuntCrossley` has for the same law; None where it is none."""
+        """Parameters of the equivalent :class:`GeneralisedHuntCrossley`; None without one."""
         return None
 
     def simplest(self) -> "ForceLaw":
-        """Return Kelvin and Voigt's law, or Hunt and Crossley's, where it is exactly that."""
+        """Return the equivalent Kelvin–Voigt or Hunt–Crossley law, else the law itself."""
         return self
 
     def scaled(self, depth: float, speed: float) -> "ForceLaw":
         """Return the law with penetration in units of a depth [m] and velocity in a speed [m/s].
 
-        Only a power law needs that, whose K and n are hardly told apart in metres.
+        Only a power law needs that: in metres its K and n are strongly correlated.
         """
         return self
 
@@ -118,15 +118,15 @@ class ForceLaw:
         raise NotImplementedError
 
     def in_a_loop(self) -> Callable[[float, float], float]:
-        """Return :meth:`force` of plain numbers, one after the other: the same, quicker."""
+        """Return a faster :meth:`force` for repeated calls with plain floats."""
         return self.force
 
     def force_along(
         self, penetration: "ArrayLike", velocity: "ArrayLike", time_steps: "ArrayLike"
     ) -> Floats:
-        """Force [N] along a motion, of samples so many seconds apart, shapes (k,).
+        """Force [N] along a motion, shapes (k,), with the time steps [s].
 
-        The same as :meth:`force` of a law without memory.
+        Equal to :meth:`force` for a law without memory.
         """
         return np.asarray(self.force(penetration, velocity))
 
@@ -136,7 +136,7 @@ class ForceLaw:
 
     @classmethod
     def force_and_gradient(cls, parameters: Floats, x: Floats, v: Floats) -> tuple[Floats, Floats]:
-        """Force [N] and ∂F/∂θ in contact by parameters; NaN where there is no such law."""
+        """Force [N] and ∂F/∂θ in contact by parameters; NaN for invalid parameters."""
         try:
             law = cls.from_parameters(parameters)
             return law.force(x, v), law.parameter_gradient(x, v)
@@ -150,7 +150,7 @@ class ForceLaw:
     def velocity_gradient(self, penetration: Floats) -> Floats:
         """∂F/∂v in contact and at rest, N·s/m, shape (k,), at penetrations > 0 [m], (k,).
 
-        By (F(x, v) − F(x, −v))/2v at 1 mm/s: exact for every law that is linear in v.
+        (F(x, v) − F(x, −v))/2v at 1 mm/s: exact for every law that is linear in v.
         """
         v = 1e-3
         return (self.force(penetration, v) - self.force(penetration, -v)) / (2.0 * v)
@@ -160,9 +160,9 @@ class ForceLaw:
     @overload
     def stiffness_at(self, depth: "ArrayLike", velocity: "ArrayLike" = 0.0) -> Floats: ...
     def stiffness_at(self, depth: "ArrayLike", velocity: "ArrayLike" = 0.0) -> float | Floats:
-        """∂F/∂x [N/m] at a depth > 0 [m] and a velocity [m/s]: what a small motion there feels.
+        """∂F/∂x [N/m] at a depth > 0 [m] and a velocity [m/s].
 
-        Scalars give a float; arrays go together as in NumPy.
+        Scalars give a float; arrays broadcast as in NumPy.
         """
         x, v = in_contact(depth, velocity)
         slope = self.penetration_gradient(x.reshape(-1), v.reshape(-1)).reshape(x.shape)
@@ -184,12 +184,12 @@ class ForceLaw:
 
     @classmethod
     def many_at(cls, parameters: Floats, depth: float | Floats) -> tuple[Floats, Floats]:
-        """:meth:`stiffness_at` and :meth:`damping_at` a depth, of many laws at once.
+        """:meth:`stiffness_at` and :meth:`damping_at` a depth, for many laws at once.
 
         Parameters
         ----------
         parameters : numpy.ndarray, shape (k, p)
-            A law a row; NaN gives NaN.
+            One law per row; NaN gives NaN.
         depth : float or numpy.ndarray, shape (k,)
             m, > 0.
         """
@@ -202,7 +202,7 @@ class ForceLaw:
 
 
 def _size_of(unit: str, own: dict[str, float]) -> float:
-    """The size of a unit, such as ``N·s/m²``; what is none of N, m and s counts as 1."""
+    """The typical value of a unit, such as ``N·s/m²``; other symbols than N, m, s count as 1."""
     size, sign = 1.0, 1
     for symbol, separator in re.findall(r"([^·/]*)([·/]?)", unit):
         power = re.sub("[^0-9]", "", symbol.translate(_SUPERSCRIPTS)) or "1"
@@ -218,17 +218,17 @@ Law = TypeVar("Law", bound=type[ForceLaw])
 #: Every force law by its kind.
 FORCE_LAWS: dict[str, type[ForceLaw]] = {}
 
-# What is to know of each law that is registered: estimators, which stand above the laws.
+# Callbacks for each registered law; estimators, which may not be imported here, add theirs.
 WATCHERS: list[Callable[[type[ForceLaw]], None]] = []
 
 
 def register(law: Law) -> Law:
-    """Make a law known to estimators, lab, figures, reports and the command line; a decorator.
+    """Register a law for estimators, lab, figures, reports and the command line; a decorator.
 
     Raises
     ------
     InvalidParameterError
-        It is no force law, lacks a part, or another has its kind.
+        It is not a force law, lacks an attribute, or another law has its kind.
     """
     if not (isinstance(law, type) and issubclass(law, ForceLaw) and is_dataclass(law)):
         raise InvalidParameterError(f"law must be a dataclass of ForceLaw, not {shown(law)}")
@@ -238,21 +238,22 @@ def register(law: Law) -> Law:
     if missing:
         raise InvalidParameterError(f"{law.__name__} lacks {', '.join(missing)}")
     if not len(law.names()) == len(law.units) == len(law.symbols):
-        raise InvalidParameterError(f"{law.__name__} must have a unit and a symbol a parameter")
+        raise InvalidParameterError(f"{law.__name__} must have one unit and symbol per parameter")
     if FORCE_LAWS.setdefault(law.kind, law) is not law:
-        raise InvalidParameterError(f"kind must be new: {law.kind!r} is {FORCE_LAWS[law.kind]}")
+        taken = FORCE_LAWS[law.kind].__name__
+        raise InvalidParameterError(f"kind {law.kind!r} is taken by {taken}: choose another")
     for watch in WATCHERS:
         watch(law)
     return law
 
 
 def law_from(description: dict[str, Any]) -> ForceLaw:
-    """Return the law of a ``kind`` and its parameters, as :meth:`ForceLaw.as_dict` names them.
+    """Return the law of a ``kind`` and its parameters, named as in :meth:`ForceLaw.as_dict`.
 
     Raises
     ------
     InvalidParameterError
-        The kind is unknown, or the parameters are not its own.
+        The kind is unknown, or has other parameters.
     """
     given = dict(description)
     kind: Any = given.pop("kind", None)
@@ -260,15 +261,15 @@ def law_from(description: dict[str, Any]) -> ForceLaw:
     law = FORCE_LAWS[kind]
     needed = [name for name in law.names() if name not in law.optional]
     if not set(needed) <= set(given) <= set(law.names()):
-        words = f"{kind} needs {', '.join(needed)}"
+        words = f"law {kind!r} takes exactly {', '.join(needed)}"
         if law.optional:
-            words += f", may have {', '.join(law.optional)}"
-        raise InvalidParameterError(f"{words}, and no others")
+            words += f", and optionally {', '.join(law.optional)}"
+        raise InvalidParameterError(words)
     return law.from_dict({**dict.fromkeys(law.optional, 0.0), **given})
 
 
 class CompiledLaw(ForceLaw):
-    """A law whose force is worked out by the compiled core."""
+    """A law whose force the compiled core computes."""
 
     __slots__ = ()
     _compiled: ClassVar[Callable[..., None]]
@@ -287,16 +288,16 @@ class CompiledLaw(ForceLaw):
 
     @classmethod
     def many_at(cls, parameters: Floats, depth: float | Floats) -> tuple[Floats, Floats]:
-        """∂F/∂x and ∂F/∂v of many laws at rest, a row each, once they have relaxed."""
-        laws = object.__new__(cls)  # of columns, which the gradients take as they take numbers
+        """∂F/∂x and ∂F/∂v of many fully relaxed laws at zero velocity, one per row."""
+        laws = object.__new__(cls)  # with columns as parameters, which the gradients accept too
         for own, column in zip(fields(cls), parameters.T, strict=False):  # type: ignore[arg-type]
             object.__setattr__(laws, own.name, column)
         x = np.broadcast_to(np.asarray(depth, dtype=np.float64), len(parameters))
-        with np.errstate(all="ignore"):  # a start may be anything
+        with np.errstate(all="ignore"):  # early estimates may be extreme
             return laws.penetration_gradient(x, np.zeros_like(x)), laws.velocity_gradient(x)
 
     def in_a_loop(self) -> Callable[[float, float], float]:
-        """Return :meth:`force` of plain numbers, in arrays of its own: not for several threads."""
+        """Return a faster :meth:`force` for plain floats; it is not thread-safe."""
         compiled, parameters = type(self)._compiled, self.parameters
         depth, speed, force = np.empty(1), np.empty(1), np.empty(1)
 
@@ -315,7 +316,7 @@ class KelvinVoigt(CompiledLaw):
 
     F = K x + B v  for x ≥ 0, else 0.   (eq. 1)
 
-    On a fast rebound it can pull, F < 0, as no contact can: the paper's Fig. 10.
+    On fast withdrawals the force can become negative, unlike a real contact's (paper, Fig. 10).
 
     Parameters
     ----------
@@ -402,7 +403,7 @@ class ExtendedKelvinVoigt(CompiledLaw):
 @register
 @dataclass(frozen=True, slots=True)
 class HuntCrossley(CompiledLaw):
-    """A spring and a damper in parallel that both stiffen with depth.
+    """A spring and a damper in parallel, both increasing with depth.
 
     F = K xⁿ + B xⁿ v = K xⁿ (1 + b v)  for x > 0, else 0.   (eq. 2)
 
@@ -413,7 +414,7 @@ class HuntCrossley(CompiledLaw):
     damping : float
         B, N·s/mⁿ⁺¹; not negative for a real material.
     exponent : float
-        n; 1 to 2 for most materials (1.5 a Hertzian sphere, 2 a cone).
+        n; 1 to 2 for most materials (1.5 for a Hertzian sphere, 2 for a cone).
     """
 
     stiffness: float
@@ -430,7 +431,7 @@ class HuntCrossley(CompiledLaw):
 
     @property
     def dissipation(self) -> float:
-        """Dissipation b = B/K, s/m, as simulators call it."""
+        """Dissipation b = B/K, s/m, as simulators name it."""
         return self.damping / self.stiffness if self.stiffness else float("nan")
 
     @property

@@ -1,6 +1,6 @@
-"""Laws that the literature names, as the one law that palpate identifies and presses.
+"""Laws from the literature as generalised Hunt–Crossley laws.
 
-Each function takes the numbers of its source, SI, and returns the law that they are. Those of
+Each function takes the parameters of its source, SI, and returns the equivalent law. Those of
 simulation engines are in :mod:`palpate.force_laws.engines`.
 """
 
@@ -18,8 +18,8 @@ def half_space(
 
     B = n A K, p = n − 1. Kuwabara & Kono, *Jpn. J. Appl. Phys.* 26 (1987) 1230–1233, Brilliantov,
     Spahn, Hertzsch & Pöschel, *Phys. Rev. E* 53 (1996) 5382–5392, both for spheres, n = 1.5; for
-    other tips after Lee & Radok, *J. Applied Mechanics* 27 (1960) 438–444. For an area of contact
-    that grows; on the way back from a deep indentation it is the authors' approximation.
+    other tips Lee & Radok, *J. Applied Mechanics* 27 (1960) 438–444. Exact while the contact area
+    grows; during withdrawal from a deep indentation it is the authors' approximation.
 
     Parameters
     ----------
@@ -39,7 +39,7 @@ def hunt_crossley_1975(
     """Return F = K xⁿ (1 + 3 (1 − e)/(2 v₀) v): Hunt & Crossley's own choice of dissipation.
 
     *J. Applied Mechanics* 42 (1975) 440–445. For e near 1; ``palpate.dissipation_for`` is exact,
-    and docs/quantities.md says how near this and the next two come.
+    and docs/quantities.md has the errors of this and the next two.
 
     Parameters
     ----------
@@ -48,7 +48,7 @@ def hunt_crossley_1975(
     restitution : float
         e, in [0, 1].
     speed : float
-        v₀, of approach, m/s, > 0: the law is that of impacts at this speed.
+        Approach speed v₀, m/s, > 0; the law is for impacts at this speed.
     """
     e = number_in("restitution", restitution, 0.0, 1.0)
     return _by_dissipation(stiffness, exponent, 1.5 * (1.0 - e), speed)
@@ -73,7 +73,7 @@ def lankarani_nikravesh(
 def flores(
     *, stiffness: float, exponent: float, restitution: float, speed: float
 ) -> GeneralisedHuntCrossley:
-    """Return F = K xⁿ (1 + 8 (1 − e)/(5 e v₀) v), which Chrono has too.
+    """Return F = K xⁿ (1 + 8 (1 − e)/(5 e v₀) v), which Chrono uses too.
 
     Flores, Machado, Silva & Martins, *Multibody System Dynamics* 25 (2011) 357–375. For every e.
 
@@ -89,11 +89,11 @@ def flores(
 def standard_linear_solid(
     *, stiffness: float, branch_stiffness: float, branch_damping: float, exponent: float = 1.0
 ) -> GeneralisedHuntCrossley:
-    """Return a spring beside a spring and a damper in series: Zener's solid, in Maxwell's form.
+    """Return the standard linear solid in Maxwell's form: a spring parallel to a Maxwell branch.
 
     F = K xⁿ + s,  ds/dt = E d(xⁿ)/dt − s E/η: M = E and one relaxation time η/E. With K = 0 it is
-    Maxwell's fluid. Zener's other form, a spring E₁ in series with E₂ and η₂ side by side, is the
-    same with K = E₁E₂/(E₁ + E₂), E = E₁²/(E₁ + E₂), η = η₂ E₁²/(E₁ + E₂)².
+    Maxwell's fluid. Zener's form, a spring E₁ in series with E₂ and η₂ in parallel, is equivalent
+    with K = E₁E₂/(E₁ + E₂), E = E₁²/(E₁ + E₂), η = η₂ E₁²/(E₁ + E₂)².
 
     Parameters
     ----------
@@ -118,7 +118,7 @@ def standard_linear_solid(
 def fung(
     *, instantaneous: float, exponent: float, c: float, shortest: float, longest: float
 ) -> GeneralisedHuntCrossley:
-    """Return quasi-linear viscoelasticity with Fung's box spectrum, as tissues are published.
+    """Return quasi-linear viscoelasticity with Fung's box spectrum, common for soft tissue.
 
     G(t) = [1 + c ∫ e^(−t/τ) dτ/τ]/[1 + c ln(τ₂/τ₁)],  τ₁ ≤ τ ≤ τ₂
 
@@ -129,7 +129,7 @@ def fung(
     instantaneous, exponent : float
         K₀, N/mⁿ, and n of the elastic response, > 0.
     c : float
-        Of the spectrum, > 0.
+        Magnitude of the spectrum, > 0.
     shortest, longest : float
         τ₁ < τ₂, s, > 0.
     """
@@ -142,6 +142,6 @@ def fung(
 def _by_dissipation(
     stiffness: float, exponent: float, wanted: float, speed: float
 ) -> GeneralisedHuntCrossley:
-    """K xⁿ (1 + b v), with b v₀ as it is wanted."""
+    """K xⁿ (1 + b v) with the requested b v₀."""
     k, n = above_zero("stiffness", stiffness), above_zero("exponent", exponent)
     return GeneralisedHuntCrossley(k, n, k * wanted / above_zero("speed", speed), n)

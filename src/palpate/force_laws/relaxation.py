@@ -1,4 +1,4 @@
-"""How a material that is held relaxes: the spectrum of its relaxation times, and its state."""
+"""Stress relaxation: spectra of relaxation times, and the state of a relaxing material."""
 
 from dataclasses import dataclass
 
@@ -8,7 +8,7 @@ from palpate.errors import InvalidParameterError
 from palpate.force_laws.laws import ForceLaw
 from palpate.validation import Floats, kept
 
-#: Of relaxation times, s: wide enough for 4096 of any sample time that estimators take.
+#: Range of relaxation times, s: it includes 4096 sample times of any allowed sample time.
 SHORTEST, LONGEST = 1e-12, 1e12
 
 
@@ -25,12 +25,12 @@ class Relaxation:
 
 @dataclass(frozen=True, slots=True)
 class FlatSpectrum(Relaxation):
-    """As much relaxes in each decade of time as in the next (Fung's box spectrum).
+    """Flat relaxation spectrum: equal relaxation in each decade of time (Fung's box spectrum).
 
     G(t) = ∫ e^(−t/τ) d(ln τ) / ln(longest/shortest),  shortest ≤ τ ≤ longest
 
-    What is left after a step falls with the logarithm of time, and the loss hardly depends on the
-    frequency, as of tissue and of many polymers (Fung, *Biomechanics*, 1981).
+    After a step the force falls with the logarithm of time, and the loss tangent is nearly
+    constant, as in tissue and many polymers (Fung, *Biomechanics*, 1981).
 
     Parameters
     ----------
@@ -40,7 +40,7 @@ class FlatSpectrum(Relaxation):
     Raises
     ------
     InvalidParameterError
-        A time is outside its range, or there is nothing between them.
+        A time is outside its range, or ``shortest`` is not below ``longest``.
     """
 
     shortest: float
@@ -57,19 +57,19 @@ class FlatSpectrum(Relaxation):
 
 @dataclass(frozen=True, slots=True)
 class SingleRelaxation(Relaxation):
-    """One relaxation time: a Maxwell branch beside the spring (the standard linear solid).
+    """One relaxation time: a Maxwell branch parallel to the spring (the standard linear solid).
 
     G(t) = e^(−t/time)
 
     Parameters
     ----------
     time : float
-        s, in [1e-12, 1e12].
+        Relaxation time, s, in [1e-12, 1e12].
 
     Raises
     ------
     InvalidParameterError
-        It is outside its range.
+        The time is outside its range.
     """
 
     time: float
@@ -85,9 +85,9 @@ class SingleRelaxation(Relaxation):
 
 @dataclass(frozen=True, slots=True)
 class PowerLawRelaxation(Relaxation):
-    """Relaxation by a power of time, between a shortest and a longest one.
+    """Power-law relaxation between a shortest and a longest time.
 
-    G(t) ∝ ∫ τ^−α e^(−t/τ) d(ln τ),  which goes as t^−α well within the two
+    G(t) ∝ ∫ τ^−α e^(−t/τ) d(ln τ),  proportional to t^−α well between the two
 
     Parameters
     ----------
@@ -99,7 +99,7 @@ class PowerLawRelaxation(Relaxation):
     Raises
     ------
     InvalidParameterError
-        A number is outside its range, or there is nothing between the times.
+        A number is outside its range, or ``shortest`` is not below ``longest``.
     """
 
     exponent: float
@@ -118,14 +118,14 @@ class PowerLawRelaxation(Relaxation):
 
 @dataclass(frozen=True, slots=True)
 class RelaxationState:
-    """What a material remembers: made by :meth:`GeneralisedHuntCrossley.rest`, and never changed.
+    """Relaxation state of a material, immutable; :meth:`GeneralisedHuntCrossley.rest` makes one.
 
     Attributes
     ----------
     elastic : float
         xⁿ at the last penetration.
     branches : tuple of float
-        How far each branch is stretched, in units of xⁿ.
+        Elastic deformation of each branch, in units of xⁿ.
     """
 
     elastic: float
@@ -133,14 +133,14 @@ class RelaxationState:
 
 
 def relaxation_of(exponent: float, shortest: float, longest: float) -> Relaxation | None:
-    """Return the kind of relaxation of a spectrum; None where its longest time is 0.
+    """Return the kind of relaxation of a spectrum; None if its longest time is 0.
 
-    Where the shortest is 0, the longest is the only one.
+    If the shortest time is 0, the longest is the only one.
 
     Raises
     ------
     InvalidParameterError
-        There is no such spectrum.
+        The numbers are outside their ranges.
     """
     if longest == 0.0:
         return None
@@ -164,19 +164,19 @@ def _check_times(spectrum: FlatSpectrum | PowerLawRelaxation) -> None:
 def force_over_breaks(
     law: ForceLaw, penetration: Floats, velocity: Floats, steps: Floats, starts: list[int]
 ) -> Floats:
-    """Force by a law at every sample, N, as an estimator has it.
+    """Force of a law at every sample, N, as an estimator computes it.
 
-    A material that is in contact before a break and after it was not left alone in between: what
-    it remembers is carried over. Else it is at rest where samples begin.
+    If the probe is in contact before and after a gap, it was in contact during the gap, and the
+    relaxation state continues. Otherwise the material is fully relaxed after the gap.
 
     Parameters
     ----------
     law : ForceLaw
-        With memory or without.
+        Any law, with or without memory.
     penetration, velocity, steps : numpy.ndarray, shape (k,)
-        m, m/s, and the time since the sample before, s, > 0.
+        m, m/s, and the time since the previous sample, s, > 0.
     starts : list of int
-        Places of the samples that do not follow upon the one before, the first among them.
+        Indices of the samples that follow a gap, including the first sample.
     """
     fresh = [k for k in starts if k > 0 and not min(penetration[k - 1], penetration[k]) > 0.0]
     force = np.empty(len(penetration))

@@ -72,7 +72,7 @@ FEWEST_ABOVE = 20
 
 
 def why_nothing(data: Data, gate: ContactGate) -> str:
-    """Why no sample was taken: by what the checks of the data found, if anything."""
+    """Describe why no sample was taken: the most severe finding of the data, if any."""
     for finding in data.findings:
         if finding.severity == "do-not-trust":
             where = f"{data.contact.source}: " if data.contact.source else ""
@@ -81,26 +81,26 @@ def why_nothing(data: Data, gate: ContactGate) -> str:
 
 
 def no_contact_message(contact: Contact, gate: ContactGate) -> str:
-    """Say why no sample was taken."""
+    """Describe why no sample was taken."""
     where = f"{contact.source}: " if contact.source else ""
     if not len(contact):
         return f"{where}there are no samples"
     inside = gate.makes(contact.penetration, contact.force)
     if inside.any() and not np.isfinite(contact.velocity[inside]).any():
         return (
-            f"{where}no sample of the contact has a velocity: {not_finite(contact)}; without that "
-            "channel it is worked out from the penetration"
+            f"{where}no sample in contact has a velocity: {not_finite(contact)}; pass "
+            "--velocity none to differentiate the penetration instead"
         )
     return (
-        f"{where}the probe never touches: no sample has penetration above "
+        f"{where}no contact found: no sample has penetration above "
         f"{rounded(gate.minimum_penetration, 3)} m and force above {rounded(gate.make_force, 3)} N "
         f"(the largest are {_largest(contact.penetration)} m and {_largest(contact.force)} N); "
-        "check the units and signs, or lower the gate"
+        "check units and signs, or pass a smaller --min-penetration or --min-force"
     )
 
 
 def not_finite(contact: Contact) -> str:
-    """Which channels are not finite, where they come from, and how often, in words."""
+    """Describe which channels are not finite, where they come from, and how often."""
     penetration, force = ~np.isfinite(contact.penetration), ~np.isfinite(contact.force)
     velocity = ~np.isfinite(contact.velocity) & ~penetration  # beyond what follows from the depth
     words = []
@@ -124,12 +124,11 @@ def check_approach(contact: Contact, trace: Trace, surface: float) -> None:
 
 
 def no_approach(above: int, samples: int, surface: float) -> str:
-    """Say that too few samples lie above the surface that was found."""
+    """Describe that too few samples lie above the surface that was found."""
     return (
-        f"the search for the surface needs the free approach: {above} of {samples} samples lie "
-        f"above the best surface, {rounded(surface, 3)} m, and at least {FEWEST_ABOVE} have to; "
-        "record from before the touch, or give the penetration from a known surface and leave "
-        "surface out"
+        f"cannot estimate the surface without a free approach: {above} of {samples} samples lie "
+        f"above the best surface, {rounded(surface, 3)} m, and at least {FEWEST_ABOVE} must; "
+        "start the recording before the touch, or pass the position of the surface"
     )
 
 
@@ -137,17 +136,17 @@ def no_approach(above: int, samples: int, surface: float) -> str:
 
 NEGATIVE_STIFFNESS = Finding(
     "negative stiffness",
-    "negative stiffness: by this law the force falls as the probe goes deeper",
-    "check the signs",
+    "negative stiffness: in this law the force falls with depth",
+    "check the signs of penetration and force",
 )
 NEGATIVE_DAMPING = Finding(
     "negative damping",
-    "negative damping: this law gives energy back, which no passive material does",
+    "negative damping: this law creates energy, which no passive material does",
 )
 
 
 def findings_of(contact: Contact, trace: Trace, estimator: ContactEstimator) -> Iterator[Finding]:
-    """Return what the last estimate leaves open, and what is to be known of the samples."""
+    """Return what the last estimate does not determine, and what is special about the samples."""
     estimate = estimator.estimate()
     law = estimate.law
     yield from estimate.findings
@@ -160,11 +159,14 @@ def findings_of(contact: Contact, trace: Trace, estimator: ContactEstimator) -> 
         yield NEGATIVE_DAMPING
     violated = violated_fraction(trace) if estimator.needs_condition_10 else 0.0
     if violated > 0.0:
-        yield Finding("condition 10", f"condition 10 violated in {violated:.1%} of the contact")
+        yield Finding(
+            "condition 10",
+            f"|v| ≥ 0.1 K/B in {violated:.1%} of the contact, where the method is biased",
+        )
     if math.isnan(prediction_rmse_percent(trace, contact.force, contact.time_steps)):
         yield Finding("prediction", "less than 0.2 s of contact: no prediction error")
     if estimate.guarded:
-        yield Finding("guard", f"covariance guard acted on {estimate.guarded} samples")
+        yield Finding("guard", f"the covariance was limited on {estimate.guarded} samples")
     if left_out := int(np.count_nonzero(trace.rejected)):
         taken = int(np.count_nonzero(trace.taken))
         yield outliers(left_out, left_out + taken)
@@ -172,8 +174,8 @@ def findings_of(contact: Contact, trace: Trace, estimator: ContactEstimator) -> 
         if law.remembers:
             yield Finding(
                 "memory",
-                f"the material remembers ({verdict.candidate}): force, stiffness and damping at a "
-                "depth are those once it has relaxed; K′ and B′ are what a small oscillation feels",
+                f"the law relaxes ({verdict.candidate.title}): force, stiffness and damping "
+                "at a depth are those after relaxation; K′ and B′ are those of a small oscillation",
             )
         yield from verdict.findings
     for refusal in (Status.NOT_FINITE, Status.INVALID_STEP, Status.OUT_OF_RANGE):
@@ -181,7 +183,7 @@ def findings_of(contact: Contact, trace: Trace, estimator: ContactEstimator) -> 
             words = refusal.name.lower().replace("_", " ")
             if refusal == Status.NOT_FINITE:
                 words += f": {not_finite(contact)}"
-            yield Finding("rows", f"{count} samples refused: {words}")
+            yield Finding("rows", f"{count} samples rejected: {words}")
 
 
 # What a whole contact gave.
@@ -229,7 +231,7 @@ class Identified:
         data : Data
             The contact with the checks of its channels.
         estimator : ContactEstimator or str, optional
-            Method and settings; variable projection unless given.
+            Method and settings. Default: variable projection.
         trace : int, float, "full" or False
             Which estimates are written down.
         """
@@ -257,14 +259,24 @@ class Identified:
 
     @cached_property
     def diagnosis(self) -> Diagnosis:
-        """What may be wrong, and how far to trust it; worked out when it is first asked for."""
-        return self._diagnosed_at(self.depths)
+        """What may be wrong, and how far to trust it; worked out when it is first needed."""
+        found = self._diagnosed_at(self.depths)
+        if not self.segments:
+            return found
+        parts = (replace(f, remedy=None) if f.check == "change" else f for f in found.findings)
+        return replace(found, findings=tuple(parts))  # each segment is identified already
 
     def _diagnosed_at(self, depths: Sequence[float]) -> Diagnosis:
         data = self.data or Data(self.contact)
         laws = laws_beside(data, self.estimator, self.chosen)
         return diagnose_parts(
-            data, self.trace, self.estimate, depths=depths, laws=laws, notes=self.findings
+            data,
+            self.trace,
+            self.estimate,
+            depths=depths,
+            laws=laws,
+            notes=self.findings,
+            method=self.method,
         )
 
     @cached_property
@@ -306,16 +318,15 @@ class Identified:
         return self.diagnosis.working_depths
 
     def at(self, depth: "ArrayLike") -> WorkingDepth:
-        """Force, stiffness and damping at other depths, each with both error bars, SI.
+        """Force, stiffness and damping at other depths, each with both standard errors, SI.
 
-        Those of the diagnosis: what repeats, and what the causes that were found would move. It is
-        made once more, so ask for many depths at once.
+        The diagnosis is run again, so request many depths at once.
 
         Parameters
         ----------
         depth : float or array_like
             Below the surface, m, > 0. Beyond the depths in contact the law is extrapolated, and
-            the error bars hold only as far as the law does.
+            the error bars hold only if the law does.
 
         Returns
         -------
@@ -364,27 +375,26 @@ class Identified:
         return replace(self, query=query)
 
     def by_segment(self) -> Self:
-        """Return the same with each stretch between the changes that were found by itself.
+        """Return a copy with ``segments``: each segment between changes identified separately.
 
-        Each is identified afresh with the same settings, and diagnosed at the same working depth; a
-        stretch that cannot be identified is left out, and so are the samples at a border that a
-        filter of the velocity smears over it. Without a change there are none. The whole is
-        replayed once more with a change detector: when would a control loop have noticed?
+        With the same settings and working depth. Segments that cannot be identified are omitted,
+        and so are samples at a border within the velocity filter. Without a change there are none.
+        ``noticed`` is a replay with a change detector: when a control loop would have noticed.
         """
         parts = (self.segment_of(episode) for episode in self.diagnosis.episodes)
         found = tuple(part for part in parts if part is not None)
         return replace(self, segments=found, noticed=self._watched())
 
     def by_place(self, watch: "Callable[[Sequence[_Placed]], Iterable[_Placed]]" = iter) -> Self:
-        """Return the same with each place of a probe that travels by itself.
+        """Return a copy with ``segments``: each place of a travelling probe identified separately.
 
-        Each is identified afresh with the same settings, and diagnosed at its own working depth; a
-        place that cannot be identified is left out. Of a probe that stays at one there are none.
+        With the same settings, each at its own working depth. Places that cannot be identified are
+        omitted. A probe that stays at one place has none.
 
         Parameters
         ----------
         watch : callable
-            Goes through the places, such as with a progress bar.
+            Iterates over the places, such as with a progress bar.
         """
         # Of the same settings, but for those that were chosen from these data.
         found, fresh = [], self.estimator.replace(**dict.fromkeys(self.chosen))
@@ -447,10 +457,10 @@ class Identified:
 
     @property
     def law_verdict(self) -> LawVerdict | None:
-        """Which law it is, and by what evidence.
+        """Model selection: the preferred law, and the evidence.
 
-        By a method that chooses one, that choice. Beside another's Hunt–Crossley or Kelvin–Voigt
-        law, which of the everyday laws the same samples say it is; None beside other laws.
+        The choice of a method that selects a law. For another method's Hunt–Crossley or
+        Kelvin–Voigt law, model selection among the common laws; None for other laws.
         """
         return self.diagnosis.law_verdict
 
@@ -507,7 +517,7 @@ class Identified:
     def fitted_force(self) -> Floats:
         """Force by the final law, and offset where one is estimated, at every sample, N.
 
-        Where there are stretches, by the law of the one that began last.
+        With segments, by the law of the one that began last.
         """
         contact, parts = self.contact, self.segments
         fitted = (parts[0] if parts else self).predicted_force(contact)

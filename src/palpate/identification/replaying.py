@@ -1,4 +1,4 @@
-"""An estimator for a whole contact: what was asked for, what the data choose, and the replay."""
+"""An estimator for a whole contact: its settings, defaults from the data, and the replay."""
 
 import logging
 import math
@@ -63,7 +63,7 @@ def _surface_deviation(contact: Contact) -> float | None:
 
 
 def estimator_of(given: ContactEstimator | str | None) -> ContactEstimator:
-    """An estimator as it was asked for: itself, by its name, or the default."""
+    """The requested estimator: itself, by its name, or the default."""
     if given is None:
         return VariableProjection()
     if isinstance(given, str):
@@ -209,7 +209,7 @@ def widening(
 
 # In sample times: where the last relaxation time's part of a spectrum ends.
 _LONGEST = 4096.0
-# From one place to the next: the everyday bank's times are as far apart.
+# From one place to the next: the common bank's times are as far apart.
 _FURTHER = 4.0
 # Of the cost of a number. Memory that explains nothing costs a whole one more; of a material that
 # relaxes more slowly than the first place can tell, the first finds some.
@@ -269,7 +269,7 @@ def _costs(bank: ContactEstimator, effective: float) -> tuple[float, float]:
     return costs[0], costs[1]
 
 
-# The everyday laws by samples that another method identified, to say whether one is better.
+# The common laws on the samples that another method identified, to see whether one is better.
 
 
 def laws_beside(data: Data, estimator: ContactEstimator, chosen: Sequence[str]) -> Laws | None:

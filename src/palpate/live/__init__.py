@@ -1,8 +1,8 @@
-"""The loop in real time: sources on one side, sinks on the other.
+"""Real-time identification: a loop between a source of samples and sinks of results.
 
-:func:`run` takes samples from a source, one at a time, prepares and learns each before the next
-one comes, and writes what it found into a ring in shared memory. Sinks, such as the page and the
-recorder, read it from processes of their own.
+:func:`run` takes samples from a source one at a time, prepares each and updates the estimate with
+it before the next one arrives, and writes the results into shared memory. Sinks, such as the page
+and the recorder, read them there, each in a process of its own.
 """
 
 from palpate.live.running import run as run

@@ -1,4 +1,4 @@
-"""What a person may choose of an estimator while it runs."""
+"""Settings, commands, states and counts of a running loop."""
 
 from dataclasses import dataclass, field
 from enum import IntEnum
@@ -10,20 +10,20 @@ from palpate.estimators.law_verdicts import DAMPINGS, MEMORIES
 from palpate.settings import ChangeDetector, ConstantForgetting, OutlierRejection
 from palpate.validation import number_in, shown
 
-#: Settings that are either off or as the library has them.
+#: Settings that are either off or at the library's default.
 SWITCHES = {"outlier_rejection": OutlierRejection, "change_detector": ChangeDetector}
 #: Numbers that only some methods have.
 NUMBERS = ("stiffness_drift", "dissipation_drift", "exponent_drift")
-#: Which laws an estimator that compares them offers.
+#: Choices of laws, of an estimator that compares them.
 CHOICES = {"damping": ("auto", *DAMPINGS), "memory": ("auto", "any", *MEMORIES)}
-#: Of the recording or the tip rather than the method: another method has them too.
+#: Settings of the recording or the tip rather than the method: another method keeps them.
 _KEPT = ("gate", "sample_time", "scale", "exponent", "outlier_rejection", "change_detector")
 
 
 def main_settings(estimator: ContactEstimator) -> dict[str, Any]:
-    """Return the settings that a person may change, as plain values.
+    """Return the settings that the user may change, as plain values.
 
-    ``forgetting_factor`` is NaN-free: None where the method forgets in its own way, or not at all.
+    ``forgetting_factor`` is None if the method has its own forgetting, or none.
     """
     settings = estimator.settings
     found: dict[str, Any] = {
@@ -38,19 +38,19 @@ def main_settings(estimator: ContactEstimator) -> dict[str, Any]:
 
 
 def offered() -> dict[str, dict[str, Any]]:
-    """Return every method with the main settings that it begins with."""
+    """Return the default main settings of every method."""
     return {name: main_settings(kind()) for name, kind in ESTIMATORS.items()}
 
 
 def chosen(estimator: ContactEstimator, options: dict[str, Any]) -> ContactEstimator:
-    """Return an estimator that has learned nothing, as a person asked for it.
+    """Return a new estimator with the requested method and settings.
 
     Parameters
     ----------
     estimator : ContactEstimator
-        The one until now; of another method what concerns the samples is kept, such as the gate.
+        The present one. A new method keeps the settings that concern the samples, such as the gate.
     options : dict
-        ``method``; what :func:`main_settings` names; or settings of the method, as objects.
+        ``method``, the settings of :func:`main_settings`, or settings of the method as objects.
 
     Raises
     ------
@@ -73,7 +73,7 @@ def chosen(estimator: ContactEstimator, options: dict[str, Any]) -> ContactEstim
 
 
 def _setting(name: str, value: Any, known: dict[str, Any]) -> dict[str, Any]:
-    """One setting as the constructor takes it."""
+    """Return a setting in the form that the constructor takes."""
     if name in SWITCHES and isinstance(value, bool):
         return {name: SWITCHES[name]() if value else None}
     if name in NUMBERS:
@@ -85,79 +85,79 @@ def _setting(name: str, value: Any, known: dict[str, Any]) -> dict[str, Any]:
     return {"forgetting": known["forgetting"] if value is None else ConstantForgetting(value)}
 
 
-# What a person asks of a running loop.
+# The user's commands to a running loop.
 
 Name = Literal["tare", "hold", "resume", "reset", "estimator", "source", "record", "stop"]
 
 
 @dataclass(frozen=True, slots=True)
 class LiveCommand:
-    """One request.
+    """One command.
 
     Attributes
     ----------
     name : str
         ``"tare"``, ``"hold"``, ``"resume"``, ``"reset"``, ``"estimator"`` (``method`` and its
-        settings), ``"source"`` (what the source itself offers, such as the laboratory's material),
-        ``"record"`` (``path``; or ``on``: whether to record, to a path of the recorder's own
-        choice) or ``"stop"``.
+        settings), ``"source"`` (an option that the source offers, such as the laboratory's
+        material), ``"record"`` (``path``; or ``on``: whether to record, to a file that the
+        recorder names) or ``"stop"``.
     options : dict
-        What goes with it.
+        Options of the command.
     """
 
     name: Name
     options: dict[str, Any] = field(default_factory=dict)
 
 
-# What a person sees of the loop at a glance.
+# The loop's state.
 
 
 class State(IntEnum):
-    """One at a time, the gravest that holds."""
+    """State of the loop; if several hold, the most severe."""
 
     FREE = 0
-    """The probe touches nothing."""
+    """The probe is out of contact; the estimate is held."""
     CONTACT = 1
-    """It touches, and the estimate is refreshed."""
+    """The probe is in contact; every sample updates the estimate."""
     HELD = 2
-    """On request: nothing is learned until it is resumed."""
+    """On hold at the user's request: samples do not update the estimate."""
     CHANGED = 3
-    """The material has changed within the last second; the estimate was reinitialised."""
+    """The material has changed within the last second; the estimate was restarted."""
     INVALID = 4
-    """Samples come that cannot be taken: NaN, repeated, or with a jump in time."""
+    """The loop rejects samples: NaN, repeated, or with a jump in time."""
     LOST = 5
-    """No sample has come for a while; the estimate is held."""
+    """No samples arrive; the estimate is held."""
     TARING = 6
-    """The force without contact is measured: touch nothing."""
+    """The force offset is being measured: keep the probe out of contact."""
 
 
-# What the loop counts.
+# The loop's counts.
 
 
 @dataclass(slots=True)
 class LoopCounts:
-    """What the loop itself counted.
+    """Counts of the loop.
 
     Attributes
     ----------
     taken : int
-        Samples that came from the source.
+        Samples from the source.
     learned : int
-        Of them, those that the estimator took.
+        Samples that updated the estimate.
     refused : int
-        Those that were not finite, out of range, or had an impossible time.
+        Rejected samples: not finite, out of range, or with an invalid time.
     silences : int
-        How often the source went silent.
+        Times that the source stopped sending.
     changes : int
-        How often the material changed.
+        Detected changes of material.
     repeated : int
-        Samples of the same time as the one before; refused.
+        Samples with the same time as the one before; rejected.
     disordered : int
-        Samples that are earlier than the one before, by less than a window; refused.
+        Samples earlier than the one before by less than a filter window; rejected.
     jumps : int
-        How often the source's clock was set: back, or further ahead than time went.
+        Jumps of the source's clock, backwards or ahead of the elapsed time.
     gaps : int
-        How often samples were missing for longer than a window.
+        Gaps between samples that are longer than a filter window.
     """
 
     taken: int = 0

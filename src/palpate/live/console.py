@@ -1,4 +1,4 @@
-"""A line on the console while the loop runs, and the summary at its end."""
+"""A status line on the console while the loop runs, and a summary at its end."""
 
 import math
 import os
@@ -32,28 +32,28 @@ from palpate.live.view import (
 from palpate.validation import Floats
 
 _IN_CONTACT = (State.CONTACT, State.CHANGED)
-_LOOKED_AT_EVERY = 0.04  # s of the samples' clock between penetrations that count
-_KEPT, _LEAST = 250, 5  # of them: ten seconds in contact; so many make a median
-# Another number is shown where that is so far off, for so long [s]; and until s after that it is
-# taken anew, more and more rarely.
+_LOOKED_AT_EVERY = 0.04  # s of the samples' clock between the penetrations used
+_KEPT, _LEAST = 250, 5  # penetrations: ten seconds in contact; fewest for a median
+# A shown number changes if it was off by this fraction for this long, s. At first it is also
+# updated at growing intervals, up to the last of these, s.
 _MOVED, _FOR, _SETTLED = 0.1, 1.0, 10.0
 
 
 class _Steady:
-    """A number to two digits, which stays while what is measured is about the same."""
+    """A number of two digits that stays constant while the measured value changes little."""
 
     def __init__(self) -> None:
         self.value = self._since = self._began = math.nan
         self._wait = 0.0
 
     def see(self, measured: float, time: float) -> float:
-        """Take what is measured at a time, s; return what is shown."""
+        """Take the value measured at a time, s; return the number to show."""
         if abs(measured / self.value - 1.0) <= _MOVED:
             self._since = time
         if not 0.0 <= time - self._since < _FOR:
             self._began, self._wait = time, _FOR
         elif time - self._began >= self._wait <= _SETTLED:
-            self._wait *= 3.0  # what is measured at first is of too little of the motion
+            self._wait *= 3.0  # the first values cover too little of the motion
         else:
             return self.value
         self.value, self._since = float(f"{measured:.1e}"), time
@@ -61,17 +61,17 @@ class _Steady:
 
 
 class ShownDepth:
-    """The median penetration of late in contact, which stays while the motion repeats."""
+    """Recent median penetration in contact; it stays constant while the motion repeats."""
 
     def __init__(self) -> None:
         self._seen: deque[float] = deque(maxlen=_KEPT)
         self._tick, self._shown = math.nan, _Steady()
-        #: In m, to two digits; NaN before a contact.
+        #: Depth, m, of two digits; NaN before the first contact.
         self.value = math.nan
         self._of_law = {"depth": _Steady(), "frequency": _Steady()}
 
     def see(self, rows: Floats) -> None:
-        """Take rows of the ring, of which a few are enough."""
+        """Update the depth from rows of the ring."""
         depths, times = rows[:, PLACE["penetration"]], rows[:, PLACE["time"]]
         touching = np.isin(rows[:, PLACE["state"]], _IN_CONTACT) & (depths > 0.0)
         depths, times = depths[touching], times[touching]
@@ -83,7 +83,7 @@ class ShownDepth:
                 self.value = self._shown.see(float(np.median(self._seen)), times[place])
 
     def verdict(self, status: dict[str, Any], time: float) -> dict[str, Any] | None:
-        """Return the verdict of a board, at a depth and a frequency that stay too."""
+        """Return the verdict in a status, with a steady depth and frequency."""
         verdict = verdict_on(status)
         if verdict is None:
             return None
@@ -94,18 +94,18 @@ class ShownDepth:
 def at_depth(
     status: dict[str, Any], row: Floats, depth: float, verdict: dict[str, Any] | None = None
 ) -> str:
-    """Stiffness and damping at a depth [m], with error bars, of a row of the ring.
+    """Describe stiffness and damping at a depth, m, with standard errors, from a row of the ring.
 
-    Of an estimator that compares laws which it is, and what a small oscillation feels.
+    If the estimator compares laws: the preferred law, with its dynamic stiffness and damping.
     """
     kind = FORCE_LAWS.get(status.get("law", {}).get("kind", ""))
     if kind is None or not depth > 0.0:
         return "no contact yet"
     if row[PLACE["method"]] != status.get("generation"):
-        return "another estimator begins"  # of which the board has not said yet what it identifies
+        return "another estimator starts"  # its law is not in the status yet
     (parameters,), _, (covariance,) = parameters_of(row[None], len(kind.symbols))
     if not np.isfinite(parameters).all():
-        return "nothing known yet"
+        return "no estimate yet"
     if verdict:
         return describe_verdict(verdict, numbers_of(verdict))
     law, taken = kind.from_parameters(parameters), Status(int(row[PLACE["status"]]))
@@ -115,20 +115,20 @@ def at_depth(
     return f"{stiffness}, {damping} at {rounded(1e3 * depth, 2)} mm"
 
 
-# A line of figures where the loop was started, and a summary at the end.
+# The status line where the loop was started, and the summary at the end.
 
 _REFRESHED_EVERY = 0.2  # s, on a terminal
 _LINE_EVERY = 1.0  # s, elsewhere
-_OTHERS_END = 0.5  # s that the other sinks have to say their last
+_OTHERS_END = 0.5  # s for the other sinks to write their last status
 
 
 class Console:
-    """One line, written anew where there is a terminal; else a line a second.
+    """Prints a status line: refreshed in place on a terminal, else one line per second.
 
     Parameters
     ----------
     quiet : bool
-        Only what is said, and the summary at the end.
+        Print only messages and the final summary. Default: False.
     """
 
     name = "console"
@@ -137,7 +137,7 @@ class Console:
         self._quiet = quiet
 
     def run(self, session: Session, commands: Connection) -> None:
-        """Print until the loop stops, and then the summary."""
+        """Print until the loop stops, then print the summary."""
         if isinstance(sys.stdout, TextIOWrapper) and sys.stdout.errors == "strict":
             sys.stdout.reconfigure(errors="replace")
         self._watching = Watching(session)
@@ -151,10 +151,10 @@ class Console:
         self._clear()
         status = self._watching.status()
         if len(now := self._watching.reader.now()) and not self._quiet:
-            # A short run may end between two looks.
+            # A short run may end before its first line.
             self._print(printable(_line(status, now[0], self._depth)))
         if status and not status.get("stopped"):
-            self._print("the loop has ended without a word; this is what it counted last:")
+            self._print("the loop has ended unexpectedly; its last counts:")
         for line in summary(status, self._watching.others()):
             self._print(printable(line))
         self._watching.close()
@@ -174,7 +174,7 @@ class Console:
         self._watching.tell({})
 
     def _new(self, status: dict[str, Any]) -> Iterator[str]:
-        """What was said since the last look: of the last sentences those that were not there."""
+        """Yield the messages since the last call."""
         others = self._watching.others().items()
         said = [*status.get("said", ())]
         said += [f"{name}: {page['said']}" for name, page in others if page.get("said")]
@@ -199,34 +199,26 @@ def _line(status: dict[str, Any], row: Floats, shown: ShownDepth) -> str:
     counts = status.get("counts", {})
     wrong = [f"{counts[key]} {words}" for key, words in COUNTED.items() if counts.get(key)]
     lateness = status.get("lateness", {})
-    state = "lost"  # of which there is no row
+    state = "lost"  # then there is no new row
     if status.get("state") != "lost":
         state = State(int(row[PLACE["state"]])).name.lower()
     parts = [
         state.ljust(7),
         at_depth(status, row, shown.value, shown.verdict(status, row[PLACE["arrived"]])),
-        *(wrong or ["none lost or late"]),  # of a long line a narrow terminal has only the first
-        f"{counts.get('taken', 0)} samples, 99 % within {seconds(lateness.get('p99'))}",
+        *(wrong or ["none lost or late"]),  # a narrow terminal cuts off the end
+        f"{counts.get('taken', 0)} samples, 99 % done within {seconds(lateness.get('p99'))}",
     ]
     return " · ".join(parts)
 
 
 def summary(status: dict[str, Any], others: dict[str, dict[str, Any]]) -> Iterator[str]:
-    """How a run went, in lines.
-
-    Parameters
-    ----------
-    status : dict
-        What the loop said last.
-    others : dict
-        What each sink said last, by its name.
-    """
+    """Yield the lines that summarise a run, from the last statuses of the loop and the sinks."""
     counts = status.get("counts", {})
     if verdict := verdict_on(status):
         yield from law_lines(verdict)
     taken, learned = counts.get("taken", 0), counts.get("learned", 0)
-    changes = f"{(count := counts.get('changes', 0))} change{'' if count == 1 else 's'}"
-    yield f"{status.get('source', '')}: {taken} samples, {learned} learned, {changes}"
+    changes = f"{(count := counts.get('changes', 0))} material change{'' if count == 1 else 's'}"
+    yield f"{status.get('source', '')}: {taken} samples, {learned} used, {changes}"
     yield "                     p50      p99    p99.9      max   in time"
     for words, *columns, limit in times_of(status):
         yield f"{words:<16}" + "".join(f"{each:>9}" for each in columns) + f"   {limit}"

@@ -1,4 +1,4 @@
-"""ROS 2 over DDS, by Cyclone DDS: samples, and estimates back."""
+"""ROS 2 over DDS, with Cyclone DDS: a source of samples, and a wire for estimates."""
 
 import os
 import time
@@ -20,15 +20,14 @@ if TYPE_CHECKING:
     from cyclonedds.sub import DataReader
 
 
-#: Of an address: which domain, and the network interface that is used.
+#: Options of an address: the domain and the network interface.
 OPTIONS = ("domain", "interface")
-# Samples of a topic that wait, 20 s at 1 kHz: with ROS's usual 10 a loop that is held up for 10 ms
-# loses some.
+# Queue length, 20 s at 1 kHz. With ROS's default of 10, a loop that stalls for 10 ms loses samples.
 DEPTH = 20_000
-#: s: that a reliable writer waits for a reader that has no room, before it gives up a sample.
+#: s for which a reliable writer waits for a reader's full queue before it drops a sample.
 PATIENCE = 1.0
-# Loopback cannot multicast everywhere; so the first 32 participants of this machine are greeted one
-# by one.
+# Loopback does not support multicast on every system, so discovery contacts the first 32
+# participants of this machine one by one.
 _LOOPBACK = """<CycloneDDS><Domain id="any">
 <General><Interfaces><NetworkInterface name="lo" multicast="false"/></Interfaces>
 <AllowMulticast>false</AllowMulticast></General>
@@ -46,15 +45,15 @@ def participant(domain: int, interface: str | None) -> "DomainParticipant":
     Parameters
     ----------
     domain : int
-        Its number.
+        Number of the domain.
     interface : str, optional
-        Name of the network interface, or ``auto`` for the one that Cyclone DDS chooses. Unless
-        given, what ``CYCLONEDDS_URI`` says, and without it this machine only.
+        Name of the network interface, or ``auto`` for the choice of Cyclone DDS. Default: the
+        configuration in ``CYCLONEDDS_URI``, or without it this machine only.
 
     Raises
     ------
     PalpateError
-        It cannot: there is no such interface, or this process has the domain on another one.
+        The interface does not exist, or this process uses another one for the domain.
     """
     try:
         from cyclonedds.core import DDSException
@@ -71,11 +70,13 @@ def participant(domain: int, interface: str | None) -> "DomainParticipant":
         if before is None:
             _opened[domain] = configuration, Domain(domain, configuration or None)
         elif before[0] != configuration:
-            raise InvalidParameterError(f"dds: {where}: this process has it on another one")
+            raise InvalidParameterError(
+                f"dds: {where}: this process already uses another interface"
+            )
         return DomainParticipant(domain)
     except DDSException as error:
         words = " ".join(str(error).split())[:120] or type(error).__name__
-        raise PalpateError(f"dds: {where} cannot be joined: {words}") from None
+        raise PalpateError(f"dds: cannot join {where}: {words}") from None
 
 
 def _configuration(interface: str | None) -> str:
@@ -93,11 +94,11 @@ def _configuration(interface: str | None) -> str:
 
 @lru_cache(maxsize=64)
 def raw_type(type_name: str) -> Any:
-    """Return a type of ROS 2, such as ``geometry_msgs/msg/WrenchStamped``, as Cyclone DDS has it.
+    """Return a ROS 2 type, such as ``geometry_msgs/msg/WrenchStamped``, for Cyclone DDS.
 
-    Its name and fields are ROS's, which peers compare. Of its messages only the bytes are kept, in
-    CDR with their head, as ``raw``: cyclonedds's own decoder takes 20 times as long as ours.
-    ``raw_type(name).of(data)`` is a message of these bytes.
+    Its name and fields are ROS's, because peers compare them. A message keeps its bytes (CDR with
+    header) undecoded as ``raw``: the decoder of cyclonedds takes 20 times as long as palpate's.
+    ``raw_type(name).of(data)`` makes a message from bytes.
     """
     from palpate.recordings.messages.layout import message_fields
 
@@ -127,7 +128,7 @@ def _struct(group: Group) -> Any:
 def _type(field: Field) -> Any:
     import cyclonedds.idl.types
 
-    types: Any = cyclonedds.idl.types  # its sequences and arrays have no types of their own
+    types: Any = cyclonedds.idl.types  # its sequences and arrays are untyped
     if isinstance(field, Group):
         return _struct(field)
     if isinstance(field, Text):
@@ -146,22 +147,22 @@ def _type(field: Field) -> Any:
 
 # Samples of ROS 2 over DDS, without an installation of ROS: ``dds:/pose,/wrench``.
 
-#: s: that ``open`` waits for the topics, so that one of a wrong type is refused at once.
+#: s for which ``open`` waits for the topics, so that a wrong type is reported at once.
 TAKING_PATIENCE = 0.5
-_AT_ONCE = 256  # messages that are taken together
+_AT_ONCE = 256  # most messages per read
 
 
 class DDS(RosTopics):
-    """Topics of ROS 2, found by discovery; a reader begins as soon as its topic's type is known.
+    """Source that subscribes to ROS 2 topics, as soon as discovery finds their types.
 
     Parameters
     ----------
     address : str
         Topics and options, such as ``/pose,/wrench?domain=3&interface=eth0``: those of
-        :class:`~palpate.live.ros.RosTopics`, ``domain``, and ``interface``, of the network: this
-        machine only unless given.
+        :class:`~palpate.live.ros.RosTopics`, ``domain`` (default: 0) and ``interface``, the
+        network interface (default: this machine only).
     options : SourceOptions
-        What is known of the samples.
+        Options of the source.
     """
 
     def __init__(self, address: str, options: SourceOptions) -> None:
@@ -175,7 +176,7 @@ class DDS(RosTopics):
         self._readers: dict[int, DataReader[Any]] = {}
 
     def open(self) -> None:
-        """Join the domain and look for the topics; one that comes later is waited for."""
+        """Join the domain and wait briefly for the topics; later ones are found while it runs."""
         self._participant = participant(self._domain, self._interface)
         from cyclonedds.builtin import BuiltinDataReader, BuiltinTopicDcpsPublication
         from cyclonedds.core import WaitSet
@@ -197,7 +198,7 @@ class DDS(RosTopics):
         self._waits.attach(ReadCondition(reader, every))
 
     def _discover(self) -> None:
-        """Meet publishers that are new."""
+        """Subscribe to newly discovered publishers."""
         from cyclonedds.core import InstanceState
 
         assert self._discovery is not None
@@ -216,7 +217,8 @@ class DDS(RosTopics):
         from cyclonedds.topic import Topic
 
         assert self._participant is not None
-        # One who asks for more than a publisher offers gets nothing; sensors often offer less.
+        # A reader that requests more than the publisher offers receives nothing; sensors often
+        # offer best effort only.
         kind = offered[Policy.Reliability]
         if kind != Policy.Reliability.BestEffort:
             kind = Policy.Reliability.Reliable(round(1e9 * PATIENCE))
@@ -244,7 +246,7 @@ class DDS(RosTopics):
             waited = seconds > 0.0
             for message in reader.take(_AT_ONCE):
                 something = True
-                if (info := message.sample_info).valid_data:  # else a publisher has gone
+                if (info := message.sample_info).valid_data:  # else a publisher has left
                     sender, written = info.publication_handle, info.source_timestamp
                     self.receive(index, message.raw, written, sender=sender, waited=waited)
                     waited = False
@@ -261,12 +263,12 @@ class DDS(RosTopics):
 
 
 class DDSWire(RosWire):
-    """Two topics of a domain, reliable.
+    """Publishes estimates and status on two reliable topics.
 
     Parameters
     ----------
     address : str
-        The topics' prefix, and the options ``domain`` and ``interface``.
+        Prefix of the topics, and the options ``domain`` and ``interface``.
     """
 
     def __init__(self, address: str) -> None:
@@ -295,7 +297,7 @@ class DDSWire(RosWire):
             self._writers.append((DataWriter(member, topic, qos=qos), kind))
 
     def put(self, topic: int, data: bytes) -> bool:
-        """Write a message; whether it was taken in time."""
+        """Write a message; return whether it was accepted in time."""
         from cyclonedds.core import DDSException
 
         writer, kind = self._writers[topic]

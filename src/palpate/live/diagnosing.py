@@ -1,4 +1,4 @@
-"""The diagnosis of the last seconds, again and again, in a process of its own."""
+"""Repeated diagnosis of the last seconds, in a process of its own."""
 
 import time
 from multiprocessing.connection import Connection
@@ -17,26 +17,26 @@ from palpate.live.sinks import PLACE, Session, Watching, basis_of, outdated
 from palpate.validation import Floats
 
 WINDOW = 20.0  # s
-EVERY = 5.0  # s from the end of one to the next, at the least
+EVERY = 5.0  # s from the end of one diagnosis to the next, at least
 _LOOKED_EVERY = 0.5  # s
 _LEAST = 500  # samples
-_MOST_ROWS = 200_000  # 20 s at 10 kHz; of quicker ones the window is shorter, and says so
+_MOST_ROWS = 200_000  # 20 s at 10 kHz; the window of a faster source is shorter
 _SAMPLE = [PLACE[name] for name in ("time", "penetration", "velocity", "force", "status")]
-# A velocity filter needs no more than a few samples of a gap: of so many steps, another segment.
+# Sample times: a longer gap starts a new segment.
 _GAP = 10.0
-# Delays after a change: for two the velocity's window has both materials in it.
+# Delays to skip after a change: for two, the velocity filter's window contains both materials.
 _SMEARED = 3.0
 
 
 class Diagnosing:
-    """Identifies the last seconds anew by the loop's method, and says what may be wrong with it.
+    """Identifies the last seconds by the loop's method and diagnoses the result, repeatedly.
 
     Parameters
     ----------
     window : float
-        s.
+        Length of the data to diagnose, s. Default: 20.
     every : float
-        s between two of them; more where one takes longer.
+        Time from the end of one diagnosis to the next, s. Default: 5.
     """
 
     name = "diagnosis"
@@ -53,7 +53,7 @@ class Diagnosing:
         while watching.wait(_LOOKED_EVERY):
             rows = watching.take().rows[:, _SAMPLE]
             status = watching.status()
-            if status.get("tare") != tare:  # another offset is in the samples before it
+            if status.get("tare") != tare:  # earlier samples have another offset
                 samples, rows, tare = samples[:0], rows[:0], status.get("tare")
             delay = float(status.get("delay", 0.0))
             samples = recent(np.concatenate([samples, rows]), self._window, delay)
@@ -65,18 +65,18 @@ class Diagnosing:
 
 
 def recent(samples: Floats, window: float, delay: float) -> Floats:
-    """The samples of the last seconds, since the clock was set and the material has changed.
+    """Return the samples of the last seconds since the last clock jump and change of material.
 
-    The loop's estimate is of what came since it noticed a change, and so is what is said of it.
+    The loop restarts its estimate when it detects a change, so the diagnosis starts there too.
 
     Parameters
     ----------
     samples : numpy.ndarray, shape (k, 5)
         Time, penetration, velocity, force and status.
     window : float
-        s.
+        Length of the window, s.
     delay : float
-        Of the preparation, s: half of its window, and two samples.
+        Delay of the preparation, s: half of its filter window, and two samples.
     """
     samples = samples[np.isfinite(samples).all(axis=1)][-_MOST_ROWS:]
     if not len(samples):
@@ -90,7 +90,7 @@ def recent(samples: Floats, window: float, delay: float) -> Floats:
 
 
 def contact_of(samples: Floats, sample_time: float) -> Contact:
-    """Return a contact of time, penetration, velocity, force and status, cut at gaps."""
+    """Return the samples as a contact, with a new segment after each gap."""
     gaps = np.diff(samples[:, 0], prepend=samples[:1, 0]) > _GAP * sample_time
     time, *columns = samples[:, :4].T
     names = ("penetration", "velocity", "force")
@@ -99,7 +99,7 @@ def contact_of(samples: Floats, sample_time: float) -> Contact:
 
 
 def _estimator(status: dict[str, Any]) -> ContactEstimator | None:
-    """That of the loop, as far as the status names it: which laws compete is another question."""
+    """Return an estimator of the loop's method that compares the same laws."""
     method, settings = status.get("method"), status.get("settings", {})
     if method is None:
         return None
@@ -107,7 +107,7 @@ def _estimator(status: dict[str, Any]) -> ContactEstimator | None:
 
 
 def diagnosed(samples: Floats, status: dict[str, Any]) -> dict[str, Any]:
-    """Return what the board says of these samples, by the method that the loop's status names."""
+    """Return the diagnosis of these samples by the loop's method, as a status."""
     page: dict[str, Any] = {
         "at": time.strftime("%H:%M:%S"),
         "window": [float(samples[0, 0]), float(samples[-1, 0])],

@@ -1,4 +1,4 @@
-"""The laboratory as a source: its stepping runs beside the loop, a little ahead of the clock."""
+"""The laboratory as a source: a separate process simulates it slightly ahead of real time."""
 
 import time
 from collections import deque
@@ -22,21 +22,21 @@ from palpate.live.ring import Address, Reader, Writer
 from palpate.live.sources import Arrival, Counts, EndOfSourceError, SourceOptions
 from palpate.validation import one_of, shown
 
-#: Of a row: time, position, force, and when it is due by the monotonic clock.
+#: Columns of a row: time, position, force, and its due time by the monotonic clock.
 WIDTH = 4
-#: Rows that wait for the loop: 4 s at 1 kHz, after which the oldest are lost, and counted.
+#: Queue length, 4 s at 1 kHz; older rows are lost and counted.
 CAPACITY = 4096
-# s ahead of the clock: other work of this machine, such as a browser that draws, may hold the
-# process up for a tenth of a second; and no longer than this a person waits for what is asked.
+# s ahead of real time: other programs may delay the process by a tenth of a second. It is also the
+# time that a command takes to have an effect.
 _AHEAD = 0.2
-# s at a time: the kinematics of some samples together take little more than those of one.
+# s per step: the kinematics of several samples take little longer than those of one.
 _BLOCK = 0.01
-_BEHIND = 1.0  # s, after which the laboratory's clock is set anew
+_BEHIND = 1.0  # s late, after which the laboratory's clock is reset
 
 
 @dataclass(frozen=True, slots=True)
 class Setup:
-    """What the laboratory begins with."""
+    """Initial configuration of the laboratory."""
 
     material: str
     motion: str
@@ -45,7 +45,7 @@ class Setup:
     probe: str
 
     def bench(self) -> tuple[OngoingBench, str, str]:
-        """Return the bench, its probe's name, and what is to be said of it."""
+        """Return the bench, its probe's name, and a message if the probe was replaced."""
         probe = IdealProbe() if self.probe == "ideal" else TwinPantograph()
         touched, sensors = MATERIALS[self.material], Sensors(sample_time=self.sample_time)
         try:
@@ -53,11 +53,11 @@ class Setup:
             return OngoingBench(bench, self.seed), probe.name, ""
         except MissingExtraError as error:
             own, name, _ = replace(self, probe="ideal").bench()
-            return own, name, f"an {name} in place of the {probe.name}: {error}"
+            return own, name, f"using an {name} instead of the {probe.name}: {error}"
 
 
 def press(setup: Setup, ring: Address, connection: Connection) -> None:
-    """Write samples until the other end of the connection is closed."""
+    """Write samples until the other end closes the connection."""
     show_name("lab")
     give_way(gently=False)
     with (
@@ -72,19 +72,19 @@ class _Pressing:
         self._setup, self._writer, self._connection = setup, writer, connection
         self._bench, self._probe, words = setup.bench()
         self._say(words)
-        self._began = time.monotonic() + _BLOCK  # all the rest of the lead is gained in a moment
+        self._began = time.monotonic() + _BLOCK  # it gains the rest of its lead at once
         self._block = max(round(_BLOCK / setup.sample_time), 1)
 
     def run(self) -> None:
         while True:
             early = self._began + self._bench.now - _AHEAD - time.monotonic()
-            # What is asked for wakes it.
+            # A command ends the wait.
             if self._connection.poll(max(early, 0.0)):
                 self._obey()
                 continue
             if early < -_BEHIND:
                 self._began -= early
-                self._say(f"the laboratory was {-early:.1f} s behind: its clock is set anew")
+                self._say(f"the laboratory was {-early:.1f} s late: its clock was reset")
             self._press()
 
     def _press(self) -> None:
@@ -92,7 +92,7 @@ class _Pressing:
             rows = self._bench.advance(self._block)
         except InvalidParameterError as error:
             first = {"material": self._setup.material, "motion": self._setup.motion}
-            self._say(f"{error}; the first material is back", **first)
+            self._say(f"{error}; palpate returned to the first material", **first)
             return
         dues = rows[:, 0] + self._began
         now = time.monotonic()
@@ -110,11 +110,11 @@ class _Pressing:
         self._connection.send((sentence, self._probe, chosen))
 
 
-# The laboratory at its own pace, in a process of its own: MuJoCo never holds the loop.
+# The source in the loop's process, which MuJoCo never blocks.
 
-_STARTING = 60.0  # s: MuJoCo takes one or two to be imported, more on a busy machine
+_STARTING = 60.0  # s: importing MuJoCo takes one or two, more on a busy machine
 _SHORTEST, _LONGEST = 1e-4, 1e-2  # s between samples
-_LOOK_AGAIN = 2e-4  # s, where the laboratory is behind
+_LOOK_AGAIN = 2e-4  # s, if the laboratory is late
 
 
 def open_source(address: str, options: SourceOptions) -> "Laboratory":
@@ -125,21 +125,22 @@ def open_source(address: str, options: SourceOptions) -> "Laboratory":
 
 
 class Laboratory:
-    """The laboratory's rig in place of a robot, in real time.
+    """Source that simulates the laboratory's rig in real time.
 
-    A process of its own computes samples a little ahead, and each is there to be taken when its
-    time has come.
+    A separate process computes the samples slightly ahead; each is delivered at its time.
 
     Parameters
     ----------
     material, motion : str
-        Of :data:`palpate.lab.MATERIALS` and :data:`palpate.lab.TRAJECTORIES`.
+        A key of :data:`palpate.lab.MATERIALS` and of :data:`palpate.lab.TRAJECTORIES`. Default:
+        "ball" and "three-sines".
     sample_time : float
-        s, in [1e-4, 1e-2].
+        Time between samples, s, in [1e-4, 1e-2]. Default: 1e-3.
     seed : int
-        Of noise, bias and encoder phases.
+        Seed of noise, bias and encoder phases. Default: 0.
     probe : str
-        ``"twin-pantograph"``; or ``"ideal"``, which is taken too where MuJoCo is absent.
+        ``"twin-pantograph"`` or ``"ideal"``, which also replaces the former if MuJoCo is not
+        installed. Default: ``"twin-pantograph"``.
     """
 
     def __init__(
@@ -155,14 +156,13 @@ class Laboratory:
         self._chosen = {kind: _known(kind, name) for kind, name in given.items()}
         if not _SHORTEST <= sample_time <= _LONGEST:
             raise InvalidParameterError(
-                f"the laboratory's --rate must be from {1.0 / _LONGEST:g} to {1.0 / _SHORTEST:g} "
-                f"samples a second, not {1.0 / sample_time:g}"
+                f"the laboratory's --rate must be in [{1.0 / _LONGEST:g}, {1.0 / _SHORTEST:g}] Hz, "
+                f"not {1.0 / sample_time:g}"
             )
         self._setup = Setup(material, motion, sample_time, seed, probe)
         self.sample_time, self.counts = sample_time, Counts()
         materials = list(MATERIALS)
-        #: What can be asked for, and the choices: the material with the probe lifted meanwhile, or
-        #: changed under it.
+        #: Options and their choices. "material" lifts the probe first, "change" does not.
         self.offers = {"material": materials, "motion": list(TRAJECTORIES), "change": materials}
         self._rows: deque[list[float]] = deque()
         self._open = False
@@ -171,31 +171,31 @@ class Laboratory:
 
     @property
     def name(self) -> str:
-        """What is touched by what."""
+        """Material and probe."""
         material = MATERIALS[self._chosen["material"]].name
         return f"laboratory: {material}, {self._probe.replace('-', ' ')}"
 
     @property
     def rest(self) -> float:
-        """Time at the start in which nothing is touched, s: for a tare."""
+        """Time without contact at the start, s, for the tare."""
         return TRAJECTORIES[self._chosen["motion"]].pause
 
     @property
     def chosen(self) -> dict[str, Any]:
-        """What is chosen now; and the truth, which identification should give back."""
+        """The present choices, and the true parameters, which identification should recover."""
         return {**self._chosen, "truth": MATERIALS[self._chosen["material"]].describe()}
 
     def open(self) -> None:
-        """Start the process, and wait until the rig stands."""
+        """Start the process and wait until the rig is ready."""
         self._ring = Writer(CAPACITY, WIDTH)
         self._reader = Reader(self._ring.address)
         given = self._setup, self._ring.address
         self._process, self._connection = start("laboratory", press, *given)
         self._open = True
         if not self._connection.poll(_STARTING):
-            raise RecordingError("the laboratory did not begin within a minute")
+            raise RecordingError("the laboratory did not start within a minute")
         if not self._listen():
-            raise RecordingError("the laboratory's process ended before it began")
+            raise RecordingError("the laboratory's process crashed at its start")
 
     def take(self, timeout: float) -> Arrival | None:
         """Wait until the next sample is due, and return it."""
@@ -206,7 +206,7 @@ class Laboratory:
             self._rows.extend(taken.rows.tolist())
             if not self._rows:
                 if not self._process.is_alive():
-                    raise EndOfSourceError("the laboratory's process has ended by itself")
+                    raise EndOfSourceError("the laboratory's process has ended unexpectedly")
                 if time.monotonic() >= until:
                     return None
                 time.sleep(_LOOK_AGAIN)
@@ -220,10 +220,10 @@ class Laboratory:
         return Arrival(row[0], row[1], row[2], due)
 
     def ask(self, options: dict[str, Any]) -> str:
-        """Exchange the material, under the lifted probe or at once; or the motion."""
+        """Change the material, with the probe lifted or at once, or the motion."""
         if not options or not set(options) <= set(self.offers):
             raise InvalidParameterError(
-                f"the laboratory can be asked for {', '.join(self.offers)}, not {shown(options)}"
+                f"options of the laboratory are {', '.join(self.offers)}, not {shown(options)}"
             )
         return "; ".join(self._asked(name, value) for name, value in options.items())
 
@@ -232,23 +232,23 @@ class Laboratory:
         chosen = _known(kind, value)
         if not self._open:
             raise InvalidParameterError("the laboratory is not open")
-        with suppress(OSError):  # it has ended, which the next sample that is asked for says
+        with suppress(OSError):  # it has crashed; ``take`` reports that
             self._connection.send((name, chosen))
         self._chosen[kind] = chosen
         if name == "motion":
             return f"motion: {chosen}"
-        now = "from now on" if name == "change" else "when the probe has left the other"
+        now = "from now on" if name == "change" else "as soon as the probe is out of contact"
         return f"material: {MATERIALS[chosen].name}, {now}"
 
     def news(self) -> list[str]:
-        """What the laboratory has said since this was last asked for."""
+        """Return the laboratory's messages since the last call."""
         if self._open:
             self._listen()
         said, self._said = self._said, []
         return said
 
     def _listen(self) -> bool:
-        """Take the words that wait; whether the process is there to say more."""
+        """Read the pending messages; return whether the process still runs."""
         with suppress(EOFError, OSError):
             while self._connection.poll():
                 sentence, self._probe, chosen = self._connection.recv()
@@ -258,11 +258,11 @@ class Laboratory:
         return False
 
     def close(self) -> None:
-        """End the process; the memory is given back."""
+        """End the process and free the memory."""
         if not self._open:
             return
         self._open = False
-        self._connection.close()  # by which it knows
+        self._connection.close()  # which tells the process to end
         end([self._process], 2.0)
         self._reader.close()
         self._ring.close()

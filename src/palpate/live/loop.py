@@ -1,7 +1,7 @@
-"""The loop: each sample is prepared, learned and written down before the next one comes.
+"""The loop: it prepares, learns and stores each sample before the next one arrives.
 
-It runs in one thread, which waits nowhere but in the source. Whatever shows or stores what it found
-reads the ring, in another process.
+It runs in one thread, which waits only for the source. Everything that shows or records its results
+reads them from shared memory, in another process.
 """
 
 import math
@@ -26,17 +26,17 @@ from palpate.preparation import OnlinePreparation
 from palpate.preparation.velocity import window_samples
 from palpate.validation import defined, number_in
 
-# Ends of the bins, s: a twentieth of a decade apart, so that a percentile is known to 12 %.
+# Upper ends of the bins, s: 20 per decade, so that a percentile is accurate to 12 %.
 _ENDS: list[float] = [1e-7 * 10.0 ** (k / 20.0) for k in range(181)]
 
 
 class Histogram:
-    """Times in s, counted into logarithmic bins; their maximum and how many exceed a limit.
+    """Histogram of durations in logarithmic bins, with their maximum and a limit.
 
     Parameters
     ----------
     limit : float
-        s.
+        Longest duration in time, s.
     """
 
     def __init__(self, limit: float) -> None:
@@ -44,7 +44,7 @@ class Histogram:
         self.limit, self.count, self.over, self.largest = limit, 0, 0, 0.0
 
     def add(self, seconds: float) -> None:
-        """Count one time."""
+        """Add one duration, s."""
         self.count += 1
         if seconds > self.largest:
             self.largest = seconds
@@ -53,45 +53,45 @@ class Histogram:
         self._bins[bisect_left(_ENDS, seconds)] += 1
 
     def percentile(self, percent: float) -> float:
-        """The upper end of the bin that holds a percentile, s; NaN of none."""
+        """Return the upper end of the bin that contains a percentile, s; NaN if empty."""
         if not self.count:
             return math.nan
         reached = np.cumsum(self._bins) >= percent / 100.0 * self.count
         return min([*_ENDS, math.inf][int(np.argmax(reached))], self.largest)
 
     def as_dict(self) -> dict[str, Any]:
-        """Return p50, p99, p99.9 and the maximum, s, and what is within the limit."""
+        """Return p50, p99, p99.9, maximum and limit, s, and the fraction within the limit."""
         within = 1.0 - self.over / self.count if self.count else math.nan
         percentiles = {f"p{each:g}": self.percentile(each) for each in (50.0, 99.0, 99.9)}
         whole = {"max": self.largest, "limit": self.limit, "within": within}
         return {"count": self.count, **percentiles, **whole}
 
 
-# Which law it is, as the loop sees it: the law in force after each sample, and when it changed.
+# The preferred law after each sample, and when it changed.
 
-# Turns of the verdict that are remembered: more than that in a few seconds is one that flickers.
+# Changes of the preferred law that are kept; more within seconds mean that it is unsettled.
 _REMEMBERED = 6
 
 
 @dataclass(slots=True)
 class LawsInForce:
-    """The law in force, since when, and which were before it.
+    """The preferred law and its history.
 
-    Where the evidence is given up, as when the material changes, there is none until the next
-    verdict, and the count of changes starts again.
+    When the evidence is discarded, as after a change of material, there is no preferred law until
+    the next verdict, and the count of changes restarts.
 
     Attributes
     ----------
     shown : list of int
-        Places of the law's parameters that some law on offer has as its own.
+        Indices of the parameters that at least one compared law has.
     remembers : bool
-        Whether a law on offer has memory, so that K is the stiffness once it has relaxed.
+        Whether a compared law has memory, so that K is the relaxed stiffness.
     now : Candidate, optional
-        The law in force.
+        The preferred law.
     changes : int
-        How often it changed since the evidence began.
+        Changes of the preferred law since the evidence was last discarded.
     turns : deque
-        A time, s; what was in force from then on, None of none; and of how many samples.
+        Time, s, of each change; the law preferred from then on, or None; the number of samples.
     """
 
     shown: list[int]
@@ -102,7 +102,7 @@ class LawsInForce:
 
     @classmethod
     def of(cls, estimator: ContactEstimator) -> "LawsInForce":
-        """Return that of an estimator which has learned nothing yet."""
+        """Return the initial state for an estimator without samples."""
         names = estimator.law_type.names()
         if not estimator.chooses_law:
             return cls(list(range(len(names))), remembers=False)
@@ -111,7 +111,7 @@ class LawsInForce:
         return cls(shown, remembers=any(law.memory != "none" for law in estimator.offered))
 
     def see(self, time: float, estimator: ContactEstimator) -> None:
-        """Look at an estimator after a sample; at one that offers a single law there is nothing."""
+        """Note the preferred law after a sample, if the estimator compares laws."""
         if not estimator.chooses_law:
             return
         if (now := estimator.candidate) is self.now:
@@ -121,20 +121,20 @@ class LawsInForce:
         self.turns.append((time, None if now is None else str(now), samples))
 
     def page(self, estimator: ContactEstimator) -> dict[str, Any] | None:
-        """Return what a verdict is worked out from, as JSON takes it; None where there is none.
+        """Return the data for a verdict, ready for JSON; None if the estimator compares no laws.
 
-        It is worked out where it is shown, by :func:`palpate.live.view.verdict_on`: the
-        loop has not the time.
+        :func:`palpate.live.view.verdict_on` computes the verdict in the process that shows it,
+        because the loop has no time for that.
         """
         if not estimator.chooses_law:
             return None
         estimate = estimator.estimate()
-        learned = len(self.turns) > 0  # where an estimator starts is nothing that it knows
+        learned = len(self.turns) > 0  # an initial estimate is not a result
         return {
             "evidence": estimator.evidence(),
             "fixed": estimate.fixed,
             "parameters": estimate.parameters.tolist() if learned else None,
-            # Of 64 numbers: as digits they would take JSON ten times as long.
+            # 64 numbers: as decimal digits, JSON would take ten times as long.
             "covariance": b64encode(estimate.covariance.tobytes()).decode() if learned else None,
             "flags": estimate.flags,
             "changes": self.changes,
@@ -142,33 +142,33 @@ class LawsInForce:
         }
 
 
-# What may be wrong with a source, seen at the times of its samples.
+# Faults of a source, detected from the times of its samples.
 
-#: s that a fault stays to be seen, though its sample may have been the only one.
+#: s for which a fault is shown, even if it concerned a single sample.
 FAULT_SHOWN_FOR = 0.5
-#: Samples of which none could be prepared, after which they come too seldom for the window.
+#: Consecutive unprepared samples after which the sample rate is too low for the filter window.
 STARVED = 200
 _SAID_EVERY = 1.0  # s
 
 
 @dataclass(slots=True)
 class Watchdog:
-    """Compares the source's clock with this machine's, a sample at a time.
+    """Compares the source's clock with this machine's, sample by sample.
 
     Parameters
     ----------
     longest_gap : float
-        s; a longer time between samples begins a new window.
+        s; a longer time between samples restarts the filter window.
     counts : LoopCounts
-        Where it counts what is wrong.
+        Counts of the faults.
     pace : float
-        How fast the source's clock goes: that of a recording may be replayed faster.
+        Speed of the source's clock; a recording may be replayed faster than real time.
     """
 
     longest_gap: float
     counts: LoopCounts
     pace: float
-    #: In words, what was wrong last.
+    #: Description of the last fault.
     text: str = ""
     _time: float = math.nan
     _there: float = 0.0
@@ -177,7 +177,7 @@ class Watchdog:
     _said: dict[str, float] = field(default_factory=dict)
 
     def see(self, arrival: Arrival) -> str:
-        """Return what is wrong with a sample's time, in words; or nothing."""
+        """Return a description of what is wrong with a sample's time; empty if nothing is."""
         step, elapsed = arrival.time - self._time, arrival.there - self._there
         if 0.0 < step <= self.longest_gap:
             self._time, self._there = arrival.time, arrival.there
@@ -190,10 +190,10 @@ class Watchdog:
             return "a sample has no time"
         if step == 0.0:
             counts.repeated += 1
-            return "samples come repeatedly: they are refused"
+            return "rejecting samples that repeat the time of the one before"
         if -self.longest_gap <= step < 0.0:
             counts.disordered += 1
-            return "samples come out of order: the late ones are refused"
+            return "rejecting samples that arrive out of order"
         self._time, self._there = arrival.time, arrival.there
         if step < 0.0:
             counts.jumps += 1
@@ -201,17 +201,17 @@ class Watchdog:
         if step > 2.0 * elapsed + self.longest_gap:
             counts.jumps += 1
             return f"the source's clock went ahead by {step:.3g} s in {elapsed:.3g} s"
-        # Of the first sample of all the step is not a number.
+        # The first sample has no step (NaN).
         counts.gaps += not math.isnan(step)
         return ""
 
     def starving(self, *, prepared: bool) -> bool:
-        """Whether samples come, but too seldom for any to be prepared."""
+        """Whether the sample rate is too low for the velocity filter."""
         self._unprepared = 0 if prepared else self._unprepared + 1
         return self._unprepared > STARVED
 
     def fault(self, text: str, there: float) -> bool:
-        """Note a fault, which is shown for a while; whether it is to be said, not too often."""
+        """Show a fault for a while; return whether to report it, at most once a second."""
         self.text, self._shown_until = text, there + FAULT_SHOWN_FOR
         kind = text.partition(" by ")[0]
         if there - self._said.get(kind, -math.inf) < _SAID_EVERY:
@@ -220,45 +220,45 @@ class Watchdog:
         return True
 
     def shows(self, there: float) -> bool:
-        """Whether the last fault is still to be seen."""
+        """Whether the last fault is still shown."""
         return there < self._shown_until
 
 
 _USUAL = OnlinePreparation().settings
-IN_TIME = 1e-3  # s: a cycle is in time when it is done so long after its sample was there
-SHOWN_FOR = 1.0  # s: how long a change is a state
+IN_TIME = 1e-3  # s from a sample's arrival to its result: later is late
+SHOWN_FOR = 1.0  # s for which the state is "changed"
 SILENT = 20  # sample times without a sample, but at least SILENT_TIME, are a silence
 SILENT_TIME = 0.2  # s
-PATIENCE = 1.0  # s: of a slow source too, a person who asks for something is heard meanwhile
-#: s of the samples' clock between estimates, where nobody asks for one at every sample.
+PATIENCE = 1.0  # s: longest wait for a sample before the loop looks for commands
+#: s of the samples' clock between estimates, if no sink needs one at every sample.
 ESTIMATED_EVERY = 0.02
 _NONE = (math.nan,) * 4
-#: Of a sample that was learned.
+#: Statuses of a sample that updated the estimate.
 TAKEN = frozenset({Status.UPDATED, Status.GUARDED, Status.RESTARTED})
 _REFUSED = frozenset({Status.NOT_FINITE, Status.INVALID_STEP, Status.OUT_OF_RANGE})
-_NO_NUMBER = "samples come that are no numbers, or too large: they are refused"
-_STARVING = "samples come too seldom for the velocity's window: say their --rate"
+_NO_NUMBER = "rejecting samples that are NaN, infinite or out of range"
+_STARVING = "sample rate too low for the velocity filter: pass --rate"
 
 
 @dataclass(slots=True)
 class Loop:
-    """Source, preparation and estimator, and what came of each sample.
+    """Passes samples from a source through preparation and estimator into shared memory.
 
     Parameters
     ----------
     source : Source
-        Open.
+        An open source.
     preparation : OnlinePreparation
-        Makes the velocity, and what else the estimator takes.
+        Computes penetration, velocity and force of each sample.
     estimator : ContactEstimator
-        Learns.
+        Identifies the contact.
     samples, estimates : Writer
-        Where each sample is written down, and the estimates.
+        Shared memory for the samples and the estimates.
     commands : callable
-        Returns the next command that waits, or None; asked between samples.
+        Returns the next pending command, or None; called between samples.
     every_sample : bool
-        Whether the estimate is computed at every sample; else every 20 ms of the samples' clock,
-        and at once where the state, the law, the material or the estimator is another.
+        Whether to compute the estimate at every sample; otherwise every 20 ms of the samples'
+        clock, and whenever the state, the law, the material or the estimator changes.
     """
 
     source: Source
@@ -275,13 +275,13 @@ class Loop:
     held: bool = False
     stopped: bool = False
     said: list[str] = field(default_factory=list)
-    #: What a person wants of the recorder, and how many wishes there were.
+    #: The last request to the recorder, and how many there were.
     record: dict[str, Any] = field(default_factory=lambda: {"wish": 0, "on": False})
     laws: LawsInForce = field(init=False)
     watchdog: Watchdog = field(init=False)
     generation: int = 0
     _changed: float = -math.inf
-    _estimated: tuple[Any, ...] = ()  # what was known of the moment of the newest estimate
+    _estimated: tuple[Any, ...] = ()  # time, state, law … at the newest estimate
     _direction: tuple[float, ...] = (0.0, 0.0, 0.0)
 
     def __post_init__(self) -> None:
@@ -295,12 +295,12 @@ class Loop:
         self._begin(self.estimator)
 
     def run(self) -> None:
-        """Go on until the source ends, or somebody says stop.
+        """Run until the source ends or a command stops the loop.
 
         Raises
         ------
         InvalidParameterError
-            The source delivers vectors, and there is no direction; or the other way round.
+            The source delivers vectors but no direction is set, or numbers although one is.
         """
         silent = max(SILENT * self.source.sample_time, SILENT_TIME)
         patience, waited = min(silent, PATIENCE), 0.0
@@ -316,7 +316,7 @@ class Loop:
                 if waited >= silent and self.state is not State.LOST:
                     self.state = State.LOST
                     self.counts.silences += 1
-                    self.say("no sample comes: the estimate is held")
+                    self.say("no samples arrive: the estimate is held")
             else:
                 waited = 0.0
                 self.step(arrival)
@@ -324,7 +324,7 @@ class Loop:
         self._estimate()
 
     def step(self, arrival: Arrival) -> None:
-        """Take one sample through preparation and estimator, and write it down."""
+        """Prepare one sample, update the estimator with it, and store the result."""
         counts, estimator = self.counts, self.estimator
         if not counts.taken:
             self._check(arrival)
@@ -359,12 +359,12 @@ class Loop:
         self.lateness.add(late)
 
     def _estimate(self) -> float:
-        """Write down what the estimator knows now; how long it took to say so, s."""
+        """Store the present estimate; return how long it took to compute, s."""
         began = time.perf_counter()
         estimate = self.estimator.estimate()
         took = time.perf_counter() - began
         known = np.full(MOST_PARAMETERS * (1 + MOST_PARAMETERS), math.nan)
-        if estimate.samples:  # where an estimator starts is nothing that it knows
+        if estimate.samples:  # an initial estimate is not a result
             parameters = estimate.parameters
             size = len(parameters)
             known[:size], known[MOST_PARAMETERS:] = parameters, 0.0
@@ -376,17 +376,17 @@ class Loop:
         return took
 
     def _check(self, first: Arrival) -> None:
-        """Refuse a source whose samples are of another form than is prepared."""
+        """Raise if the source delivers vectors without a direction, or numbers with one."""
         vectors = not isinstance(first.position, float)
         if vectors is not (self._direction == (0.0, 0.0, 0.0)):
             return
-        advice = "numbers, of which --direction cannot be taken"
+        advice = "numbers, not vectors: omit --direction"
         if vectors:
-            advice = "vectors: say --direction, into the material, such as 0,0,-1"
+            advice = "vectors: pass --direction, into the material, such as 0,0,-1"
         raise InvalidParameterError(f"{self.source.name} delivers {advice}")
 
     def _judge(self, arrival: Arrival, status: Status, fault: str, *, sampled: bool) -> None:
-        """The state that a person sees."""
+        """Update the counts and the state after a sample."""
         counts = self.counts
         preparing = self.preparation.status
         refused = status in _REFUSED or preparing in _REFUSED
@@ -417,22 +417,22 @@ class Loop:
         return self.preparation.settings["tare_time"] > 0.0 and math.isnan(self.preparation.tare)
 
     def _axes(self, value: Value) -> tuple[float, float, float, float]:
-        """Its part along the contact normal, into the material; and what came."""
+        """Return the component along the direction into the material, then the value itself."""
         if isinstance(value, float):
             return value, value, math.nan, math.nan
         (x, y, z), (a, b, c) = self._direction, value
         return x * a + y * b + z * c, a, b, c
 
     def say(self, text: str) -> None:
-        """Tell whoever looks on; the last few are kept."""
+        """Report a message to the sinks; the last eight are kept."""
         self.said = [*self.said[-7:], f"{time.strftime('%H:%M:%S')} {text}"]
 
     def _obey(self) -> None:
-        """Do what was asked for since the last sample."""
+        """Execute the pending commands."""
         while (command := self.commands()) is not None:
             try:
                 self._do(command)
-            except (PalpateError, TypeError) as error:  # of a person's request, not of data
+            except (PalpateError, TypeError) as error:  # caused by the command, not by the data
                 self.say(f"{command.name}: {error}")
 
     def _do(self, command: LiveCommand) -> None:
@@ -441,38 +441,38 @@ class Loop:
             self.stopped = True
         elif command.name in ("hold", "resume"):
             self.held = command.name == "hold"
-            self.say("held" if self.held else "resumed")
+            self.say("on hold" if self.held else "resumed")
             if self.held:
                 self.estimator.leave_contact()
         elif command.name == "reset":
-            self._exchange(self.estimator.replace(), "reset: all is forgotten")
+            self._exchange(self.estimator.replace(), "reset: the estimate starts again")
         elif command.name == "tare":
             seconds = number_in("seconds", options.get("seconds", 1.0), 0.01, 60.0)
             settings = {**self.preparation.settings, "tare_time": seconds}
             self.preparation = OnlinePreparation(**settings)
             self.estimator.leave_contact()
-            self.say(f"taring for {seconds:g} s: touch nothing")
+            self.say(f"taring for {seconds:g} s: keep the probe out of contact")
         elif command.name == "estimator":
             made = chosen(self.estimator, options)
             self._exchange(made, f"estimator: {made.method}")
         elif command.name == "source":
             ask = getattr(self.source, "ask", None)
             if ask is None:
-                raise InvalidParameterError(f"of {self.source.name} nothing can be chosen")
+                raise InvalidParameterError(f"{self.source.name} has no options to change")
             self.say(ask(options))
         elif command.name == "record":
             path = options.get("path")
             on = bool(options.get("on", path is not None))
             wish, since = self.record["wish"] + 1, self.samples.count
-            # From here on: the recorder hears a little later that it is to end.
+            # Stays on: the recorder ends a little after the command to end.
             self.every_sample = self.every_sample or on
             self.record = {"wish": wish, "on": on, "path": path, "since": since}
 
     def _begin(self, estimator: ContactEstimator) -> None:
         if len(estimator.law_type.symbols) > MOST_PARAMETERS:
             raise InvalidParameterError(
-                f"{estimator.method} has a law of more than {MOST_PARAMETERS} parameters: the loop "
-                "has no room for it"
+                f"{estimator.method} has a law of {len(estimator.law_type.symbols)} parameters, "
+                f"and the loop takes at most {MOST_PARAMETERS}"
             )
         self.estimator, self.laws = estimator, LawsInForce.of(estimator)
 
@@ -483,7 +483,7 @@ class Loop:
         self.say(text)
 
     def status(self) -> dict[str, Any]:
-        """What is to be known beside the samples, in numbers and words, as JSON takes it."""
+        """Return the loop's status as numbers and text, ready for JSON."""
         source, estimator, law = self.source, self.estimator, self.estimator.law_type
         settings = self.preparation.settings
         unusual = [name for name in settings if repr(settings[name]) != repr(_USUAL[name])]
@@ -502,7 +502,7 @@ class Loop:
                 "names": law.names(),
                 "symbols": law.symbols,
                 "units": law.units,
-                # Places of those that are shown: some law on offer has them as its own.
+                # Indices of the parameters that at least one compared law has.
                 "shown": self.laws.shown,
                 "remembers": self.laws.remembers,
             },
@@ -511,14 +511,14 @@ class Loop:
             "needs_condition_10": estimator.needs_condition_10,
             "state": self.state.name.lower(),
             "held": self.held,
-            # What is wrong now; one that is past was said.
+            # The present fault; earlier ones are among the messages.
             "fault": self.watchdog.text if self.state is State.INVALID else "",
-            # What a person may choose of the source itself: {"material": [...], ...}.
+            # Options of the source and their choices: {"material": [...], ...}.
             "offers": getattr(source, "offers", {}),
             "chosen": getattr(source, "chosen", {}),
             "origin": getattr(source, "origin", 0),
             "record": self.record,
-            # What both the source and the loop count is added.
+            # Counts that both the source and the loop have are added.
             "counts": came | own | {name: came[name] + own[name] for name in came.keys() & own},
             "cycle": self.cycle.as_dict(),
             "lateness": self.lateness.as_dict(),

@@ -1,4 +1,4 @@
-"""What the wires have in common: addresses, the order of samples, messages of ROS, estimates."""
+"""Common parts of the wires: addresses, the order of samples, the pairing of two topics."""
 
 import re
 import time
@@ -15,21 +15,21 @@ from palpate.errors import InvalidParameterError, PalpateError
 from palpate.live.sources import Arrival, Counts, SourceOptions, Value
 from palpate.validation import number_in, one_of, shown, whole_in
 
-# What follows the scheme of a wire's address: ``/pose,/wrench?domain=3&tolerance=0.002``.
+# The part of an address after its scheme: ``/pose,/wrench?domain=3&tolerance=0.002``.
 
 
 @dataclass(frozen=True, slots=True)
 class WireAddress:
-    """A wire's address, taken apart.
+    """A wire's address, parsed.
 
     Attributes
     ----------
     scheme : str
-        For messages: ``"dds"``.
+        Such as ``"dds"``; used in error messages.
     target : str
-        What stands before the question mark.
+        The part before the question mark.
     options : mapping
-        What stands after it, by name.
+        The options after it, by name.
     """
 
     scheme: str
@@ -37,7 +37,7 @@ class WireAddress:
     options: Mapping[str, str]
 
     def one_of(self, name: str, choices: Sequence[str]) -> str:
-        """Return an option that has a few possible values, of which the first is the default."""
+        """Return an option that is one of ``choices``. Default: the first."""
         value = self.options.get(name, choices[0])
         one_of(f"{self.scheme}: {name}", value, choices)
         return value
@@ -58,12 +58,12 @@ class WireAddress:
 
 
 def parsed(scheme: str, address: str, allowed: Sequence[str]) -> WireAddress:
-    """Take an address apart, without its scheme.
+    """Parse an address without its scheme.
 
     Raises
     ------
     InvalidParameterError
-        It has an option that this wire does not know, or the same one twice.
+        The address has an unknown option, or the same option twice.
     """
     target, _, query = address.partition("?")
     pairs = parse_qsl(query, keep_blank_values=True)
@@ -71,78 +71,78 @@ def parsed(scheme: str, address: str, allowed: Sequence[str]) -> WireAddress:
     for name in options:
         if name not in allowed:
             raise InvalidParameterError(
-                f"{scheme}: no option {shown(name)}; there are {', '.join(sorted(allowed))}"
+                f"{scheme}: unknown option {shown(name)}; known are {', '.join(sorted(allowed))}"
             )
     if len(options) != len(pairs):
-        raise InvalidParameterError(f"{scheme}: an option is given twice: {shown(query)}")
+        raise InvalidParameterError(f"{scheme}: duplicate option in {shown(query)}")
     return WireAddress(scheme, target, options)
 
 
-# ROS's names have letters, digits and underscores; what else there is would be a pattern.
+# Names in ROS have letters, digits and underscores only; Zenoh reads other characters as patterns.
 _NAME = re.compile(r"/?[A-Za-z_]\w*(/[A-Za-z_]\w*)*", re.ASCII)
 
 
 def topics_of(address: WireAddress, most: int) -> tuple[str, ...]:
-    """Return the names of the topics of an address of ROS, each with its slash.
+    """Return the topic names in a ROS address, each with its leading slash.
 
     Raises
     ------
     InvalidParameterError
-        There is none, there are more than ``most``, or one is no name of a topic.
+        There are no topics, more than ``most``, duplicates, or invalid names.
     """
     names = tuple(address.target.split(",")) if address.target else ()
     if not 1 <= len(names) <= most or len(set(names)) != len(names):
-        form = "/pose,/wrench: the position's topic and the force's, or one that has both"
-        form = form if most == 2 else "/palpate, one name"
+        form = "/pose,/wrench (position and force), or a single topic that contains both"
+        form = form if most == 2 else "/palpate (a single prefix)"
         raise InvalidParameterError(
-            f"{address.scheme}: topics must be such as {form}; not {shown(address.target)}"
+            f"{address.scheme}: topics must have the form {form}, not {shown(address.target)}"
         )
     for name in names:
         if not _NAME.fullmatch(name):
             raise InvalidParameterError(
-                f"{address.scheme}: {shown(name)} is no name of a topic, such as /robot/pose"
+                f"{address.scheme}: {shown(name)} is not a valid topic name, such as /robot/pose"
             )
     return tuple(f"/{name.removeprefix('/')}" for name in names)
 
 
-# In which order samples came, how many did not, and since when they were there to be taken.
+# Order of the samples, losses, and the time at which each became available.
 
 NANO = 1_000_000_000
-# A stamp that is at most so much, ns, before the one of the sample before it is a sample that was
-# overtaken. One that is further back is of a clock that was set, or of a robot that was restarted.
+# ns: a sample that is older than the one before by at most this was overtaken on the way. An older
+# one means that the clock was set or the robot restarted.
 LONGEST_OVERTAKING = NANO
-# Steps of time that are judged together.
+# Time steps evaluated together.
 WINDOW = 64
 _QUIET = 8  # steps
-# A step of more than this, ns, is a pause of the robot: what it did not send is not lost.
+# ns: a longer step is a pause of the robot, without lost samples.
 LONGEST_GAP = NANO
-# A number that is further ahead than this is no gap, 1000 s at 1 kHz, but another count.
+# A larger jump of the sample number, 1000 s at 1 kHz, is a restarted count and no loss.
 MOST_LOST = 1_000_000
-# s: a stream follows one publisher, until that one was silent for so long.
+# s of silence after which a stream may follow another publisher.
 SILENCE = 0.5
 
 
 class Succession(Enum):
-    """What becomes of a sample."""
+    """Verdict on the order of a sample."""
 
     NEXT = "next"
-    """It follows the one before it."""
+    """The sample follows the one before it."""
     ANEW = "anew"
-    """It is the first, or the sender or its clock begins again."""
+    """The sample is the first, or the first after a restart of the sender or its clock."""
     REFUSED = "refused"
-    """It came twice, or too late, and was counted."""
+    """The sample is a duplicate or too late; it is counted and dropped."""
 
 
 class Order:
-    """Judges the order of one stream of samples; what is wrong it counts.
+    """Checks the order of one stream of samples and counts losses.
 
-    By the sender's own number where the wire has one, and without by the gaps in time:
-    :class:`Gaps`.
+    It uses the sender's sample number if the wire has one, otherwise the gaps in time
+    (:class:`Gaps`).
 
     Parameters
     ----------
     counts : Counts
-        Where it counts.
+        Receives the counts.
     """
 
     def __init__(self, counts: Counts) -> None:
@@ -152,20 +152,20 @@ class Order:
         self._gaps = Gaps()
 
     def admit(self, stamp: int, number: int | None = None) -> Succession:
-        """Judge a sample.
+        """Check a sample.
 
         Parameters
         ----------
         stamp : int
-            Its time by the sender's clock, ns.
+            Time of the sample by the sender's clock, ns.
         number : int, optional
-            Its number by the sender's count.
+            The sender's sample number.
         """
         if self._stamp is None:
             return self._begin(stamp, number)
         step, counts = stamp - self._stamp, self._counts
         ahead = 0 if number is None or self._number is None else number - self._number
-        # An earlier number with a later time: a sender that was restarted.
+        # A smaller number with a later time: the sender was restarted.
         if ahead > MOST_LOST + 1 or ahead < 0 < step or (ahead <= 0 and step < -LONGEST_OVERTAKING):
             return self._begin(stamp, number)
         if ahead <= 0 and step <= 0:
@@ -182,17 +182,17 @@ class Order:
         return Succession.ANEW
 
     def finish_pending(self) -> None:
-        """Count what is missing in the steps that were not judged yet."""
+        """Count the losses in the steps that are not evaluated yet."""
         self._counts.lost += self._gaps.finish_pending()
 
 
 class Gaps:
-    """Finds samples that are missing by the steps of their stamps.
+    """Finds missing samples from the steps between timestamps.
 
-    A step is usual that is the median of the last six thousand or so. One that is longer by more
-    than a half misses samples, as many as there are usual steps in it and in those after it, until
-    eight in a row were usual: a busy robot sends late, and then quickly what has waited. A step of
-    more than 1 s is a pause of the robot.
+    The nominal step is the median of about the last 6000. A step longer than 1.5 nominal steps
+    starts a gap, which ends with eight nominal steps in a row: a busy robot sends samples late, and
+    then several quickly. The gap's duration in nominal steps gives the number of missing samples.
+    A step of more than 1 s is a pause of the robot.
     """
 
     def __init__(self) -> None:
@@ -201,7 +201,7 @@ class Gaps:
         self._balance, self._quiet = 0.0, _QUIET
 
     def see(self, step: int) -> int:
-        """Take a step, ns; return how many more samples are known to be missing."""
+        """Add a step, ns; return how many more samples are missing."""
         if step <= LONGEST_GAP:
             self._steps.append(step)
         return self._judge() if len(self._steps) >= WINDOW else 0
@@ -224,28 +224,28 @@ class Gaps:
         return missing
 
     def _whole(self) -> int:
-        """Whole samples that are missing; less than 0.7 of one is a robot's unevenness."""
+        """Return the number of missing samples; less than 0.7 of one is jitter."""
         missing, self._balance, self._quiet = int(max(self._balance + 0.3, 0.0)), 0.0, _QUIET
         return missing
 
     def finish_pending(self) -> int:
-        """Judge what there is, as nothing more comes; return how many samples are missing."""
+        """Evaluate the remaining steps; return how many samples are missing."""
         known = self._judge() if len(self._steps) >= 3 or (self._medians and self._steps) else 0
         return known + self._whole()
 
 
 class Receipt:
-    """Since when a sample was there to be taken, by this machine's monotonic clock.
+    """Estimates when each sample became available, by this machine's monotonic clock.
 
-    One that was waited for is there now. One that had been waiting came some time before; it is
-    taken to have come after the one before it by as much as its stamp is later.
+    A sample that the loop waited for became available now. A sample from the queue is assumed to
+    have come after the one before it by the difference of their timestamps.
     """
 
     def __init__(self) -> None:
         self._stamp, self._there = 0, 0.0
 
     def there(self, stamp: int, *, waited: bool) -> float:
-        """Return the time, s, for a sample that was stamped at ``stamp``, ns."""
+        """Return the time, s, of a sample with the timestamp ``stamp``, ns."""
         now = time.monotonic()
         if not waited:
             now = min(now, self._there + max(stamp - self._stamp, 0) / NANO)
@@ -254,14 +254,14 @@ class Receipt:
 
 
 class Followed:
-    """One publisher of a topic: numbers of two that are mixed would belong to nothing."""
+    """The publisher that a topic follows, so that samples of two publishers never mix."""
 
     def __init__(self) -> None:
         self._who: object = None
         self._heard = -SILENCE
 
     def accepts(self, who: object) -> bool:
-        """Whether a sample is of the publisher that is followed."""
+        """Whether to accept a sample of publisher ``who``."""
         now = time.monotonic()
         if who != self._who and now - self._heard < SILENCE:
             return False
@@ -269,23 +269,23 @@ class Followed:
         return True
 
 
-# What every source on a wire has, whatever its messages are.
+# The common part of all sources on a wire.
 
-#: Letters of what is said of a message: a name in it may have as many as a peer likes.
+#: Longest description of a fault, characters: it may contain names that a peer chose.
 LONGEST_WORDS = 300
 
 
 class WireSource:
-    """A source, but for the messages, which a wire turns into arrivals.
+    """Base of the sources on a wire, which turn messages into arrivals.
 
     Parameters
     ----------
     name : str
         Scheme and address.
     options : SourceOptions
-        What is known of the samples.
+        Options of the source.
     streams : int
-        Of messages, each of which has an order of its own.
+        Number of streams of messages, each with an order of its own. Default: 1.
     """
 
     def __init__(self, name: str, options: SourceOptions, streams: int = 1) -> None:
@@ -297,11 +297,11 @@ class WireSource:
 
     @property
     def origin(self) -> int:
-        """What times are counted from, ns by the sender's clock: the first, if since 1970."""
+        """Zero of the times, ns by the sender's clock: the first timestamp if after 1970."""
         return self._origin or 0
 
     def take(self, timeout: float) -> Arrival | None:
-        """Return the next sample, or None where none came in time [s]."""
+        """Return the next sample, or None if none arrives within ``timeout``, s."""
         until = time.monotonic() + timeout
         while not self._ready:
             something = self._receive(0.0) or self._receive(max(until - time.monotonic(), 0.0))
@@ -312,39 +312,39 @@ class WireSource:
         return self._ready.popleft()
 
     def _receive(self, seconds: float) -> bool:
-        """Take what is there, or what comes within a time [s]; whether there was anything."""
+        """Read the messages that arrive within a time, s; return whether there were any."""
         raise NotImplementedError
 
     def closed(self) -> PalpateError:
-        """Return the error of a source that is asked for samples before it is opened."""
+        """Return the error for a source that is read before it is opened."""
         return PalpateError(f"{self.name} is not open")
 
     def give(self, stamp: int, position: Value, force: Value, there: float) -> None:
-        """Have a sample taken next, whose time is counted so that no digits are lost."""
+        """Queue a sample, with its time relative to the origin so that no digits are lost."""
         if self._origin is None:
-            # A float of 10⁸ s, three years, has steps of 15 ns; smaller times are left as they are.
+            # A float of 10⁸ s, three years, resolves 15 ns; smaller times need no origin.
             self._origin = stamp if abs(stamp) > 100_000_000 * NANO else 0
         self._ready.append(Arrival((stamp - self._origin) / NANO, position, force, there))
 
     def refuse(self, words: str) -> None:
-        """Count a message that holds no sample."""
+        """Count a message without a valid sample."""
         self.counts.malformed += 1
-        self.counts.last_fault = words[:LONGEST_WORDS]  # a peer's own may be in it
+        self.counts.last_fault = words[:LONGEST_WORDS]  # it may contain a peer's text
 
     def finish_pending(self) -> None:
-        """Count what is missing so far."""
+        """Count the samples missing so far."""
         for order in self._orders:
             order.finish_pending()
 
 
-# Positions and forces that come on two topics, brought together by their stamps.
+# Pairing of positions and forces from two topics by their timestamps.
 
-# Samples of a topic that wait for the other one: 1 s at 1 kHz, and then they count as unpaired.
+# Samples of a topic that wait for the other topic, 1 s at 1 kHz; further ones are unpaired.
 WAITING = 1024
 
 
 class Stamped(NamedTuple):
-    """One value of one topic."""
+    """A value of one topic with its timestamp."""
 
     stamp: int  # ns
     value: Value
@@ -352,7 +352,7 @@ class Stamped(NamedTuple):
 
 
 class Pair(NamedTuple):
-    """A value of each topic at one time."""
+    """The values of both topics at one time."""
 
     stamp: int
     leader: Value
@@ -361,19 +361,19 @@ class Pair(NamedTuple):
 
 
 class Pairing:
-    """Gives a pair for each sample of the leading topic.
+    """Pairs each sample of the leading topic with a value of the other topic.
 
-    The other topic's value is that with the same stamp; where there is none, it is interpolated by
-    a straight line between the two around it, if they are at most twice ``tolerance`` apart;
-    else it is the nearest that is at most ``tolerance`` away. A sample that finds none is left out
-    and counted as unpaired. Interpolation waits for the later of the two.
+    That value is the one with the same timestamp. Otherwise it is interpolated linearly between its
+    two neighbours, if these are at most twice ``tolerance`` apart, else it is the nearest within
+    ``tolerance``. A sample without a partner is skipped and counted as unpaired. Interpolation
+    waits for the later neighbour.
 
     Parameters
     ----------
     tolerance : int
-        ns.
+        Largest time between the samples of a pair, ns.
     counts : Counts
-        Where what is left out is counted.
+        Receives the count of unpaired samples.
     """
 
     def __init__(self, tolerance: int, counts: Counts) -> None:
@@ -382,24 +382,24 @@ class Pairing:
         self._followers: deque[Stamped] = deque(maxlen=WAITING)
 
     def lead(self, sample: Stamped, *, anew: bool) -> list[Pair]:
-        """Take a sample of the leading topic; return the pairs that are complete now.
+        """Add a sample of the leading topic; return the pairs that are complete now.
 
-        ``anew`` says that its clock begins again: what waits belongs to the old one.
+        ``anew`` means that its clock was set: waiting samples belong to the old clock.
         """
         if anew:
             self._unpaired(len(self._leaders), "the clock of the positions or forces was set")
             self._leaders.clear()
-            # The other topic's clock begins again too; what came of it already is kept.
+            # The other topic's clock was set too; keep its samples of the new clock.
             near = [f for f in self._followers if abs(f.stamp - sample.stamp) < LONGEST_OVERTAKING]
             self._followers = deque(near, maxlen=WAITING)
         self._leaders.append(sample)
         if len(self._leaders) > WAITING:
             self._leaders.popleft()
-            self._unpaired(1, f"{WAITING} samples of one topic came, and none of the other")
+            self._unpaired(1, f"{WAITING} samples of one topic arrived without any of the other")
         return self._resolved()
 
     def follow(self, sample: Stamped, *, anew: bool) -> list[Pair]:
-        """Take a sample of the other topic."""
+        """Add a sample of the other topic; return the pairs that are complete now."""
         if anew:
             self._followers.clear()
         self._followers.append(sample)
@@ -413,7 +413,7 @@ class Pairing:
             while len(followers) >= 2 and followers[1].stamp <= stamp:
                 followers.popleft()
             if not followers or (len(followers) == 1 and followers[0].stamp < stamp):
-                break  # the one after it is not there yet
+                break  # the next one has not arrived yet
             leader = leaders.popleft()
             value = self._value_at(stamp)
             if value is not None:
@@ -443,8 +443,8 @@ class Pairing:
             return sample.value
         self._unpaired(
             1,
-            f"the nearest stamp of the other topic is {away / NANO:.3g} s away, more than the "
-            f"tolerance of {self._tolerance / NANO:.3g} s",
+            f"the nearest sample of the other topic is {away / NANO:.3g} s away: raise "
+            f"tolerance={self._tolerance / NANO:.3g} in the address",
         )
         return None
 

@@ -1,11 +1,9 @@
-"""Estimates published back on a wire, for the robot or whoever listens.
+"""Sinks that publish the estimates on a wire.
 
-Estimates as messages that every user of ROS can echo and plot.
-
-``…/estimate`` is a ``std_msgs/Float64MultiArray`` for each sample, whose layout names its numbers:
-one dimension, with all the names, and commas between them, as its label. ``…/status`` is a
-``diagnostic_msgs/DiagnosticArray`` a few times a second: the state in words, and each number with
-its name and unit.
+On ROS, ``…/estimate`` is a ``std_msgs/Float64MultiArray`` per sample. Its layout has one dimension,
+whose label lists the names of the numbers, separated by commas. ``…/status`` is a
+``diagnostic_msgs/DiagnosticArray``, four times a second: the state, and each quantity by name. Both
+are standard types, which every ROS tool can echo and plot.
 """
 
 import math
@@ -28,23 +26,22 @@ from palpate.live.sources import SOURCES, wired
 from palpate.live.view import fields_of, verdict_on
 from palpate.validation import Floats, shown
 
-#: Before the law's parameters and their standard errors: name as published, and column of the ring.
+#: Fields before the law's parameters and their standard errors: published name, column of the ring.
 BEFORE = (
     ("time", "arrived"),  # of the newest measurement, s, by the robot's clock
-    ("prepared_time", "time"),  # to which penetration, velocity and force belong
+    ("prepared_time", "time"),  # s, of penetration, velocity and force
     ("penetration", "penetration"),
     ("velocity", "velocity"),
     ("force", "force"),
-    ("predicted_force", "predicted_force"),  # before the sample was learned
-    ("state", "state"),  # a number of palpate.live.choices.State
+    ("predicted_force", "predicted_force"),  # one-step prediction, N
+    ("state", "state"),  # palpate.live.choices.State
     ("offset", "offset"),  # N
     ("surface", "surface"),  # m
-    ("margin", "margin"),  # of condition 10
+    ("margin", "margin"),  # validity margin of the linearisation (condition 10)
 )
-#: Behind all of them: the verdict as a number, and s since a sample was learned.
+#: Fields at the end: the verdict as a number, and the time since the last update, s.
 AFTER = ("verdict", "age")
-#: Of these names and those of the status; a field that goes, or means another thing, makes it the
-#: next.
+#: Version of the published fields; it rises when a field is removed or changes its meaning.
 SCHEMA = 2
 _TIMES = (0, 1)
 _COLUMNS = [PLACE[column] for _, column in BEFORE]
@@ -53,16 +50,16 @@ GENERATION = PLACE["method"]
 
 @dataclass(frozen=True, slots=True)
 class Fields:
-    """What the estimates of one estimator consist of.
+    """Fields of the published estimates of one estimator.
 
     Attributes
     ----------
     generation : int
-        Number of the estimator; a change of estimator makes another one.
+        Number of the estimator; each change of estimator increases it.
     parameters : tuple of str
         Names of the law's parameters.
     origin : int
-        What the source's times are counted from, ns.
+        Zero of the source's times, ns.
     """
 
     generation: int
@@ -71,12 +68,12 @@ class Fields:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """All names, in the order of the numbers."""
+        """Names of all fields, in order."""
         errors = (f"{name}_standard_error" for name in self.parameters)
         return (*(name for name, _ in BEFORE), *self.parameters, *errors, *AFTER)
 
     def values(self, rows: Floats, after: Floats) -> Floats:
-        """Return the numbers of rows of the ring, shape (k, len(names)); those after are given."""
+        """Return the fields of rows of the ring, shape (k, len(names)), ending with ``after``."""
         fixed = rows[:, _COLUMNS]
         fixed[:, _TIMES] += 1e-9 * self.origin
         parameters, errors, _ = parameters_of(rows, len(self.parameters))
@@ -84,20 +81,20 @@ class Fields:
 
 
 ESTIMATE, STATUS = "std_msgs/msg/Float64MultiArray", "diagnostic_msgs/msg/DiagnosticArray"
-#: What is published: the end of a topic's name, and its type.
+#: Published topics: end of the name, and type.
 TOPICS = (("estimate", ESTIMATE), ("status", STATUS))
 # DiagnosticStatus: OK, WARN, ERROR, STALE.
 _LEVELS = {"invalid": 1, "held": 1, "lost": 3}
 
 
 class Wire:
-    """One way of publishing: it makes messages of what was found, and sends them."""
+    """Interface of a wire: encodes estimates and status as messages and sends them."""
 
     #: Scheme and address.
     name: str
 
     def open(self) -> None:
-        """Begin; PalpateError where it cannot."""
+        """Connect; raises PalpateError if that fails."""
         raise NotImplementedError
 
     def estimate(self, names: tuple[str, ...], values: Sequence[float]) -> bytes:
@@ -105,37 +102,37 @@ class Wire:
         raise NotImplementedError
 
     def status(self, state: str, source: str, stamp: int, values: dict[str, str | float]) -> bytes:
-        """Return the message that says the state in words, and a few numbers.
+        """Return the message with the state and named values.
 
         Parameters
         ----------
         state : str
-            A :class:`~palpate.live.choices.State`, in small letters.
+            A :class:`~palpate.live.choices.State`, in lower case.
         source : str
-            Where the samples come from.
+            Name of the source.
         stamp : int
-            ns, by the robot's clock.
+            Time by the robot's clock, ns.
         values : dict
-            What is said, by name.
+            Values by name.
         """
         raise NotImplementedError
 
     def put(self, topic: int, data: bytes) -> bool:
-        """Send a message on one of :data:`TOPICS`; whether there was room for it."""
+        """Send a message on one of :data:`TOPICS`; return whether the queue had room for it."""
         raise NotImplementedError
 
     def close(self) -> None:
-        """End; may be called twice."""
+        """Disconnect; may be called twice."""
         raise NotImplementedError
 
 
 class RosWire(Wire):
-    """What wires of ROS have in common: a prefix of topics, and messages of ROS 2, in CDR.
+    """Base of the ROS wires: encodes ROS 2 messages in CDR.
 
     Parameters
     ----------
     scheme, prefix : str
-        Of the address; topics are ``<prefix>/estimate`` and ``<prefix>/status``.
+        Of the address; the topics are ``<prefix>/estimate`` and ``<prefix>/status``.
     """
 
     def __init__(self, scheme: str, prefix: str) -> None:
@@ -146,28 +143,28 @@ class RosWire(Wire):
         self.store: Any = None
 
     def open(self) -> None:
-        """Make what only the process can have that publishes."""
+        """Load the ROS types, in the process that publishes."""
         from rosbags.typesys import Stores, get_typestore
 
         self.store = get_typestore(Stores.LATEST)
 
     def close(self) -> None:
-        """Forget it."""
+        """Release the ROS types."""
         self.store = None
 
     def estimate(self, names: tuple[str, ...], values: Sequence[float]) -> bytes:
-        """Return the message of one sample; only its numbers are written anew."""
+        """Return the message of one sample; everything but its numbers is cached."""
         if names != self._names:
             types, size = self.store.types, len(names)
             dimension = types["std_msgs/msg/MultiArrayDimension"](",".join(names), size, size)
             layout = types["std_msgs/msg/MultiArrayLayout"]([dimension], 0)
             message = types[ESTIMATE](layout, np.zeros(size))
-            # The numbers are the last of it.
+            # The message ends with the numbers.
             self._head, self._names = self._bytes(message, ESTIMATE)[: -8 * size], names
         return self._head + np.array(values, dtype="<f8").tobytes()
 
     def status(self, state: str, source: str, stamp: int, values: dict[str, str | float]) -> bytes:
-        """Return the message that says the state in words; numbers have 15 digits."""
+        """Return the message with the state; numbers have 15 digits."""
         types = self.store.types
         time = types["builtin_interfaces/msg/Time"](*divmod(max(stamp, 0), NANO))
         header = types["std_msgs/msg/Header"](time, "")
@@ -186,38 +183,39 @@ class RosWire(Wire):
         return bytes(self.store.serialize_cdr(message, type_name, little_endian=True))
 
 
-# Estimates published back on a wire, for the robot or whoever listens.
+# The sink that publishes.
 
-#: Of an estimate, in place of words.
+#: Verdicts as published numbers.
 LEVELS = {"do-not-trust": 0.0, "with-care": 1.0, "trust": 2.0}
-_PAUSE = 1e-3  # s: how often new rows are looked for
-_ASKED_EVERY = 0.02  # s: whether the loop has stopped
-_TOLD_EVERY = 0.25  # s: the status, and the sink's own board
+_PAUSE = 1e-3  # s between reads of new rows
+_ASKED_EVERY = 0.02  # s between checks whether the loop has stopped
+_TOLD_EVERY = 0.25  # s between status messages
 
 
 class Publisher:
-    """Publishes each estimate, and a few times a second the state in words.
+    """Sink that publishes each estimate, and the status four times a second.
 
     Parameters
     ----------
     wire : Wire
-        Where.
+        Wire to publish on.
     """
 
-    gently = False  # a robot may act on what is published
+    gently = False  # a robot may act on the estimates
     every_sample = True
 
     def __init__(self, wire: Wire) -> None:
         self._wire = wire
-        #: For instance ``publish zmq:tcp://127.0.0.1:5556``.
+        #: Such as ``publish zmq:tcp://127.0.0.1:5556``.
         self.name = f"publish {wire.name}"
         self._fields: Fields | None = None
-        self._last: dict[str, float] = {}  # of what was published
-        self._seen = self._learned = math.nan  # when; and when a sample was, by the robot's clock
+        self._last: dict[str, float] = {}  # fields of the last published estimate
+        # Time of publication; time of the last update, by the robot's clock.
+        self._seen = self._learned = math.nan
         self._told = 0.0
 
     def run(self, session: Session, commands: Connection) -> None:
-        """Publish what the loop finds until it stops."""
+        """Publish until the loop stops."""
         self._watching = Watching(session)
         try:
             self._wire.open()
@@ -237,7 +235,7 @@ class Publisher:
                 asked, over = now + _ASKED_EVERY, self._watching.over
             page, rows = self._watching.status(), self._watching.take().rows
             waiting = np.concatenate([waiting, rows]) if len(waiting) else rows
-            # What times are counted from is known with the first sample.
+            # The first sample sets the zero of the times.
             if page and page["counts"]["taken"]:
                 waiting = self._publish(page, waiting)
                 self._tell(page, silent=not len(rows))
@@ -246,26 +244,26 @@ class Publisher:
         self._watching.tell({})
 
     def _publish(self, page: dict[str, Any], rows: Floats) -> Floats:
-        """Send rows whose estimator the board knows by now; return the others."""
+        """Send the rows of the estimator in the status; return those of later estimators."""
         fields = Fields(page["generation"], tuple(page["law"]["names"]), page["origin"])
         if fields != self._fields:
             self._fields, self._last, self._learned = fields, {}, math.nan
         mine = rows[:, GENERATION] == fields.generation
-        # Rows of the estimator before, which the board does not know any more, are not published.
+        # Rows of an earlier estimator, which the status no longer describes, are dropped.
         self._watching.dropped += int(np.count_nonzero(rows[:, GENERATION] < fields.generation))
         if mine.any():
             values = fields.values(rows[mine], self._after(page, rows[mine])).tolist()
             self._last = dict(zip(fields.names, values[-1], strict=True))
             self._seen = time.monotonic()
             messages = (self._wire.estimate(fields.names, each) for each in values)
-            # What is refused came to nobody, as what the ring lost.
+            # Messages without room in the queue count as dropped rows.
             self._watching.dropped += sum(not self._wire.put(0, each) for each in messages)
         return rows[rows[:, GENERATION] > fields.generation]
 
     def _after(self, page: dict[str, Any], rows: Floats) -> Floats:
-        """The verdict as a number, NaN of none; and s since a sample was learned."""
+        """Return the verdict as a number, NaN if none, and the time since the last update, s."""
         level = LEVELS.get(str(self._watching.diagnosis(page)["verdict"]), math.nan)
-        # Of a change the board does not know at once.
+        # The status reports a change of material only a little later.
         levels = np.where(rows[:, PLACE["state"]] == State.CHANGED, math.nan, level)
         times, taken = rows[:, PLACE["arrived"]], np.isin(rows[:, PLACE["status"]], list(TAKEN))
         latest = np.maximum.accumulate(np.where(taken, np.arange(len(rows)), -1))
@@ -274,7 +272,7 @@ class Publisher:
         return np.column_stack([levels, times - learned])
 
     def _tell(self, page: dict[str, Any], *, silent: bool) -> None:
-        """Say it whether rows come or not: of a source that is lost there are none."""
+        """Publish the status, also without new rows, so that a lost source is reported."""
         now, last = time.monotonic(), self._last
         known = math.isfinite(last.get("time", math.nan))
         if self._fields is None or not known or now < self._told:
@@ -292,9 +290,9 @@ class Publisher:
 def describe_status(
     page: dict[str, Any], fields: Fields, named: dict[str, float]
 ) -> dict[str, str | float]:
-    """What is said beside the estimates: numbers as such in SI, and in a sentence with their units.
+    """Return the values of the status message: numbers in SI units, and a text with units.
 
-    And which law it is, by an estimator that compares laws.
+    Includes the verdict on the law if the estimator compares laws.
     """
     law = page["law"]
     said: dict[str, str | float] = {"schema": SCHEMA, "method": page["method"], "law": law["kind"]}
@@ -312,7 +310,7 @@ def describe_status(
         said |= {name: value, f"{name}_standard_error": error}
     said["words"] = ", ".join(words)
     if verdict:
-        origin = 1e-9 * fields.origin  # what the loop counts its times from
+        origin = 1e-9 * fields.origin  # zero of the loop's times
         said |= {f"verdict_{name}": each for name, each in fields_of(verdict, origin).items()}
     for name in ("lost", "repeated", "disordered", "malformed", "unpaired", "refused"):
         said[name] = page["counts"].get(name, 0)
@@ -321,13 +319,13 @@ def describe_status(
 
 def _parameter(value: float, error: float, unit: str, *, fixed: bool) -> str:
     if not math.isfinite(value):
-        return "not known"
+        return "unknown"
     if math.isfinite(error):
         return parameter(value, error, unit=unit, fixed=fixed)
-    return f"{value:.4g} {unit}".strip() + ", error not known"
+    return f"{value:.4g} {unit}".strip() + " ± unknown"
 
 
-# From the options of the command line to sinks.
+# From a command-line option to a sink.
 
 
 def open_publisher(address: str) -> Sink:
@@ -336,17 +334,19 @@ def open_publisher(address: str) -> Sink:
     Raises
     ------
     InvalidParameterError
-        There is no such wire.
+        The address names no wire.
     MissingExtraError
-        What it needs is not installed.
+        A package that the wire needs is not installed.
     """
     kind, module, rest = wired(address)
     if kind is None or not kind.wire:
         known = ", ".join(f"{name}:…" for name, each in SOURCES.items() if each.wire)
-        raise InvalidParameterError(f"--publish must be one of {known}, not {shown(address)}")
+        raise InvalidParameterError(
+            f"--publish must begin with one of {known}, not {shown(address)}"
+        )
     made: Wire = getattr(module, kind.wire)(rest)
     try:
-        made.open()  # so that an address in use is known before the loop begins
+        made.open()  # so that an address in use fails before the loop starts
     finally:
         made.close()
     return Publisher(made)

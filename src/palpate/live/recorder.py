@@ -1,4 +1,4 @@
-"""An MCAP recording of what came and what was found, as messages of ROS 2."""
+"""The recorder: writes measurements and estimates to an MCAP file, as ROS 2 messages."""
 
 import math
 import os
@@ -23,15 +23,15 @@ if TYPE_CHECKING:
     from mcap.writer import Writer
 
 
-#: Topics; a recording is identified again from the first.
+#: Topics of measurements and estimates; ``palpate identify`` reads the first.
 INPUT, ESTIMATE = "/input", "/estimate"
 _MATRIX = MOST_PARAMETERS**2
 
 
 def message_type(name: str) -> tuple[str, str]:
-    """Return the whole name of a type of messages, and its definition, which lies in ``messages``.
+    """Return the full name of a message type and its definition, from the folder ``messages``.
 
-    What was made of a measurement has names of its own there, so that nothing takes it for one.
+    Prepared quantities have names of their own there, so that no reader takes them for measured.
     """
     definition = Path(__file__).parent / "messages" / f"{name}.msg"
     return f"palpate_msgs/msg/{name}", definition.read_text(encoding="utf-8")
@@ -41,7 +41,7 @@ _HEAD = b"\0\1\0\0"  # CDR, little endian
 _NUMBERS_CDR = struct.Struct("<4siI2d")
 _VECTORS_CDR = struct.Struct("<4siI6d")
 _ESTIMATE_CDR = struct.Struct(f"<4siI{4 + MOST_PARAMETERS + _MATRIX + 5}d3BxH")
-_LATEST = 2**31  # s: what a time in ROS 2 can hold
+_LATEST = 2**31  # s: the limit of a time in ROS 2
 
 Row = list[float]
 
@@ -62,11 +62,11 @@ _WHOLE = _places("status", "preparation", "state")
 
 
 def described(status: dict[str, Any]) -> dict[str, str]:
-    """What is to be known of a recording beside its messages, in words."""
+    """Return the description of a run, as metadata of its recording."""
     law = status.get("law", {})
     units = zip(law.get("symbols", ()), law.get("units", ()), strict=True)
     tare, preparation = status.get("tare"), str(status.get("preparation", ""))
-    tared = "being measured" if tare is None else f"{tare:.6g} N was taken off online"
+    tared = "being measured" if tare is None else f"{tare:.6g} N was subtracted online"
     verdict = verdict_on(status)
     told = {"law": str(verdict["law"])} if verdict and verdict["known"] else {}
     diagnosis = status.get("diagnosis", {})
@@ -76,34 +76,32 @@ def described(status: dict[str, Any]) -> dict[str, str]:
         "method": str(status.get("method", "")),
         **told,
         "parameters": ", ".join(f"{name} [{unit or '1'}]" for name, unit in units),
-        "preparation": preparation or "as usual",
+        "preparation": preparation or "defaults",
         "tare": tared if "tare_time=" in preparation else "none",
         "delay": f"{status.get('delay', 0.0):g} s from a measurement to its estimate",
     }
 
 
-# An MCAP recording of what came and what was found.
-
-#: s: what a process that is killed has not yet written.
+#: s between writes: a process that is killed loses at most this much.
 FLUSHED_EVERY = 0.25
-# A clock that was set is no longer followed by the times of the log, ns.
+# ns: a larger jump of the source's clock does not move the log times.
 _SET = 5_000_000_000
 
 
 class Recorder:
-    """Records to a file when it is asked to; never over one that is there.
+    """Sink that records to MCAP files on request; it never overwrites a file.
 
-    What came is the topic ``/input``, of which ``palpate identify`` makes the same again; what was
-    found is ``/estimate``. All is written four times a second, and the disk is asked to keep it: a
-    process that is killed loses no more, and the file is read as far as it goes.
+    The topic ``/input`` has the measurements, which ``palpate identify`` can read; ``/estimate``
+    has the estimates. It writes and syncs four times a second. If the process is killed, the file
+    remains readable up to the last write.
 
     Parameters
     ----------
     path : Path, optional
-        Recorded to from the beginning on. Without one it waits until it is asked to, by
-        ``Command("record", {"on": True})``.
+        File to record to from the start. Default: wait for
+        ``LiveCommand("record", {"on": True})``.
     folder : Path, optional
-        Where recordings without a path go; the current one unless given.
+        Folder for recordings without a path. Default: the current one.
 
     Raises
     ------
@@ -120,7 +118,7 @@ class Recorder:
         self._folder = Path() if folder is None else folder
 
     def run(self, session: Session, commands: Connection) -> None:
-        """Record until the loop stops; the exit status is 1 where not all could be recorded."""
+        """Record until the loop stops; exit with status 1 if a recording failed."""
         watching = Watching(session)
         recording, wish, said, failed = None, 0, "", False
         if self._path is not None:
@@ -138,7 +136,7 @@ class Recorder:
             if asked.get("wish", 0) != wish:
                 wish = asked["wish"]
                 recording, said = self._obey(recording, asked)
-                watching.reader.samples.go_back(asked["since"])  # when it was asked for
+                watching.reader.samples.go_back(asked["since"])  # to the time of the command
             if recording is not None and recording.failed:
                 recording, failed = None, True
             watching.tell({"on": recording is not None, "said": said, **_page(recording)})
@@ -148,10 +146,10 @@ class Recorder:
         watching.tell({"on": False, "said": said, **_page(recording)})
         watching.close()
         if failed:
-            sys.exit(1)  # by which the loop's process knows
+            sys.exit(1)  # tells the loop's process
 
     def _obey(self, recording: "RunFile | None", asked: dict[str, Any]) -> "_Begun":
-        said = "nothing is being recorded" if recording is None else recording.finish()
+        said = "no recording is running" if recording is None else recording.finish()
         if not asked["on"]:
             return None, said
         path = asked.get("path")
@@ -170,20 +168,20 @@ def _begun(path: Path) -> "_Begun":
     try:
         file, taken = opened_new(path)
     except OSError as error:
-        return None, f"{path} cannot be recorded to: {error.strerror or error}"
-    words = "" if taken == path else f", as {path} is there already"
+        return None, f"cannot record to {path}: {error.strerror or error}"
+    words = "" if taken == path else f", because {path} already exists"
     return RunFile(taken, file), f"recording to {taken}{words}"
 
 
 class RunFile:
-    """One file that grows.
+    """One recording.
 
     Parameters
     ----------
     path : Path
-        Its name.
+        Name of the file.
     file : file object
-        Open for writing, empty.
+        Empty file, open for writing.
     """
 
     def __init__(self, path: Path, file: IO[bytes]) -> None:
@@ -191,7 +189,7 @@ class RunFile:
         self.rows = self.bytes = 0
         self.failed = False
         self._writer: Writer | None = None
-        # A disk may take seconds; what is written meanwhile is safe from all but a loss of power.
+        # Syncing may take seconds; meanwhile only a power failure can lose written data.
         self._disk = ThreadPoolExecutor(1)
         self._synced: Future[None] | None = None
         self._shift = self._last = 0
@@ -199,7 +197,7 @@ class RunFile:
         self._described = dict[str, str]()
 
     def write(self, rows: list[Row], status: dict[str, Any], dropped: int) -> str:
-        """Write rows, and see to it that they are on the disk; what went wrong, in words."""
+        """Write rows and sync them to disk; return a description of an error, if any."""
         try:
             if rows:
                 self._begin(rows, status)
@@ -217,13 +215,13 @@ class RunFile:
         return ""
 
     def _given_up(self, error: OSError) -> str:
-        """Close the file as it is: the disk is full, or gone."""
+        """Close the file after an error, such as a full disk; return a description."""
         self.failed = True
         self._disk.shutdown()
-        with suppress(OSError):  # what waits cannot be written either
+        with suppress(OSError):  # the buffer cannot be written either
             self._file.close()
-        words = f"{self.path}: {error.strerror or error}; "
-        return words + f"of {self.rows} rows those up to {FLUSHED_EVERY:g} s before are in it"
+        words = f"{self.path}: {error.strerror or error}: the recording ends after {self.rows} rows"
+        return f"{words}, of which the last {FLUSHED_EVERY:g} s may be missing"
 
     def _raise_failed(self) -> None:
         if self._synced is not None and (error := self._synced.exception()) is not None:
@@ -234,14 +232,14 @@ class RunFile:
             return
         from mcap.writer import IndexType, Writer
 
-        # Without chunks each message is whole as soon as it is written; and there is no index, of
-        # which a reader would be without where the process is killed.
+        # Without chunks each message is complete once written. Without an index the file is equally
+        # readable if the process is killed.
         writer = Writer(self._file, use_chunking=False, index_types=IndexType.METADATA)
         writer.start(profile="ros2", library="palpate")
         vectors = not math.isnan(rows[0][PLACE["input_position_y"]])
         self._measured = (_VECTORS_CDR, _IN_SPACE) if vectors else (_NUMBERS_CDR, _NUMBER)
         names = ("MeasurementInSpace" if vectors else "Measurement", "Estimate")
-        self._origin = int(status.get("origin", 0))  # what the source counts its times from, ns
+        self._origin = int(status.get("origin", 0))  # zero of the source's times, ns
         schemas = [
             writer.register_schema(name, "ros2msg", text.encode())
             for name, text in map(message_type, names)
@@ -274,14 +272,14 @@ class RunFile:
         self._writer.add_message(self._channels[channel], log, message, log, number)
 
     def _stamp(self, time: float) -> int | None:
-        """A time of the source's clock, ns; None where it is none."""
+        """Convert a time of the source's clock to ns; None if it is invalid."""
         if not -_LATEST < time < _LATEST:
             return None
         stamp = self._origin + round(1e9 * time)
         return stamp if -_LATEST < stamp // NANO < _LATEST else None
 
     def _log_time(self, stamp: int) -> int:
-        """When a measurement came by this machine's clock, ns: from the source's steps."""
+        """Return a measurement's time by this machine's clock, ns, from the source's steps."""
         now = time.time_ns()
         if not abs(stamp + self._shift - now) < _SET:
             self._shift = now - stamp
@@ -289,7 +287,7 @@ class RunFile:
         return self._last
 
     def _note_dropped(self, dropped: int) -> None:
-        """Say in the file what the recorder lost, as soon as it does."""
+        """Record newly lost rows in the metadata."""
         if self._writer is None or dropped == self._dropped:
             return
         if self._dropped >= 0:
@@ -298,7 +296,7 @@ class RunFile:
         self._dropped = dropped
 
     def _note_changed(self, status: dict[str, Any]) -> None:
-        """Say in the file what is another than at its beginning, such as the estimator."""
+        """Record changes of the description, such as another estimator, in the metadata."""
         now = described(status)
         changed = {name: words for name, words in now.items() if self._described.get(name) != words}
         if self._writer is not None and changed:
@@ -308,7 +306,7 @@ class RunFile:
             self._described = now
 
     def finish(self) -> str:
-        """Write the end, and close the file."""
+        """Finish and close the file; return a description of the result."""
         try:
             if self._writer is not None:
                 self._writer.finish()  # type: ignore[no-untyped-call]

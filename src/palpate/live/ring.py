@@ -1,8 +1,8 @@
-"""Rings of rows in shared memory: one loop writes, any number of processes read.
+"""Ring buffers in shared memory: one loop writes, any number of processes read.
 
-The writer never waits. A reader that falls behind by more than the ring holds loses rows, and knows
-how many. One ring holds every sample; another the estimates, which are more than a sample and cost
-more: the loop computes them 50 times a second, or at every sample where somebody asks for that.
+The writer never waits. A reader that falls behind by more than the capacity loses rows and counts
+them. One ring holds every sample. Another holds the estimates, which are larger and cost more to
+compute: the loop computes them 50 times a second, or at every sample if a sink needs that.
 """
 
 import json
@@ -15,46 +15,46 @@ from numpy.typing import NDArray
 
 from palpate.validation import Floats
 
-#: The most parameters that a law may have to be shown live.
+#: Most parameters of a force law in the loop.
 MOST_PARAMETERS = 8
 
-#: Columns of a sample, in their order.
+#: Columns of a sample, in order.
 SAMPLE = (
     "time",  # of the sample that was prepared, s, by the source's clock
     "arrived",  # time of the newest measurement, s, by the same clock
     "position", "raw_force",  # of the newest measurement, along the contact normal; m, N
-    "penetration", "velocity", "force",  # as they were given to the estimator; NaN where none was
-    "predicted_force",  # a priori, N
-    "status", "preparation", "state",  # numbers of Status, Status and State
+    "penetration", "velocity", "force",  # the estimator's input, NaN if none was prepared
+    "predicted_force",  # one-step prediction, N
+    "status", "preparation", "state",  # Status of estimator, of preparation; State
     "cycle", "lateness",  # s
     "estimate",  # number of the newest estimate after this sample
-    # As the newest measurement came, before signs and direction: a number is the first of three.
+    # The newest measurement before signs and direction; a scalar is in x.
     *(f"input_{what}_{axis}" for what in ("position", "force") for axis in "xyz"),
 )  # fmt: skip
 #: Columns of an estimate.
 ESTIMATE = (
-    "method",  # number of the estimator's generation: another means that it was changed
-    "offset", "surface", "margin",  # N, m, and of condition 10
+    "method",  # number of the estimator; each change of estimator increases it
+    "offset", "surface", "margin",  # N, m, validity margin of the linearisation
     *(f"parameter_{k}" for k in range(MOST_PARAMETERS)),
     *(f"covariance_{k}" for k in range(MOST_PARAMETERS**2)),  # row by row
 )  # fmt: skip
-#: Columns of a row as readers get it: a sample, and the newest estimate that there was after it.
+#: Columns of a row as read: a sample, and the newest estimate after it.
 COLUMNS = (*SAMPLE, *ESTIMATE)
 _NUMBER = SAMPLE.index("estimate")
 _HEADER = 64  # bytes: a cache line of its own
-#: 16 s at 1 kHz: what a page shows, and a reader may stall for.
+#: Rows: 16 s at 1 kHz, longer than the page shows and a reader may stall.
 CAPACITY = 1 << 14
 
 
 class Taken(NamedTuple):
-    """Rows that a reader took.
+    """Rows that a reader has read.
 
     Attributes
     ----------
     rows : numpy.ndarray, shape (k, columns)
-        In the order of time.
+        Rows in the order in which they were written.
     dropped : int
-        Rows between the last ones taken and these, which the ring no longer held.
+        Rows before these that were overwritten unread.
     """
 
     rows: Floats
@@ -62,10 +62,10 @@ class Taken(NamedTuple):
 
 
 class _Shared:
-    """Memory that one process makes and gives back, and others find by its name.
+    """Shared memory that one process creates and frees, and others open by its name.
 
-    It begins with 64-bit numbers, which are stored and read whole: ``struct.pack_into`` clears the
-    bytes before it writes them, and another process would see zeros.
+    Its header consists of 64-bit integers that are written atomically: ``struct.pack_into`` clears
+    the bytes before it writes them, so another process could read zeros.
     """
 
     def __init__(self, size: int, name: str | None = None) -> None:
@@ -76,11 +76,11 @@ class _Shared:
         assert self._memory.buf is not None  # it is open
         self._buffer: memoryview = self._memory.buf
         self._header = self._buffer[:16].cast("q")
-        #: By which another process finds it.
+        #: Name by which another process opens it.
         self.name = self._memory.name
 
     def close(self) -> None:
-        """Let go of the memory; who made it gives it back, whether every reader has gone or not."""
+        """Close the memory; its creator also frees it, even if readers are left."""
         self._header.release()
         self._buffer.release()
         self._memory.close()
@@ -89,7 +89,7 @@ class _Shared:
 
 
 def _attached(name: str) -> shared_memory.SharedMemory:
-    # Python before 3.13 gives it back when the first reader ends, unless it is not told of it.
+    # Python before 3.13 frees registered memory as soon as the first reader ends.
     register = resource_tracker.register
     resource_tracker.register = lambda *_: None
     try:
@@ -99,7 +99,7 @@ def _attached(name: str) -> shared_memory.SharedMemory:
 
 
 class Address(NamedTuple):
-    """Name and size of a ring: how many rows it holds, and how many numbers are in each."""
+    """Name of a ring, its capacity in rows, and the numbers in each row."""
 
     name: str
     capacity: int
@@ -107,14 +107,14 @@ class Address(NamedTuple):
 
 
 class Writer(_Shared):
-    """The loop's end; it owns the memory, unless another process made it.
+    """Writes rows. A ring has a single writer.
 
     Parameters
     ----------
     capacity, width : int
-        Rows that it holds, and numbers in each.
+        Rows in the ring, and numbers in each row.
     made : Address, optional
-        Of a ring that another process made, and gives back; nobody else may write it.
+        A ring that another process has created and will free. Default: create one.
     """
 
     def __init__(
@@ -131,12 +131,12 @@ class Writer(_Shared):
         at = _HEADER + (self.count % self._capacity) * self._row.size
         self._row.pack_into(self._buffer, at, *row)
         self.count += 1
-        # The row first, then the count: on x86 and, by the interpreter's own locks, elsewhere too.
+        # The row must precede the count: x86 keeps the order, elsewhere the interpreter's locks do.
         self._header[0] = self.count
 
 
 class Reader(_Shared):
-    """One reader's end; it begins with the first row of all, and counts those that are gone."""
+    """Reads rows, from the first one on, and counts those that were overwritten."""
 
     def __init__(self, address: Address) -> None:
         super().__init__(0, address.name)
@@ -151,7 +151,7 @@ class Reader(_Shared):
         return self._header[0]
 
     def go_back(self, to: int) -> None:
-        """Take the rows from a count on again, as far as the ring still holds them."""
+        """Return to an earlier row, as far back as the ring safely holds."""
         self._next = max(min(to, self._next), self.count - self._capacity // 2, 0)
 
     def take(self) -> Taken:
@@ -161,19 +161,19 @@ class Reader(_Shared):
         return Taken(rows, self._next - begin - len(rows))
 
     def at(self, numbers: NDArray[np.int64]) -> Floats:
-        """Return the rows of rising numbers, without the first ones that the ring holds no more."""
+        """Return the rows of ascending numbers, except those that are already overwritten."""
         rows: Floats = self._rows[numbers % self._capacity]
-        # Rows that were written over while they were copied are no rows.
+        # Rows that were overwritten during the copy are invalid.
         return rows[numbers > self.count - self._capacity]
 
     def close(self) -> None:
-        """Let go of the memory."""
+        """Close the memory."""
         del self._rows
         super().close()
 
 
 class RowReader:
-    """Reads samples, each with the newest estimate that there was after it: :data:`COLUMNS`."""
+    """Reads samples, each with the newest estimate after it: :data:`COLUMNS`."""
 
     def __init__(self, samples: Address, estimates: Address) -> None:
         self.samples, self._estimates = Reader(samples), Reader(estimates)
@@ -190,29 +190,29 @@ class RowReader:
         return Taken(rows, dropped + spoilt)
 
     def now(self) -> Floats:
-        """The last sample that was taken, with the newest estimate; shape (0 or 1, columns)."""
+        """Return the last sample read, with the newest estimate; shape (0 or 1, columns)."""
         newest = np.full(len(self._last), self._estimates.count - 1)
         return np.hstack([self._last, self._estimates.at(newest)])
 
     def close(self) -> None:
-        """Let go of the memory."""
+        """Close the memory."""
         self.samples.close()
         self._estimates.close()
 
 
-# A page of words in shared memory: one process writes it now and then, any number read it.
+# A status in shared memory: one process writes it now and then, any number read it.
 
-SIZE = 1 << 16  # bytes: the loop's statistics, and what it said last, are some kilobytes
-_TEXT = 16  # byte where it begins: behind how often it was written, odd while it is, and its length
+SIZE = 1 << 16  # bytes: a status has a few kilobytes
+_TEXT = 16  # byte offset of the text, after a count that is odd while writing, and the length
 
 
 class SharedJson(_Shared):
-    """JSON that is always whole: a reader sees the last page or the one before.
+    """JSON in shared memory that is never read half-written.
 
     Parameters
     ----------
     name : str, optional
-        Of one that another process made; a new one unless given.
+        Name of a memory that another process has created. Default: create one.
     """
 
     def __init__(self, name: str | None = None) -> None:
@@ -221,11 +221,11 @@ class SharedJson(_Shared):
 
     @property
     def version(self) -> int:
-        """Of the page that was read last: another means that the writer is alive."""
+        """Version of the value read last; it changes while the writer is alive."""
         return self._seen
 
     def write(self, page: dict[str, Any]) -> None:
-        """Write a page; one that is too long is cut to its first fields."""
+        """Write a value; if it is too long, without its last fields."""
         text = json.dumps(page).encode()
         while len(text) > SIZE - _TEXT:
             page = dict(list(page.items())[:-1])
@@ -236,7 +236,7 @@ class SharedJson(_Shared):
         self._header[0] += 1
 
     def read(self) -> dict[str, Any]:
-        """Return the last whole page; empty before the first."""
+        """Return the last complete value; empty before the first."""
         for _ in range(3):
             version, length = self._header
             if version == self._seen or version % 2 or not version:

@@ -1,8 +1,8 @@
-"""Messages of ROS as they come: the numbers that are wanted of each, wherever they stand in it.
+"""Reads the positions and forces in live ROS messages.
 
-A message is walked once by its definition, as those of a recording are
-(:mod:`palpate.recordings.messages`); every other one with the same bytes wherever a byte says how a
-message goes on has its numbers in the same places, and costs a few comparisons.
+The first message is decoded by its definition, as in a recording
+(:mod:`palpate.recordings.messages`). Later messages whose length fields have the same bytes have
+their numbers at the same offsets, so reading them costs only a few comparisons.
 """
 
 import re
@@ -37,10 +37,10 @@ from palpate.recordings.messages.layout import (
     walk_cdr,
 )
 
-# bytes: the state of a hundred joints, with their names, has some 6000; to walk so many takes up to
-# 4 ms, once.
+# bytes: a message with the state of a hundred named joints has about 6000. Decoding the first
+# message of this length takes up to 4 ms.
 LONGEST = 16_384
-_MOST_LAYOUTS = 64  # kept to compare messages with; a robot's topic has one
+_MOST_LAYOUTS = 64  # cached; a robot's topic has one
 _STAMP = "header.stamp"
 
 _EITHER = {
@@ -49,7 +49,7 @@ _EITHER = {
     "std_msgs/msg/Float64": "data",
     "std_msgs/msg/Float32": "data",
 }
-#: Where in a message the position is, by its type.
+#: Field of the position, by message type.
 POSITIONS = {
     "geometry_msgs/msg/PoseStamped": "pose.position",
     "geometry_msgs/msg/PoseWithCovarianceStamped": "pose.pose.position",
@@ -59,7 +59,7 @@ POSITIONS = {
     "geometry_msgs/msg/TransformStamped": "transform.translation",
     "nav_msgs/msg/Odometry": "pose.pose.position",
 } | _EITHER
-#: Where in a message the force is, by its type.
+#: Field of the force, by message type.
 FORCES = {
     "geometry_msgs/msg/WrenchStamped": "wrench.force",
     "geometry_msgs/msg/Wrench": "force",
@@ -67,14 +67,14 @@ FORCES = {
 
 
 class RosReading(NamedTuple):
-    """What one message says.
+    """Timestamp and values of one message.
 
     Attributes
     ----------
     stamp : int or None
-        Of its header, ns; None where it has none, or one of 0, which ROS takes for none.
+        Timestamp of the header, ns; None if it is missing or 0, which ROS treats as missing.
     values : tuple of Value
-        In the order of the paths that are wanted.
+        Values of the requested fields, in order.
     """
 
     stamp: int | None
@@ -82,7 +82,7 @@ class RosReading(NamedTuple):
 
 
 class _Places:
-    """A layout, as comparisons and as one structure of numbers."""
+    """A message layout: bytes to compare, and the offsets of the numbers."""
 
     def __init__(self, size: int, layout: Layout, stamp: Any, values: list[list[Any]]) -> None:
         self._size = size
@@ -113,17 +113,17 @@ class MessageReader:
     Parameters
     ----------
     topic, type_name : str
-        For errors; and the type, such as ``geometry_msgs/msg/WrenchStamped``.
+        Name of the topic, for errors, and type, such as ``geometry_msgs/msg/WrenchStamped``.
     paths : sequence of str
-        The fields that are wanted: a number such as ``wrench.force.z`` or ``position[joint_1]``, or
-        a vector such as ``wrench.force``.
+        Fields to read: a number such as ``wrench.force.z`` or ``position[joint_1]``, or a vector
+        such as ``wrench.force``.
     vectors : bool
-        Whether vectors are wanted.
+        Whether the fields must be vectors.
 
     Raises
     ------
     InvalidParameterError
-        ROS has no such type.
+        ROS does not define the type, or the type lacks a field.
     """
 
     def __init__(self, topic: str, type_name: str, paths: Sequence[str], *, vectors: bool) -> None:
@@ -133,30 +133,33 @@ class MessageReader:
             self._fields = message_fields(type_name, "ros2msg", "")
         except UndecodableError:
             raise InvalidParameterError(
-                f"topic {topic} is of the type {type_name}, which ROS itself does not define"
+                f"topic {topic} has type {type_name}, which ROS does not define: publish a "
+                "standard type"
             ) from None
         leaves = leaves_of_empty(self._fields)
-        try:  # a path that no message of the type can have; those into lists are seen later
+        try:  # finds missing fields at once, except in lists, whose length is not known yet
             for path in paths:
                 if "[" not in path:
                     self._leaves(leaves, path)
         except InvalidParameterError as error:
-            where = f"topic {topic} of the type {type_name}"
+            where = f"topic {topic} of type {type_name}"
             raise InvalidParameterError(f"{where}: {error}") from None
 
     def read(self, message: bytes) -> RosReading:
-        """Return what a message says.
+        """Return the timestamp and values of a message.
 
         Raises
         ------
         PalpateError
-            It is damaged, or has not the fields that are wanted; the message says which.
+            The message is damaged or lacks a requested field.
         """
         for places in self._known:
             if places.fits(message):
                 return places.read(message)
         if len(message) > LONGEST:
-            raise InvalidParameterError(f"a message of {len(message)} bytes")
+            raise InvalidParameterError(
+                f"a message of {len(message)} bytes exceeds the limit of {LONGEST}"
+            )
         layout = walk_cdr(message, self._fields)
         leaves = layout.entities[0].leaves
         values = [self._leaves(leaves, path) for path in self._paths]
@@ -168,13 +171,15 @@ class MessageReader:
         if path in leaves:
             if self._vectors:
                 raise InvalidParameterError(
-                    f"{path} is a number, where a direction asks for vectors"
+                    f"{path} is a number, but --direction needs a vector: name a vector field"
                 )
             return [leaves[path]]
         below = [f"{path}.{axis}" if path else axis for axis in "xyz"]
         if not all(each in leaves for each in below):
             known = ", ".join(each for each in leaves if each != _STAMP)
-            raise InvalidParameterError(f"it has no {path}, but {known[:200] or 'no number'}")
+            raise InvalidParameterError(
+                f"no field {path}; the message has {known[:200] or 'no numbers'}"
+            )
         if not self._vectors:
             raise InvalidParameterError(_describe_vector(path))
         return [leaves[each] for each in below]
@@ -183,21 +188,21 @@ class MessageReader:
 def _describe_vector(path: str) -> str:
     one = f"{path}.z".removeprefix(".")
     return (
-        f"{path or 'it'} is a vector: say --direction, such as 0,0,-1, or name one of its numbers, "
-        f"such as {one}"
+        f"{path or 'the message'} is a vector: pass --direction, such as 0,0,-1, or name one "
+        f"component, such as {one}"
     )
 
 
-# Topics of ROS, on whatever wire they come: from their messages to positions with forces.
+# ROS topics, common to all wires: from messages to positions with forces.
 
-#: Options of an address that all wires of ROS know.
+#: Address options of all ROS wires.
 OPTIONS = ("position", "force", "at", "tolerance")
 
 
 @dataclass(slots=True)
 class _Topic:
     name: str
-    #: Of position and force, or one of them: what it is, where it is, and where by the type.
+    #: For position, force or both: the name, the field requested, and the default fields by type.
     read: list[tuple[str, str | None, dict[str, str]]]
     order: Order
     followed: Followed = field(default_factory=Followed)
@@ -207,17 +212,17 @@ class _Topic:
 
 
 class RosTopics(WireSource):
-    """Takes messages, gives arrivals: a source, but for the wire that the messages come on.
+    """Base of the ROS sources: turns the messages of a wire into arrivals.
 
     Parameters
     ----------
     address : WireAddress
-        Topics, and options: ``position`` and ``force`` name a field of a message, such as
-        ``wrench.force.z``; those of :data:`POSITIONS` and :data:`FORCES` unless given.
-        ``at=force`` gives a sample at each force, ``at=position`` at each position. ``tolerance``
-        is that of :class:`Pairing`, s; two sample times unless given.
+        Topics and options. ``position`` and ``force`` name a field, such as ``wrench.force.z``
+        (default: :data:`POSITIONS` and :data:`FORCES`). ``at=position`` (default) gives a sample
+        at each position, ``at=force`` at each force. ``tolerance`` is that of :class:`Pairing`, s
+        (default: two sample times).
     options : SourceOptions
-        What is known of the samples.
+        Options of the source.
     """
 
     def __init__(self, address: WireAddress, options: SourceOptions) -> None:
@@ -236,42 +241,42 @@ class RosTopics(WireSource):
         self._pairing = Pairing(round(tolerance * NANO), self.counts)
 
     def accept(self, index: int, type_name: str) -> bool:
-        """Learn the type of a topic; whether it is the one that is followed.
+        """Set the type of a topic, or compare with it; return whether to read such messages.
 
         Raises
         ------
         InvalidParameterError
-            Positions or forces cannot be read from it.
+            Messages of this type have no known position or force.
         """
         topic = self.topics[index]
         if topic.type_name:
             if topic.type_name != type_name:
-                self.refuse(f"{topic.name}: a publisher of the type {type_name} is not followed")
+                self.refuse(f"{topic.name}: ignoring a second publisher, of type {type_name}")
             return topic.type_name == type_name
         paths = []
         for word, path, role in topic.read:
             if path is None and type_name not in role:
                 types = ", ".join(name.rpartition("/")[2] for name in role)
                 raise InvalidParameterError(
-                    f"{self._scheme}: topic {topic.name} is of the type {type_name}, of which the "
-                    f"{word} is not known: name a field with {word}=…, or publish one of {types}"
+                    f"{self._scheme}: topic {topic.name} has type {type_name}, without a known "
+                    f"{word}: name a field with {word}=…, or publish one of {types}"
                 )
             paths.append(role[type_name] if path is None else path)
         topic.reader = MessageReader(topic.name, type_name, paths, vectors=self._vectors)
         topic.type_name = type_name
-        self._news.append(f"topic {topic.name} is there, of the type {type_name}")
+        self._news.append(f"found topic {topic.name} of type {type_name}")
         return True
 
     def news(self) -> list[str]:
-        """What is to be said since the last call."""
+        """Return the messages since the last call."""
         said, self._news = self._news, []
         return said
 
     def await_topics(self) -> None:
-        """Say of which topics nothing is known yet."""
+        """Report the topics without a publisher."""
         waiting = [topic.name for topic in self.topics if not topic.type_name]
         if waiting:
-            self._news.append(f"nobody publishes {' or '.join(waiting)} yet: waiting")
+            self._news.append(f"waiting for a publisher of {' and '.join(waiting)}")
 
     def receive(
         self,
@@ -283,27 +288,27 @@ class RosTopics(WireSource):
         sender: object,
         waited: bool,
     ) -> None:
-        """Take a message, and give what comes of it.
+        """Process a message, and queue the samples that it completes.
 
         Parameters
         ----------
         index : int
-            Which of the topics of the address.
+            Index of the topic in the address.
         payload : bytes
-            In CDR, with its head.
+            Message in CDR, with its header.
         written : int
-            When it was sent, ns since 1970, or when it came where the wire does not say.
+            Time of sending, or of arrival if the wire has none, ns since 1970.
         number : int, optional
-            By the sender's count.
+            The sender's sample number.
         sender : object
-            By which publishers are distinguished.
+            Identity of the publisher.
         waited : bool
-            Whether it was waited for, or was there before.
+            Whether the loop waited for the message; otherwise it came from the queue.
         """
         topic = self.topics[index]
         assert topic.reader is not None  # it was accepted before
         if not topic.followed.accepts(sender):
-            self.refuse(f"a second publisher sends on {topic.name}: it is not followed")
+            self.refuse(f"{topic.name}: ignoring a second publisher")
             return
         try:
             reading = topic.reader.read(payload)
@@ -327,11 +332,11 @@ class RosTopics(WireSource):
 
 
 def ros2_type(dds_name: str) -> str:
-    """``geometry_msgs/msg/WrenchStamped`` of ``geometry_msgs::msg::dds_::WrenchStamped_``."""
+    """Convert ``std_msgs::msg::dds_::Header_`` to ``std_msgs/msg/Header``."""
     return re.sub(r"^(\w+)::(\w+)::dds_::(\w+)_$", r"\1/\2/\3", dds_name)
 
 
 def dds_type(ros2_name: str) -> str:
-    """``geometry_msgs::msg::dds_::WrenchStamped_`` of ``geometry_msgs/msg/WrenchStamped``."""
+    """Convert ``std_msgs/msg/Header`` to ``std_msgs::msg::dds_::Header_``."""
     package, kind, name = ros2_name.split("/")
     return f"{package}::{kind}::dds_::{name}_"

@@ -1,4 +1,4 @@
-"""A session: one loop in this process, each sink in a process of its own."""
+"""A live run: the loop in this process, each sink in a process of its own."""
 
 import signal
 import threading
@@ -21,28 +21,28 @@ from palpate.live.sources import Source
 from palpate.preparation import OnlinePreparation
 from palpate.settings import ChangeDetector, OutlierRejection
 
-ASKED_EVERY = 0.02  # s: how often the loop looks for commands
-TOLD_EVERY = 0.25  # s: how often it writes its statistics
-PATIENCE = 5.0  # s: that a sink has to end
-_THERE = "there"  # what a sink sends when it has begun
-_IMPORTING = 30.0  # s that a sink has to begin, on a busy machine
-_LOOKED_EVERY = 0.1  # s, meanwhile: whether somebody has asked to stop
+ASKED_EVERY = 0.02  # s between reads of commands
+TOLD_EVERY = 0.25  # s between writes of the status
+PATIENCE = 5.0  # s for a sink to end
+_THERE = "there"  # sent by a sink that is ready
+_IMPORTING = 30.0  # s for a sink to start, on a busy machine
+_LOOKED_EVERY = 0.1  # s between checks for Ctrl-C meanwhile
 
 
 def default_estimator(
     kind: type[ContactEstimator] = VariableProjection, **settings: Any
 ) -> ContactEstimator:
-    """Return an estimator as a run begins with it.
+    """Return an estimator with the default settings of a live run.
 
-    Variable projection, and the estimator that compares laws, leave outliers out and find
-    changes; others, such as the paper's, are as their authors have them.
+    Variable projection, and the estimator that compares laws, reject outliers and detect changes of
+    material. Other methods keep the settings of their publications.
 
     Parameters
     ----------
     kind : type
-        The method.
+        Class of the estimator. Default: :class:`palpate.VariableProjection`.
     settings
-        Of it, beside these.
+        Further settings of the estimator.
     """
     if kind in (VariableProjection, ViscoelasticContact):
         usual = {"outlier_rejection": OutlierRejection(), "change_detector": ChangeDetector()}
@@ -59,33 +59,33 @@ def run(
     realtime: bool = False,
     seconds: float | None = None,
 ) -> dict[str, Any]:
-    """Identify what a source delivers, sample by sample, until it ends or somebody stops it.
+    """Identify a contact from a live source, sample by sample, until it ends or is stopped.
 
     Parameters
     ----------
     source : Source
-        It is opened, and closed at the end.
+        Source of samples; it is opened here, and closed at the end.
     estimator : ContactEstimator, optional
-        Variable projection with outlier rejection and change detection unless given.
+        Default: :func:`default_estimator`.
     sinks : sequence of Sink
-        Each runs in a process of its own.
+        Consumers of the results, each run in a process of its own. Default: none.
     preparation : OnlinePreparation, optional
-        Of the source's sample time unless given.
+        Default: ``OnlinePreparation(sample_time=source.sample_time)``.
     realtime : bool
-        Ask for a fixed priority and locked memory; what is not allowed is said.
+        Request a fixed priority and locked memory; refusals are reported. Default: False.
     seconds : float, optional
-        Stop after this time, s.
+        Stop after this time, s. Default: run until the source ends.
 
     Returns
     -------
     dict
-        What :meth:`palpate.live.loop.Loop.status` says at the end; and, as ``"failed"``, the sinks
-        whose processes ended with an error or were killed, each with its exit code.
+        The last :meth:`palpate.live.loop.Loop.status`, and under ``"failed"`` the exit code of each
+        sink whose process failed or was killed, by its name.
 
     Raises
     ------
     InvalidParameterError
-        Two sinks have one name, or what the source delivers does not fit the preparation.
+        Two sinks have the same name, or the samples do not fit the preparation.
     PalpateError
         The source cannot be opened.
     """
@@ -94,7 +94,7 @@ def run(
         raise InvalidParameterError(f"sinks must have different names, not {names}")
     if preparation is None:
         preparation = OnlinePreparation(sample_time=source.sample_time)
-    # From here on Ctrl-C only leaves word: whatever is begun is known, and ended in order.
+    # From here on Ctrl-C only sets a flag, so that everything started is ended in order.
     with _interruptible() as stops, ExitStack() as kept:
         samples = kept.enter_context(closing(Writer()))
         estimates = kept.enter_context(closing(Writer(width=len(ESTIMATE))))
@@ -111,7 +111,7 @@ def run(
         stops(loop)
         failed: dict[str, int] = {}
         with _started(sinks, session, loop, shared_json, failed) as started, undisturbed():
-            # All is there before the first sample: none waits while others begin.
+            # The sinks are ready before the source opens, so that no sample waits for them.
             for sentence in ask_for_realtime() if realtime else ():
                 loop.say(sentence)
             if not loop.stopped:
@@ -123,7 +123,7 @@ def run(
 
 
 class _Asked:
-    """Commands of the sinks, looked for now and then; and the board, written now and then."""
+    """Reads the sinks' commands and writes the loop's status, at fixed intervals."""
 
     def __init__(
         self,
@@ -152,7 +152,7 @@ class _Asked:
             try:
                 if connection.poll() and isinstance(command := connection.recv(), LiveCommand):
                     return command
-            except (EOFError, OSError):  # it has ended, by itself or by another's hand
+            except (EOFError, OSError):  # it has ended or was killed
                 del self._sinks[name]
                 self._loop.say(f"the {name} has ended")
         self._asked = now + ASKED_EVERY
@@ -167,7 +167,7 @@ def _started(
     shared_json: SharedJson,
     failed: dict[str, int],
 ) -> Iterator[dict[str, Connection]]:
-    """Start the sinks' processes; at the end they have a while to finish; failures are noted."""
+    """Start the sinks' processes; at the end wait for them and note failures."""
     processes: list[BaseProcess] = []
     connections: dict[str, Connection] = {}
     try:
@@ -177,14 +177,14 @@ def _started(
             own = replace(session, own=session.shared_by_sink[sink.name])
             process, connections[sink.name] = start(sink.name, _serve, sink, own)
             processes.append(process)
-            # What it opened in this process, such as a port, is the other's own now.
+            # What the sink opened here, such as a port, now belongs to its process.
             getattr(sink, "handed_over", lambda: None)()
         until = time.monotonic() + _IMPORTING
         waiting = list(connections.values())
         while waiting and not loop.stopped and time.monotonic() < until:
             ready: list[Any] = wait(waiting, _LOOKED_EVERY)
             for connection in ready:
-                with suppress(EOFError):  # it has ended: the loop says so
+                with suppress(EOFError):  # it has ended, which the loop reports
                     connection.recv()
                 waiting.remove(connection)
         yield connections
@@ -206,9 +206,9 @@ def _serve(sink: Sink, session: Session, commands: Connection) -> None:
 
 @contextmanager
 def _interruptible() -> Iterator[Callable[[Loop], None]]:
-    """Ctrl-C, or a request to terminate, stops a loop in order; a second one as ever.
+    """Let the first Ctrl-C or SIGTERM stop the loop in order; a second one acts as usual.
 
-    It stops the loop, which is said by what is yielded, even if it comes before there is one.
+    The yielded function registers the loop to stop; an earlier signal stops it at once.
     """
     loops, before, came = list[Loop](), dict[signal.Signals, Any](), False
 

@@ -1,4 +1,4 @@
-"""What becomes of what the loop found: what a sink is asked, what it sees, and how it prints."""
+"""Sinks, which consume the loop's results: their interface, what they read, how they print."""
 
 import math
 import multiprocessing
@@ -14,14 +14,14 @@ from palpate.live.ring import COLUMNS, MOST_PARAMETERS, Address, RowReader, Shar
 from palpate.validation import Floats
 from palpate.writing import abandon_output
 
-# Printing where the loop was started, which nobody may hear any more.
+# Printing to a terminal that may have gone.
 
 
 def printed(words: str, end: str = "\n") -> bool:
-    """Print at once; whether somebody hears it.
+    """Print and flush; return whether the output still has a reader.
 
-    Where nobody does, as the reader is gone or the disk is full, nothing more is tried: not on the
-    way out either, where Python would complain.
+    If the reader is gone or the disk is full, standard output is abandoned, so that Python does not
+    complain about it at exit.
     """
     try:
         print(words, end=end, flush=True)
@@ -31,24 +31,23 @@ def printed(words: str, end: str = "\n") -> bool:
     return sys.stdout is not None
 
 
-# What the loop's session asks of a sink, which runs in a process of its own.
+# The interface of a sink, which runs in a process of its own.
 
 
 @dataclass(frozen=True, slots=True)
 class Session:
-    """How a sink finds what the loop writes.
+    """Names of the shared memory through which the loop and its sinks exchange data.
 
     Attributes
     ----------
     samples, estimates : Address
         Every sample, and the estimates: :class:`palpate.live.ring.RowReader`.
-    board : str
-        The loop's own words and statistics: :class:`palpate.live.ring.SharedJson`;
-        ``"stopped": true`` at the end.
-    boards : dict
-        The boards of other sinks, by their names: what the diagnosis or the recorder says.
+    shared_json : str
+        The loop's status, a :class:`palpate.live.ring.SharedJson`; ``"stopped": true`` at the end.
+    shared_by_sink : dict
+        The status of each sink, such as the diagnosis or the recorder, by the sink's name.
     own : str
-        The board that this sink may write.
+        The status that this sink writes.
     """
 
     samples: Address
@@ -59,25 +58,25 @@ class Session:
 
 
 class Sink(Protocol):
-    """Consumes what the loop found; a slow one loses rows, and says how many, and holds nothing.
+    """Consumes the loop's results. A slow sink loses rows and counts them; the loop never waits.
 
-    It gives way to the programs of others too, unless it has ``gently = False``: where what it does
-    must not wait. The loop computes the estimate 50 times a second, unless a sink has
+    A sink with ``gently = False`` keeps its priority over other programs; else it yields to them.
+    The loop computes the estimate 50 times a second, or for every sample if one sink has
     ``every_sample = True``.
     """
 
     @property
     def name(self) -> str:
-        """By which its board is known."""
+        """Unique name of the sink."""
 
     def run(self, session: Session, commands: Connection) -> None:
-        """Go on until the board says that the loop has stopped; called in a process of its own.
+        """Run, in a process of its own, until the loop's status has ``"stopped": true``.
 
-        ``commands.send(Command(…))`` asks the loop for something.
+        ``commands.send(LiveCommand(…))`` sends the loop a command.
         """
 
 
-# What a sink sees of the loop.
+# What a sink reads.
 
 #: Place of each column in a row.
 PLACE = {name: k for k, name in enumerate(COLUMNS)}
@@ -85,7 +84,7 @@ _FIRST, _COVARIANCE = PLACE["parameter_0"], PLACE["covariance_0"]
 
 
 def parameters_of(rows: Floats, count: int) -> tuple[Floats, Floats, Floats]:
-    """The parameters (k, p) of a law, their standard errors, and their covariances (k, p, p)."""
+    """Return the parameters (k, p) of a law, their standard errors and covariances (k, p, p)."""
     square = rows[:, _COVARIANCE : _COVARIANCE + MOST_PARAMETERS**2]
     square = square.reshape(-1, MOST_PARAMETERS, MOST_PARAMETERS)[:, :count, :count]
     with np.errstate(invalid="ignore"):
@@ -93,34 +92,36 @@ def parameters_of(rows: Floats, count: int) -> tuple[Floats, Floats, Floats]:
     return rows[:, _FIRST : _FIRST + count], errors, square
 
 
-#: In place of a verdict, until there is one of what the loop does now.
+#: Published in place of a verdict until there is a current one.
 NOT_DIAGNOSED = "not diagnosed yet"
+UNDIAGNOSED = "this run has no diagnosis: start it without --no-diagnosis"
+NO_DIAGNOSIS_YET = "the first diagnosis has not finished yet"
 _SINCE = {
-    "method": "another estimator runs now",
+    "method": "the estimator was changed since",
     "changes": "the material has changed since",
     "tare": "the force was tared since",
 }
 
 
 def basis_of(status: dict[str, Any]) -> dict[str, Any]:
-    """What a diagnosis is of; it is another one's as soon as one of these is another."""
+    """Return what a diagnosis depends on; it is outdated as soon as one of these differs."""
     changes = status.get("counts", {}).get("changes", 0)
     method = [status.get("method"), status.get("generation")]
     return {"method": method, "changes": changes, "tare": status.get("tare")}
 
 
 def outdated(page: dict[str, Any], status: dict[str, Any]) -> str:
-    """Why the last diagnosis is not of what the loop does now; nothing where it is."""
+    """Return why the last diagnosis is outdated; empty if it is not."""
     now = basis_of(status)
     return " and ".join(words for name, words in _SINCE.items() if page["of"][name] != now[name])
 
 
 def diagnosis_of(page: dict[str, Any] | None, status: dict[str, Any]) -> dict[str, str | float]:
-    """What a reader needs of a diagnosis, None without one; no verdict where it is outdated."""
+    """Return the published fields of a diagnosis; without a verdict if it is outdated or None."""
     marks = dict.fromkeys(("overall", "stiffness", "damping"), NOT_DIAGNOSED)
     time = math.nan
     if page is None or "of" not in page:
-        reason = "nothing diagnoses this loop" if page is None else "the first diagnosis is to come"
+        reason = UNDIAGNOSED if page is None else NO_DIAGNOSIS_YET
     elif since := outdated(page, status):
         reason = since
     else:
@@ -136,15 +137,7 @@ def diagnosis_of(page: dict[str, Any] | None, status: dict[str, Any]) -> dict[st
 
 
 class Watching:
-    """Rows and boards of a session, and whether the loop still runs.
-
-    The first rows are those that the loop wrote first, however long this process took to begin.
-
-    Parameters
-    ----------
-    session : Session
-        Where they are.
-    """
+    """Reads the rows and statuses of a session, from the loop's first row on."""
 
     def __init__(self, session: Session) -> None:
         self.reader = RowReader(session.samples, session.estimates)
@@ -158,41 +151,41 @@ class Watching:
         self.dropped = 0
 
     def take(self) -> Taken:
-        """Return the rows since the last call; what was lost of them is counted."""
+        """Return the rows since the last call, and count those that the ring lost."""
         taken = self.reader.take()
         self.dropped += taken.dropped
         return taken
 
     def status(self) -> dict[str, Any]:
-        """What the loop said last."""
+        """Return the loop's last status."""
         return self.shared_json.read()
 
     def others(self) -> dict[str, dict[str, Any]]:
-        """What the other sinks said last."""
+        """Return the last status of each other sink."""
         return {name: shared_json.read() for name, shared_json in self._others.items()}
 
     def diagnosis(self, status: dict[str, Any]) -> dict[str, str | float]:
-        """What the last diagnosis says of what the loop does now."""
+        """Return the published fields of the last diagnosis."""
         return diagnosis_of(self.others().get("diagnosis"), status)
 
     def tell(self, page: dict[str, Any]) -> None:
-        """Write the sink's own board, with the rows that it lost."""
+        """Write the sink's status, with its number of lost rows."""
         self._own.write({**page, "dropped": self.dropped})
 
     @property
     def over(self) -> bool:
-        """Whether the loop has stopped, or is gone without a word."""
+        """Whether the loop has stopped or crashed."""
         parent = multiprocessing.parent_process()
         orphaned = parent is not None and not parent.is_alive()
         return orphaned or bool(self.status().get("stopped"))
 
     def wait(self, seconds: float) -> bool:
-        """Wait; whether the loop still runs."""
+        """Wait, and return whether the loop still runs."""
         time.sleep(seconds)
         return not self.over
 
     def close(self) -> None:
-        """Let go of the memory."""
+        """Close the shared memory."""
         self.reader.close()
         for each in (self.shared_json, self._own, *self._others.values()):
             each.close()

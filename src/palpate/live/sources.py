@@ -1,4 +1,4 @@
-"""Where live samples come from: what a source is asked, recordings played again, and addresses."""
+"""Sources of live samples: their interface, the replay of recordings, and addresses."""
 
 import time
 from collections.abc import Mapping
@@ -10,24 +10,24 @@ from palpate.contact import Contact
 from palpate.errors import InvalidParameterError, needed
 from palpate.validation import number_in, shown
 
-#: A number, or three along the axes of the recording's frame.
+#: A number, or a vector in the frame of the source.
 Value: TypeAlias = float | tuple[float, float, float]
 
 
 class Arrival(NamedTuple):
-    """One measurement of a robot.
+    """One measurement.
 
     Attributes
     ----------
     time : float
-        By the source's own clock, s.
+        Time by the source's clock, s.
     position : float or tuple of 3 float
-        Penetration, or where the probe is, m.
+        Position of the probe, or penetration, m.
     force : float or tuple of 3 float
-        N.
+        Contact force, N.
     there : float
-        By this machine's monotonic clock, s: when the measurement was there to be taken. What comes
-        later than this is the loop's own lateness.
+        Time by this machine's monotonic clock at which the measurement became available, s. The
+        loop's delay counts from then on.
     """
 
     time: float
@@ -38,21 +38,21 @@ class Arrival(NamedTuple):
 
 @dataclass(slots=True)
 class Counts:
-    """What a source noticed on the way, before the loop had it.
+    """Counts of a source, of faults before the samples reached the loop.
 
     Attributes
     ----------
     lost : int
-        Samples that were sent and never came, or for which there was no room.
+        Samples that were sent but did not arrive, or found the queue full.
     repeated, disordered : int
-        Samples that came twice, or after a later one; they are left out.
+        Samples that arrived twice, or after a later one; skipped.
     malformed : int
-        Packets that hold no sample; they are left out.
+        Messages without a valid sample; skipped.
     unpaired : int
-        Positions without a force at their time, or forces without a position, where the two come
-        apart; they are left out.
+        Positions without a force at their time, or forces without a position, if the two arrive
+        separately; skipped.
     last_fault : str
-        Of the malformed and the unpaired, what was wrong with the last, in words.
+        Description of the last malformed or unpaired sample.
     """
 
     lost: int = 0
@@ -63,28 +63,28 @@ class Counts:
     last_fault: str = field(default="")
 
 
-# What the loop asks of a source.
+# The interface of a source.
 
 
 class EndOfSourceError(Exception):
-    """A source has no more samples, and will have none; in words, where that is a surprise."""
+    """The source has ended; the message says why, if that is unexpected."""
 
 
 class Source(Protocol):
-    """Where samples come from: a recording, the laboratory, or a robot on the wire.
+    """Source of samples: a recording, the laboratory, or a robot on a wire.
 
-    The loop's own thread calls all of it. ``take`` is the only place where the loop waits.
+    The loop's thread calls all methods. ``take`` is the only place where the loop waits.
 
-    A source may have more: ``offers``, a mapping of what it can be asked for to the choices;
-    ``chosen``, what is chosen now; ``ask(options)``, which does what a person asks of it and says
-    so, or raises InvalidParameterError; ``news()``, sentences since the last call; ``rest``, the
-    time at its start in which nothing is touched, s; ``pace``, how fast its clock goes; and
-    ``origin``, what its times are counted from, ns since 1970.
+    A source may also have: ``offers``, a mapping from the names of its options to their choices;
+    ``chosen``, the present choices; ``ask(options)``, which changes them and returns a message, or
+    raises InvalidParameterError; ``news()``, which returns the messages since the last call;
+    ``rest``, the time without contact at its start, s; ``pace``, the speed of its clock; and
+    ``origin``, the zero of its times, ns since 1970.
     """
 
     @property
     def name(self) -> str:
-        """What a person calls it."""
+        """Name of the source, for the user."""
 
     @property
     def sample_time(self) -> float:
@@ -92,49 +92,49 @@ class Source(Protocol):
 
     @property
     def counts(self) -> Counts:
-        """What was lost, repeated or malformed so far."""
+        """Faults so far."""
 
     def open(self) -> None:
-        """Begin to deliver.
+        """Start to deliver samples.
 
         Raises
         ------
         PalpateError
-            It cannot: the address is in use, the topic is of another type, the file is damaged.
+            The address is in use, a topic has the wrong type, or the file is damaged.
         """
 
     def take(self, timeout: float) -> Arrival | None:
-        """Return the next sample, or None where none came in time [s].
+        """Return the next sample, or None if none arrives within ``timeout``, s.
 
         Raises
         ------
         EndOfSourceError
-            There will be none.
+            The source has ended.
         """
 
     def close(self) -> None:
-        """Let go of files and sockets; may be called twice."""
+        """Close files and sockets; may be called twice."""
 
 
-# A contact that was recorded, delivered again at its own pace or faster.
+# Replay of a recording, at its own speed or faster.
 
 
 class Replay:
-    """A recording in place of a robot.
+    """Source that replays a recording.
 
     Parameters
     ----------
     contact : Contact
-        Its positions and forces are delivered; the velocity is the loop's matter.
+        Contact whose penetration and force are delivered; the loop computes the velocity.
     speed : float
-        Times its own pace, in (0, 1e6]; or infinite, as fast as the loop goes.
+        Speed relative to the recording, in (0, 1e6], or infinite: as fast as possible. Default: 1.
     """
 
     def __init__(self, contact: Contact, *, speed: float = 1.0) -> None:
         if speed != float("inf"):
             speed = number_in("speed", speed, 0.0, 1e6, open_low=True)
         self.name, self.sample_time = contact.source or "recording", contact.sample_time
-        #: How fast its clock goes.
+        #: Speed of its clock.
         self.pace = speed
         self.counts = Counts()
         self._rows = zip(
@@ -145,7 +145,7 @@ class Replay:
         self._began, self._first = 0.0, float(contact.time[0]) if len(contact) else 0.0
 
     def open(self) -> None:
-        """Begin now."""
+        """Start the replay."""
         self._began = time.monotonic()
 
     def take(self, timeout: float) -> Arrival | None:
@@ -165,16 +165,16 @@ class Replay:
         return Arrival(row[0], row[1], row[2], due)
 
     def news(self) -> list[str]:
-        """What was found with hindsight, once."""
+        """Return the messages about the recording, once."""
         news, self._news = self._news, []
         return news
 
     def close(self) -> None:
-        """Nothing is held."""
+        """Do nothing: no resources are open."""
 
 
 def _hindsight(contact: Contact) -> list[str]:
-    """What no robot in a loop could know, and the preparation of a whole recording said."""
+    """Return messages about what the replay knows from the whole recording, unlike a robot."""
     said = [f"{finding.check}: {finding}" for finding in contact.findings]
     found = {"tare": contact.tare_deviation, "surface": contact.surface_deviation}
     names = [name for name, deviation in found.items() if deviation is not None]
@@ -183,11 +183,10 @@ def _hindsight(contact: Contact) -> list[str]:
     if not names:
         return said
     words = " and ".join([", ".join(names[:-1]), names[-1]] if names[1:] else names)
-    found_there = f"{words} of the recording are those of all of it, as palpate identify finds them"
-    return [found_there, *said]
+    return [f"{words} computed from the whole recording, as in palpate identify", *said]
 
 
-# From what a person writes, such as ``lab:ball`` or a file's name, to a source.
+# From an address, such as ``lab:ball`` or a file's name, to a source.
 
 
 class Kind(NamedTuple):
@@ -196,14 +195,14 @@ class Kind(NamedTuple):
     Attributes
     ----------
     module, opener : str
-        Where it is, and what of an address and options makes the source, not yet open.
+        Module, and the callable in it that makes a source from an address and options.
     wire : str
-        What of an address makes the :class:`~palpate.live.publishing.Wire` that estimates are
-        published on; nothing where they cannot be.
+        Callable that makes a :class:`~palpate.live.publishing.Wire` from an address; empty if
+        estimates cannot be published this way.
     form : str
-        How its address is written.
-    words : str
-        What it is.
+        Example of an address.
+    text : str
+        Description.
     """
 
     module: str
@@ -215,20 +214,20 @@ class Kind(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class SourceOptions:
-    """What is known of a source before it is opened; each takes of it what concerns it.
+    """Options of all kinds of sources; each source uses those that apply to it.
 
     Attributes
     ----------
     sample_time : float, optional
-        Nominal time between samples, s; the source's own unless given.
+        Nominal time between samples, s. Default: the source's own.
     vectors : bool
-        Whether position and force are wanted as vectors, since a direction is known.
+        Whether position and force must be vectors, because a direction is given. Default: False.
     speed : float
-        Of a recording, times its own pace.
-    reading : mapping
-        Of a recording, what :func:`palpate.prepare` takes: ``columns`` and ``units``.
+        Speed of a replay relative to the recording. Default: 1.
+    reading : mapping, optional
+        Arguments ``columns`` and ``units`` of :func:`palpate.prepare`, for a recording.
     seed : int
-        Of the laboratory's noise.
+        Seed of the laboratory's noise. Default: 0.
     """
 
     sample_time: float | None = None
@@ -238,7 +237,7 @@ class SourceOptions:
     seed: int = 0
 
 
-#: Every kind of source, by what stands before the colon; without one it is a recording's path.
+#: Kinds of sources by their scheme; an address without one is the path of a recording.
 SOURCES: Mapping[str, Kind] = {
     "lab": Kind("laboratory", "open_source", "", "lab:ball", "the laboratory"),
     "zmq": Kind("zeromq", "ZeroMQ", "ZeroMQWire", "zmq:tcp://127.0.0.1:5555", "ZeroMQ"),
@@ -246,22 +245,22 @@ SOURCES: Mapping[str, Kind] = {
     "zenoh": Kind("zenoh", "Zenoh", "ZenohWire", "zenoh:/pose,/wrench", "ROS 2 over Zenoh"),
 }
 
-#: What an address that begins with ros1: gets for an answer, as a source or for --publish.
+#: Error for an address that begins with ros1:, as a source or in --publish.
 NO_ROS1 = (
-    "palpate no longer speaks ROS 1 live: run ros1_bridge and use dds:, "
-    "or record a bag and identify that"
+    "palpate no longer supports live ROS 1: run ros1_bridge and use dds:, "
+    "or record a bag and identify it"
 )
 
 
 def wired(address: str) -> tuple[Kind | None, Any, str]:
-    """Return the kind of an address, its module, and what follows the colon; None of no kind.
+    """Return the kind of an address, or None, its module, and the part after the colon.
 
     Raises
     ------
     InvalidParameterError
-        It is of ROS 1.
+        The address is one of ROS 1.
     MissingExtraError
-        What it needs is not installed.
+        A package that the source needs is not installed.
     """
     scheme, colon, rest = address.partition(":")
     if scheme == "ros1":
@@ -272,21 +271,21 @@ def wired(address: str) -> tuple[Kind | None, Any, str]:
 
 
 def open_source(address: str, options: SourceOptions | None = None) -> Source:
-    """Return the source of an address; :meth:`Source.open` begins it.
+    """Return the source at an address; :meth:`Source.open` starts it.
 
     Parameters
     ----------
     address : str
-        ``lab:ball``, a recording's path, or one of the wires of :data:`SOURCES`.
+        ``lab:ball``, the path of a recording, or an address of a wire (:data:`SOURCES`).
     options : SourceOptions, optional
-        What is known of it.
+        Options of the source.
 
     Raises
     ------
     InvalidParameterError
-        There is no such source.
+        The address names no source.
     MissingExtraError
-        What it needs is not installed.
+        A package that the source needs is not installed.
     RecordingError
         The recording cannot be read.
     """
@@ -298,7 +297,7 @@ def open_source(address: str, options: SourceOptions | None = None) -> Source:
     if not Path(address).exists():
         known = ", ".join(f"{kind.form} ({kind.text})" for kind in SOURCES.values())
         raise InvalidParameterError(
-            f"SOURCE must be a recording's path, or one of {known}; not {shown(address)}"
+            f"SOURCE must be the path of a recording, or one of {known}; not {shown(address)}"
         )
     from palpate.preparation import prepare
 

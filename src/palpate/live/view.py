@@ -1,7 +1,7 @@
-"""What a run says, composed once in the process that shows it: for the console, wires, the page.
+"""Text of a live run: for the console, the wires and the page.
 
-First what follows from the loop's verdict on laws, which takes most of a millisecond that the loop
-has not; then every word of the page, which fills the places of its document with them.
+The process that shows the text composes it, because that takes most of a millisecond, which the
+loop cannot spare. Each key of the page's text is the id of an element in its document.
 """
 
 import math
@@ -17,24 +17,17 @@ from palpate.estimators.estimate import Estimate
 from palpate.estimators.law_verdicts import STRONG, UNDECIDED, Evidence, LawVerdict, verdict_of
 from palpate.findings import Finding
 from palpate.force_laws import GeneralisedHuntCrossley
+from palpate.live.sinks import NO_DIAGNOSIS_YET, UNDIAGNOSED
 from palpate.quantities.derived import in_hertz
 from palpate.validation import or_nan
 
-# Of the samples, that are independent: AR(1) noise of 0.9 leaves a nineteenth, of 0.875 as many.
+# Effective sample size over samples: AR(1) noise of 0.875 gives 1/15, of 0.9 it gives 1/19.
 _FEW = 1.0 / 15.0
 _DAMPING = GeneralisedHuntCrossley.names().index("damping")
 
 
 def verdict_on(status: Mapping[str, Any]) -> dict[str, Any] | None:
-    """Return the verdict of what a loop's board says, as plain numbers and words.
-
-    None of an estimator that compares no laws.
-
-    Parameters
-    ----------
-    status : mapping
-        What the board says.
-    """
+    """Return the verdict on the force law in a status; None if the estimator compares no laws."""
     page = status.get("verdict")
     if page is None:
         return None
@@ -62,7 +55,7 @@ def verdict_on(status: Mapping[str, Any]) -> dict[str, Any] | None:
 
 
 def estimate_of(page: Mapping[str, Any]) -> Estimate:
-    """Return the estimate of the board; of nothing learned one of a spring of nothing."""
+    """Return the estimate in the loop's status; a law of zero force before the first sample."""
     if page["parameters"] is None:
         law = GeneralisedHuntCrossley(0.0, 1.0, 0.0, 1.0)
         size = law.parameters.size
@@ -77,31 +70,31 @@ def estimate_of(page: Mapping[str, Any]) -> Estimate:
 
 
 def _open(page: Mapping[str, Any], verdict: LawVerdict, estimate: Estimate) -> Iterator[Finding]:
-    """Say what the samples so far leave open of the verdict itself."""
+    """Yield the warnings about the verdict itself."""
     late = [law for _, law, samples in page["turns"] if law and 2.0 * samples > verdict.samples]
-    # It flickers: twice another while the samples doubled; the first after a change is no turn.
+    # Two changes while the samples doubled. The first law after a restart is no change.
     if (count := min(len(late), page["changes"])) >= 2:
-        words = f"the verdict is not settled: it changed {count} times while the samples doubled"
+        words = f"the preferred law is not settled: {count} changes while the samples doubled"
         yield Finding("which law", words)
     if verdict.effective_samples < _FEW * verdict.samples:
         yield Finding(
             "misfit",
-            "what the best law leaves is correlated: so is the sensor's noise, or none of the laws "
-            "on offer holds, and their error bars do not say so",
-            "--law any offers all",
+            "the residuals of the best law are correlated: either the sensor noise is, or no "
+            "compared law holds and the error bars are too small",
+            "compare all laws: --law any",
         )
     damping, error = estimate.parameters[_DAMPING], estimate.standard_errors[_DAMPING]
     if verdict.candidate.damping != "none" and abs(damping) < 1e-6 * error:
-        yield Finding("damping", "B is 0: laws that differ by their damper alone are the same here")
+        yield Finding("damping", "B is 0: laws that differ only in their damper are equivalent")
 
 
-#: Of each number its unit, and what it is called in a sentence and in a row of its own.
+#: Unit, short name and long name of each number.
 NUMBERS: Mapping[str, tuple[str, str, str]] = {
     "stiffness": ("N/m", "K′", "Dynamic stiffness K′"),
     "damping": ("N·s/m", "B′", "Dynamic damping B′"),
     "loss_tangent": ("", "tan δ", "Loss tangent tan δ"),
-    "instantaneous_stiffness": ("N/m", "at once", "Stiffness at once"),
-    "relaxed_stiffness": ("N/m", "relaxed", "Stiffness once relaxed"),
+    "instantaneous_stiffness": ("N/m", "instantaneous", "Instantaneous stiffness"),
+    "relaxed_stiffness": ("N/m", "relaxed", "Relaxed stiffness"),
     "relaxation_time": ("s", "relaxation time", "Relaxation time"),
 }
 _FELT = tuple(NUMBERS)[:5]
@@ -110,18 +103,13 @@ Numbers = dict[str, tuple[float, float]]
 
 
 def numbers_of(verdict: Mapping[str, Any]) -> Numbers:
-    """Return :data:`NUMBERS` that the law in force has, each with its standard error.
+    """Return those :data:`NUMBERS` that the preferred law has, each with its standard error.
 
-    At the motion's own depth and frequency, outside whose band a law says nothing; none before the
-    first verdict, and until the next after a change of the material.
-
-    Parameters
-    ----------
-    verdict : mapping
-        Of :func:`verdict_on`.
+    They hold at the depth and frequency of the motion. Empty until the first verdict of
+    :func:`verdict_on`, and again after a change of material.
     """
     parameters, depth, omega = verdict["parameters"], verdict["depth"], verdict["frequency"]
-    # The motion is that of the samples since; of a law of before it says no band.
+    # Depth and frequency are of the samples since a change; an outdated law has no band there.
     if not (verdict["known"] and parameters and depth and omega and min(depth, omega) > 0.0):
         return {}
     estimate = estimate_of(verdict)
@@ -139,7 +127,7 @@ def numbers_of(verdict: Mapping[str, Any]) -> Numbers:
     values, errors = estimate.with_errors(felt)
     found = dict(zip(_FELT, zip(values.tolist(), errors.tolist(), strict=True), strict=True))
     law: GeneralisedHuntCrossley = estimate.law
-    if not law.remembers:  # it is one stiffness, whenever
+    if not law.remembers:  # its stiffness does not depend on time
         del found["instantaneous_stiffness"], found["relaxed_stiffness"]
     elif law.relaxation_time is not None:
         found["relaxation_time"] = law.relaxation_time, float(estimate.standard_errors[7])
@@ -147,7 +135,7 @@ def numbers_of(verdict: Mapping[str, Any]) -> Numbers:
 
 
 def certainty(verdict: Mapping[str, Any]) -> str:
-    """How sure the verdict is, in a word: none, before, alone, open, weak or strong."""
+    """Return how strong the evidence is: none, before (outdated), alone, open, weak or strong."""
     if not verdict["known"]:
         return "none" if verdict["parameters"] is None else "before"
     lead, second = lead_of(verdict)
@@ -157,29 +145,29 @@ def certainty(verdict: Mapping[str, Any]) -> str:
 
 
 def standing(verdict: Mapping[str, Any]) -> str:
-    """By how much the law in force leads, in words."""
+    """Describe by how much the preferred law leads."""
     lead, second = lead_of(verdict)
     return {
         "none": "no verdict yet",
-        "before": "of before: of the samples since there is no verdict yet",
-        "alone": "the only law that competes",
-        "open": f"cannot be told from {second}: before it by {rounded(max(lead, 0.0), 2)}",
-        "weak": f"not sure: before {second} by {rounded(lead, 2)}, and ten are strong evidence",
-        "strong": f"before {second} by {rounded(lead, 3)}",
+        "before": "outdated: no verdict yet on the new samples",
+        "alone": "the only law compared",
+        "open": f"not distinguishable from {second}: ΔBIC {rounded(max(lead, 0.0), 2)}",
+        "weak": f"preferred over {second}: ΔBIC {rounded(lead, 2)}, 10 is strong evidence",
+        "strong": f"preferred over {second}: ΔBIC {rounded(lead, 3)}",
     }[certainty(verdict)]
 
 
 def lead_of(verdict: Mapping[str, Any]) -> tuple[float, str]:
-    """By how much the law in force leads before which other; NaN where there is none."""
-    own = [each["score"] for each in verdict["standings"] if each["law"] == verdict["law"]]
-    others = [each for each in verdict["standings"] if each["law"] != verdict["law"]]
+    """Return the preferred law's ΔBIC and the next best law; NaN and "" if there is no other."""
+    own = [each["score"] for each in verdict["model_ranking"] if each["law"] == verdict["law"]]
+    others = [each for each in verdict["model_ranking"] if each["law"] != verdict["law"]]
     if not (own and others):
         return math.nan, ""
     return float(others[0]["score"]) - float(own[0]), str(others[0]["law"])
 
 
 def describe_verdict(verdict: Mapping[str, Any], numbers: Numbers) -> str:
-    """The verdict in a line of text."""
+    """Describe the verdict in one line."""
     if verdict["parameters"] is None:
         return "no law yet"
     words = f"{verdict['law']} ({standing(verdict)})"
@@ -193,13 +181,7 @@ def describe_verdict(verdict: Mapping[str, Any], numbers: Numbers) -> str:
 
 
 def law_lines(verdict: Mapping[str, Any]) -> Iterator[str]:
-    """The verdict at the end of a run, in lines.
-
-    Parameters
-    ----------
-    verdict : mapping
-        As for :func:`numbers_of`.
-    """
+    """Yield the lines that describe the verdict at the end of a run."""
     numbers, changes = numbers_of(verdict), int(verdict["changes"])
     turned = f", changed {changes} times" if changes and verdict["known"] else ""
     yield f"law: {describe_verdict(verdict, {})}{_evidence(verdict)}{turned}"
@@ -213,28 +195,23 @@ def _evidence(verdict: Mapping[str, Any]) -> str:
     if not verdict["known"]:
         return ""
     effective, of = rounded(verdict["effective_samples"], 3), rounded(verdict["samples"], 4)
-    return f"; {effective} independent samples of {of}"
+    return f"; effective sample size {effective} of {of}"
 
 
 def _about(verdict: Mapping[str, Any]) -> str:
     often, depth = in_hertz(verdict["frequency"]), format_quantity(verdict["depth"], "m")
-    return f"a small oscillation of {often} about {depth}"
+    return f"small oscillation at {often} about {depth}"
 
 
 def written(numbers: Numbers, name: str) -> str:
-    """One of them with its error bar and unit."""
+    """Format one of the numbers with its standard error and unit."""
     return with_error(*numbers[name], unit=NUMBERS[name][0])
 
 
 def fields_of(verdict: Mapping[str, Any], origin: float = 0.0) -> dict[str, float | str]:
-    """The verdict as fields of a message: words, and plain numbers in SI.
+    """Return the verdict as fields of a message: text, and plain numbers in SI units.
 
-    Parameters
-    ----------
-    verdict : mapping
-        As for :func:`numbers_of`.
-    origin : float
-        What the loop counts its times from, s.
+    ``origin`` is the zero of the loop's times, s.
     """
     fields: dict[str, float | str] = {
         "law": str(verdict["law"]) if verdict["parameters"] is not None else "",
@@ -244,7 +221,7 @@ def fields_of(verdict: Mapping[str, Any], origin: float = 0.0) -> dict[str, floa
         "independent_samples": or_nan(verdict["effective_samples"]),
         "since": origin + float(verdict["since"]),
         "changes": float(verdict["changes"]),
-        # Of a probe that has not moved there is neither.
+        # A probe that has not moved has neither.
         "depth": or_nan(verdict["depth"] or None),
         "frequency": or_nan(verdict["frequency"] or None),
     }
@@ -258,40 +235,40 @@ def fields_of(verdict: Mapping[str, Any], origin: float = 0.0) -> dict[str, floa
 
 # Times and counts of a run.
 
-#: What is counted, in the order of how grave it is; those that are 0 are left out of the line.
+#: Counters and their names, most severe first.
 COUNTED = {
     "lost": "lost before the loop",
     "malformed": "malformed",
     "unpaired": "unpaired",
-    "refused": "refused",
+    "refused": "rejected",
     "repeated": "repeated",
     "disordered": "out of order",
     "gaps": "gaps",
-    "jumps": "jumps of the clock",
+    "jumps": "clock jumps",
     "silences": "silences",
     "late": "late",
 }
 
 
 def seconds(value: float | None) -> str:
-    """A short time as a person reads it: 6.3 µs, 0.4 ms, 2 s."""
+    """Format a duration: 6.3 µs, 0.4 ms, 2 s."""
     return "–" if value is None or not math.isfinite(value) else format_quantity(value, "s")
 
 
 def percent(fraction: float | None) -> str:
-    """Of 1, with as many digits as its distance from all needs: 99.993 %."""
+    """Format a fraction with as many digits as its distance from 1 needs: 99.993 %."""
     if fraction is None or not math.isfinite(fraction):
         return "–"
     rest = round(100.0 * (1.0 - fraction), 9)
     digits = 0 if rest <= 0.0 else min(max(1 - math.floor(math.log10(rest)), 0), 4)
-    # Rounded down, but for the error of doubles: what is not all is never written as all.
+    # Rounded down, except for floating-point error: 100 % is printed only for all.
     shown = math.floor(100.0 * fraction * 10**digits + 1e-6) / 10**digits
     return f"{shown:.{digits}f} %"
 
 
 def times_of(status: Mapping[str, Any]) -> Iterator[list[str]]:
-    """Of the loop's times each a row: name, median, 99 %, 99.9 %, longest, and how many in time."""
-    for name, words in (("cycle", "update, estimate"), ("lateness", "after its sample")):
+    """Yield a row per duration: name, median, 99 %, 99.9 %, longest, share within the limit."""
+    for name, words in (("cycle", "update, estimate"), ("lateness", "sample to result")):
         figures = status.get(name) or {}
         known = figures if figures.get("count") else {}
         columns = [seconds(known.get(key)) for key in ("p50", "p99", "p99.9", "max")]
@@ -299,24 +276,24 @@ def times_of(status: Mapping[str, Any]) -> Iterator[list[str]]:
         yield [words, *columns, limit]
 
 
-# The page: what stands in each place of its document, by the place's name.
+# The page's text, by the id of the element that shows it.
 
 _STATES = {
-    "free": ("○", "Free", "The probe touches nothing; the estimate is held."),
-    "contact": ("●", "Contact", "The estimate is refreshed with every sample."),
-    "held": ("Ⅱ", "Held", "On request: nothing is learned until it is resumed."),
-    "changed": ("◆", "Changed", "The material has changed; the estimate was reinitialised."),
-    "invalid": ("✕", "Invalid", "Samples come that cannot be taken; the estimate is held."),
-    "lost": ("?", "Lost", "No sample comes; the estimate is held."),
-    "taring": ("▽", "Taring", "The force without contact is measured: touch nothing."),
-    "none": ("·", "Starting", "The source is being opened."),
-    "dead": ("✕", "Stopped", "The loop does not answer any more; what it found last is shown."),
-    "ended": ("■", "Ended", "The run is over; what it found is shown."),
+    "free": ("○", "Free", "The probe is out of contact; the estimate is held."),
+    "contact": ("●", "Contact", "Every sample updates the estimate."),
+    "held": ("Ⅱ", "Held", "Samples do not update the estimate until you press Resume."),
+    "changed": ("◆", "Changed", "The material has changed; palpate restarted the estimate."),
+    "invalid": ("✕", "Invalid", "palpate rejects the samples; the estimate is held."),
+    "lost": ("?", "Lost", "No samples arrive; the estimate is held."),
+    "taring": ("▽", "Taring", "palpate measures the force offset: keep the probe out of contact."),
+    "none": ("·", "Starting", "palpate opens the source."),
+    "dead": ("✕", "Stopped", "The loop does not respond; the page shows its last result."),
+    "ended": ("■", "Ended", "The run has ended; the page shows its last result."),
 }
 _BADGES = {
-    "none": ("no verdict yet", "open"), "before": ("of before", "no"),
-    "alone": ("alone on offer", "open"), "open": ("undecided", "no"),
-    "weak": ("not sure", "partly"), "strong": ("strong evidence", "yes"),
+    "none": ("not known yet", "open"), "before": ("outdated", "no"),
+    "alone": ("only law", "open"), "open": ("undecided", "no"),
+    "weak": ("weak evidence", "partly"), "strong": ("strong evidence", "yes"),
 }  # fmt: skip
 _MARKS = {"trust": "yes", "with-care": "partly", "do-not-trust": "no"}
 _TURNS = 4
@@ -326,23 +303,15 @@ Words = dict[str, Any]
 
 
 def view_of(page: Mapping[str, Any], verdict: Mapping[str, Any] | None, now: float) -> Words:
-    """What of the page stands still while a person pauses it.
-
-    Parameters
-    ----------
-    page : mapping
-        What the watch has: loop, depth, now, changes.
-    verdict : mapping, optional
-        Of :func:`verdict_on`.
-    now : float
-        Time of the newest sample, s.
-    """
+    """Return the texts that stand still while the view is paused; ``now`` is a sample's time, s."""
     loop, depth, found = page["loop"], page["depth"], page["now"]
     law = loop.get("law") or {}
     known = math.isfinite(depth["value"])
     at = f" at {format_quantity(depth['value'], 'm')}" if known else " at working depth"
-    names = ("Relaxed", "Damper") if law.get("remembers") else ("Stiffness", "Damping")
-    chosen = ", chosen" if known and depth["chosen"] else ""
+    names = "Stiffness", "Damping"
+    if law.get("remembers"):
+        names = "Relaxed stiffness", "Viscous damping"
+    chosen = " (chosen)" if known and depth["chosen"] else ""
     tiles = [
         [f"{name}{at}{chosen} [{unit}]", with_error(*found.get(key, (math.nan, math.nan)))]
         for name, key, unit in zip(names, ("stiffness", "damping"), ("N/m", "N·s/m"), strict=True)
@@ -351,7 +320,7 @@ def view_of(page: Mapping[str, Any], verdict: Mapping[str, Any] | None, now: flo
     for k in law.get("shown", ()):
         symbol, unit, name = law["symbols"][k], law["units"][k], law["names"][k]
         words = _parameter(found, name, k, verdict)
-        if name == "longest_time":  # alone it is the only one
+        if name == "longest_time":  # the law's only relaxation time
             symbol, name = "τ", "relaxation time"
         title = f"{name.replace('_', ' ').capitalize()} {symbol}"
         tiles.append([f"{title} [{unit}]" if unit else title, words])
@@ -364,27 +333,28 @@ def view_of(page: Mapping[str, Any], verdict: Mapping[str, Any] | None, now: flo
         ]
         for each in reversed(page["changes"])
     ]
-    view: Words = {"numbers": tiles, "curves": panels, "changes": changes or [["none"]]}
+    view: Words = {"working": tiles[:2], "numbers": tiles[2:], "curves": panels}
+    view["changes"] = changes or [["none"]]
     return view | (law_of(verdict, now) if verdict else {})
 
 
 def _parameter(
     found: Mapping[str, Any], name: str, k: int, verdict: Mapping[str, Any] | None
 ) -> str:
-    """A parameter as the law in force has it: its own with its error, one given, or none."""
+    """Format a parameter of the preferred law: identified, fixed, or not in this law."""
     if verdict and verdict["parameters"] is None:
         return "unknown"
     if verdict and name not in verdict["own"]:
         return "not in this law"
     if verdict and name in verdict["fixed"]:
-        return f"{rounded(verdict['parameters'][k], 6)} (given)"
+        return f"{rounded(verdict['parameters'][k], 6)} (fixed)"
     if "parameters" not in found:
         return "unknown"
     return with_error(found["parameters"][k], found["errors"][k])
 
 
 def _terms(law: Mapping[str, Any], found: Mapping[str, Any]) -> list[str]:
-    """A line for each parameter: ``K = 99000 ± 1100 N/mⁿ``."""
+    """Return a line for each parameter: ``K = 99000 ± 1100 N/mⁿ``."""
     terms = [
         f"{law['symbols'][k]} = {with_error(value, found['errors'][k], unit=law['units'][k])}"
         for k, value in enumerate(found.get("parameters", ()))
@@ -394,25 +364,25 @@ def _terms(law: Mapping[str, Any], found: Mapping[str, Any]) -> list[str]:
 
 
 def describe_change(change: Mapping[str, Any]) -> str:
-    """From which stiffness to which the material changed."""
+    """Format the stiffness before and after a change of material."""
     ends = ((change.get(name) or {}).get("stiffness", [math.nan]) for name in ("before", "after"))
     return f"{' → '.join(rounded(each[0], 3) for each in ends)} N/m"
 
 
 def law_of(verdict: Mapping[str, Any], now: float) -> Words:
-    """What the page's card of laws says at a time, s."""
+    """Return the texts of the page's card of force laws at time ``now``, s."""
     sure, turns = certainty(verdict), verdict["turns"][: -_TURNS - 1 : -1]
     since, (badge, kind) = "", _BADGES[sure]
     if sure not in ("none", "before") and math.isfinite(verdict["since"]):
-        times = f"changed {verdict['changes']} times since" if verdict["changes"] else "as from"
-        since = f"In force for {_ago(now, verdict['since'])}; {times} the evidence began."
-    scores = {each["law"]: each["score"] for each in verdict["standings"] if verdict["known"]}
+        turned = f"; changed {count} times" if (count := verdict["changes"]) else ""
+        since = f"Preferred for {_ago(now, verdict['since'])}{turned}."
+    scores = {each["law"]: each["score"] for each in verdict["model_ranking"] if verdict["known"]}
     laws = []
     for name in verdict["offered"]:
         behind = max(scores.get(name, math.nan) - scores.get(verdict["law"], 0.0), 0.0)
         chosen, words = name == verdict["law"] and name in scores, rounded(behind, 3)
         width = 100.0 * min(math.log10(1.0 + behind) / _DECADES, 1.0) if name in scores else 0.0
-        words = "in force" if chosen else words if name in scores else "–"
+        words = "preferred" if chosen else words if name in scores else "–"
         laws.append([name, 0.0 if chosen else width, behind < STRONG, words, chosen])
     numbers = numbers_of(verdict)
     return {
@@ -422,7 +392,7 @@ def law_of(verdict: Mapping[str, Any], now: float) -> Words:
         "law-lead": f"{standing(verdict)}{_evidence(verdict)}",
         "law-since": since,
         "law-turns": [
-            *(f"{_ago(now, time)} ago: {law or 'evidence given up'}" for time, law in turns),
+            *(f"{_ago(now, time)} ago: {law or 'restarted'}" for time, law in turns),
             *[""] * (_TURNS - len(turns)),
         ],
         "law-rows": laws,
@@ -431,7 +401,7 @@ def law_of(verdict: Mapping[str, Any], now: float) -> Words:
             [long, written(numbers, name) if name in numbers else _absent(verdict, numbers, name)]
             for name, (_, _, long) in NUMBERS.items()
         ],
-        "law-flags": verdict["flags"] or ["nothing is open"],
+        "law-flags": verdict["flags"] or ["no warnings"],
     }
 
 
@@ -440,28 +410,23 @@ def _ago(now: float, then: float) -> str:
 
 
 def _absent(verdict: Mapping[str, Any], numbers: Numbers, name: str) -> str:
-    """Why a law has no such number."""
+    """Describe why a law has no such number."""
     if not numbers:
         return "–"
     if name != "relaxation_time":
-        return "as K′: no memory"
+        return "equals K′: no memory"
     relaxation = GeneralisedHuntCrossley.from_parameters(verdict["parameters"]).relaxation
-    # Of a spectrum they are no estimates; one time has no shortest.
+    # The limits of a spectrum are no estimates; a single time has no shortest.
     shortest, longest = (0.0, 0.0) if relaxation is None else relaxation.spectrum[1:]
     return (
         f"{rounded(shortest, 2)} to {rounded(longest, 2)} s, assumed" if shortest else "no memory"
     )
 
 
-def facts_of(page: Mapping[str, Any], state: str) -> Words:
-    """What of the page goes on while a person pauses it: state, counts, times, diagnosis.
+def facts_of(page: Mapping[str, Any], state: str, contact_force: float | None = None) -> Words:
+    """Return the texts that go on while the view is paused: verdict, state, counts, times.
 
-    Parameters
-    ----------
-    page : mapping
-        What the watch has: loop, others, page.
-    state : str
-        One of those that the page has words for.
+    ``contact_force`` is the present force, N, if the probe is in contact.
     """
     loop, others = page["loop"], page["others"]
     lamp, title, words = _STATES.get(state, _STATES["none"])
@@ -484,7 +449,11 @@ def facts_of(page: Mapping[str, Any], state: str) -> Words:
         numbers = {name: each for name, each in truth.items() if isinstance(each, float)}
         terms = (f"{name.replace('_', ' ')} = {rounded(x, 4)}" for name, x in numbers.items())
         facts["truth"] = f"Truth: {', '.join([str(truth.get('kind')), *terms])}"
-    if (found := others.get("diagnosis", {})).get("at"):
+    if contact_force is not None:
+        contact = f"The probe is in contact with {rounded(contact_force, 3)} N."
+        facts["tare-warning"] = f"{contact} Taring now makes this force the new zero."
+    facts["verdict-line"] = [_verdict_line(found := others.get("diagnosis"))]
+    if found and found.get("at"):
         facts["diagnosis"] = list(_diagnosis(found))
     return facts
 
@@ -492,12 +461,12 @@ def facts_of(page: Mapping[str, Any], state: str) -> Words:
 def _counts(
     counts: Mapping[str, Any], others: Mapping[str, Any], own: Mapping[str, Any]
 ) -> list[list[str]]:
-    """Counts, with those marked that ought to be none."""
+    """Return the rows of counts; those that should be 0 are marked ``bad`` if they are not."""
     rows = [[words, counts.get(key, 0), ""] for key, words in _FINE.items()]
     rows += [[words, counts.get(key, 0), "bad"] for key, words in COUNTED.items()]
     rows += [
         ["page: dropped", own.get("dropped", 0), "bad"],
-        ["page: skipped for all", own.get("skipped", 0), "bad"],
+        ["page: skipped", own.get("skipped", 0), "bad"],
         ["page: bad requests", own.get("malformed", 0) + own.get("refused", 0), "bad"],
         ["page: stalled", own.get("stalled", 0) + own.get("turned_away", 0), "bad"],
         ["page: browsers", own.get("clients", 0), ""],
@@ -506,24 +475,33 @@ def _counts(
     return [[name, str(count), kind if count else ""] for name, count, kind in rows]
 
 
-_FINE = {"taken": "samples", "learned": "learned", "changes": "changes"}
+_FINE = {"taken": "samples", "learned": "used", "changes": "changes"}
+
+
+def _verdict_line(found: Mapping[str, Any] | None) -> list[str]:
+    """Return the reason, class and badge of the last diagnosis."""
+    if not (found and found.get("at")):
+        return [f": {UNDIAGNOSED if found is None else NO_DIAGNOSIS_YET}.", "open", "no verdict"]
+    if found.get("outdated"):
+        return [f": {found['outdated']}.", "open", "outdated"]
+    mark = (found.get("verdict") or {}).get("overall", "no-verdict")
+    return [
+        f": {found['reason'].removesuffix('.')}.",
+        _MARKS.get(mark, "open"),
+        mark.replace("-", " "),
+    ]
 
 
 def _diagnosis(found: Mapping[str, Any]) -> Iterator[list[str]]:
-    """The last verdict, its reason, and the numbers at their depths: words, class and badge."""
-    if found.get("outdated"):
-        yield [f"Of before: {found['outdated']}.", "", ""]
-    mark = (found.get("verdict") or {}).get("overall", "")
-    kind = "open" if found.get("outdated") else _MARKS.get(mark, "open")
-    yield [f": {found.get('reason', '')}", kind, mark.replace("-", " ") or "no verdict"]
+    """Yield what to do, the result at each working depth, and what was diagnosed: text, class."""
     if found.get("remedy"):
-        yield [found["remedy"], "", ""]
+        yield [found["remedy"], ""]
     for there in found.get("working_depths", ()):
         both = []
         for name, unit in (("stiffness", "N/m"), ("damping", "N·s/m")):
-            parts = (there[name][key] for key in ("value", "standard_error", "systematic"))
-            both.append(f"{name} {with_error(*map(or_nan, parts), unit=unit)}")
-        yield [f"At {format_quantity(there['depth'], 'm')}: {', '.join(both)}", "", ""]
+            error = math.hypot(*(or_nan(there[name][e]) for e in ("standard_error", "systematic")))
+            both.append(f"{name} {with_error(or_nan(there[name]['value']), error, unit=unit)}")
+        yield [f"At {format_quantity(there['depth'], 'm')}: {', '.join(both)}", ""]
     last = rounded(found["window"][1] - found["window"][0], 2)
-    by = f"By {found['method']}, of the last {last} s at {found['at']}, {found['samples']} samples."
-    yield [by, "soft", ""]
+    words = f"{found['method']}, the last {last} s at {found['at']}, {found['samples']} samples"
+    yield [words, "soft"]

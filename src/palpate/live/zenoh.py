@@ -1,4 +1,4 @@
-"""Zenoh as rmw_zenoh uses it: samples of ROS 2, and estimates back to it."""
+"""ROS 2 over Zenoh, compatible with rmw_zenoh: a source of samples, and a wire for estimates."""
 
 import json
 import struct
@@ -19,26 +19,26 @@ if TYPE_CHECKING:
     import zenoh
 
 
-#: Of an address: the domain, and how the session reaches the others.
+#: Options of an address: the domain, and how the session reaches its peers.
 OPTIONS = ("domain", "connect", "listen", "scouting")
-#: Where rmw_zenoh's router listens.
+#: Address of rmw_zenoh's router.
 ROUTER = "tcp/127.0.0.1:7447"
-# bytes: longer messages end in the session, before they take memory.
+# bytes: the session drops longer messages before they take memory.
 _LONGEST = 1 << 20
-# Number and time of sending, each int64, then how many bytes the publisher's identity has, and it.
+# Sample number and time of sending, each int64, then the length of the publisher's id, and the id.
 _ATTACHED = struct.Struct("<qqB16s")
-# As rmw_zenoh 0.2.0 to 0.2.3 wrote it, each with its name before it.
+# The format of rmw_zenoh 0.2.0 to 0.2.3, with a name before each value.
 _NAMED = struct.Struct("<16sq17sq11sB16s")
 _NAMES = (b"\x0fsequence_number", b"\x10source_timestamp", b"\x0asource_gid")
 
 
 def attachment(number: int, written: int, sender: bytes) -> bytes:
-    """Return what is attached to a message: its number, when it is sent, and by whom (16 bytes)."""
+    """Return a message's attachment: number, time of sending, ns since 1970, sender, 16 bytes."""
     return _ATTACHED.pack(number, written, 16, sender)
 
 
 def attached(data: bytes) -> tuple[int, int, bytes] | None:
-    """Return number, time [ns since 1970] and sender, or None of what is not rmw_zenoh's."""
+    """Return number, time (ns since 1970) and sender; None if it is not an rmw_zenoh attachment."""
     if len(data) == _ATTACHED.size and data[16] == 16:
         number, written, _, sender = _ATTACHED.unpack(data)
         return number, written, sender
@@ -50,18 +50,18 @@ def attached(data: bytes) -> tuple[int, int, bytes] | None:
 
 
 def key_of(domain: int, topic: str, type_name: str, type_hash: str) -> str:
-    """Return the key of a topic of ROS 2; the type's name and hash may be ``*``."""
+    """Return the Zenoh key of a ROS 2 topic; the type's name and hash may be ``*``."""
     name = type_name if type_name == "*" else dds_type(type_name)
     return f"{domain}/{topic.strip('/')}/{name}/{type_hash}"
 
 
 def opened(address: WireAddress) -> "zenoh.Session":
-    """Open a session, a client of one router or peer unless ``listen`` says otherwise.
+    """Open a session: a client of a router or peer, or a peer itself if ``listen`` is given.
 
     Raises
     ------
     PalpateError
-        Nobody answers, or the address to listen on is in use.
+        Nothing answers at the address, or the address to listen on is in use.
     """
     zenoh = needed("zenoh", "ROS 2 over Zenoh", "live")
     listen = _endpoints(address, "listen", "")
@@ -81,7 +81,7 @@ def opened(address: WireAddress) -> "zenoh.Session":
             config.insert_json5(name, json.dumps(value))
     except zenoh.ZError as error:
         raise InvalidParameterError(
-            f"zenoh: an address must be such as {ROUTER}: {_first_line(error)}"
+            f"zenoh: an address must have the form {ROUTER}: {_first_line(error)}"
         ) from None
     try:
         return zenoh.open(config)  # type: ignore[no-any-return]
@@ -93,8 +93,8 @@ def opened(address: WireAddress) -> "zenoh.Session":
                 f"zenoh: cannot listen on {', '.join(listen)}: {_first_line(error)}"
             ) from None
         raise PalpateError(
-            f"zenoh: nobody answers at {', '.join(connect)}: start the router, `ros2 run "
-            "rmw_zenoh_cpp rmw_zenohd`, or say where it is with connect=tcp/ADDRESS:7447"
+            f"zenoh: no answer from {', '.join(connect)}: start the router with `ros2 run "
+            "rmw_zenoh_cpp rmw_zenohd`, or pass its address as connect=tcp/ADDRESS:7447"
         ) from None
 
 
@@ -104,7 +104,7 @@ def _endpoints(address: WireAddress, name: str, default: str) -> list[str]:
     for endpoint in endpoints:
         if "/" not in endpoint:
             raise InvalidParameterError(
-                f"zenoh: {name} must be such as {ROUTER}, not {shown(endpoint)}"
+                f"zenoh: {name} must have the form {ROUTER}, not {shown(endpoint)}"
             )
     return endpoints
 
@@ -113,33 +113,32 @@ def _first_line(error: Exception) -> str:
     return str(error).partition(" at /")[0].splitlines()[0][:120]
 
 
-# Samples of ROS 2 over Zenoh, as rmw_zenoh sends them: ``zenoh:/pose,/wrench``.
+# Samples from ROS 2 over Zenoh: ``zenoh:/pose,/wrench``.
 
-# Messages that wait for the loop, 10 s of two topics at 1 kHz. What comes beyond them is lost, and
-# known by its number.
+# Queue length, 10 s of two topics at 1 kHz. Further messages are lost; their numbers reveal that.
 WAITING = 20_000
 
 
 class _Came(NamedTuple):
     topic: int
     key: str
-    payload: bytes | None  # None where it is too long
+    payload: bytes | None  # None if too long
     attachment: bytes | None
     written: int
     length: int
 
 
 class Zenoh(RosTopics):
-    """Topics of ROS 2; their types are known by the keys of the messages.
+    """Source that subscribes to ROS 2 topics; the keys of the messages contain their types.
 
     Parameters
     ----------
     address : str
         Topics and options, such as ``/pose,/wrench?connect=tcp/192.168.1.2:7447``: those of
-        :class:`~palpate.live.ros.RosTopics`, ``domain``; ``connect``, where a router or peer
-        listens; ``listen``, to be a peer oneself; ``scouting`` to find others by multicast.
+        :class:`~palpate.live.ros.RosTopics`, ``domain`` (default: 0), ``connect``, the address of a
+        router or peer, ``listen``, to become a peer, and ``scouting``, to find peers by multicast.
     options : SourceOptions
-        What is known of the samples.
+        Options of the source.
     """
 
     def __init__(self, address: str, options: SourceOptions) -> None:
@@ -150,13 +149,13 @@ class Zenoh(RosTopics):
         self._session: zenoh.Session | None = None
 
     def open(self) -> None:
-        """Open the session; a topic that comes later is waited for."""
+        """Open the session; topics may appear later."""
         self._session = opened(self._address)
         import zenoh
 
         for index, topic in enumerate(self.topics):
             key = key_of(self._domain, topic.name, "*", "*")
-            # In Zenoh's own thread: another one between would cost each message a change of thread.
+            # Called in Zenoh's own thread, which saves a change of thread per message.
             took = zenoh.handlers.Callback(self._taker(index), lambda: None, indirect=False)
             self._session.declare_subscriber(key, took)
         self.await_topics()
@@ -187,10 +186,10 @@ class Zenoh(RosTopics):
         if not self.accept(came.topic, ros.ros2_type(came.key.split("/")[-2])):
             return True
         if came.payload is None:
-            self.refuse(f"{topic.name}: a message of {came.length} bytes")
+            self.refuse(f"{topic.name}: a message of {came.length} bytes, the limit is {LONGEST}")
         elif known is None:
             size = len(extra or b"")
-            self.refuse(f"{topic.name}: an attachment of {size} bytes that is not rmw_zenoh's")
+            self.refuse(f"{topic.name}: an attachment of {size} bytes, not from rmw_zenoh")
         else:
             number, written, sender = known
             waited = seconds > 0.0
@@ -205,17 +204,17 @@ class Zenoh(RosTopics):
         self._session = None
 
 
-# Estimates to ROS 2 over Zenoh: ``--publish zenoh:/palpate``.
+# Estimates for ROS 2 over Zenoh: ``--publish zenoh:/palpate``.
 
 
 class ZenohWire(RosWire):
-    """Two topics under rmw_zenoh's keys, which wait where there is no room.
+    """Publishes estimates and status on two topics, under the keys of rmw_zenoh.
 
     Parameters
     ----------
     address : str
-        The topics' prefix, and options: ``domain``, ``connect``, ``listen`` and ``scouting``, such
-        as ``/palpate?connect=tcp/192.168.1.2:7447``.
+        Prefix of the topics, and options: ``domain``, ``connect``, ``listen`` and ``scouting``,
+        such as ``/palpate?connect=tcp/192.168.1.2:7447``.
     """
 
     def __init__(self, address: str) -> None:
@@ -229,7 +228,7 @@ class ZenohWire(RosWire):
         self._sender = uuid.uuid4().bytes
 
     def open(self) -> None:
-        """Open the session, and become a node that ``ros2 topic list`` finds."""
+        """Open the session, and announce a node and topics to ``ros2 topic list``."""
         super().open()
         self._session = opened(self._address)
         import zenoh
@@ -243,16 +242,16 @@ class ZenohWire(RosWire):
                 self._session.declare_publisher(
                     key_of(self._domain, name, type_name, checksum),
                     congestion_control=zenoh.CongestionControl.BLOCK,
-                    express=True,  # not kept back to be sent with others
+                    express=True,  # send at once, unbatched
                 )
             )
             mangled = name.replace("/", "%")
-            # Of its quality of service only the depth is not ROS's default.
+            # Only the queue depth differs from ROS's default quality of service.
             published = f"{mangled}/{kind}/{checksum}/::,1000:,:,:,,"
             self._tokens.append(declare(f"{node}/{index + 1}/MP/%/%/palpate/{published}"))
 
     def put(self, topic: int, data: bytes) -> bool:
-        """Send a message; it waits where there is no room."""
+        """Send a message; waits while the queue is full."""
         import zenoh
 
         self._numbers[topic] += 1

@@ -1,7 +1,8 @@
-"""ZeroMQ: samples from a controller in any language, and estimates back to it.
+"""ZeroMQ: a source of samples from a controller in any language, and a wire for estimates.
 
-Little-endian: number uint64, time float64 [s], position 1 or 3 float64 [m], force 1 or 3 float64
-[N]. Or an object of JSON with ``time``, ``position``, ``force`` and, optionally, ``number``.
+A sample is little-endian binary: number uint64, time float64 [s], position 1 or 3 float64 [m],
+force 1 or 3 float64 [N]. Or it is a JSON object with ``time``, ``position``, ``force`` and,
+optionally, ``number``.
 """
 
 import json
@@ -23,14 +24,14 @@ if TYPE_CHECKING:
 
 NUMBERS = struct.Struct("<Qddd")
 VECTORS = struct.Struct("<Qd3d3d")
-# bytes; JSON of six numbers with all their digits has some 300.
+# bytes; JSON of six numbers with all digits has about 300.
 LONGEST = 4096
-# s: three thousand years, and 2⁶³ ns are less than three hundred: a time beyond that is none.
+# s: the limit of 2⁶³ ns; a later time is invalid.
 _LATEST = 9e9
 
 
 class PacketError(PalpateError):
-    """A packet that holds no sample; the message says why."""
+    """The packet has no valid sample; the message says why."""
 
 
 class Packet(NamedTuple):
@@ -55,10 +56,10 @@ def unpacked(data: bytes, *, vectors: bool) -> Packet:
     Raises
     ------
     PacketError
-        It holds none, or one of another kind than is asked for.
+        The packet has no valid sample, or numbers instead of vectors, or vice versa.
     """
     size = len(data)
-    # A force whose last byte is a brace would be of 10²⁹⁴ N.
+    # A binary force whose last byte is a brace would be about 10²⁹⁴ N.
     if size in (NUMBERS.size, VECTORS.size) and not (data[:1] == b"{" and data[-1:] == b"}"):
         if (size == VECTORS.size) is not vectors:
             raise _other_kind(vectors)
@@ -68,7 +69,7 @@ def unpacked(data: bytes, *, vectors: bool) -> Packet:
         number, time, position, push = NUMBERS.unpack(data)
         return Packet(number, _stamp(time), position, push)
     if size > LONGEST:
-        raise PacketError(f"a packet of {size} bytes")
+        raise PacketError(f"a packet of {size} bytes, the limit is {LONGEST}")
     return _of_json(data, vectors)
 
 
@@ -80,10 +81,10 @@ def _of_json(data: bytes, vectors: bool) -> Packet:
             f"a packet of {len(data)} bytes, neither {NUMBERS.size}, {VECTORS.size} nor JSON"
         ) from None
     if not isinstance(given, dict):
-        raise PacketError("JSON that is no object")
+        raise PacketError("JSON that is not an object")
     number = given.get("number")
     if number is not None and (type(number) is not int or not 0 <= number < 1 << 64):
-        raise PacketError("a number that is no whole number of 64 bits")
+        raise PacketError("a sample number that is not an unsigned 64-bit integer")
     for name in ("time", "position", "force"):
         if name not in given:
             raise PacketError(f"JSON without {name}")
@@ -93,7 +94,7 @@ def _of_json(data: bytes, vectors: bool) -> Packet:
 
 def _stamp(time: float) -> int:
     if not abs(time) < _LATEST:  # or NaN
-        raise PacketError("a time that is none")
+        raise PacketError(f"a time that is not within ±{_LATEST:g} s")
     return round(time * 1e9)
 
 
@@ -112,7 +113,7 @@ def _float(value: Any, name: str) -> float:
     if value is None:
         return math.nan  # JSON has no NaN of its own
     if type(value) not in (int, float):
-        raise PacketError(f"a {name} that is no number")
+        raise PacketError(f"a {name} that is not a number")
     try:
         return float(value)
     except OverflowError:
@@ -120,22 +121,22 @@ def _float(value: Any, name: str) -> float:
 
 
 def _other_kind(vectors: bool) -> PacketError:
-    numbers = "numbers, where a direction asks for vectors"
-    other = numbers if vectors else "vectors: say --direction, such as 0,0,-1"
+    numbers = "numbers, not vectors: omit --direction"
+    other = numbers if vectors else "vectors: pass --direction, such as 0,0,-1"
     return PacketError(f"position and force are {other}")
 
 
 class Endpoint:
-    """A socket of ZeroMQ that connects or binds.
+    """A ZeroMQ socket that connects or binds.
 
     Parameters
     ----------
     address : WireAddress
-        An endpoint of ZeroMQ, and the option ``bind``.
+        A ZeroMQ endpoint and the option ``bind``.
     example : str
-        What an endpoint is such as.
+        Example of an endpoint, for errors.
     binds : bool
-        Whether it binds where ``bind`` does not say.
+        Default of the option ``bind``.
     """
 
     def __init__(self, address: WireAddress, example: str, *, binds: bool) -> None:
@@ -143,13 +144,13 @@ class Endpoint:
         self._endpoint, self._bind = address.target, address.one_of("bind", choices) == "yes"
         if "://" not in self._endpoint:
             raise InvalidParameterError(
-                f"zmq: an endpoint must be such as {example}, not {shown(self._endpoint)}"
+                f"zmq: an endpoint must have the form {example}, not {shown(self._endpoint)}"
             )
         self.name = f"zmq:{self._endpoint}"
         self._socket: zmq.Socket[bytes] | None = None
 
     def _open(self, kind: str, options: Mapping[str, int | bytes]) -> None:
-        """Bind or connect; a peer that is not there yet is waited for in the background."""
+        """Bind or connect; the peer may appear later."""
         zmq = needed("zmq", "ZeroMQ", "live")
         self._socket = socket = zmq.Context().socket(getattr(zmq, kind))
         for name, value in options.items():
@@ -168,24 +169,24 @@ class Endpoint:
         self._socket = None
 
 
-# Samples by ZeroMQ, from a controller in any language: ``zmq:tcp://127.0.0.1:5555``.
+# Samples over ZeroMQ: ``zmq:tcp://127.0.0.1:5555``.
 
-# Packets that wait in the socket, 20 s at 1 kHz: the default of 1000 would lose what comes while
-# the loop is held up for a second.
+# Queue length, 20 s at 1 kHz: with the default of 1000, a loop that stalls for a second loses
+# samples.
 WAITING = 20_000
 
 
 class ZeroMQ(Endpoint, WireSource):
-    """A SUB or PULL socket, that connects or binds.
+    """Source with a SUB or PULL socket that connects or binds.
 
     Parameters
     ----------
     address : str
-        An endpoint of ZeroMQ, and options, such as ``tcp://127.0.0.1:5555?socket=pull&bind=yes``:
-        ``socket`` (``sub`` or ``pull``), ``bind`` (``no`` or ``yes``), and ``topic``, by which a
-        SUB chooses: the beginning of the first frame of two.
+        A ZeroMQ endpoint and options, such as ``tcp://127.0.0.1:5555?socket=pull&bind=yes``:
+        ``socket`` (``sub``, the default, or ``pull``), ``bind`` (``no``, the default, or ``yes``),
+        and ``topic``, the beginning of the first of two frames, for a SUB socket.
     options : SourceOptions
-        What is known of the samples.
+        Options of the source.
     """
 
     def __init__(self, address: str, options: SourceOptions) -> None:
@@ -193,14 +194,16 @@ class ZeroMQ(Endpoint, WireSource):
         self._pull = given.one_of("socket", ("sub", "pull")) == "pull"
         self._topic = given.options.get("topic", "")
         if self._pull and self._topic:
-            raise InvalidParameterError("zmq: topic is for socket=sub; a PULL socket takes all")
+            raise InvalidParameterError(
+                "zmq: a PULL socket has no topic: use socket=sub, or omit topic"
+            )
         Endpoint.__init__(self, given, "tcp://127.0.0.1:5555 or ipc:///tmp/robot", binds=False)
         WireSource.__init__(self, self.name, options)
         self._receipt = Receipt()
 
     def open(self) -> None:
-        """Bind or connect; a peer that is not there yet is waited for in the background."""
-        # No MAXMSGSIZE: it would end the connection for good, and the loop would hear nothing more.
+        """Bind or connect; the peer may appear later."""
+        # No MAXMSGSIZE: a longer message would end the connection for good.
         options: dict[str, int | bytes] = {"LINGER": 0, "RCVHWM": WAITING}
         if not self._pull:
             options["SUBSCRIBE"] = self._topic.encode()
@@ -211,7 +214,7 @@ class ZeroMQ(Endpoint, WireSource):
             raise self.closed()
         if not self._socket.poll(round(1e3 * seconds)):
             return False
-        frames = self._socket.recv_multipart()  # the topic may be the first
+        frames = self._socket.recv_multipart()  # the first may be the topic
         try:
             if len(frames) > 2:
                 raise PacketError(f"a message of {len(frames)} frames, not 1 or 2")
@@ -230,23 +233,23 @@ class ZeroMQ(Endpoint, WireSource):
         super().close()
 
 
-# Estimates by ZeroMQ: ``--publish zmq:tcp://127.0.0.1:5556``.
+# Estimates over ZeroMQ: ``--publish zmq:tcp://127.0.0.1:5556``.
 
 SINK_OPTIONS = ("bind", "format")
-# Messages that wait for each subscriber, 20 s at 1 kHz; what is beyond them is counted.
-#: Number uint64, then float64: what stands before the parameters, parameters, standard errors; NaN
-#: in the places of parameters that the law has not.
+#: Number uint64, then float64: the fields before the parameters, the parameters, their standard
+#: errors; unused parameters are NaN.
 BINARY = struct.Struct(f"<Q{len(BEFORE) + 2 * MOST_PARAMETERS}d")
 
 
 class ZeroMQWire(Endpoint, Wire):
-    """A PUB socket: frames ``estimate`` and the numbers, or ``status`` and words, in JSON.
+    """Publishes on a PUB socket: frames ``estimate`` and numbers, or ``status`` and JSON.
 
     Parameters
     ----------
     text : str
-        An endpoint, and options: ``bind`` (``yes`` or ``no``), and ``format`` of the estimates:
-        ``json`` or ``binary``, :data:`BINARY`; such as ``tcp://127.0.0.1:5556?format=binary``.
+        An endpoint and options, such as ``tcp://127.0.0.1:5556?format=binary``: ``bind`` (``yes``,
+        the default, or ``no``), and the ``format`` of the estimates (``json``, the default, or
+        ``binary``, :data:`BINARY`).
     """
 
     def __init__(self, text: str) -> None:
@@ -257,15 +260,15 @@ class ZeroMQWire(Endpoint, Wire):
 
     def open(self) -> None:
         """Bind or connect."""
-        # 200 ms for what waits at the end. Where there is no room it says so, where it would drop
-        # without a word.
+        # 200 ms to send the queue at the end. XPUB_NODROP reports a full queue, so that drops are
+        # counted.
         self._open("PUB", {"LINGER": 200, "SNDHWM": WAITING, "XPUB_NODROP": 1})
 
     def estimate(self, names: tuple[str, ...], values: Sequence[float]) -> bytes:
         """Return the second frame of one sample."""
         self._number += 1
         if self._binary:
-            values = values[: -len(AFTER)]  # which the status has too: the layout stays
+            values = values[: -len(AFTER)]  # the layout is fixed, and the status has them
             size = (len(values) - len(BEFORE)) // 2
             rest = [math.nan] * (MOST_PARAMETERS - size)
             first = len(BEFORE) + size
@@ -273,11 +276,11 @@ class ZeroMQWire(Endpoint, Wire):
         return _json({"number": self._number, **dict(zip(names, values, strict=True))})
 
     def status(self, state: str, source: str, stamp: int, values: dict[str, str | float]) -> bytes:
-        """Return the second frame of what is said in words."""
+        """Return the second frame of a status."""
         return _json({"state": state, "source": source, "time": 1e-9 * stamp, **values})
 
     def put(self, topic: int, data: bytes) -> bool:
-        """Send two frames; whether there was room for them."""
+        """Send two frames; return whether the queue had room."""
         import zmq
 
         assert self._socket is not None  # it is open
@@ -289,5 +292,5 @@ class ZeroMQWire(Endpoint, Wire):
 
 
 def _json(page: dict[str, Any]) -> bytes:
-    """JSON has no NaN: what is not known is null."""
+    """Encode as JSON, with null for NaN, which JSON lacks."""
     return json.dumps(plain(page)).encode()

@@ -1,7 +1,7 @@
-"""The experiments of Haddadi & Hashtrudi-Zaad (2012), on the laboratory's rig.
+"""The experiments of Haddadi & Hashtrudi-Zaad (2012), repeated in simulation.
 
-``trials``, ``methods``, ``motions`` and ``changes`` hold them. ``claims.toml`` has what the paper
-says of each, and ``judging.py`` when that holds.
+``trials``, ``methods``, ``motions`` and ``changes`` contain the experiments, ``claims.toml`` the
+paper's claims about them, and ``judging.py`` the conditions under which a claim holds.
 """
 
 from palpate.paper import changes, methods, motions, trials

@@ -1,4 +1,4 @@
-"""Fig. 19 and section VII: a probe that moves from soft to hard and back in contact."""
+"""Fig. 19 and section VII: a probe that moves between a soft and a hard zone in contact."""
 
 import itertools
 from collections.abc import Mapping, Sequence
@@ -35,21 +35,21 @@ from palpate.paper.rig import (
 SECONDS = 27.0
 #: A change takes half a second about its middle.
 SHIFTING = 0.25
-#: How long the probe stays in a zone, and when it crosses to the other, s.
+#: Time that the probe stays in a zone, and times at which it changes zones, s.
 STAY = lab.PALPATION.dwell
 CHANGES = tuple(START + k * STAY for k in (1, 2, 3, 4))
-#: Mean over this many samples below twice the force noise: the error is back.
+#: The error has recovered if its mean over WINDOW samples is below FLOOR, N, twice the force noise.
 WINDOW, FLOOR = 5, 0.1
-#: Of a thousand samples a second one in so many is drawn.
+#: One of so many samples is drawn.
 EVERY = 50
-#: What is drawn about a change, samples before and after.
+#: Samples drawn before and after a change.
 BEFORE, AFTER = 5, 30
-#: The paper's γ, N⁻², by the reading that works.
+#: The paper's γ, N⁻², in the interpretation that works.
 SENSITIVITY = 2.5
-#: β, and how much stiffer the hard zone is, where the one is asked about by the other.
+#: Values of β, and of the hard zone's relative stiffness, for the study of one against the other.
 GAINS = (0.005, 0.05, 0.5, 5.0)
 CONTRASTS = {"1.3 times": 0.3, "twice": 1.0, "ten times": 9.0}
-#: The stays are shorter there, s, for as much is asked: two of them, and one before.
+#: Time in a zone, s, in that study, which needs many runs: one zone before and two after.
 SHORT = 2.0
 SINGLE, PERTURBED = palpate.SingleStageRLS, palpate.SelfPerturbation(0.05, SENSITIVITY)
 METHODS: dict[str, tuple[Method, dict[str, Any]]] = {
@@ -57,7 +57,7 @@ METHODS: dict[str, tuple[Method, dict[str, Any]]] = {
     "self-perturbing": (SINGLE, {"perturbation": PERTURBED}),
     "constants exchanged": (SINGLE, {"perturbation": palpate.SelfPerturbation(2.5, 0.05)}),
     "γ = 0.25": (SINGLE, {"perturbation": palpate.SelfPerturbation(0.05, 0.25)}),
-    # By the first change λ is 1 anyway, but for 1e-13: what differs from then on is the reset.
+    # At the first change λ is 1 to within 1e-13 anyway, so only the reset differs.
     "no reset": (SINGLE, {"perturbation": PERTURBED, "forgetting": palpate.ConstantForgetting()}),
     "λ = 0.99": (SINGLE, {"forgetting": palpate.ConstantForgetting(0.99)}),
     "variable projection": (
@@ -73,31 +73,32 @@ SHOWN = {
 
 
 def stiffer(by: float) -> lab.Homogeneous:
-    """A phantom whose spring and damper are stiffer by a fraction."""
+    """Return a phantom whose stiffness and damping are larger by a fraction."""
     stiffness, damping, exponent = lab.PVC.law.parameters.tolist()
     law = palpate.HuntCrossley((1.0 + by) * stiffness, (1.0 + by) * damping, exponent)
     return lab.Homogeneous(law)
 
 
-#: The paper does not say how far its zones differ. With 7 % the error after a change is its 0.5 N.
+#: The paper does not give the difference of its zones; 7 % gives its error of 0.5 N after a change.
 CONTRAST = 0.07
 ZONES = {"": lab.INCLUSION, ", 7 % apart": stiffer(CONTRAST)}
 TITLES = {"": "three times as stiff", ", 7 % apart": "7 % stiffer, ideal probe"}
 
 
 def palpated(by: float, seed: int, seconds: float, stay: float = STAY) -> palpate.Contact:
-    """An ideal probe on the phantom, whose other zone is stiffer by a fraction."""
+    """Return an ideal probe's contact with a phantom whose other zone is stiffer by a fraction."""
     zones = lab.SpaceVaryingMaterial((lab.PVC, stiffer(by)), (0.0,))
     return ideal_contact(zones, replace(lab.PALPATION, dwell=stay), seed, seconds)
 
 
 class _Intermittent(Experiment):
     """K, B, n, force error and penetration over time while the probe changes between two zones
-    every five seconds: left of a phantom with a zone three times as stiff, right with one 7 %
-    stiffer. Below, millisecond by millisecond about a change, the mean of the four. The regular
-    single stage is lost, the self-perturbing one follows. A mean error leaves out the half second
-    of a change; the error is back where its mean over 5 ms is first below 0.1 N, K where it is
-    within 5 % of the truth for the rest of the stay. Self-perturbing has β = 0.05, γ = 2.5 N⁻².
+    every five seconds: left for a zone three times as stiff as the first, right for one 7 %
+    stiffer. Bottom: force error around a change, mean of the four changes. The regular single stage
+    does not follow the change, the self-perturbing one does. Mean errors exclude half a second
+    around each change. The error has recovered when its mean over 5 ms first falls below 0.1 N; K
+    has when it stays within 5 % of the truth until the next change. Self-perturbation has
+    β = 0.05, γ = 2.5 N⁻².
     """
 
     def measure(self, seed: int) -> Measured:
@@ -105,7 +106,7 @@ class _Intermittent(Experiment):
             "": simulated_contact("soft-and-hard", "palpation", seed, SECONDS),
             ", 7 % apart": palpated(CONTRAST, seed, SECONDS),
         }
-        # β = 0.05, γ = 2.5 N⁻²: NINT lets an error perturb from γ e² = 0.5 on.
+        # β = 0.05, γ = 2.5 N⁻²: NINT rounds, so an error perturbs from γ e² = 0.5.
         numbers: dict[str, float] = {"error that perturbs [N]": np.sqrt(0.5 / SENSITIVITY)}
         curves: Curves = {}
         for which, contact in contacts.items():
@@ -134,7 +135,7 @@ class _Intermittent(Experiment):
 def _draw_zones(
     column: Any, curves: Mapping[str, list[float]], which: str, hard: lab.Homogeneous
 ) -> None:
-    """One phantom: parameters, force error, penetration, and the moment of a change."""
+    """Draw a phantom's parameters, force error, penetration, and the error around a change."""
     truths = zip(lab.PVC.law.parameters, hard.law.parameters, strict=True)
     shown = {label: f"{name}{which}" for name, label in SHOWN.items()}
     clock = f"time{which}"
@@ -164,7 +165,7 @@ def _draw_zones(
 def _summary(
     name: str, result: palpate.Identification, error: Floats, hard: lab.Homogeneous
 ) -> dict[str, float]:
-    """Force errors and parameters of each visit of a zone, and how soon the error is back."""
+    """Return force errors and parameters in each zone, and recovery times of the error."""
     time, trace = result.contact.time, result.trace
     first = error[trace.taken][:20]
     late = trace.parameters[(time > 10.0) & trace.taken]
@@ -187,7 +188,7 @@ def _summary(
     for k, change in enumerate(CHANGES, 1):
         start = int(np.searchsorted(time, change))
         since = np.nan_to_num(error[start : start + 4000])
-        # From the first sample on that shows the change, within 20 ms.
+        # Start at the first sample within 20 ms that shows the change.
         since = since[int(np.argmax(since[:20] > FLOOR)) :]
         mean = np.convolve(since, np.full(WINDOW, 1.0 / WINDOW), mode="valid")
         back = np.flatnonzero(mean < FLOOR)
@@ -200,7 +201,7 @@ def _summary(
 
 
 def _curves(name: str, result: palpate.Identification, error: Floats) -> Curves:
-    # The largest of each 50 samples, so that no peak is thinned away.
+    # The largest of each 50 samples, so that thinning keeps every peak.
     blocks = error[: len(error) // EVERY * EVERY].reshape(-1, EVERY)
     starts = (int(np.searchsorted(result.contact.time, change)) for change in CHANGES)
     changes = [error[start - BEFORE : start + AFTER] for start in starts]
@@ -212,10 +213,10 @@ def _curves(name: str, result: palpate.Identification, error: Floats) -> Curves:
 
 
 def correction(result: palpate.Identification) -> tuple[Floats, Floats]:
-    """Times, and the percentage of its own error that a sample corrects: φᵀΔθ/e = φᵀL.
+    """Return times, and the percentage of its own error that each sample corrects: φᵀΔθ/e = φᵀL.
 
-    Of the single stage, of eqs. 12 and 13: no more than P in the direction of the regressor, for
-    φᵀL = φᵀPφ/(λ + φᵀPφ).
+    For the single stage by eqs. 12 and 13: φᵀL = φᵀPφ/(λ + φᵀPφ), so it measures P along the
+    regressor.
     """
     taken, contact = result.trace.taken, result.contact
     stiffness, damping, exponent = result.trace.parameters[taken].T
@@ -228,7 +229,7 @@ def correction(result: palpate.Identification) -> tuple[Floats, Floats]:
 
 
 def _corrected(name: str, result: palpate.Identification) -> dict[str, float]:
-    """What is corrected at first, in the half second before the first change, and after each."""
+    """Return the largest correction at first, just before the first change, and after each."""
     time, share = correction(result)
 
     def most(start: float, seconds: float) -> float:
@@ -246,7 +247,7 @@ def _corrected(name: str, result: palpate.Identification) -> dict[str, float]:
 def _time_of_stiffness(
     result: palpate.Identification, hard: lab.Homogeneous, changes: tuple[float, ...] = CHANGES
 ) -> float:
-    """Milliseconds until K is within 5 % for the rest of a stay, mean of the changes."""
+    """Return the time, ms, until K stays within 5 % until the next change; mean of the changes."""
     time, times = result.contact.time, []
     for k, (start, end) in enumerate(itertools.pairwise((*changes, np.inf)), 1):
         there = result.trace.parameters[(time >= start) & (time < end), 0]
@@ -257,7 +258,7 @@ def _time_of_stiffness(
 
 
 def _times_by_gain(seed: int) -> dict[str, float]:
-    """How soon K is back, by β and by how much the zones differ."""
+    """Return the recovery time of K for each β and difference of the zones."""
     numbers: dict[str, float] = {}
     first, second, end = (START + k * SHORT for k in (1, 2, 3))
     for words, by in CONTRASTS.items():
@@ -271,7 +272,7 @@ def _times_by_gain(seed: int) -> dict[str, float]:
 
 
 def _thresholds(seed: int) -> dict[str, float]:
-    """Tap a phantom, and take for contact what shows any force, or more than ours."""
+    """Tap a phantom, and detect contact by any positive force or by our force threshold."""
     run = lab.Bench(lab.PVC, lab.TAPPING, lab.IdealProbe()).run(seed, seconds=12.0)
     contact, inside = run.contact.window(START), run.truth.window(START).penetration > 0.0
     numbers: dict[str, float] = {}

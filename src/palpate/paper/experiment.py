@@ -1,4 +1,4 @@
-"""An experiment of the paper: what is said of it, what it measures, and how it is drawn."""
+"""An experiment of the paper: its claims, measurement, tables and figure."""
 
 import tomllib
 from abc import ABC, abstractmethod
@@ -29,36 +29,36 @@ from palpate.results.colours import LIGHT
 if TYPE_CHECKING:
     from matplotlib.axes import Axes as Axes
     from matplotlib.figure import Figure as Figure
-else:  # matplotlib takes half a second, and is loaded where something is drawn
+else:  # importing matplotlib takes half a second, so it is imported only for drawing
     Axes = Figure = Any
 
 THEME = LIGHT
-#: What a person calls the lab's materials.
+#: Display names of the lab's materials.
 LABELS = {"ball": "ball", "sponge": "sponge", "pvc": "PVC phantom"}
 LABELS |= {"relaxing-sponge": "relaxing sponge"}
-#: Of Hunt–Crossley's parameters, by their symbols.
+#: Units of the Hunt–Crossley parameters, by their symbols.
 UNITS = {"K": "N/mⁿ", "B": "N·s/mⁿ⁺¹", "n": ""}
-#: Told apart without colour.
+#: Line styles, to distinguish lines without colour.
 DASHES: tuple[Any, ...] = ("-", (0, (5, 2)), (0, (1.2, 1.6)), (0, (7, 2, 1.5, 2)), (0, (3, 1)))
-# More points than this on a line of a figure look the same.
+# Points per line of a figure; more would look the same.
 POINTS = 400
 
 Curves = dict[str, Floats]
-#: Numbers by name and curves, as an experiment measures them.
+#: The numbers (by name) and curves that an experiment measures.
 Measured = tuple[dict[str, float], Curves]
-#: Of the laws' parameters.
+#: Symbols of the laws' parameters.
 SYMBOLS = ("K", "B", "n", "K₁", "K₂")
-# A pixel of a figure is a thousandth of its width; more digits make a heavy file that looks alike.
+# A pixel is a thousandth of a figure's width; more digits would only make the file larger.
 DIGITS_DRAWN = 5
 
 
 @dataclass(frozen=True, slots=True)
 class Claim:
-    """A sentence of the paper, as ``claims.toml`` holds it.
+    """A sentence of the paper, from ``claims.toml``.
 
-    ``number`` is the paper's; ``measured`` says what ours is where the paper's words do not, and
-    ``unit`` its unit. ``reading`` is what the words are taken to mean in numbers, and ``depends``
-    what of the things that the paper leaves open decides.
+    ``number`` is the paper's value; ``measured`` describes ours if the paper's words do not, and
+    ``unit`` is its unit. ``reading`` states how the words are interpreted in numbers, and
+    ``depends`` on which unspecified conditions the result depends.
     """
 
     key: str
@@ -73,10 +73,10 @@ class Claim:
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """What one seed gave: plain numbers, so that it can be written down, judged and drawn later.
+    """The result of one seed, as plain numbers that can be saved, judged and drawn later.
 
-    ``numbers`` have their unit in brackets at the end of the name, and are NaN where something
-    never happened; ``curves`` are what is drawn, thinned out, NaN where there is nothing.
+    The names of ``numbers`` end with the unit in brackets; NaN means that an event never happened.
+    ``curves`` are the lines of the figure, thinned out; NaN marks gaps.
     """
 
     seed: int
@@ -96,18 +96,18 @@ class Table:
 
 @dataclass(frozen=True, slots=True)
 class Seeds:
-    """The numbers of some seeds, to be tabulated."""
+    """The numbers of several seeds, formatted for tables."""
 
     every: Sequence[Numbers]
 
     def __call__(self, *names: str) -> str:
-        """Median over the seeds of one number, or of several alike, and the range in brackets."""
+        """Return the median of one or more numbers over the seeds, with the range in brackets."""
         return format_values(
             [each.of(numbers) for numbers in self.every for each in quantities(*names)]
         )
 
     def every_number(self) -> Table:
-        """Return the table of all that was measured, one parameter of a law beside the other."""
+        """Return the table of all measured numbers, the parameters of a law in one row."""
         rows: dict[str, list[str]] = {}
         for key in self.every[0]:
             name = key.partition(" [")[0]
@@ -124,8 +124,8 @@ class Seeds:
 class Experiment(ABC):
     """A figure of the paper, with the tables that belong to it.
 
-    ``name`` is such as "fig03"; ``size`` is the figure's width and height, in. One process measures
-    a seed of those of a ``group``, one after the other, for they press the same.
+    ``name`` is for example "fig03"; ``size`` is the figure's width and height, in. Experiments of
+    the same ``group`` share recordings, so one process measures a seed of all of them in turn.
     """
 
     name: str
@@ -135,18 +135,18 @@ class Experiment(ABC):
 
     @property
     def caption(self) -> str:
-        """What the figure shows, in words; default: the class's docstring."""
+        """Caption of the figure; default: the docstring of the class."""
         return " ".join((self.__doc__ or "").split())
 
     @abstractmethod
     def measure(self, seed: int) -> Measured:
-        """Return numbers by name, and what is drawn; the same seed gives the same."""
+        """Return numbers by name, and curves; the same seed gives the same result."""
 
     @abstractmethod
     def draw(self, figure: Figure, outcomes: Sequence[Outcome]) -> None:
-        """Draw the first outcome, beside what the other seeds gave where that can be shown.
+        """Draw the first outcome, and where possible the range of the other seeds.
 
-        In the colours for a light background, which are exchanged for a dark one.
+        Use the colours for a light background, which are exchanged for a dark one.
         """
 
     def tables(self, say: Seeds) -> tuple[Table, ...]:
@@ -155,22 +155,22 @@ class Experiment(ABC):
 
     @property
     def claims(self) -> tuple[Claim, ...]:
-        """What the paper says of it."""
+        """Claims of the paper about this experiment."""
         return all_claims()[self.name]
 
     @property
     def judges(self) -> Mapping[str, Judge]:
-        """Who judges each claim, by its key."""
+        """Judge of each claim, by its key."""
         return JUDGES[self.name]
 
     def run(self, seed: int) -> Outcome:
-        """Measure once."""
+        """Measure one seed."""
         numbers, curves = self.measure(seed)
         plain = {name: float(value) for name, value in numbers.items()}
         return Outcome(seed, plain, {name: _rounded(curve) for name, curve in curves.items()})
 
     def findings(self, outcome: Outcome) -> dict[str, SeedAnswer]:
-        """Hold what was measured against every claim."""
+        """Judge every claim by an outcome."""
         return {claim.key: self.judges[claim.key](outcome.numbers) for claim in self.claims}
 
     def figure(self, outcomes: Sequence[Outcome]) -> Figure:
@@ -180,21 +180,21 @@ class Experiment(ABC):
             self.draw(figure, outcomes)
             figure.suptitle(self.title, fontsize=11)
             for axes in figure.axes:
-                # Thousands of little lines, half of a drawing, that nobody reads.
+                # Minor ticks are half of the file's size and nobody reads them.
                 axes.minorticks_off()
         return figure
 
 
 @cache
 def claims_file() -> Mapping[str, Any]:
-    """Return what ``claims.toml`` holds."""
+    """Return the content of ``claims.toml``."""
     text = resources.files("palpate.paper").joinpath("claims.toml").read_text(encoding="utf-8")
     return tomllib.loads(text)
 
 
 @cache
 def all_claims() -> Mapping[str, tuple[Claim, ...]]:
-    """Return every claim, by experiment."""
+    """Return all claims, by experiment."""
     others = ("abstract", "notes", "not-held")
     of_figures = {name: each for name, each in claims_file().items() if name not in others}
     return {
@@ -204,7 +204,7 @@ def all_claims() -> Mapping[str, tuple[Claim, ...]]:
 
 
 def _claim(key: str, ours: str = "", **written: str) -> Claim:
-    """Fill in the notes that a claim names; ``ours`` is such as "largest bias left [mN]"."""
+    """Insert the notes that a claim names; ``ours`` is for example "largest bias left [mN]"."""
     known = {name: words.format(**claims_file()["notes"]) for name, words in written.items()}
     measured, _, unit = ours.rpartition(" [") if ours.endswith("]") else (ours, "", "")
     return Claim(key, **known, measured=measured, unit=unit.removesuffix("]"))
@@ -216,7 +216,7 @@ def by_symbol(
     unit: str | None = None,
     law: ForceLaw | type[ForceLaw] = palpate.HuntCrossley,
 ) -> dict[str, float]:
-    """Name the values of a law's parameters: "time α = 5 K [s]"; default unit: the parameter's."""
+    """Name a value for each parameter: "time α = 5 K [s]"; default unit: the parameter's."""
     units = law.units if unit is None else (unit,) * len(law.symbols)
     return {
         f"{what} {symbol}{f' [{end}]' if end else ''}": float(value)
@@ -229,21 +229,21 @@ def _rounded(values: ArrayLike) -> list[float]:
     return [float(f"{value:.{DIGITS_DRAWN}g}") for value in flat]
 
 
-# What the figures share: curves thinned out, lines that differ without colour, labels.
+# Common parts of the figures: thinned curves, lines that differ without colour, labels.
 
 
 def thinned(time: Floats) -> NDArray[np.intp]:
-    """Which samples to draw over the clock: one in 5 in the first half second, then one in 20."""
+    """Return the samples to draw over time: one in 5 in the first half second, then one in 20."""
     return np.flatnonzero(np.arange(time.size) % np.where(time < time[0] + 0.5, 5, 20) == 0)
 
 
 def course_of(result: palpate.Identification) -> Floats:
-    """Parameters sample by sample, NaN where none was taken; shape (k, p)."""
+    """Return the parameters after each sample, NaN for unused samples; shape (k, p)."""
     return np.where(result.trace.taken[:, None], result.trace.parameters, np.nan)
 
 
 def courses(prefix: str, result: palpate.Identification, keep: Any) -> dict[str, Floats]:
-    """Return the course of each parameter at some samples, to be drawn."""
+    """Return each parameter over some samples, as curves to draw."""
     every = zip(result.law.symbols, course_of(result)[keep].T, strict=True)
     return {f"{prefix}/{symbol}": column for symbol, column in every}
 
@@ -251,10 +251,10 @@ def courses(prefix: str, result: palpate.Identification, keep: Any) -> dict[str,
 def traced(
     prefix: str, result: palpate.Identification, clock: str = "elapsed"
 ) -> dict[str, Floats]:
-    """Return parameters and force error of a result over the time since contact, to be drawn."""
+    """Return parameters and force error over the time since contact, as curves to draw."""
     trace, contact = result.trace, result.contact
     elapsed = np.cumsum(contact.time_steps[trace.taken])
-    # Enough samples for a logarithmic axis of time, and for a linear one.
+    # Enough samples for both a logarithmic and a linear time axis.
     early = np.geomspace(1, elapsed.size, POINTS).round().astype(np.intp) - 1
     keep = np.union1d(early, np.arange(0, elapsed.size, max(elapsed.size // POINTS, 1)))
     columns = zip(result.law.symbols, trace.parameters[trace.taken][keep].T, strict=True)
@@ -282,14 +282,14 @@ def course(
     unit: str = "",
     **settings: Any,
 ) -> None:
-    """One parameter over time, a line for each result; ``shown`` gives its curves by label."""
+    """Draw one parameter over time, one line per result; ``shown`` has its curves by label."""
     of_symbol = {label: curves[f"{prefix}/{symbol}"] for label, prefix in shown.items()}
     lines(axes, curves[clock], of_symbol)
     axes.set(ylabel=f"{symbol} [{unit}]" if unit else symbol, **settings)
 
 
 def truth(axes: Axes, value: float, label: str | None = "truth") -> None:
-    """Dot a line where the truth, or another fixed value, is."""
+    """Draw a dotted line at the truth or another fixed value."""
     axes.axhline(value, color=THEME.ink, linewidth=0.9, linestyle=":", label=label)
 
 

@@ -1,11 +1,11 @@
-"""When each claim holds: conditions on quantities, which are made of an outcome's numbers.
+"""The conditions under which each claim holds, on quantities computed from an outcome's numbers.
 
 A judge is an expression: ``judge(number("scatter α = 0.1") / "scatter α = 5" > 3.0)``.
 
-A name means every number that it begins, word by word: "scatter α = 5" is the largest of "scatter
-α = 5 K [%]", "scatter α = 5 B [%]" and "scatter α = 5 n [%]", "scatter α = 5 K|B" that of the first
-two. Names that differ in a word or two are written as one: "time α = {5|6}" is "time α = 5" and
-"time α = 6". A time that is NaN never came, and counts as infinite; any other NaN is not known.
+A name stands for all numbers whose names begin with its words: "scatter α = 5" is the largest of
+"scatter α = 5 K [%]", "scatter α = 5 B [%]" and "scatter α = 5 n [%]", and "scatter α = 5 K|B" of
+the first two. Alternatives stand in braces: "time α = {5|6}" is "time α = 5" and "time α = 6". A
+time of NaN never happened and counts as infinite; any other NaN is unknown.
 """
 
 import math
@@ -20,15 +20,15 @@ _TIMES = ("s", "ms")
 
 
 def _compared(by: Callable[[float, float], bool]) -> Callable[..., "Condition"]:
-    """A comparison of the first quantity with each of the others."""
+    """Return a condition that compares the first quantity with each of the others."""
     return lambda *of: _condition(lambda v: all(by(v[0], each) for each in v[1:]), *of)
 
 
 @dataclass(frozen=True, slots=True)
 class PaperQuantity:
-    """What ``of`` makes of an outcome's numbers, which have the ``name``, or of ``parts``.
+    """A quantity computed by ``of`` from the numbers with a ``name``, or from ``parts``.
 
-    Of several numbers it is the largest, or ``which`` says.
+    Several numbers give their largest, unless ``which`` states otherwise.
     """
 
     of: Callable[[Numbers], float]
@@ -37,12 +37,12 @@ class PaperQuantity:
     which: str = ""
 
     def leaves(self) -> list["PaperQuantity"]:
-        """Those parts that have a name."""
+        """Return the parts that have a name."""
         own = [self] if self.name else []
         return own + [leaf for part in self.parts for leaf in part.leaves()]
 
     def seen(self, every: Sequence[Numbers]) -> str:
-        """Its name and its value over the seeds, with the unit of the numbers that it is of."""
+        """Format its name and its value over the seeds, with unit."""
         unit = unit_of(next(iter(named(self.name, every[0]))))
         words = format_values([self.of(numbers) for numbers in every], unit)
         return f"{self.which}{self.name.replace('|', ' or ')}: {words}"
@@ -59,16 +59,16 @@ class PaperQuantity:
 
 @dataclass(frozen=True, slots=True)
 class Condition(PaperQuantity):
-    """Whether the first of its parts keeps to something, and to the others; NaN where not known."""
+    """A condition on the parts: 1 if it holds, 0 if not, NaN if unknown."""
 
 
 Of = str | float | PaperQuantity
-#: The time of what never happens.
+#: The time of an event that never happens.
 NEVER = math.inf
 
 
 def quantities(*of: Of) -> tuple[PaperQuantity, ...]:
-    """Return the quantities that names, or plain numbers, stand for."""
+    """Return the quantities of names or plain numbers."""
     every = (_expanded(each) if isinstance(each, str) else [each] for each in of)
     return tuple(number(one) for names in every for one in names)
 
@@ -82,7 +82,7 @@ def _expanded(names: str) -> list[str]:
 
 
 def number(of: Of) -> PaperQuantity:
-    """Return the quantity that one name, or a plain number, stands for."""
+    """Return the quantity of a name or a plain number."""
     if isinstance(of, PaperQuantity):
         return of
     return _chosen(max, of) if isinstance(of, str) else PaperQuantity(lambda _: of)
@@ -94,14 +94,14 @@ def largest(*of: Of) -> PaperQuantity:
 
 
 def least(*of: Of) -> PaperQuantity:
-    """Return the least of some quantities."""
+    """Return the smallest of some quantities."""
     if len(of) == 1 and isinstance(name := of[0], str) and "{" not in name:
         return _chosen(min, name, "least ")
     return _computed(min, of)
 
 
 def farthest_from(middle: float, name: str) -> PaperQuantity:
-    """Return that of several numbers which is farthest from one."""
+    """Return the number farthest from a value."""
     return _chosen(lambda values: max(values, key=lambda value: abs(value - middle)), name)
 
 
@@ -130,7 +130,7 @@ def _known(
 
 
 def named(name: str, numbers: Numbers) -> dict[str, float]:
-    """Return the numbers that a name begins, or whose name it is; none of them if one is NaN."""
+    """Return the numbers whose names begin with a name; all are NaN if one is unknown."""
     head, _, last = name.rpartition(" ")
     names = {f"{head} {each}".strip() for each in last.split("|")}
     beginnings = tuple(f"{each} " for each in names)
@@ -140,21 +140,21 @@ def named(name: str, numbers: Numbers) -> dict[str, float]:
         if key in names or key.startswith(beginnings)
     }
     if not found:
-        raise KeyError(f"no number begins with {name!r}")
+        raise KeyError(f"no number has a name that begins with {name!r}")
     known = not any(map(math.isnan, found.values()))
     return found if known else dict.fromkeys(found, math.nan)
 
 
 def unit_of(key: str) -> str:
-    """Return what stands in brackets at the end of a number's name."""
+    """Return the unit, in brackets at the end of a number's name."""
     return key.partition(" [")[2].removesuffix("]")
 
 
 def readable(value: float) -> str:
-    """Three significant digits, and all digits of a whole thousand; infinite is never."""
+    """Format with three significant digits, and all digits from 1000; infinite is "never"."""
     size = abs(value)
     if not math.isfinite(value):
-        return "not known" if math.isnan(value) else "never"
+        return "unknown" if math.isnan(value) else "never"
     if size == 0.0:
         return "0"
     if not 1e-3 <= size < 1e6:
@@ -164,7 +164,7 @@ def readable(value: float) -> str:
 
 
 def format_values(values: Iterable[float], unit: str = "") -> str:
-    """Median of some values with their unit, and the range in brackets."""
+    """Format the median of some values with unit, and the range in brackets."""
     known = sorted(values)
     middle, low, high = map(readable, (statistics.median(known), known[0], known[-1]))
     words = f"{middle} {unit}".rstrip() if math.isfinite(statistics.median(known)) else middle
@@ -173,10 +173,10 @@ def format_values(values: Iterable[float], unit: str = "") -> str:
 
 @dataclass(frozen=True, slots=True)
 class SeedAnswer:
-    """What one seed says of a claim.
+    """The judgement of a claim by one seed.
 
-    ``holds`` is None where it cannot be checked; ``ours`` is the number measured, in the claim's
-    unit, None where nothing was, or for ever was waited.
+    ``holds`` is None if it cannot be checked; ``ours`` is the measured number in the claim's unit,
+    None if nothing was measured or the event never happened.
     """
 
     holds: bool | None
@@ -185,7 +185,7 @@ class SeedAnswer:
 
 @dataclass(frozen=True, slots=True)
 class Judge:
-    """Whether a claim holds, by an outcome's numbers; see :func:`judge`."""
+    """A function that judges a claim by an outcome's numbers; see :func:`judge`."""
 
     ours: PaperQuantity | None = None
     conditions: tuple[Condition, ...] = ()
@@ -193,14 +193,14 @@ class Judge:
     elsewhere: str = ""
 
     def __call__(self, numbers: Numbers) -> SeedAnswer:
-        """Hold the numbers of one seed against the conditions."""
+        """Check the conditions for the numbers of one seed."""
         value = None if self.ours is None else self.ours.of(numbers)
         ours = None if value is None or not math.isfinite(value) else value
         kept = [each.of(numbers) for each in self.conditions]
         return SeedAnswer(None if not kept or any(map(math.isnan, kept)) else all(kept), ours)
 
     def describe(self, every: Sequence[Numbers]) -> str:
-        """Say every number that was used over the seeds, but what stands in the column before."""
+        """Format all numbers used, over the seeds, except the one that the claim itself shows."""
         used = [*([] if self.ours is None else self.ours.parts), *self.beside]
         for each in self.conditions:
             first, *others = each.parts
@@ -211,7 +211,7 @@ class Judge:
         return f"{words}{'. ' if words else ''}{self._there(every)}" if self.elsewhere else words
 
     def _there(self, every: Sequence[Numbers]) -> str:
-        """Say what the second material has to say, whose numbers begin with ``elsewhere``."""
+        """Describe the judgement for a second material, whose numbers begin with ``elsewhere``."""
         judge, prefix = replace(self, elsewhere=""), f"{self.elsewhere} "
         numbers = [
             {k.removeprefix(prefix): v for k, v in each.items() if k.startswith(prefix)}
@@ -221,7 +221,8 @@ class Judge:
         held = sum(finding.holds is True for finding in findings)
         ours = format_values(math.inf if each.ours is None else each.ours for each in findings)
         verdict = f"holds in {held} of {len(every)} seeds" if held else "does not hold"
-        words = f"On the {self.elsewhere} it {'holds' if held == len(every) else verdict} ({ours})"
+        verdict = "holds" if held == len(every) else verdict
+        words = f"For the {self.elsewhere} the claim {verdict} ({ours})"
         return f"{words}: {more}" if (more := judge.describe(numbers)) else words
 
 
@@ -231,11 +232,11 @@ def judge(
     beside: str | Iterable[Of] = (),
     elsewhere: str = "",
 ) -> Judge:
-    """Return a judge: of our number, or the condition on it, and of what else has to be kept.
+    """Return a judge of a number, or of a condition on it, and of further conditions.
 
-    Without a number nothing is measured, without a condition the claim cannot be checked. What is
-    ``beside`` is printed too; ``elsewhere`` begins the numbers of a second material, of which the
-    words say whether they agree.
+    Without a number nothing is measured; without a condition the claim cannot be checked. The
+    quantities ``beside`` are also printed; ``elsewhere`` is the prefix of the numbers of a second
+    material, for which the claim is judged too.
     """
     others = quantities(beside) if isinstance(beside, str) else quantities(*beside)
     if isinstance(ours, Condition):
@@ -244,24 +245,24 @@ def judge(
 
 
 def between(of: Of, low: float, high: float) -> Condition:
-    """From the one to the other, both of them too."""
+    """Require a quantity in [low, high]."""
     return _condition(lambda v: low <= v[0] <= high, of)
 
 
 def about(of: Of, claimed: float) -> Condition:
-    """Read "approximately": within a factor of two either way."""
+    """Require a quantity within a factor of two of the claimed one ("approximately")."""
     return between(of, claimed / 2.0, 2.0 * claimed)
 
 
 def increasing(*of: Of) -> Condition:
-    """Each quantity is larger than the one before."""
+    """Require each quantity to be larger than the one before."""
     return _condition(lambda v: all(a < b for a, b in pairwise(v)), *of)
 
 
-#: By experiment and key.
+#: Judges by experiment and key.
 JUDGES: dict[str, Mapping[str, Judge]] = {"today": {}}
 
-# Trials: the motion is followed, repeated, and slow enough.
+# Trials: tracking of the motion, repetitions, and condition 10.
 
 JUDGES["fig03"] = {
     "formula": judge("peak speed commanded"),
@@ -274,14 +275,14 @@ JUDGES["fig03"] = {
 
 
 def _repetitions(material: str) -> dict[str, Judge]:
-    """Footnote 3: estimates agree where they are within 5 %."""
+    """Judge repetitions; by footnote 3 estimates agree if they are within 5 %."""
     ours, projected = (f"spread {material} {of}" for of in ("single-stage", "variable-projection"))
     return {
         "agree": judge(number(ours) <= 5.0, beside=projected),
         "stiffness": judge("mean final single-stage K", beside="mean final single-stage B"),
         "ratio": judge("B/K single-stage"),
         "exponent": judge("mean final single-stage n"),
-        # A Hunt–Crossley law lets an unloaded surface come back at K/B: so long from 10 mm, in ms.
+        # An unloaded Hunt–Crossley surface recovers at the speed K/B: time from 10 mm, ms.
         "restitution": judge(number("B/K single-stage") * 10.0),
         "elastic": judge("B/K single-stage"),
     }
@@ -300,7 +301,7 @@ JUDGES["fig14"] = _repetitions("pvc") | {
 
 
 def _holds_from(material: str, claimed: float) -> Judge:
-    """From when on condition 10 holds, ms."""
+    """Judge the time, ms, from which condition 10 holds."""
     others = f"holds from P₀ = {{10, ours|100000, every positive force}} {material}"
     return judge(about(f"holds from {material}", claimed), beside=others)
 
@@ -329,7 +330,7 @@ JUDGES["fig15"] = {
     "moment": judge("fastest about 8.7 s pvc", beside=_MOMENT),
 }
 
-# Methods: how they forget, who is better, and why.
+# Methods: forgetting, comparison, and causes.
 
 _SIZES, _TOP = "overshoot P₀ = {100|1000|10000} K|B", "overshoot P₀ = 1e+06 K|B"
 _STARTS, _LARGE = "overshoot start {I|II|III} K|B", "time P₀ = {20|100|1000|10000|1e+06}"
@@ -365,7 +366,7 @@ JUDGES["fig07"] = {
 }
 
 _BOTH, _EXTENDED = "{single-stage|kelvin-voigt}", "extended-kelvin-voigt"
-#: "The same initial conditions for the EWRLS": the same P₀ for all, and whatever it is.
+#: "The same initial conditions for the EWRLS": the same P₀ for all, at several values.
 SAME = ("P₀ = 10", "P₀ = 1000", "P₀ = 1e+06")
 _SAME = f"{{{'|'.join(SAME)}}}"
 _OVER_KELVIN_VOIGT = [
@@ -385,12 +386,12 @@ _WITH, _WITHOUT = "time with ln", "time without ln"
 
 
 def _sooner(one: str, other: str, which: str = "") -> list[Condition]:
-    """One is sooner than another with every P₀."""
+    """Require one to converge sooner than another with every P₀."""
     return [number(f"time {same} {one}{which}") < f"time {same} {other}{which}" for same in SAME]
 
 
 def _concluded(*others: str, elsewhere: str = "") -> dict[str, Judge]:
-    """Section VIII, on one material: more robust than the others, and closer."""
+    """Judge section VIII for one material: the single stage is more robust and more accurate."""
     names, start = "|".join(others), "spread {} single-stage"
     nearer = [number(start.format(same)) < f"spread {same} {{{names}}}" for same in SAME]
     every, errors = f"spread {{single-stage|{names}}}", f"rmse {{{names}}}"
@@ -466,7 +467,7 @@ JUDGES["fig09"] = {
         number("reach ball") > 0.0, number("reach ball") < 50.0, beside=f"apart ball {_OFF}"
     ),
     "within-ten": judge(between("reach sponge", 10.0, 10.0), beside=f"apart sponge {_OFF}"),
-    # Not met where it fails; and where they are made to hold, it no longer does.
+    # The conditions are violated where the method fails; once enforced, it no longer fails.
     "because": judge(
         largest("ball ends apart, {K and B given|n given}") <= 5.0,
         number(f"ball ends apart, {_FROM_AFAR}") > 5.0,
@@ -480,7 +481,7 @@ JUDGES["fig09"] = {
     ),
 }
 
-# Motions: near the surface, and rich enough.
+# Motions: near the surface, and sufficient excitation.
 
 _PULL = "least force, ideal probe,"
 _OURS = "least force {single stage|variable projection}"
@@ -527,7 +528,7 @@ JUDGES["fig18"] = {
 
 # Changes of material: section VII.
 
-#: The paper's 0.05 N, read as up to half as much again.
+#: The paper's 0.05 N, with a tolerance of 50 %.
 _FLOOR = 0.075
 _SP, _NEAR, _SP_NEAR = "self-perturbing", ", 7 % apart", "self-perturbing, 7 % apart"
 _ERROR, _ENDS = "mean error after change", "K off at a zone's end"
@@ -535,17 +536,17 @@ _BEFORE, _AFTER = "corrected before a change", "corrected after a change"
 
 
 def _remains(which: str) -> PaperQuantity:
-    """The second visit of the other zone over the first."""
+    """Return the error in the second visit of the other zone relative to the first."""
     return number(f"{_ERROR} regular{which} 3") / f"{_ERROR} regular{which} 1"
 
 
 def _reduction(which: str) -> PaperQuantity:
-    """How many times smaller self-perturbation makes the error."""
+    """Return the factor by which self-perturbation reduces the error."""
     return least(f"{_ERROR} regular{which}") / f"{_ERROR} {_SP}{which}"
 
 
 def _tenfold(which: str) -> Condition:
-    """The gain after each change."""
+    """Require the gain after each change to be ten times that before."""
     return least(f"{_AFTER} {_SP}{which}") > number(f"{_BEFORE} {_SP}{which}") * 10.0
 
 

@@ -1,6 +1,6 @@
-"""The methods side by side on the same data: how they forget, who is better, and why.
+"""Comparison of the methods on the same data: forgetting, accuracy, and causes.
 
-What the paper gives as a reason is tried by itself: all else is kept, and that alone changed.
+Each cause that the paper names is tested by changing it alone.
 """
 
 import math
@@ -30,7 +30,7 @@ from palpate.paper.judging import named, number
 SINGLE, DOUBLE, LINEAR = palpate.SingleStageRLS, palpate.DoubleStageRLS, palpate.KelvinVoigtRLS
 PROJECTION = palpate.VariableProjection
 
-# Fig. 7: how the past is forgotten, and how large the first covariance is.
+# Fig. 7: forgetting, and the initial covariance.
 
 PROFILES: dict[str, palpate.ConstantForgetting | palpate.FadingForgetting] = {
     "λ = 1": palpate.ConstantForgetting(1.0),
@@ -40,12 +40,12 @@ PROFILES: dict[str, palpate.ConstantForgetting | palpate.FadingForgetting] = {
 COVARIANCES = {f"P₀ = {size:g}": size for size in (1.0, 10.0, 20.0, 1e2, 1e3, 1e4, 1e6)}
 HELD = ("α = 5", "α = 0.1", "λ = 0.99", "λ = 0.9")
 HOLD_FROM, HELD_SECONDS = 8.0, 60.0
-# What is drawn, over which limits: later on all are within a few percent.
+# Lines of the figure and axis limits; later all results are within a few percent.
 PROFILES_DRAWN = ("λ = 1", "α = 0.1", "α = 5", "λ = 0.99", "variable projection")
 COVARIANCES_DRAWN = tuple(name for name in COVARIANCES if name not in ("P₀ = 20", "P₀ = 1000"))
 CLOSE = {"K": (1800.0, 2200.0), "B": (1600.0, 2400.0), "n": (0.96, 1.04)}
 WIDE = {"K": (1000.0, 3000.0), "B": (-1000.0, 5000.0), "n": (0.8, 1.2)}
-#: The ball, and one a fifth stiffer and more damped, in turn every two seconds.
+#: The ball alternates every two seconds with one whose stiffness and damping are 20 % higher.
 CHANGES = (4.0, 6.0, 8.0, 10.0)
 STIFFER = palpate.HuntCrossley(
     1.2 * rig.BALL_LAW.stiffness, 1.2 * rig.BALL_LAW.damping, rig.BALL_LAW.exponent
@@ -54,7 +54,7 @@ STIFFER = palpate.HuntCrossley(
 
 @dataclass(frozen=True, slots=True)
 class Held:
-    """A trajectory that stops at a time, s, at which its speed is zero, and stays there."""
+    """A trajectory that stops at a time, s, of zero speed, and stays there."""
 
     trajectory: lab.Trajectory
     stop: float
@@ -74,9 +74,9 @@ class Held:
 
 class _Forgetting(Experiment):
     """Left: K, B and n over time for several forgetting factors. Right: the same for several
-    initial covariances. Below: a probe held at one depth. A time is until a parameter is within 5 %
-    of the truth for good; scatter is the standard deviation over the second half, overshoot the
-    largest excursion beyond start and truth.
+    initial covariances. Below: a probe held at one depth. Times are until a parameter stays within
+    5 % of the truth; scatter is the standard deviation over the second half, overshoot the largest
+    excursion beyond initial value and truth.
     """
 
     def measure(self, seed: int) -> Measured:
@@ -133,7 +133,7 @@ class _Forgetting(Experiment):
 
 
 def _held(seed: int) -> Measured:
-    """Largest relative error of a parameter while the probe is held, and how many were guarded."""
+    """Return errors while the probe is held, and the number of samples limited by the guard."""
     clock = HOLD_FROM + 1e-4 * np.arange(20_000, dtype=np.float64)
     turns = np.flatnonzero(np.diff(np.sign(lab.THREE_SINES.at(clock).velocity)))
     trajectory = Held(lab.THREE_SINES, float(clock[turns[0]]))
@@ -153,7 +153,7 @@ def _held(seed: int) -> Measured:
 
 
 def _varying(seed: int) -> dict[str, float]:
-    """Errors by forgetting factor where the ball changes every two seconds."""
+    """Return errors by forgetting factor for a ball that changes every two seconds."""
     other = lab.Homogeneous(STIFFER)
     varying = lab.TimeVaryingMaterial((lab.BALL, other, lab.BALL, other, lab.BALL), CHANGES)
     contact = rig.ideal_contact(varying, lab.THREE_SINES, seed)
@@ -170,37 +170,38 @@ def _varying(seed: int) -> dict[str, float]:
     return numbers
 
 
-# Figs. 8, 13 and 16 with Tables I to VI: all methods from all starts.
+# Figs. 8, 13 and 16 with Tables I to VI: all methods from all initial values.
 
-#: When "the first few milliseconds" end, s.
+#: End of "the first few milliseconds", s.
 FIRST_FEW = 20e-3
-# Share of the final value from which, and up to which, a stiffness is drawn.
+# Axis limits of a stiffness, relative to the final value.
 BELOW, ABOVE = 1e-3, 1e3
 # Errors below this are drawn on a linear scale, N.
 FINE = 0.25
 RMSE = (
-    "RMSE%: a-priori force error after 0.2 s of contact, 100 √(Σe²/ΣF²). Median over the seeds, "
-    "range in brackets."
+    "RMSE%: one-step prediction error of force after 0.2 s of contact, 100 √(Σe²/ΣF²). Median over "
+    "the seeds, range in brackets."
 )
-#: Near the contact's own depth, speed and force, so that every regressor is near 1.
+#: Units near the contact's depth, speed and force, so that all regressors are near 1.
 OWN = palpate.Scale(10e-3, 20e-3, 20.0)
-#: Every how many of the rig's samples, 1 kHz, a slower one would take.
+#: Factors of downsampling from the rig's 1 kHz.
 STEPS = (1, 2, 4, 10, 20)
-#: What |v| may be at most, of K/B: the paper's tenth, and more.
+#: Largest |v| as a fraction of K/B: the paper's tenth, and a larger one.
 SHARES = (0.1, 0.5)
 
 
 @dataclass(frozen=True)
 class _Comparison(Experiment):
-    """A column for each method: its parameters and its force error over the time since contact,
-    from every start of the tables. A time is until all starts agree within 5 % and stay so, spread
-    is how far apart they end; settled is when each is within 5 % of its own final value.
+    """One column per method: parameters and force error over the time since contact, from all
+    initial values of the tables. Times are until the results of all initial values stay within 5 %
+    of each other; spread is their final range; settled is when each stays within 5 % of its final
+    value.
     """
 
     material: str
     kinds: tuple[rig.Method, ...]
-    numerals: str  # of the paper's tables of starts and of errors
-    beside: str = ""  # a second material, on which the claims are looked at too
+    numerals: str  # of the paper's tables of initial values and errors
+    beside: str = ""  # a second material for which the claims are judged too
 
     @property
     def _methods(self) -> tuple[rig.Method, ...]:
@@ -260,15 +261,15 @@ class _Comparison(Experiment):
                 first = lawful(f"start {what}", kind) if kind in self.kinds else ""
                 last = lawful(f"final {what}", kind)
                 rows.append((kind.method, start, first, say(f"rmse {what}"), last))
-        header = ("method", "start", "initial values, SI", "RMSE%", "final values, SI")
-        title = f"{self.numerals}: starts and RMSE%, {self.material}"
+        header = ("method", "set", "initial values, SI", "RMSE%", "final values, SI")
+        title = f"{self.numerals}: initial values and RMSE%, {self.material}"
         return (Table(title, header, tuple(rows), RMSE),)
 
 
 def _by_start(
     kind: rig.Method, results: rig.Results, material: str, curves: Curves
 ) -> dict[str, float]:
-    """What each start came to; adds what is drawn of it to the curves."""
+    """Return the result from each set of initial values; add its curves to ``curves``."""
     law, known, numbers = kind.law_type, lab.MATERIALS[material], {}
     for start, result in results.items():
         what, final = f"{kind.method} {start}", result.law.parameters
@@ -281,7 +282,7 @@ def _by_start(
             error = rig.off(final, known.law.parameters)
             numbers |= by_symbol(f"off the truth {what}", error, "%", law)
         curves |= experiment.traced(f"{kind.method}/{start}", result)
-    # Starts that a large P₀ has forgotten agree long before they are right.
+    # With a large P₀ the results agree long before they are right.
     settled = np.max([rig.times_to(each, each.law.parameters) for each in results.values()], axis=0)
     return numbers | by_symbol(f"settled {kind.method}", settled, "s", law)
 
@@ -289,10 +290,10 @@ def _by_start(
 def _draw_method(column: Any, kind: rig.Method, outcome: Outcome) -> None:
     curves, law = outcome.curves, kind.law_type
     shown = {name: f"{kind.method}/{name}" for name in rig.names_of_starts(kind)}
-    # For every Hunt–Crossley method the same axes, so that they compare.
+    # The same axes for all Hunt–Crossley methods, for comparison.
     about = "single-stage I" if law is palpate.HuntCrossley else f"{kind.method} low"
     finals = list(named(f"final {about}", outcome.numbers).values())
-    # Which parameter is in which row: stiffness, damping, and what only some laws have.
+    # Parameters by row: stiffness, damping, and those that only some laws have.
     order = {"KB": (0, 1), "KBn": (0, 1, 2), "K₁K₂B": (0, 2, 1)}["".join(law.symbols)]
     for axes, i in zip(column, order, strict=False):
         symbol, final = law.symbols[i], finals[i]
@@ -316,21 +317,21 @@ def _draw_method(column: Any, kind: rig.Method, outcome: Outcome) -> None:
 
 
 def _logarithm(contact: palpate.Contact) -> dict[str, float]:
-    """Say how soon one model converges with a logarithm and without it, n known, with equal P₀.
+    """Return convergence times of one model with and without the logarithm, for known n, equal P₀.
 
     The single stage then is ln F − n ln x = ln K + (B/K) v, and stage 1 of the double stage
-    F = K xⁿ + B xⁿ v: the same samples, starts and parameters. Beside them both models whole, with
-    P₀ in units in which it means the same for both.
+    F = K xⁿ + B xⁿ v, with the same samples, initial values and parameters. For comparison also the
+    complete models, with P₀ in units in which it is equivalent for both.
     """
     starts, linear = rig.starts_of(contact, SINGLE), rig.starts_of(contact, LINEAR)
-    # Set II differs from set I in n alone.
+    # Set II differs from set I only in n.
     two, alone = {name: starts[name] for name in ("I", "III")}, {"exponent": rig.BALL_LAW.exponent}
     models = [
         ("with ln", SINGLE, two, alone, rig.SI),
         ("without ln", DOUBLE, two, alone, rig.SI),
         ("with ln, own units", SINGLE, two, alone, OWN),
         ("without ln, own units", DOUBLE, two, alone, OWN),
-        # Both models whole, in SI: the comparison has them.
+        # `_Comparison` has the complete models in SI.
         ("single-stage, own units", SINGLE, starts, {}, OWN),
         ("kelvin-voigt, own units", LINEAR, linear, {}, OWN),
     ]
@@ -349,12 +350,12 @@ def _logarithm(contact: palpate.Contact) -> dict[str, float]:
 
 
 def condition_number(columns: Floats) -> float:
-    """Of regressors, one a row, each brought to unit length."""
+    """Return the condition number of regressors, one per row, each normalised to unit length."""
     return float(np.linalg.cond(columns / np.linalg.norm(columns, axis=1, keepdims=True)))
 
 
 def _threshold() -> dict[str, float]:
-    """Say what ln(1 + δ) ≈ δ costs where condition 10 is used to the full; no noise at all."""
+    """Return the bias by ln(1 + δ) ≈ δ at the limit of condition 10, for data without noise."""
     time = np.arange(rig.START + 0.5, rig.START + 10.0, 1e-3)
     motion = lab.THREE_SINES.at(time)
     x, v = motion.penetration, motion.velocity
@@ -370,7 +371,7 @@ def _threshold() -> dict[str, float]:
 
 
 def _sampled(whole: palpate.Contact) -> dict[str, float]:
-    """Errors where the same contact, its pause included, is sampled more slowly than at 1 kHz."""
+    """Return errors for the same contact, with its pause, sampled at lower rates than 1 kHz."""
     numbers: dict[str, float] = {}
     for step in STEPS:
         channels = {name: getattr(whole, name)[::step] for name in ("time", "penetration", "force")}
@@ -380,10 +381,10 @@ def _sampled(whole: palpate.Contact) -> dict[str, float]:
     return numbers
 
 
-# Fig. 9: from how near the truth the double stage has to start.
+# Fig. 9: how near to the truth the double stage has to start.
 
 MATERIALS = {"ball": lab.BALL, "sponge": lab.SPONGE}
-#: How far from the final values the starts lie: all three parameters off by that, either way.
+#: Relative errors of the initial values, of all three parameters in either direction.
 OFF = (0.01, 0.02, 0.05, 0.1, 0.2, 0.3, 0.5)
 WAYS = {
     "all more": (1, 1, 1),
@@ -393,20 +394,21 @@ WAYS = {
 }
 KEEPING_N = {"K and B more": (1, 1, 0), "K and B less": (-1, -1, 0)}
 DRAWN = (0.02, 0.1, 0.3)
-#: What it would be with a smaller P₀, and in units in which penetrations are near 1.
+#: Variants with a smaller P₀, and in units in which penetrations are near 1.
 OTHERWISE: dict[str, dict[str, Any]] = {
     "0.1, P₀ = 1e4": {"initial_covariance": (1e4, 1e4, 1e3)},
     "0.1, P₀ = 10": {"initial_covariance": (10.0, 10.0, 10.0)},
     "0.1, in cm": {"scale": palpate.Scale(10e-3, 10e-3, 1.0)},
 }
 LIMITS = {"K": (0.0, 6000.0), "B": (0.0, 6000.0), "n": (0.6, 1.4)}
-#: "≪ 1" in (5), read as for condition 10; the paper's is in N, for x^n is in mⁿ.
+#: "≪ 1" in (5), read as in condition 10; the quantity is in N, since x^n is in mⁿ.
 MUCH_LESS = 0.1
 
 
 class _NearTruth(Experiment):
-    """K, B and n of the double stage from starts 2, 10 and 30 % off the truth, which stay apart.
-    The numbers are of the worst of four starts, off both ways, or of two with n right.
+    """K, B and n of the double stage from initial values 2, 10 and 30 % off the truth; the results
+    remain different. The numbers are for the worst of four sets of initial values that are off in
+    both directions, or of two with the true n.
     """
 
     def measure(self, seed: int) -> Measured:
@@ -426,7 +428,7 @@ class _NearTruth(Experiment):
                 numbers |= by_symbol(f"error {name} {case}", rig.off(final, law).max(axis=0), "%")
                 numbers |= by_symbol(f"apart {name} {case}", spread, "%")
                 numbers |= by_symbol(f"time {name} {case}", times, "s")
-            # How far off all starts up to there end within 5 % of each other.
+            # The largest error of initial values up to which results are within 5 % of each other.
             apart = [number(f"apart {name} {each:g}").of(numbers) for each in OFF]
             agreed = np.logical_and.accumulate(np.array(apart) <= 100.0 * rig.AGREED)
             numbers[f"reach {name} [%]"] = 100.0 * np.max(agreed * OFF)
@@ -447,7 +449,7 @@ class _NearTruth(Experiment):
             for axes, (symbol, unit) in zip(column, UNITS.items(), strict=True):
                 limits: dict[str, Any] = {"xscale": "log", "ylim": LIMITS[symbol]}
                 experiment.course(axes, outcomes[0].curves, symbol, shown, unit=unit, **limits)
-            column[0].set_title(f"starts {100 * away:g} % off")
+            column[0].set_title(f"initial values {100 * away:g} % off")
             column[-1].set(xlabel="time since contact [s]")
         experiment.legend_below(figure, grid[0, 0], 5)
 
@@ -460,7 +462,7 @@ def _from(
     kind: rig.Method = DOUBLE,
     **settings: Any,
 ) -> dict[str, palpate.Identification]:
-    """Identify from starts that are off the truth by a share, in several ways."""
+    """Identify from initial values with a relative error, in several directions."""
     starts = {way: law * (1.0 + away * np.array(signs)) for way, signs in ways.items()}
     laws = {way: palpate.HuntCrossley(*start.tolist()) for way, start in starts.items()}
     return rig.from_starts(contact, kind, laws, **settings)
@@ -469,9 +471,9 @@ def _from(
 def _conditions(
     contact: palpate.Contact, truth: Floats, near: Iterable[palpate.Identification]
 ) -> dict[str, float]:
-    """Say how conditions (5) and (6) fare where the double stage fails, and where it does not.
+    """Return whether conditions (5) and (6) hold where the double stage fails, and where not.
 
-    Then they are made to hold: stage 2 is given the true K and B, stage 1 the true n.
+    Then enforce them: stage 2 with the true K and B, stage 1 with the true n.
     """
     starts = rig.starts_of(contact, DOUBLE)
     stiffness, damping, exponent = truth.tolist()
@@ -479,7 +481,7 @@ def _conditions(
         name: palpate.HuntCrossley(stiffness, damping, law.parameters[2])
         for name, law in starts.items()
     }
-    # So small a P₀ leaves K and B where they start.
+    # A P₀ this small fixes K and B.
     held = {"initial_covariance": (1e-12, 1e-12, 1e3)}
     ends = {
         "starts I to III": rig.from_starts(contact, DOUBLE, starts),
@@ -495,7 +497,7 @@ def _conditions(
     for words, by_start in ends.items():
         numbers[f"ends apart, {words} [%]"] = 100.0 * rig.spread(by_start.values())[-1].max()
         numbers[f"off the truth, {words} [%]"] = max(_worst(r, truth) for r in by_start.values())
-    # What stage 1 finds with n right, and with n too large by 0.2.
+    # The result of stage 1 with the true n, and with n too large by 0.2.
     numbers["0.01^0.2"] = 0.01**0.2
     for words, more in {"n right": 0.0, "n 0.2 too large": 0.2}.items():
         result = rig.identified(contact, DOUBLE, exponent=exponent + more)
@@ -509,7 +511,7 @@ def _worst(result: palpate.Identification, truth: Floats) -> float:
 
 
 def _broken(result: palpate.Identification, truth: Floats) -> tuple[float, float]:
-    """Samples that break (5), %, and |mean| over mean size of the product in (6): 0 if it holds."""
+    """Return violations of (5), %, and |mean|/mean|…| of the product in (6), 0 if it holds."""
     inside, contact = result.trace.taken, result.contact
     x, v = contact.penetration[inside], contact.velocity[inside]
     stiffness, damping, exponent = (truth - rig.taken(result)).T
@@ -522,8 +524,8 @@ def _broken(result: palpate.Identification, truth: Floats) -> tuple[float, float
 THREE, RELAXING = (SINGLE, DOUBLE, LINEAR), "relaxing-sponge"
 FOUR = (*THREE, palpate.ExtendedKelvinVoigtRLS)
 FORGETTING = "Rubber ball, single stage: forgetting factor and initial covariance"
-NEAR = "Rubber ball, double stage: starts in the vicinity of the final values"
-ONE_RECORDING = "{}: three starts, {} methods, one recording (Tables {} and {})"
+NEAR = "Rubber ball, double stage: initial values near the final values"
+ONE_RECORDING = "{}: three sets of initial values, {} methods, one recording (Tables {} and {})"
 BALL = ONE_RECORDING.format("Rubber ball", "four", "I", "II")
 SPONGE = ONE_RECORDING.format("Sponge", "four", "III", "IV")
 PHANTOM = ONE_RECORDING.format("PVC phantom", "five", "V", "VI")

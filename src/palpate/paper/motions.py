@@ -1,6 +1,6 @@
-"""Motions: near the surface, where a linear model pulls; how rich one has to be; and today's view.
+"""Motions: near the surface, where a linear model pulls; required excitation; and a modern view.
 
-The last is no experiment of the paper: what its authors would see of a sponge that relaxes.
+The last is not an experiment of the paper: it applies all methods to a relaxing sponge.
 """
 
 from collections.abc import Mapping, Sequence
@@ -30,7 +30,7 @@ from palpate.paper.methods import condition_number
 
 # Fig. 10: near the surface.
 
-#: From here on the approach is over, s.
+#: Time at which the approach is over, s.
 SINES = 2.5
 MODELS: dict[str, rig.Method] = {
     "Kelvin–Voigt": palpate.KelvinVoigtRLS,
@@ -41,9 +41,9 @@ LINEAR = next(iter(MODELS))
 
 
 class _Hysteresis(Experiment):
-    """Force over penetration; the same without its linear spring, which tapers to the surface as
-    Hunt–Crossley does and Kelvin–Voigt does not; and the last millimetre, where Kelvin–Voigt pulls.
-    The numbers are of the final law along the measured motion, inside the material.
+    """Left: force over penetration. Middle: the same without the linear spring; it vanishes at the
+    surface for Hunt–Crossley, but not for Kelvin–Voigt. Right: near the surface, where Kelvin–Voigt
+    pulls. The numbers are for the final law along the measured motion inside the material.
     """
 
     def measure(self, seed: int) -> Measured:
@@ -70,7 +70,7 @@ class _Hysteresis(Experiment):
             result = rig.identified(contact, kind)
             force = result.law.force(contact.penetration, contact.velocity)
             pulls = inside & (force < 0.0)
-            # Force and velocity both outward: the robot would have to pull the material along.
+            # With adhesion the robot would have to do work while it withdraws.
             power = np.where(pulls & (contact.velocity < 0.0), force * contact.velocity, 0.0)
             numbers |= {
                 f"least force {name} [N]": force[inside].min(),
@@ -101,13 +101,13 @@ def _inside(contact: palpate.Contact) -> Any:
 
 
 def _least(contact: palpate.Contact) -> float:
-    """Least force of an identified Kelvin–Voigt law along a motion, N."""
+    """Return the smallest force of an identified Kelvin–Voigt law along a motion, N."""
     law = rig.identified(contact, palpate.KelvinVoigtRLS).law
     return float(law.force(contact.penetration, contact.velocity)[_inside(contact)].min())
 
 
 def _ideal(law: palpate.HuntCrossley, speed: float, seed: int) -> float:
-    """The same of an ideal probe, with the near-surface motion at a share of its speed."""
+    """Return the same for an ideal probe, at a fraction of the near-surface motion's speed."""
     motion = lab.NEAR_SURFACE.motion
     slower = replace(motion, frequencies=tuple(speed * each for each in motion.frequencies))
     seconds = rig.START + 10.0 / speed
@@ -115,7 +115,7 @@ def _ideal(law: palpate.HuntCrossley, speed: float, seed: int) -> float:
 
 
 def _draw_loop(axes: Axes, outcome: Outcome, models: Sequence[str], stiffness: float = 0.0) -> None:
-    """Force over penetration, less a spring's."""
+    """Draw force minus that of a spring over penetration."""
     depth = np.array(outcome.curves["penetration"])
     spring = stiffness * depth
     measured = np.array(outcome.curves["force"]) - spring
@@ -126,10 +126,10 @@ def _draw_loop(axes: Axes, outcome: Outcome, models: Sequence[str], stiffness: f
     axes.set(xlabel="penetration [mm]")
 
 
-# Figs. 17 and 18: how rich a motion has to be.
+# Figs. 17 and 18: the required excitation.
 
 SECONDS = 22.0
-#: How long the ideal probe goes on, s.
+#: Duration of the ideal probe's motion, s.
 LONG = 452.0
 MOTIONS = {"two sines": "two-sines", "one sine": "one-sine"}
 COVARIANCES = (1.0, 10.0, 1e2, 1e3, 1e4, 1e6)
@@ -140,15 +140,15 @@ PROJECTION = "none: variable projection"
 
 @dataclass(frozen=True)
 class _Richness(Experiment):
-    """Parameters and force error over the time since contact, from every start, for two sines and
-    for one; dotted, the values from three sines.
+    """Parameters and force error over the time since contact, for two sines and for one, from all
+    initial values. Dotted: the values from three sines.
     """
 
     kind: rig.Method
 
     def measure(self, seed: int) -> Measured:
         three = rig.simulated_contact("ball", "three-sines", seed)
-        # The starts are those of the three sines.
+        # Use the initial values of the three sines.
         starts = rig.starts_of(three, self.kind)
         reference = rig.from_starts(three, self.kind, starts)
         numbers = self._summary("three sines", reference)
@@ -164,7 +164,7 @@ class _Richness(Experiment):
                 for start, result in results.items()
             )
             if self.kind is palpate.KelvinVoigtRLS and name == "one sine":
-                # Times of the other model on the same data, with the same P₀.
+                # Convergence times of the other model on the same data, with the same P₀.
                 other, what = palpate.SingleStageRLS, f"of single-stage {name}"
                 others = rig.starts_of(three, other)
                 numbers |= _by_covariance(what, contact, other, others, rig.SAME_COVARIANCES)
@@ -194,12 +194,12 @@ class _Richness(Experiment):
         experiment.legend_below(figure, grid[-1, 0], 4)
 
     def _draw_motion(self, column: Any, motion: str, outcome: Outcome) -> None:
-        """Parameters and force error of every start; the value from three sines dotted."""
+        """Draw parameters and force error for all initial values; dotted: values of three sines."""
         curves, law, clock = outcome.curves, self.kind.law_type, f"{motion}/elapsed"
         names = rig.names_of_starts(self.kind)
         starts = {start: f"{motion}/{start}" for start in names}
         every = {**starts, PROJECTION: f"{motion}/projection"}
-        # Its stiffness and damping are another law's than Kelvin–Voigt's.
+        # K and B of Hunt–Crossley are not comparable with those of Kelvin–Voigt.
         shown = every if law is palpate.HuntCrossley else starts
         finals = named(f"final three sines {names[0]}", outcome.numbers).values()
         for axes, symbol, unit, final in zip(column, law.symbols, law.units, finals, strict=False):
@@ -234,7 +234,7 @@ def _end(what: str, result: palpate.Identification) -> dict[str, float]:
 
 
 def _conditioning(motion: str, contact: palpate.Contact) -> dict[str, float]:
-    """Condition numbers of columns of unit length: of the logarithm's, and of linear systems."""
+    """Return condition numbers of normalised regressors, of the logarithm and of linear systems."""
     known = contact.window(rig.START + 1.0)
     x, v = known.penetration, known.velocity
     one = np.ones_like(x)
@@ -249,15 +249,15 @@ def _conditioning(motion: str, contact: palpate.Contact) -> dict[str, float]:
     }
 
 
-# What the authors would see today: their methods on the relaxing sponge, and what is said of them.
-# Every method learns from the first half of a recording, and predicts the second.
+# All methods on the relaxing sponge, with their verdicts today. Each method is identified from the
+# first half of a recording and predicts the second.
 
-#: What is learned from ends here, s.
+#: End of the samples used for identification, s.
 HALF = 7.0
-#: Of a thousand samples a second one in so many is drawn.
+#: One of so many samples is drawn.
 EVERY = 20
 _PAPER: Mapping[str, Any] = {"gate": rig.GATE, "scale": rig.SI, "outlier_rejection": False}
-# By what a person calls it: the paper's as the paper sets them, and ours with default settings.
+# By display name: the paper's methods with the paper's settings, and ours with default settings.
 METHODS: Mapping[str, tuple[rig.Method, Mapping[str, Any]]] = {
     "single stage": (palpate.SingleStageRLS, _PAPER),
     "double stage": (palpate.DoubleStageRLS, _PAPER),
@@ -266,22 +266,22 @@ METHODS: Mapping[str, tuple[rig.Method, Mapping[str, Any]]] = {
     "memory: --law auto": (palpate.ViscoelasticContact, {}),
     "memory: --law any": (palpate.ViscoelasticContact, {"memory": "any"}),
 }
-#: What a diagnosis advises.
+#: Possible advice of a diagnosis.
 ADVICE = ("nothing", "--law auto", "--law any", "something else")
 QUANTITIES = {"K′": "N/m", "B′": "N·s/m"}
-SAID = (
-    "Learned from 2 to 7 s, RMSE% from 7 to 12 s; noise alone would leave 2 %. Without memory the "
-    "best fit of the first half is no guide to the second, which has relaxed further. --law auto "
-    "offers one kind of memory, a flat relaxation spectrum, which this sponge does not have: its "
-    "verdict recommends --law any."
+TODAY_NOTE = (
+    "Identified from 2 to 7 s; RMSE% from 7 to 12 s, of which noise alone contributes 2 %. Laws "
+    "without relaxation do not predict the second half, in which the sponge has relaxed further. "
+    "The list of --law auto has one kind of relaxation, a flat relaxation spectrum, which this "
+    "sponge does not have; its diagnosis recommends --law any."
 )
 
 
 class _Today(Experiment):
-    """Force error over time of each method's law, learned from the first five seconds; the other
-    five, shaded, it had not seen. K′ and B′ are what a small oscillation of the motion's frequency
-    feels, with bars of two standard errors; the truth is F = 300 x + 300 x v and a branch of
-    150 N/m that relaxes with 1 s.
+    """Force error over time of each method's law, identified from the first five seconds; the
+    shaded five seconds were not used. K′ and B′ are the dynamic stiffness and damping at the
+    motion's frequency, with bars of two standard errors. The true law is F = 300 x + 300 x v plus a
+    Maxwell branch of 150 N/m with a relaxation time of 1 s.
     """
 
     def measure(self, seed: int) -> Measured:
@@ -294,7 +294,7 @@ class _Today(Experiment):
         for name, (kind, settings) in METHODS.items():
             result = palpate.identify(learned, kind(**settings), trace="full")
             error = contact.force - result.predicted_force(contact)
-            numbers |= _said(name, result)
+            numbers |= _verdicts(name, result)
             shares = (np.dot(each[unseen], each[unseen]) for each in (error, contact.force))
             numbers[f"rmse unseen {name} [%]"] = 100.0 * np.sqrt(next(shares) / next(shares))
             curves[f"{name}/error"] = error[::EVERY]
@@ -312,7 +312,7 @@ class _Today(Experiment):
 
     def tables(self, say: Seeds) -> tuple[Table, ...]:
         def word(number: str, words: Sequence[str]) -> str:
-            """What a number stands for; where the seeds differ, from which to which."""
+            """Return the word for a number; the range of words if the seeds differ."""
             values = sorted({round(each[number]) for each in say.every})
             return " to ".join(words[each] for each in dict.fromkeys((values[0], values[-1])))
 
@@ -321,14 +321,14 @@ class _Today(Experiment):
             marks = (word(f"mark of {of} {name}", MARKS) for of in (*QUANTITIES, "all"))
             advice = word(f"advice {name}", ADVICE)
             rows.append((name, say(f"rmse unseen {name}"), *marks, advice))
-        trust = ("trust K′?", "trust B′?", "and all?")
-        verdicts = ("method", "RMSE% of the unseen half", *trust, "advised")
-        title = "What is said of each method's law"
-        return (Table(title, verdicts, tuple(rows), SAID),)
+        trust = ("verdict on K′", "verdict on B′", "overall")
+        verdicts = ("method", "RMSE% of the unused half", *trust, "advice")
+        title = "Verdicts on each method's law"
+        return (Table(title, verdicts, tuple(rows), TODAY_NOTE),)
 
 
-def _said(name: str, result: palpate.Identification) -> dict[str, float]:
-    """What it comes to, with bars, and what is said of it."""
+def _verdicts(name: str, result: palpate.Identification) -> dict[str, float]:
+    """Return dynamic stiffness and damping with bars, verdicts and advice."""
     felt, diagnosis = result.dynamic_stiffness(), result.diagnosis
     # The truth is a spring and damper, and a Maxwell branch E iωτ/(1 + iωτ).
     sponge, omega = lab.RELAXING_SPONGE, felt.frequency
@@ -349,12 +349,12 @@ def _said(name: str, result: palpate.Identification) -> dict[str, float]:
     for of, mark in zip((*QUANTITIES, "all"), marks, strict=True):
         numbers[f"mark of {of} {name}"] = MARKS.index(mark)
     serious = [each for each in diagnosis.findings if each.severity != "note" and each.remedy]
-    laws = [law for each in serious for law in ADVICE if str(each.remedy).startswith(law)]
+    laws = [law for each in serious for law in ADVICE if law in str(each.remedy)]
     numbers[f"advice {name}"] = ADVICE.index(laws[0]) if laws else len(ADVICE) - 1 if serious else 0
     return numbers
 
 
-SURFACE = "Rubber ball, near the surface: force over penetration"
+SURFACE = "Rubber ball near the surface: force over penetration"
 SINGLE = "Rubber ball, Hunt–Crossley by the single stage: two sines and one"
 EXPERIMENTS = (
     _Hysteresis("fig10", (11.5, 4.0), SURFACE),
@@ -362,5 +362,5 @@ EXPERIMENTS = (
     _Richness(
         "fig18", (11.5, 7.0), "Rubber ball, Kelvin–Voigt: two sines and one", palpate.KelvinVoigtRLS
     ),
-    _Today("today", (11.0, 4.6), "What the authors would see today: a sponge that relaxes"),
+    _Today("today", (11.0, 4.6), "All methods today: a sponge that relaxes"),
 )

@@ -1,4 +1,4 @@
-"""What becomes of the claims over the seeds: a page that needs nothing beside it, and data."""
+"""The report of the paper's claims over all seeds: a self-contained HTML page, JSON, Markdown."""
 
 import enum
 import math
@@ -28,15 +28,15 @@ TITLE = "Haddadi & Hashtrudi-Zaad (2012), run again"
 ABOUT = (
     "Every experiment of “Real-Time Identification of Hunt–Crossley Dynamic Models of Contact "
     "Environments” (IEEE Transactions on Robotics 28(3), 2012), on a simulated twin pantograph "
-    "that presses simulated materials. The paper's tables and the curves of its figures are lost "
-    "to us; its words are not. Everything shown here is ours, and each sentence of the paper that "
-    "can be held against it is. Each experiment also shows variable projection, which the paper "
+    "that presses simulated materials. Of the paper we have only the text, not the tables or the "
+    "curves of the figures. All results shown here are ours; every sentence of the paper that can "
+    "be tested against them is. Each experiment also shows variable projection, which the paper "
     "does not have."
 )
 
 
 class Reproduction(enum.Enum):
-    """What the seeds say together."""
+    """The verdict on a claim over all seeds."""
 
     REPRODUCED = "reproduced"
     PARTLY = "partly reproduced"
@@ -44,13 +44,13 @@ class Reproduction(enum.Enum):
     UNCHECKED = "cannot be checked"
 
 
-#: Beside the words, so that no verdict is told by its colour alone.
+#: Signs next to the words, so that colour is not the only mark of a verdict.
 SIGNS = dict(zip(Reproduction, "✓◐✗–", strict=True))
 CLASSES = dict(zip(Reproduction, ("yes", "partly", "no", "open"), strict=True))
 
 
 def verdict_of(held: int, checked: int) -> Reproduction:
-    """Reproduced or not: in all seeds, or claims, that could tell; partly: in some of them."""
+    """Return whether a claim held in all, some, or none of the seeds that could check it."""
     if not checked:
         return Reproduction.UNCHECKED
     if held == checked:
@@ -60,7 +60,7 @@ def verdict_of(held: int, checked: int) -> Reproduction:
 
 @dataclass(frozen=True, slots=True)
 class Judgement:
-    """A claim of an experiment, a finding for each seed, and in words what else was seen."""
+    """A claim of an experiment, its judgement for each seed, and the other numbers in words."""
 
     experiment: str
     claim: Claim
@@ -69,55 +69,55 @@ class Judgement:
 
     @property
     def anchor(self) -> str:
-        """Its name on the page."""
+        """Anchor on the page."""
         return f"{self.experiment}-{self.claim.key}"
 
     @property
     def checked(self) -> int:
-        """Seeds that could tell."""
+        """Number of seeds that could check the claim."""
         return sum(finding.holds is not None for finding in self.findings)
 
     @property
     def held(self) -> int:
-        """Seeds in which it holds."""
+        """Number of seeds in which it holds."""
         return sum(finding.holds is True for finding in self.findings)
 
     @property
     def verdict(self) -> Reproduction:
-        """Of all seeds together."""
+        """Verdict over all seeds."""
         return verdict_of(self.held, self.checked)
 
     @property
     def verdict_text(self) -> str:
-        """The verdict, with the count of seeds where they differ."""
+        """The verdict, with the number of seeds if they differ."""
         if self.verdict is Reproduction.PARTLY:
             return f"reproduced in {self.held} of {self.checked} seeds"
         if 0 < self.checked < len(self.findings):
-            return f"{self.verdict.value} ({self.checked} of {len(self.findings)} seeds can tell)"
+            return f"{self.verdict.value} (checked in {self.checked} of {len(self.findings)} seeds)"
         return str(self.verdict.value)
 
     @property
     def ours(self) -> tuple[float, float, float] | None:
-        """Median, least and largest of what was measured; None where nothing was."""
+        """Median, smallest and largest measured number; None without one."""
         every = (math.nan if each.ours is None else each.ours for each in self.findings)
         known = [each for each in every if math.isfinite(each)]
         return (statistics.median(known), min(known), max(known)) if known else None
 
     @property
     def ours_text(self) -> str:
-        """What was measured, with its unit; the range over the seeds in brackets."""
+        """The measured number with unit, and the range over the seeds in brackets."""
         return "" if self.ours is None else format_values(self.ours, self.claim.unit)
 
     @property
     def remark(self) -> str:
-        """What the words are taken to mean, and on what that depends."""
+        """How the words are interpreted, and on what the result depends."""
         parts = (part.removesuffix(".") for part in (self.claim.reading, self.claim.depends))
         return " ".join(f"{part[:1].upper()}{part[1:]}." for part in parts if part)
 
 
 @dataclass(frozen=True)
 class Section:
-    """An experiment of the report, with all its seeds; whether its figure is there."""
+    """An experiment of the report with all its seeds, and whether its figure exists."""
 
     experiment: Experiment
     outcomes: Sequence[Outcome]
@@ -125,12 +125,12 @@ class Section:
 
     @cached_property
     def say(self) -> Seeds:
-        """The numbers of all seeds."""
+        """Numbers of all seeds."""
         return Seeds([outcome.numbers for outcome in self.outcomes])
 
     @cached_property
     def judgements(self) -> tuple[Judgement, ...]:
-        """What the outcomes say of each claim."""
+        """Judgements of all claims."""
         every = self.say.every
         name, judges = self.experiment.name, self.experiment.judges
         return tuple(
@@ -142,7 +142,7 @@ class Section:
 
 @dataclass
 class Report:
-    """What is finished of some experiments, of seeds from 0 on, in a folder; it grows in a run."""
+    """The finished outcomes and figures of some experiments in a folder; it grows during a run."""
 
     experiments: Sequence[Experiment]
     seeds: int
@@ -152,17 +152,17 @@ class Report:
     failures: list[str] = field(default_factory=list)
 
     def outcomes_of(self, experiment: Experiment) -> list[Outcome]:
-        """Return those that are there, in the order of the seeds."""
+        """Return the finished outcomes of an experiment, in the order of the seeds."""
         every = (self.outcomes.get((experiment.name, seed)) for seed in range(self.seeds))
         return [outcome for outcome in every if outcome]
 
     def is_complete(self, experiment: Experiment) -> bool:
-        """Whether every seed is there."""
+        """Whether all seeds of an experiment are finished."""
         return len(self.outcomes_of(experiment)) == self.seeds
 
     @property
     def unfinished(self) -> list[str]:
-        """Names of what is missing."""
+        """Experiments with missing seeds or figures."""
         counted = {each.name: len(self.outcomes_of(each)) for each in self.experiments}
         words = {n: f"{n} ({count} of {self.seeds} seeds)" for n, count in counted.items()}
         words |= {n: f"{n} (no figure)" for n, count in counted.items() if count == self.seeds}
@@ -170,18 +170,18 @@ class Report:
 
     @cached_property
     def sections(self) -> list[Section]:
-        """The experiments that are finished; asked for at the end."""
+        """Sections of the finished experiments; computed once, at the end."""
         finished = filter(self.is_complete, self.experiments)
         return [Section(e, self.outcomes_of(e), e.name in self.rendered) for e in finished]
 
     @property
     def judgements(self) -> tuple[Judgement, ...]:
-        """Every claim of every section."""
+        """Judgements of all sections."""
         return tuple(each for section in self.sections for each in section.judgements)
 
     @property
     def counts(self) -> dict[Reproduction, int]:
-        """How many claims got which verdict."""
+        """Number of claims by verdict."""
         found = [judgement.verdict for judgement in self.judgements]
         return {verdict: found.count(verdict) for verdict in Reproduction}
 
@@ -193,10 +193,10 @@ class Report:
 
 
 def abstract(judgements: Sequence[Judgement]) -> Iterator[tuple[str, str, int, int]]:
-    """Sum up judgements in ten lines; what was not run is left out.
+    """Summarise judgements in ten lines, without experiments that were not run.
 
-    Each is several claims in one sentence, why some of them do not reproduce, and how many do in
-    every seed, of how many that can be checked.
+    Each line has a sentence for several claims, why some do not reproduce, the number that do in
+    every seed, and the number that can be checked.
     """
     known = {f"{each.experiment}.{each.claim.key}": each.verdict for each in judgements}
     for line in claims_file()["abstract"].values():
@@ -208,20 +208,20 @@ def abstract(judgements: Sequence[Judgement]) -> Iterator[tuple[str, str, int, i
 
 
 def not_held() -> dict[str, list[list[str]]]:
-    """Return section and words of each sentence that is not judged, by the reason why not."""
+    """Return the sentences that are not judged, with their sections, by reason."""
     groups = claims_file()["not-held"]
     return {each["why"]: [w.split(" ", 1) for w in each["words"].splitlines()] for each in groups}
 
 
 def versions() -> dict[str, str]:
-    """Return the versions of what the numbers depend on."""
+    """Return the versions of the packages on which the numbers depend."""
     names = ("numpy", "scipy", "mujoco", "matplotlib")
     ours = {"Python": platform.python_version(), "palpate": __version__}
     return ours | {name: version(name) for name in names}
 
 
 def circumstances() -> dict[str, str]:
-    """Return when and on what this was made."""
+    """Return date, machine and versions."""
     return {
         "made": datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
         "machine": f"{platform.system()} on {platform.machine()}, {os.cpu_count()} processors",
@@ -230,35 +230,38 @@ def circumstances() -> dict[str, str]:
 
 
 def settings() -> tuple[Table, ...]:
-    """Return what the paper leaves open, and what was chosen."""
+    """Return tables of the settings that we chose where the paper gives none."""
     single = palpate.SingleStageRLS()
     gate = (
         f"penetration > {1e3 * GATE.minimum_penetration:g} mm and force > {GATE.make_force:g} N, "
         f"until force ≤ {GATE.break_force:g} N"
     )
     chosen = (
-        ("clock", f"the command leaves its pause at {START:g} s; identification starts there"),
-        ("samples taken as contact", gate),
+        ("time", f"the motion and the identification begin at {START:g} s"),
+        ("samples in contact", gate),
         ("units of the estimators", "SI, as in the paper"),
-        ("P₀ of the single stage, of [ln K, B/K, n]", f"{single.settings['initial_covariance']:g}"),
-        ("forgetting", "λ(t) = 1 − 0.01 exp(−5 (t − contact)), the paper's"),
-        ("start, set I", "K = {:g}, B = {:g}, n = {:g}".format(*single.default_initial.parameters)),
+        ("P₀ of the single stage for [ln K, B/K, n]", f"{single.settings['initial_covariance']:g}"),
+        ("forgetting factor", "as in the paper: λ(t) = 1 − 0.01 exp(−5 (t − time of contact))"),
+        (
+            "initial values, set I",
+            "K = {:g}, B = {:g}, n = {:g}".format(*single.default_initial.parameters),
+        ),
         ("sensors", lab.Sensors().describe()),
-        ("variable projection", "same samples, no starts, no forgetting, offset estimated"),
+        ("variable projection", "same samples, no initial values or forgetting, offset estimated"),
     )
     laws = tuple((name, _describe_truth(each.describe())) for name, each in lab.MATERIALS.items())
     commands: dict[str, Any] = {**lab.TRAJECTORIES}
     motions = tuple((name, _describe_truth(asdict(each))) for name, each in commands.items())
-    ours = "Within the orders of magnitude that the paper's text gives; its tables are lost."
+    ours = "Chosen within the orders of magnitude in the paper's text; we do not have its tables."
     return (
-        Table("How the experiments are set", ("setting", "value"), chosen),
-        Table("The materials, ours", ("material", "truth, SI"), laws, ours),
-        Table("The motions", ("motion", "command, SI"), motions),
+        Table("Settings", ("setting", "value"), chosen),
+        Table("Our materials", ("material", "true parameters, SI"), laws, ours),
+        Table("Motions", ("motion", "command, SI"), motions),
     )
 
 
 def _describe_truth(truth: Any) -> str:
-    """What a material or motion says of itself: a number, words, or several by name."""
+    """Format the description of a material or motion."""
     if isinstance(truth, Mapping):
         named = {key.replace("_", " "): _describe_truth(value) for key, value in truth.items()}
         return ", ".join(v if key == "kind" else f"{key} {v}" for key, v in named.items())
@@ -268,14 +271,14 @@ def _describe_truth(truth: Any) -> str:
 
 
 def write_report(report: Report) -> None:
-    """Write ``report.html``, ``report.json`` and ``claims.md``, each whole or not at all.
+    """Write ``report.html``, ``report.json`` and ``claims.md``, each completely or not at all.
 
-    The figures that lie in the folder are put into the page.
+    The page includes the figures in the folder.
     """
     folder = report.folder
     chapters = [
         ("claims", "Every claim of the paper", _claims(report)),
-        ("not-held", "Not held against anything", _not_held()),
+        ("not-held", "Not tested", _not_held()),
         ("settings", "Settings and materials", _tables(settings())),
         *(
             (s.experiment.name, _heading(s.experiment), _section(s, folder))
@@ -328,13 +331,13 @@ def _section_as_dict(section: Section) -> dict[str, Any]:
 
 
 def _plain(value: float | None) -> float | None:
-    """A float to nine digits, None for what is not finite."""
+    """Return a float to nine digits, or None if it is not finite."""
     return None if value is None or not math.isfinite(value) else float(f"{value:.9g}")
 
 
 def _markdown(report: Report) -> str:
     """Return the table of claims, to paste into a document."""
-    header = ("figure", "the paper's words", "its number", "ours", "verdict", "read as, depends on")
+    header = ("figure", "claim", "the paper's number", "ours", "verdict", "read as, depends on")
     rows: list[tuple[str, ...]] = [header]
     for each in report.judgements:
         claim, number = each.claim, each.ours_text
@@ -345,14 +348,14 @@ def _markdown(report: Report) -> str:
         rows.append((where, words, claim.number, ours, each.verdict_text, each.remark))
     lines = ["| " + " | ".join(c.replace("|", "\\|") for c in cells) + " |" for cells in rows]
     lines[1:1] = ["|---" * len(header) + "|"]
-    lines += ["", "Not held against anything:", ""]
+    lines += ["", "Not tested:", ""]
     for why, sentences in not_held().items():
         lines.append(f"- **{why}** " + "; ".join(f"“{words}” ({at})" for at, words in sentences))
     return f"{report.summary}; {report.seeds} seeds.\n\n" + "\n".join(lines) + "\n"
 
 
 def figures_of(folder: Path, name: str) -> tuple[Path, Path]:
-    """Where an experiment's figure lies, for a light and for a dark background."""
+    """Return the paths of an experiment's figure for light and dark backgrounds."""
     return folder / f"{name}.svg", folder / f"{name}-dark.svg"
 
 
@@ -366,16 +369,16 @@ def _head(report: Report) -> Iterator[str]:
     for sentence, because, held, checked in abstract(report.judgements):
         verdict = verdict_of(held, checked)
         why = "" if verdict is Reproduction.REPRODUCED else f" {escape(because)}"
-        counted = f"({held} of {checked} claims reproduced in every seed)"
+        counted = f"({held} of {checked} claims reproduced in all seeds)"
         sign = f'<span class="badge {CLASSES[verdict]}">{SIGNS[verdict]}</span>'
-        said_so = f"{sign}<strong>{escape(sentence)}.</strong>{why}"
-        lines.append(f'{said_so} <span class="soft">{counted}</span>')
+        summary = f"{sign}<strong>{escape(sentence)}.</strong>{why}"
+        lines.append(f'{summary} <span class="soft">{counted}</span>')
     if lines:
-        yield "<h2>What reproduces, and what does not</h2>"
+        yield "<h2>Summary</h2>"
         yield _list(lines, "abstract")
     yield from html.definitions({**circumstances(), "seeds": f"{report.seeds}, from 0 on"})
     yield "</header>"
-    places = {"claims": "Every claim", "not-held": "Not held against anything"}
+    places = {"claims": "Every claim", "not-held": "Not tested"}
     places |= {"settings": "Settings and materials"}
     places |= {each.experiment.name: _heading(each.experiment) for each in report.sections}
     yield '<nav aria-label="Contents"><h2>Contents</h2>'
@@ -407,11 +410,11 @@ def _claims(report: Report) -> Iterator[str]:
     counts = report.counts.items()
     yield _list((_badge(verdict, f"{n} {verdict.value}") for verdict, n in counts), "counts")
     yield (
-        "<p>Ours is the median over the seeds, with the range in brackets. A claim is reproduced "
-        "where it holds in every seed. One that does not reproduce is a result: beside its figure "
-        "stands how the words are read, what else was seen, and on what it depends.</p>"
+        "<p>Our number is the median over the seeds, with the range in brackets. A claim is "
+        "reproduced if it holds in all seeds. Below its figure, each claim states how its words "
+        "are interpreted, the other numbers, and on what the result depends.</p>"
     )
-    header = ("figure", "the paper's words", "its number", "ours", "verdict")
+    header = ("figure", "claim", "the paper's number", "ours", "verdict")
     rows = (
         (
             f'<a href="#{each.anchor}">{escape(_figure(each.experiment))}</a>',
@@ -426,8 +429,8 @@ def _claims(report: Report) -> Iterator[str]:
 
 
 def _not_held() -> Iterator[str]:
-    """What the paper says besides, a list for each reason."""
-    yield "<p>What sections II to VIII say besides, and why no number here speaks of it.</p>"
+    """Yield the sentences of the paper that are not tested, by reason."""
+    yield "<p>Other sentences of sections II to VIII, and why they are not tested.</p>"
     for why, sentences in not_held().items():
         yield f"<h3>{escape(why)}</h3>"
         every = (f"<q>{escape(words)}</q> <small>{escape(at)}</small>" for at, words in sentences)
@@ -449,12 +452,12 @@ def _section(section: Section, folder: Path) -> Iterator[str]:
         inside = inline(drawing, f"{name}-drawing", words)
         yield f'<figure><div class="wide" tabindex="0">{inside}</div>'
         yield f"<figcaption>{escape(words)}</figcaption></figure>"
-    for each in section.judgements:  # with all that stands behind the verdict
+    for each in section.judgements:  # with the numbers behind the verdict
         claim = each.claim
         yield f'<div class="claim" id="{each.anchor}">'
         yield f"<p><q>{escape(claim.words)}</q> <small>{escape(claim.where)}</small></p>"
         yield f"<p>{_badge(each.verdict, each.verdict_text)}</p>"
-        numbers = {"its number": claim.number, claim.measured or "ours": each.ours_text}
+        numbers = {"the paper": claim.number, claim.measured or "ours": each.ours_text}
         if format_values := "; ".join(
             f"{name}: {value}" for name, value in numbers.items() if value
         ):
@@ -462,6 +465,6 @@ def _section(section: Section, folder: Path) -> Iterator[str]:
         yield from (f'<p class="soft">{escape(w)}</p>' for w in (each.text, each.remark) if w)
         yield "</div>"
     yield from _tables(section.experiment.tables(section.say))
-    yield "<details><summary>Every number, as it was measured</summary>"
+    yield "<details><summary>All measured numbers</summary>"
     yield from _tables([section.say.every_number()])
     yield "</details>"

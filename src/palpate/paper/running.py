@@ -1,4 +1,4 @@
-"""All experiments and seeds on all cores; what is finished stays on disk, whatever happens then."""
+"""Run all experiments and seeds on all cores; each result is saved as soon as it is finished."""
 
 import hashlib
 import json
@@ -23,14 +23,14 @@ from palpate.paper.report import Report, figures_of, versions, write_report
 from palpate.validation import or_nan, plain
 from palpate.writing import check_own, make_folder, write_text
 
-#: Called with what has just been finished, and how many of how many outcomes and figures are.
+#: Called with the finished task, and the number of finished outcomes and figures and their total.
 Progress = Callable[[str, int, int], None]
-#: A seed to measure, or outcomes to draw; and of which experiments.
+#: A seed to measure, or outcomes to draw; and a task with its experiments.
 Given = int | list[Outcome]
 Task = tuple[tuple[Experiment, ...], Given]
-#: What a task gives for each: one seed, a figure for a light and for a dark background, or words.
+#: The result of a task: an outcome, a figure for light and dark backgrounds, or an error message.
 Result = Outcome | tuple[str, str] | str
-# What judges and reports measures nothing: a claim is reworded and judged anew without a run.
+# These modules do not affect measurements, so changing them does not invalidate outcomes.
 NOT_MEASURING = ("cli", "reports", "paper/judging.py", "paper/report.py")
 
 
@@ -43,17 +43,17 @@ def run_paper(
     progress: Progress = lambda words, done, total: None,
     begun: Callable[[Report], None] = lambda report: None,
 ) -> Report:
-    """Run experiments over seeds, write everything to a folder, and resume what it holds.
+    """Run experiments over seeds, write all results to a folder, and resume an earlier run there.
 
-    ``progress`` is called after each outcome and figure, ``begun`` once before any, with what is
-    reused. ``workers`` is how many processes to start, default: as many as there are cores.
+    ``progress`` is called after each outcome and figure, ``begun`` once at the start with the
+    reused results. ``workers`` is the number of processes (default: one per core).
 
     Raises
     ------
     RecordingError
         The folder cannot be written to; raised before the work starts.
     PalpateError
-        Some experiments failed; the others are in the report all the same.
+        Some experiments failed; the report contains the others.
     """
     begun_before = (folder / "outcomes").is_dir()
     drawings = [path.name for each in experiments for path in figures_of(folder, each.name)]
@@ -70,13 +70,13 @@ def run_paper(
         write_report(report)
     if failures := report.failures:
         more = f" (and {len(failures) - 1} more)" if len(failures) > 1 else ""
-        words = f"{failures[0]}{more}; the rest is in {folder / 'report.html'}"
+        words = f"{failures[0]}{more}; the other results are in {folder / 'report.html'}"
         raise palpate.PalpateError(words)
     return report
 
 
 def _resume(report: Report) -> None:
-    """Read the outcomes that an earlier run by the same code has left."""
+    """Read the outcomes of an earlier run by the same code."""
     for each in report.experiments:
         found = (read_outcome(report.folder, each, seed) for seed in range(report.seeds))
         report.outcomes |= {(each.name, outcome.seed): outcome for outcome in found if outcome}
@@ -85,31 +85,31 @@ def _resume(report: Report) -> None:
 
 
 def _work(report: Report, workers: int, progress: Progress) -> None:
-    """Do all that is missing; a failure is noted, and the rest goes on."""
+    """Run all missing tasks; record failures and continue."""
     tasks = [*_measurements(report), *_drawings(report, report.experiments)]
     if not tasks:
         return
     with processes(min(workers, len(tasks))) as pool:
         pending = {pool.submit(perform, *task): task for task in tasks}
         while pending:
-            # In the order of the work: what was finished first is written down first.
+            # In the order of submission, so that results are written in that order.
             finished = futures.wait(pending, return_when=futures.FIRST_COMPLETED).done
             for future in [each for each in pending if each in finished]:
                 experiments, given = pending.pop(future)
                 try:
                     results = future.result()
-                except Exception as error:  # a worker that died
+                except Exception as error:  # the worker ended
                     results = [f"{type(error).__name__}: {error}"] * len(experiments)
                 for experiment, result in zip(experiments, results, strict=True):
                     _settle(report, experiment, given, result, progress)
-                # A worker may have died: what it did is among the failures.
+                # The pool may be broken after a worker ended, which is recorded as a failure.
                 with suppress(futures.BrokenExecutor):
                     for task in _drawings(report, experiments) if isinstance(given, int) else ():
                         pending[pool.submit(perform, *task)] = task
 
 
 def _measurements(report: Report) -> Iterator[Task]:
-    """Each seed of each group, one group after the other, without what is there already."""
+    """Yield each seed of each group, group by group, without existing outcomes."""
     for group in sorted({each.group for each in report.experiments}):
         members = [each for each in report.experiments if each.group == group]
         for seed in range(report.seeds):
@@ -118,7 +118,7 @@ def _measurements(report: Report) -> Iterator[Task]:
 
 
 def _drawings(report: Report, experiments: Iterable[Experiment]) -> Iterator[Task]:
-    """Those of the experiments of which every seed is there, and no figure."""
+    """Yield the experiments that have all seeds but no figure."""
     for each in experiments:
         if report.is_complete(each) and each.name not in report.rendered:
             yield (each,), report.outcomes_of(each)
@@ -127,13 +127,13 @@ def _drawings(report: Report, experiments: Iterable[Experiment]) -> Iterator[Tas
 def _settle(
     report: Report, experiment: Experiment, given: Given, result: Result, progress: Progress
 ) -> None:
-    """Write down what a task gave of an experiment."""
+    """Save the result of a task for one experiment."""
     what = f"{experiment.name}, {f'seed {given}' if isinstance(given, int) else 'figure'}"
     if isinstance(result, str):
         report.failures.append(f"{what}: {result}")
     elif isinstance(result, Outcome):
-        # Known before it is written: an interrupt may come while the disk takes its time, and the
-        # page then counts every outcome that is there.
+        # Recorded before it is written: after an interrupt during writing, the page still counts
+        # this outcome.
         report.outcomes[experiment.name, result.seed] = result
         write_outcome(report.folder, experiment, result)
     else:
@@ -143,18 +143,18 @@ def _settle(
     progress(what, len(report.outcomes) + len(report.rendered), total)
 
 
-# In a worker, and the workers.
+# Work in a worker process, and the pool of workers.
 
 
 def perform(experiments: Sequence[Experiment], given: Given) -> list[Result]:
-    """Run one seed of experiments that press the same, or draw their outcomes, in a worker."""
+    """Run one seed of experiments that share recordings, or draw their outcomes, in a worker."""
     results: list[Result] = []
     for each in experiments:
         try:
             if isinstance(given, int):
                 results.append(each.run(given))
                 continue
-            # Not into files: a worker that is stopped could not take its half of one away.
+            # Returned, not written: a stopped worker would leave half a file.
             light = as_svg(each.figure(given))
             results.append((light, recoloured(light)))
         except Exception as error:
@@ -166,13 +166,13 @@ def perform(experiments: Sequence[Experiment], given: Given) -> list[Result]:
 
 @contextmanager
 def processes(count: int) -> Iterator[futures.ProcessPoolExecutor]:
-    """Processes that end at once when this one is interrupted."""
+    """Yield a pool of processes that end at once when this one is interrupted."""
     others = set(multiprocessing.active_children())
     context = multiprocessing.get_context("spawn")
     pool = futures.ProcessPoolExecutor(count, mp_context=context, initializer=_prepare_worker)
     try:
-        # A pool starts a process where a submission finds none idle: all of them here, so that no
-        # interrupt is lost later.
+        # A pool starts a process when a submission finds none idle. Start all of them here, while
+        # interrupts are ignored, so that none is lost later.
         with ignoring_interrupts():
             for _ in range(count):
                 pool.submit(int)
@@ -186,7 +186,7 @@ def processes(count: int) -> Iterator[futures.ProcessPoolExecutor]:
 
 
 def _prepare_worker() -> None:
-    """End when the process that started this one is gone."""
+    """Make this process end when its parent has ended."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     parent = multiprocessing.parent_process()
     assert parent is not None
@@ -198,12 +198,12 @@ def _prepare_worker() -> None:
     threading.Thread(target=follow, daemon=True).start()
 
 
-# On the disk: outcomes and figures, and by what code they were made.
+# Files: outcomes and figures, with the version of the code that made them.
 
 
 @cache
 def code() -> str:
-    """Return a hash of the code that measures, for a checkout changes without its version."""
+    """Return a hash of the measuring code, since a checkout changes without a new version."""
     root, found = Path(str(palpate.__file__)).parent, hashlib.sha256()
     for path in sorted(path for path in root.rglob("*") if path.suffix in (".py", ".so", ".pyd")):
         if not path.relative_to(root).as_posix().startswith(NOT_MEASURING):
@@ -212,18 +212,18 @@ def code() -> str:
 
 
 def provenance(experiment: Experiment) -> dict[str, Any]:
-    """Return what has to match for an outcome to be reused: versions, machine and settings."""
+    """Return versions, machine and settings, which must match for an outcome to be reused."""
     made_by = {**versions(), "code": code(), "machine": platform.machine()}
     return {"versions": made_by, "settings": repr(experiment)}
 
 
 def path_of(folder: Path, name: str, seed: int) -> Path:
-    """Where the outcome of an experiment and a seed lies."""
+    """Return the path of the outcome of an experiment and a seed."""
     return folder / "outcomes" / f"{name}-seed{seed}.json"
 
 
 def write_outcome(folder: Path, experiment: Experiment, outcome: Outcome) -> None:
-    """Write an outcome, whole or not at all; what is not finite is null."""
+    """Write an outcome, completely or not at all; non-finite numbers become null."""
     whole = {
         "experiment": experiment.name,
         "provenance": provenance(experiment),
@@ -236,7 +236,7 @@ def write_outcome(folder: Path, experiment: Experiment, outcome: Outcome) -> Non
 
 
 def read_outcome(folder: Path, experiment: Experiment, seed: int) -> Outcome | None:
-    """Return an outcome written earlier by the same versions and settings; None else."""
+    """Return an outcome written earlier by the same versions and settings, else None."""
     try:
         whole = json.loads(path_of(folder, experiment.name, seed).read_text(encoding="utf-8"))
         if (whole["provenance"], whole["seed"]) == (provenance(experiment), seed):
@@ -244,12 +244,12 @@ def read_outcome(folder: Path, experiment: Experiment, seed: int) -> Outcome | N
             curves = {name: list(map(or_nan, curve)) for name, curve in whole["curves"].items()}
             return Outcome(seed, numbers, curves)
     except (OSError, ValueError, KeyError, TypeError, AttributeError):
-        pass  # absent or damaged: it is made anew
+        pass  # absent or damaged: measure again
     return None
 
 
 def _remark(experiment: Experiment, seeds: int) -> str:
-    """What a figure is of; it stands at its end."""
+    """Return the comment at the end of a figure that identifies its seeds and settings."""
     made = hashlib.sha256(repr(provenance(experiment)).encode()).hexdigest()[:16]
     return f"<!-- {seeds} seeds, {made} -->\n"
 
@@ -263,7 +263,7 @@ def write_figures(
 
 
 def figures_are_current(folder: Path, experiment: Experiment, seeds: int) -> bool:
-    """Whether both figures are there, of as many seeds by the same versions and settings."""
+    """Whether both figures exist for these seeds, versions and settings."""
     end, paths = _remark(experiment, seeds), figures_of(folder, experiment.name)
     try:
         return all(path.read_text(encoding="utf-8").endswith(end) for path in paths)

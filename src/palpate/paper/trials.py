@@ -1,4 +1,4 @@
-"""Trials: the motion that the rig follows, what repetitions give, and where condition 10 holds."""
+"""Trials: how the rig follows the motion, repetitions, and when condition 10 holds."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -31,19 +31,19 @@ METHODS: Mapping[str, type[palpate.ContactEstimator]] = {
     "variable-projection": palpate.VariableProjection,
     "double-stage": palpate.DoubleStageRLS,
 }
-#: "Holds from" a time if it then holds for so long without a break, s: over a period of the
-#: slowest sine, 1.57 s; the paper says 300 ms of PVC in spite of violations at 8.7 s.
+#: The condition "holds from" a time if it then holds for this long without a break, s: more than a
+#: period of the slowest sine, 1.57 s. The paper claims 300 ms for PVC despite violations at 8.7 s.
 UNBROKEN = 2.0
-# The paper gives neither P₀ nor the force from which samples are taken.
+# The paper gives neither P₀ nor the smallest force of a sample.
 COVARIANCES = (10.0, 1e3, 1e5)
 GATES = {"ours": GATE, "every positive force": palpate.ContactGate()}
-# How many times slower the sponge is pressed, for what the paper says of speed.
+# Factors by which the sponge is pressed more slowly, for the paper's claims about speed.
 SLOWER = (1.0, 2.0, 5.0, 10.0)
 
 
 class _Followed(Experiment):
-    """Penetration over time: commanded, and reached in the ball, the sponge and the PVC phantom;
-    below, how far each lags behind the command, with the range over the seeds.
+    """Penetration over time, commanded and reached in the ball, the sponge and the PVC phantom.
+    Below: lag behind the command, with the range over the seeds.
     """
 
     def measure(self, seed: int) -> Measured:
@@ -97,7 +97,7 @@ class _Followed(Experiment):
 @dataclass(frozen=True)
 class _Repetitions(Experiment):
     """Stiffness, damping and exponent over time in three repetitions by the single stage, and in
-    the first by variable projection; the dotted line is the truth.
+    the first repetition also by variable projection. Dotted: the truth.
     """
 
     material: str
@@ -126,11 +126,11 @@ class _Repetitions(Experiment):
                     errors = result.estimate.standard_errors
                     numbers |= by_symbol(f"final {method} {k}", result.law.parameters)
                     numbers |= by_symbol(f"standard error {method} {k}", errors)
-                    # Of every repetition by the single stage, of the first by others.
+                    # Draw all repetitions of the single stage, only the first of the others.
                     if method == "single-stage" or k == 0:
                         curves |= experiment.courses(f"{method} {k}", result, rendered)
             truth = session(material, "three-sines", seeds[0]).truth.window(3.0)
-            # The level of the excitation that the rig reached.
+            # The amplitude that the rig reached.
             numbers[f"motion {material} [mm]"] = 1e3 * float(np.std(truth.penetration))
         return numbers, curves
 
@@ -149,7 +149,7 @@ class _Repetitions(Experiment):
             looks = {"color": THEME.ink, "linewidth": 1.1}
             panel.plot(time, projected, "--", label="variable projection, 1", **looks)
             experiment.truth(panel, truth)
-            # The start-up leaves any scale: what is shown is where estimates stay, three times.
+            # Scale the axis to three times the range after the first second.
             settled = np.abs(np.array([*lines.values()])[:, time > time[0] + 1.0] - truth)
             reach = 3.0 * float(np.nanmax(settled, initial=0.02 * abs(truth)))
             panel.set(ylim=(truth - reach, truth + reach), xlim=(time[0], time[-1]))
@@ -159,13 +159,13 @@ class _Repetitions(Experiment):
 
 @dataclass(frozen=True)
 class _Condition(Experiment):
-    """Speed over time in contact, and the limit 0.1 K/B of condition 10 by the estimates of the
-    moment: single stage, variable projection, and the truth where there is one. Left the first
-    second, right the whole contact. The band is the range of the single stage's limit over the
-    seeds. The condition holds from when it holds for 2 s without a break.
+    """Speed over time in contact, and the limit 0.1 K/B of condition 10 from the current
+    estimates of the single stage and of variable projection, and from the truth if there is one.
+    Left: the first second. Right: the whole contact. Band: range of the single stage's limit over
+    the seeds. The condition counts as fulfilled once it holds for 2 s without a break.
     """
 
-    materials: tuple[str, ...]  # a row of the figure each
+    materials: tuple[str, ...]  # one row of the figure each
 
     def measure(self, seed: int) -> Measured:
         numbers: dict[str, float] = {}
@@ -204,12 +204,12 @@ def _margin(result: palpate.Identification) -> Floats:
 
 
 def _broken(margin: Floats) -> float:
-    """Share of samples that break the condition, %."""
+    """Return the percentage of samples that violate the condition."""
     return 100.0 * float(np.mean(margin <= 0.0))
 
 
 def _when(name: str, result: palpate.Identification) -> dict[str, float]:
-    """When condition 10 holds, and how fast the probe is beside its limit."""
+    """Return when condition 10 holds, and speeds relative to its limit."""
     contact, taken = result.contact, result.trace.taken
     time, margin, speed = contact.time[taken], _margin(result), np.abs(contact.velocity[taken])
     least = int(np.argmin(np.where(time > time[0] + UNBROKEN, margin, np.inf)))
@@ -235,7 +235,7 @@ def _when(name: str, result: palpate.Identification) -> dict[str, float]:
 
 
 def _holds_from(time: Floats, margin: Floats) -> float:
-    """S after the first sample, from which the margin is positive without a break; NaN if never."""
+    """Return the time since the first sample, s, from which the margin stays positive, or NaN."""
     ends = np.append(time[0], time[np.flatnonzero(margin <= 0.0)])
     free = np.append(ends[1:], time[-1]) - ends
     unbroken = np.flatnonzero(free >= UNBROKEN)
@@ -243,7 +243,7 @@ def _holds_from(time: Floats, margin: Floats) -> float:
 
 
 def _otherwise(name: str, contact: palpate.Contact) -> dict[str, float]:
-    """The same by other settings, which the paper leaves open."""
+    """Return the same numbers for other settings that the paper does not specify."""
     numbers = {}
     for covariance in COVARIANCES:
         for words, gate in GATES.items():
@@ -257,7 +257,7 @@ def _otherwise(name: str, contact: palpate.Contact) -> dict[str, float]:
 
 
 def _slowed(seed: int, slower: float) -> dict[str, float]:
-    """Errors of the sponge's K, B and n, and where condition 10 is broken after 2 s."""
+    """Return errors of the sponge's K, B and n, and violations of condition 10 after 2 s."""
     motion = lab.THREE_SINES.motion
     slowed = replace(motion, frequencies=tuple(f / slower for f in motion.frequencies))
     contact = simulated_contact("sponge", replace(lab.THREE_SINES, motion=slowed), seed)
@@ -288,7 +288,7 @@ def _draw_limits(axes: Axes, outcomes: Sequence[Outcome], name: str) -> None:
 
 
 EXPERIMENTS = (
-    _Followed("fig03", (9.5, 6.0), "The trajectory, and how the rig follows it"),
+    _Followed("fig03", (9.5, 6.0), "The trajectory, and the motion of the rig"),
     _Repetitions("fig05", THREE, "Rubber ball, three repetitions", "ball"),
     _Repetitions("fig11", THREE, "Sponge, three repetitions", "sponge"),
     _Repetitions("fig14", THREE, "PVC phantom, three repetitions", "pvc", ("ball", "sponge")),

@@ -321,8 +321,9 @@ class _Taking:
             first = str(recording.channels[name][int(np.argmin(np.isfinite(column)))])
             text = recording.faults[name].text if name in recording.faults else first
             samples = "1 sample" if count == 1 else f"{count} samples"
+            words = f"palpate excluded {samples} of {name!r} without a usable number"
             self._say_rows(
-                f"palpate excluded {samples} of {name!r} without a number ({text.strip()[:40]!r})",
+                f"{words} ({text.strip()[:40]!r})",
                 "check the recorder, or pass --strict to fail instead",
                 many=count > MOST_SKIPPED * column.size,
             )

@@ -1,4 +1,4 @@
-"""The numbers that follow from an identification: what it needs, and each by its own chapter."""
+"""The numbers derived from an identification; modulus, energy and restitution have own modules."""
 
 import math
 from collections.abc import Callable
@@ -37,18 +37,19 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class QueryOptions:
-    """For which impact, tip and oscillation the derived numbers are.
+    """The impact, tip and oscillation for which derived numbers are computed.
 
     Parameters
     ----------
     impact_speed : float, optional
-        Of the restitution, m/s, in (0, 1e6]; the fastest approach recorded in contact unless given.
+        Impact speed for the restitution, m/s, in (0, 1e6]. Default: the fastest approach recorded
+        in contact.
     tip : Tip, optional
-        :class:`Sphere`, :class:`FlatPunch` or :class:`Cone`; without one there is no modulus.
+        :class:`Sphere`, :class:`FlatPunch` or :class:`Cone`. Default: none, and no modulus.
     poisson_ratio : float, optional
-        Of the material, in (−1, 0.5]; 0.5, incompressible as soft tissue, assumed unless given.
+        The material's, in (−1, 0.5]. Default: 0.5, incompressible as soft tissue nearly is.
     frequency : float, optional
-        Of a small oscillation, rad/s, > 0; the motion's own unless given.
+        Frequency of a small oscillation, rad/s, > 0. Default: the motion's mean frequency.
     """
 
     impact_speed: float | None = None
@@ -72,27 +73,27 @@ class QueryOptions:
 
 
 class Derivable(Protocol):
-    """What a quantity follows from: a contact, its estimator, and what they gave."""
+    """The parts of an identification from which quantities are derived."""
 
     @property
     def contact(self) -> Contact:
-        """What was identified."""
+        """The identified contact."""
 
     @property
     def data(self) -> Data | None:
-        """With the checks of its channels."""
+        """The contact with the checks of its channels."""
 
     @property
     def trace(self) -> Trace:
-        """Every sample."""
+        """The trace of all samples."""
 
     @property
     def estimator(self) -> ContactEstimator:
-        """As it stood after the last sample."""
+        """The estimator after the last sample."""
 
     @property
     def estimate(self) -> Estimate:
-        """What it knew then."""
+        """The estimate after the last sample."""
 
     @property
     def law(self) -> Any:
@@ -100,21 +101,21 @@ class Derivable(Protocol):
 
     @property
     def covariance(self) -> Floats:
-        """Of the law's parameters, SI."""
+        """Covariance of the law's parameters, SI."""
 
     @property
     def diagnosis(self) -> Diagnosis:
-        """What may be wrong."""
+        """The diagnosis of the identification."""
 
     @property
     def query(self) -> QueryOptions:
-        """For which impact, tip and oscillation."""
+        """The impact, tip and oscillation of the derived numbers."""
 
     def at(self, depth: "ArrayLike") -> WorkingDepth:
         """Force, stiffness and damping at a depth, m."""
 
 
-# What a small oscillation about a depth feels: numbers that laws of any kind have in common.
+# Stiffness and damping for small oscillations about a depth, which laws of every kind have.
 
 _TURN = 2.0 * math.pi
 
@@ -126,9 +127,9 @@ class SmallOscillation(Plain):
     Attributes
     ----------
     depth, frequency : float
-        Below the surface, m, and ω, rad/s.
+        Depth below the surface, m, and ω, rad/s.
     stiffness, damping : Quantity
-        K′, N/m, and B′, N·s/m. Of a law without memory those at rest, whatever the frequency.
+        K′, N/m, and B′, N·s/m. For a law without memory they do not depend on the frequency.
     loss_tangent : Quantity
         tan δ = ωB′/K′.
     """
@@ -143,25 +144,25 @@ class SmallOscillation(Plain):
 def oscillation_of(
     result: Derivable, frequency: float | None = None, depth: float | None = None
 ) -> SmallOscillation:
-    """What a small oscillation about a depth feels, by a law of any kind: K′ + iωB′.
+    """Dynamic stiffness K′ + iωB′ for small oscillations about a depth, by a law of any kind.
 
-    Of a law without memory the stiffness and the damping of :meth:`at`; of one with memory
-    those at the frequency, the repeatable error by the delta method.
+    For a law without memory these are the stiffness and damping of :meth:`at`; for one with memory
+    those at the frequency, their statistical uncertainty by the delta method.
 
     Parameters
     ----------
     result : Identification
-        What was identified.
+        The identification.
     frequency : float, optional
-        ω, rad/s; the motion's own unless given.
+        ω, rad/s. Default: the motion's mean frequency, rms speed over rms displacement.
     depth : float, optional
-        Below the surface, m, > 0; the working depth unless given.
+        Depth below the surface, m, > 0. Default: the working depth.
 
     Raises
     ------
     InvalidParameterError
-        The frequency is outside the band of the motion, half to twice its own, rms speed over
-        rms way; or the depth is out of its range.
+        The frequency is outside half to twice the motion's mean frequency, or the depth is out of
+        its range.
     """
     omega, there = _in_band(result, frequency), _at(result, depth)
     stiffness, damping = there.stiffness, there.damping
@@ -179,12 +180,12 @@ def oscillation_of(
 
 
 def relaxed_stiffness_of(result: Derivable, depth: float | None = None) -> Quantity:
-    """∂F/∂x at a depth [m], or at the working depth, once everything has relaxed, N/m."""
+    """∂F/∂x of the fully relaxed material, N/m, at a depth [m]; default: the working depth."""
     return _at(result, depth).stiffness
 
 
 def instantaneous_stiffness_of(result: Derivable, depth: float | None = None) -> Quantity:
-    """∂F/∂x at a depth [m], or at the working depth, before anything has relaxed, N/m."""
+    """∂F/∂x before any relaxation, N/m, at a depth [m]; default: the working depth."""
     there = _at(result, depth)
     if not result.law.relaxes:
         return there.stiffness
@@ -195,7 +196,7 @@ def instantaneous_stiffness_of(result: Derivable, depth: float | None = None) ->
 
 
 def relaxation_time_of(result: Derivable) -> Quantity | None:
-    """The law's one relaxation time, s; None of a law that has none, or a spectrum of many."""
+    """The law's relaxation time, s; None for a law without one or with a spectrum of them."""
     law = result.law
     if law.relaxation_time is None:
         return None
@@ -204,17 +205,17 @@ def relaxation_time_of(result: Derivable) -> Quantity | None:
 
 
 def band_of(result: Derivable) -> tuple[float, float]:
-    """Return the frequencies that the motion contained, rad/s: half to twice its own."""
+    """Return the frequency band of the motion, rad/s: half to twice its mean frequency."""
     return band_about(_own_frequency(result))
 
 
 def in_hertz(frequency: float) -> str:
-    """A frequency in words."""
+    """Format a frequency [rad/s] in Hz."""
     return f"{rounded(frequency / _TURN, 3)} Hz"
 
 
 def _own_frequency(result: Derivable) -> float:
-    """Rms speed over that of the way from the mean depth, rad/s; NaN of a probe held still."""
+    """Rms speed over rms distance from the mean depth, rad/s; NaN if the probe is held still."""
     if (verdict := result.estimator.verdict()) is not None:
         return verdict.frequency if verdict.known else math.nan
     taken, contact = result.trace.taken, result.contact
@@ -227,8 +228,7 @@ def _in_band(result: Derivable, frequency: float | None) -> float:
     low, high = band_of(result)
     if not (low > 0.0 and math.isfinite(high)):
         raise InvalidParameterError(
-            "frequency must be one of the motion, which has none: the probe was held still, or "
-            "there are too few samples"
+            "no frequency can be analysed: the probe is held still, or there are too few samples"
         )
     if frequency is None:
         return _own_frequency(result)
@@ -236,8 +236,8 @@ def _in_band(result: Derivable, frequency: float | None) -> float:
     if not low <= omega <= high:
         raise InvalidParameterError(
             f"frequency must be in the band of the motion, {in_hertz(low)} to {in_hertz(high)} "
-            f"({rounded(low, 3)} to {rounded(high, 3)} rad/s), not {in_hertz(omega)}: what the "
-            "probe did not do, its recording does not say"
+            f"({rounded(low, 3)} to {rounded(high, 3)} rad/s), not {in_hertz(omega)}: the samples "
+            "carry no information outside of it"
         )
     return omega
 
@@ -245,7 +245,7 @@ def _in_band(result: Derivable, frequency: float | None) -> float:
 def _by_law(
     result: Derivable, depth: float, value: Callable[[Any, float], float]
 ) -> tuple[float, float]:
-    """A number by the law at a depth, with its own error and that of the surface."""
+    """A function of the law at a depth, with its standard error including the surface's."""
     found, error = result.estimate.with_error(lambda law: value(law, depth))
     off = min(result.contact.surface_deviation or 0.0, 0.5 * depth)
     moved = value(result.law, depth + off) - value(result.law, depth - off) if off else 0.0
@@ -253,14 +253,14 @@ def _by_law(
 
 
 def _at(result: Derivable, depth: float | None) -> WorkingDepth:
-    """The numbers at a depth; at the working depth, or of none, those that there are."""
+    """The numbers at a depth; for None or the working depth, the diagnosis' own."""
     known = result.diagnosis.working_depth
     x = number_in("depth", known.depth if depth is None else depth, 0.0, 1e100, open_low=True)
     return known if known.depth == x else result.at(x)
 
 
 def _tangent(omega: float, stiffness: Quantity, damping: Quantity) -> Quantity:
-    """ωB′/K′, its errors by those of both as if they were independent."""
+    """ωB′/K′, with the errors of both propagated as independent."""
     if not stiffness.value:
         return Quantity(math.nan, math.nan, math.nan)
     value = omega * damping.value / stiffness.value
@@ -275,20 +275,20 @@ def _tangent(omega: float, stiffness: Quantity, damping: Quantity) -> Quantity:
     )
 
 
-# From an identification to the numbers that follow from its law and its motion.
+# From an identification to the numbers derived from its law and its motion.
 
-# Usual times between samples: the way of a probe over a longer gap is not known.
+# In sample times: over a longer gap the probe's path is unknown.
 LONGEST_GAP = 20.0
 
-# What overflows, such as the square of 1e200 N, is not defined.
+# Overflows, such as the square of 1e200 N, give undefined numbers without a warning.
 _absurd_numbers = np.errstate(all="ignore")
 
 
 def path_of(result: Derivable) -> Path:
-    """Return the samples that are finite and were not left out as outliers.
+    """Return the finite samples without the rejected outliers.
 
-    Where the time goes on from one segment to the next, as from the approach of a force curve to
-    its retract, the work does too.
+    Segments without a gap in time, such as approach and retract of a force curve, are joined, so
+    the work continues from one to the next.
     """
     contact, trace, estimate = result.contact, result.trace, result.estimate
     channels = contact.penetration, contact.velocity, contact.force
@@ -304,8 +304,8 @@ def path_of(result: Derivable) -> Path:
 
 
 def _going_on(contact: Contact) -> NDArray[np.int64]:
-    """Numbers of the stretches between which the time jumps, or begins again."""
-    usual = np.empty(len(contact))  # time between samples, which each segment may have its own of
+    """The number of each sample's segment; segments end where the time jumps or goes back."""
+    usual = np.empty(len(contact))  # time between samples, which may differ between segments
     for part in contact.segments():
         steps = np.diff(contact.time[part])
         usual[part] = np.median(steps) if steps.size else contact.sample_time
@@ -316,14 +316,14 @@ def _going_on(contact: Contact) -> NDArray[np.int64]:
 
 @_absurd_numbers
 def restitution_from(result: Derivable, speed: float | None = None) -> Restitution:
-    """How a free body would rebound that meets the material at a speed.
+    """Return the restitution of a free body that hits the material at a speed.
 
     Parameters
     ----------
     result : Identification
-        What was identified.
+        The identification.
     speed : float, optional
-        m/s, > 0; unless given that of :attr:`query`, or the fastest approach in contact.
+        m/s, > 0. Default: that of :attr:`query`, or the fastest approach in contact.
     """
     if speed is not None:
         number_in("speed", speed, 0.0, 1e6, open_low=True)
@@ -338,7 +338,7 @@ def restitution_from(result: Derivable, speed: float | None = None) -> Restituti
 
 @_absurd_numbers
 def energy_from(result: Derivable) -> EnergyLoss:
-    """Energy lost a touch, or a cycle of a probe that stays in contact; and by the law."""
+    """Energy dissipated per touch, or per cycle in lasting contact: measured and by the model."""
     data, path = result.data or Data(result.contact), path_of(result)
     going_on = replace(result.contact, segment=_going_on(result.contact))
     checks = {each.check for each in result.diagnosis.findings}
@@ -356,7 +356,7 @@ def energy_from(result: Derivable) -> EnergyLoss:
 
 @_absurd_numbers
 def passivity_from(result: Derivable) -> Passivity:
-    """Whether the law pulls anywhere in the recorded motion, and the recorded force too."""
+    """Whether the law's force, and the recorded force, become negative in the recorded motion."""
     data, there = result.data or Data(result.contact), result.diagnosis.working_depth
     return passivity_of(path_of(result), result.law, there, data.force_noise)
 
@@ -365,31 +365,28 @@ def passivity_from(result: Derivable) -> Passivity:
 def elastic_modulus_from(
     result: Derivable, tip: "Tip | None" = None, poisson_ratio: float | None = None
 ) -> "ElasticModulus":
-    """Young's modulus by the force at working depth and the shape of the tip.
+    """Young's modulus from the force at working depth and the shape of the tip.
 
     Parameters
     ----------
     result : Identification
-        What was identified.
+        The identification.
     tip : Tip, optional
-        Such as ``Sphere(radius=5e-3)``; that of :attr:`query` unless given.
+        Such as ``Sphere(radius=5e-3)``. Default: that of :attr:`query`.
     poisson_ratio : float, optional
-        Of the material, in (−1, 0.5]; that of :attr:`query` unless given, or 0.5.
+        The material's, in (−1, 0.5]. Default: that of :attr:`query`, or 0.5.
 
     Raises
     ------
     InvalidParameterError
-        No tip is given, or Poisson's ratio is out of its range.
+        There is no tip, or Poisson's ratio is out of its range.
     """
     from palpate.quantities.elastic_modulus import elastic_modulus_of
 
     tip = tip or result.query.tip
     ratio = result.query.poisson_ratio if poisson_ratio is None else poisson_ratio
     if tip is None:
-        raise InvalidParameterError(
-            "tip is missing: pass it here, such as Sphere(radius=5e-3), or by "
-            "with_query(QueryOptions(tip=…))"
-        )
+        raise InvalidParameterError("tip is missing: pass one, such as tip=Sphere(radius=5e-3)")
     QueryOptions(tip=tip, poisson_ratio=ratio)  # which checks them
     depth = result.contact.penetration[result.trace.taken] - result.estimate.surface
     inside = depth[depth > 0.0]
@@ -397,5 +394,5 @@ def elastic_modulus_from(
     found = elastic_modulus_of(result.law, result.diagnosis, (low, high), tip, ratio)
     if found.refused or not result.estimate.fixed:
         return found
-    given = "the exponent was given: that the tip is of this shape is not checked by it"
-    return replace(found, remarks=(*found.remarks, given))
+    unchecked = "the exponent was fixed, so it does not confirm the shape of the tip"
+    return replace(found, remarks=(*found.remarks, unchecked))

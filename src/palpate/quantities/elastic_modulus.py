@@ -1,4 +1,4 @@
-"""Young's modulus by the shape of a rigid tip, by which a half-space's force grows with depth.
+"""Young's modulus from the force on a rigid tip of known shape.
 
 F = E* g xᵐ with the reduced modulus E* = E/(1 − ν²): a rigid tip without friction or adhesion,
 small strains, a homogeneous, isotropic material much thicker than the contact is wide. Sneddon,
@@ -12,12 +12,12 @@ from typing import Any, ClassVar
 
 from palpate.diagnosis.finding import Diagnosis, Quantity, WorkingDepth
 from palpate.diagnosis.marks import WIDEST_STIFFNESS
-from palpate.digits import format_quantity
+from palpate.digits import format_quantity, with_error
 from palpate.force_laws import ForceLaw
 from palpate.quantities.restitution import UNKNOWN
 from palpate.validation import defined, kept
 
-# Of the radius, and strain: beyond it small strains, which all of this is for, may not hold.
+# Depth over radius, and strain: beyond these the assumption of small strains may fail.
 SMALL_DEPTH = SMALL_STRAIN = 0.1
 
 
@@ -26,7 +26,7 @@ class Tip:
 
     __slots__ = ()
     kind: ClassVar[str]
-    #: m, with which the force grows with depth.
+    #: m in F = E* g xᵐ.
     exponent: ClassVar[float]
 
     @property
@@ -43,11 +43,11 @@ class Tip:
         return 0.0
 
     def limitations(self, depth: float) -> list[str]:
-        """Say, of a depth [m], what the formula leaves out there."""
+        """Return warnings about the formula's assumptions at a depth [m]."""
         return []
 
     def holds(self, depth: float) -> bool:
-        """Whether a tip of this shape can be so deep at all, m."""
+        """Whether the tip's shape allows this depth [m]."""
         return True
 
     def as_dict(self) -> dict[str, Any]:
@@ -60,8 +60,8 @@ class Tip:
 class Sphere(Tip):
     """A ball, or a tip with a round end: F = 4/3 E* √R x^(3/2) (Hertz 1882).
 
-    Hertz takes the ball for a paraboloid. On a ball the force is less by a fraction x/(10 R), to
-    0.001 up to x = R, as Sneddon's solution for the sphere says.
+    Hertz approximates the ball by a paraboloid. By Sneddon's solution the force on a ball is lower
+    by the fraction x/(10 R), accurate to 0.001 up to x = R.
 
     Parameters
     ----------
@@ -86,13 +86,13 @@ class Sphere(Tip):
         return depth / (10.0 * self.radius)
 
     def limitations(self, depth: float) -> list[str]:
-        """Say where the depth is more than a tenth of the radius."""
+        """Return a warning if the depth is more than a tenth of the radius."""
         part = depth / self.radius
-        words = f"Hertz is for depths far below the radius, and the probe goes to {part:.2g} of it"
+        words = f"Hertz assumes depths far below the radius; the depth reaches {part:.2g} of it"
         return [words] if part > SMALL_DEPTH else []
 
     def holds(self, depth: float) -> bool:
-        """Whether the depth is less than the radius, beyond which there is no ball."""
+        """Whether the depth is less than the radius, where the ball ends."""
         return depth < self.radius
 
 
@@ -119,9 +119,9 @@ class FlatPunch(Tip):
         return 2.0 * self.radius
 
     def limitations(self, depth: float) -> list[str]:
-        """Say where the depth is more than a tenth of the radius."""
+        """Return a warning if the depth is more than a tenth of the radius."""
         part = depth / self.radius
-        words = f"linear elasticity is for small strains: the depth is {part:.2g} of the radius"
+        words = f"linear elasticity assumes small strains: the depth is {part:.2g} of the radius"
         return [words] if part > SMALL_DEPTH else []
 
 
@@ -132,7 +132,7 @@ class Cone(Tip):
     Parameters
     ----------
     half_angle : float
-        α, rad, between the axis and the side: half of the whole opening; in (0, 1.57].
+        α, rad, between the axis and the side (half the opening angle), in (0, 1.57].
     """
 
     half_angle: float
@@ -148,12 +148,12 @@ class Cone(Tip):
         return 2.0 / math.pi * math.tan(self.half_angle)
 
     def limitations(self, depth: float) -> list[str]:
-        """Say where the cone is so sharp that no strain is small, at any depth.
+        """Return a warning if the cone is too sharp for small strains; depth does not matter.
 
         The strain below it is about 0.2 cot α (Johnson, *Contact Mechanics*, 1985, section 6.3).
         """
         strain = 0.2 / math.tan(self.half_angle)
-        words = "linear elasticity is for small strains: below this cone they are "
+        words = "linear elasticity assumes small strains: below this cone they are about "
         return [f"{words}{strain:.2g} at any depth"] if strain > SMALL_STRAIN else []
 
 
@@ -161,15 +161,15 @@ class Cone(Tip):
 TIPS: dict[str, type[Tip]] = {each.kind: each for each in (Sphere, FlatPunch, Cone)}
 
 
-# Young's modulus of what was touched, where the tip's shape is known.
+# Young's modulus of the touched material, for a tip of known shape.
 
-# Systematic part from the exponent, of the modulus, beyond which there is none: a stiffness that is
-# known no better is not to be trusted either. Half a power of the depth, where the next shape lies,
-# makes as much over depths from 1 to 2.7; strokes from the surface go from 1 to 9.
+# Largest relative systematic uncertainty from the exponent; above it there is no modulus, as a
+# stiffness of that uncertainty is not trusted either. An exponent off by a half, that of the next
+# shape, causes as much over depths in a ratio of 2.7; strokes from the surface have one of 9.
 WIDEST_SPREAD = WIDEST_STIFFNESS
-# Poisson's ratio of what keeps its volume, as soft tissue, gels and rubber nearly do.
+# Poisson's ratio of materials of constant volume, as soft tissue, gels and rubber nearly are.
 INCOMPRESSIBLE = 0.5
-# Half way to the exponent of the next shape, and standard errors that it must be away for certain.
+# Half the distance to the next shape's exponent, and standard errors for a certain difference.
 NEXT_SHAPE, CERTAIN = 0.25, 3.0
 
 
@@ -180,22 +180,22 @@ class ElasticModulus:
     Attributes
     ----------
     value : Quantity
-        E = (1 − ν²) F(x)/(g xᵐ) at the working depth x, with the tip's own exponent m. Systematic:
-        what m does over the depths in contact where it is not the law's n, Hertz's paraboloid in
-        place of a ball, and as large a part as the diagnosis' findings would move the stiffness by.
-        NaN where it is refused.
+        E = (1 − ν²) F(x)/(g xᵐ) at the working depth x, with the tip's exponent m. Systematic: the
+        effect of a difference between m and the law's n over the depths in contact, Hertz's
+        paraboloid in place of a ball, and the relative systematic uncertainty of the stiffness.
+        NaN if refused.
     tip : Tip
-        That was given.
+        The tip of the probe.
     poisson_ratio : float
-        ν, which was given or assumed; no indentation says it.
+        ν, specified or assumed; an indentation does not identify it.
     exponent : Quantity
-        n = x (∂F/∂x)/F of the law at the working depth, which should be the tip's.
+        n = x (∂F/∂x)/F of the law at the working depth; it should equal the tip's.
     assumed : bool
         Whether Poisson's ratio was assumed.
     refused : str or None
         Why there is no modulus.
     remarks : tuple of str
-        What a reader should know of it.
+        Remarks for the reader.
     """
 
     value: Quantity
@@ -206,8 +206,12 @@ class ElasticModulus:
     refused: str | None = None
     remarks: tuple[str, ...] = ()
 
+    def __repr__(self) -> str:
+        number = with_error(self.value.value, self.value.whole_error, unit="Pa")
+        return f"ElasticModulus({self.refused or number}; {self.tip}, ν = {self.poisson_ratio:g})"
+
     def as_dict(self) -> dict[str, Any]:
-        """Return it as plain numbers and words; what is not defined is None."""
+        """Return it as plain numbers and text; undefined numbers are None."""
         return {
             **self.value.as_dict(),
             "reduced": defined(self.value.value / (1.0 - self.poisson_ratio**2)),
@@ -227,24 +231,24 @@ def elastic_modulus_of(
     tip: Tip,
     poisson_ratio: float | None,
 ) -> ElasticModulus:
-    """Return Young's modulus by the force at working depth and the shape of the tip.
+    """Return Young's modulus from the force at working depth and the shape of the tip.
 
-    By the force where it was measured rather than by K, which is the force at one metre and depends
-    on the exponent. Refused where the moduli of light and of deep touch are more than 25 % off it,
-    or the exponent is certainly another shape's: the numbers are then not this tip's.
+    It uses the force where it was measured, not K, which is an extrapolation to one metre and
+    depends on the exponent. palpate refuses a modulus if those of light and deep touch differ by
+    more than 25 % from it, or the exponent is certainly another shape's: the tip's shape is wrong.
 
     Parameters
     ----------
     law : ForceLaw
-        What was identified.
+        The identified law.
     found : Diagnosis
-        Of it.
+        Its diagnosis.
     depths : tuple of float
         10th and 90th percentile of the penetration in contact, m, > 0.
     tip : Tip
-        Of the probe.
+        The tip of the probe.
     poisson_ratio : float or None
-        ν of the material; None: 0.5 is assumed.
+        ν of the material. Default: 0.5, assumed.
     """
     ratio = INCOMPRESSIBLE if poisson_ratio is None else poisson_ratio
     there = found.working_depth
@@ -255,7 +259,7 @@ def elastic_modulus_of(
         refused = "the law has no force at the working depth"
     elif not tip.holds(there.depth):
         depth = format_quantity(there.depth, "m")
-        refused = f"at the working depth, {depth}, there is no {tip.kind} left"
+        refused = f"the working depth, {depth}, is larger than the {tip.kind} allows"
     if refused:
         return ElasticModulus(UNKNOWN, *known, refused)
     low, modulus, high = (
@@ -278,9 +282,9 @@ def elastic_modulus_of(
 
 
 def _exponent(there: WorkingDepth) -> Quantity:
-    """Of the force, d ln F/d ln x, with the relative errors of the stiffness.
+    """Exponent of the force, d ln F/d ln x, with the relative errors of the stiffness.
 
-    They are the larger by far: force is what was measured, and stiffness its slope.
+    Those of the force are negligible: it was measured, and the stiffness is its slope.
     """
     if not there.force.value > 0.0:
         return UNKNOWN
@@ -288,15 +292,16 @@ def _exponent(there: WorkingDepth) -> Quantity:
 
 
 def _another_shape(exponent: Quantity, spread: float, tip: Tip) -> str | None:
-    """Say why the force does not grow with depth as under this tip."""
+    """Return why the force does not grow with depth as under this tip; None if it does."""
+    power = with_error(exponent.value, exponent.whole_error)
     words = (
-        f"the force grows with depth to the power {exponent.format()}, and under a {tip.kind} "
-        f"to the power {tip.exponent:g}"
+        f"the force grows with depth to the power {power}, but under a {tip.kind} it "
+        f"has the power {tip.exponent:g}"
     )
     if spread > WIDEST_SPREAD:
-        return f"{words}: light and deep touch would give moduli {2.0 * spread:.0%} apart"
+        return f"{words}: moduli from light and deep touch differ by {2.0 * spread:.0%}"
     if abs(exponent.value - tip.exponent) > max(NEXT_SHAPE, CERTAIN * exponent.whole_error):
-        return f"{words}: it is of another shape"
+        return f"{words}: the tip has another shape"
     return None
 
 
@@ -306,11 +311,12 @@ def _remarks(found: Diagnosis, exponent: Quantity, tip: Tip) -> list[str]:
         remarks.append("the diagnosis does not trust the stiffness")
     if not CERTAIN * exponent.whole_error < NEXT_SHAPE:
         remarks.append(
-            f"the exponent, {exponent.format()}, does not say whether the tip is a {tip.kind}"
+            f"the exponent, {with_error(exponent.value, exponent.whole_error)}, does not show "
+            f"whether the tip is a {tip.kind}"
         )
     if any(finding.check == "surface" for finding in found.findings):
         remarks.append(
-            "where the surface lies is uncertain, as palpate diagnose says: 1 % of the depth moves "
-            f"the modulus by {tip.exponent:g} %"
+            "the surface position is uncertain (see palpate diagnose): an error of 1 % in depth "
+            f"changes the modulus by {tip.exponent:g} %"
         )
     return remarks

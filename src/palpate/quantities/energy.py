@@ -1,4 +1,4 @@
-"""The energy that a material takes from a probe, and where a law would give it some: passivity."""
+"""The energy that a material dissipates, and the passivity of the identified law."""
 
 import math
 from dataclasses import dataclass
@@ -10,27 +10,28 @@ from numpy.typing import NDArray
 
 from palpate.contact import Contact
 from palpate.diagnosis.finding import Quantity, WorkingDepth
+from palpate.digits import rounded, with_error
 from palpate.force_laws import ForceLaw, force_over_breaks
 from palpate.preparation.gates import choose_gate, touches_of
 from palpate.quantities.restitution import UNKNOWN
 from palpate.validation import Floats, Plain, defined
 
-# Of the swing of the depth: a crossing counts when the probe has been so far on either side.
+# Fraction of the depth's range: a crossing counts if the probe goes this far on both sides.
 HYSTERESIS = 0.10
-# Of the range of the work in a loop: what swings less is noise of a probe that rests.
+# Fraction of the work's range in a loop: smaller rises and falls are noise of a resting probe.
 SMALLEST_STROKE = 0.05
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Path:
-    """What is known of a probe's motion in the material, sample by sample.
+    """A probe's motion in the material, sample by sample.
 
     Attributes
     ----------
     time, depth, velocity, force : numpy.ndarray, shape (k,)
         s; below the surface, m; m/s; without the sensor's offset, N. All finite.
     segment : numpy.ndarray of int, shape (k,)
-        Work does not go from one to the next.
+        Segment numbers; work is not integrated from one segment to the next.
     inside : numpy.ndarray of bool, shape (k,)
         The samples that the identification took.
     """
@@ -43,7 +44,7 @@ class Path:
     inside: NDArray[np.bool_]
 
     def felt(self, law: ForceLaw) -> Floats:
-        """Force by a law along the motion, N; one with memory is at rest where a touch begins."""
+        """Force of a law along the motion, N; a law with memory starts each segment relaxed."""
         steps = np.diff(self.time, prepend=self.time[:1])
         starts = [0, *(np.flatnonzero(np.diff(self.segment)) + 1).tolist()]
         within = np.delete(steps, starts)
@@ -57,10 +58,10 @@ class Path:
         return np.concatenate([[0.0], np.cumsum(steps)])
 
     def variance(self, force_noise: float, depth_noise: float) -> Floats:
-        """Variance of the measured work up to each sample, J², by white noise of both channels.
+        """Variance of the measured work up to each sample, J², from white noise of both channels.
 
-        ∫ F dx = −∫ x dF of a closed loop: a force counts with half the way between its neighbours,
-        a depth with half the difference of its neighbours' forces.
+        For a closed loop ∫ F dx = −∫ x dF: each force is weighted by half the distance between its
+        neighbours, each depth by half the difference of its neighbours' forces.
         """
         total = np.zeros(len(self.depth))
         for values, noise in ((self.depth, force_noise), (self.force, depth_noise)):
@@ -72,14 +73,14 @@ class Path:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Loops:
-    """Stretches of a path at whose ends the probe is equally deep.
+    """Parts of a path that begin and end at equal depth.
 
     Attributes
     ----------
     kind : str
         ``"touch"`` or ``"cycle"``.
     starts, stops : numpy.ndarray, shape (m,)
-        As places between the samples, from 0; whole ones for touches.
+        Sample indices, from 0; fractional for cycles.
     """
 
     kind: str
@@ -90,23 +91,23 @@ class Loops:
         return len(self.starts)
 
     def swings(self, values: Floats) -> Floats:
-        """Largest less smallest value in each loop."""
+        """Largest minus smallest value in each loop."""
         ends = zip(self.starts.tolist(), self.stops.tolist(), strict=True)
         return np.array([np.ptp(values[int(a) : int(b) + 2]) for a, b in ends])
 
     def over(self, values: Floats) -> Floats:
-        """How much a running sum grows in each loop."""
+        """Increase of a running sum over each loop."""
         places = np.arange(len(values))
         starts, stops = (np.interp(ends, places, values) for ends in (self.starts, self.stops))
         return stops - starts
 
 
 def loops_of(contact: Contact, path: Path) -> Loops:
-    """Return the whole touches; or whole cycles, where these hold less than half of the contact.
+    """Return the whole touches, or the whole cycles if touches cover less than half of the contact.
 
-    A touch begins and ends out of contact, within the recording. A cycle of a probe that stays in
-    contact goes from one passage through the median depth, inwards, to the next: whatever a spring
-    takes up in such a loop it gives back, however the depth of the strokes varies.
+    A touch begins and ends out of contact, within the recording. A cycle goes from one inward
+    passage through the median depth to the next: a spring returns all the energy it stores in such
+    a loop, however the depth of the strokes varies.
     """
     touches = _touches(contact, path)
     counts = np.concatenate([[0], np.cumsum(path.inside)])
@@ -117,7 +118,7 @@ def loops_of(contact: Contact, path: Path) -> Loops:
 
 
 def _touches(contact: Contact, path: Path) -> list[tuple[float, float]]:
-    """First and last sample of each, outwards as far as the probe is below the surface."""
+    """First and last sample of each touch, extended to where the probe leaves the surface."""
     gate, found = choose_gate(contact), []
     for part in contact.segments():
         first, last = _ends(path, int(contact.segment[part.start]))
@@ -125,9 +126,9 @@ def _touches(contact: Contact, path: Path) -> list[tuple[float, float]]:
         for touch in touches_of(contact.taken(part), gate):
             start = first + int(np.searchsorted(time, touch.start))
             stop = first + int(np.searchsorted(time, touch.stop, side="right")) - 1
-            if path.inside[start : stop + 1].any():  # a spike that was left out is none
+            if path.inside[start : stop + 1].any():  # a rejected spike is not a touch
                 cores.append((start, stop))
-        # Between two touches the shallowest sample.
+        # Two touches are separated at the shallowest sample between them.
         limits = [a + int(np.argmin(path.depth[a : b + 1])) for (_, a), (b, _) in pairwise(cores)]
         limits = [first, *limits, last]
         for (start, stop), (low, high) in zip(cores, pairwise(limits), strict=False):
@@ -150,7 +151,7 @@ def _outwards(depth: Floats, start: int, stop: int, low: int, high: int) -> tupl
 
 
 def _cycles(path: Path) -> list[tuple[float, float]]:
-    """Between passages inwards through the median depth, with some way on either side."""
+    """Loops between inward passages through the median depth, with some travel on both sides."""
     taken = path.depth[path.inside]
     if taken.size < 2:
         return []
@@ -160,7 +161,7 @@ def _cycles(path: Path) -> list[tuple[float, float]]:
     for each in np.unique(path.segment):
         first, last = _ends(path, int(each))
         places = _passages(path.depth[first : last + 1], level - some, level, level + some)
-        # Nearly all of a cycle was in contact; a lift out of it would be a touch.
+        # A cycle is nearly all in contact; one with a lift-off would be a touch.
         found += [
             (first + a, first + b)
             for a, b in pairwise(places)
@@ -170,7 +171,7 @@ def _cycles(path: Path) -> list[tuple[float, float]]:
 
 
 def _passages(depth: Floats, low: float, level: float, high: float) -> list[float]:
-    """Places where the depth passes a level inwards, from below ``low`` to above ``high``."""
+    """Fractional sample indices where the depth rises through a level, from ``low`` to ``high``."""
     far = np.flatnonzero((depth < low) | (depth > high))
     if not far.size:
         return []
@@ -186,9 +187,9 @@ def _passages(depth: Floats, low: float, level: float, high: float) -> list[floa
 
 
 def put_in(work: Floats, loops: Loops) -> Floats:
-    """Work that goes into the material in each loop, J: the sum of its rises of more than 5 %.
+    """Energy put into the material in each loop, J: the sum of the work's rises.
 
-    Rises and falls of less than a twentieth of the whole range are noise of a probe that rests.
+    Rises and falls below 5 % of the work's range count as noise of a resting probe.
     """
     places, sums = np.arange(len(work)), []
     for start, stop in zip(loops.starts, loops.stops, strict=True):
@@ -216,39 +217,39 @@ def _turns(values: Floats, least: float) -> list[float]:
     return [*turns, extreme]
 
 
-# The energy that a material takes from a probe in a loop, measured and by the law.
+# The energy that a material dissipates in a loop, measured and by the model.
 
-# Of the energy lost: the law's loss is off by more than this before it is said.
+# Fraction of the measured loss: palpate reports a larger difference between law and measurement.
 UNACCOUNTED = 0.10
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class EnergyLoss:
-    """Energy lost in the loops of a recording, J.
+    """Energy dissipated in the loops of a recording, J.
 
     Attributes
     ----------
     kind : str
-        ``"touch"``: from out of contact to out of contact. ``"cycle"``: from one passage through
-        the median depth to the next, of a probe that stays in contact. ``"none"``: no loop closes.
+        ``"touch"``: from out of contact to out of contact. ``"cycle"``: from one inward passage
+        through the median depth to the next, in lasting contact. ``"none"``: no loop is complete.
     measured : Quantity
-        ∮ F dx, mean of the loops; its standard error is what white noise of force and penetration
-        makes of it, and systematic what an error of the penetration would that goes by the place,
-        as an encoder's does, and a delay or a drift of the force's zero that the diagnosis names.
+        ∮ F dx, mean of the loops. Statistical: white noise of force and penetration. Systematic:
+        errors of the penetration that depend on the position, such as an encoder's, and a delay or
+        force-sensor drift that the diagnosis reports.
     predicted : Quantity
-        The same by the law along the same motion, with the relative standard error of its damping:
-        over a closed loop all that a law loses is lost in its damper. What the diagnosis' findings
-        may move is not in it: it shows as what parts the two.
+        The law's ∮ F dx along the same motion, with the relative standard error of its damping,
+        which causes all of a law's loss over a closed loop. The systematic uncertainty of the
+        damping is not included; it shows as the difference between the two.
     put_in : float
-        Work that went in, mean of the loops.
+        Energy put in, mean of the loops.
     fraction : Quantity
         measured/put_in.
     start, stop : numpy.ndarray, shape (m,)
-        Of each loop, s.
+        Start and end of each loop, s.
     lost, predicted_lost, put_in_each : numpy.ndarray, shape (m,)
-        In each loop.
+        Measured loss, predicted loss and energy put in, per loop.
     remarks : tuple of str
-        What a reader should know of it.
+        Remarks for the reader.
     """
 
     kind: str
@@ -263,8 +264,17 @@ class EnergyLoss:
     put_in_each: Floats
     remarks: tuple[str, ...] = ()
 
+    def __repr__(self) -> str:
+        measured, predicted = (
+            with_error(each.value, each.whole_error, unit="J")
+            for each in (self.measured, self.predicted)
+        )
+        loops = {"touch": "touches", "cycle": "cycles"}.get(self.kind, "loops")
+        number = len(self.lost)
+        return f"EnergyLoss({measured} measured, {predicted} by the model; {number} {loops})"
+
     def as_dict(self) -> dict[str, Any]:
-        """Return the means as plain numbers and words; what is not defined is None."""
+        """Return the means as plain numbers and text; undefined ones are None."""
         return {
             "kind": self.kind,
             "loops": len(self.lost),
@@ -287,25 +297,25 @@ def energy_of(
     skewed: bool,
     drifting: bool,
 ) -> EnergyLoss:
-    """Return the energy lost in loops of a path.
+    """Return the energy dissipated in the loops of a path.
 
     Parameters
     ----------
     path : Path
         The motion, and the force without the sensor's offset.
     loops : Loops
-        Of it.
+        Loops of that path.
     law : ForceLaw
-        What was identified.
+        The identified law.
     damping : Quantity
-        Of the law at working depth, N·s/m: its relative error is that of the predicted loss.
+        The law's damping at working depth, N·s/m: the predicted loss has its relative error.
     force_noise, depth_noise : float
         Standard deviations of white noise, N and m.
     skewed : bool
-        Whether force and penetration may be apart in time, which moves the measured loss as it
-        does the damping.
+        Whether force and penetration may have a delay, which biases the measured loss as it does
+        the damping.
     drifting : bool
-        Whether the zero of the force may drift, whose ∮ F dx is no loss.
+        Whether the force's zero may drift; the ∮ F dx of a drift is not a loss.
     """
     work = path.work(path.force)
     lost = loops.over(work)
@@ -316,13 +326,13 @@ def energy_of(
     start, stop = (np.interp(ends, samples, path.time) for ends in (loops.starts, loops.stops))
     arrays = (start, stop, lost, predicted, each)
     if not len(loops):
-        words = "no touch is whole, and no cycle closes"
+        words = "the recording has no complete touch or cycle"
         return EnergyLoss("none", UNKNOWN, UNKNOWN, math.nan, UNKNOWN, *arrays, remarks=(words,))
     # Over a closed loop a law's loss is proportional to its damping.
     by_damping = abs(float(predicted.mean()) / damping.value) if damping.value else math.nan
     noise = float(np.sqrt(variance.sum())) / len(loops)
     moved = by_damping * damping.systematic if skewed else 0.0
-    # An encoder's error goes by the place, and is the same in every loop: ∮ e dF, e of one sign.
+    # An encoder's error e depends on the position and repeats in every loop: ∮ e dF, e of one sign.
     steps = depth_noise * float(loops.swings(path.force).mean())
     drifted = _drifted(path, loops, law) if drifting else 0.0
     measured = Quantity(float(lost.mean()), noise, math.hypot(moved, steps, drifted))
@@ -336,7 +346,7 @@ def energy_of(
 
 
 def _drifted(path: Path, loops: Loops, law: ForceLaw) -> float:
-    """Return ∮ ḋ t dx, mean of the loops, J, of a zero that drifts as what the law leaves does."""
+    """Return ∮ ḋ t dx, mean of the loops, J, for a zero that drifts at the residual's rate ḋ."""
     inside = path.inside
     time = path.time[inside] - path.time[inside].mean()
     left = path.force[inside] - path.felt(law)[inside]
@@ -347,67 +357,66 @@ def _drifted(path: Path, loops: Loops, law: ForceLaw) -> float:
 def _remarks(measured: Quantity, predicted: Quantity) -> list[str]:
     remarks = []
     if abs(measured.value) < 2.0 * measured.standard_error:
-        remarks.append("the energy lost is not distinguishable from 0")
+        remarks.append("the dissipated energy is not distinguishable from 0")
     elif measured.value < 0.0:
         remarks.append(
-            "the recording gives energy back that was not put in: the force is late, or the "
-            "surface moves"
+            "the material returns more energy than is put in: the force lags, or the surface moves"
         )
     errors = (measured.standard_error, predicted.standard_error)
     known = [error for error in errors if math.isfinite(error)]
     off = abs(measured.value - predicted.value)
     if predicted.value < 0.0:
-        remarks.append("the law makes energy: its damping is negative")
+        remarks.append("the law generates energy: its damping is negative")
     elif measured.value > 0.0 and off > max(UNACCOUNTED * measured.value, 2.0 * math.hypot(*known)):
         part = predicted.value / measured.value
-        remarks.append(f"the law accounts for {part:.0%} of what was lost")
+        remarks.append(f"the law accounts for {part:.0%} of the dissipated energy")
     return remarks
 
 
 def _loop_by_loop(kind: str, lost: Floats, predicted: Floats, variance: Floats) -> list[str]:
-    """Say where the law's loss is right on the whole, and not in the single loops."""
+    """Report a law's loss that is right on average but not in the single loops."""
     size, off, noise = (
         float(np.sqrt(np.mean(square))) for square in (lost**2, (lost - predicted) ** 2, variance)
     )
     if off <= max(UNACCOUNTED * size, 2.0 * noise):
         return []
     return [
-        f"the law's loss is {off / size:.0%} off {kind} by {kind}: what is lost goes otherwise "
-        "with speed or depth"
+        f"the law's loss is off by {off / size:.0%} per {kind}: the material's depends differently "
+        "on speed or depth"
     ]
 
 
-# Where a law predicts a force that pulls, as no contact without adhesion can.
+# Where a law predicts a negative (adhesive) force, which a contact without adhesion cannot have.
 
-# Standard deviations of its noise below 0: a recorded force that pulls. Of 10⁵ samples without
-# force white noise makes less than one such.
+# A recorded force is adhesive this many standard deviations of its noise below 0. White noise
+# exceeds that in less than one of 10⁵ samples without force.
 PULLS = 5.0
 
 
 @dataclass(frozen=True, slots=True)
 class Passivity(Plain):
-    """Whether the law's force is negative in the recorded motion, and the recorded one too.
+    """Whether the law's force, and the recorded force, become negative in the recorded motion.
 
     Attributes
     ----------
     fraction : float
-        Of the samples below the surface, in which the law's force is negative.
+        Fraction of the samples below the surface at which the law's force is negative.
     lowest_force : float
-        By the law, N; 0 where it never pulls.
+        The law's lowest force, N; 0 if it is never negative.
     lowest_depth, lowest_velocity : float
-        Where that is, m and m/s; NaN where it never pulls.
+        Depth and velocity of the lowest force, m and m/s; NaN if it is never negative.
     deepest : float
-        Depth down to which it pulls, m; NaN where it never does.
+        Largest depth at which the law's force is negative, m; NaN if it never is.
     measured_there : float
-        Mean of the recorded force where the law's is negative, N; NaN where it never is.
+        Mean recorded force where the law's is negative, N; NaN if it never is.
     measured_fraction : float
-        Of the samples below the surface, in which the recorded force is more than five standard
-        deviations of its noise below 0: adhesion, or a wrong zero of the force.
+        Fraction of the samples below the surface at which the recorded force is more than five
+        standard deviations of its noise below 0: adhesion, or a wrong zero of the force.
     limit : float
-        Velocity at which the law's force at working depth is 0, −F/C, m/s: −K/B of a Hunt–Crossley
-        law, at any depth. It pulls on faster withdrawals. NaN without damping.
+        Velocity at which the law's force at working depth is 0, −F/C, m/s; for a Hunt–Crossley law
+        −K/B at any depth. The force is negative on faster withdrawals. NaN without damping.
     fastest_withdrawal : float
-        Recorded below the surface, m/s, ≥ 0: 99.9 % of its samples were slower.
+        Fastest withdrawal below the surface, m/s, ≥ 0: the 99.9th percentile.
     """
 
     fraction: float
@@ -420,18 +429,25 @@ class Passivity(Plain):
     limit: float
     fastest_withdrawal: float
 
+    def __repr__(self) -> str:
+        return (
+            f"Passivity(force negative at {self.fraction:.2%} of the samples by the model, at "
+            f"{self.measured_fraction:.2%} measured; limit {rounded(self.limit, 3)} m/s, fastest "
+            f"withdrawal {rounded(self.fastest_withdrawal, 3)} m/s)"
+        )
+
 
 def passivity_of(path: Path, law: ForceLaw, there: WorkingDepth, force_noise: float) -> Passivity:
-    """Return where a law pulls along a path.
+    """Return where a law's force is negative along a path.
 
     Parameters
     ----------
     path : Path
         The motion, and the force without the sensor's offset.
     law : ForceLaw
-        What was identified.
+        The identified law.
     there : WorkingDepth
-        Its numbers.
+        Its numbers at working depth.
     force_noise : float
         Standard deviation of the force's noise, N.
     """
@@ -454,6 +470,6 @@ def passivity_of(path: Path, law: ForceLaw, there: WorkingDepth, force_noise: fl
 
 
 def fastest_of(velocity: Floats) -> float:
-    """99.9th percentile of the velocities inwards, m/s, so that a spike sets nothing; 0 of none."""
+    """99.9th percentile of the positive velocities, m/s (robust to spikes); 0 if there are none."""
     inwards = velocity[velocity > 0.0]
     return float(np.percentile(inwards, 99.9)) if inwards.size else 0.0

@@ -1,20 +1,20 @@
-"""How a free body rebounds from a Hunt–Crossley contact: exactly, and its inverse.
+"""Coefficient of restitution of a Hunt–Crossley contact: the exact relation, and its inverse.
 
-A rigid body of mass m meets the surface at v₀, with no other force on it and no adhesion. It moves
-by m ẍ = −K xⁿ (1 + b ẋ), b = B/K; with the depth in place of the time, and divided by 1 + b v,
+A rigid body of mass m hits the surface at v₀, without adhesion or other forces. Its equation of
+motion is m ẍ = −K xⁿ (1 + b ẋ), b = B/K. With depth in place of time, divided by 1 + b v,
 
     m v dv/(1 + b v) = −K xⁿ dx.
 
-The right side comes to as much on the way in as, with the other sign, on the way out. So must the
-left, from v₀ to rest and from rest to −e v₀. With ∫₀ᵛ u du/(1 + b u) = [b v − ln(1 + b v)]/b² and
-d = b v₀ that is
+The right side integrates to opposite values on the way in and on the way out. So must the left,
+from v₀ to rest and from rest to −e v₀. With ∫₀ᵛ u du/(1 + b u) = [b v − ln(1 + b v)]/b² and
+d = b v₀ this gives
 
     d − ln(1 + d) = −d e − ln(1 − d e),  or  d (1 + e) = ln[(1 + d)/(1 − d e)].
 
-Mass, stiffness and exponent have gone: e depends on d alone, and falls from 1 towards 0 as d grows.
-As 1 − d e stays positive, a free body never comes back faster than 1/b, and such a contact never
-pulls. The relation is implicit in Hunt & Crossley, *J. Applied Mechanics* 42 (1975) 440–445, and
-written out by Gonthier et al., *Multibody System Dynamics* 11 (2004) 209–233.
+Mass, stiffness and exponent cancel: e depends on d alone, and falls from 1 towards 0 as d grows.
+As 1 − d e stays positive, a free body never rebounds faster than 1/b, and the contact force never
+becomes negative. The relation is implicit in Hunt & Crossley, *J. Applied Mechanics* 42 (1975)
+440–445, and explicit in Gonthier et al., *Multibody System Dynamics* 11 (2004) 209–233.
 """
 
 import math
@@ -27,15 +27,16 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from palpate.diagnosis.finding import Quantity, WorkingDepth
+from palpate.digits import rounded, with_error
 from palpate.force_laws import ForceLaw
 from palpate.validation import Floats, Plain, all_good, together
 
-# Below it e = 1 − 2d/3 + 4d²/9 is exact: the next term, 44 d³/135, is under 10⁻¹⁵. They follow from
-# φ(d) = e² φ(−d e), where φ(z) = 2 [z − ln(1 + z)]/z² = 1 − 2z/3 + z²/2 − …: of e = 1 + p d + q d²
-# the terms in d say 2p + 2/3 = −2/3, those in d² say 2q + p² + 2p + 1/2 = 1/2.
+# Below it e = 1 − 2d/3 + 4d²/9 is exact: the next term, 44 d³/135, is under 10⁻¹⁵. It follows from
+# φ(d) = e² φ(−d e), where φ(z) = 2 [z − ln(1 + z)]/z² = 1 − 2z/3 + z²/2 − …: in e = 1 + p d + q d²
+# the terms in d give 2p + 2/3 = −2/3, those in d² give 2q + p² + 2p + 1/2 = 1/2.
 SMALL = 1e-5
-# Newton's method on a convex function from above comes down on every step, and doubles its digits
-# once it is near. Seen: 5 for d > 0, 11 for d just above −1, 5 for the inverse.
+# Newton's method on a convex function from above decreases at every step and converges
+# quadratically. Observed: 5 steps for d > 0, 11 for d just above −1, 5 for the inverse.
 MOST_STEPS = 20
 # ln(1 + z) = 2 artanh r, r = z/(2 + z): for |r| ≤ 1/4 the terms after r³³ are below 10⁻²⁰.
 _ODD = 1.0 / np.arange(3.0, 34.0, 2.0)
@@ -48,42 +49,42 @@ def restitution(dissipation: "ArrayLike", speed: "ArrayLike") -> Floats: ...
 def restitution(dissipation: "ArrayLike", speed: "ArrayLike") -> float | Floats:
     """Return the coefficient of restitution e of a free impact on a Hunt–Crossley contact.
 
-    e = −v₁/v₀, of the velocities after and before, by d (1 + e) = ln[(1 + d)/(1 − d e)], d = b v₀,
-    solved to some roundings for any d; this module says above where that comes from.
-    Neither adhesion nor any other force, such as the body's weight.
+    e = −v₁/v₀, velocity after over velocity before, from d (1 + e) = ln[(1 + d)/(1 − d e)],
+    d = b v₀, solved to rounding error for any d; the module's docstring derives it. There is no
+    adhesion and no other force, such as the body's weight.
 
     Parameters
     ----------
     dissipation : float or array_like
-        b = B/K, s/m. Where it is negative the law makes energy: e > 1 for d > −1; and NaN for
-        d ≤ −1, where the force draws the body in and nothing rebounds.
+        b = B/K, s/m. A negative one generates energy: e > 1 for d > −1. NaN for d ≤ −1, where the
+        force pulls the body in and it does not rebound.
     speed : float or array_like
-        v₀ at first touch, m/s, ≥ 0; of a shape that goes together with the other's.
+        v₀ at first touch, m/s, ≥ 0; it broadcasts with ``dissipation``.
 
     Raises
     ------
     InvalidParameterError
-        It names the first value that is no finite number, or a speed below 0.
+        A value is not finite, or a speed is negative; the message names the first.
     """
     b, speeds = together(dissipation=dissipation, speed=speed)
     all_good("dissipation", b, np.isfinite(b), "finite")
     all_good("speed", speeds, (speeds >= 0.0) & np.isfinite(speeds), "at least 0 and finite")
-    with np.errstate(over="ignore"):  # what overflows rebounds as little as 10³⁰⁰ does
+    with np.errstate(over="ignore"):  # above 10³⁰⁰ e is 0
         d = np.clip(b * speeds, -1e300, 1e300)
     e = _solved(d.reshape(-1))[0].reshape(d.shape)
     return e if e.ndim else float(e)
 
 
 def restitution_slope(d: Floats) -> Floats:
-    """Return de/dd of the exact relation at some d > −1: an error of b becomes one of e by it.
+    """Return de/dd of the exact relation at d > −1, which propagates an error of b to e.
 
-    With y = d e, d − ln(1 + d) = −y − ln(1 − y) has d/(1 + d) dd = y/(1 − y) dy, so that
+    With y = d e, d − ln(1 + d) = −y − ln(1 − y) gives d/(1 + d) dd = y/(1 − y) dy, so that
     de/dd = [(1 − y)/(e (1 + d)) − e]/d; near 0, where that cancels, −2/3 + 8d/9 − 44d²/45.
     """
     e, left = _solved(d)
     few = np.clip(d, -1e-4, 1e-4)
     slopes = -2.0 / 3.0 + 8.0 * few / 9.0 - 44.0 * few**2 / 45.0
-    far = np.abs(d) > 1e-4  # there what the series leaves off and what cancels are both some 10⁻¹²
+    far = np.abs(d) > 1e-4  # there truncation and cancellation errors are both about 10⁻¹²
     slopes[far] = (left[far] / (e[far] * (1.0 + d[far])) - e[far]) / d[far]
     return slopes
 
@@ -93,21 +94,21 @@ def dissipation_for(restitution: float, speed: float) -> float: ...
 @overload
 def dissipation_for(restitution: "ArrayLike", speed: "ArrayLike") -> Floats: ...
 def dissipation_for(restitution: "ArrayLike", speed: "ArrayLike") -> float | Floats:
-    """Return the dissipation b = B/K [s/m] with which a free body that comes at v₀ rebounds by e.
+    """Return the dissipation b = B/K [s/m] for which an impact at v₀ has the restitution e.
 
-    The inverse of :func:`restitution`, for a simulator that is given the one and needs the other.
+    The inverse of :func:`restitution`.
 
     Parameters
     ----------
     restitution : float or array_like
         e, in [10⁻¹², 1].
     speed : float or array_like
-        v₀, m/s, > 0; of a shape that goes together with the other's.
+        v₀, m/s, > 0; it broadcasts with ``restitution``.
 
     Raises
     ------
     InvalidParameterError
-        It names the first value that is out of its range.
+        A value is out of its range; the message names the first.
     """
     e, speeds = together(restitution=restitution, speed=speed)
     all_good("restitution", e, (e >= 1e-12) & (e <= 1.0), "in [1e-12, 1]")
@@ -117,7 +118,7 @@ def dissipation_for(restitution: "ArrayLike", speed: "ArrayLike") -> float | Flo
 
 
 def _solved(d: Floats) -> tuple[Floats, Floats]:
-    """Restitution, and what is left: 1 − d e, without cancellation."""
+    """Restitution e, and 1 − d e without cancellation."""
     few = np.clip(d, -SMALL, SMALL)
     e = 1.0 - 2.0 * few / 3.0 + 4.0 * few**2 / 9.0
     left = 1.0 - few * e
@@ -155,9 +156,9 @@ def _without_exponential(t: Floats) -> Floats:
 
 
 def _inverse(e: Floats) -> Floats:
-    """Newton's method on ln e over ln d, which is concave: it comes down from above.
+    """Newton's method on ln e over ln d, which is concave: it converges from above.
 
-    There d ≤ min(3 (1 − e)/2e, 1/e): exact to the second order at e = 1, and at e = 0.
+    It starts at min(3 (1 − e)/2e, 1/e) ≥ d: exact to the second order at e = 1, and at e = 0.
     """
     d = np.minimum(1.5 * (1.0 - e), 1.0) / e
     moving = d > 0.0
@@ -165,24 +166,23 @@ def _inverse(e: Floats) -> Floats:
         now = _solved(d[moving])[0]
         change = np.log(now / e[moving]) * now / (restitution_slope(d[moving]) * d[moving])
         d[moving] *= np.exp(-change)
-        # ln e holds 10⁻¹⁶, of which d near 0 keeps so much the less.
+        # ln e is accurate to 10⁻¹⁶; near d = 0 the relative accuracy of d is lower.
         if (np.abs(change) * np.minimum(d[moving], 1.0) <= 1e-15).all():
             break
     return d
 
 
-# What people quote in place of the exact relation.
+# Published approximations of the exact relation.
 
 
 def _carvalho_martins(d: float) -> float:
-    # The lesser root of e² − 2 p e + q = 0, as q over the larger one.
+    # The smaller root of e² − 2 p e + q = 0, as q over the larger one.
     p, q = 6.0 + 3.0 * d, 11.0 - 2.0 * d / 3.0
     return q / (p + math.sqrt(p * p - q))
 
 
-#: e by d = b v₀ ≥ 0, in the order of their years. Each is published as the d that a wanted e needs
-#: (but for the factor K/v₀), and solved for e here; how near they come to the exact e was found
-#: over d from 10⁻³ to 10².
+#: Approximations of e for d = b v₀ ≥ 0, by year. Each is published as the d for a required e (up to
+#: the factor K/v₀) and solved for e here. Their errors below are for d from 10⁻³ to 10².
 APPROXIMATIONS: dict[str, Callable[[float], float]] = {
     # d = 3 (1 − e)/2: Hunt & Crossley, J. Applied Mechanics 42 (1975) 440–445; within 0.01 for
     # e > 0.905; none for d > 3/2.
@@ -191,7 +191,7 @@ APPROXIMATIONS: dict[str, Callable[[float], float]] = {
     # for e > 0.924; none for d > 3/4.
     "Lankarani–Nikravesh": lambda d: math.sqrt(1.0 - 4.0 * d / 3.0) if d <= 0.75 else math.nan,
     # d = (1 − e²)/e: Gonthier, McPhee, Lange & Piedbœuf, Multibody System Dynamics 11 (2004)
-    # 209–233, beside the exact relation; within 0.033 for every e, and exact towards e = 0. It is
+    # 209–233, next to the exact relation; within 0.033 for every e, and exact towards e = 0. It is
     # (√(d² + 4) − d)/2, without cancellation.
     "Gonthier": lambda d: 2.0 / (d + math.hypot(d, 2.0)),
     # d = 8 (1 − e)/(5 e): Flores, Machado, Silva & Martins, Multibody System Dynamics 25 (2011)
@@ -206,7 +206,7 @@ APPROXIMATIONS: dict[str, Callable[[float], float]] = {
 def approximations_of(dissipation: float, speed: float) -> dict[str, float]:
     """Return e by each of :data:`APPROXIMATIONS` at a dissipation b [s/m] and a speed v₀ [m/s].
 
-    NaN where one says nothing: for a negative dissipation, and where its e would be below 0.
+    NaN where an approximation is undefined: for b < 0, and where its e would be below 0.
     """
     d = dissipation * speed
     found = {
@@ -216,7 +216,7 @@ def approximations_of(dissipation: float, speed: float) -> dict[str, float]:
     return {name: e if e >= 0.0 else math.nan for name, e in found.items()}
 
 
-# The restitution of what was identified, with its error bar.
+# The restitution of an identified law, with its uncertainty.
 
 UNKNOWN = Quantity(math.nan, math.nan, math.nan)
 UNTRUSTED = "the diagnosis does not trust the damping"
@@ -224,22 +224,22 @@ UNTRUSTED = "the diagnosis does not trust the damping"
 
 @dataclass(frozen=True, slots=True)
 class Restitution(Plain):
-    """How a free body would rebound from the contact that was identified, at one speed.
+    """Restitution of a free body that hits the identified contact at one speed.
 
     Attributes
     ----------
     speed : float
         v₀ at first touch, m/s.
     fastest_approach : float
-        Into the material in the recording, m/s: 99.9 % of its samples were slower.
+        Fastest approach in contact in the recording, m/s: the 99.9th percentile.
     coefficient : Quantity
-        e by the law's exact relation, :func:`palpate.restitution`; NaN where it is not defined.
+        e from the exact relation, :func:`palpate.restitution`; NaN if undefined.
     dissipation : Quantity
-        b = B/K, s/m, by :func:`dissipation_of`.
+        b = B/K, s/m, from :func:`dissipation_of`.
     approximations : mapping of str to float
-        e by relations that people quote, at the same b v₀; NaN where one says nothing.
+        e from published approximations at the same b v₀; NaN where one is undefined.
     remarks : tuple of str
-        What a reader should know of it.
+        Remarks for the reader.
     """
 
     speed: float
@@ -248,6 +248,13 @@ class Restitution(Plain):
     dissipation: Quantity
     approximations: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
     remarks: tuple[str, ...] = ()
+
+    def __repr__(self) -> str:
+        e, b = self.coefficient, self.dissipation
+        return (
+            f"Restitution({with_error(e.value, e.whole_error)} at {rounded(self.speed, 3)} m/s, "
+            f"dissipation {with_error(b.value, b.whole_error, unit='s/m')})"
+        )
 
 
 def restitution_of(
@@ -258,30 +265,30 @@ def restitution_of(
     *,
     trusted: bool = True,
 ) -> Restitution:
-    """Return the restitution of a law whose dissipation is known with its errors.
+    """Return the restitution of a law from its dissipation.
 
-    They go to e by de/dd of the exact relation, the repeatable and the systematic part apart.
+    Statistical and systematic uncertainty of b propagate to e by de/dd of the exact relation.
 
     Parameters
     ----------
     law : ForceLaw
-        What was identified.
+        The identified law.
     b : Quantity
-        Its dissipation, by :func:`dissipation_of`.
+        Its dissipation, from :func:`dissipation_of`.
     fastest_approach : float
-        That was recorded in contact, m/s.
+        Fastest approach recorded in contact, m/s.
     speed : float, optional
-        v₀, m/s; the fastest approach unless given.
+        v₀, m/s. Default: the fastest approach.
     trusted : bool
-        Whether the diagnosis trusts the damping, with care or without.
+        Whether the diagnosis trusts the damping, possibly with care. Default: True.
     """
     v0 = fastest_approach if speed is None else speed
     if not law.power_law:
-        words = f"not the same for every body: by {_name_of_law(law)} it depends on the body's mass"
+        words = f"no single value: for {_name_of_law(law)} it depends on the body's mass"
         return Restitution(v0, fastest_approach, UNKNOWN, b, remarks=(words,))
     if not (math.isfinite(b.value) and v0 > 0.0):
-        why = "the law's stiffness is not positive" if v0 > 0.0 else "nothing approached in contact"
-        return Restitution(v0, fastest_approach, UNKNOWN, b, remarks=(f"not known: {why}",))
+        why = "the law's stiffness is not positive" if v0 > 0.0 else "no approach in contact"
+        return Restitution(v0, fastest_approach, UNKNOWN, b, remarks=(f"unknown: {why}",))
     d = b.value * v0
     e, slope = restitution(b.value, v0), math.nan
     if d > -1.0:
@@ -297,20 +304,20 @@ def restitution_of(
 
 
 def dissipation_of(law: ForceLaw, covariance: Floats, there: WorkingDepth) -> Quantity:
-    """Return b = B/K of a Hunt–Crossley law, s/m; unknown of another, or without stiffness.
+    """Return b = B/K of a Hunt–Crossley law, s/m; unknown for other laws or without stiffness.
 
-    Var b = b² (Var B/B² + Var K/K² − 2 Cov/(B K)): K and B go together with the exponent and with
-    the surface, of which b knows nothing. Systematic: that of the damping at working depth over the
-    force there, C/F = b.
+    Var b = b² (Var B/B² + Var K/K² − 2 Cov/(B K)): errors of the exponent and the surface change K
+    and B by the same factor and cancel in b. Its systematic uncertainty is that of the damping C at
+    working depth over the force F there, as C/F = b.
 
     Parameters
     ----------
     law : ForceLaw
-        What was identified.
+        The identified law.
     covariance : numpy.ndarray, shape (3, 3)
-        Of K, B and n, SI.
+        Covariance of K, B and n, SI.
     there : WorkingDepth
-        Its numbers.
+        Its numbers at working depth.
     """
     if not (law.power_law and law.parameters[0] > 0.0):
         return UNKNOWN
@@ -325,20 +332,20 @@ def dissipation_of(law: ForceLaw, covariance: Floats, there: WorkingDepth) -> Qu
 def _name_of_law(law: ForceLaw) -> str:
     if law.remembers:
         return "a law with memory"
-    words = "a law whose damping does not grow with depth as its force"
+    words = "a law whose damping and force grow differently with depth"
     return words if law.relaxes else f"the {law.kind} law"
 
 
 def _remarks(b: Quantity, speed: float, fastest: float) -> list[str]:
     remarks = []
     if b.value * speed <= -1.0:
-        remarks.append("the law draws the body in at this speed: nothing rebounds")
+        remarks.append("at this speed the law pulls the body in, and it does not rebound")
     elif b.value < 0.0:
-        remarks.append("the damping is negative: the law makes energy, which no material does")
-    # Two standard errors: 95 % of what the error bar leaves possible.
+        remarks.append("the damping is negative: the law generates energy, which no material does")
+    # Two standard errors: the 95 % interval includes 0.
     if 0.0 <= b.value < 2.0 * b.whole_error:
         remarks.append("the damping is not distinguishable from 0: e may be 1")
-    # Of two figures: the fastest approach is itself a percentile.
+    # With a margin of 1 %: the fastest approach is itself a percentile.
     if speed > 1.01 * fastest:
-        remarks.append(f"an extrapolation: no approach in the recording exceeds {fastest:.2g} m/s")
+        remarks.append(f"extrapolated: no approach in the recording exceeds {fastest:.2g} m/s")
     return remarks

@@ -97,7 +97,7 @@ def page(
     """
     name = Path(result.contact.source).name or "contact"
     others, made = list((compared or {}).values()), result.contact.provenance.items()
-    numbers = [view.depths(result), view.law(result, whole=True)]
+    numbers = [view.depths(result, whole=True), view.law(result, whole=True)]
     follows, findings = view.follows(result, whole=True), view.findings(result)
     prepared = [view.preparation([result], whole=True)]
     prepared.append(view.ViewSection("How each channel was made", [], ("channel", ""), [*made]))
@@ -134,7 +134,7 @@ def _tiles(result: Identified) -> Iterator[str]:
         (f"{relaxed}damping {at} · {html.badge(marks.damping)}", there.damping, "N·s/m"),
         (f"{relaxed}force {at}", there.force, "N"),
     ]
-    if words := view.felt_at(result):
+    if words := view.dynamic_stiffness_at(result):
         numbers = zip(("K′", "B′"), view.felt(result), ("N/m", "N·s/m"), strict=True)
         tiles += [(f"{symbol}, {escape(words)}", each, unit) for symbol, each, unit in numbers]
     yield '<div class="tiles">'

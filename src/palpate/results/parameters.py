@@ -18,6 +18,11 @@ if TYPE_CHECKING:
 
 #: Name of the row of a spectrum's relaxation times.
 OFFERED = "relaxation_times"
+_LAWS = {
+    "hunt-crossley": "Hunt–Crossley",
+    "kelvin-voigt": "Kelvin–Voigt",
+    "extended-kelvin-voigt": "extended Kelvin–Voigt",
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,9 +55,9 @@ def terms_of(result: "Identified") -> str:
 
 
 def law_name(result: "Identified") -> str:
-    """Return the law that was chosen; the kind of law of a method that has but one."""
-    verdict = result.estimator.verdict()
-    return str(result.law.kind if verdict is None else verdict.candidate)
+    """Return the law that was chosen, or the only one that the method identifies."""
+    verdict, kind = result.estimator.verdict(), result.law.kind
+    return _LAWS.get(kind, kind) if verdict is None else verdict.candidate.title
 
 
 def parameter_rows(result: "Identified") -> list[ParameterRow]:
@@ -82,7 +87,7 @@ def _generalised(result: "Identified", law: GeneralisedHuntCrossley) -> Iterator
         yield _number(result, p) if growth is None else _bound(law, p, growth)
     if not law.remembers:
         if chosen is not None and chosen.memory != "none":
-            yield _bound(law, relaxing, "0, no memory is better")
+            yield _bound(law, relaxing, "0 (no relaxation preferred)")
         return
     yield _number(result, relaxing, "N/m" if linear else None)
     if law.relaxation_time is not None:
@@ -91,7 +96,7 @@ def _generalised(result: "Identified", law: GeneralisedHuntCrossley) -> Iterator
     if law.spectrum_exponent:
         yield _number(result, alpha)
     ends = " to ".join(_time(each) for each in (law.shortest_time, law.longest_time))
-    yield ParameterRow(shortest, OFFERED, "τ", "", f"{ends} (as offered, not estimated)")
+    yield ParameterRow(shortest, OFFERED, "τ", "", f"{ends} (fixed)")
 
 
 def _growth_of(law: GeneralisedHuntCrossley) -> str | None:
@@ -155,7 +160,7 @@ def _same_memory(law: GeneralisedHuntCrossley, truth: GeneralisedHuntCrossley) -
     return 0.0 in ends[0] or bool(np.ptp(np.log(ends), axis=0).max() < _SAME_TIME)
 
 
-def felt_beside_truth(result: "Identified") -> str:
+def oscillation_against_truth(result: "Identified") -> str:
     """Say what a small oscillation feels, and the truth of it; empty where nothing remembers."""
     truth = truth_of(result.contact.provenance)
     if truth is None or not (truth.remembers or result.law.remembers):
@@ -167,7 +172,7 @@ def felt_beside_truth(result: "Identified") -> str:
         return ""
     exact = (real.real, "N/m"), (real.imag / felt.frequency, "N·s/m")
     words = (
-        f"{found.format(unit)} ({beside_truth(found.value, value, found.whole_error)})"
+        f"{found.format(unit)} ({against_truth(found.value, value, found.whole_error)})"
         for found, (value, unit) in zip((felt.stiffness, felt.damping), exact, strict=True)
     )
     same = comparable(result.law, truth) == set(result.law.names())
@@ -178,9 +183,9 @@ def felt_beside_truth(result: "Identified") -> str:
     )
 
 
-def beside_truth(value: float, truth: float, error: float) -> str:
+def against_truth(value: float, truth: float, error: float, unit: str = "") -> str:
     """Return the truth, and how many standard errors away from it a number is."""
-    words = f"truth {rounded(truth, 5)}"
+    words = f"truth {rounded(truth, 5)} {unit}".rstrip()
     if not (error > 0.0 and math.isfinite(value) and math.isfinite(error)):
         return words
     return f"{words}, {signed((value - truth) / error, 2)} σ"
@@ -200,7 +205,7 @@ def truths(result: "Identified") -> list[str]:
     for row in rows:
         error = float(result.standard_errors[row.index]) if row.name in same else 0.0
         known = row.name in real and row.estimated
-        words.append(beside_truth(values[row.name], real[row.name], error) if known else "")
+        words.append(against_truth(values[row.name], real[row.name], error) if known else "")
     return words
 
 

@@ -1,7 +1,7 @@
-"""One result in words: sections of rows and lines, composed once for whoever shows them.
+"""A result as text: sections of rows and lines, composed once for terminal, report and notebook.
 
-The terminal, a report, a notebook and plain text show the same sections, each by a loop of its own
-over their rows and lines. A section that is not shown is not composed.
+Each of them renders the sections by a loop of its own. Sections are generated one by one: one that
+is not rendered is not composed.
 """
 
 import itertools
@@ -12,18 +12,21 @@ from pathlib import Path
 from textwrap import wrap
 from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
+import numpy as np
+
 from palpate.diagnosis import Quantity
 from palpate.diagnosis.fit import DEEP
 from palpate.digits import format_quantity, interval, rounded, with_error
 from palpate.errors import InvalidParameterError
+from palpate.findings import MARKS
 from palpate.identification.identified import rank
 from palpate.preparation.gates import touches_of
 from palpate.quantities.derived import band_of, in_hertz
 from palpate.recordings.recording import truth_of
 from palpate.results.parameters import (
-    beside_truth,
-    felt_beside_truth,
+    against_truth,
     law_name,
+    oscillation_against_truth,
     parameter_rows,
     signed,
     terms_of,
@@ -44,6 +47,10 @@ class Marked(NamedTuple):
 
     def __str__(self) -> str:
         return self.text
+
+
+def _marked(mark: str) -> Marked:
+    return Marked(mark.replace("-", " "), mark)
 
 
 #: Of a table; it may have several lines.
@@ -89,40 +96,67 @@ class ViewSection(NamedTuple):
         return [self.headings[k] for k in kept], [[row[k] for k in kept] for row in self.rows]
 
 
-# Which sections there are of an identification, of a diagnosis, and of several methods.
+# Which sections an identification, a diagnosis and a comparison have.
 
 
-def of_identification(result: "Identified", *, whole: bool = False) -> Iterator[ViewSection]:
-    """Compose what ``palpate identify`` says; whole, with 95 % intervals and all that follows."""
+def answer(result: "Identified", names: Sequence[str]) -> Iterator[ViewSection]:
+    """Compose the short answer of ``palpate identify``: verdict, next step, numbers, one fit line.
+
+    Parameters
+    ----------
+    result : Identified
+        What was identified.
+    names : sequence of str
+        Of the files, as a shell takes them, for the commands that show more.
+    """
+    name = Path(result.contact.source).name or "contact"
+    places = [part for part in result.segments if part.place is not None]
+    yield ViewSection("Verdict", [*(_verdicts_of(places, name) if places else _lead(result, name))])
+    if places:
+        yield _worst(places)
+    else:
+        yield depths(result)
+        yield from parts(result)
+    yield ViewSection("", headings=("", ""), rows=_fit_rows(result, names), prose=1)
+
+
+def of_identification(
+    result: "Identified", *, with_findings: bool = False
+) -> Iterator[ViewSection]:
+    """Compose what ``palpate identify -v`` prints; with the findings of ``diagnose`` if wanted."""
     yield verdict(result)
-    yield depths(result)
-    yield from parts(result)
-    yield law(result, whole=whole)
-    yield follows(result, whole=whole)
-    yield preparation([result], whole=whole)
+    yield depths(result, whole=True)
+    yield from parts(result, whole=True)
+    yield law(result, whole=True)
+    yield from which_law([result])
+    yield follows(result, whole=True)
+    yield preparation([result], whole=with_findings)
+    if with_findings:
+        yield findings(result)
 
 
 def summary(result: "Identified") -> str:
-    """Return the whole of it as text: with every finding, and the 95 % intervals."""
-    sections = [*of_identification(result, whole=True), findings(result)]
-    return f"{result.contact.source or 'contact'}, by {result.method}\n{as_text(sections)}"
+    """Return everything as text: all findings, and 95 % intervals."""
+    text = as_text(of_identification(result, with_findings=True))
+    return f"{result.contact.source or 'contact'}, by {result.method}\n{text}"
 
 
 def of_diagnosis(result: "Identified") -> Iterator[ViewSection]:
-    """Compose what ``palpate diagnose`` says."""
+    """Compose what ``palpate diagnose`` prints."""
     yield verdict(result)
-    yield depths(result)
+    yield depths(result, whole=True)
     yield findings(result)
 
 
 def of_comparison(results: "Sequence[Identified]", *, ranked: bool = True) -> Iterator[ViewSection]:
-    """Compose what ``palpate compare`` says: several methods, and the laws unless not ranked."""
+    """Compose what ``palpate compare`` prints: the methods, and the model ranking if ``ranked``."""
     by_name = {result.method: result for result in results}
     ranking = rank(by_name)
     ordered = [by_name[name] for name in ranking.order]
-    yield ViewSection(
-        "Methods", [Line(f"recommended: {ranking.recommended or 'none of them'}", tone="strong")]
-    )
+    words = f"recommended method: {ranking.recommended or 'none'}"
+    if ranking.recommended and by_name[ranking.recommended].estimator.chooses_law:
+        words += " (--law auto)"
+    yield ViewSection("Methods", [Line(words, tone="strong")])
     yield numbers(ordered, ranking.exclusions)
     if ranked:
         yield from which_law(results)
@@ -131,23 +165,24 @@ def of_comparison(results: "Sequence[Identified]", *, ranked: bool = True) -> It
 
 # The sections.
 
-_BARS = "± repeatable ± what the findings would move"
-_RELAXED = "once the material has relaxed"
-_LEGEND = "σ: distance from the truth that the file states, in standard errors"
-_ROWS = (("force", "N"), ("stiffness", "N/m"), ("damping", "N·s/m"))
+_BARS = "± statistical ± systematic standard error"
+_RELAXED = "after stress relaxation"
+_LEGEND = "σ: distance from the truth stated in the file, in standard errors"
+_ROWS = (("stiffness", "N/m"), ("damping", "N·s/m"), ("force", "N"))
 _SCORE = (
-    "score: N_eff ln(RSS/N) + 2 p ln N_eff over the best, p numbers; from 10 on strong evidence"
+    "ΔBIC: N_eff ln(RSS/N) + 2 p ln N_eff, p parameters, above the best; strong evidence from 10"
 )
 _NUMBERS = (">stiffness\nN/m", ">damping\nN·s/m")
 _QUALITY = (
-    "predicted, fit: RMSE% of force, a priori after 0.2 s and of the final law; "
-    "cond. 10: contact in which |v| < 0.1 K/B does not hold"
+    "prediction: one-step prediction error after 0.2 s; fit: error of the final law; both as % rms "
+    "of the force. |v| ≥ 0.1 K/B: part of the contact in which the single-stage method is biased"
 )
-_CHECKS = "z: standard errors; S, C: stiffness and damping at working depth"
+_CHECKS = "z: significance in standard errors; S, C: stiffness and damping at working depth"
+_FOLD = 65  # columns of what stands beside a label, so that the answer fits 80
 
 
 def verdict(result: "Identified") -> ViewSection:
-    """The verdict, its reason and what to do about it; of stretches between changes theirs too."""
+    """The verdict, its reason and the next step; those of each segment between changes too."""
     segments = between(result)
     return ViewSection(
         "Verdict", [_verdict(result), *map(_verdict, segments, map(_when, segments))]
@@ -158,40 +193,160 @@ def _verdict(result: "Identified", name: str = "") -> Line:
     found = result.diagnosis
     marks = found.verdict
     words = f"(stiffness: {marks.stiffness}, damping: {marks.damping}): {found.reason}"
+    words = words.replace("with-care", "with care").replace("do-not-trust", "do not trust")
     return Line(words, name, marks.overall, remedy=found.remedy)
 
 
-def depths(result: "Identified") -> ViewSection:
-    """Force, stiffness and damping at the working depths, with the truth where the file has it."""
-    truth, there = truth_at_rest(result), result.working_depths
-    names = ["median" if result.depth is None else "as asked", f"{DEEP:.0f}th percentile"]
-    headings, columns = [""], []
+def _lead(result: "Identified", name: str) -> Iterator[Line]:
+    """Verdict and reason; the next step; what another law, clearly preferred, would change."""
+    found = result.diagnosis
+    yield Line(_sentence(found.reason), name, found.verdict.overall)
+    if found.remedy:
+        yield Line(_sentence(found.remedy), "next step")
+    if found.findings[:1] and found.findings[0].check != "law":
+        yield from (Line(_sentence(f.message), "note") for f in found.findings if f.check == "law")
+
+
+def _verdicts_of(places: "Sequence[Identified]", name: str) -> Iterator[Line]:
+    """How many places have each verdict, and the next step for the worst."""
+    marks = [part.diagnosis.verdict.overall for part in places]
+    counts = ", ".join(
+        f"{marks.count(mark)} {mark.replace('-', ' ')}" for mark in MARKS if mark in marks
+    )
+    yield Line(f"{len(places)} places: {counts}.", name)
+    if remedy := next((part.diagnosis.remedy for part in by_verdict(places)), None):
+        yield Line(_sentence(remedy), "next step, for the worst place")
+
+
+def by_verdict(places: "Iterable[Identified]") -> "list[Identified]":
+    """Return places, the worst first: by verdict, then by the error of the stiffness."""
+
+    def badness(part: "Identified") -> tuple[int, float]:
+        found = part.diagnosis
+        stiffness = found.working_depth.stiffness
+        error = stiffness.whole_error / abs(stiffness.value) if stiffness.value else math.inf
+        return -MARKS.index(found.verdict.overall), -(error if error >= 0.0 else math.inf)
+
+    return sorted(places, key=badness)
+
+
+def _worst(places: "Sequence[Identified]") -> ViewSection:
+    rows: list[list[Cell]] = []
+    for part in by_verdict(places)[:3]:
+        found, time, place = part.diagnosis, part.contact.time, part.place
+        at = "" if place is None else ", ".join(f"{1e3 * each:.1f}" for each in place.position)
+        both = number(found.working_depth.stiffness), number(found.working_depth.damping)
+        mark = found.verdict.overall
+        rows.append([f"{time[0]:.1f}–{time[-1]:.1f}", at, *both, _marked(mark)])
+    headings = ["time\ns", ">at x, y, z\nmm", *_NUMBERS, "worst places"]
+    return ViewSection("Worst places", (), headings, rows)
+
+
+def _sentence(words: str) -> str:
+    """Begin with a capital, unless it is an option, and end with a full stop."""
+    return f"{words[:1].upper()}{words[1:]}{'' if words.endswith(('.', '?')) else '.'}"
+
+
+def _fit_rows(result: "Identified", names: Sequence[str]) -> list[tuple[str, str]]:
+    """The law's parameters, one line on the fit, the truth if stated, and where to read more."""
+    rows, law = list[tuple[str, str]](), law_name(result)
+    if not result.segments:
+        value = _folded(map(str, parameter_rows(result)), "  ")
+        rows.append((law, value) if len(law) <= 13 else ("law", f"{law}:\n{value}"))
+    if result.law.remembers and not result.segments and (line := dynamic_stiffness_at(result)):
+        rows.append(("oscillation", line))
+    rows.append(("fit", _fit(result)))
+    if truth := _truth(result):
+        rows.append(("truth", truth))
+    rows += [(each.name, "\n".join((each.text, *each.remarks))) for each in follows(result).lines]
+    return [*rows, ("more", f"palpate diagnose {' '.join(names)}, or -v, -o report/")]
+
+
+def _folded(parts: Iterable[str], between: str) -> str:
+    """Join parts; those that do not fit beside the others begin another line."""
+    lines = [""]
+    for part in parts:
+        if lines[-1] and len(lines[-1]) + len(between) + len(part) > _FOLD:
+            lines.append("")
+        lines[-1] += between * bool(lines[-1]) + part
+    return "\n".join(lines)
+
+
+def _fit(result: "Identified") -> str:
+    touches, estimate = len(touches_of(result.contact)), result.estimate
+    parts = [
+        f"{percent(result.fit_rmse_percent)} rms, {estimate.samples} samples, {touches} "
+        f"contact{'s' * (touches != 1)}"
+    ]
+    if estimate.offset_standard_error > 0.0:
+        parts.append(f"offset {with_error(estimate.offset, estimate.offset_standard_error)} N")
+    if estimate.surface_standard_error > 0.0:
+        error = 1e3 * estimate.surface_standard_error
+        parts.append(f"surface at {with_error(1e3 * estimate.surface, error)} mm")
+    if rejected := int(np.count_nonzero(result.trace.rejected)):
+        parts.append(f"{rejected} outlier{'s' * (rejected > 1)} excluded")
+    if result.method != "variable-projection" and not result.estimator.chooses_law:
+        parts.append(f"method {result.method}")
+    return _folded(parts, "; ")
+
+
+def _truth(result: "Identified") -> str:
+    """The truth that the file states of stiffness and damping at working depth."""
+    truth, at = truth_at_rest(result), result.working_depths[0]
+    if truth is None or result.segments:
+        return ""
+    real = dict(zip(("force", "stiffness", "damping"), truth.at_rest(at.depth), strict=True))
+    words = (
+        f"{name} {against_truth(found.value, real[name], found.whole_error, unit)[6:]}"
+        for name, unit in _ROWS[:2]
+        for found in [getattr(at, name)]
+    )
+    return _folded(words, "; ")
+
+
+def depths(result: "Identified", *, whole: bool = False) -> ViewSection:
+    """Stiffness, damping and force at the working depths, with their marks where not trusted.
+
+    Each with one standard error, hypot(statistical, systematic); both parts, and the truth where
+    the file states it, if ``whole``.
+    """
+    truth, there = truth_at_rest(result) if whole else None, result.working_depths
+    names = ["median" if result.depth is None else "--at", f"{DEEP:.0f}th percentile"]
+    headings, columns, marks = [result.law.remembers * "relaxed"], [], result.diagnosis.verdict
     for each, name in zip(there, names, strict=False):
-        headings.append(f"at {depth_of(each.depth)}\n{name}")
+        digits = 4 if whole else 3
+        headings.append(f"at {format_quantity(each.depth, 'm', digits)} ({name})")
         real = None if truth is None else truth.at_rest(each.depth)
         cells = []
-        for k, (quantity, unit) in enumerate(_ROWS):
+        for quantity, unit in _ROWS:
             found: Quantity = getattr(each, quantity)
-            words = f"{found.format(unit)}"
+            words = found.format(unit) if whole else f"{number(found)} {unit}"
             if real is not None:
-                words += f"\n{beside_truth(found.value, real[k], found.whole_error)}"
+                k = ("force", "stiffness", "damping").index(quantity)
+                words += f"\n{against_truth(found.value, real[k], found.whole_error)}"
             cells.append(words)
         columns.append(cells)
+    said = [_marked(m) if m != "trust" else "" for m in (marks.stiffness, marks.damping)]
+    rows = list(zip(dict(_ROWS), *columns, [*said, ""], strict=True))
     known = [_BARS, *([_RELAXED] if result.law.remembers else []), *([_LEGEND] if truth else [])]
-    rows = list(zip(dict(_ROWS), *columns, strict=True))
-    return ViewSection("At working depth", [Line("; ".join(known), tone="soft")], headings, rows)
+    lines = [Line("; ".join(known), tone="soft")] if whole else []
+    return ViewSection("At working depth", lines, [*headings, ""], rows)
 
 
-def parts(result: "Identified") -> Iterator[ViewSection]:
-    """Each stretch between changes with its law, or each place; none of one material."""
+def parts(result: "Identified", *, whole: bool = False) -> Iterator[ViewSection]:
+    """Each segment between changes, or each place; nothing for one material.
+
+    With the law and the fit of each segment if ``whole``.
+    """
     rows: list[list[Cell]] = []
     for part in result.segments:
         found, time, place = part.diagnosis, part.contact.time, part.place
         there, marks = found.working_depth, found.verdict
         both_numbers = number(there.stiffness), number(there.damping)
         if place is None:
-            times, terms = _when(part).replace(" s to ", "\nto ").removesuffix(" s"), terms_of(part)
-            fit = percent(part.fit_rmse_percent)
+            times = _when(part).replace(" s to ", "\nto " if whole else " to ").removesuffix(" s")
+            terms = terms_of(part) if whole else ""
+            fit = percent(part.fit_rmse_percent) if whole else ""
             cells = (times, "", "", *both_numbers, "", terms, fit)
         else:
             at = ", ".join(f"{1e3 * each:.1f}" for each in place.position)
@@ -199,7 +354,7 @@ def parts(result: "Identified") -> Iterator[ViewSection]:
             modulus = _modulus_alone(part) if part.query.tip else ""
             times = f"{time[0]:.1f}–{time[-1]:.1f}"
             cells = (times, at, depth, *both_numbers, modulus, "", "")
-        rows.append([*cells, Marked(marks.overall, marks.overall)])
+        rows.append([*cells, _marked(marks.overall)])
     if rows:
         headings = ["time\ns", ">at x, y, z\nmm", ">depth\nmm", *_NUMBERS, ">Young's modulus"]
         yield ViewSection(
@@ -208,7 +363,7 @@ def parts(result: "Identified") -> Iterator[ViewSection]:
 
 
 def law(result: "Identified", *, whole: bool = False) -> ViewSection:
-    """The law's parameters, with the truth where the file has it, and how well it fits."""
+    """The law's parameters, with the truth where the file states it, and how well it fits."""
     headings, rows = ["contact model", ""], []
     for row, truth in zip(parameter_rows(result), truths(result), strict=True):
         rows.append([str(row), truth])
@@ -216,14 +371,14 @@ def law(result: "Identified", *, whole: bool = False) -> ViewSection:
             value, error = result.law.parameters[row.index], result.standard_errors[row.index]
             rows[-1].append(interval(float(value), float(error)) if row.estimated else "–")
             rows[-1].append(row.name.replace("_", " "))
-    lines = [_correlation(result), *_beside(result), _law_verdict(result), _quality(result)]
-    shown = [Line(each) for each in lines if each]
+    lines = [_correlation(result), *_estimated_with_law(result), _law_verdict(result)]
+    shown = [Line(each) for each in [*lines, _quality(result)] if each]
     title = f"Contact model: {law_name(result)}, by {result.method}"
     return ViewSection(title, shown, headings + ["95 % interval", "parameter"] * whole, rows)
 
 
 def which_law(results: "Iterable[Identified]") -> Iterator[ViewSection]:
-    """How the laws stand that the samples were asked about; none where they were not."""
+    """The model ranking; nothing where no laws were compared."""
     # That of the method which chooses a law, else of any.
     ordered = sorted(results, key=lambda each: not each.estimator.chooses_law)
     found = next(filter(None, (each.law_verdict for each in ordered)), None)
@@ -231,7 +386,7 @@ def which_law(results: "Iterable[Identified]") -> Iterator[ViewSection]:
         return
     rows = [
         (
-            str(each.candidate),
+            each.candidate.title,
             rounded(each.score, 3),
             format_quantity(each.rms_error, "N"),
             str(each.candidate.parameters),
@@ -240,48 +395,51 @@ def which_law(results: "Iterable[Identified]") -> Iterator[ViewSection]:
         for each in found.model_ranking
     ]
     samples = rounded(found.effective_samples, 3), rounded(found.samples, 4)
-    score = "{}; {} independent samples of {}".format(_SCORE, *samples)
-    flags = (Line(f"{found.candidate}: {flag}", tone="soft") for flag in found.flags)
-    headings = ["which law", ">score", ">rms error", ">numbers", "which means"]
-    yield ViewSection(
-        "Laws by the same samples, the best first",
-        [Line(score, tone="soft"), *flags],
-        headings,
-        rows,
-    )
+    score = "{}; effective sample size {} of {}".format(_SCORE, *samples)
+    flags = (Line(f"{found.candidate.title}: {flag}", tone="soft") for flag in found.flags)
+    headings = ["law", ">ΔBIC", ">rms error", ">parameters", "which means"]
+    yield ViewSection("Model ranking", [Line(score, tone="soft"), *flags], headings, rows)
 
 
 def follows(result: "Identified", *, whole: bool = False) -> ViewSection:
-    """What follows from the law: rebound, energy lost, pulling; the modulus where a tip is wanted.
+    """Quantities derived from the law: those requested; if ``whole``, all that apply.
 
-    Approximations of the restitution and what a small oscillation feels are there where a speed of
-    impact or a frequency is wanted, or all is.
+    Restitution applies where the contact dissipates at least 1 % of an impact's speed, energy where
+    the probe goes in and out, passivity where the law is trusted or fitted with care.
     """
-    query, rebound = result.query, result.restitution()
-    lines = [_describe_restitution(rebound)]
-    if rebound.approximations and (whole or query.impact_speed is not None):
-        near = (
-            f"{name} {rounded(e, 4) if math.isfinite(e) else 'none'}"
-            for name, e in rebound.approximations.items()
-        )
-        lines.append(Line(", ".join(near), "restitution by approximations"))
-    if whole or result.law.remembers or query.frequency is not None:
-        lines += _oscillation(result)
-    lines += [_energy(result), _passivity(result)]
+    query, lines = result.query, list[Line]()
+    trusted = result.diagnosis.verdict.overall != "do-not-trust"
+    if whole or query.impact_speed is not None:
+        restitution = result.restitution()
+        if query.impact_speed is not None or (trusted and _impact(restitution)):
+            lines.append(_describe_restitution(restitution, whole=whole))
+    if query.frequency is not None or (whole and result.law.remembers):
+        lines += _oscillation(result, whole=whole)
+    if whole and result.energy.kind != "none":
+        lines.append(_energy(result))
+    if whole and trusted:
+        lines.append(_passivity(result))
     if query.tip is not None:
-        lines += [_modulus(result), *(_modulus(part, _when(part)) for part in between(result))]
+        parts = [("", result), *((_when(part), part) for part in between(result))]
+        lines += [_modulus(part, when, whole=whole) for when, part in parts]
     if result.noticed is not None:  # when a control loop would have known of the changes
         times = ", ".join(f"{rounded(time, 4)} s" for time in result.changes.tolist())
-        words = f"the change detector, in a control loop, alarms at {times or 'no time'}"
-        lines.append(Line(words))
-    for finding in result.diagnosis.findings:  # an assumption, and no fault of the stiffness
-        if finding.check == "surface" and finding.severity == "note":
-            lines.insert(0, Line(finding.message, "note"))
-    return ViewSection("Of a free impact, of the loops, and of the tip", lines)
+        words = f"the online change detector raises an alarm at {times or 'no time'}"
+        lines.append(Line(words, "online"))
+    if whole:
+        for finding in result.diagnosis.findings:  # an assumption, and no fault of the stiffness
+            if finding.check == "surface" and finding.severity == "note":
+                lines.insert(0, Line(finding.message, "note"))
+    return ViewSection("Derived quantities", lines)
+
+
+def _impact(found: "Restitution") -> bool:
+    """Whether a restitution says anything: not of a quasi-static press, nor of an unknown law."""
+    return math.isfinite(found.coefficient.value) and 1.0 - found.coefficient.value > _QUASI_STATIC
 
 
 def findings(result: "Identified") -> ViewSection:
-    """Every finding with its remedy, and how far it moves the numbers; each stretch's own law."""
+    """Every finding with its next step and how far it moves the result; each segment's own law."""
     rows = []
     for each in result.diagnosis.findings:
         words = "\n→ ".join(filter(None, (each.message, each.remedy)))
@@ -294,30 +452,28 @@ def findings(result: "Identified") -> ViewSection:
         stiffness = rounded(episode.working_depth.stiffness.value, 4)
         times = f"{rounded(episode.start, 4)} to {rounded(episode.stop, 4)} s"
         lines.append(Line(f"{times}: {', '.join(terms)}; stiffness {stiffness} N/m"))
-    headings = ["check", "what was found", ">z", ">moves S, C"]
-    return ViewSection("What was found, the gravest first", lines, headings, rows, prose=1)
+    headings = ["check", "finding and next step", ">z", ">changes S, C by"]
+    return ViewSection("Findings, the most severe first", lines, headings, rows, prose=1)
 
 
 def numbers(ordered: "Sequence[Identified]", exclusions: Sequence[str]) -> ViewSection:
     """Stiffness and damping at each method's working depth; what is not to be trusted, and why."""
     rows: list[tuple[Cell, ...]] = []
-    lines = [
-        Line("± all of the error: what repeats, and what the findings would move", tone="soft")
-    ]
-    remembered, verdicts = "", []
+    lines = [Line("± one standard error, statistical and systematic together", tone="soft")]
+    relaxed, verdicts = "", []
     for result in ordered:
         mark, depth = result.diagnosis.verdict.overall, result.diagnosis.working_depth.depth
         values = (number(each) for each in felt(result))
-        rows.append((result.method, Marked(mark, mark), rounded(1e3 * depth, 4), *values))
-        remembered = remembered or felt_at(result)
+        rows.append((result.method, _marked(mark), rounded(1e3 * depth, 4), *values))
+        relaxed = relaxed or _relaxed(result)
         if mark != "trust":
-            verdicts.append(_verdict(result, result.method))
+            verdicts.append(Line(result.diagnosis.reason, result.method, mark))
     if truth := truth_of(ordered[0].contact.provenance):
         at = ordered[0].diagnosis.working_depth.depth
         real = (rounded(each, 4) for each in (1e3 * at, *truth.at_rest(at)[1:]))
         rows.append(("truth", "", *real))
-    if remembered:
-        lines.append(Line(remembered, tone="soft"))
+    if relaxed:
+        lines.append(Line(relaxed, tone="soft"))
     lines += [*verdicts, *(Line(words, tone="warning") for words in exclusions)]
     return ViewSection(
         "Methods on this contact, the best first",
@@ -337,29 +493,29 @@ def laws(ordered: "Sequence[Identified]") -> ViewSection:
         named = zip(truth.symbols, truth.parameters, truth.units, strict=True)
         terms = (f"{name} = {rounded(value, 5)} {unit}".rstrip() for name, value, unit in named)
         rows.append(("truth", "\n".join(terms), "", "", ""))
-    headings = ["method", "contact model", ">predicted", ">fit", ">cond. 10"]
+    headings = ["method", "contact model", ">prediction", ">fit", ">|v| ≥ 0.1 K/B"]
     return ViewSection("Their laws", [Line(_QUALITY, tone="soft")], headings, rows)
 
 
 def preparation(results: "Sequence[Identified]", *, whole: bool = False) -> ViewSection:
-    """The samples, what was assumed on the way from the recording, and flags of the methods.
+    """The samples, how the contact was prepared, and the flags of the methods.
 
-    Without what the verdict says too, or, of the whole, a finding of the diagnosis.
+    Without the messages that the verdict shows too or, if ``whole``, the diagnosis.
     """
     first = results[0]
     found = first.diagnosis
-    said = "\n".join(each.message for each in found.findings) if whole else found.reason
+    shown = "\n".join(each.message for each in found.findings) if whole else found.reason
     lines = [Line(_samples(first))]
     lines += (
         Line(each.message, each.check, remedy=each.remedy)
         for each in first.contact.findings
-        if each.message not in said
+        if each.message not in shown
     )
     for result in results:
         # One law for two materials is not identifiable by any motion: its flags would mislead.
         flags = () if whole or result.diagnosis.episodes else result.flags
         lines += [Line(flag, result.method, tone="warning") for flag in flags]
-    return ViewSection("What was found, assumed or left out", lines)
+    return ViewSection("Preparation", lines)
 
 
 # Of one number.
@@ -424,7 +580,7 @@ def line(result: "Identified") -> str:
 
 
 def between(result: "Identified") -> "list[Identified]":
-    """Return the stretches between changes of the material."""
+    """Return the segments between changes of the material."""
     return [part for part in result.segments if part.place is None]
 
 
@@ -443,23 +599,36 @@ def felt(result: "Identified") -> tuple[Quantity, Quantity]:
     return there.stiffness, there.damping
 
 
-def felt_at(result: "Identified") -> str:
-    """At which frequency the numbers of a law that remembers are; nothing of another."""
+def _relaxed(result: "Identified") -> str:
+    """Why a law that relaxes has other numbers here than by itself; nothing for other laws."""
+    if not (result.law.remembers and dynamic_stiffness_at(result)):
+        return ""
+    at, there = in_hertz(result.dynamic_stiffness().frequency), result.working_depths[0]
+    after = f"{number(there.stiffness)} N/m and {number(there.damping)} N·s/m"
+    return f"{result.method}: K′ and B′ at {at}, which compare with other laws; relaxed, {after}"
+
+
+def dynamic_stiffness_at(result: "Identified") -> str:
+    """K′ and B′ at the motion's frequency, which other laws' values compare with; or nothing."""
     if result.law.remembers:
         with suppress(InvalidParameterError):
-            at = in_hertz(result.dynamic_stiffness().frequency)
-            return f"{result.method}: K′ and B′ at {at}, as its law remembers"
+            found = result.dynamic_stiffness()
+            both = f"{number(found.stiffness)} N/m and {number(found.damping)} N·s/m"
+            return (
+                f"K′ and B′ at {in_hertz(found.frequency)}: {both}; compare these with other laws"
+            )
     return ""
 
 
 def _quality(result: "Identified") -> str:
-    fit = "fit by the laws of each part" if result.segments else "fit"
+    fit = "fit (each part by its own law)" if result.segments else "fit"
     words = (
-        f"by {result.method}; RMSE of force: {fit} {percent(result.fit_rmse_percent)}, "
-        f"predicted a priori {percent(result.prediction_rmse_percent)}"
+        f"method {result.method}; rms error of the force: {fit} "
+        f"{percent(result.fit_rmse_percent)}, one-step prediction "
+        f"{percent(result.prediction_rmse_percent)}"
     )
     if result.law.has_condition_10:
-        words += f"; |v| < 0.1 K/B (eq. 10) fails in {share(result.violated_fraction)} of contact"
+        words += f"; |v| ≥ 0.1 K/B in {share(result.violated_fraction)} of the contact"
     return words
 
 
@@ -468,23 +637,20 @@ def _samples(result: "Identified") -> str:
     touches = len(touches_of(contact))
     force = f"force > {rounded(gate.make_force, 3)} N"
     if result.estimator.chooses_samples and not gate.make_force:
-        force = "chosen by the force around each"
+        force = "selected by the force of their neighbours"
     units = ((scale.penetration, "m"), (scale.velocity, "m/s"), (scale.force, "N"))
     return (
         f"{len(contact)} samples, {touches} {'touch' if touches == 1 else 'touches'}, "
         f"{result.estimate.samples} in contact "
         f"(penetration > {rounded(gate.minimum_penetration, 3)} m, {force}); "
-        f"computed in units of {', '.join(f'{rounded(size, 3)} {unit}' for size, unit in units)}"
+        f"scaled by {', '.join(f'{rounded(size, 3)} {unit}' for size, unit in units)}"
     )
 
 
 def _law_verdict(result: "Identified") -> str:
     found = result.law_verdict
-    if found is None or not found.known:
-        return ""
-    if result.estimator.chooses_law:
-        return str(found)
-    return f"of the everyday laws, by the same samples: {str(found).removeprefix('law: ')}"
+    known = found is not None and found.known
+    return f"Model selection: {str(found).removeprefix('law: ')}" if known else ""
 
 
 def _correlation(result: "Identified") -> str:
@@ -499,8 +665,8 @@ def _correlation(result: "Identified") -> str:
     return f"correlation {', '.join(words)}" if words else ""
 
 
-def _beside(result: "Identified") -> list[str]:
-    """What was estimated beside the law, and what a small oscillation feels beside the truth."""
+def _estimated_with_law(result: "Identified") -> list[str]:
+    """Offset and surface that were estimated too; the dynamic stiffness next to the truth."""
     estimate, words = result.estimate, []
     if estimate.offset_standard_error > 0.0:
         offset = with_error(estimate.offset, estimate.offset_standard_error, unit="N")
@@ -508,95 +674,104 @@ def _beside(result: "Identified") -> list[str]:
     if estimate.surface_standard_error > 0.0:
         error = 1e3 * estimate.surface_standard_error
         words.append(f"surface at {with_error(1e3 * estimate.surface, error, unit='mm')}")
-    return [*words, felt_beside_truth(result)]
+    return [*words, oscillation_against_truth(result)]
 
 
-# What follows from an identified law.
+# Derived quantities.
 
 _MANY = 0.01  # of the samples in contact; fewer may be the noise of a light touch
+_QUASI_STATIC = 0.01  # of the speed, below which no impact is worth a line
 
 
-def _oscillation(result: "Identified") -> list[Line]:
-    """What a small oscillation feels; nothing of a probe that was held still."""
+def _oscillation(result: "Identified", *, whole: bool) -> list[Line]:
+    """Dynamic stiffness and damping of a small oscillation; nothing of a probe held still."""
     with suppress(InvalidParameterError):
         felt = result.dynamic_stiffness(result.query.frequency)
-        words = (
-            f"K′ = {felt.stiffness.format('N/m')}, B′ = {felt.damping.format('N·s/m')}, "
-            f"tan δ = {felt.loss_tangent.format()}"
-        )
+        parts = felt.stiffness, felt.damping, felt.loss_tangent
+        k, b, tangent = (each if whole else each.combined for each in parts)
         often, depth = in_hertz(felt.frequency), format_quantity(felt.depth, "m")
-        name = f"a small oscillation of {often} at {depth}"
+        words = (
+            f"at {often} and {depth}: K′ = {k.format('N/m')}, B′ = {b.format('N·s/m')}, "
+            f"tan δ = {tangent.format()}"
+        )
         low, high = band_of(result)
-        band = f"band of the motion {in_hertz(low)} to {in_hertz(high)}"
-        alike = () if result.law.remembers else ("without memory at any frequency",)
-        return [Line(words, name, remarks=(*alike, band))]
+        band = f"the motion covers {in_hertz(low)} to {in_hertz(high)}"
+        without = () if result.law.remembers else ("without relaxation: the same at any frequency",)
+        return [Line(words, "oscillation", remarks=(*without, band))]
     return []
 
 
-def _describe_restitution(found: "Restitution") -> Line:
-    e = found.coefficient
+def _describe_restitution(found: "Restitution", *, whole: bool) -> Line:
+    e = found.coefficient if whole else found.coefficient.combined
     if not math.isfinite(e.value):
         return Line("; ".join(found.remarks), "restitution")
-    fastest = ", the fastest approach" if found.speed == found.fastest_approach else ""
-    near = [each for each in found.approximations.values() if math.isfinite(each)]
-    words = e.format()
-    if near:
-        words += f" (approximations say {rounded(min(near), 3)} to {rounded(max(near), 3)})"
-    name = f"restitution from {rounded(found.speed, 3)} m/s{fastest}"
-    return Line(words, name, remarks=found.remarks)
+    fastest = " (the fastest approach)" if found.speed == found.fastest_approach else ""
+    near = (
+        f"{name} {rounded(value, 3)}"
+        for name, value in found.approximations.items()
+        if math.isfinite(value)
+    )
+    words = f"{e.format()} at {rounded(found.speed, 3)} m/s{fastest}"
+    approximations = ", ".join(near)
+    remarks = [f"approximations: {approximations}"] if approximations else []
+    return Line(words, "restitution", remarks=(*remarks, *found.remarks))
 
 
 def _energy(result: "Identified") -> Line:
     found = result.energy
-    if found.kind == "none":
-        return Line("; ".join(found.remarks), "energy lost")
     words = (
-        f"{with_prefix(found.measured, 'J')}, {found.fraction.scaled(100.0).format()} % of what "
-        f"went in; by the law {with_prefix(found.predicted, 'J', as_of=found.measured.value)}"
+        f"{with_prefix(found.measured, 'J')} measured, "
+        f"{found.fraction.scaled(100.0).format()} % of the energy put in; "
+        f"{with_prefix(found.predicted, 'J', as_of=found.measured.value)} by the model"
     )
-    return Line(words, f"energy lost a {found.kind}", remarks=found.remarks)
+    return Line(words, f"energy dissipated per {found.kind}", remarks=found.remarks)
 
 
 def _passivity(result: "Identified") -> Line:
-    found, words = result.passivity, "the law never pulls"
+    found, words = result.passivity, "the law is never adhesive (its force is never negative)"
     if found.fraction > 0.0:
+        part = rounded(100.0 * found.fraction, 2)
         words = (
-            f"the law pulls in {rounded(100.0 * found.fraction, 2)} % of the contact, with up to "
-            f"{_plain(-found.lowest_force, 'N')}, where {_plain(found.measured_there, 'N')} were "
-            "recorded on average"
+            f"the law is adhesive (negative force) in {part} % of the contact, down to "
+            f"{_plain(found.lowest_force, 'N')}; the mean recorded force there is "
+            f"{_plain(found.measured_there, 'N')}"
         )
     elif found.limit >= 0.0:
-        words = "the law pulls at working depth even where the probe rests"
+        words = "the law is adhesive (negative force) at working depth even at rest"
     elif math.isfinite(found.limit):
-        words = f"the law would pull on withdrawals faster than {rounded(-found.limit, 3)} m/s"
+        words = (
+            "the law becomes adhesive (negative force) when withdrawing faster than "
+            f"{rounded(-found.limit, 3)} m/s"
+        )
     if found.measured_fraction <= _MANY:
         return Line(words, "passivity")
     remark = (
-        f"the recorded force is below 0 in {rounded(100.0 * found.measured_fraction, 2)} % of the "
-        "contact: adhesion, or its zero or the surface is wrong"
+        f"the recorded force is negative in {rounded(100.0 * found.measured_fraction, 2)} % of the "
+        "contact: adhesion, a wrong zero of the force, or a wrong surface"
     )
     return Line(words, "passivity", remarks=(remark,))
 
 
-def _modulus(part: "Identified", when: str = "") -> Line:
+def _modulus(part: "Identified", when: str, *, whole: bool) -> Line:
     found = part.elastic_modulus()
     size = found.tip.as_dict()
     tip = f"a {found.tip.kind} of {_plain(size.get('radius', math.nan), 'm')} radius"
     if "half_angle" in size:
         angle = rounded(math.degrees(size["half_angle"]), 4)
         tip = f"a cone of {angle}° between axis and side"
-    name = f"{when}{', ' * bool(when)}elastic modulus for {tip}"
+    name, at = "Young's modulus", f"{when}: " * bool(when)
     if found.refused:
-        return Line(f"none, for {found.refused}", name)
-    ratio = f"{'an assumed' if found.assumed else 'a'} Poisson's ratio of {found.poisson_ratio:g}"
-    return Line(f"{with_prefix(found.value, 'Pa')} with {ratio}", name, remarks=found.remarks)
+        return Line(f"{at}not determined: {found.refused}", name)
+    ratio = f"{'assumed ' if found.assumed else ''}Poisson's ratio {found.poisson_ratio:g}"
+    value = found.value if whole else found.value.combined
+    words = f"{at}{with_prefix(value, 'Pa')} for {tip}, {ratio}"
+    return Line(words, name, remarks=found.remarks)
 
 
 def _modulus_alone(part: "Identified") -> str:
     """With its whole error; the JSON says why there is none."""
     found = part.elastic_modulus()
-    whole = Quantity(found.value.value, found.value.whole_error, 0.0)
-    return "refused" if found.refused else with_prefix(whole, "Pa")
+    return "refused" if found.refused else with_prefix(found.value.combined, "Pa")
 
 
 # Sections as plain text.

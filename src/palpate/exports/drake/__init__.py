@@ -1,1 +1,1 @@
-"""Drake: a law as one contact of points, as several, or as a slab of springs."""
+"""Drake: a law as one point contact, as several, or as a hydroelastic slab."""

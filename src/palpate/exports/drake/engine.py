@@ -1,7 +1,7 @@
-"""Drake: a surface and a tip on a slide, in SDFormat and in URDF; and which contacts carry a law.
+"""Drake: a surface and a tip on a slide in SDFormat and URDF, and the choice of contact for a law.
 
-They are one point contact, spheres in one another, a hydroelastic slab, or SAP. The text that is
-made of them comes first, and the engine with its ways at the end.
+Forms are one point contact, nested spheres, a hydroelastic slab, and SAP. The text comes first, the
+engine with its forms at the end.
 """
 
 from collections.abc import Mapping, Sequence
@@ -65,7 +65,7 @@ URDF_TIP = """\
 
 @dataclass(frozen=True, slots=True)
 class DrakeTip:
-    """One sphere of the tip: radius, and how far its centre is above the tip's, m."""
+    """One sphere of the tip: its radius, and the height of its centre above the tip's, m."""
 
     name: str
     radius: float
@@ -75,7 +75,7 @@ class DrakeTip:
 
 @dataclass(frozen=True, slots=True)
 class Parts:
-    """What the text is made of; a material's property without a number is a flag.
+    """The values of the text; a material property with value None is a flag.
 
     Attributes
     ----------
@@ -84,9 +84,9 @@ class Parts:
     tips : tuple of DrakeTip
         The tip's spheres.
     radius, mass : float
-        Of the tip, m and kg.
+        Radius and mass of the tip, m and kg.
     width, height : float
-        Of the box whose top is the surface, m.
+        Size of the box whose top is the surface, m.
     """
 
     surface: Mapping[str, float | None]
@@ -97,8 +97,8 @@ class Parts:
     height: float
 
 
-#: By the file: the template of both bodies, the text of a sphere of the tip, the indent of
-#: properties, and how one of them is written.
+#: By file name: the template of both bodies, the text of a sphere of the tip, the indent of
+#: properties, and the format of a property.
 DIALECTS = {
     "contact.sdf": ("drake.sdf", SDF_TIP, "        ", "<drake:{0}>{1}</drake:{0}>"),
     "contact.urdf": ("drake.urdf", URDF_TIP, "      ", '<drake:{0} value="{1}"/>'),
@@ -106,7 +106,7 @@ DIALECTS = {
 
 
 def bodies(parts: Parts, file: str, comment: str) -> str:
-    """Return both bodies as the text of a file."""
+    """Return the text of a file with both bodies."""
     whole, one, indent, line = DIALECTS[file]
 
     def properties(material: Mapping[str, float | None]) -> str:
@@ -126,23 +126,23 @@ def bodies(parts: Parts, file: str, comment: str) -> str:
         )
         for tip in parts.tips
     ]
-    # Of a solid sphere; on its slide the tip does not turn.
+    # The inertia of a solid sphere; the tip cannot rotate, so it has no effect.
     worked_out = {"middle": -0.5 * parts.height, "inertia": 0.4 * parts.mass * parts.radius**2}
     texts = {"surface": properties(parts.surface), "tips": "\n".join(tips)}
     return template(whole, comment=comment, parts=parts, **texts, **worked_out)
 
 
-# A law as Drake's contacts: what is written, what it will do, and what it does.
+# A law as Drake's contacts: files, predicted force, replayed force.
 
 
 @dataclass(frozen=True, slots=True)
 class Sap:
-    """Drake's SAP of one sphere: k (x + τ v)."""
+    """One sphere with Drake's SAP solver: k (x + τ v)."""
 
     law: GeneralisedHuntCrossley
 
     def force(self, penetration: Floats, velocity: Floats, step: float) -> Floats:
-        """Return the force, N, once the surface was met where the step [s] began."""
+        """Return the force, N; 0 unless the sphere touched at the beginning of the step [s]."""
         met = penetration - step * velocity >= -ROUNDING
         force: Floats = np.maximum(self.law.force(penetration, velocity), 0.0) * met
         return force
@@ -150,21 +150,21 @@ class Sap:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class DrakeContact(Fragment):
-    """A contact in Drake's text.
+    """A law as a contact in Drake's SDFormat and URDF.
 
     Attributes
     ----------
     parts : Parts
-        What the text is made of.
+        Values of the text.
     contact : Spheres, Slab or Sap
-        Its force by formula.
+        The predicted force by formula.
     setting : Setting
-        How the plant has to be set up beside it.
+        Required settings of the plant.
     heed : tuple of str
-        What is easily got wrong with it; a comment in every file.
+        Common mistakes, for the comment in every file.
     """
 
-    # Of a drop on its way down, for the way up may take 20 times as many: some seconds.
+    # Most steps on the way down; the way up may take 20 times as many, some seconds.
     most_steps: ClassVar[int] = 5000
     parts: Parts = field(repr=False)
     contact: Spheres | Slab | Sap = field(repr=False)
@@ -172,27 +172,27 @@ class DrakeContact(Fragment):
     heed: tuple[str, ...]
 
     def files(self, notes: Sequence[str]) -> Mapping[str, str]:
-        """Return both bodies in SDFormat and in URDF, and a script that drops the tip."""
+        """Return both bodies in SDFormat and URDF, and a script that simulates an impact."""
         setting = self.setting
-        said = [
+        remarks = [
             *notes,
-            "Drake's plant must be set up beside it:",
+            "Set up Drake's plant with:",
             f"MultibodyPlantConfig(time_step={digits(setting.time_step)}, "
             f'contact_model="{setting.contact_model}", '
             f'discrete_contact_approximation="{setting.approximation}")',
             *self.heed,
         ]
         how = {"speed": self.request.motion.fastest, "setting": setting}
-        scene = template("drake_scene.py.txt", comment=hash_comment(said), **how)
-        texts = {file: bodies(self.parts, file, xml_comment(said)) for file in DIALECTS}
+        scene = template("drake_scene.py.txt", comment=hash_comment(remarks), **how)
+        texts = {file: bodies(self.parts, file, xml_comment(remarks)) for file in DIALECTS}
         return {**texts, "scene.py": scene}
 
     def predicted(self, motion: ProbeMotion) -> Floats:
-        """Force by formula, N."""
+        """Return the predicted force by formula, N."""
         return self.contact.force(motion.penetration, motion.velocity, self.setting.time_step)
 
     def predicted_restitution(self, drop: Drop) -> float:
-        """Restitution by the formula and by the plant's own steps."""
+        """Return the restitution by the formula and the plant's time steps."""
         step = self.setting.time_step
 
         def force(x: float, v: float) -> float:
@@ -208,7 +208,7 @@ class DrakeContact(Fragment):
         return Replayed(force, f"state by state in a plant of {plant}")
 
     def drop_restitution(self, drop: Drop) -> float | None:
-        """Restitution in Drake, by steps of the time step; None of a drop that takes too many."""
+        """Return the restitution in Drake at the time step; None if that takes too many steps."""
         step = self.setting.time_step
         if step > 0.0 and steps_down(drop, step) > self.most_steps:
             return None
@@ -220,38 +220,38 @@ class DrakeContact(Fragment):
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class SlabContact(DrakeContact):
-    """A rigid sphere on a hydroelastic slab, of which a state takes 3 to 5 ms."""
+    """A rigid sphere on a hydroelastic slab; Drake takes 3 to 5 ms per state."""
 
     most_samples: ClassVar[int] = 500
     most_steps: ClassVar[int] = 200
 
     def replay(self, motion: ProbeMotion) -> Replayed:
-        """Return Drake's force at every state of a motion, which a continuous plant has as such."""
+        """Return Drake's force at every state of a motion, in a continuous plant."""
         continuous = replace(self.setting, time_step=0.0)
         return Replayed(forces(self._plant(continuous), motion), "state by state")
 
 
-# Which contacts carry a law, and how near.
+# The choice of the contact for a law.
 
-#: The approximation that has Hunt and Crossley's law; "similar" and "tamsi" gave the same digits.
+#: The approximation with the Hunt–Crossley law; "similar" and "tamsi" gave the same digits.
 LAGGED = "lagged"
 SAP = "sap"
-# Of a tip deeper than this fraction of its radius the closed form was not tried.
+# The closed form is validated only up to this penetration, as a fraction of the radius.
 _DEEPEST = 0.9
-#: The other body's stiffness, as a multiple of the contact's: they are in series, and so it changes
-#: the eleventh digit.
+#: Ratio of the other body's stiffness to the contact's; being in series, it changes the eleventh
+#: digit.
 RIGID = 1e10
 
 _TWO_BODIES = (
-    "Stiffnesses of the two bodies are in series, and their dissipations averaged: a body without",
-    "properties of its own would soften the contact, so both are written.",
+    "Drake combines the stiffnesses of the two bodies in series and averages their dissipations:",
+    "a body without properties would soften the contact, so both bodies need them.",
 )
 _NOT_SAP = (
-    "Not for SAP, which ignores the dissipation and takes 0.1 s of relaxation time for each body.",
+    "Not for SAP, which ignores the dissipation and assumes a relaxation time of 0.1 s per body.",
 )
 _SAP = (
-    "SAP ignores the dissipation. Stiffnesses of the two bodies are in series and their relaxation",
-    "times add, 0.1 s each unless set: so both are written, the tip's as 0.",
+    "SAP ignores the dissipation. It combines the stiffnesses of the two bodies in series and adds",
+    "their relaxation times (default: 0.1 s), so both bodies need them; that of the tip is 0.",
 )
 
 
@@ -262,9 +262,9 @@ class Drake(Engine):
     title: ClassVar[str] = "Drake"
     forms: ClassVar[Mapping[str, str]] = {
         "point": "F = k x (1 + d v), one sphere",
-        "nested-spheres": "the same from spheres in one another, for n above 1",
-        "hydroelastic": "a rigid sphere of the tip's radius on a slab: F near x²",
-        "sap": "F = k (x + τ v), Kelvin and Voigt's",
+        "nested-spheres": "the same with several nested spheres, for n above 1",
+        "hydroelastic": "a rigid sphere of the tip's radius on a slab: F nearly ∝ x²",
+        "sap": "F = k (x + τ v), Kelvin–Voigt",
     }
     distribution: ClassVar[str | None] = "drake"
     extra: ClassVar[str] = "peers"
@@ -272,13 +272,13 @@ class Drake(Engine):
     continuous: ClassVar[bool] = True
 
     def fit(self, request: ExportRequest) -> DrakeContact:
-        """Return the law as contacts of Drake, of the form asked for or the one that is nearest.
+        """Return the law as contacts of Drake, in the requested form or the most accurate one.
 
         Raises
         ------
         InvalidParameterError
-            No contact pushes back; or the slab is asked for without the tip's radius, or for a tip
-            that is pressed in too deep.
+            The stiffness is not positive; or the slab was requested without the tip's radius, or
+            for a tip that was pressed too deep.
         """
         if request.form == "auto":
             return _nearest(request)
@@ -291,14 +291,14 @@ class Drake(Engine):
 
 
 def _nearest(request: ExportRequest) -> DrakeContact:
-    """By the law: exactly where it is one of Drake's, else the smallest error predicted."""
+    """Return the exact contact if Drake has the law, else the one of least predicted error."""
     law = request.law
-    steps = request.time_step > 0.0  # without them there is no SAP
+    steps = request.time_step > 0.0  # SAP needs time steps
     if steps and is_kelvin_voigt(law) and law.damping > 0.0:
         return _sap(request)
     spheres = _nearest_point(request) if law.exponent <= 1.0 else _spheres(request)
     found = _point(request, "nested-spheres" if spheres.gaps.size > 1 else "point", spheres)
-    # SAP's damper does not grow with depth: not for a law of which it grows nearly as the force.
+    # SAP's damper is independent of depth: skip it for a law whose damper grows like the force.
     if steps and law.damping > 0.0 and law.damping_exponent < 0.5 * law.exponent:
         return min(found, _sap(request), key=_error)
     return found
@@ -311,10 +311,10 @@ def _error(contact: DrakeContact) -> float:
 
 
 def _point(request: ExportRequest, form: str, spheres: Spheres) -> DrakeContact:
-    """One sphere on a surface that gives way; or spheres that give way on one that does not.
+    """Return one rigid sphere on a compliant surface, or compliant spheres on a rigid one.
 
-    Spheres have one centre as long as they fit; of a tip smaller than the gaps the inner ones, a
-    tenth of its radius, are raised instead, and hold for a surface below the tip only.
+    The spheres are concentric if they fit. In a tip smaller than the gaps the inner ones have a
+    tenth of its radius and are raised instead, which is valid only for a surface below the tip.
     """
 
     def material(stiffness: float, dissipation: float) -> dict[str, float]:
@@ -331,15 +331,15 @@ def _point(request: ExportRequest, form: str, spheres: Spheres) -> DrakeContact:
             numbers[f"gap[{number}]"] = gap
             numbers |= {f"{name}[{number}]": value for name, value in each.items()}
             inner = max(radius - gap, 0.1 * radius)
-            # From the outer sphere's lowest point upwards.
+            # Height relative to the outer sphere's lowest point.
             tips.append(DrakeTip(f"tip_{number}", inner, gap - (radius - inner), each))
         parts = replace(_parts(request, rigid, {}), tips=tuple(tips))
     exact = law.exponent == 1.0 and (law.damping == 0.0 or law.damping_exponent == 1.0)
     warnings = [*_negative(law), *_step(request)]
     if spheres.gaps[-1] > 0.9 * radius:
         warnings.append(
-            "the tip is smaller than it is pressed in: its inner spheres are raised, and hold for "
-            "a surface straight below"
+            "the tip was pressed deeper than its radius: its inner spheres are raised, which is "
+            "valid only for a surface straight below"
         )
     return DrakeContact(
         form=form,
@@ -355,7 +355,7 @@ def _point(request: ExportRequest, form: str, spheres: Spheres) -> DrakeContact:
 
 
 def _nearest_point(request: ExportRequest) -> Spheres:
-    """One sphere: where p = n with the law's own dissipation, which keeps restitution."""
+    """Return one sphere; for p = n it keeps the law's dissipation, and so the restitution."""
     return one_sphere(_pushing(with_one_exponent(request.law, request.motion, 1.0)))
 
 
@@ -368,56 +368,56 @@ def _spheres(request: ExportRequest) -> Spheres:
 
 
 def _dissipating(law: GeneralisedHuntCrossley) -> GeneralisedHuntCrossley:
-    """The law, without a damper that makes energy."""
+    """Return the law without negative damping, which would generate energy."""
     if law.damping >= 0.0:
         return law
     return GeneralisedHuntCrossley(law.stiffness, law.exponent, 0.0, law.exponent)
 
 
 def _pushing(law: GeneralisedHuntCrossley) -> GeneralisedHuntCrossley:
-    """The law fitted, which must have a spring."""
+    """Return the fitted law; raise unless its stiffness is positive."""
     if law.stiffness > 0.0:
         return law
     raise InvalidParameterError(
-        f"a law with a stiffness of {law.stiffness:.3g} cannot be a contact of Drake"
+        f"Drake needs a stiffness above 0; that of the law is {law.stiffness:.3g}"
     )
 
 
 def _negative(law: GeneralisedHuntCrossley) -> tuple[str, ...]:
     if law.damping >= 0.0:
         return ()
-    return ("the law's damping is negative, which Drake does not take: it is written as 0",)
+    return ("the law's damping is negative, which Drake does not allow; it is exported as 0",)
 
 
 def _slab(request: ExportRequest) -> Slab:
-    """The slab that is nearest to the law, where the tip goes with one."""
+    """Return the slab nearest to the law, if the tip's radius is suitable."""
     if request.tip_radius is None:
         raise InvalidParameterError(
-            "tip_radius is needed for Drake's hydroelastic contact, whose force goes with it: give "
-            "that of the tip, as in --tip-radius 5mm, or another form"
+            "Drake's hydroelastic contact needs the tip's radius: add --tip-radius, such as "
+            "--tip-radius 5mm, or choose another --form"
         )
     deepest = request.motion.deepest
     if deepest > _DEEPEST * request.tip_radius:
         raise InvalidParameterError(
             f"tip_radius of {1e3 * request.tip_radius:.3g} mm is too small for Drake's "
-            f"hydroelastic contact: the tip was pressed {1e3 * deepest:.3g} mm deep; take "
-            "another form"
+            f"hydroelastic contact: the tip was pressed {1e3 * deepest:.3g} mm deep; choose "
+            "another --form"
         )
     found = slab(_dissipating(request.law), request.motion, request.tip_radius)
     if found.halvings > FINEST:
         raise InvalidParameterError(
             f"tip_radius of {1e3 * request.tip_radius:.3g} mm is too large for Drake's "
-            f"hydroelastic contact: pressed {1e3 * deepest:.3g} mm deep at most, it would need a "
-            "mesh finer than can be simulated; take another form"
+            f"hydroelastic contact: at a depth of {1e3 * deepest:.3g} mm it would need a mesh "
+            "finer than can be simulated; choose another --form"
         )
     return found
 
 
 def _hydroelastic(request: ExportRequest) -> DrakeContact:
-    """A rigid sphere on a compliant box whose medial plane is the slab's bottom.
+    """Return a rigid sphere on a compliant box whose medial plane is the slab's bottom.
 
-    Without friction, which would push back on the sphere's flanks as it goes straight in: with the
-    coefficient 1 that Drake takes where none is given, by nearly half of the force at 50 mm/s.
+    Friction is set to 0: with Drake's default coefficient of 1, friction on the flanks of the
+    advancing sphere increased the force by nearly half at 50 mm/s.
     """
     found = _slab(request)
     law = {
@@ -428,7 +428,7 @@ def _hydroelastic(request: ExportRequest) -> DrakeContact:
     smooth = {"mu_dynamic": 0.0, "mu_static": 0.0}
     surface = {"compliant_hydroelastic": None, **law, **smooth}
     tip = {"rigid_hydroelastic": None, **mesh, "hunt_crossley_dissipation": 0.0, **smooth}
-    # The medial plane reaches as far as H from the rim.
+    # The medial plane ends at a distance H from the rim.
     width, height = 2.0 * (found.radius + 2.0 * found.thickness), 2.0 * found.thickness
     return SlabContact(
         form="hydroelastic",
@@ -436,10 +436,10 @@ def _hydroelastic(request: ExportRequest) -> DrakeContact:
         numbers={**law, "box_height": height, **mesh},
         findings=warned(
             *_negative(request.law),
-            "written without friction, which would push back on the tip's flanks as it goes "
-            "straight in: with a coefficient of 1 the force was nearly half higher at 50 mm/s",
-            "the modulus holds for this radius and this box: pressure goes with modulus over "
-            "half of its height",
+            "exported without friction, which would act on the flanks of the advancing tip: with a "
+            "coefficient of 1 the force was nearly 50 % higher at 50 mm/s",
+            "the modulus is for this radius and this box: the pressure is proportional to modulus "
+            "over half of the height",
             *_step(request),
         ),
         parts=replace(_parts(request, surface, tip), width=width, height=height),
@@ -450,10 +450,10 @@ def _hydroelastic(request: ExportRequest) -> DrakeContact:
 
 
 def _sap(request: ExportRequest) -> DrakeContact:
-    """A surface that gives way, below a tip that does not and whose relaxation time is 0."""
+    """Return a compliant surface below a rigid tip with relaxation time 0, for SAP."""
     if request.time_step == 0.0:
         raise InvalidParameterError(
-            "time_step must be above 0 for Drake's SAP, which solves for the end of a step"
+            "time_step must be above 0 for Drake's SAP, an implicit solver: add --time-step 1ms"
         )
     law = _pushing(kelvin_voigt(_dissipating(request.law), request.motion))
     surface = {
@@ -478,7 +478,7 @@ def _sap(request: ExportRequest) -> DrakeContact:
 def _parts(
     request: ExportRequest, surface: Mapping[str, float | None], tip: Mapping[str, float | None]
 ) -> Parts:
-    """A tip of one sphere on a box of which the top is the nearest face, as deep as it goes."""
+    """Return a tip of one sphere on a box so large that its top stays the nearest face."""
     radius, deepest = request.radius_or_any, request.motion.deepest
     width, height = max(1.0, 10.0 * (radius + deepest)), max(0.2, 4.0 * deepest)
     tips = (DrakeTip("tip", radius, 0.0, tip),)
@@ -486,17 +486,17 @@ def _parts(
 
 
 def _step(request: ExportRequest) -> tuple[str, ...]:
-    """What an implicit step damps beside the law: h ∂F/∂x, against B xᵖ."""
+    """Return a warning if an implicit step adds much damping: h ∂F/∂x compared with B xᵖ."""
     law, depth = request.law, request.motion.deepest
     more = request.time_step * law.exponent * law.stiffness * depth ** (law.exponent - 1.0)
     own = max(law.damping, 0.0) * depth**law.damping_exponent
-    # From two hundredths of the law's own on; e then changes by about a hundredth.
+    # Below 2 % of the law's damping, restitution changes by less than about 1 %.
     if more < 0.02 * own:
         return ()
     return (
-        f"a step of {1e3 * request.time_step:.3g} ms damps a body by {more:.2g} N·s/m beside the "
-        f"law's {own:.2g} at {1e3 * depth:.3g} mm: where impacts matter take a smaller step, or "
-        "time_step=0, a continuous plant",
+        f"a step of {1e3 * request.time_step:.3g} ms adds a damping of {more:.2g} N·s/m to the "
+        f"law's {own:.2g} at {1e3 * depth:.3g} mm: for impacts choose a smaller --time-step, or 0 "
+        "for a continuous plant",
     )
 
 

@@ -1,12 +1,12 @@
-"""Drake's contacts as a plant steps them: by formula, and in Drake itself.
+"""Drake's contacts in discrete time: by formula, and in Drake itself.
 
-Its discrete plants have, of a body on a contact,
+For a body on a contact, Drake's discrete plants solve
 
     m (v₁ − v₀) = −h F(x₁, v₁),  x₁ = x₀ + h v₁,
 
-which damps by h ∂F/∂x more than the law says: K h for a spring. A step from (x₀, v₀) has the
-force of its end, (x₀ + h v₁, v₁): with a tip so heavy that v₁ is v₀, and begun at x − h v, that is
-the force at (x, v).
+which adds a damping of h ∂F/∂x to that of the law: K h for a spring. A step from (x₀, v₀) has the
+force at its end, (x₀ + h v₁, v₁). With a tip so heavy that v₁ = v₀, a step from x − h v therefore
+has the force at (x, v).
 """
 
 import math
@@ -24,39 +24,39 @@ from palpate.exports.engine import (
 )
 from palpate.validation import Floats
 
-#: A body that takes so many times as long as it went down is said to stay.
+#: A body that has not returned after this multiple of the time down counts as at rest.
 LONGEST = 20.0
-# With as many steps on the way down h adds π/20 000 of the critical damping: e falls by 0.05 %.
+# With this many steps down h adds π/20 000 of the critical damping, which lowers e by 0.05 %.
 _FINE = 5000
-# As the law's own drops are integrated.
+# Steps on the way down for integration in continuous time.
 _BY_LAW = 2000
-# Some six are needed.
+# Most iterations; some six are needed.
 _MOST_TRIES = 60
 
 
 def steps_down(drop: Drop, step: float) -> float:
-    """How many steps the way down takes, or nearly; without steps it is without bound."""
+    """Return the approximate number of steps on the way down; infinite in continuous time."""
     return _time_down(drop) / step if step > 0.0 else math.inf
 
 
 def _time_down(drop: Drop) -> float:
-    """How long it takes, s, or nearly: a quarter period, π/2 x/v₀ of a spring."""
+    """Return the approximate time down, s: a quarter period of a spring, π/2 x/v₀."""
     return 0.5 * math.pi * drop.depth / drop.speed
 
 
 def restitution_by_steps(force: Pointwise, drop: Drop, step: float) -> float:
-    """Restitution of a body that enters the surface at x = 0, by steps [s].
+    """Return the restitution of a body that enters the surface at x = 0, with time steps [s].
 
-    Of steps so fine that what they add does not matter, by the law alone.
+    If the steps are so fine that their damping does not matter, it is that of continuous time.
 
     Parameters
     ----------
     force : callable
-        N, ≥ 0, at a penetration [m] and a velocity [m/s]; must not fall with either.
+        Force, N, ≥ 0, at a penetration [m] and a velocity [m/s]; must not decrease with either.
     drop : Drop
-        What falls, and how fast.
+        The impact.
     step : float
-        h, s; 0 of an engine without steps.
+        h, s; 0 for continuous time.
     """
     steps = steps_down(drop, step)
     if steps > _FINE:
@@ -71,10 +71,10 @@ def restitution_by_steps(force: Pointwise, drop: Drop, step: float) -> float:
 
 
 def _after(force: Pointwise, mass: float, step: float, x: float, v: float) -> float:
-    """v₁, where m (v₁ − v₀) + h F(x₀ + h v₁, v₁), which rises with v₁, is 0: by false position.
+    """Return v₁, the root of m (v₁ − v₀) + h F(x₀ + h v₁, v₁), by false position.
 
-    It is not below 0 at v₀, and not above at what the force there would make of v₀. Of an end that
-    stays twice, half of the value is taken (the Illinois rule).
+    The function increases with v₁; v₀ and the explicit step with the force there bracket the root.
+    If one end stays twice, its value is halved (the Illinois rule).
     """
 
     def excess(speed: float) -> float:
@@ -100,26 +100,26 @@ def _after(force: Pointwise, mass: float, step: float, x: float, v: float) -> fl
     return high if above <= 0.0 else low
 
 
-# Drake itself: what it parses from the text, pressed and dropped.
+# Running Drake: the force and restitution of the exported text.
 
-# kg. Of 100 N and a step of 10 ms it takes 10⁻⁹ m/s; 10³ times as heavy gave the same digits.
+# kg. 100 N over a step of 10 ms change its speed by 10⁻⁹ m/s; 10³ times as much gave equal digits.
 HEAVY = 1e9
-# A continuous plant is looked at so often on the way down, and integrated as well: e to 10⁻⁶.
+# States looked at on the way down, and integration accuracy, of a continuous plant: e to 10⁻⁶.
 _LOOKS, _ACCURACY = 50, 1e-8
 
 
 @dataclass(frozen=True, slots=True)
 class Setting:
-    """How the plant is set up: what text cannot say.
+    """The settings of the plant that the text cannot contain.
 
     Attributes
     ----------
     contact_model : str
         "point" or "hydroelastic".
     approximation : str
-        Of the contact in a discrete plant: "lagged", whose law is Hunt and Crossley's; or "sap".
+        Of the contact in a discrete plant: "lagged", the Hunt–Crossley law; or "sap".
     time_step : float
-        s; 0 is a continuous plant.
+        Time step, s; 0 for a continuous plant.
     """
 
     contact_model: str
@@ -128,7 +128,7 @@ class Setting:
 
 
 class Plant:
-    """A tip on a slide, as parsed."""
+    """A tip on a slide, parsed by Drake."""
 
     def __init__(self, text: str, setting: Setting, kind: str = "sdf") -> None:
         import pydrake.all as drake
@@ -138,7 +138,7 @@ class Plant:
             time_step=setting.time_step,
             contact_model=setting.contact_model,
             discrete_contact_approximation=setting.approximation,
-            # Or the results are those of the step before, and not of the state that is set.
+            # True would return the results of the previous step instead of the present state.
             use_sampled_output_ports=False,
         )
         self.step = setting.time_step
@@ -152,15 +152,15 @@ class Plant:
         )
 
     def weigh(self, mass: float) -> None:
-        """Give the tip a mass [kg]."""
+        """Set the mass of the tip [kg]."""
         self.plant.GetBodyByName("tip").SetMass(self.context, mass)
 
     def put(self, penetration: float, velocity: float) -> None:
-        """Put the tip somewhere, at a velocity into the surface; m and m/s."""
+        """Set the penetration [m] of the tip and its velocity into the surface [m/s]."""
         self.plant.SetPositionsAndVelocities(self.context, [penetration, velocity])
 
     def force(self) -> float:
-        """All contacts' force on the tip, N: at the end of the step from here."""
+        """Return the force of all contacts on the tip, N, at the end of the next step."""
         results = self.plant.get_contact_results_output_port().Eval(self.context)
         points = [
             results.point_pair_contact_info(k).contact_force()[2]
@@ -185,7 +185,7 @@ def forces(plant: Plant, motion: ProbeMotion) -> Floats:
 
 
 def simulated_restitution(plant: Plant, drop: Drop) -> float:
-    """Restitution of a body of the drop's mass, by steps; 0 of one that stays."""
+    """Return the restitution of the drop's body in Drake; 0 if it does not rebound."""
     plant.weigh(drop.mass)
     plant.put(0.0, drop.speed)
     step = plant.step

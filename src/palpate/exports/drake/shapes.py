@@ -1,17 +1,17 @@
-"""Shapes whose force, by Drake's linear contacts, is near a power of depth, in closed form.
+"""Shapes whose force with Drake's linear contacts approximates a power of depth, in closed form.
 
-Spheres in one another, which a surface meets one after the other: each is a point contact of Drake,
-kᵢ (x − δᵢ)₊ (1 + dᵢ v)₊, and together they are the law's secant line by pieces. Where they begin,
-δᵢ, and how stiff they are, kᵢ ≥ 0, is by least squares.
+Nested spheres touch the surface one after the other. Each is a point contact of Drake,
+kᵢ (x − δᵢ)₊ (1 + dᵢ v)₊, and together they are piecewise linear. Gaps δᵢ and stiffnesses kᵢ ≥ 0
+are fitted by least squares.
 
-And a rigid sphere on Drake's hydroelastic slab. In a box whose medial plane is H below its top the
-pressure rises as E/H times the depth, and pushes along the sphere's own surface,
+The second shape is a rigid sphere on Drake's hydroelastic slab. In a box whose medial plane is H
+below its top, the pressure is E/H times the depth and acts normal to the sphere's surface,
 p (1 + d v cos θ)₊ n̂. So the force is
 
     F = (E/H) [V(x) + d v W(x)],  V = π x² (3R − x)/3,  W = ∫ depth cos θ dA,
 
-V the volume of the cap that is below the surface. The sphere is a mesh inside of the sphere, of
-which the volume is smaller. After Elandt et al., IROS 2019.
+V the volume of the cap below the surface. Drake's mesh is inscribed in the sphere, so its volume is
+smaller. After Elandt et al., IROS 2019.
 """
 
 import math
@@ -23,15 +23,15 @@ from palpate.exports.engine import ProbeMotion
 from palpate.force_laws import GeneralisedHuntCrossley
 from palpate.validation import Floats
 
-#: As many spheres are taken as bring the spring's error below, %: some six for x^1.5, eight for x².
-#: What is identified from Drake's force then has the exponent to a standard error or two.
+#: Spheres are added until the spring's error is below this, %: about six for x^1.5, eight for x².
+#: The exponent identified from Drake's force is then right within one or two standard errors.
 GOOD_ENOUGH = 0.25
-#: And no more than so many; eight leave 0.2 % of x².
+#: Largest number of spheres; eight have an error of 0.2 % for x².
 MOST_SPHERES = 8
-# A fit takes so many samples at most; more do not change its second digit.
+# Most samples for a fit; more do not change its second digit.
 _MOST_SAMPLES = 1000
 _MOST_STEPS = 60
-#: m: of the differences between positions of some centimetres.
+#: Rounding error, m, of differences between positions of some centimetres.
 ROUNDING = 1e-15
 
 
@@ -42,7 +42,7 @@ class Spheres:
     Attributes
     ----------
     gaps : numpy.ndarray, shape (m,)
-        δᵢ, m: rising, and the first of them 0.
+        δᵢ, m: increasing from 0.
     stiffness, dissipation : numpy.ndarray, shape (m,)
         kᵢ, N/m, > 0, and dᵢ, s/m, ≥ 0.
     """
@@ -52,10 +52,10 @@ class Spheres:
     dissipation: Floats
 
     def force(self, penetration: Floats, velocity: Floats, step: float = 0.0) -> Floats:
-        """Return the force, N, which never pulls.
+        """Return the force, N, at least 0.
 
-        Of a discrete plant with a step [s], whose contacts are those of the step's beginning: a
-        sphere that meets the surface within it is not felt until the next.
+        In a discrete plant with a step [s] contacts are those at the beginning of the step: a
+        sphere that touches the surface within a step acts only from the next.
         """
         spring = np.maximum(penetration[:, None] - self.gaps, 0.0) * self.stiffness
         damped = np.maximum(1.0 + velocity[:, None] * self.dissipation, 0.0)
@@ -65,22 +65,22 @@ class Spheres:
 
 
 def one_sphere(law: GeneralisedHuntCrossley) -> Spheres:
-    """The K x (1 + B/K v) that a law with n = p = 1 is."""
+    """Return the sphere K x (1 + B/K v) of a law with n = p = 1."""
     return Spheres(np.zeros(1), np.array([law.stiffness]), np.array([law.damping / law.stiffness]))
 
 
 def nested_spheres(law: GeneralisedHuntCrossley, penetration: Floats, velocity: Floats) -> Spheres:
-    """Return as few spheres as carry a law well along these samples, in contact.
+    """Return the fewest spheres that fit a law well at these samples in contact.
 
-    Where p = n all have the dissipation B/K, and restitution is the law's own. Else each has its
-    own, by least squares of the damper alone, ≥ 0.
+    For p = n all have the dissipation B/K, which keeps the restitution. Else each has its own, ≥ 0,
+    from a least-squares fit of the damper alone.
 
     Parameters
     ----------
     law : GeneralisedHuntCrossley
-        K > 0, and n such that xⁿ is convex or nearly: n ≥ 1. Less is carried by one sphere.
+        K > 0 and n ≥ 1 (xⁿ convex); for a lower n the result is one sphere.
     penetration, velocity : numpy.ndarray, shape (k,)
-        m, > 0, and m/s.
+        Penetration, m, > 0, and velocity, m/s.
     """
     x, v = _samples(penetration, velocity)
     alike = law.damping == 0.0 or law.damping_exponent == law.exponent
@@ -101,10 +101,10 @@ def nested_spheres(law: GeneralisedHuntCrossley, penetration: Floats, velocity: 
 
 
 def _samples(penetration: Floats, velocity: Floats) -> tuple[Floats, Floats]:
-    """Some of the samples, and half as many at rest, evenly from the surface down.
+    """Return some of the samples, and half as many at rest, spaced evenly from the surface down.
 
-    Without these the spheres are best where the recording was, and the first of them, which has the
-    shallow depths alone, too stiff: x^1.5 was identified as x^1.52.
+    Without these the first sphere, which alone acts at shallow depths, would be too stiff: x^1.5
+    was identified as x^1.52.
     """
     every = -(-penetration.size // _MOST_SAMPLES)
     x, v = penetration[::every], velocity[::every]
@@ -114,9 +114,9 @@ def _samples(penetration: Floats, velocity: Floats) -> tuple[Floats, Floats]:
 
 
 def not_negative(columns: Floats, wanted: Floats) -> Floats:
-    """Least squares by coefficients ≥ 0: the worst of those below is left out, again and again.
+    """Solve least squares with coefficients ≥ 0, repeatedly removing the most negative one.
 
-    Not the best of all such, but as good where, as here, the best by far is of one sign.
+    Not the exact optimum in general, but close to it where, as here, few would be negative.
     """
     size = np.sqrt(np.einsum("ij,ij->j", columns, columns))
     kept = size > 0.0
@@ -132,14 +132,14 @@ def not_negative(columns: Floats, wanted: Floats) -> Floats:
 
 
 def _spread(x: Floats, exponent: float, count: int) -> Floats:
-    """Where to begin: knots as dense as (w f″²)^(1/5), which is best for many of them.
+    """Return initial gaps with density (w f″²)^(1/5), the optimum for many knots.
 
     de Boor, *A Practical Guide to Splines* (1978), chapter XII, with w the samples' own density.
     """
     edges = np.linspace(0.0, float(x.max()), 201)
     middle = 0.5 * (edges[1:] + edges[:-1])
     samples = np.histogram(x, edges)[0]
-    # A floor for depths that have no samples: knots must not all fall together.
+    # A minimum for depths without samples, so that knots do not coincide.
     density = (samples * middle ** (2.0 * (exponent - 2.0))) ** 0.2
     density += 1e-3 * density.max()
     whole = np.concatenate([[0.0], np.cumsum(density)])
@@ -150,7 +150,7 @@ def _spread(x: Floats, exponent: float, count: int) -> Floats:
 def _springs(
     x: Floats, weight: Floats, wanted: Floats, gaps: Floats
 ) -> tuple[Floats, Floats, float]:
-    """Gaps, stiffnesses, and the error in %: Gauss–Newton on the gaps, damped.
+    """Return gaps, stiffnesses, and the error in %, by damped Gauss–Newton on the gaps.
 
     The stiffnesses follow from the gaps (variable projection, with Kaufman's gradient).
     """
@@ -175,7 +175,7 @@ def _springs(
 
 
 def _stiffnesses(x: Floats, weight: Floats, target: Floats, gaps: Floats) -> tuple[Floats, Floats]:
-    """The best stiffnesses of these gaps, and what they leave."""
+    """Return the best stiffnesses for these gaps, and the residuals."""
     ramps = np.maximum(x[:, None] - gaps, 0.0) * weight[:, None]
     stiffness = not_negative(ramps, target)
     return stiffness, target - ramps @ stiffness
@@ -184,7 +184,7 @@ def _stiffnesses(x: Floats, weight: Floats, target: Floats, gaps: Floats) -> tup
 def _moved(
     x: Floats, weight: Floats, gaps: Floats, stiffness: Floats, left: Floats, damping: float
 ) -> Floats:
-    """The gaps after a step; the first stays 0, where the law begins."""
+    """Return the gaps after a step; the first stays 0."""
     beyond = x[:, None] > gaps
     ramps = np.maximum(x[:, None] - gaps, 0.0) * weight[:, None]
     slopes = (-1.0 * beyond * stiffness * weight[:, None])[:, 1:]
@@ -201,10 +201,10 @@ def _moved(
 
 # The slab.
 
-#: What the mesh may take from the force at a mean depth. The formula of it is good to a seventh, so
-#: that 0.07 % are left: below the 0.1 percentage points that a predicted error may be off.
+#: Largest relative force loss by the mesh at a mean depth. The formula for it is accurate to 1/7,
+#: which leaves 0.07 %, below the 0.1 percentage points allowed for a predicted error.
 MESH_LOSS = 0.005
-# Drake halves the edges of an octahedron until they are shorter than the hint, at first R √2.
+# Drake halves the edges of an octahedron, R √2, until they are shorter than the hint.
 _COARSEST = 3
 #: 131 000 triangles.
 FINEST = 7
@@ -212,7 +212,7 @@ FINEST = 7
 
 @dataclass(frozen=True, slots=True)
 class Slab:
-    """A slab of a modulus, and the sphere on it.
+    """A hydroelastic slab and the sphere on it.
 
     Attributes
     ----------
@@ -221,7 +221,7 @@ class Slab:
     thickness, radius : float
         H, m: half the height of the box; and R, m.
     halvings : int
-        How often the edges of the mesh were halved.
+        Number of halvings of the mesh's edges.
     """
 
     modulus: float
@@ -232,24 +232,24 @@ class Slab:
 
     @property
     def resolution_hint(self) -> float:
-        """Length of edges, m, that gives as many halvings; they come out a little shorter."""
+        """Length of edges, m, that gives this number of halvings; Drake's are a little shorter."""
         return 1.6 * self.radius / 2.0**self.halvings
 
     def force(self, penetration: Floats, velocity: Floats, _step: float = 0.0) -> Floats:
-        """Return the force, N, which never pulls, whatever the step."""
+        """Return the force, N, at least 0; the step has no effect."""
         elastic, damper = shapes(penetration, self.radius, self.halvings)
         per_volume = self.modulus / self.thickness
         return np.maximum(per_volume * (elastic + self.dissipation * velocity * damper), 0.0)
 
 
 def slab(law: GeneralisedHuntCrossley, motion: ProbeMotion, radius: float) -> Slab:
-    """Return the slab nearest to a law: least squares over the judged samples."""
+    """Return the slab nearest to a law, by least squares over the judged samples."""
     x, v = motion.penetration[motion.judged], motion.velocity[motion.judged]
-    # So fine a mesh that it loses MESH_LOSS at a mean depth: loss/V by `shapes`, with V = π x² R.
+    # The mesh loses MESH_LOSS at a mean depth: loss/V as in `shapes`, with V = π x² R.
     depth = float(np.sqrt(np.mean(x**2)))
     finer = math.log(math.pi * radius / (2.0 * math.sqrt(3.0) * depth * MESH_LOSS), 4.0)
     halvings = max(math.ceil(finer), _COARSEST)
-    # The pressure rises down to the medial plane only.
+    # The pressure increases only down to the medial plane.
     thickness = max(0.02, 2.0 * motion.deepest)
     elastic, damper = shapes(x, radius, halvings)
     wanted = motion.force_by(law)[motion.judged]
@@ -259,7 +259,7 @@ def slab(law: GeneralisedHuntCrossley, motion: ProbeMotion, radius: float) -> Sl
 
 
 def shapes(penetration: Floats, radius: float, halvings: int) -> tuple[Floats, Floats]:
-    """V and W of the mesh, m³; 0 out of contact.
+    """Return V and W of the mesh, m³; 0 out of contact.
 
     A flat triangle of side a is on average a²/8R below the sphere through its corners; 8·4ᴸ of them
     cover 4πR², so that a² = 2π R²/(√3 4ᴸ), and the cap, 2πR x of it, loses π² R² x/(2√3 4ᴸ).

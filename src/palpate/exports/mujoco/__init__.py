@@ -1,4 +1,4 @@
-"""MuJoCo: a law as one contact, a pair of coincident ones, or exactly as a callback."""
+"""MuJoCo: a law as one contact, as two coincident contacts, or exactly as a callback."""
 
 from palpate.exports.mujoco.engine import ENGINE as ENGINE
 from palpate.exports.mujoco.engine import MuJoCo as MuJoCo

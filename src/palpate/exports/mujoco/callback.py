@@ -1,14 +1,14 @@
-"""F = K x^n + B x^p v, at least 0, between two geoms in MuJoCo, exactly, by mjcb_passive.
+"""The exact force F = max(K x^n + B x^p v, 0) between two geoms in MuJoCo, by mjcb_passive.
 
     with ExactContact(model):
         mujoco.mj_step(model, data)
 
-palpate_contact.json, beside this file, has the four numbers and the names of the two geoms.
+palpate_contact.json in this folder has the four parameters and the names of the two geoms.
 
-The two geoms must not collide by themselves (contype="0" conaffinity="0"). MuJoCo has one such
-callback for all models: other models are left alone, and a callback that was there before is called
-first and put back at the end. While any is installed MuJoCo compiles no model from Python ("Python
-exception raised"): compile them before.
+The two geoms must not collide otherwise (contype="0" conaffinity="0"). MuJoCo has one such callback
+for all models: this one ignores other models, calls a callback that was installed earlier first,
+and restores it at the end. While a callback is installed, MuJoCo cannot compile models from Python
+("Python exception raised"): compile them before.
 """
 
 import json
@@ -20,7 +20,7 @@ import numpy as np
 
 
 def read_contact() -> dict[str, Any]:
-    """Return the numbers and names beside this file."""
+    """Return the parameters and names from the JSON file in this folder."""
     text = Path(__file__).with_name("palpate_contact.json").read_text(encoding="utf-8")
     return dict(json.loads(text))
 
@@ -31,14 +31,14 @@ class ExactContact:
     Parameters
     ----------
     model : mujoco.MjModel
-        That both geoms are in.
+        Model that contains both geoms.
     contact : mapping, optional
         stiffness K [N/m^n], exponent n, damping B [N s/m^(p+1)], damping_exponent p, and the names
-        of the geoms, tip and pad; default: those beside this file.
+        of the geoms, tip and pad. Default: those of the JSON file in this folder.
     """
 
     def __init__(self, model: Any, contact: Mapping[str, Any] | None = None) -> None:
-        import mujoco  # here, since palpate is installed without it too
+        import mujoco  # imported here: palpate also runs without MuJoCo
 
         self.mujoco = mujoco
         self.contact = read_contact() if contact is None else contact
@@ -49,11 +49,11 @@ class ExactContact:
         self.jacobians = np.zeros((2, 3, model.nv))
         self.reach = 1e3 * float(model.stat.extent)
         self.before: Any = None
-        self.force = 0.0  # as of the last call, N
+        self.force = 0.0  # N, at the last call
         self.penetration = 0.0  # m
 
     def law(self, penetration: float, velocity: float) -> float:
-        """Force [N] at a penetration [m] and a velocity [m/s]; a contact does not pull."""
+        """Return the force [N], at least 0, at a penetration [m] and a velocity [m/s]."""
         if penetration <= 0.0:
             return 0.0
         c = self.contact
@@ -62,13 +62,13 @@ class ExactContact:
         return max(float(elastic + damper * velocity), 0.0)
 
     def install(self) -> "ExactContact":
-        """Let MuJoCo call this contact at every step."""
+        """Install the callback, which MuJoCo then calls at every step."""
         self.before = self.mujoco.get_mjcb_passive()
         self.mujoco.set_mjcb_passive(self)
         return self
 
     def uninstall(self) -> None:
-        """Put back the callback that was there before."""
+        """Restore the callback that was installed before."""
         self.mujoco.set_mjcb_passive(self.before)
 
     __enter__ = install
@@ -97,7 +97,7 @@ class ExactContact:
 
 
 def _drop() -> None:
-    """Drop the body of scene.xml, beside this file, whose geom is called tip."""
+    """Simulate the impact of scene.xml in this folder, whose geom is named tip."""
     import mujoco
 
     model = mujoco.MjModel.from_xml_path(str(Path(__file__).with_name("scene.xml")))

@@ -1,7 +1,7 @@
-"""MuJoCo: which of its ways carries a law, what it writes, and what it does; or the law itself.
+"""MuJoCo: the choice of a form of contact for a law, its files, its predicted and replayed force.
 
-A law is one contact, or two at the same place, in the rows of MuJoCo's solver, or a callback in
-Python. The fragments come first, then the engine with its ways and its warnings.
+A law becomes one contact or two coincident ones (rows of MuJoCo's solver), or a Python callback.
+The fragments come first, then the engine with its forms and warnings.
 """
 
 import json
@@ -57,16 +57,16 @@ from palpate.validation import Floats, above_zero
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class InMuJoCo(Fragment):
-    """What both ways have in common: where it touches, and the small scene.
+    """The common part of contacts and callback: the surface's placement and the minimal scene.
 
     Attributes
     ----------
     rows : PairRows
-        The law as one contact, or as several at the same place; none of a callback.
+        The law as one contact or several coincident ones; empty for a callback.
     robot : Robot, optional
         The user's own model.
     runs : bool
-        Whether the installed engine has what it takes.
+        Whether the installed MuJoCo supports the contact. Default: True.
     """
 
     rows: PairRows
@@ -75,16 +75,16 @@ class InMuJoCo(Fragment):
 
     @property
     def mobility(self) -> float:
-        """Â, 1/kg; of the scene's body it is 1/mass."""
+        """Â, 1/kg; for the body of the minimal scene 1/mass."""
         return self.rows.mobility
 
     @property
     def tip(self) -> str:
-        """What the geom that touches is called."""
+        """Name of the touching geom."""
         return TIP if self.robot is None else self.robot.geom
 
     def scene(self, speed: float, notes: Sequence[str] = ()) -> str:
-        """The smallest scene, of a body with one contact that arrives at a speed [m/s]."""
+        """Return the minimal scene, a body that arrives at a speed [m/s]."""
         n, depth = self.rows.contacts, self.request.motion.deepest
         rows = [
             replace(row, spring=n * row.spring, damper=n * row.damper, adhesion=n * row.adhesion)
@@ -96,24 +96,24 @@ class InMuJoCo(Fragment):
         return template("mujoco_scene.xml", comment=xml_comment(notes), **both, **numbers)
 
     def fragment(self, notes: Sequence[str]) -> str:
-        """What is to be pasted into a model, or included by it; without rows the surface alone."""
+        """Return the XML to paste or include into a model; without rows the surface only."""
         place = Placement() if self.robot is None else self.robot.place
         both = sections(self.rows.rows, self.tip, place)
         return template("mujoco_fragment.xml", comment=xml_comment(notes), **both)
 
     def pressable(self) -> PressableModel:
-        """Return the user's model with the fragment in it, or the small scene."""
+        """Return the user's model with the fragment, or the minimal scene."""
         if (robot := self.robot) is not None:
             return pressable(robot.path, robot.geom, self.rows.rows, robot.place)
         model = engine_here().MjModel.from_xml_string(self.scene(0.0))
         return PressableModel(model, TIP, Placement())
 
     def contact(self, model: Any, tip: str) -> AbstractContextManager[Any]:
-        """Have in force, meanwhile, what the scene itself does not say."""
+        """Return a context that installs what the XML cannot contain; here nothing."""
         return nullcontext()
 
     def replay(self, motion: ProbeMotion) -> Replayed | None:
-        """Force by inverse dynamics, in the user's own model where there is one."""
+        """Return the force by inverse dynamics, in the user's own model if there is one."""
         if not self.runs:
             return None
         pressable = self.pressable()
@@ -123,7 +123,7 @@ class InMuJoCo(Fragment):
         return Replayed(force, f"by mj_inverse, state by state{where}")
 
     def drop_restitution(self, drop: Drop) -> float | None:
-        """Restitution in the small scene, of a body of Â's mass; 0 if it stays."""
+        """Return the restitution in the minimal scene, for a body of mass 1/Â; 0 if it stays."""
         if not self.runs or not math.isclose(drop.mass * self.mobility, 1.0, rel_tol=1e-6):
             return None
         mujoco = engine_here()
@@ -145,9 +145,9 @@ class InMuJoCo(Fragment):
         if self.robot is not None and self.robot.path.suffix == ".xml":
             here = [
                 *notes,
-                'Load it by mujoco.MjModel.from_xml_path("robot_scene.xml"): it includes '
+                'Load it with mujoco.MjModel.from_xml_path("robot_scene.xml"); it includes '
                 f"{self.robot.path.name} and contact.xml.",
-                "Take your own surface out, or let it not collide with the tip: both would push.",
+                "Remove your own surface or exclude its collision with the tip: else both push.",
             ]
             files["robot_scene.xml"] = self.robot.scene(here)
         return files
@@ -155,28 +155,28 @@ class InMuJoCo(Fragment):
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class InRows(InMuJoCo):
-    """A law as one contact, or as several at the same place."""
+    """A law as one contact, or as several coincident ones."""
 
     def files(self, notes: Sequence[str]) -> Mapping[str, str]:
-        """Return the pads and pairs, and scenes that have them."""
+        """Return the XML of surfaces and pairs, and scenes that contain it."""
         return self._files({"contact.xml": self.fragment(notes)}, notes)
 
     def predicted(self, motion: ProbeMotion) -> Floats:
-        """Of the rows: the law as fitted, and Σ m_a ẍ."""
+        """Return the force of the rows, N: the fitted law plus Σ m_a ẍ."""
         return self.rows.force(motion.penetration, motion.velocity, motion.acceleration)
 
     def predicted_restitution(self, drop: Drop) -> float:
-        """Of the rows, by the time step."""
+        """Return the restitution of the rows at the time step."""
         return drop_restitution(self.rows, drop, self.request.time_step)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class AsCallback(InMuJoCo):
-    """The law itself, in Python, called at every step."""
+    """The exact law as a Python callback, called at every step."""
 
     def files(self, notes: Sequence[str]) -> Mapping[str, str]:
-        """Return the module, its numbers and names, and a scene for it."""
-        # Names of a model are data: none of them enters the source, not even as a comment.
+        """Return the Python module, its parameters as JSON, and a scene."""
+        # Names from a model are untrusted: none of them enters the source, not even as a comment.
         source = Path(str(callback.__file__)).read_text(encoding="utf-8")
         numbers = json.dumps({**self._numbers(self.tip), "notes": list(notes)}, indent=1)
         files = {"palpate_contact.py": source, "palpate_contact.json": numbers + "\n"}
@@ -188,29 +188,29 @@ class AsCallback(InMuJoCo):
         return {**numbers_of(self.request.law), "tip": tip, "pad": PADS[0]}
 
     def contact(self, model: Any, tip: str) -> AbstractContextManager[Any]:
-        """Have the callback installed, which adds the contact's to the passive forces."""
+        """Return a context with the callback installed, which adds a passive force."""
         return callback.ExactContact(model, self._numbers(tip))
 
 
-# Which of its ways carries a law, and what it needs.
+# The choice of the form, and its warnings.
 
-#: The first MuJoCo whose contacts may pull (adhesion of a pair).
+#: First version of MuJoCo whose contacts can pull (adhesion of a pair).
 PULLS = (3, 11)
-# A spring that is off by more than this is worth a word, where it is not at all deep.
+# Relative error of the spring at shallow depths above which palpate warns.
 _OFF = 0.1
-# As is an added mass whose force is more than this, %: a fifth of what is refused.
+# Force error by the added mass, %, above which palpate warns: a fifth of the limit for refusals.
 _HEAVY = 1.0
 
-# %: an exponent below 1 is taken for 1 where that costs less than a pair's own error may be, 0.6.
+# An exponent below 1 is replaced by 1 if that changes the force by less, %.
 _NEARLY_ONE = 0.5
 
 _FRICTIONLESS = (
-    "the contact is frictionless (condim 1): a condim of 3 would change the force along the normal "
-    "under a pyramidal cone, and friction would grow with a pair's adhesion"
+    "the contact is frictionless (condim 1): with condim 3 a pyramidal cone changes the normal "
+    "force, and a pair's adhesion increases the friction"
 )
 _ONE_FOR_ALL = (
-    "mjcb_passive is one for all models, and none can be compiled while it is installed; it is "
-    "Python at every step, some 20 µs of it"
+    "MuJoCo has one mjcb_passive for all models, and Python cannot compile a model while it is "
+    "installed; the callback takes some 20 µs of Python per step"
 )
 
 
@@ -221,22 +221,22 @@ class MuJoCo(Engine):
     title: ClassVar[str] = "MuJoCo"
     forms: ClassVar[Mapping[str, str]] = {
         "kelvin-voigt": "F = K x + B v, in one contact",
-        "pair": "F = K x^n + B x^p v, in two contacts that may pull (MuJoCo 3.11 and later)",
+        "pair": "F = K x^n + B x^p v, in two contacts that can pull (MuJoCo 3.11 and later)",
         "two-contacts": "the same in two contacts that only push, for older versions",
-        "callback": "the exact law, in a Python function that is called at every step",
+        "callback": "the exact law, in a Python function called at every step",
     }
     distribution: ClassVar[str | None] = "mujoco"
     extra: ClassVar[str] = "exports"
     takes: ClassVar[frozenset[str]] = frozenset({"model", "geom"})
 
     def fit(self, request: ExportRequest) -> Fragment:
-        """Return the law in MuJoCo's numbers, for one body that presses.
+        """Return the law in MuJoCo's parameters, for one pressing body.
 
         Raises
         ------
         InvalidParameterError
-            Neither a mass nor a model and geom are given; a model cannot be used; or the form has
-            no such law.
+            Both the mass and the model with its geom are missing; the model cannot be used; or the
+            form cannot represent the law.
         """
         request, robot, mobility = _felt(request)
         request, lifted = _lifted(request)
@@ -248,24 +248,24 @@ class MuJoCo(Engine):
         refusals = _too_narrow(rows, deepest)
         if robot is not None:
             if form == "callback" and robot.contacts > 1:
-                refusals.append("the callback pushes at one point: give it a round tip")
+                refusals.append("the callback pushes at one point: choose a spherical tip geom")
             if not robot.passive and (pulls or form == "callback"):
                 refusals.append(NOTHING_PASSIVE)
         if form == "callback":
             numbers, warnings = dict(zip("KnBp", numbers_of(law).values(), strict=True)), []
             if request.form == "auto":
-                warnings.append(f"{_not_in_rows(law).partition(':')[0]}: so it is a callback")
+                warnings.append(f"{_not_in_rows(law).partition(':')[0]}; exported as a callback")
             warnings.append(_ONE_FOR_ALL)
         else:
             numbers, warnings = _numbers(rows), [_FRICTIONLESS, *_about(form, request, rows)]
             warnings += lifted
             if not runs:
                 warnings.append(
-                    f"MuJoCo {self.version()} is too old for the adhesion of a pair: not replayed "
-                    "here"
+                    f"MuJoCo {self.version()} is too old for the adhesion of a pair, so palpate "
+                    "did not replay it"
                 )
         own = () if robot is None else robot.findings
-        if form == "callback":  # at its one point what is said of rows does not hold
+        if form == "callback":  # warnings about rows do not apply to its one point
             own = tuple(each for each in own if each.severity == "do-not-trust")
         return (AsCallback if form == "callback" else InRows)(
             form=form,
@@ -283,7 +283,7 @@ class MuJoCo(Engine):
     def _chosen(
         self, request: ExportRequest, mobility: float, contacts: int
     ) -> tuple[str, PairRows]:
-        """The form, and its rows; none of the callback."""
+        """Return the form and its rows; a callback has no rows."""
         why = _not_in_rows(request.law)
         if request.form == "callback" or (request.form == "auto" and why):
             return "callback", PairRows((), mobility)
@@ -304,12 +304,12 @@ class MuJoCo(Engine):
             return ("pair",)
         if not self.pulls():
             return ("two-contacts",)
-        # A law whose damper is stronger than its spring near the surface pulls there, and so does a
-        # pair: where a body leaves, rows that only push may be nearer.
+        # A law whose damper exceeds its spring near the surface is adhesive there, and so is a
+        # pair: when a body leaves, rows that only push may be nearer.
         return ("pair",) if law.damping_exponent >= law.exponent else ("pair", "two-contacts")
 
     def pulls(self) -> bool:
-        """Whether the contacts of the installed version may pull; of the newest, without any."""
+        """Whether contacts can pull in the installed version, or without one in the newest."""
         found = self.version()
         if found is None:
             return True
@@ -318,23 +318,23 @@ class MuJoCo(Engine):
 
 
 def _felt(request: ExportRequest) -> tuple[ExportRequest, Robot | None, float]:
-    """With the mass that an impact feels, and the step of the user's model; that; and Â [1/kg]."""
+    """Return the request with effective mass and time step; the user's model; and Â [1/kg]."""
     if request.model is not None:
         robot = read(request.model, request.geom, request.motion.deepest)
         return replace(request, mass=robot.mass, time_step=robot.time_step), robot, robot.mobility
     if request.mass is None:
         raise InvalidParameterError(
-            "MuJoCo scales a contact by the mass that it feels: give the mass (--mass 1.0), or the "
-            "model and the geom that touches (--model robot.xml --geom tip)"
+            "MuJoCo scales a contact with the effective mass: add --mass, such as --mass 1.0, or "
+            "your model and its touching geom, such as --model robot.xml --geom tip"
         )
     mobility = 1.0 / above_zero("mass", request.mass)
     return replace(request, mass=1.0 / mobility), None, mobility
 
 
 def _lifted(request: ExportRequest) -> tuple[ExportRequest, tuple[str, ...]]:
-    """With n = 1 where it is just below, as of a law that is identified with n = 1 it may be.
+    """Return the request with n = 1 if n is just below 1, and a warning.
 
-    Rows have n ≥ 1; without this a scatter of n would turn a contact into a callback.
+    Rows have n ≥ 1; without this a small statistical error of n would turn contacts into callbacks.
     """
     law, motion = request.law, request.motion
     if law.exponent >= 1.0 or request.form in ("callback", "kelvin-voigt"):
@@ -344,24 +344,24 @@ def _lifted(request: ExportRequest) -> tuple[ExportRequest, tuple[str, ...]]:
     off = force_error(motion.force_by(near), motion.force_by(law), motion.judged)
     if off > _NEARLY_ONE:
         return request, ()
-    words = f"an exponent of {law.exponent:.4g} is written as 1: {percent(off)} of force from it"
+    words = f"exponent {law.exponent:.4g} is exported as 1: the force changes by {percent(off)}"
     return replace(request, law=near), (words,)
 
 
 def _not_in_rows(law: GeneralisedHuntCrossley) -> str:
-    """Why no row carries a law; empty where one does."""
-    offered = "take the callback (--form callback), which has the exact law"
+    """Return why rows cannot represent a law; empty if they can."""
+    offered = "use --form callback, which has the exact law"
     if law.exponent < 1.0:
-        return f"a contact of MuJoCo's has no exponent below 1, as {law.exponent:g} is: {offered}"
+        return f"a MuJoCo contact needs an exponent of at least 1, not {law.exponent:g}: {offered}"
     if law.damping < 0.0:
-        return f"a contact of MuJoCo's has no damping below 0: {offered}"
+        return f"a MuJoCo contact cannot have negative damping: {offered}"
     if law.damping > 0.0 and law.damping_exponent < 0.0:
-        return f"a contact of MuJoCo's has no damper that falls with depth: {offered}"
+        return f"a MuJoCo contact cannot have a damper that decreases with depth: {offered}"
     return ""
 
 
 def _numbers(rows: PairRows) -> dict[str, float]:
-    """Every number of the pairs by its name in MJCF."""
+    """Return the parameters of the pairs by their names in MJCF."""
     found = {"inverse mass": rows.mobility}
     for k, row in enumerate(rows.rows):
         found |= {f"pair{k} solref[0]": -row.spring, f"pair{k} solref[1]": -row.damper}
@@ -371,61 +371,63 @@ def _numbers(rows: PairRows) -> dict[str, float]:
 
 
 def _about(form: str, request: ExportRequest, rows: PairRows) -> list[str]:
-    """What is peculiar to a form."""
+    """Return the warnings of a form."""
     words = [
-        f"the numbers hold for a contact of {1.0 / rows.mobility:.4g} kg (the inverse of "
-        "body_invweight0 of both bodies): another body needs another export"
+        f"the parameters are for an effective mass of {1.0 / rows.mobility:.4g} kg (the inverse of "
+        "body_invweight0 of both bodies): export again for another body"
     ]
     if form == "kelvin-voigt":
         return words
     law, motion = request.law, request.motion
     widths = (row.solimp[2] + row.inset for row in rows.rows if row.solimp[0] < row.solimp[1])
     if widest := min(widths, default=0.0):
-        words.append(f"deeper than {length(widest, 3)} the force no longer follows the law")
+        words.append(
+            f"at depths of more than {length(widest, 3)} the force does not follow the law"
+        )
     force, pushed = motion.force_by(law), rows.added_mass(motion.penetration) * motion.acceleration
     heavy = force_error(force + pushed, force, motion.judged)
     if heavy > _HEAVY:
         words.append(
-            f"the mass that the contacts add comes to {percent(heavy)} of force on this motion: a "
-            "lighter body, a slower motion or the callback has less of it"
+            f"the mass that the contacts add changes the force by {percent(heavy)} on this motion: "
+            "a lighter body, a slower motion or --form callback reduces it"
         )
     if form == "pair" and law.damping:
         words += _pulls(law, float(np.median(motion.penetration[motion.judged])), rows)
     if shallow := _shallow(law, rows, motion.deepest):
         words.append(
-            f"shallower than {length(shallow, 2)} the force at rest is off by more than "
+            f"at depths of less than {length(shallow, 2)} the force at rest is off by more than "
             f"{100 * _OFF:.0f} %"
         )
     return words
 
 
 def _pulls(law: GeneralisedHuntCrossley, depth: float, rows: PairRows) -> tuple[str, ...]:
-    """From which speed on a pair pulls, with what, and what does not."""
+    """Return warnings about the speed from which a pair pulls and its largest adhesive force."""
     rising = law.exponent - law.damping_exponent
     speed = law.stiffness / law.damping * depth**rising
     where = " (K/B)" if rising == 0.0 else f" from a depth of {length(depth, 2)}"
-    where += " or, nearer the surface, at less" if rising > 0.0 else ""
+    where += " (nearer the surface at lower speeds)" if rising > 0.0 else ""
     most = rows.contacts * max(row.adhesion for row in rows.rows)
     return (
-        f"withdrawn faster than {rounded(speed, 2)} m/s{where}, the pair pulls, by up to "
-        f"{rounded(most, 2)} N, which a real contact does not: for such motions take the callback, "
-        "or two-contacts (--form), whose force is never below 0",
-        "MJX ignores the adhesion of a pair: the form for MJX is two-contacts (--form)",
+        f"when withdrawn faster than {rounded(speed, 2)} m/s{where}, the pair pulls with up to "
+        f"{rounded(most, 2)} N, unlike a real contact: for such motions use --form callback or "
+        "--form two-contacts, which never pull",
+        "MJX ignores the adhesion of a pair: for MJX use --form two-contacts",
     )
 
 
 def _shallow(law: GeneralisedHuntCrossley, rows: PairRows, deepest: float) -> float:
-    """Depth [m] above which the force at rest is off by a tenth and more; 0 where it is not."""
+    """Return the depth [m] up to which the force at rest is off by more than a tenth; else 0."""
     depths = np.geomspace(1e-3, 1.0, 300) * deepest
     still = np.zeros_like(depths)
     off = np.abs(rows.force(depths, still, still) / law.force(depths, still) - 1.0) > _OFF
-    # A body that rests so near the surface has a hundredth of the depth at most to be off by.
+    # Ignore the first hundredth of the depth, where a resting body can be off by no more than that.
     off &= depths > 0.01 * deepest
     return float(depths[off].max()) if off.any() else 0.0
 
 
 def _too_narrow(rows: PairRows, deepest: float) -> list[str]:
-    """Refuse a width within the recording, beyond which the impedance stands still."""
+    """Refuse a width less than the recorded depth, beyond which the impedance is constant."""
     for row in rows.rows:
         low, high, width = row.solimp[:3]
         if low < high and width + row.inset < deepest:

@@ -1,4 +1,4 @@
-"""A law as rows of MuJoCo's solver: what a row does, and the numbers of those nearest to a law.
+"""A law as rows of MuJoCo's solver: the force of a row, and the fit of rows to a law.
 
 For every row that is not clipped the solver gives R f = a_ref − a, R = (1 − d)/d · Â, with
 a_ref = D/d_w v + S/d_w² d x of a contact whose solref is in the direct format, (−S, −D) (MuJoCo,
@@ -6,10 +6,10 @@ a_ref = D/d_w v + S/d_w² d x of a contact whose solref is in the direct format,
 
     f = d²/(d_w² (1 − d) Â) · S x + d/(d_w (1 − d) Â) · D v + d/((1 − d) Â) · ẍ,   d = d(x).
 
-Gravity and every other force are in ẍ already. The last term is a mass that the contact adds.
+ẍ already includes gravity and all other forces. The last term is a mass that the contact adds.
 
-The ways of a law into rows are at the end: one for Kelvin–Voigt, a spring and a damper that may
-pull, or two rows that only push.
+The fits are at the end: one row for Kelvin–Voigt, a spring and a damper that can pull, or two rows
+that only push.
 """
 
 import math
@@ -32,20 +32,20 @@ from palpate.exports.engine import (
 from palpate.force_laws import GeneralisedHuntCrossley
 from palpate.validation import Floats
 
-#: What the engine clamps an impedance to (mjMINIMP, mjMAXIMP).
+#: MuJoCo's limits of an impedance (mjMINIMP, mjMAXIMP).
 LEAST, MOST = 1e-4, 0.9999
-# How far a width goes beyond the deepest sample.
+# Ratio of a width to the deepest sample.
 _ROOM = 1.02
 #: A row's (d₀, d_w, width, midpoint, power).
 Solimp = tuple[float, float, float, float, float]
 
 
 def impedance(depth: Floats | float, *solimp: Floats | float) -> Floats:
-    """Return d(x): from low at the surface to high at the width, along MuJoCo's sigmoid.
+    """Return the impedance d(x), MuJoCo's sigmoid from low at the surface to high at the width.
 
-    ``solimp`` is low, high, width, midpoint and power.
+    ``solimp`` is low, high, width, midpoint and power, each a number or an array to broadcast.
     y = z^p/m^(p − 1) up to the midpoint m, 1 − (1 − z)^p/(1 − m)^(p − 1) from there, z = x/width;
-    d = low + y (high − low). All go together as in NumPy.
+    d = low + y (high − low).
     """
     low, high, width, midpoint, power = solimp
     z = np.clip(np.asarray(depth, dtype=np.float64) / width, 0.0, 1.0)
@@ -59,7 +59,7 @@ def impedance(depth: Floats | float, *solimp: Floats | float) -> Floats:
 
 @dataclass(frozen=True, slots=True)
 class PairRow:
-    """One contact of one pair: numbers as MuJoCo's XML has them.
+    """One contact of a pair, with the parameters of MuJoCo's XML.
 
     Parameters
     ----------
@@ -68,9 +68,9 @@ class PairRow:
     solimp : tuple of float
         (d₀, d_w, width, midpoint, power).
     inset : float
-        By how much deeper than the surface the contact begins, m, ≥ 0: −margin.
+        Depth below the surface at which the contact begins, m, ≥ 0: −margin. Default: 0.
     adhesion : float
-        How strongly the row may pull, N.
+        Largest pulling force of the row, N. Default: 0.
     """
 
     spring: float
@@ -80,17 +80,17 @@ class PairRow:
     adhesion: float = 0.0
 
     def reach(self, penetration: Floats) -> Floats:
-        """Impedance at each penetration [m], and 0 where there is no contact."""
+        """Return the impedance at each penetration [m]; 0 out of contact."""
         inside = np.asarray(penetration) - self.inset
         return np.where(inside > 0.0, impedance(inside, *self.solimp), 0.0)
 
     def added_mass(self, penetration: Floats, mobility: float) -> Floats:
-        """d/((1 − d) Â), kg."""
+        """Return d/((1 − d) Â), kg."""
         d = self.reach(penetration)
         return np.asarray(d / ((1.0 - d) * mobility))
 
     def springs_and_dampers(self, penetration: Floats, mobility: float) -> tuple[Floats, Floats]:
-        """The force at rest [N], and ∂f/∂v [N·s/m]."""
+        """Return the force at rest [N] and ∂f/∂v [N·s/m]."""
         d, high = self.reach(penetration), self.solimp[1]
         inside = np.maximum(np.asarray(penetration) - self.inset, 0.0)
         mass = d / ((1.0 - d) * mobility * high)
@@ -99,7 +99,7 @@ class PairRow:
     def force(
         self, penetration: Floats, velocity: Floats, acceleration: Floats, mobility: float
     ) -> Floats:
-        """What the row pushes with, N, at least −adhesion."""
+        """Return the force of the row, N, at least −adhesion."""
         spring, damper = self.springs_and_dampers(penetration, mobility)
         mass = self.added_mass(penetration, mobility)
         whole = spring + damper * velocity + mass * acceleration
@@ -108,16 +108,16 @@ class PairRow:
 
 @dataclass(frozen=True, slots=True)
 class PairRows:
-    """The rows of one fragment, each as often as MuJoCo makes a contact of it.
+    """The rows of a fragment, each multiplied by the number of contacts MuJoCo makes.
 
     Parameters
     ----------
     rows : tuple of PairRow
-        One a pair.
+        One row per pair.
     mobility : float
         Â, 1/kg: the sum of both bodies' translational body_invweight0.
     contacts : int
-        That the two geoms have with each other, each of which pushes.
+        Number of contacts between the two geoms, each of which pushes. Default: 1.
     """
 
     rows: tuple[PairRow, ...]
@@ -125,55 +125,55 @@ class PairRows:
     contacts: int = 1
 
     def force(self, penetration: Floats, velocity: Floats, acceleration: Floats) -> Floats:
-        """What MuJoCo pushes with along a motion, N: added mass, clamps, clipping and all."""
+        """Return MuJoCo's force along a motion, N, including added mass, limits and clipping."""
         each = [row.force(penetration, velocity, acceleration, self.mobility) for row in self.rows]
         return np.asarray(self.contacts * np.sum(each, axis=0))
 
     def added_mass(self, penetration: Floats) -> Floats:
-        """Σ d/((1 − d) Â), kg."""
+        """Return Σ d/((1 − d) Â), kg."""
         each = [row.added_mass(penetration, self.mobility) for row in self.rows]
         return np.asarray(self.contacts * np.sum(each, axis=0))
 
 
 # A row whose force goes as a power of depth: solimp by least squares.
 #
-# With d ∝ x^q a damper goes as x^q and a spring as x^(1 + 2q), but for 1 − d and for the 1e-4 that
-# every d is at least. What solimp's sigmoid can be of that is fitted: its low end, width, midpoint
-# and power, and how far below the surface it begins. The scale is linear, and solved for.
+# With d ∝ x^q a damper scales as x^q and a spring as x^(1 + 2q), except for the factor 1 − d and a
+# minimum of 1e-4 of every d. The fit varies the sigmoid's low end, width, midpoint and power, and
+# its beginning below the surface; the scale is linear and solved for.
 
-# Of low/high, midpoint, power, width/deepest and inset/deepest. A sigmoid from its midpoint on
-# depends on power/width only once both are large: beyond these nothing gets better (measured).
+# Bounds of low/high, midpoint, power, width/deepest and inset/deepest. When power and width are
+# both large the sigmoid depends only on their ratio: larger bounds did not improve fits.
 _LOWEST_PROFILE = np.array([0.0, LEAST, 1.0, 1.0, 0.0])
 _HIGHEST_PROFILE = np.array([1.0, MOST, 16.0, 5.0, 0.2])
-# Misfits count in N over the fourth root of the force there: by the force alone (0) a spring of
-# n = 1.5 is 10 % off at a seventh of the depth, 33 % at a fourteenth and .21 % on the paper's
-# motion; so 6 %, 26 % and .31 %.
+# Residuals are weighted by force^-0.25: without weights a spring of n = 1.5 is 10 % off at 1/7
+# of the depth, 33 % at 1/14 and 0.21 % on the paper's motion; with them 6 %, 26 % and
+# 0.31 %.
 _EVENNESS = 0.25
 
 
 def power_of_depth(
     depths: Floats, target: Floats, high: float, *, spring: bool, low: bool
 ) -> tuple[Solimp, float, float]:
-    """Return solimp and inset [m] of a power of depth, and the factor that makes it the target.
+    """Return solimp and inset [m] that fit a power of depth, and the factor to the target.
 
     Parameters
     ----------
     depths, target : numpy.ndarray, shape (k,)
-        The depths [m] that count, the deepest of them the last; and there the force of a spring, N,
-        a multiple of d² x/(1 − d), or of a damper, N·s/m, of d/(1 − d).
+        Depths [m] to fit at, the deepest last; and there the spring's force, N, a multiple of
+        d² x/(1 − d), or the damper's coefficient, N·s/m, a multiple of d/(1 − d).
     high : float
         d at the width.
     spring, low : bool
-        Which of both; and whether d may begin above the least that there is, as it has to for less
-        than x¹.
+        Whether it is a spring, else a damper; and whether d may begin above its minimum, which
+        powers below x¹ need.
     """
     deepest = float(depths[-1])
-    # Near the surface a spring has no force to miss.
+    # Near the surface a spring has too little force to matter, so it needs no inset.
     highest = _HIGHEST_PROFILE * np.array([low, 1.0, 1.0, 1.0, not spring])
     even = target ** (1.0 - _EVENNESS)
 
     def judge(tried: Floats) -> tuple[Floats, Floats]:
-        """Of each row of candidates the squared misfit, and the scale that has the least."""
+        """Return the squared misfit of each row of candidates, and its best scale."""
         ratio, midpoint, power, width, inset = (column[:, None] for column in tried.T)
         inside = np.maximum(depths - inset * deepest, 0.0)
         d = impedance(
@@ -192,14 +192,14 @@ def power_of_depth(
     return solimp, inset * deepest, float(judge(best[None])[1][0])
 
 
-# Of the evolution: more found no better rows. What is drawn at random is the same on every run.
+# Size of the evolution: larger ones found no better rows. The fixed seed makes runs reproducible.
 _POPULATION, _GENERATIONS, _SEED = 64, 80, 20121
 
 
 def _evolved(
     judge: Callable[[Floats], tuple[Floats, Floats]], lowest: Floats, highest: Floats
 ) -> Floats:
-    """Return the candidate of the least misfit, by differential evolution around the best."""
+    """Return the candidate of least misfit, by differential evolution around the best."""
     random = np.random.default_rng(_SEED)
     alive = lowest + (highest - lowest) * random.random((_POPULATION, lowest.size))
     misfit = judge(alive)[0]
@@ -207,7 +207,7 @@ def _evolved(
         one, other = (alive[random.permutation(_POPULATION)] for _ in range(2))
         best = alive[misfit.argmin()]
         step = random.uniform(0.5, 1.0, (_POPULATION, 1))
-        # Half of them near the best, half near themselves, so that others are not lost.
+        # Half of the trials start from the best, half from themselves, to keep diversity.
         near = np.where(random.random((_POPULATION, 1)) < 0.5, best, alive)
         changed = random.random(alive.shape) < 0.7
         tried = np.clip(np.where(changed, near + step * (one - other), alive), lowest, highest)
@@ -218,30 +218,30 @@ def _evolved(
     return found
 
 
-# Two rows that only push, for a MuJoCo whose contacts cannot pull.
+# Two rows that only push, for versions of MuJoCo whose contacts cannot pull.
 #
-# Where a damper alone would have to pull, each row needs a spring too, and both are looked for at
-# once: the shapes d(x) by differential evolution, and for each shape the springs S₁, S₂ and dampers
-# D₁, D₂ ≥ 0 by least squares, over the motion and over two free impacts.
+# A damper alone would have to pull, so each row needs a spring too. Both are fitted together: the
+# shapes d(x) by differential evolution, and for each shape the springs S₁, S₂ and dampers
+# D₁, D₂ ≥ 0 by least squares, over the motion and two free impacts.
 
-# d at the width: as light as still leaves room down to 1e-4. Four times it fitted as well.
+# d at the width: small for little added mass, yet well above 1e-4; four times as much fits as well.
 _HIGH = 0.005
-# Of each row: low/high, midpoint, power, width/deepest.
+# Bounds of each row: low/high, midpoint, power, width/deepest.
 _LOWEST_PAIR = np.array([0.0, LEAST, 1.0, 1.0] * 2)
 _HIGHEST_PAIR = np.array([1.0, MOST, 16.0, 5.0] * 2)
-# How much the motion counts, and impacts to all of its depth and to a third.
+# Depths of the impacts as fractions of the greatest depth, and their weights.
 _COUNTS = ((1.0, 0.3), (0.3, 0.15))
-_SAMPLES = 120, 50  # of the motion, and of each impact
-# Times that the clipped samples are left out and springs and dampers solved for again.
+_SAMPLES = 120, 50  # of the motion and of each impact
+# Number of solves, each without the samples that the previous one clipped.
 _PASSES = 3
-_STEPS = 1000  # to half a period, of an impact
+_STEPS = 1000  # per half period of an impact
 _SETS = [list(each) for size in range(1, 5) for each in combinations(range(4), size)]
 
 
 def two_contacts(
     law: GeneralisedHuntCrossley, motion: ProbeMotion, mobility: float, contacts: int
 ) -> PairRows:
-    """Return two rows nearest to F = K xⁿ + B xᵖ v, n ≥ 1, p ≥ 0, that never pull."""
+    """Return two rows that never pull, nearest to F = K xⁿ + B xᵖ v, n ≥ 1, p ≥ 0."""
     search = _search_of(law, motion, 1.0 / mobility)
     best, deepest = _evolved(search.judge, _LOWEST_PAIR, _HIGHEST_PAIR), search.deepest
     strengths = search.judge(best[None])[1][0]
@@ -256,7 +256,7 @@ def two_contacts(
 
 @dataclass(frozen=True, slots=True)
 class _Search:
-    """Penetration, velocity and force at states, and how much each counts."""
+    """States with penetration, velocity, force and weight, to fit rows to."""
 
     x: Floats
     v: Floats
@@ -265,7 +265,7 @@ class _Search:
     deepest: float
 
     def judge(self, tried: Floats) -> tuple[Floats, Floats]:
-        """Of each candidate the squared misfit, clipping and all, and S₁, D₁, S₂, D₂."""
+        """Return the squared misfit of each candidate, with clipping, and S₁, D₁, S₂, D₂."""
         columns = self._columns(tried)
         sizes = np.sqrt(np.einsum("ijk,k->ij", columns**2, self.weight**2)) + 1e-300
         columns = columns / sizes[:, :, None]
@@ -278,7 +278,7 @@ class _Search:
         return np.einsum("ij,ij->i", off, off), strengths / sizes
 
     def _columns(self, tried: Floats) -> Floats:
-        """What S₁, D₁, S₂ and D₂ of 1 push with at each state, by candidate."""
+        """Return the forces for S₁, D₁, S₂ and D₂ of 1 at each state, by candidate."""
         made = []
         for k in (0, 4):
             ratio, midpoint, power, width = (column[:, None] for column in tried.T[k : k + 4])
@@ -289,7 +289,7 @@ class _Search:
         return np.stack(made, axis=1)
 
     def _solved(self, columns: Floats) -> Floats:
-        """Least squares with no number below 0: the best of all sets that are not 0."""
+        """Solve least squares with coefficients ≥ 0, by trying all sets of nonzero ones."""
         weighted = columns * self.weight
         target = self.force * self.weight
         squares = np.einsum("ijk,ilk->ijl", weighted, weighted)
@@ -308,7 +308,7 @@ class _Search:
 
 
 def _search_of(law: GeneralisedHuntCrossley, motion: ProbeMotion, mass: float) -> _Search:
-    """Some states of the motion, and of impacts to all of its depth and to a part."""
+    """Return states of the motion, and of impacts to its depth and to a fraction of it."""
     firm = np.flatnonzero(motion.judged)
     firm = firm[np.argsort(motion.penetration[firm], kind="stable")]
     some = firm[np.linspace(0, firm.size - 1, _SAMPLES[0]).astype(int)]
@@ -329,7 +329,7 @@ def _search_of(law: GeneralisedHuntCrossley, motion: ProbeMotion, mass: float) -
 
 
 def _impact(law: GeneralisedHuntCrossley, drop: Drop) -> Floats:
-    """Some penetrations and velocities of a free body's impact, evenly spaced in time."""
+    """Return penetrations and velocities of a free body's impact, evenly spaced in time."""
     step = half_period(law, drop.mass, drop.depth) / _STEPS
     pushing = lambda x, v: max(law.force(x, v), 0.0)  # noqa: E731
     inside = [(x, v) for x, v in course(pushing, drop.mass, 0.0, drop.speed, step) if x > 0.0]
@@ -338,25 +338,25 @@ def _impact(law: GeneralisedHuntCrossley, drop: Drop) -> Floats:
     return states
 
 
-# How a free body rebounds from rows, step by step as in MuJoCo.
+# The rebound of a free body from rows, with MuJoCo's time stepping.
 
-# Points of the table that a drop is integrated with.
+# Points of the table of forces for the integration.
 _TABLE = 2000
-#: A body that has not come back by then stays: a half period is some ten steps that are stable.
+#: Steps after which a body counts as at rest; at stable steps a half period takes ten or more.
 MOST_STEPS = 20_000
 
 
 def drop_restitution(rows: PairRows, drop: Drop, step: float) -> float:
-    """Restitution that the rows give a free body, by semi-implicit Euler as in MuJoCo.
+    """Return the restitution of a free body on the rows, by semi-implicit Euler as in MuJoCo.
 
     Parameters
     ----------
-    rows : Rows
-        Of the fragment.
+    rows : PairRows
+        The rows of the fragment.
     drop : Drop
-        Where it enters, how fast and how heavy.
+        The impact.
     step : float
-        s.
+        Time step, s.
     """
     depths = np.linspace(0.0, 1.5 * drop.depth, _TABLE + 1)
     spacing = 1.5 * drop.depth / _TABLE
@@ -366,7 +366,7 @@ def drop_restitution(rows: PairRows, drop: Drop, step: float) -> float:
         spring, damper = row.springs_and_dampers(depths, rows.mobility)
         mass = row.added_mass(depths, rows.mobility)
         tables.append([*((n * each).tolist() for each in (spring, damper, mass)), n * row.adhesion])
-    # Where the tip touches, MuJoCo has no contact yet: the first step is free flight.
+    # At first touch MuJoCo has no contact yet: the first step is free flight.
     x, v = step * drop.speed, drop.speed
     for _ in range(MOST_STEPS):
         place = min(x / spacing, _TABLE - 1.0)
@@ -387,7 +387,7 @@ def drop_restitution(rows: PairRows, drop: Drop, step: float) -> float:
 
 
 def _acceleration(felt: list[tuple[float, float, float]], mass: float) -> float:
-    """ẍ of a free body, m ẍ = −Σ f, each f = held + m_a ẍ, but not below what it may pull with."""
+    """Return ẍ of a free body, m ẍ = −Σ f, each f = held + m_a ẍ, at least −adhesion."""
     clipped: list[bool] = [False] * len(felt)
     while True:
         load = added = 0.0
@@ -402,25 +402,25 @@ def _acceleration(felt: list[tuple[float, float, float]], mass: float) -> float:
         clipped = now
 
 
-# The rows that carry a law, and how much impedance they may have.
+# The rows for a law, and their largest impedance.
 
-# A spring misses nothing where d is at its least, 1e-4, and so may add as little mass as this; with
-# less, d could no longer fall enough towards the surface (20 times, for the shapes seen).
+# The minimum of d, 1e-4, hardly affects a spring, so it can have this little added mass; with less,
+# d could not decrease enough towards the surface (20 times, for the shapes seen).
 SPRING_HIGH = 0.002
-# What a damper may have, a factor of 1.5 apart. Less is clamped at 1e-4 too soon, more adds mass.
+# Trial values for a damper, a factor of 1.5 apart. Lower ones reach 1e-4 too soon, higher add mass.
 DAMPER_HIGHS = (0.002, 0.003, 0.005, 0.0075, 0.011, 0.017, 0.025, 0.04, 0.06)
-# The force's bar is .6 %, restitution's 3 %: a percent of the one counts as five of the other.
+# Target errors are 0.6 % of force and 3 % of restitution, so force errors weigh five times as much.
 _FORCE_TO_REBOUND = 5.0
-# Of what a damper may have to pull with: two digits of it are written, and none below.
+# Margin on the largest pull of a damper, because the adhesion is rounded to two digits.
 _ADHESION = 1.1
-# Steps to a drop's half period, where e has to be known to a tenth of a percent only.
+# Steps per half period where restitution is needed to only 0.1 %.
 _COARSE = 400
-# Drops that are judged, as parts of the greatest depth.
+# Impacts to compare, as fractions of the greatest depth.
 _DROPS = (1.0, 0.3)
 
 
 def depths_that_count(motion: ProbeMotion) -> Floats:
-    """Depths [m] to fit at: as often as the motion was there, and once all the way from 0."""
+    """Return depths [m] to fit at: those of the motion, and evenly spaced ones from 0."""
     firm = np.sort(motion.penetration[motion.judged])
     places = np.linspace(0, firm.size - 1, 120).astype(int)
     deepest = _ROOM * float(firm[-1])
@@ -430,14 +430,13 @@ def depths_that_count(motion: ProbeMotion) -> Floats:
 def single(
     law: GeneralisedHuntCrossley, motion: ProbeMotion, mobility: float, contacts: int
 ) -> PairRows:
-    """One row: the nearest Kelvin–Voigt law, S = K (1 − d) Â and D = B (1 − d) Â at d = 1e-4."""
+    """Return one row for the nearest Kelvin–Voigt law: S = K (1 − d) Â, D = B (1 − d) Â."""
     nearest = kelvin_voigt(law, motion)
     if not (nearest.stiffness > 0.0 and nearest.damping >= 0.0):
-        # solref would turn positive, which is another format with another meaning.
+        # A positive solref has another meaning in MuJoCo.
         raise InvalidParameterError(
             f"form kelvin-voigt: the nearest K x + B v has K = {nearest.stiffness:.3g} N/m and B = "
-            f"{nearest.damping:.3g} N·s/m, and MuJoCo takes none below 0: take the callback "
-            "(--form callback)"
+            f"{nearest.damping:.3g} N·s/m, but MuJoCo needs K > 0 and B ≥ 0: use --form callback"
         )
     share = (1.0 - LEAST) * mobility / contacts
     solimp = (LEAST, LEAST, _ROOM * motion.deepest, 0.5, 2.0)
@@ -448,10 +447,10 @@ def single(
 def pair(
     law: GeneralisedHuntCrossley, motion: ProbeMotion, mobility: float, contacts: int
 ) -> PairRows:
-    """A spring, and a damper that may pull: F = K xⁿ + B xᵖ v, n ≥ 1, p ≥ 0."""
+    """Return a spring and a damper that can pull: F = K xⁿ + B xᵖ v, n ≥ 1, p ≥ 0."""
     depths, share = depths_that_count(motion), mobility / contacts
-    # Where the law pushes, its damper pulls less strongly than its spring pushes; on the motion it
-    # may pull more. Beyond both the whole pair would pull, as no real contact does.
+    # While the law pushes, its damper pulls less than its spring pushes; on the motion it may pull
+    # more. With more adhesion than both the pair would pull without need.
     x, v = motion.penetration[motion.judged], motion.velocity[motion.judged]
     drag = law.damping * x**law.damping_exponent * -v
     strongest = max(float(drag.max()), law.stiffness * float(depths[-1]) ** law.exponent)
@@ -480,14 +479,14 @@ def pair(
 
 
 def _level(depths: Floats) -> Solimp:
-    """One impedance at every depth: a linear spring, or a damper that does not know depth."""
+    """Return a constant impedance, for a linear spring or a damper independent of depth."""
     return (LEAST, LEAST, float(depths[-1]), 0.5, 2.0)
 
 
 def misfit_to(
     law: GeneralisedHuntCrossley, motion: ProbeMotion, mass: float
 ) -> Callable[[PairRows], float]:
-    """Return what says the error of rows: of force on a motion, %, and a fifth of restitution's."""
+    """Return a function for the error of rows: of force, %, plus a fifth of that of restitution."""
     drops = [drop_to(law, mass, part * motion.deepest) for part in _DROPS]
     steps = [half_period(law, mass, drop.depth) / _COARSE for drop in drops]
     target = motion.force_by(law)
@@ -503,7 +502,7 @@ def misfit_to(
     return misfit
 
 
-#: The ways of a law into rows, by the name of the form.
+#: The fits of a law by rows, by the name of the form.
 FITS: dict[str, Callable[[GeneralisedHuntCrossley, ProbeMotion, float, int], PairRows]] = {
     "kelvin-voigt": single,
     "pair": pair,

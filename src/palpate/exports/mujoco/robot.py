@@ -1,7 +1,7 @@
-"""MuJoCo's text, and models of it: the pads and pairs to paste, and a tip that is pressed on them.
+"""MuJoCo's XML and models: surfaces and pairs to paste, and a tip pressed on the surfaces.
 
-First a compiled model whose tip is moved by inverse dynamics; then the user's own model, how it
-moves where it touches; and at the end a scene that an export wrote, read back.
+First a compiled model whose tip is moved by inverse dynamics; then the user's own model and its
+effective mass; and at the end reading back an exported scene.
 """
 
 import json
@@ -22,19 +22,19 @@ from palpate.findings import Finding
 from palpate.lab.rig import require_mujoco
 from palpate.validation import Floats
 
-#: One surface for each row, at the same place; what both are called in the user's model.
+#: Names of the coincident surfaces in the user's model, one per row.
 PADS = ("palpate_pad", "palpate_pad_damper")
 TIP = "tip"
 
 
 @dataclass(frozen=True, slots=True)
 class Placement:
-    """Where a surface is, and which way it faces.
+    """Position and orientation of a surface.
 
     Attributes
     ----------
     position, normal : tuple of float
-        m, and of length 1, out of the material.
+        Position, m; unit normal, out of the material.
     """
 
     position: tuple[float, ...] = (0.0, 0.0, 0.0)
@@ -42,11 +42,11 @@ class Placement:
 
 
 def sections(rows: Sequence[PairRow], tip: str, place: Placement) -> dict[str, str]:
-    """The surfaces, one a row, and the ``<contact>`` section; without rows one surface alone.
+    """Return the XML of the surfaces, one per row (at least one), and the ``<contact>`` section.
 
-    Surfaces are massless, static, and met by the pairs alone.
+    Surfaces are massless and static, and collide only through the pairs.
     """
-    # To a picometre: what is beyond is rounding.
+    # Round to a picometre to remove rounding errors.
     position, normal = _numbers(np.round(place.position, 12).tolist()), _numbers(place.normal)
     turned = "" if place.normal == (0.0, 0.0, 1.0) else f' zaxis="{normal}"'
     surfaces = (
@@ -61,10 +61,10 @@ def sections(rows: Sequence[PairRow], tip: str, place: Placement) -> dict[str, s
             "geom1": pad,
             "geom2": tip,
             "condim": "1",
-            # Not "0": a solref that is not negative means something else.
+            # Not "0": a solref that is not negative has another meaning.
             "solref": _numbers((-row.spring, -row.damper)),
             "solimp": _numbers(row.solimp),
-            # Or a model's own <default> for pairs would move the surface.
+            # Set explicitly, since a model's <default> for pairs would move the surface.
             "margin": _numbers([-row.inset]),
             "gap": "0",
         }
@@ -78,7 +78,7 @@ def sections(rows: Sequence[PairRow], tip: str, place: Placement) -> dict[str, s
 
 
 def _numbers(values: Sequence[float]) -> str:
-    # + 0.0: a negative zero reads as a minus sign that means nothing.
+    # + 0.0 turns a negative zero into 0.
     return " ".join(digits(value + 0.0) for value in values)
 
 
@@ -86,33 +86,33 @@ def _numbers(values: Sequence[float]) -> str:
 
 
 def engine_here() -> Any:
-    """Return MuJoCo, or say how to install it."""
-    return require_mujoco("a model of MuJoCo needs MuJoCo: pip install 'palpate[exports]'")
+    """Return the MuJoCo module; raise with the install command if it is absent."""
+    return require_mujoco("reading a MuJoCo model needs MuJoCo: pip install 'palpate[exports]'")
 
 
 class PressableModel:
-    """A compiled model in its first pose, in which a geom can be pressed into the surfaces.
+    """A compiled model in its first pose, whose geom can be pressed into the surfaces.
 
-    The surfaces stand in the world, and are moved there.
+    The surfaces belong to the world, and are moved instead of the geom.
 
     Parameters
     ----------
     model : mujoco.MjModel
-        With the surfaces in it.
+        Model that contains the surfaces.
     geom : str
-        The tip's.
+        Name of the tip's geom.
     place : Placement
-        Where the surfaces are at first touch.
+        Placement of the surfaces at first touch.
     """
 
     def __init__(self, model: Any, geom: str, place: Placement) -> None:
         self.mujoco = mujoco = engine_here()
-        # Inverse dynamics of the continuous law, whatever the model integrates with.
+        # Inverse dynamics in continuous time, whatever the model's integrator.
         model.opt.enableflags &= ~int(mujoco.mjtEnableBit.mjENBL_INVDISCRETE)
         self.model, self.data, self.place = model, mujoco.MjData(model), place
         names = {model.geom(k).name: k for k in range(model.ngeom)}
         self.tip, self.pads = names[geom], [names[pad] for pad in PADS if pad in names]
-        model.geom_sameframe[self.pads] = 0  # or it has those of the world's own frame stay there
+        model.geom_sameframe[self.pads] = 0  # else MuJoCo does not move them
         if model.nkey:
             mujoco.mj_resetDataKeyframe(model, self.data, 0)
         self.data.qvel[:] = 0.0
@@ -126,12 +126,12 @@ class PressableModel:
         self.mujoco.mj_forward(self.model, self.data)
 
     def sink(self, penetration: float) -> None:
-        """Raise the surfaces until the tip is by so much below them, m."""
+        """Raise the surfaces to a penetration of the tip, m."""
         raised = penetration * np.asarray(self.place.normal)
         self.model.geom_pos[self.pads] = np.asarray(self.place.position) + raised
 
     def along(self) -> Floats:
-        """Velocities of the joints that move the tip by 1 m/s out of the material."""
+        """Return the joint velocities that move the tip at 1 m/s out of the material."""
         across = np.zeros((3, self.model.nv))
         body = self.model.geom_bodyid[self.tip]
         point = np.asarray(self.place.position)
@@ -141,7 +141,7 @@ class PressableModel:
         return row / size if size > 0.0 else np.full(self.model.nv, np.nan)
 
     def mass(self) -> float:
-        """Of the model along the normal, kg: 1/(J M⁻¹ Jᵀ)."""
+        """Return the effective mass of the model along the normal, kg: 1/(J M⁻¹ Jᵀ)."""
         out = self.along()
         row = np.array([out / float(out @ out)])
         answer = np.zeros_like(row)
@@ -149,13 +149,13 @@ class PressableModel:
         return 1.0 / float(row[0] @ answer[0])
 
     def contacts(self, pad: int) -> list[int]:
-        """Places in the data of the contacts between a surface and the tip."""
+        """Return the indices of the contacts between a surface and the tip."""
         both = {pad, self.tip}
         found = self.data.contact
         return [k for k in range(self.data.ncon) if set(found.geom[k].tolist()) == both]
 
     def force(self) -> float:
-        """What the surfaces push with, N, as MuJoCo reports it of its contacts."""
+        """Return the force of the surfaces, N, from MuJoCo's contacts."""
         felt, total = np.zeros(6), 0.0
         for pad in self.pads:
             for k in self.contacts(pad):
@@ -164,7 +164,7 @@ class PressableModel:
         return total
 
     def counts(self, depths: Floats) -> set[int]:
-        """How many contacts the tip has with one surface, at depths [m]."""
+        """Return the numbers of contacts of the tip with one surface, over depths [m]."""
         seen = set()
         for depth in depths.tolist():
             self.sink(depth)
@@ -173,11 +173,10 @@ class PressableModel:
         return seen
 
     def along_motion(self, motion: ProbeMotion, callback: Any = None) -> Floats:
-        """Force at every state of a motion, N, by inverse dynamics: no state leads to the next.
+        """Return the force at every state of a motion, N, by inverse dynamics, without integration.
 
-        The surface is set to the penetration, and the joints are given the velocity and the
-        acceleration that move the tip as the motion has it: what a row is made of. The force is
-        that of the contacts, or of a callback that is installed.
+        At each state the surface is set to the penetration, and the joints to the velocity and
+        acceleration of the motion. The force is that of the contacts, or of an installed callback.
         """
         out = self.along()
         force = np.zeros(len(motion))
@@ -191,51 +190,51 @@ class PressableModel:
         return force
 
 
-# The user's own model: how it moves where it touches, and the fragment in it.
+# The user's own model with the fragment, and its effective mass at the contact.
 
-# As far away a surface touches no geom, as large as that may be, m.
+# Distance at which a surface touches no geom, m.
 _FAR = 10.0
-# A tip that moves by less than this along the normal at joint speeds of 1 does not move, m/s.
+# A tip counts as fixed if joint speeds of 1 move it along the normal by less than this, m/s.
 _STUCK = 1e-6
-#: Shapes whose contacts with a plane MuJoCo makes differently from one depth to the next.
+#: Shapes whose number of contacts with a plane varies with depth in MuJoCo.
 _WITHOUT_LAW = ("MESH", "HFIELD", "SDF")
-#: Why a form with passive forces is refused to a model without.
+#: Why a form with passive forces is refused for a model without them.
 NOTHING_PASSIVE = (
-    "the model switches springs and dampers off (<flag spring, damper>), and MuJoCo with both of "
-    "them every passive force: a pair that pulls, or a callback, would push with another force"
+    "the model disables springs and dampers (<flag spring, damper>), and with them MuJoCo disables "
+    "every passive force: a pair that pulls, or a callback, would have another force"
 )
-# Shapes that touch with an end or with a side.
+# Shapes that can touch with an end or a side.
 _LONG = ("CAPSULE", "CYLINDER")
-# What finds contacts until the law is fitted; any numbers.
+# A placeholder with any parameters, to find contacts before the law is fitted.
 _ANY = PairRow(1.0, 1.0, (1e-4, 1e-4, 1.0, 0.5, 2.0))
 
 
 @dataclass(frozen=True, slots=True)
 class Robot:
-    """What a fragment has to know of a model.
+    """The properties of a user's model that a fragment needs.
 
     Attributes
     ----------
     path : Path
-        Of the model.
+        File of the model.
     geom : str
-        What touches.
+        Name of the touching geom.
     mobility : float
-        Â, 1/kg: translational body_invweight0 of the geom's body; the world has none.
+        Â, 1/kg: translational body_invweight0 of the geom's body; that of the world is 0.
     mass : float
-        Of the model along the surface's normal, in its first pose, kg: what an impact feels.
+        Effective mass along the surface's normal in the model's first pose, kg.
     contacts : int
-        Of the geom with a plane; 1 where they vary.
+        Number of contacts of the geom with a plane; 1 if it varies.
     place : Placement
-        Where a surface just touches it in the model's first pose.
+        Surface that just touches the geom in the model's first pose.
     time_step : float
-        The model's own, s.
+        Time step of the model, s.
     asset_folders : tuple of str
-        Of its meshes and textures, from its own folder on.
+        Folders of its meshes and textures, relative to its own.
     passive : bool
-        Whether it has passive forces, which a pair that pulls and a callback are among.
+        Whether passive forces are enabled, which pulling pairs and callbacks need. Default: True.
     findings : tuple of Finding
-        Of the geom's shape, and of the model's options.
+        Warnings and refusals for the geom's shape and the model's options.
     """
 
     path: Path
@@ -250,7 +249,7 @@ class Robot:
     findings: tuple[Finding, ...] = ()
 
     def scene(self, notes: Sequence[str]) -> str:
-        """A scene of the model, wherever that is, with the fragment beside this file."""
+        """Return a scene that includes the model by its path, and the fragment in this folder."""
         whole = self.path.absolute()
         meshes, textures = (str(whole.parent / each) for each in self.asset_folders)
         folders = {"meshdir": meshes, "texturedir": textures}
@@ -262,36 +261,36 @@ class Robot:
 
 
 def read(path: Path, geom: str | None, deepest: float) -> Robot:
-    """Return what a model says of a geom, pressed to a depth [m].
+    """Return the properties of a model whose geom is pressed to a depth [m].
 
     Raises
     ------
     InvalidParameterError
-        It is no model that MuJoCo compiles, has no such geom, or the geom cannot move.
+        MuJoCo cannot compile the model, it has no such geom, or the geom cannot move.
     """
     mujoco = engine_here()
     if geom is None:
         names = _names(_spec(path))
         raise InvalidParameterError(
-            "geom must say what touches (--geom NAME): "
-            f"{path.name} has {', '.join(names) or 'none'}"
+            "the touching geom is missing: add --geom NAME; "
+            f"{path.name} has {', '.join(names) or 'no named geom'}"
         )
     first = pressable(path, geom, (_ANY,), Placement((0.0, 0.0, -_FAR)))
     model = first.model
     kind = mujoco.mjtGeom(int(model.geom_type[first.tip])).name.removeprefix("mjGEOM_")
     if kind == "PLANE":
-        raise InvalidParameterError(f"geom {geom} is a plane: name the one that touches it")
+        raise InvalidParameterError(f"geom {geom} is a plane: choose the geom that touches it")
     spec = _spec(path)
     mobility = float(model.body_invweight0[model.geom_bodyid[first.tip], 0])
     if not mobility > 0.0:
         raise InvalidParameterError(
-            f"geom {geom} of {path.name} stands in the world: name one of a body that moves"
+            f"geom {geom} of {path.name} is fixed to the world: choose one of a moving body"
         )
     if not _touches(first, kind):
         raise InvalidParameterError(f"geom {geom} of {path.name} cannot move against a surface")
     counts = first.counts(deepest * np.array([0.05, 0.25, 0.5, 0.75, 1.0]))
     mass, contacts = first.mass(), max(1, *counts) if len(counts) == 1 else 1
-    # Without springs and dampers MuJoCo leaves out every passive force.
+    # With springs and dampers disabled MuJoCo disables every passive force.
     both = int(mujoco.mjtDisableBit.mjDSBL_SPRING) | int(mujoco.mjtDisableBit.mjDSBL_DAMPER)
     passive = int(model.opt.disableflags) & both != both
     own = float(model.opt.timestep), (spec.meshdir, spec.texturedir), passive
@@ -306,16 +305,16 @@ def read(path: Path, geom: str | None, deepest: float) -> Robot:
 def _spec(path: Path) -> Any:
     mujoco = engine_here()
     if not path.is_file():
-        raise InvalidParameterError(f"model: there is no file {path}")
+        raise InvalidParameterError(f"model: file {path} does not exist")
     try:
         spec = mujoco.MjSpec.from_file(str(path))
     except Exception as error:  # the engine's own classes, of several kinds
         raise InvalidParameterError(f"model: {path.name}: MuJoCo cannot read it: {error}") from None
     if getattr(spec.default.pair, "adhesion", 0.0):
-        # A row that only pushes says nothing of it, for older versions know no such word.
+        # A row that only pushes does not set it, since older versions lack the attribute.
         raise InvalidParameterError(
-            f"model: {path.name} has an adhesion in its <default> for pairs, with which every "
-            "contact pulls: give it to its own pairs"
+            f"model: {path.name} has an adhesion in its <default> for pairs, so every contact "
+            "would pull: move it to the model's own pairs"
         )
     return spec
 
@@ -330,11 +329,11 @@ def pressable(path: Path, geom: str, rows: Sequence[PairRow], place: Placement) 
     if geom not in [each.name for each in spec.geoms]:
         names = _names(spec)
         raise InvalidParameterError(
-            f"geom: {path.name} has no {geom!r}; there are {', '.join(names) or 'none with a name'}"
+            f"geom: {path.name} has no geom {geom!r}; it has {', '.join(names) or 'no named geom'}"
         )
     if set(PADS) & {each.name for each in spec.geoms}:
         raise InvalidParameterError(
-            f"model: {path.name} has a {PADS[0]} already: take the earlier export out of it"
+            f"model: {path.name} already has a geom {PADS[0]}: remove the earlier export"
         )
     where = {"pos": place.position, "quat": _turn(np.asarray(place.normal))}
     plane = {"type": mujoco.mjtGeom.mjGEOM_PLANE, "size": (0.1, 0.1, 0.01)}
@@ -357,9 +356,9 @@ def pressable(path: Path, geom: str, rows: Sequence[PairRow], place: Placement) 
 
 
 def _touches(pressable: PressableModel, kind: str) -> bool:
-    """Put the surface where it touches the geom, facing as far up as the geom can move against it.
+    """Place the surface against the geom, facing as far up as the geom can move against it.
 
-    False where the geom moves against none.
+    Return False if the geom can move against no surface.
     """
     centre, line = np.array(pressable.data.geom_xpos[pressable.tip]), np.zeros(6)
     for normal in _normals(kind, pressable.data.geom_xmat[pressable.tip].reshape(3, 3)):
@@ -375,7 +374,7 @@ def _touches(pressable: PressableModel, kind: str) -> bool:
 
 
 def _normals(kind: str, turned: Floats) -> Floats:
-    """Which way a surface may face, the best first: the ends of what is long before its sides."""
+    """Return normals for a surface, best first: the ends of long shapes before their sides."""
     axes = {"BOX": [turned.T]}.get(kind, [np.eye(3)])
     if kind in _LONG:
         axes = [turned.T[2:], turned.T[:2]]
@@ -384,7 +383,7 @@ def _normals(kind: str, turned: Floats) -> Floats:
 
 
 def _turn(normal: Floats) -> Floats:
-    """The quaternion that turns z to a normal."""
+    """Return the quaternion that rotates z to a normal."""
     if normal[2] < -1.0 + 1e-12:
         return np.array([0.0, 1.0, 0.0, 0.0])
     quaternion = np.array([1.0 + normal[2], -normal[1], normal[0], 0.0])
@@ -396,57 +395,56 @@ def _warnings(
 ) -> Iterator[str]:
     if kind == "CAPSULE" and counts == {1}:
         yield (
-            f"{geom} is a capsule, which touches with its end here: lying on its side it has two "
-            "contacts, and twice the force"
+            f"geom {geom} is a capsule that touches with its end: on its side it has two contacts "
+            "and twice the force"
         )
     elif len(counts) == 1 and max(counts) > 1:
         yield (
-            f"{geom} is a {kind.lower()} that touches with {max(counts)} contacts as long as it "
-            "lies flat: its numbers are those of one of them, and on an edge or a corner the force "
-            "is less"
+            f"geom {geom} is a {kind.lower()} with {max(counts)} contacts when it lies flat: the "
+            "parameters are those of one contact, and on an edge or a corner the force is lower"
         )
     if not math.isclose(mass * mobility, 1.0, rel_tol=0.01):
         yield (
-            f"an impact feels {mass:.4g} kg of the model in its first pose, and another mass in "
-            "another pose: restitution and the largest time step are those of this one; scene.xml "
-            f"has the {1.0 / mobility:.4g} kg that the numbers are for"
+            f"the effective mass in impacts is {mass:.4g} kg in the model's first pose and differs "
+            "in others: restitution and the stability limit are for the first pose; scene.xml has "
+            f"the {1.0 / mobility:.4g} kg that the parameters are for"
         )
 
 
 def _refusals(mujoco: Any, model: Any, kind: str, geom: str, counts: set[int]) -> Iterator[str]:
     if kind in _WITHOUT_LAW:
         yield (
-            f"{geom} is a {kind.lower()}, with which MuJoCo makes 1 to 3 contacts as it likes, and "
-            "up to 3 times the force: give it a sphere, a capsule or a box to touch with"
+            f"geom {geom} is a {kind.lower()}, for which MuJoCo makes 1 to 3 contacts and so up to "
+            "3 times the force: choose a sphere, capsule or box as the touching geom"
         )
     elif counts == {0}:
-        yield f"{geom} makes no contact with a surface in this model"
+        yield f"geom {geom} makes no contact with a surface in this model"
     elif len(counts) > 1:
         yield (
-            f"{geom} touches with {min(counts)} to {max(counts)} contacts, depending on depth, "
-            "each of which pushes: give it a sphere to touch with"
+            f"geom {geom} has {min(counts)} to {max(counts)} contacts, depending on depth, each of "
+            "which pushes: choose a sphere as the touching geom"
         )
     if model.opt.enableflags & int(mujoco.mjtEnableBit.mjENBL_OVERRIDE):
-        yield "the model overrides every contact's solref and solimp: <flag override>"
+        yield "the model overrides solref and solimp of every contact: remove its <flag override>"
     if model.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_CONTACT):
-        yield "the model switches contacts off: <flag contact>"
+        yield "the model disables contacts: remove its <flag contact>"
 
 
-# A scene of MuJoCo that an export wrote, read from its file for the laboratory to press.
+# An exported MuJoCo scene, read from its file as a material of the laboratory.
 
 
 class Scene(InAnEngine):
-    """A material of the laboratory: ``scene.xml`` as MuJoCo compiles it, pressed state by state.
+    """A material of the laboratory: the contact of ``scene.xml``, simulated state by state.
 
     Parameters
     ----------
     path : str or Path
-        The file.
+        The scene's file.
 
     Raises
     ------
     RecordingError
-        MuJoCo cannot read it, or it has no contact of palpate's between a tip and a surface.
+        MuJoCo cannot read the file, or it lacks palpate's contact of a tip and a surface.
     """
 
     def __init__(self, path: str | Path) -> None:
@@ -455,7 +453,7 @@ class Scene(InAnEngine):
         try:
             law = json.loads(path.with_name(STATEMENT[0]).read_bytes())["exported_law"]
             truth = {**law, "engine": "mujoco"}
-        except (OSError, ValueError, LookupError, TypeError):  # no statement beside the scene
+        except (OSError, ValueError, LookupError, TypeError):  # no statement in the scene's folder
             truth = {"kind": "a scene of MuJoCo", "file": path.name}
         super().__init__(name, _read(path).along_motion, truth)
 
@@ -470,7 +468,7 @@ def _read(path: Path) -> PressableModel:
     pads = [pad for pad in PADS if pad in names]
     if TIP not in names or not pads or model.npair != len(pads):
         raise RecordingError(
-            f"{path}: no scene that palpate export wrote, with pairs of {TIP} and {PADS[0]}; that "
-            "of a callback is pressed in Python, by palpate.exports.SimulatedContact"
+            f"{path}: not a scene of palpate export with pairs of {TIP} and {PADS[0]}; for a "
+            "callback use palpate.exports.SimulatedContact in Python"
         )
     return PressableModel(model, TIP, Placement(tuple(model.geom(pads[0]).pos.tolist())))

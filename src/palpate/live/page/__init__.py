@@ -1,3 +1,3 @@
-"""The page that a person watches: a server of its own process, and what a browser makes of it."""
+"""The live page: a server in a process of its own, and the page that a browser shows."""
 
 from palpate.live.page.sink import Page as Page

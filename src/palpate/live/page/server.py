@@ -1,4 +1,4 @@
-"""The server of the page: who may come in, what it sends, and what may be asked of it."""
+"""The server of the page: access control, the data it sends, and the requests it accepts."""
 
 import asyncio
 import hmac
@@ -32,34 +32,34 @@ from palpate.live.page.watch import CHANNELS, MOST_ROWS, History, Watch
 from palpate.reports.html import DRAWINGS, STYLE
 from palpate.validation import number_in, shown
 
-ABORT = "palpate.abort"  # in the scope of a connection: ends it at once, without a word
-_MOST_PIECES = 16  # of one message; a request has hundreds of bytes
-#: Of all kinds, at a time.
+ABORT = "palpate.abort"  # key in a connection's scope: aborts it
+_MOST_PIECES = 16  # fragments of one message; a request has hundreds of bytes
+#: Simultaneous connections of all kinds.
 MOST_CONNECTIONS = 64
-#: That a connection has to ask for something, s.
+#: s for a new connection to send a request.
 PATIENCE = 10.0
-#: What may wait for a client that asks and does not read.
+#: Unread answers to a client.
 MOST_UNREAD = 1 << 20  # bytes
 
 
 @dataclass(slots=True)
 class Served:
-    """What the page counted.
+    """Counts of the server.
 
     Attributes
     ----------
     clients : int
-        That watch now.
+        Browsers connected now.
     turned_away : int
-        There was no room for, or asked for nothing in :data:`PATIENCE`.
+        Connections beyond the limit, or without a request within :data:`PATIENCE`.
     stalled : int
-        Closed since they took nothing.
+        Connections closed because the browser read nothing.
     skipped : int
-        Rows that a slow client did not get.
+        Rows not sent to slow browsers.
     malformed : int
-        What was no HTTP, no WebSocket frame, each of which ends its connection, or no request.
+        Invalid HTTP or WebSocket frames, which end their connection, and invalid requests.
     refused : int
-        Without the token or from another origin; or for what does not exist, or too often.
+        Requests without the token, from another origin, with invalid options, or too many.
     """
 
     clients: int = 0
@@ -71,7 +71,7 @@ class Served:
 
 
 def protocols(counted: Served) -> tuple[type[H11Protocol], type[WebSocketsSansIOProtocol]]:
-    """Return both protocols; what they refuse is counted there."""
+    """Return the HTTP and WebSocket protocols, which count what they refuse."""
 
     class Http(H11Protocol):
         def connection_made(self, transport: Any) -> None:
@@ -82,7 +82,7 @@ def protocols(counted: Served) -> tuple[type[H11Protocol], type[WebSocketsSansIO
             self.loop.call_later(PATIENCE, self._give_up)
 
         def _give_up(self) -> None:
-            # Neither a request nor a WebSocket has come of it: it only takes room.
+            # It has sent neither a request nor a WebSocket handshake.
             idle = self.cycle is None and self.transport.get_protocol() is self
             if idle and not self.transport.is_closing():
                 counted.turned_away += 1
@@ -102,19 +102,19 @@ def protocols(counted: Served) -> tuple[type[H11Protocol], type[WebSocketsSansIO
 
         def handle_cont(self, event: Any) -> None:
             super().handle_cont(event)
-            # Pieces without content are within the size of any message, and yet take memory.
+            # Empty fragments pass any limit of size, but take memory.
             self._pieces = 0 if event.fin else self._pieces + 1
             if self._pieces > _MOST_PIECES:
                 self._abort()
 
         def handle_ping(self) -> None:
             super().handle_ping()
-            # Each is answered: who never reads the answers would fill the memory with them.
+            # A client that never reads the answers to its pings would fill the memory.
             if self.transport.get_write_buffer_size() > MOST_UNREAD:
                 self._abort()
 
         def _abort(self) -> None:
-            if not self.transport.is_closing():  # what came with it is still gone through
+            if not self.transport.is_closing():  # called again for the rest of the data
                 counted.malformed += 1
                 self.transport.abort()
 
@@ -125,10 +125,10 @@ def protocols(counted: Served) -> tuple[type[H11Protocol], type[WebSocketsSansIO
     return Http, WebSockets
 
 
-# Who may come in: what every request has to have before anything answers it.
+# Access control, before anything answers a request.
 
 COOKIE = "palpate-token"
-#: Nothing comes from elsewhere, nothing goes elsewhere, and no other page may frame this one.
+#: The page loads and sends nothing elsewhere, and no other page may frame it.
 HEADERS = {
     "content-security-policy": "default-src 'self'; base-uri 'none'; form-action 'none'; "
     "frame-ancestors 'none'; object-src 'none'",
@@ -139,26 +139,26 @@ HEADERS = {
     "cache-control": "no-store",
 }
 _WITHOUT_TOKEN = "This page needs its token: open the address that palpate printed.\n"
-#: Without a token only these names open the page. Else another site could point a name of its own
-#: here and read what it is not meant to (DNS rebinding); it would not have the token.
+#: Hosts accepted without a token. Otherwise another site could point a name of its own here and
+#: read the page (DNS rebinding).
 _LOOPBACK = ("localhost", "127.0.0.1", "[::1]", "::1")
 
 
 @dataclass(slots=True)
 class Gate:
-    """In front of the application: host, token and origin are checked, and refusals counted.
+    """Checks host, token and origin of every request before the application answers it.
 
-    A WebSocket has to come from this very page, as no browser keeps another site from opening one.
+    A WebSocket must come from this page: browsers let any site open one.
 
     Parameters
     ----------
     app : ASGI application
-        What answers.
+        Answers the accepted requests.
     token : str, optional
-        Every request needs it, in its address or in the cookie that this sets. Without one, the
-        page listens on loopback only.
+        Required in the address or the cookie of every request. Without one, the page listens on
+        loopback only.
     counted : Served
-        Where it counts whom it refuses.
+        Receives the count of refusals.
     """
 
     app: ASGIApp
@@ -166,8 +166,8 @@ class Gate:
     counted: Served
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Answer, or refuse."""
-        # The address that it listens on may be another loopback one, such as 127.0.0.2.
+        """Answer or refuse a request."""
+        # The page may listen on another loopback address, such as 127.0.0.2.
         hosts = (*_LOOPBACK, scope["server"][0]) if self.token is None else ("*",)
         guarded = TrustedHostMiddleware(self._checked, hosts, www_redirect=False)
         await guarded(scope, receive, _with_headers(send))
@@ -186,7 +186,7 @@ class Gate:
             self.counted.refused += 1
             answer = WebSocketClose(1008)  # before accept: 403
         elif given and self.token is not None and not socket:
-            # The browser remembers the token, and it is taken out of the address.
+            # The cookie keeps the token, so it disappears from the address.
             answer = RedirectResponse("/", 303)
             answer.set_cookie(_cookie_name(asked), given, httponly=True, samesite="strict")
         await answer(scope, receive, send)
@@ -202,7 +202,7 @@ def _with_headers(send: Send) -> Send:
 
 
 def _cookie_name(asked: HTTPConnection) -> str:
-    """With the port, as browsers give cookies of one port to all others of the machine."""
+    """Return the cookie's name with the port, because cookies are shared among a host's ports."""
     host = asked.headers.get("host", "")
     try:
         return f"{COOKIE}-{urlsplit(f'//{host}').port or 80}"
@@ -210,26 +210,26 @@ def _cookie_name(asked: HTTPConnection) -> str:
         return COOKIE
 
 
-# What a browser may ask for: messages of a fixed form, and everything else is refused.
+# Requests of a browser.
 
-MOST_BYTES = 4096  # of a message
+MOST_BYTES = 4096  # per message
 THINNINGS = (1, 2, 4, 8)
-MOST_COMMANDS = 20  # in a burst; then one in each COMMAND_TIME
+MOST_COMMANDS = 20  # in a burst; then one per COMMAND_TIME
 COMMAND_TIME = 0.1  # s
 
-#: Of the page itself rather than of the loop.
+#: Requests to the page itself rather than the loop.
 VIEWS = ("depth", "every")
 _OPTIONS = {"hold": (), "resume": (), "reset": (), "tare": ("seconds",), "record": ("on",)}
 _SETTINGS = frozenset({*SWITCHES, *NUMBERS, *CHOICES, "forgetting_factor", "method"})
 
 
 def request_of(text: str | bytes) -> tuple[str, dict[str, Any]]:
-    """Return what a message asks for, and with which options.
+    """Return the name and the options of a request.
 
     Raises
     ------
     InvalidParameterError
-        It is no message of the page's.
+        The message is not a request.
     """
     if not isinstance(text, str):
         raise InvalidParameterError("a request must be text")
@@ -238,7 +238,7 @@ def request_of(text: str | bytes) -> tuple[str, dict[str, Any]]:
     except (ValueError, RecursionError):
         raise InvalidParameterError("a request must be JSON") from None
     if not isinstance(given, dict) or not isinstance(given.get("ask"), str):
-        raise InvalidParameterError('a request must have an "ask"')
+        raise InvalidParameterError('a request must have a text "ask"')
     return given.pop("ask"), given
 
 
@@ -247,39 +247,39 @@ def _refuse(name: str) -> None:
 
 
 def command_of(name: str, options: dict[str, Any], loop: Mapping[str, Any]) -> LiveCommand:
-    """Return the loop's command.
+    """Return the command to the loop.
 
     Parameters
     ----------
     name, options : str, dict
-        Of :func:`request_of`.
+        From :func:`request_of`.
     loop : mapping
-        What its board says: which method runs, and what the source offers.
+        The loop's status, with the options of its source.
 
     Raises
     ------
     InvalidParameterError
-        There is no such command, or its options are out of range.
+        The command is unknown, or its options are invalid.
     """
     if name in _OPTIONS:
         _only(options, *_OPTIONS[name])
         if name == "tare":
             options = {"seconds": number_in("seconds", options["seconds"], 0.01, 60.0)}
-        if name == "record":  # where it goes is said where it runs, never from a browser
+        if name == "record":  # a browser must not choose the path
             options = {"on": bool(options["on"])}
     elif name == "estimator":
         if set(options) - _SETTINGS or "method" not in options:
-            raise InvalidParameterError("an estimator needs a method, and its main settings only")
-        # Made here once, so that the loop is asked for nothing that cannot be made.
+            raise InvalidParameterError("estimator takes a method and its main settings only")
+        # Made once here, so that invalid settings never reach the loop.
         chosen(estimator_named(options["method"])(), options)
     elif name == "source":  # {"material": …}, {"motion": …} or {"change": …}
         if len(options) != 1:
-            raise InvalidParameterError("a source is asked for one thing at a time")
+            raise InvalidParameterError("source takes exactly one option")
         ((what, value),) = options.items()
         if not isinstance(value, str) or value not in (loop.get("offers") or {}).get(what, ()):
-            raise InvalidParameterError(f"the source offers no such {shown(what)}")
+            raise InvalidParameterError(f"the source has no such choice of {shown(what)}")
     else:
-        raise InvalidParameterError(f"nothing is called {shown(name)}")
+        raise InvalidParameterError(f"unknown request {shown(name)}")
     return LiveCommand(name, options)  # type: ignore[arg-type]  # one of them
 
 
@@ -289,18 +289,18 @@ def _only(options: dict[str, Any], *names: str) -> None:
 
 
 class Allowance:
-    """Commands are a person's: some at once, then ten a second."""
+    """Limits the rate of commands: a burst of 20, then ten per second."""
 
     def __init__(self) -> None:
         self._left, self._filled = float(MOST_COMMANDS), time.monotonic()
 
     def spend(self) -> None:
-        """Take one.
+        """Use one command.
 
         Raises
         ------
         InvalidParameterError
-            None is left.
+            The limit is reached.
         """
         now = time.monotonic()
         self._left = min(self._left + (now - self._filled) / COMMAND_TIME, MOST_COMMANDS)
@@ -310,25 +310,25 @@ class Allowance:
         self._left -= 1.0
 
 
-# The page's style sheet: the look of the reports, and what only this page has.
+# The page's style sheet: that of the reports, and the page's own.
 
 STATIC = Path(__file__).parent / "static"
 
 
 def style_sheet() -> str:
-    """Return it, with the colours of figures as variables, light and dark."""
+    """Return the style sheet, with the light and dark colours of the figures as variables."""
     return STYLE + DRAWINGS + (STATIC / "live.css").read_text(encoding="utf-8")
 
 
-# One page, and a WebSocket to each browser that shows it.
+# The server: one page, and a WebSocket to each browser.
 
 FRAME_TIME = 1.0 / 30.0  # s
 WORDS_TIME = 0.25  # s
 MOST_CLIENTS = 8
-#: A client that takes no message in so long is closed, s.
+#: s without reading a message after which a client is disconnected.
 STALLED = 15.0
-MOST_BEHIND = 2000  # rows: one that is further behind goes on with the newest
-MOST_REQUESTS = 2000  # a second and client: its next ones wait unread
+MOST_BEHIND = 2000  # rows: a client further behind continues with the newest
+MOST_REQUESTS = 2000  # per second and client: further ones wait unread
 
 
 @dataclass(slots=True)
@@ -338,8 +338,8 @@ class Client:
     socket: WebSocket
     next: int
     recast: int
-    until: int  # so far it gets all, however long that takes: the past that it has not seen
-    void: bool = True  # whether its next frame says so
+    until: int  # up to this row it receives the full history, however long that takes
+    void: bool = True  # whether it must discard its earlier rows
     every: int = 1
     skipped: int = 0
     version: int = -1
@@ -347,14 +347,14 @@ class Client:
 
 
 class Server:
-    """Gives every browser what a run's history has new, and the loop what they ask for.
+    """Sends every browser the new rows and texts, and the loop the browsers' commands.
 
     Parameters
     ----------
     watch : Watch
-        The run.
+        State of the run.
     send : callable
-        Takes commands to the loop.
+        Sends a command to the loop.
     """
 
     def __init__(self, watch: Watch, send: Callable[[LiveCommand], None]) -> None:
@@ -369,7 +369,7 @@ class Server:
 
     def app(self, token: str | None) -> Gate:
         """Return the ASGI application."""
-        # Some machines' own tables call it plain text, which no browser would run.
+        # Some systems list .js as plain text, which browsers do not run.
         mimetypes.add_type("text/javascript", ".js")
         inner = Starlette(
             routes=[
@@ -388,7 +388,7 @@ class Server:
         return Response(style_sheet(), media_type="text/css")
 
     async def feed(self) -> None:
-        """Take what is new and wake the clients, until the run has ended."""
+        """Read new rows and wake the clients, until the run has ended."""
         looked = 0.0
         while True:
             now = time.monotonic()
@@ -406,16 +406,16 @@ class Server:
             self._tick.set()
             self._tick = asyncio.Event()
             if last:
-                await asyncio.sleep(0.3)  # so that the last words arrive
+                await asyncio.sleep(0.3)  # so that the last message arrives
                 return
-            # Nobody watches: what the ring holds is soon enough.
+            # Without clients, reading before the ring overflows is enough.
             await asyncio.sleep(FRAME_TIME if self.served.clients else WORDS_TIME)
 
     async def _serve(self, socket: WebSocket) -> None:
         if self.served.clients >= MOST_CLIENTS:
             self.served.turned_away += 1
             await socket.accept()
-            await socket.close(4429, f"{MOST_CLIENTS} browsers watch already")
+            await socket.close(4429, f"{MOST_CLIENTS} browsers are connected already")
             return
         await socket.accept()
         self.served.clients += 1
@@ -430,12 +430,12 @@ class Server:
             for task in (sending, receiving):
                 task.cancel()
             await asyncio.gather(sending, receiving, return_exceptions=True)
-            # One that takes nothing would not take a farewell either.
+            # A stalled client would not read a closing handshake either.
             if socket.client_state is WebSocketState.CONNECTED and ABORT in socket.scope:
                 socket.scope[ABORT]()
 
     async def _send_all(self, client: Client) -> None:
-        """One message at a time: what a client has not taken is not made for it."""
+        """Send one message at a time, made only when the client has read the one before."""
         try:
             async with asyncio.timeout(None) as patience:
                 clock = asyncio.get_running_loop().time
@@ -457,7 +457,7 @@ class Server:
             return
 
     def _next_of(self, client: Client) -> bytes | str | None:
-        """The next message for a client, or None until there is something new."""
+        """Return the next message for a client, or None if there is nothing new."""
         if client.answers:
             return client.answers.pop(0)
         if client.version != self._version and self._version and not self._over:
@@ -469,7 +469,7 @@ class Server:
             self._start_again(client)
         rows = self._rows_for(client, history)
         if rows is None and client.version != self._version and self._version:
-            client.version = self._version  # the last words, after the last row
+            client.version = self._version  # the final text, after the last row
             return self._text
         return rows
 
@@ -505,7 +505,7 @@ class Server:
                     began, count = time.monotonic(), 0
 
     def _answer(self, client: Client, text: str | bytes) -> None:
-        """Do what is asked, or count it, and say so where somebody may read it."""
+        """Execute a request, or count it and answer why not."""
         try:
             name, options = request_of(text)
         except InvalidParameterError as error:
@@ -524,17 +524,17 @@ class Server:
             self._tell(client, str(error))
 
     def _tell(self, client: Client, words: str) -> None:
-        if not client.answers:  # one that waits is enough
+        if not client.answers:  # one pending answer is enough
             client.answers.append(json.dumps({"kind": "refused", "words": words[:300]}))
 
     def _view(self, client: Client, name: str, options: dict[str, Any]) -> None:
         _only(options, "value")
         value = options["value"]
         if name == "depth":
-            depth = math.nan  # that of the motion
+            depth = math.nan  # the median depth of the motion
             if value is not None:
                 depth = number_in("value", value, 0.0, 10.0, open_low=True)
-            self._allowance.spend()  # all of the history is worked out anew
+            self._allowance.spend()  # recomputes the whole history
             self.watch.chosen_depth = depth
             return
         if value not in THINNINGS or isinstance(value, bool):

@@ -1,4 +1,4 @@
-"""The page as a sink of the loop: its address, its token, and the process that serves it."""
+"""The sink that serves the page: its address, its token and its process."""
 
 import asyncio
 import ipaddress
@@ -28,28 +28,30 @@ _SHORTEST_TOKEN = 16
 
 
 class Page:
-    """A page that shows the run in any browser of this machine.
+    """Sink that serves a page about the run.
 
-    It listens from here on, so that a port in use is known before anything starts. On the loopback
-    addresses everybody on this machine may watch and ask; on any other a token is demanded.
+    It listens as soon as it is made, so that a port in use fails before the loop starts. On a
+    loopback address every user of this machine may watch and control the run; any other address
+    requires a token.
 
     Parameters
     ----------
     host : str
-        Address or name to listen on.
+        Address or name to listen on. Default: 127.0.0.1.
     port : int
-        In [0, 65535]; 0 takes a free one.
+        Port in [0, 65535]; 0 takes a free one. Default: 8765.
     token : str, optional
-        At least 16 characters; a random one where the address is not a loopback one.
+        Token of at least 16 letters, digits, - or _. Default: none on a loopback address, else
+        random.
     open_browser : bool
-        Show the page as soon as it is there.
+        Whether to open the page in a browser. Default: False.
 
     Raises
     ------
     InvalidParameterError
-        The address is not this machine's, the port is in use or not allowed, or the token is short.
+        The address is not one of this machine, the port is in use, or the token is invalid.
     MissingExtraError
-        What it needs is not installed.
+        A package that the page needs is not installed.
     """
 
     name = "page"
@@ -72,9 +74,9 @@ class Page:
 
     @property
     def url(self) -> str:
-        """Where the page is, with its token."""
+        """Address of the page, with its token."""
         host = ipaddress.ip_address(self._host)
-        if host.is_unspecified:  # it listens on every address of this machine
+        if host.is_unspecified:  # it listens on all addresses of this machine
             name = socket.gethostname()
         else:
             name = f"[{host}]" if host.version == 6 else str(host)
@@ -82,20 +84,20 @@ class Page:
         return f"http://{name}:{self.port}/{query}"
 
     def close(self) -> None:
-        """Let go of the port, in this process."""
+        """Close the port in this process."""
         self._socket.close()
 
-    #: The port is the other process's own then: when that ends, nobody answers in its place.
+    #: Once the page's process has the port, this process must not answer in its place.
     handed_over = close
 
     def __getstate__(self) -> dict[str, Any]:
         if self._socket.fileno() < 0:
-            raise InvalidParameterError("this page has been served already: make another")
+            raise InvalidParameterError("this Page was already used in a run: make a new one")
         return dict(self.__dict__)
 
     def run(self, session: Session, commands: Connection) -> None:
         """Serve the page until the loop has stopped."""
-        # Bad requests are counted and shown; a log of them would only fill a disk.
+        # Bad requests are counted and shown; a log of them could fill the disk.
         logging.getLogger("uvicorn").setLevel(logging.CRITICAL)
         logging.getLogger("websockets").setLevel(logging.CRITICAL)
         asyncio.run(self._serve(session, commands))
@@ -114,7 +116,7 @@ class Page:
             http=http,
             ws=websockets,
             ws_max_size=MOST_BYTES,
-            ws_per_message_deflate=False,  # on one machine it costs more than it saves
+            ws_per_message_deflate=False,  # not worth its cost on one machine
             lifespan="off",
             log_config=None,
             access_log=False,
@@ -135,7 +137,7 @@ class Page:
 
 
 async def _quietly(config: "Config", listening: socket.socket) -> None:
-    """Serve until cancelled; the loop's process is the one that signals are for."""
+    """Serve until cancelled, without handling signals, which the loop's process does."""
     from uvicorn import Server
 
     class Quiet(Server):
@@ -155,10 +157,10 @@ async def _quietly(config: "Config", listening: socket.socket) -> None:
 def _sender(commands: Connection) -> Any:
     def send(command: LiveCommand) -> None:
         room = True
-        with suppress(OSError, ValueError):  # it has ended, which sending says; or is no file here
+        with suppress(OSError, ValueError):  # the loop has ended, or this is no file
             room = bool(select.select([], [commands.fileno()], [], 0)[1])
-        if not room:  # the page waits for nobody
-            raise InvalidParameterError("the loop does not answer: nothing was asked")
+        if not room:  # the page never waits
+            raise InvalidParameterError("the loop does not respond: try again")
         try:
             commands.send(command)
         except OSError:
@@ -171,7 +173,9 @@ def _listening(host: str, port: int) -> socket.socket:
     try:
         found = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE)
     except (OSError, UnicodeError):
-        raise InvalidParameterError(f"host {shown(host)} is not known") from None
+        raise InvalidParameterError(
+            f"unknown host {shown(host)}: pass an address of this machine"
+        ) from None
     family, *_, address = found[0]
     both = family == socket.AF_INET6 and socket.has_dualstack_ipv6()
     try:
@@ -179,17 +183,17 @@ def _listening(host: str, port: int) -> socket.socket:
     except OSError as error:
         reason = os.strerror(error.errno or 0).lower()
         raise InvalidParameterError(
-            f"the page cannot listen on {host} port {port}: {reason}; choose another port, or 0"
+            f"the page cannot listen on {host} port {port}: {reason}: pass another --port, or 0"
         ) from None
 
 
 def token_for(address: str, token: str | None) -> str | None:
-    """Return the token that a page on an address demands: a random one where it has to have one.
+    """Return the token of a page on an address: the given one, or a random one if it needs one.
 
     Raises
     ------
     InvalidParameterError
-        The token is short, or would not stand in an address as it is.
+        The token is too short or has characters that a URL would escape.
     """
     if token is None:
         loopback = ipaddress.ip_address(address.partition("%")[0]).is_loopback
@@ -197,7 +201,7 @@ def token_for(address: str, token: str | None) -> str | None:
     letters = token.replace("-", "").replace("_", "") if isinstance(token, str) else ""
     if not (letters.isascii() and letters.isalnum() and len(token) >= _SHORTEST_TOKEN):
         raise InvalidParameterError(
-            f"token must have {_SHORTEST_TOKEN} letters, digits, - or _ at least"
+            f"token must have at least {_SHORTEST_TOKEN} letters, digits, - or _"
         )
     return token
 

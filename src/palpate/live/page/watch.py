@@ -1,4 +1,4 @@
-"""What the page knows of the loop: the last seconds of its rows, and the law now."""
+"""The last seconds of the loop's rows and the present estimate, as the page shows them."""
 
 import math
 import struct
@@ -18,7 +18,7 @@ from palpate.live.sinks import PLACE, Session, Watching, parameters_of
 from palpate.live.view import certainty, describe_change, facts_of, view_of
 from palpate.validation import Floats, plain
 
-#: In their order in a frame, beside the time.
+#: Channels of a frame, after the time, in this order.
 CHANNELS = (
     "penetration", "velocity", "force", "predicted_force",
     "stiffness", "stiffness_error", "damping", "damping_error",
@@ -31,19 +31,19 @@ _NUMBERS = slice(8, 8 + MOST_PARAMETERS)
 _ERRORS = slice(8 + MOST_PARAMETERS, 8 + 2 * MOST_PARAMETERS)
 _AS_THEY_ARE = [PLACE[name] for name in ("penetration", "velocity", "force", "predicted_force")]
 _LAST = [PLACE[name] for name in ("margin", "state", "lateness")]
-_LARGEST = 3.4e38  # of a float32: what is beyond is not drawn
+_LARGEST = 3.4e38  # of a float32: larger values are not drawn
 
 
 def column(rows: Floats, name: str) -> Floats:
-    """One column of the ring's rows."""
+    """Return one column of the ring's rows."""
     return rows[:, PLACE[name]]
 
 
 def at_depth(law: type[ForceLaw], parameters: Floats, covariance: Floats, depth: float) -> Floats:
-    """Stiffness and damping at a depth, each with its standard error, of many estimates.
+    """Return stiffness and damping of many estimates at a depth, with their standard errors.
 
-    By the delta method, √(gᵀ C g), as :meth:`palpate.Estimate.stiffness_at` has it: the gradient
-    by differences over a hundredth of an error, in which a law is as good as linear.
+    The errors follow by the delta method, √(gᵀ C g), as in :meth:`palpate.Estimate.stiffness_at`;
+    the gradient is a central difference over a hundredth of a standard error.
 
     Returns
     -------
@@ -53,11 +53,11 @@ def at_depth(law: type[ForceLaw], parameters: Floats, covariance: Floats, depth:
     count, size = parameters.shape
     if not depth > 0.0:
         return np.full((4, count), np.nan)
-    with np.errstate(all="ignore"):  # of a start that knows nothing the errors may be infinite
+    with np.errstate(all="ignore"):  # an initial estimate may have infinite errors
         errors = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
         steps = np.where((errors > 0.0) & np.isfinite(errors), 0.01 * errors, 1.0)
         moves = steps[:, None, :] * np.eye(size)
-        # Once all of them in a row: the estimates, and each with one parameter up and down.
+        # The estimates, then each of them with one parameter moved up and down.
         moved = parameters[:, None, :] + np.stack([moves, -moves])
         every = np.concatenate([parameters, moved.reshape(-1, size)])
         found = np.empty((4, count))
@@ -71,26 +71,26 @@ def at_depth(law: type[ForceLaw], parameters: Floats, covariance: Floats, depth:
 
 
 def channels_of(rows: Floats, law: type[ForceLaw] | None, depth: float) -> NDArray[np.float32]:
-    """Rows of the ring as :data:`CHANNELS`, shape (channels, k).
+    """Return rows of the ring as :data:`CHANNELS`, shape (channels, k).
 
     Parameters
     ----------
     rows : numpy.ndarray, shape (k, columns)
-        As the loop wrote them.
+        Rows as the loop wrote them.
     law : type, optional
-        Of the estimator; unless it is known, stiffness and damping are NaN.
+        The estimator's force law; if unknown, stiffness and damping are NaN.
     depth : float
-        Where stiffness and damping are worked out, m; NaN where it is not known yet.
+        Working depth, m; NaN if not known yet.
     """
     found = np.full((len(CHANNELS), len(rows)), np.nan)
     found[0:4] = rows[:, _AS_THEY_ARE].T
     parameters, errors, _ = parameters_of(rows, MOST_PARAMETERS)
     found[_NUMBERS], found[_ERRORS] = parameters.T, errors.T
-    if law is GeneralisedHuntCrossley:  # what one of its laws has not is no curve
+    if law is GeneralisedHuntCrossley:  # parameters that its law lacks are not drawn
         found[_NUMBERS][found[_ERRORS] == 0.0] = np.nan
     if law is not None and math.isfinite(depth):
         number, first = column(rows, "estimate"), np.ones(len(rows), dtype=bool)
-        first[1:] = number[1:] != number[:-1]  # rows of one estimate share what follows from it
+        first[1:] = number[1:] != number[:-1]  # compute each estimate's values once
         parameters, _, covariance = parameters_of(rows[first], len(law.symbols))
         found[4:8] = at_depth(law, parameters, covariance, depth)[:, np.cumsum(first) - 1]
     found[-3:] = rows[:, _LAST].T
@@ -98,32 +98,33 @@ def channels_of(rows: Floats, law: type[ForceLaw] | None, depth: float) -> NDArr
     return found.astype("<f4")
 
 
-# The last seconds of a run, as every browser gets them.
+# The last seconds of a run, as sent to every browser.
 
 SHOWN = 10.0  # s
-#: Rows of a frame: 180 kB, of which one at most waits for a client.
+#: Most rows in a frame, 180 kB; at most one frame waits for a client.
 MOST_ROWS = 2000
-#: Kind, rows, number of the first row, rows that this client did not get, 1 if all before is void.
+#: Thinning, rows, number of the first row, rows skipped for this client, 1 if it must discard the
+#: rows before.
 HEADER = struct.Struct("<IIdII")
-# Rows, as the browser has room for too: 10 s at 6.5 kHz, of a quicker source less.
+# Rows kept, as in the browser: 10 s at 6.5 kHz, less from a faster source.
 _LEAST_KEPT, _MOST_KEPT = 1000, 1 << 16
-_MOST_GENERATIONS = 50  # more resets than that are not within ten seconds
-_BACKWARD = 1.0  # s: what goes back further is another clock; less is jitter
+_MOST_GENERATIONS = 50  # more than anybody resets in ten seconds
+_BACKWARD = 1.0  # s: a larger step back means that the clock was set; a smaller one is jitter
 
 
 class History:
-    """Rows of the ring and what is sent of them, without a gap in memory.
+    """The last seconds of the ring's rows, contiguous in memory, and the frames made from them.
 
     Attributes
     ----------
     total : int
         Rows taken so far.
     begins : int
-        Number of the first row of the present clock: what was before it is void.
+        Number of the first row since the clock was last set; earlier rows are discarded.
     """
 
     def __init__(self, sample_time: float) -> None:
-        # With room for a source that is a fifth faster than it says.
+        # With room for a source that is a fifth faster than its nominal rate.
         wanted = math.ceil(1.2 * SHOWN / max(sample_time, 1e-6))
         self._most = min(max(wanted, _LEAST_KEPT), _MOST_KEPT)
         self._rows = np.empty((2 * self._most, len(COLUMNS)))
@@ -134,25 +135,24 @@ class History:
 
     @property
     def oldest(self) -> int:
-        """Number of the oldest row that is kept."""
+        """Number of the oldest row kept."""
         return max(self.total - min(self._end, self._most), self.begins)
 
     def rows(self) -> Floats:
-        """What is kept, as the loop wrote it, with times that never go back."""
+        """Return the rows kept, as the loop wrote them, with times made non-decreasing."""
         return self._rows[self._end - (self.total - self.oldest) : self._end]
 
     def show(self, law: type[ForceLaw] | None, depth: float, generation: float) -> bool:
-        """Show stiffness and damping by another law or at another depth; whether it is another.
+        """Set the law and depth of the stiffness and damping; return whether they have changed.
 
         Parameters
         ----------
         law : type, optional
-            Of the estimator that runs.
+            Force law of the running estimator.
         depth : float
-            m; NaN where it is not known yet.
+            m; NaN if not known yet.
         generation : float
-            Number of the estimator, as the loop counts them: of the earlier ones those are shown
-            that identified the same law.
+            Number of the running estimator. Rows of earlier estimators of the same law are shown.
         """
         same_depth = depth == self._depth or (math.isnan(depth) and math.isnan(self._depth))
         if same_depth and law is self._law and generation in self._generations:
@@ -164,14 +164,14 @@ class History:
         return True
 
     def add(self, rows: Floats, delay: float) -> None:
-        """Take rows of the ring; times that go back by more than a second void what was before.
+        """Add rows; discard the earlier ones if the time goes back by more than a second.
 
         Parameters
         ----------
         rows : numpy.ndarray, shape (k, columns)
-            The next ones.
+            The next rows.
         delay : float
-            Of the preparation, s: by so much a row is older than the measurement it came with.
+            Delay of the preparation, s, from a measurement to the row that contains it.
         """
         if not len(rows):
             return
@@ -181,7 +181,7 @@ class History:
         missing = ~np.isfinite(times)
         times[missing] = column(rows, "arrived")[missing] - delay
         before = self._rows[self._end - 1, PLACE["time"]] if self._end else -math.inf
-        times[~np.isfinite(times)] = -math.inf  # then that of the row before
+        times[~np.isfinite(times)] = -math.inf  # replaced by the row before
         steps = np.diff(times, prepend=before)
         back = np.flatnonzero((steps < -_BACKWARD) & np.isfinite(times))
         self.total += len(rows)
@@ -189,7 +189,7 @@ class History:
             rows, times, before = rows[back[-1] :], times[back[-1] :], -math.inf
             self._end, self.begins = 0, self.total - len(rows)
         times = np.maximum.accumulate(np.concatenate([[before], times]))[1:]
-        if not np.isfinite(times[0]):  # of a start without any time
+        if not np.isfinite(times[0]):  # no row has a time yet
             times[~np.isfinite(times)] = 0.0
         if self._end + len(rows) > len(self._rows):
             self._rows[: self._most] = self._rows[self._end - self._most : self._end]
@@ -199,47 +199,47 @@ class History:
         self._end += len(rows)
 
     def frame(self, first: int, until: int, *, every: int, dropped: int, void: bool) -> bytes:
-        """Rows first to until, without the last, as one binary message.
+        """Return rows ``first`` to ``until - 1`` as one binary message.
 
         Little-endian: :data:`HEADER`; the times [s], float64; then each of :data:`CHANNELS`,
-        float32. With ``every`` > 1 only each so many-th row, by its number.
+        float32. With ``every`` > 1 only rows whose number is a multiple of it.
         """
         offset = self._end - self.total
         first = first + (-first) % every
         rows = self._rows[offset + first : offset + until : every]
         found, wrote = channels_of(rows, self._law, self._depth), column(rows, "method")
-        # Of rows that an estimator of another law wrote there is only what needs no law.
+        # Rows of an estimator of another law show only the channels that need no law.
         void_rows = ~np.isin(wrote, self._generations)
-        void_rows[1:] |= wrote[1:] != wrote[:-1]  # no line leads from one to the next
+        void_rows[1:] |= wrote[1:] != wrote[:-1]  # no line between two estimators
         found[4:-3, void_rows] = np.nan
         head = HEADER.pack(every, len(rows), first, dropped, void)
         return head + column(rows, "time").tobytes() + found.tobytes()
 
 
-# What the page knows of a run: the rows of the ring, the boards, and what follows from them.
+# A run as the page shows it: the ring's rows, the statuses, and what follows from them.
 
-ALIVE = 2.0  # s: the loop writes its board four times a second
+ALIVE = 2.0  # s: the loop writes its status four times a second
 MOST_CHANGES = 20
-_CURVE = 33  # points of the law at rest
+_CURVE = 33  # points of the quasi-static curve
 _NOTICED = 0.1  # s: a change is noticed within some tens of samples
 
 
 class Watch:
-    """One run as a person watches it.
+    """State of one run, and the page's text about it.
 
     Parameters
     ----------
     session : Session
-        Where ring and boards are.
+        Names of the shared memory.
 
     Attributes
     ----------
     run : Watching
-        Ring and boards.
+        Reads the rows and statuses.
     history : History
         The last seconds.
     recast : int
-        How often all of the history was worked out again: then every client gets it anew.
+        How often the history was recomputed; every client then receives it again.
     """
 
     def __init__(self, session: Session) -> None:
@@ -252,13 +252,13 @@ class Watch:
         self.changes: deque[dict[str, Any]] = deque(maxlen=MOST_CHANGES)
         self._law: type[ForceLaw] | None = None
         self._shown = ShownDepth()
-        # Number of the estimator that noticed the last change, and what it identified.
+        # Number of the estimator that detected the last change, and its law.
         self._changed_in = math.nan
         self._changed_law: type[ForceLaw] | None = None
         self._sign, self._moved = (-1, -1), time.monotonic()
 
     def take(self) -> None:
-        """Take what the loop wrote since the last time."""
+        """Read the rows that the loop wrote since the last call."""
         if not self._begun and not self._begin():
             return
         rows = self.run.take().rows
@@ -269,7 +269,7 @@ class Watch:
             self._note_changes(rows, first)
 
     def _begin(self) -> bool:
-        """Make room for the source's rate, as soon as the loop has said it; the rows wait."""
+        """Allocate the history as soon as the loop reports its sample time."""
         self._read()
         sample_time = self.loop.get("sample_time")
         if sample_time:
@@ -278,9 +278,9 @@ class Watch:
         return self._begun
 
     def look(self) -> None:
-        """Read the boards, and choose the depth: a few times a second."""
+        """Read the statuses and choose the depth, a few times a second."""
         self._read()
-        # Another one as soon as the loop has written anything.
+        # Differs as soon as the loop has written anything.
         sign = self.run.shared_json.version, self.run.reader.samples.count
         if sign != self._sign:
             self._sign, self._moved = sign, time.monotonic()
@@ -296,16 +296,16 @@ class Watch:
         self._law = FORCE_LAWS.get(law.get("kind", ""))
 
     def _note_changes(self, rows: Floats, first: int) -> None:
-        """Remember where the material changed, and the laws before and after."""
-        if self.history.begins > first:  # another clock: the old marks are nowhere
+        """Remember when the material changed, and the estimates before and after."""
+        if self.history.begins > first:  # the clock was set: old marks have no place
             self.changes.clear()
         for place in np.flatnonzero(column(rows, "status") == float(Status.RESTARTED)).tolist():
             moment = float(column(rows, "time")[place])
             self._changed_in = float(column(rows, "method")[place])
             self._changed_law = self._law if self._knows(self._changed_in) else None
             kept = self.history.rows()
-            kept = kept[column(kept, "method") == self._changed_in]  # not what another found
-            # The samples between a change and its alarm have moved the estimate already.
+            kept = kept[column(kept, "method") == self._changed_in]  # by the same estimator
+            # The samples between a change and its detection have biased the estimate already.
             settled = kept[column(kept, "time") <= moment - _NOTICED][-1:]
             before = self._of(settled if len(settled) else kept[:1], self._changed_law)
             self.changes.append(
@@ -316,16 +316,16 @@ class Watch:
             self.changes[-1]["after"] = self._of(same[-1:], self._changed_law)
 
     def _knows(self, generation: float) -> bool:
-        """Whether the law is that of an estimator, which the board says a little later."""
+        """Whether the status already describes this estimator."""
         return generation == self.loop.get("generation")
 
     def _of(self, row: Floats, law: type[ForceLaw] | None) -> dict[str, Any]:
-        """Parameters of one row, their standard errors, and what follows at the depth."""
+        """Return a row's parameters, stiffness and damping at depth, with standard errors."""
         if law is None or not len(row):
             return {}
         parameters, errors, covariance = parameters_of(row, len(law.symbols))
         stiffness = at_depth(law, parameters, covariance, self.depth)[:, 0].tolist()
-        # What one of its laws has not is no number.
+        # Parameters that the preferred law lacks.
         void = (errors == 0.0) & (law is GeneralisedHuntCrossley)
         return {
             "parameters": np.where(void, np.nan, parameters)[0].tolist(),
@@ -335,7 +335,7 @@ class Watch:
         }
 
     def _curve(self, row: Floats) -> dict[str, Any]:
-        """The law at rest, over the penetrations that are shown."""
+        """Return the quasi-static force over the penetrations that are shown."""
         reached = column(self.history.rows(), "penetration")
         deepest = float(np.nanmax(reached, initial=0.0))
         if self._law is None or not deepest > 0.0:
@@ -345,31 +345,23 @@ class Watch:
             return {}
         depth = np.linspace(0.0, deepest, _CURVE)
         law = self._law.from_parameters(parameters[0])
-        with np.errstate(all="ignore"):  # a start may have a negative exponent
+        with np.errstate(all="ignore"):  # an initial exponent may be negative
             force = law.force(depth, np.zeros(_CURVE)) + np.nan_to_num(column(row, "offset"))
         return {"penetration": depth.tolist(), "force": force.tolist()}
 
     def page(self, served: Mapping[str, Any], *, ended: bool = False) -> dict[str, Any]:
-        """All that is said in words, as JSON takes it.
-
-        Parameters
-        ----------
-        served : mapping
-            What the server counted.
-        ended : bool
-            Whether the run is over.
-        """
+        """Return the page's text, with the server's counts, and the estimate, ready for JSON."""
         now: dict[str, Any] = {}
-        row, arrived = self.run.reader.now(), math.nan
+        row, arrived, force = self.run.reader.now(), math.nan, math.nan
         if len(row):
-            arrived = float(column(row, "arrived")[0])
+            arrived, force = float(column(row, "arrived")[0]), float(column(row, "force")[0])
             if self._knows(float(column(row, "method")[0])):
                 now = {**self._of(row, self._law), "curve": self._curve(row)}
         verdict, kept = self._shown.verdict(self.loop, arrived), self.history.rows()
         sure = None
         if verdict:
             sure = {"offered": verdict["offered"], "certainty": certainty(verdict)}
-        # Whether it has written anything lately, or its source is still being opened.
+        # Alive if it has written anything lately, or still opens its source.
         alive = not self._begun or time.monotonic() - self._moved < ALIVE
         state = self.loop.get("state", "none") if alive and not ended else "dead"
         if ended and self.loop.get("stopped"):
@@ -385,6 +377,10 @@ class Watch:
             "page": {**served, "dropped": self.run.dropped},
         }
         last = float(column(kept, "time")[-1]) if len(kept) else math.nan
-        page |= {"view": view_of(page, verdict, last), "facts": facts_of(page, state)}
+        # A loop on hold does not judge contact: there the penetration decides.
+        deep = state == "held" and bool((column(row, "penetration") > 0.0).any())
+        touching = deep or state in ("contact", "changed")
+        facts = facts_of(page, state, force if touching and math.isfinite(force) else None)
+        page |= {"view": view_of(page, verdict, last), "facts": facts}
         said: dict[str, Any] = plain({**page, "loop": {**self.loop, "verdict": sure}})
         return said

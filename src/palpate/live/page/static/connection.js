@@ -1,7 +1,7 @@
-// A WebSocket that comes back by itself.
+// A WebSocket that reconnects by itself.
 
-const FIRST = 250, LONGEST = 5000; // ms between tries
-const SILENT = 4000; // ms without a word: the server says something four times a second
+const FIRST = 250, LONGEST = 5000; // ms between attempts
+const SILENT = 4000; // ms without a message: the server sends four per second
 
 export class Connection {
   constructor({ onFrame, onMessage, onWords }) {
@@ -31,7 +31,7 @@ export class Connection {
     socket.onclose = ({ reason }) => { if (socket === this.socket) this.lost(reason); };
   }
 
-  /** Whoever says nothing for long is gone, whatever the network thinks. */
+  /** Treat a long silence as a lost connection, even if the network reports none. */
   check() {
     if (this.socket && performance.now() - this.heard > SILENT) {
       const silent = this.socket;
@@ -49,18 +49,18 @@ export class Connection {
     const count = () => {
       const left = Math.ceil((again - Date.now()) / 1000);
       if (left <= 0) { this.open(); return; }
-      this.onWords(`${this.why || "Connection lost"}: trying again in ${left} s`, true);
+      this.onWords(`${this.why || "Connection lost"}: reconnecting in ${left} s`, true);
       setTimeout(count, Math.min(again - Date.now(), 250));
     };
     count();
   }
 
-  /** A browser is not told why a WebSocket was refused; a page it is. */
+  /** Find out why the server refused: a WebSocket does not tell a browser, an HTTP request does. */
   async refused() {
     try {
       const answer = await fetch("/", { method: "HEAD", cache: "no-store" });
-      if (answer.status === 403) this.why = "The server wants another token: open the address it printed";
-    } catch { /* nobody is there */ }
+      if (answer.status === 403) this.why = "Wrong token: open the address that palpate printed";
+    } catch { /* no server */ }
   }
 
   ask(what, options = {}) {

@@ -1,9 +1,9 @@
-// Buttons and forms: each asks the server for one thing.
+// Buttons and forms: each sends one request to the server.
 
 import { $, element } from "./words.js";
 
 const SETTINGS = {
-  outlier_rejection: "leave outliers out", change_detector: "detect changes",
+  outlier_rejection: "reject outliers", change_detector: "detect changes",
   forgetting_factor: "forgetting factor", damping: "damper", memory: "memory", stiffness_drift: "stiffness drift",
   dissipation_drift: "dissipation drift", exponent_drift: "exponent drift",
 };
@@ -18,7 +18,16 @@ export class Controls {
     this.shown = "";
     $("hold").onclick = () => ask(pressed("hold") ? "resume" : "hold");
     $("reset").onclick = () => ask("reset");
-    $("tare").onclick = () => { if ($("seconds").reportValidity()) ask("tare", { seconds: Number($("seconds").value) }); };
+    this.contact = "";
+    const tare = () => { if ($("seconds").reportValidity()) ask("tare", { seconds: Number($("seconds").value) }); };
+    const question = $("tare-question");
+    $("tare").onclick = () => {
+      if (!this.contact) { tare(); return; }
+      $("tare-words").textContent = this.contact;
+      question.showModal();
+    };
+    $("tare-now").onclick = () => { question.close(); tare(); };
+    $("tare-cancel").onclick = () => question.close();
     $("record").onclick = () => ask("record", { on: !pressed("record") });
     $("pause").onclick = () => {
       press("pause", !pressed("pause"));
@@ -55,7 +64,7 @@ export class Controls {
         return element("label", {}, `${label} `, list);
       }
       const box = element("input", { type: "number", name, step: "any", min: "0", value: value ?? "" });
-      if (name === "forgetting_factor") Object.assign(box, { max: "1", placeholder: "own way" });
+      if (name === "forgetting_factor") Object.assign(box, { max: "1", placeholder: "default" });
       return element("label", {}, `${label} `, box);
     }));
   }
@@ -71,14 +80,15 @@ export class Controls {
     this.ask("estimator", options);
   }
 
-  /** Show what runs now, without disturbing what a person is about to choose. */
+  /** Show the running settings, except in a control that the user is editing. */
   show(page) {
     const { loop, others, depth } = page;
+    this.contact = page.facts["tare-warning"] ?? "";
     press("hold", loop.held);
     $("hold").textContent = loop.held ? "Resume" : "Hold";
     const { recorder } = others;
     $("record").disabled = !recorder;
-    $("record").title = recorder ? "" : "started without a recorder";
+    $("record").title = recorder ? "" : "palpate live runs without a recorder";
     const recording = Boolean(recorder?.on);
     press("record", recording);
     $("record").textContent = recording ? "Stop recording" : "Record";
@@ -105,7 +115,7 @@ export class Controls {
     const made = Object.entries(offers).map(([name, values]) => {
       const label = OFFERS[name] ?? name;
       const list = element("select", {}, ...values.map((value) => element("option", { value }, value)));
-      if (name === "change") { // at once, and only when it is asked for
+      if (name === "change") { // acts at once, so only on a click
         const act = () => this.ask("source", { change: list.value });
         return element("span", {}, element("label", {}, `${label} `, list), " ",
           element("button", { type: "button", onclick: act }, "Change now"));

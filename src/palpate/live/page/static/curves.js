@@ -1,16 +1,16 @@
-// Curves over the last ten seconds, drawn by uPlot.
+// Curves of the last ten seconds, drawn with uPlot.
 
 import { Range, scaleOf, spread } from "./ranges.js";
 import { Pieces } from "./store.js";
 import { faint, theme } from "./theme.js";
 
 const uPlot = globalThis.uPlot;
-const AXIS = 62; // pixels beside a panel, the same for all, so that nothing moves
-export const RIGHT = 16; // room for half of the word below the right end
+const AXIS = 62; // pixels left of a panel, constant so that nothing shifts
+export const RIGHT = 16; // pixels for half of the last axis label
 const FONT = "12px system-ui, sans-serif";
 const BAND = 2; // standard errors
 
-/** The frame of one drawing: its caption, and a place of fixed size. */
+/** Make the figure of one plot: a caption, and an area of fixed size. */
 export function figure(parent, kind, label) {
   const made = document.createElement("figure");
   made.className = `panel ${kind}`;
@@ -32,10 +32,10 @@ export function axes(across) {
   ];
 }
 
-// Without the ninth digit of 0.1 + 0.2.
+// Rounded, so that 0.1 + 0.2 prints as 0.3.
 export const tick = (value) => String(Number(value.toPrecision(6))).replace("-", "−");
 
-/** Curves of one unit over time. */
+/** Curves over time that share a unit. */
 export class TimePanel {
   constructor(parent, { kind = "", name, unit = "", lines, label, fixed = null, marks = null }) {
     this.lines = lines;
@@ -98,7 +98,7 @@ export class TimePanel {
     if (width !== this.plot.width || height !== this.plot.height) this.plot.setSize({ width, height });
   }
 
-  /** Draw what the store holds; pieces are shared by panels of the same width. */
+  /** Draw the store; panels of the same width share the pieces. */
   draw(store, piecesOf) {
     this.store = store;
     const pieces = piecesOf(Math.max(Math.round(this.plot.width - AXIS - RIGHT), 50));
@@ -122,7 +122,7 @@ export class TimePanel {
     this.plot.setData(data);
   }
 
-  /** What has to be in view: all of a measurement; of an estimate all but its start, and its error now. */
+  /** Extend the range: by all of a measurement; by an estimate without its start, and its present error band. */
   extend(extent, values, edges) {
     const [low, high] = spread(values, edges ? 0.04 : 0);
     extent[0] = Math.min(extent[0], Number.isNaN(low) ? Infinity : low);
@@ -131,8 +131,8 @@ export class TimePanel {
     const last = values.findLastIndex((value) => value !== null);
     if (last < 0) return;
     const up = edges[0][last] ?? values[last], down = edges[1][last] ?? values[last];
-    let most = Math.max(Math.abs(values[last]), high - low); // a start that knows nothing has no end
-    if (most < 1e-6 * (up - down)) most = up - down; // but at zero there is only the error
+    let most = Math.max(Math.abs(values[last]), high - low); // an initial estimate has infinite errors
+    if (most < 1e-6 * (up - down)) most = up - down; // at zero only the error gives a scale
     extent[0] = Math.min(extent[0], Math.max(down, values[last] - most));
     extent[1] = Math.max(extent[1], Math.min(up, values[last] + most));
   }
@@ -150,7 +150,7 @@ export class TimePanel {
   }
 }
 
-/** A horizontal line at a value that must not be passed. */
+/** Draw a horizontal line at a limit. */
 export function level(value) {
   return ({ ctx, bbox, valToPos }) => {
     ctx.save();
@@ -164,7 +164,7 @@ export function level(value) {
   };
 }
 
-/** Vertical lines where the material changed, and a strip of the states that are no rest and no contact. */
+/** Draw vertical lines at material changes, and a strip that shows states other than free and contact. */
 export function marked(changes, words) {
   return (plot, panel) => {
     const { ctx, bbox } = plot;
@@ -219,7 +219,7 @@ function states(plot, store, ratio) {
   }
 }
 
-/** Pieces by the number of pixels, made once a frame. */
+/** Cache the pieces of one frame by the number of pixels. */
 export function shared(store) {
   const made = new Map();
   return (pixels) => {

@@ -1,4 +1,4 @@
-// What is shown, as a table that `palpate identify` reads again.
+// Export of the shown data as a CSV table, which `palpate identify` can read.
 
 import { element } from "./words.js";
 

@@ -1,4 +1,4 @@
-// The page: what the server sends is kept, drawn and said; what a person asks goes back.
+// The page: stores, draws and shows what the server sends, and sends the user's requests back.
 
 import { Connection } from "./connection.js";
 import { Controls } from "./controls.js";
@@ -9,22 +9,22 @@ import { Store } from "./store.js";
 import { theme, watchTheme } from "./theme.js";
 import { $, element, fill, say } from "./words.js";
 
-const SLOW = 2; // frames with losses before fewer samples are asked for
+const SLOW = 2; // frames with losses before the page requests fewer samples
 
 let store = null, page = null, panels = [], plane = null, built = "", paused = false, fresh = false;
 let losses = 0, every = 1, drawn = 0, drawnSince = performance.now(), rate = 0;
-const OFTEN = ["free", "contact"]; // these come and go too quickly to be read out
+const OFTEN = ["free", "contact"]; // these change too quickly for a screen reader
 
 watchTheme(() => { fresh = true; });
 const connection = new Connection({ onFrame, onMessage, onWords });
 const controls = new Controls({
   ask(what, options) {
     if (connection.ask(what, options)) say($("answer"), "");
-    else say($("answer"), "There is no connection: nothing was asked.");
+    else say($("answer"), "No connection to palpate: the request was not sent.");
   },
   onPause(now) {
     paused = now;
-    if (!paused) connection.ask("every", { value: every }); // with all that was missed
+    if (!paused) connection.ask("every", { value: every }); // with the samples of the pause
   },
   onDownload() { if (store && page) download(store, page); },
 });
@@ -42,16 +42,16 @@ function onFrame(buffer) {
 
 function onMessage(message) {
   if (message.kind === "hello") {
-    // Of another version of the server they may be others.
+    // Another version of the server may have other channels.
     if (String(store?.names) !== String(message.channels)) store = new Store(message.channels, 10);
     every = 1;
     controls.hello(message.methods, message.choices);
     if (paused) controls.show(page);
   } else if (message.kind === "refused") {
-    say($("answer"), `Refused: ${message.words}`);
+    say($("answer"), `Request refused: ${message.words}`);
   } else if (message.kind === "page") {
     show(message);
-    if (message.ended) connection.why = message.loop.stopped ? "The run is over" : "The loop is gone";
+    if (message.ended) connection.why = message.loop.stopped ? "The run has ended" : "The loop has ended unexpectedly";
   }
 }
 
@@ -73,17 +73,17 @@ function show(message) {
     plane.curve = message.now.curve ?? {};
     fresh = true;
   }
-  const thinned = (every > 1 ? `, every ${every}th sample` : "") + (store.dropped ? `, ${store.dropped} dropped here` : "");
+  const thinned = (every > 1 ? `, every ${every}th sample` : "") + (store.dropped ? `, ${store.dropped} samples dropped` : "");
   onWords(`${paused ? "View paused" : `Connected, ${rate} frames/s${thinned}`}`, false);
 }
 
-/** The gravest that holds, in words; a watchdog says what it saw. */
+/** Show the state, and announce it to screen readers. */
 function showState({ state, facts }) {
   $("state").dataset.state = state;
   say($("spoken"), OFTEN.includes(state) ? "" : facts["state-name"]);
 }
 
-/** The card of laws, where there are several. */
+/** The card of the force laws, shown only if the estimator compares several. */
 function showLaw({ loop: { verdict }, view }) {
   $("law").hidden = !verdict;
   if (!verdict) return;
@@ -91,7 +91,7 @@ function showLaw({ loop: { verdict }, view }) {
   $("law").classList.toggle("past", verdict.certainty === "before");
 }
 
-/** Panels for the law that is identified; made anew where another is. */
+/** Make the panels of the identified law, again whenever the law changes. */
 function build({ loop, view }) {
   const [[atDepth], ...shown] = view.curves;
   const key = JSON.stringify([loop.law?.kind, shown, loop.verdict?.offered, loop.needs_condition_10]);
@@ -121,11 +121,11 @@ function build({ loop, view }) {
   panels = [force, ...estimates];
   if (loop.needs_condition_10) {
     panels.push(new TimePanel($("panels"), {
-      kind: "margin", name: "Margin of condition 10 (below 0 the estimate is biased)", fixed: [-1, 1],
+      kind: "margin", name: "Validity margin of the linearisation (below 0: the estimate is biased)", fixed: [-1, 1],
       lines: [{ channel: "margin", colour: () => theme.lines[3] }], marks: level(0),
     }));
   }
-  // Before the loop says its law there are fewer panels, and what is below them would move.
+  // Until the law is known there are fewer panels, and the content below would shift.
   if (loop.law?.kind) document.body.classList.add("ready");
 }
 
@@ -151,5 +151,5 @@ new ResizeObserver(() => {
 }).observe($("panels"));
 requestAnimationFrame(draw);
 
-// For whoever looks at it with a browser's own tools.
+// For a browser's developer tools, and the tests.
 globalThis.palpate = { get store() { return store; }, get page() { return page; }, get rate() { return rate; }, connection };

@@ -1,19 +1,19 @@
-// Force over penetration: the loops of the last ten seconds, and the law at rest.
+// Force over penetration: the loops of the last ten seconds, and the quasi-static law.
 
 import { axes, figure, RIGHT, tick } from "./curves.js";
 import { Range, scaleOf } from "./ranges.js";
 import { faint, theme } from "./theme.js";
 
 const uPlot = globalThis.uPlot;
-const RECENT = 1; // s that are drawn strongly
-const MOST = 2500; // points of what is older
+const RECENT = 1; // s drawn in full colour
+const MOST = 2500; // points of the older part
 
 export class Plane {
   constructor(parent) {
     const { made, caption, drawn } = figure(parent, "plane", "Force over penetration");
     this.figure = made;
     this.drawn = drawn;
-    caption.innerHTML = "<b>F [N] over x [mm]</b><span class='key key-measured'>measured</span><span class='key key-law'>law at rest</span>";
+    caption.innerHTML = "<b>F [N] over x [mm]</b><span class='key key-measured'>measured</span><span class='key key-law'>static law</span>";
     this.title = caption.firstChild;
     this.across = new Range();
     this.up = new Range();

@@ -1,6 +1,6 @@
-// Ranges of axes that stay as they are until what is shown needs others.
+// Ranges of axes, which change only when the shown data require it.
 
-const LEAST = 5e-4; // of what is shown: numbers beside a shorter one have more digits than room
+const LEAST = 5e-4; // shortest range relative to the values: the labels of a shorter one are too wide
 
 export class Range {
   constructor() {
@@ -9,7 +9,7 @@ export class Range {
     this.known = false;
   }
 
-  /** Hold low to high; a range that is much too wide shrinks. */
+  /** Include low to high; shrink a range that is much too wide. */
   fit(low, high) {
     if (!(Number.isFinite(low) && Number.isFinite(high))) return;
     const middle = 0.5 * (low + high);
@@ -23,7 +23,7 @@ export class Range {
   }
 }
 
-/** Least and largest of numbers, but for a part at either end. */
+/** Smallest and largest of the values, without a fraction at either end. */
 export function spread(values, left = 0) {
   const known = values.filter((value) => value !== null && Number.isFinite(value));
   if (!known.length) return [NaN, NaN];
@@ -42,7 +42,7 @@ export function spread(values, left = 0) {
 const POWERS = { "-": "⁻", 0: "⁰", 1: "¹", 2: "²", 3: "³", 4: "⁴", 5: "⁵", 6: "⁶", 7: "⁷", 8: "⁸", 9: "⁹" };
 const PREFIXES = { 9: "G", 6: "M", 3: "k", 0: "", "-3": "m", "-6": "µ", "-9": "n", "-12": "p" };
 
-/** A unit in which the largest value is from 1 to below 1000, as the figures choose it. */
+/** The unit in which the largest value is in [1, 1000), as in palpate's figures. */
 export function scaleOf(largest, unit) {
   if (!(Number.isFinite(largest) && largest > 0) || !/^[Nm]/.test(unit)) return { factor: 1, unit };
   let power = 3 * Math.floor(Math.log10(largest * (1 + 1e-9)) / 3);

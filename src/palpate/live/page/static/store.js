@@ -1,14 +1,14 @@
-// The last seconds at full rate: typed arrays that never grow.
+// The last seconds at full rate, in typed arrays of fixed size.
 
-const MOST = 1 << 16; // rows: 10 s at 6.5 kHz; of a quicker source it is less
-const HEADER = 24; // bytes: kind, rows, number of the first, dropped, void
+const MOST = 1 << 16; // rows: 10 s at 6.5 kHz, less from a faster source
+const HEADER = 24; // bytes: thinning, rows, number of the first, dropped, void
 
 export class Store {
   constructor(channels, seconds) {
     this.seconds = seconds;
     this.names = channels;
     this.at = Object.fromEntries(channels.map((name, place) => [name, place]));
-    // Twice as long, so that what is shown is never in two pieces.
+    // Twice as long, so that the shown rows are always contiguous.
     this.times = new Float64Array(2 * MOST);
     this.values = channels.map(() => new Float32Array(2 * MOST));
     this.start = this.end = 0;
@@ -19,7 +19,7 @@ export class Store {
   get length() { return this.end - this.start; }
   get now() { return this.end ? this.times[this.end - 1] : NaN; }
 
-  /** Take a frame of the server's; returns how many rows were lost before it. */
+  /** Add a frame from the server; return how many rows were dropped before it. */
   take(buffer) {
     const head = new DataView(buffer);
     const count = head.getUint32(4, true);
@@ -55,11 +55,11 @@ export class Store {
   of(name) { return this.values[this.at[name]]; }
 }
 
-/** Where the pieces of a drawing begin, one for each pixel: pieces of the clock, so that nothing flickers. */
+/** Start of the piece of data behind each pixel; the pieces are fixed in time, so that nothing flickers. */
 export class Pieces {
   constructor(store, pixels) {
     const { times, start, end, seconds, now } = store;
-    // Of few samples each is drawn as it is.
+    // Few samples are drawn one by one.
     this.single = store.length < 4 * pixels;
     this.store = store;
     if (this.single) {
@@ -80,7 +80,7 @@ export class Pieces {
     this.begins[pixels + 1] = end;
   }
 
-  /** The least and the largest of each piece, in their order; null where there is none. */
+  /** The smallest and the largest value of each piece, in the order of time; null without data. */
   extremes(name) {
     const values = this.store.of(name);
     if (this.single) return this.each((k) => values[k]);

@@ -1,4 +1,4 @@
-// Colours of the style sheet, for what is drawn on canvases.
+// Colours of the style sheet, for the canvases.
 
 const scheme = matchMedia("(prefers-color-scheme: dark)");
 export const theme = {};

@@ -1,4 +1,4 @@
-// Words come finished from the server: each goes to the place of its name in the document.
+// The server composes every text; here each goes into the element whose id is its key.
 
 export const $ = (id) => document.getElementById(id);
 
@@ -8,24 +8,25 @@ export function element(name, properties = {}, ...children) {
   return made;
 }
 
-/** Text that is written only where it is another: what stays the same is not laid out anew. */
+/** Set an element's text only if it differs, so that the browser lays out nothing else again. */
 export function say(place, words) {
   if (place.textContent !== words) place.textContent = words;
 }
 
-// How a row is made, by the name of its place or else by its kind.
+const tile = ([name, words]) => element("div", { className: "number-tile" },
+  element("small", {}, name), element("b", {}, words));
+// How a row is made: by the id of its parent, else by the parent's tag.
 const ROWS = {
-  numbers: ([name, words]) => element("div", { className: "number-tile" },
-    element("small", {}, name), element("b", {}, words)),
+  numbers: tile,
+  working: tile,
   "law-rows": ([name, width, close, words, chosen]) => {
     const bar = element("i", { className: close ? "law-bar close" : "law-bar" });
     bar.style.width = `${width}%`;
     return element("tr", { className: chosen ? "chosen" : "" }, element("th", { scope: "row" }, name),
       element("td", { className: "law-track" }, bar), element("td", {}, words));
   },
-  diagnosis: ([words, kind, badge]) => (badge
-    ? element("p", {}, element("b", { className: `badge ${kind}` }, badge), words)
-    : element("p", { className: kind }, words)),
+  "verdict-line": ([words, kind, badge]) => element("p", {}, element("b", { className: `badge ${kind}` }, badge), words),
+  diagnosis: ([words, kind]) => element("p", { className: kind }, words),
   DL: ([name, words, kind = ""]) => element("div", { className: kind },
     element("dt", {}, name), element("dd", {}, words)),
   OL: (words) => element("li", {}, words),
@@ -35,7 +36,7 @@ const ROWS = {
 };
 const made = new WeakMap();
 
-/** Fill places with texts and rows; of the rows those that are others. */
+/** Fill elements with texts and rows; rows that are unchanged stay as they are. */
 export function fill(view) {
   for (const [name, words] of Object.entries(view)) {
     const place = $(name)?.tBodies?.[0] ?? $(name);
