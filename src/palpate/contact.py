@@ -104,8 +104,7 @@ class Contact:
         parts = int(self.segment[-1]) - int(self.segment[0]) + 1 if len(self) else 0
         segments = f" in {parts} segments" if parts > 1 else ""
         source = shown(", ".join(Path(each).name for each in self.source.split(", ")), 40)
-        text = f"<Contact {source}: {len(self)} samples{span}{segments}>"
-        return textwrap.fill(text, 80, subsequent_indent="  ")
+        return textwrap.fill(f"<Contact {source}: {len(self)} samples{span}{segments}>", 80)
 
     @property
     def remarks(self) -> tuple[Finding, ...]:
