@@ -184,9 +184,7 @@ def test_steps_too_short_for_any_velocity_are_refused_by_row(tmp_path, window):
 
 def test_of_no_samples_there_is_a_contact_and_depths_beyond_all_measure_give_no_warning():
     assert len(prepare(time=[], penetration=[], force=[])) == 0
-    with pytest.raises(
-        RecordingError, match=r"^probe\.bag: the recording has no samples"
-    ):
+    with pytest.raises(RecordingError, match=r"^probe\.bag: the recording has no samples"):
         prepare(recorded(time_s=[], penetration_m=[], force_N=[]))
     absurd = np.where(np.arange(600) % 2, 1e308, -1e308)
     for samples in (2, 600):
