@@ -113,7 +113,7 @@ def replay_is_update(kind: Kind, settings: dict[str, Any]) -> None:
         for cut in (slice(0, 7), slice(7, 7), slice(7, None))
     ]
     joined = Trace.joined(parts, trace.parameters.shape[1])
-    _hold(_bits(joined) == _bits(trace), "pieces differ")
+    _hold(_bits(joined) == _bits(trace), "the parts differ")
     largest = float(np.abs(signals[2]).max())
     for k, row in enumerate(np.transpose(signals).tolist()):
         before = looped.predict(*row[:2])
@@ -123,7 +123,7 @@ def replay_is_update(kind: Kind, settings: dict[str, Any]) -> None:
         _hold(k < 100 or off <= 0.02 * largest, f"prediction of sample {k}")
         if k % 50 == 0:
             _hold(np.array_equal(looped.estimate().parameters, trace.parameters[k]), f"sample {k}")
-    _hold(_knowledge(looped) == _knowledge(whole) == _knowledge(pieces), "what is known differs")
+    _hold(_knowledge(looped) == _knowledge(whole) == _knowledge(pieces), "the estimates differ")
 
 
 def thinned_replay_learns_the_same(kind: Kind, settings: dict[str, Any]) -> None:
@@ -134,14 +134,14 @@ def thinned_replay_learns_the_same(kind: Kind, settings: dict[str, Any]) -> None
     full = whole.replay(*signals)
     traces = thinned.replay(*signals, at=at), unwritten.replay(*signals, at=())
     for trace, rows in zip(traces, (at, []), strict=True):
-        _hold(trace.after.tolist() == rows, "other samples")
+        _hold(trace.after.tolist() == rows, "the trace has other samples")
         for name in ("parameters", "standard_errors"):
             written, every = getattr(trace, name), getattr(full, name)
             _hold(np.array_equal(written, every[rows]), f"{name} of a thinned trace")
         for name in ("predicted_force", "validity_margin", "status"):
             _hold(getattr(trace, name).tobytes() == getattr(full, name).tobytes(), name)
     same = _knowledge(whole) == _knowledge(thinned) == _knowledge(unwritten)
-    _hold(same, "what is known differs")
+    _hold(same, "the estimates differ")
 
 
 def own_steps_are_the_sample_time(kind: Kind, settings: dict[str, Any]) -> None:
@@ -151,7 +151,7 @@ def own_steps_are_the_sample_time(kind: Kind, settings: dict[str, Any]) -> None:
     nominal.replay(*signals)
     given.replay(*signals, step)
     spread.replay(*signals, np.full(signals[0].size, step))
-    _hold(_knowledge(nominal) == _knowledge(given) == _knowledge(spread), "what is known differs")
+    _hold(_knowledge(nominal) == _knowledge(given) == _knowledge(spread), "the estimates differ")
 
 
 def refused_samples_change_nothing(kind: Kind, settings: dict[str, Any]) -> None:
@@ -164,7 +164,7 @@ def refused_samples_change_nothing(kind: Kind, settings: dict[str, Any]) -> None
         for dt in (0.0, -1e-3, math.nan, math.inf):
             _hold(estimator.update(0.01, 0.01, 1.0, dt) == Status.INVALID_STEP, f"dt = {dt}")
         _hold(estimator.update(1e300, 1e300, 1e300) == Status.OUT_OF_RANGE, "1e300")
-        _hold(_knowledge(estimator) == before, "what is known has changed")
+        _hold(_knowledge(estimator) == before, "the estimate has changed")
 
 
 def any_floats_leave_it_sound(kind: Kind, settings: dict[str, Any]) -> None:
@@ -175,7 +175,7 @@ def any_floats_leave_it_sound(kind: Kind, settings: dict[str, Any]) -> None:
     absurd = 10.0 ** random.uniform(-320.0, 300.0, (400, 3)) * random.choice([-1.0, 1.0], (400, 3))
     samples = np.where(random.random((400, 3)) < 0.8, ordinary, absurd)
     for k, row in enumerate(samples.tolist()):
-        _hold(isinstance(estimator.update(*row), Status), "it is not sound")
+        _hold(isinstance(estimator.update(*row), Status), "the status or a number is invalid")
         if k % 20:
             continue
         now = estimator.estimate()
@@ -183,16 +183,18 @@ def any_floats_leave_it_sound(kind: Kind, settings: dict[str, Any]) -> None:
         for name, numbers in (("parameters", now.parameters), ("covariance", joint)):
             _hold(np.isfinite(numbers).all(), f"{name} after sample {k}: {numbers}")
         errors = now.standard_errors
-        _hold(np.isfinite(errors).all() and (errors >= 0.0).all(), "it is not sound")
+        _hold(
+            np.isfinite(errors).all() and (errors >= 0.0).all(), "the status or a number is invalid"
+        )
         _hold(np.array_equal(joint, joint.T) and (np.diag(joint) >= 0.0).all(), f"{joint}")
-        _hold(math.isfinite(now.validity_margin), "it is not sound")
+        _hold(math.isfinite(now.validity_margin), "the status or a number is invalid")
 
 
 def reset_is_a_fresh_start(kind: Kind, settings: dict[str, Any]) -> None:
     """A reset forgets everything but the settings."""
     used, fresh = _halfway(kind, settings), kind(**settings)
     used.reset()
-    _hold(_knowledge(used) == _knowledge(fresh), "what is known differs")
+    _hold(_knowledge(used) == _knowledge(fresh), "the estimates differ")
     _hold(_bits(used.replay(*_tapping())) == _bits(fresh.replay(*_tapping())), "the trace differs")
 
 
@@ -205,8 +207,8 @@ def saved_and_restored_is_never_stopped(kind: Kind, settings: dict[str, Any]) ->
         other = copied(estimator)
         rest = [channel[350:] for channel in _tapping()]
         trace = other.replay(*rest)
-        _hold(_knowledge(estimator) == before, "the first learned from its copy")
-        _hold(_bits(trace) == _bits(estimator.replay(*rest)), "the copy goes on otherwise")
+        _hold(_knowledge(estimator) == before, "the original changed with its copy")
+        _hold(_bits(trace) == _bits(estimator.replay(*rest)), "the copy continues differently")
         _hold(type(other) is kind and repr(other) == repr(estimator), "another class or settings")
 
 
@@ -221,13 +223,13 @@ def out_of_contact_it_is_held(kind: Kind, settings: dict[str, Any]) -> None:
     for end in (_lift, methodcaller("leave_contact")):
         fresh, estimator = kind(**settings), _halfway(kind, settings)
         end(fresh)
-        _hold(fresh.estimate().status == Status.WAITING, "a fresh one is not waiting")
+        _hold(fresh.estimate().status == Status.WAITING, "a new estimator is not waiting")
         law, samples = estimator.estimate().parameters, estimator.estimate().samples
         end(estimator)
         now = estimator.estimate()
-        _hold(now.status == Status.HELD and now.samples == samples, "it is not held")
+        _hold(now.status == Status.HELD and now.samples == samples, "the estimate is not held")
         _hold(np.array_equal(now.parameters, law), "the law has changed")
-        _hold(samples > 0, "nothing was learned before")
+        _hold(samples > 0, "no sample was taken before")
 
 
 def units_do_not_matter(kind: Kind, settings: dict[str, Any]) -> None:
@@ -268,8 +270,8 @@ def settings_are_kept_and_documented(kind: Kind, settings: dict[str, Any]) -> No
     missing = [name for name in names if name not in words]
     _hold(not missing, f"no docstring names {missing}")
     again = kind(**estimator.settings)
-    _hold(repr(again) == repr(estimator), "they do not make the same again")
-    _hold(all(f"{name}=" in repr(estimator) for name in names), "repr leaves some out")
+    _hold(repr(again) == repr(estimator), "they do not reproduce the estimator")
+    _hold(all(f"{name}=" in repr(estimator) for name in names), "repr omits some")
     for name, value in settings.items():
         changed = kind().replace(**{name: value})
         _hold(changed.settings[name] == value and changed.estimate().samples == 0, name)
@@ -291,8 +293,13 @@ def an_estimate_is_of_its_law(kind: Kind, settings: dict[str, Any]) -> None:
     now = _halfway(kind, settings).estimate()
     _hold(type(now.law) is kind.law_type, f"{now.law}")
     size = len(kind.law_type.symbols)
-    _hold(now.parameters.shape == (size,) and now.covariance.shape == (size, size), "its size")
-    _hold(np.array_equal(now.standard_errors, np.sqrt(np.diag(now.covariance))), "its errors")
+    _hold(
+        now.parameters.shape == (size,) and now.covariance.shape == (size, size), "the size differs"
+    )
+    _hold(
+        np.array_equal(now.standard_errors, np.sqrt(np.diag(now.covariance))),
+        "the standard errors differ",
+    )
 
 
 # A non-default value for each setting that several estimators have.

@@ -282,7 +282,7 @@ def elastic_modulus_of(
 
 
 def _exponent(there: WorkingDepth) -> Quantity:
-    """d ln F/d ln x, with the relative errors of the stiffness; those of the force are smaller."""
+    """Exponent d ln F/d ln x, with the relative errors of the stiffness, the larger ones."""
     if not there.force.value > 0.0:
         return UNKNOWN
     return there.stiffness.scaled(there.depth / there.force.value)
