@@ -307,7 +307,7 @@ def _remarks(found: Diagnosis, exponent: Quantity, tip: Tip) -> list[str]:
         remarks.append("the diagnosis does not trust the stiffness")
     if not CERTAIN * exponent.whole_error < NEXT_SHAPE:
         remarks.append(
-            f"the exponent, {exponent.combined.format()}, does not confirm the tip: a {tip.kind}"
+            f"the exponent, {exponent.combined.format()}, is too uncertain to confirm a {tip.kind}"
         )
     if any(finding.check == "surface" for finding in found.findings):
         remarks.append(

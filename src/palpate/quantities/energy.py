@@ -356,7 +356,7 @@ def _remarks(measured: Quantity, predicted: Quantity) -> list[str]:
         remarks.append("the dissipated energy is not distinguishable from 0")
     elif measured.value < 0.0:
         remarks.append(
-            "the material returns more energy than is put in: the force lags, or the surface moves"
+            "the material returns more energy than is put in: the force is late, or the surface moves"
         )
     errors = (measured.standard_error, predicted.standard_error)
     known = [error for error in errors if math.isfinite(error)]
@@ -377,8 +377,8 @@ def _loop_by_loop(kind: str, lost: Floats, predicted: Floats, variance: Floats) 
     if off <= max(UNACCOUNTED * size, 2.0 * noise):
         return []
     return [
-        f"the law's loss is off by {off / size:.0%} per {kind}: the material's depends differently "
-        "on speed or depth"
+        f"the law's loss is off by {off / size:.0%} per {kind}: the material's loss depends "
+        "differently on speed or depth"
     ]
 
 
