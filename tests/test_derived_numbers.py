@@ -186,7 +186,7 @@ def test_a_loss_that_does_not_go_with_the_speed_is_said():
     assert energy.predicted_lost[0] < 0.5 * energy.lost[0]
     assert energy.predicted_lost[-1] > 1.5 * energy.lost[-1]
     assert energy.remarks[0].startswith("the law's loss is ")
-    assert "% per cycle: the material's depends differently" in energy.remarks[0]
+    assert "% per cycle: the material's loss depends" in energy.remarks[0]
 
 
 def test_a_loss_that_is_not_the_dampers_is_said():

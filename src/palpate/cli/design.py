@@ -23,11 +23,11 @@ class ModelOptions:
     """A guess of the material; an order of magnitude is enough to start."""
 
     stiffness: float
-    "K, N/mⁿ."
+    "Stiffness K, N/mⁿ."
     damping: float
-    "B, N·s/mⁿ⁺¹."
+    "Damping B, N·s/mⁿ⁺¹."
     exponent: float
-    "n, 1 to 2 for most materials."
+    "Exponent n, 1 to 2 for most materials."
 
 
 @Parameter(name="*", group=Group("The sensor", sort_key=0.6))
@@ -36,7 +36,7 @@ class Sensor:
     """The force sensor."""
 
     noise: float
-    "Standard deviation of the force, N."
+    "Standard deviation of the force noise, N."
     resolution: float = 0.0
     "Quantisation step of the force, N."
     sample_time: float = 1e-3
@@ -68,9 +68,9 @@ class Written:
     output: OutputFile | None = None
     "CSV file for the better motion (time_s, penetration_m, velocity_m_s), for a robot or the lab."
     seconds: float | None = None
-    "Minimum duration of its sines, s (default: 20)."
+    "Minimum duration of the written sines, s (default: 20)."
     rate: float | None = None
-    "Its samples per second (default: those of the sensor)."
+    "Written samples per second (default: those of the sensor)."
 
     def check(self, figure: Path | None, *, as_json: bool) -> None:
         """Check before the computation that the files can be written after it."""
@@ -78,9 +78,7 @@ class Written:
             if value is not None and self.output is None:
                 raise InvalidParameterError(f"--{name} needs a file for the motion: add -o FILE")
         if as_json and self.output is not None and is_standard_output(self.output):
-            raise InvalidParameterError(
-                "--json and -o cannot both write to standard output: name a file with -o FILE"
-            )
+            raise InvalidParameterError("--json and -o cannot both write to standard output")
         check_outputs([each for each in (self.output, figure) if each is not None])
 
 
@@ -95,7 +93,7 @@ def design(
     written: Written = Written(),
     drawing: FigureOptions = FigureOptions(),
 ) -> None:
-    """Predict how precisely and how soon a planned motion identifies a material; improve it.
+    """Predict the precision of a planned motion on a guessed material, and find a better motion.
 
     The motion is depth + Σ amplitude · sin(frequency · t) (default: the paper's three sines).
 

@@ -452,6 +452,6 @@ def estimator_by_law(
         if found is ViscoelasticContact:
             own = ", ".join((USUAL, *_SETTINGS))
         raise InvalidParameterError(
-            f"method {found.method} does not identify law {law}, only {own}: pass one of them alone"
+            f"method {found.method} does not identify law {law}, only {own}: pass one of the two"
         )
     return found, dict(settings or {})

@@ -1,11 +1,11 @@
-"""What every estimator promises, as checks that any of them can be put to.
+"""The conformance tests that every estimator must pass.
 
     from palpate.estimators.conformance import check
 
     check(MyEstimator)
 
-The tests put every registered estimator to them. A promise is a function of an estimator's class
-and settings; it raises an AssertionError that says what was promised where they break it.
+palpate's tests run them on every registered estimator. Each is a function of an estimator's class
+and settings, and raises an AssertionError on failure.
 """
 
 import copy
@@ -38,14 +38,14 @@ Kind = type[ContactEstimator]
 Signals = tuple[Floats, Floats, Floats]
 
 
-def _hold(promise: bool | np.bool_, words: str) -> None:
-    """Raise an AssertionError, also where Python is asked to leave its own out."""
-    if not promise:
+def _hold(test: bool | np.bool_, words: str) -> None:
+    """Raise an AssertionError, even if Python runs with assertions disabled."""
+    if not test:
         raise AssertionError(words)
 
 
 class _Odd:
-    """An object that breaks whatever is done with it."""
+    """An object whose every use raises an error."""
 
     def __float__(self) -> float:
         raise RuntimeError
@@ -57,7 +57,7 @@ class _Odd:
         raise RuntimeError
 
 
-# None of these is a setting, but None where a setting may be absent.
+# Invalid values for any setting, except None for an optional one.
 _NONSENSE: tuple[Any, ...] = (
     None, math.nan, -math.inf, -1.0, 10**400, 1e308, "soon", b"\xff", 1j, [], [[1.0], [2.0, 3.0]],
     {}, object(), _Odd(), np.ma.masked, np.ma.masked_equal([1.0, 2.0, 3.0], 2.0), int, (3, 1),
@@ -69,9 +69,9 @@ def settings_of(kind: Kind) -> list[str]:
     return list(inspect.signature(kind.__init__).parameters)[1:]
 
 
-@cache  # asked for again by each promise, and never changed
+@cache  # every test uses it, and none changes it
 def _tapping(seconds: float = 0.7) -> Signals:
-    """A ball tapped at 1 kHz: contact is made, lost and made again; 0.02 N of noise."""
+    """A ball tapped several times, sampled at 1 kHz, with 0.02 N of noise."""
     time = 1e-3 * np.arange(round(1e3 * seconds))
     x = 1.5e-3 + 1.8e-3 * np.sin(11.0 * time) + 1.8e-3 * np.sin(15.0 * time)
     v = 19.8e-3 * np.cos(11.0 * time) + 27e-3 * np.cos(15.0 * time)
@@ -80,7 +80,7 @@ def _tapping(seconds: float = 0.7) -> Signals:
 
 
 def _knowledge(estimator: ContactEstimator) -> tuple[Any, ...]:
-    """Everything that an estimator says it knows, to be compared bit for bit."""
+    """The complete result of an estimator, for comparison bit for bit."""
     now = estimator.estimate()
     return (
         now.parameters.tobytes(),
@@ -104,7 +104,7 @@ def _halfway(kind: Kind, settings: dict[str, Any]) -> ContactEstimator:
 
 
 def replay_is_update(kind: Kind, settings: dict[str, Any]) -> None:
-    """Arrays teach as samples do, bit for bit, in one piece or in several."""
+    """A replay equals updates bit for bit, in one part or in several."""
     whole, pieces, looped = kind(**settings), kind(**settings), kind(**settings)
     signals = _tapping()
     trace = whole.replay(*signals)
@@ -113,49 +113,49 @@ def replay_is_update(kind: Kind, settings: dict[str, Any]) -> None:
         for cut in (slice(0, 7), slice(7, 7), slice(7, None))
     ]
     joined = Trace.joined(parts, trace.parameters.shape[1])
-    _hold(_bits(joined) == _bits(trace), "pieces differ")
+    _hold(_bits(joined) == _bits(trace), "the parts differ")
     largest = float(np.abs(signals[2]).max())
     for k, row in enumerate(np.transpose(signals).tolist()):
         before = looped.predict(*row[:2])
         _hold(looped.update(*row) == trace.status[k], f"status of sample {k}")
-        # Once a law is known an answer of a few samples before predicts as the present one does.
+        # Once a law is known, an estimate of a few samples ago predicts like the present one.
         off = abs(trace.predicted_force[k] - before)
         _hold(k < 100 or off <= 0.02 * largest, f"prediction of sample {k}")
         if k % 50 == 0:
             _hold(np.array_equal(looped.estimate().parameters, trace.parameters[k]), f"sample {k}")
-    _hold(_knowledge(looped) == _knowledge(whole) == _knowledge(pieces), "what is known differs")
+    _hold(_knowledge(looped) == _knowledge(whole) == _knowledge(pieces), "the estimates differ")
 
 
 def thinned_replay_learns_the_same(kind: Kind, settings: dict[str, Any]) -> None:
-    """Estimates are written down where they are asked for, and nothing else depends on that."""
+    """A thinned trace has the requested estimates, and all else is unchanged."""
     signals = _tapping()
     at = [0, 7, 8, 350, signals[0].size - 1]
     whole, thinned, unwritten = kind(**settings), kind(**settings), kind(**settings)
     full = whole.replay(*signals)
     traces = thinned.replay(*signals, at=at), unwritten.replay(*signals, at=())
     for trace, rows in zip(traces, (at, []), strict=True):
-        _hold(trace.after.tolist() == rows, "other samples")
+        _hold(trace.after.tolist() == rows, "the trace has other samples")
         for name in ("parameters", "standard_errors"):
             written, every = getattr(trace, name), getattr(full, name)
             _hold(np.array_equal(written, every[rows]), f"{name} of a thinned trace")
         for name in ("predicted_force", "validity_margin", "status"):
             _hold(getattr(trace, name).tobytes() == getattr(full, name).tobytes(), name)
     same = _knowledge(whole) == _knowledge(thinned) == _knowledge(unwritten)
-    _hold(same, "what is known differs")
+    _hold(same, "the estimates differ")
 
 
 def own_steps_are_the_sample_time(kind: Kind, settings: dict[str, Any]) -> None:
-    """A time step that is given is the same as one that is the sample time."""
+    """An explicit time step equals the same sample time."""
     nominal, given, spread = kind(**settings), kind(**settings), kind(**settings)
     signals, step = _tapping(), nominal.settings.get("sample_time") or 1e-3
     nominal.replay(*signals)
     given.replay(*signals, step)
     spread.replay(*signals, np.full(signals[0].size, step))
-    _hold(_knowledge(nominal) == _knowledge(given) == _knowledge(spread), "what is known differs")
+    _hold(_knowledge(nominal) == _knowledge(given) == _knowledge(spread), "the estimates differ")
 
 
 def refused_samples_change_nothing(kind: Kind, settings: dict[str, Any]) -> None:
-    """What cannot be taken is refused by its status, and leaves no trace."""
+    """Invalid samples have a status that refuses them, and change nothing."""
     for estimator in (kind(**settings), _halfway(kind, settings)):
         before = _knowledge(estimator)
         for bad in (math.nan, math.inf, -math.inf):
@@ -164,18 +164,18 @@ def refused_samples_change_nothing(kind: Kind, settings: dict[str, Any]) -> None
         for dt in (0.0, -1e-3, math.nan, math.inf):
             _hold(estimator.update(0.01, 0.01, 1.0, dt) == Status.INVALID_STEP, f"dt = {dt}")
         _hold(estimator.update(1e300, 1e300, 1e300) == Status.OUT_OF_RANGE, "1e300")
-        _hold(_knowledge(estimator) == before, "what is known has changed")
+        _hold(_knowledge(estimator) == before, "the estimate has changed")
 
 
 def any_floats_leave_it_sound(kind: Kind, settings: dict[str, Any]) -> None:
-    """Whatever the samples, no exception, and finite numbers with a covariance that is one."""
+    """Any samples give no exception, finite numbers and a valid covariance."""
     random = np.random.default_rng(5)
     estimator = kind(**settings)
     ordinary = random.uniform([-1e-3, -0.1, -1.0], [0.02, 0.1, 20.0], (400, 3))
     absurd = 10.0 ** random.uniform(-320.0, 300.0, (400, 3)) * random.choice([-1.0, 1.0], (400, 3))
     samples = np.where(random.random((400, 3)) < 0.8, ordinary, absurd)
     for k, row in enumerate(samples.tolist()):
-        _hold(isinstance(estimator.update(*row), Status), "it is not sound")
+        _hold(isinstance(estimator.update(*row), Status), "the status or a number is invalid")
         if k % 20:
             continue
         now = estimator.estimate()
@@ -183,21 +183,23 @@ def any_floats_leave_it_sound(kind: Kind, settings: dict[str, Any]) -> None:
         for name, numbers in (("parameters", now.parameters), ("covariance", joint)):
             _hold(np.isfinite(numbers).all(), f"{name} after sample {k}: {numbers}")
         errors = now.standard_errors
-        _hold(np.isfinite(errors).all() and (errors >= 0.0).all(), "it is not sound")
+        _hold(
+            np.isfinite(errors).all() and (errors >= 0.0).all(), "the status or a number is invalid"
+        )
         _hold(np.array_equal(joint, joint.T) and (np.diag(joint) >= 0.0).all(), f"{joint}")
-        _hold(math.isfinite(now.validity_margin), "it is not sound")
+        _hold(math.isfinite(now.validity_margin), "the status or a number is invalid")
 
 
 def reset_is_a_fresh_start(kind: Kind, settings: dict[str, Any]) -> None:
     """A reset forgets everything but the settings."""
     used, fresh = _halfway(kind, settings), kind(**settings)
     used.reset()
-    _hold(_knowledge(used) == _knowledge(fresh), "what is known differs")
+    _hold(_knowledge(used) == _knowledge(fresh), "the estimates differ")
     _hold(_bits(used.replay(*_tapping())) == _bits(fresh.replay(*_tapping())), "the trace differs")
 
 
 def saved_and_restored_is_never_stopped(kind: Kind, settings: dict[str, Any]) -> None:
-    """A copy, a deep copy and a pickle go on as if nothing had been, each on its own."""
+    """A copy, a deep copy and a pickle continue exactly, independent of the original."""
     pickled: Callable[[ContactEstimator], Any] = lambda one: pickle.loads(pickle.dumps(one))  # noqa: E731
     for copied in (methodcaller("copy"), copy.deepcopy, pickled):
         estimator = _halfway(kind, settings)
@@ -205,33 +207,33 @@ def saved_and_restored_is_never_stopped(kind: Kind, settings: dict[str, Any]) ->
         other = copied(estimator)
         rest = [channel[350:] for channel in _tapping()]
         trace = other.replay(*rest)
-        _hold(_knowledge(estimator) == before, "the first learned from its copy")
-        _hold(_bits(trace) == _bits(estimator.replay(*rest)), "the copy goes on otherwise")
+        _hold(_knowledge(estimator) == before, "the original changed with its copy")
+        _hold(_bits(trace) == _bits(estimator.replay(*rest)), "the copy continues differently")
         _hold(type(other) is kind and repr(other) == repr(estimator), "another class or settings")
 
 
 def _lift(estimator: ContactEstimator) -> None:
-    """Out of contact and on; one such sample by itself may be taken for a lost position."""
+    """Samples out of contact; a single one might count as a dropout."""
     for _ in range(25):
         estimator.update(-1.0, 0.0, 0.0)
 
 
 def out_of_contact_it_is_held(kind: Kind, settings: dict[str, Any]) -> None:
-    """Above the surface, and after leave_contact, the estimate is held and never erased."""
+    """Out of contact, and after leave_contact, the estimate is held."""
     for end in (_lift, methodcaller("leave_contact")):
         fresh, estimator = kind(**settings), _halfway(kind, settings)
         end(fresh)
-        _hold(fresh.estimate().status == Status.WAITING, "a fresh one is not waiting")
+        _hold(fresh.estimate().status == Status.WAITING, "a new estimator is not waiting")
         law, samples = estimator.estimate().parameters, estimator.estimate().samples
         end(estimator)
         now = estimator.estimate()
-        _hold(now.status == Status.HELD and now.samples == samples, "it is not held")
+        _hold(now.status == Status.HELD and now.samples == samples, "the estimate is not held")
         _hold(np.array_equal(now.parameters, law), "the law has changed")
-        _hold(samples > 0, "nothing was learned before")
+        _hold(samples > 0, "no sample was taken before")
 
 
 def units_do_not_matter(kind: Kind, settings: dict[str, Any]) -> None:
-    """A force in other units, and all that is meant in them too, gives the same law in them."""
+    """A force and settings in other units give the same law in those units."""
     if "scale" not in settings_of(kind):
         return
     unit = 1024.0
@@ -255,12 +257,12 @@ def units_do_not_matter(kind: Kind, settings: dict[str, Any]) -> None:
     other.replay(x, v, unit * force)
     law, units = plain.estimate().law, plain.law_type.units
     expected = [unit * p if "N" in u else p for p, u in zip(law.parameters, units, strict=True)]
-    # Logarithms of the units round otherwise: some ε, grown by the conditioning of a short tap.
+    # Logarithms of the units differ by rounding, which a short tap's conditioning amplifies.
     _hold(np.allclose(other.estimate().parameters, expected, rtol=1e-6), "the laws differ")
 
 
 def settings_are_kept_and_documented(kind: Kind, settings: dict[str, Any]) -> None:
-    """Settings are the constructor's arguments, each named in a docstring, and make another one."""
+    """Settings are the constructor's arguments, documented, and reproduce the estimator."""
     estimator = kind(**settings)
     names = settings_of(kind)
     _hold(list(estimator.settings) == names, f"settings are {list(estimator.settings)}")
@@ -268,15 +270,15 @@ def settings_are_kept_and_documented(kind: Kind, settings: dict[str, Any]) -> No
     missing = [name for name in names if name not in words]
     _hold(not missing, f"no docstring names {missing}")
     again = kind(**estimator.settings)
-    _hold(repr(again) == repr(estimator), "they do not make the same again")
-    _hold(all(f"{name}=" in repr(estimator) for name in names), "repr leaves some out")
+    _hold(repr(again) == repr(estimator), "they do not reproduce the estimator")
+    _hold(all(f"{name}=" in repr(estimator) for name in names), "repr omits some")
     for name, value in settings.items():
         changed = kind().replace(**{name: value})
         _hold(changed.settings[name] == value and changed.estimate().samples == 0, name)
 
 
 def nonsense_in_settings_is_refused_by_name(kind: Kind, settings: dict[str, Any]) -> None:
-    """A setting takes what it is given, or refuses it with an InvalidParameterError on a line."""
+    """A setting accepts a value, or raises an InvalidParameterError of one line."""
     for name in settings_of(kind):
         for value in _NONSENSE:
             try:
@@ -287,15 +289,20 @@ def nonsense_in_settings_is_refused_by_name(kind: Kind, settings: dict[str, Any]
 
 
 def an_estimate_is_of_its_law(kind: Kind, settings: dict[str, Any]) -> None:
-    """The estimate has the law's type and size, and errors that are the covariance's."""
+    """The estimate has the law's type and size, and standard errors from the covariance."""
     now = _halfway(kind, settings).estimate()
     _hold(type(now.law) is kind.law_type, f"{now.law}")
     size = len(kind.law_type.symbols)
-    _hold(now.parameters.shape == (size,) and now.covariance.shape == (size, size), "its size")
-    _hold(np.array_equal(now.standard_errors, np.sqrt(np.diag(now.covariance))), "its errors")
+    _hold(
+        now.parameters.shape == (size,) and now.covariance.shape == (size, size), "the size differs"
+    )
+    _hold(
+        np.array_equal(now.standard_errors, np.sqrt(np.diag(now.covariance))),
+        "the standard errors differ",
+    )
 
 
-# One value beside the default for each setting that several estimators have; others stay.
+# A non-default value for each setting that several estimators have.
 _OTHER: dict[str, Any] = {
     "gate": ContactGate(3e-4, 0.2, 0.1),
     "scale": Scale(5e-3, 50e-3, 10.0),
@@ -310,10 +317,10 @@ _OTHER: dict[str, Any] = {
 }
 
 
-#: Every promise by its name.
+#: Every conformance test by its name.
 CHECKS: dict[str, Callable[[Kind, dict[str, Any]], None]] = {
-    promise.__name__.replace("_", " "): promise
-    for promise in (
+    test.__name__.replace("_", " "): test
+    for test in (
         replay_is_update,
         thinned_replay_learns_the_same,
         own_steps_are_the_sample_time,
@@ -331,14 +338,14 @@ CHECKS: dict[str, Callable[[Kind, dict[str, Any]], None]] = {
 
 
 def variants(kind: Kind) -> dict[str, dict[str, Any]]:
-    """Return settings to check an estimator under: as it comes, each other one, and all at once."""
+    """Return settings for the tests: the defaults, each other value alone, and all of them."""
     others = {name: value for name, value in _OTHER.items() if name in settings_of(kind)}
     each = {f"another {name}": {name: value} for name, value in others.items()}
     return {"as it comes": {}, **each, "everything": others}
 
 
 def check(kind: Kind) -> None:
-    """Put an estimator to every check, under each of its :func:`variants`.
+    """Run every conformance test on an estimator, with each of its :func:`variants`.
 
     Parameters
     ----------
@@ -348,11 +355,11 @@ def check(kind: Kind) -> None:
     Raises
     ------
     AssertionError
-        It breaks a promise; the message names it.
+        A test fails; the message names it.
     """
     for words, settings in variants(kind).items():
-        for name, promise in CHECKS.items():
+        for name, test in CHECKS.items():
             try:
-                promise(kind, settings)
-            except Exception as error:  # whatever it raises, it breaks this promise
+                test(kind, settings)
+            except Exception as error:  # any exception fails the test
                 raise AssertionError(f"{kind.__name__}, {words}: {name}: {error}") from error

@@ -317,8 +317,7 @@ class Trace:
         return len(self.status)
 
     def __repr__(self) -> str:
-        taken, rejected = int(self.taken.sum()), int(self.rejected.sum())
-        counts = f"{taken} taken, {rejected} rejected, {len(self.parameters)} estimates"
+        counts = f"{self.taken.sum()} taken, {len(self.parameters)} estimates"
         return f"Trace({len(self)} samples: {counts})"
 
     def __getitem__(self, window: slice) -> "Trace":

@@ -258,12 +258,10 @@ class Evidence(NamedTuple):
     ----------
     rows : sequence of (int, float, float)
         For each competing law its index in :data:`CANDIDATES`, its score and RSS/N, N².
-    samples, effective_samples : float
+    samples, effective_samples, depth, frequency : float
         As in :class:`LawVerdict`.
     chosen : int
         Index of the selected law in :data:`CANDIDATES`.
-    depth, frequency : float
-        As in :class:`LawVerdict`.
     begun : bool
         Whether the samples began in contact.
     one_way : float

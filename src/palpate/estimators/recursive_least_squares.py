@@ -121,11 +121,6 @@ class HuntCrossleyRLS(RecursiveLeastSquaresEstimator):
         As in :class:`RecursiveLeastSquaresEstimator`.
     gate, sample_time, scale
         As in :class:`RecursiveLeastSquaresEstimator`.
-
-    Raises
-    ------
-    InvalidParameterError
-        A setting is outside its range.
     """
 
     __slots__ = ()

@@ -171,7 +171,7 @@ class ViscoelasticContact(CompiledEstimator, _core.ViscoelasticContact):
         low, high = verdict.band
         # Without a verdict the law is its initial value, or that of before a change.
         if not (verdict.model_ranking and high > 0.0 and verdict.depth > 0.0):
-            raise InvalidParameterError("motion's frequency not known yet: take more samples first")
+            raise InvalidParameterError("the motion's frequency is unknown: take more samples")
         omega = verdict.frequency if frequency is None else number("frequency", frequency)
         if not low <= omega <= high:
             raise InvalidParameterError(

@@ -240,8 +240,7 @@ def register(law: Law) -> Law:
     if not len(law.names()) == len(law.units) == len(law.symbols):
         raise InvalidParameterError(f"{law.__name__} must have one unit and symbol per parameter")
     if FORCE_LAWS.setdefault(law.kind, law) is not law:
-        taken = FORCE_LAWS[law.kind].__name__
-        raise InvalidParameterError(f"kind {law.kind!r} is taken by {taken}: choose another")
+        raise InvalidParameterError(f"kind {law.kind!r} is taken by another law: rename one")
     for watch in WATCHERS:
         watch(law)
     return law

@@ -156,8 +156,8 @@ def _check_times(spectrum: FlatSpectrum | PowerLawRelaxation) -> None:
     high = kept(spectrum, "longest", SHORTEST, LONGEST)
     if not low < high:
         raise InvalidParameterError(
-            f"longest must be above shortest = {low:g} s, not {high:g}; of one time there is "
-            "SingleRelaxation"
+            f"longest must be above shortest = {low:g} s, not {high:g}: use "
+            "SingleRelaxation for a single time"
         )
 
 

@@ -272,8 +272,7 @@ def _check_sequence(name: str, materials: tuple[Material, ...], edges: tuple[flo
         instance("materials", material, Material)
     if not materials or len(edges) != len(materials) - 1:
         raise InvalidParameterError(
-            f"{name} must number one fewer than the materials, not {len(edges)} for "
-            f"{len(materials)}"
+            f"{name} must have length {len(materials) - 1}, one below materials, not {len(edges)}"
         )
     known = [number(name, edge) for edge in edges]
     if any(after <= before for before, after in itertools.pairwise(known)):

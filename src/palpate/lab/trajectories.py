@@ -73,8 +73,7 @@ class Probing:
     x(t) = −c + (x₀ + c + Σ aᵢ sin ωᵢ(t − tₛ)) u(t),   u from 0 to 1 between t₀ and tₛ
 
     with the pause t₀ = 2 s of section IV. The sines have full amplitude from tₛ = 2.417 s on: the
-    paper's violations of condition (10) at t = 8.7 s are where its three sines coincide, 2π s after
-    tₛ.
+    paper's three sines coincide 2π s later, where it violates condition (10), at t = 8.7 s.
 
     Parameters
     ----------
@@ -206,8 +205,7 @@ class SplineTrajectory:
     time, penetration : array_like, shape (k,)
         s, strictly increasing from 0 or later, and m; at least four samples.
     pause : float
-        Initial time at rest in the samples, s, ≥ 0, in which the force sensor's bias is measured.
-        Default: 0.
+        Initial time at rest in the samples, s, ≥ 0, for the sensor's bias. Default: 0.
     """
 
     def __init__(self, time: "ArrayLike", penetration: "ArrayLike", *, pause: float = 0.0) -> None:

@@ -12,7 +12,7 @@ from typing import Any, ClassVar
 
 from palpate.diagnosis.finding import Diagnosis, Quantity, WorkingDepth
 from palpate.diagnosis.marks import WIDEST_STIFFNESS
-from palpate.digits import format_quantity, with_error
+from palpate.digits import format_quantity
 from palpate.force_laws import ForceLaw
 from palpate.quantities.restitution import UNKNOWN
 from palpate.validation import defined, kept
@@ -207,8 +207,8 @@ class ElasticModulus:
     remarks: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
-        number = with_error(self.value.value, self.value.whole_error, unit="Pa")
-        return f"ElasticModulus({self.refused or number}; {self.tip}, ν = {self.poisson_ratio:g})"
+        number = self.refused or self.value.combined.format("Pa")
+        return f"ElasticModulus({number}; {self.tip}, ν = {self.poisson_ratio:g})"
 
     def as_dict(self) -> dict[str, Any]:
         """Return it as plain numbers and text; undefined numbers are None."""
@@ -282,10 +282,7 @@ def elastic_modulus_of(
 
 
 def _exponent(there: WorkingDepth) -> Quantity:
-    """Exponent of the force, d ln F/d ln x, with the relative errors of the stiffness.
-
-    Those of the force are negligible: it was measured, and the stiffness is its slope.
-    """
+    """Exponent d ln F/d ln x, with the relative errors of the stiffness, the larger ones."""
     if not there.force.value > 0.0:
         return UNKNOWN
     return there.stiffness.scaled(there.depth / there.force.value)
@@ -293,10 +290,9 @@ def _exponent(there: WorkingDepth) -> Quantity:
 
 def _another_shape(exponent: Quantity, spread: float, tip: Tip) -> str | None:
     """Return why the force does not grow with depth as under this tip; None if it does."""
-    power = with_error(exponent.value, exponent.whole_error)
     words = (
-        f"the force grows with depth to the power {power}, but under a {tip.kind} it "
-        f"has the power {tip.exponent:g}"
+        f"the force grows with depth to the power {exponent.combined.format()}, but under a "
+        f"{tip.kind} it has the power {tip.exponent:g}"
     )
     if spread > WIDEST_SPREAD:
         return f"{words}: moduli from light and deep touch differ by {2.0 * spread:.0%}"
@@ -311,8 +307,7 @@ def _remarks(found: Diagnosis, exponent: Quantity, tip: Tip) -> list[str]:
         remarks.append("the diagnosis does not trust the stiffness")
     if not CERTAIN * exponent.whole_error < NEXT_SHAPE:
         remarks.append(
-            f"the exponent, {with_error(exponent.value, exponent.whole_error)}, does not show "
-            f"whether the tip is a {tip.kind}"
+            f"the exponent, {exponent.combined.format()}, is too uncertain to confirm a {tip.kind}"
         )
     if any(finding.check == "surface" for finding in found.findings):
         remarks.append(

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from palpate.contact import Contact
 from palpate.diagnosis.finding import Quantity, WorkingDepth
-from palpate.digits import rounded, with_error
+from palpate.digits import rounded
 from palpate.force_laws import ForceLaw, force_over_breaks
 from palpate.preparation.gates import choose_gate, touches_of
 from palpate.quantities.restitution import UNKNOWN
@@ -265,13 +265,9 @@ class EnergyLoss:
     remarks: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
-        measured, predicted = (
-            with_error(each.value, each.whole_error, unit="J")
-            for each in (self.measured, self.predicted)
-        )
-        loops = {"touch": "touches", "cycle": "cycles"}.get(self.kind, "loops")
-        number = len(self.lost)
-        return f"EnergyLoss({measured} measured, {predicted} by the model; {number} {loops})"
+        measured, predicted = (q.combined.format("J") for q in (self.measured, self.predicted))
+        loops = f"{len(self.lost)} loops of kind {self.kind}"
+        return f"EnergyLoss({measured} measured, {predicted} by the model; {loops})"
 
     def as_dict(self) -> dict[str, Any]:
         """Return the means as plain numbers and text; undefined ones are None."""
@@ -360,7 +356,7 @@ def _remarks(measured: Quantity, predicted: Quantity) -> list[str]:
         remarks.append("the dissipated energy is not distinguishable from 0")
     elif measured.value < 0.0:
         remarks.append(
-            "the material returns more energy than is put in: the force lags, or the surface moves"
+            "the material returns more energy than is put in: the force is late, or the surface moves"
         )
     errors = (measured.standard_error, predicted.standard_error)
     known = [error for error in errors if math.isfinite(error)]
@@ -381,8 +377,8 @@ def _loop_by_loop(kind: str, lost: Floats, predicted: Floats, variance: Floats) 
     if off <= max(UNACCOUNTED * size, 2.0 * noise):
         return []
     return [
-        f"the law's loss is off by {off / size:.0%} per {kind}: the material's depends differently "
-        "on speed or depth"
+        f"the law's loss is off by {off / size:.0%} per {kind}: the material's loss depends "
+        "differently on speed or depth"
     ]
 
 
@@ -430,11 +426,8 @@ class Passivity(Plain):
     fastest_withdrawal: float
 
     def __repr__(self) -> str:
-        return (
-            f"Passivity(force negative at {self.fraction:.2%} of the samples by the model, at "
-            f"{self.measured_fraction:.2%} measured; limit {rounded(self.limit, 3)} m/s, fastest "
-            f"withdrawal {rounded(self.fastest_withdrawal, 3)} m/s)"
-        )
+        share, limit = f"{self.fraction:.2%} of the samples", f"{rounded(self.limit, 3)} m/s"
+        return f"Passivity(negative force at {share} by the model; limit {limit})"
 
 
 def passivity_of(path: Path, law: ForceLaw, there: WorkingDepth, force_noise: float) -> Passivity:

@@ -27,7 +27,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from palpate.diagnosis.finding import Quantity, WorkingDepth
-from palpate.digits import rounded, with_error
+from palpate.digits import rounded
 from palpate.force_laws import ForceLaw
 from palpate.validation import Floats, Plain, all_good, together
 
@@ -250,11 +250,8 @@ class Restitution(Plain):
     remarks: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
-        e, b = self.coefficient, self.dissipation
-        return (
-            f"Restitution({with_error(e.value, e.whole_error)} at {rounded(self.speed, 3)} m/s, "
-            f"dissipation {with_error(b.value, b.whole_error, unit='s/m')})"
-        )
+        e, b = self.coefficient.combined.format(), self.dissipation.combined.format("s/m")
+        return f"Restitution({e} at {rounded(self.speed, 3)} m/s, dissipation {b})"
 
 
 def restitution_of(
