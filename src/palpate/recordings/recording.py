@@ -159,7 +159,8 @@ class Recording:
             raise RecordingError(f"{self.place(name)}: {words}")
         if strict and name in self.faults:
             fault = self.faults[name]
-            raise RecordingError(f"{self.place(name, fault.sample)}: {_fault(fault.text)}")
+            words = f"{_fault(fault.text)}; drop --strict to exclude such values"
+            raise RecordingError(f"{self.place(name, fault.sample)}: {words}")
         if values.dtype.kind in "fiub":
             return np.ascontiguousarray(values, dtype=np.float64)
         if values.dtype.kind in "OUS":
@@ -177,7 +178,9 @@ class Recording:
         found = [_number_of(value) for value in values]
         wrong = [sample for sample, number in enumerate(found) if number is None]
         if wrong and (strict or len(wrong) > MOST_TEXT * values.size):
-            raise RecordingError(f"{self.place(name, wrong[0])}: {_fault(values[wrong[0]])}")
+            remedy = "drop --strict to exclude such values" if strict else "choose another channel"
+            words = f"{_fault(values[wrong[0]])}; {remedy}"
+            raise RecordingError(f"{self.place(name, wrong[0])}: {words}")
         return np.array([np.nan if number is None else number for number in found])
 
 
