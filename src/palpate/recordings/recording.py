@@ -109,7 +109,7 @@ class Recording:
     def __repr__(self) -> str:
         sizes = {len(np.atleast_1d(values)) for values in self.channels.values()} or {0}
         samples = " to ".join(map(str, sorted({min(sizes), max(sizes)})))
-        head = f"<Recording {shown(Path(self.source).name, 30)}: {len(self.channels)} channels of"
+        head = f"<Recording {shown(Path(self.source).name, 30)}: {len(self.channels)} channels,"
         names = visible(", ".join(map(str, self.channels)))
         return f"{head} {samples} samples\n  {names[:76]}{'…' * (len(names) > 76)}>"
 
