@@ -143,8 +143,7 @@ class Recording:
         name : str
             The channel.
         strict : bool
-            Fail on a value that is not a number. Otherwise it becomes NaN, unless more than half of
-            the values are not numbers.
+            Fail on a value that is not a number; else it becomes NaN, unless most values are text.
 
         Raises
         ------
