@@ -91,13 +91,13 @@ class ReadingOptions:
     reject_outliers: Annotated[bool, _PREPARED] = True
     "Exclude dropouts, spikes and saturated samples."
     surface: Annotated[_Surface | str | None, _signed("DEPTH")] = None
-    "Surface: a depth such as 0.7mm, threshold, baseline, fit or estimate (default: 0 or fit)."
+    "Surface: a depth (0.7mm), threshold, baseline, fit or estimate (default: 0; position: fit)."
     exponent: Annotated[float | None, _PREPARED] = None
     "Fix the exponent of the law, known from the shape of the tip, such as 1.5 for a sphere."
     normal: Annotated[_Axis | str | None, _signed("DIRECTION")] = None
     "Contact normal, out of the material: x, y, z, -x, -y, -z or three numbers (default: found)."
     force_frame: Annotated[Literal["tool", "base"] | None, _PREPARED] = None
-    "Frame of the force: tool (rotated by the orientation) or base (default: the file's, or base)."
+    "Frame of the force: tool (rotated by the orientation) or base (default: as in the file)."
     tool_weight: Annotated[str | None, Parameter(group=PREPARED, metavar="WEIGHT")] = None
     "Weight of the tool on the sensor, such as 1.2N, along -z of the position's frame."
     spot: Annotated[Literal["inf"] | str | None, _signed("DEPTH")] = None

@@ -517,7 +517,7 @@ class Identified:
     def fitted_force(self) -> Floats:
         """Force by the final law, and offset where one is estimated, at every sample, N.
 
-        With segments, by the law of the one that began last.
+        With segments, the law of the one that began last.
         """
         contact, parts = self.contact, self.segments
         fitted = (parts[0] if parts else self).predicted_force(contact)
