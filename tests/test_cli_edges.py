@@ -333,7 +333,7 @@ REFUSED = {
     ],
     "lab ball -o absent/x.csv --seconds 90000": ["absent"],
     "lab ball -o . --seconds 90000": ["this is a folder"],
-    "lab ball -o o.svg --picture o.svg --seconds 90000": ["two outputs would be this file"],
+    "lab ball -o o.svg --picture o.svg --seconds 90000": ["two outputs name this file"],
     "lab ball --probe ideal -o probe.csv --trajectory probe.csv": ["this is an input file"],
     "paper --only fig05 fig99": ["fig99", "--only", "fig05, fig06"],
     "paper --only fig05 -o probe.csv/below": ["probe.csv/below"],
