@@ -192,8 +192,8 @@ def test_no_free_time_is_found_where_there_is_none():
     said = {finding.check: finding for finding in contact.findings}
     assert "found no free air" in said["tare"].message
     assert said["surface"].severity == "with-care"
-    assert "an assumption" in said["surface"].message
-    with pytest.raises(RecordingError, match="never seen out of contact"):
+    assert "position is assumed" in said["surface"].message
+    with pytest.raises(RecordingError, match="palpate found no free air"):
         prepare(table_of(hand(motion=motion)), tare="find")
     contact = prepare(table_of(hand(4.0)), tare=(0.0, 0.03))
     assert contact.prepared.zero == pytest.approx(BIAS, abs=5 * NOISE / math.sqrt(30))

@@ -344,7 +344,7 @@ def test_an_array_that_was_not_written_takes_no_memory_and_is_said(write, tmp_pa
     assert recording.losses == (
         "huge: none of its 10000000000 values was written",
         "most: 1 of its 6 chunks were never written; they read as 0.0",
-        "some: 1 of its 10000000 pieces were written",
+        "some: only 1 of its 10000000 chunks were written",
     )
 
 

@@ -211,6 +211,7 @@ def test_a_bad_row_is_left_out_and_said_unless_all_must_be_read(tmp_path, conten
     with pytest.raises(RecordingError, match=words) as caught:
         open_recording(path, strict=True)
     assert str(caught.value).startswith(f"{path}: ")
+    assert "drop --strict" in str(caught.value)
 
 
 @pytest.mark.parametrize("content, words", BAD_FILES.values(), ids=BAD_FILES)
@@ -434,7 +435,9 @@ def test_a_row_without_a_time_is_left_out_and_said(tmp_path):
     assert list(read.rows) == [2, 5]
     [loss] = read.losses
     assert "skipped 2 rows" in loss
-    assert "row 3" in loss
+    assert loss.endswith("the first is row 3")
+    with pytest.raises(RecordingError, match=r"row 3 \('2024-02-30T12.*'\) has no valid time in"):
+        open_recording(written(tmp_path / "u.csv", text.replace(",1\n", "")), strict=True)
 
 
 @pytest.mark.parametrize("unit, size", [("s", 1), ("ms", 10**3), ("us", 10**6), ("ns", 10**9)])

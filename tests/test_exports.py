@@ -358,7 +358,7 @@ def test_an_export_replaces_only_what_an_export_wrote(ball, saved, name, tmp_pat
     assert "float physics:mass = 2" in (tmp_path / "scene.usda").read_text()
     with (tmp_path / "scene.usda").open("a") as file:
         file.write("# my own light\n")
-    with pytest.raises(RecordingError, match="or somebody changed it since"):
+    with pytest.raises(RecordingError, match="or it was changed since"):
         first.save(tmp_path)
     # One that was interrupted has written no statement, and is repeated.
     *_, statement = first.save(tmp_path / "new")

@@ -29,7 +29,7 @@ def test_what_is_lost_left_out_or_noted_is_printed_and_steers_no_terminal(printe
     assert "red\\x1b[31m" in out
     assert "note: subject: phantom [3]" in out
     assert "skipped: words: holds text" in out
-    assert "lost: huge: none of its 10000000000 values was written" in out
+    assert "damaged: huge: none of its 10000000000 values was written" in out
 
 
 def test_the_json_has_all_that_the_tables_have(printed, tmp_path):

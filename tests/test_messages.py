@@ -408,7 +408,7 @@ def test_an_mcap_that_is_cut_off_is_read_to_where_it_is(tmp_path, compression, f
     # The summary, and the index of each chunk, are a quarter of so short a file at the most; the
     # chunk that the cut goes through has some 30 messages of each topic.
     assert count > 0.7 * fraction * len(WHOLE) - 30
-    assert any("recorder was killed" in each for each in found.losses)
+    assert any("recorder was probably killed" in each for each in found.losses)
     with pytest.raises(RecordingError, match=r"a\.mcap"):
         open_recording(path, strict=True)
 
@@ -425,8 +425,8 @@ def test_a_chunk_with_a_wrong_checksum_is_left_out_and_said(tmp_path, compressio
     there = np.isin(WHOLE.stamps, found.channels["/ft.header.stamp"])
     assert 0.5 < there.mean() < 1.0
     assert found.channels[FIRST].tobytes() == WHOLE.wrenches[there, 0].tobytes()
-    assert any("is lost" in each for each in found.losses)
-    assert any("counts 600 messages" in each for each in found.losses)
+    assert any("cannot be read" in each for each in found.losses)
+    assert any("lists 600 messages" in each for each in found.losses)
     with pytest.raises(RecordingError):
         open_recording(path, strict=True)
 

@@ -87,7 +87,8 @@ def test_a_frame_with_text_in_a_cell_is_refused_by_column_and_sample(frame):
         prepare(frame({**TABLE, "force_N": force}), strict=True)
     lenient = prepare(frame({**TABLE, "force_N": force}))
     assert np.flatnonzero(np.isnan(lenient.force)).tolist() == [7]
-    assert "excluded 1 sample of 'force_N' without a number ('n/a')" in lenient.findings[0].message
+    words = "excluded 1 sample of 'force_N' without a usable number ('n/a')"
+    assert words in lenient.findings[0].message
 
 
 def test_a_time_of_day_is_counted_from_the_first():
@@ -111,7 +112,10 @@ WRONG_ARRAYS = {
     "^time is missing": {**ARRAYS, "time": None},
     "^penetration is missing": {**ARRAYS, "penetration": None},
     "^force is missing": {**ARRAYS, "force": None},
-    "^pass a recording or arrays, not both: name the channel velocity": {"recording": recorded(), "velocity": SIGNALS.time},
+    "^pass a recording or arrays, not both: name the channel velocity": {
+        "recording": recorded(),
+        "velocity": SIGNALS.time,
+    },
     "time has 600, penetration has 600, force has": {**ARRAYS, "force": np.ones(3)},
     r"sample 1 is 0\.0 s after 0\.0 s": {**ARRAYS, "time": np.zeros(600)},
     **{

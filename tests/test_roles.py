@@ -124,11 +124,11 @@ def test_samples_whose_time_does_not_increase_are_skipped_counted_and_said():
     assert len(contact) == 197
     [finding] = contact.findings
     assert finding.message == (
-        "3 of 200 samples were skipped: 1 without a time, 1 with the time of the one before, "
+        "palpate skipped 3 of 200 samples: 1 without a time, 1 with the previous time, "
         "1 with an earlier time"
     )
     assert finding.severity == "note"
-    with pytest.raises(RecordingError, match=r"sample 50: 0.049 s repeats the time before it"):
+    with pytest.raises(RecordingError, match=r"sample 50: 0.049 s repeats the previous time"):
         prepare(table(time), strict=True)
     # Many of them, of a clock half as fine as the sampling, call for care.
     contact = prepare(table(np.repeat(STEPS[:100], 2)))
@@ -142,7 +142,7 @@ def test_samples_whose_time_does_not_increase_are_skipped_counted_and_said():
     assert "2 without a time" in contact.findings[0].message
     with pytest.raises(RecordingError, match=r"sample 0: -1\.6e"):
         prepare(table(time), strict=True)
-    with pytest.raises(RecordingError, match="no sample has a time"):
+    with pytest.raises(RecordingError, match="no sample has a valid time"):
         prepare(table(np.full(200, 1e190)))
 
 

@@ -149,7 +149,7 @@ OTHERS = {
         {"change_detector": ChangeDetector()},
         "of this version and class",
     ),
-    "other settings": (palpate.SingleStageRLS, {"sample_time": 2e-3}, "with these settings"),
+    "other settings": (palpate.SingleStageRLS, {"sample_time": 2e-3}, "with the same settings"),
 }
 
 

@@ -1,5 +1,5 @@
-// The parts of the loop of recursive_estimator.hpp: contact gate, forgetting, self-perturbation, and
-// the interface of a method.
+// The parts of the loop of recursive_estimator.hpp: contact gate, forgetting, self-perturbation,
+// and the interface of a method.
 #pragma once
 
 #include <cmath>

@@ -1,6 +1,7 @@
 """A contact: penetration, velocity and force on one clock, and how each was obtained."""
 
 import itertools
+import textwrap
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
@@ -102,8 +103,8 @@ class Contact:
         span = f" from {self.time[0]:g} s to {self.time[-1]:g} s" if len(self) else ""
         parts = int(self.segment[-1]) - int(self.segment[0]) + 1 if len(self) else 0
         segments = f" in {parts} segments" if parts > 1 else ""
-        source = shown(Path(self.source).name, 30)
-        return f"<Contact {source}: {len(self)} samples{span}{segments}>"
+        source = shown(", ".join(Path(each).name for each in self.source.split(", ")), 40)
+        return textwrap.fill(f"<Contact {source}: {len(self)} samples{span}{segments}>", 80)
 
     @property
     def remarks(self) -> tuple[Finding, ...]:

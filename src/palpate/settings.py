@@ -92,9 +92,7 @@ class ConstantForgetting:
 
 @dataclass(frozen=True, slots=True)
 class FadingForgetting(_Numbers):
-    """Forgetting that fades after each onset of contact: λ(t) = 1 − (1 − λ₀) e^(−α t).
-
-    Section V-A-3 of the paper.
+    """Forgetting that fades during a contact: λ(t) = 1 − (1 − λ₀) e^(−α t), section V-A-3.
 
     Parameters
     ----------

@@ -50,13 +50,13 @@ class ReadingOptions:
     """How to read a file, and which of its samples to use."""
 
     time: Annotated[Channel, _READ] = "time_s"
-    "Time channel (default: time_s, else auto-detected)."
+    "Time channel (auto-detected if absent)."
     penetration: Annotated[Channel, _READ] = "penetration_m"
-    "Penetration channel, positive inside the material (default: auto-detected)."
+    "Penetration channel, positive inside the material (auto-detected if absent)."
     force: Annotated[Channel, _READ] = "force_N"
-    "Force channel, compression positive; or x,y,z channels, or a topic such as /ft."
+    "Force channel, compression positive; or x,y,z channels, or a topic (auto-detected if absent)."
     velocity: Annotated[Channel, _READ] = "velocity_m_s"
-    "Velocity channel; none computes the velocity from the penetration."
+    "Velocity channel; if absent or none, computed from the penetration."
     position: Annotated[Channels | None, _READ] = None
     "Position channel of the probe, instead of a penetration; or x,y,z channels, or a topic."
     orientation: Annotated[Channels | None, _READ] = None
@@ -91,13 +91,13 @@ class ReadingOptions:
     reject_outliers: Annotated[bool, _PREPARED] = True
     "Exclude dropouts, spikes and saturated samples."
     surface: Annotated[_Surface | str | None, _signed("DEPTH")] = None
-    "Surface of the material: a penetration such as 0.7mm, threshold, baseline, fit or estimate."
+    "Surface: 0.7mm (a penetration), threshold, baseline, fit, estimate (default: 0; position: fit)."
     exponent: Annotated[float | None, _PREPARED] = None
     "Fix the exponent of the law, known from the shape of the tip, such as 1.5 for a sphere."
     normal: Annotated[_Axis | str | None, _signed("DIRECTION")] = None
     "Contact normal, out of the material: x, y, z, -x, -y, -z or three numbers (default: found)."
     force_frame: Annotated[Literal["tool", "base"] | None, _PREPARED] = None
-    "Frame of the force: tool (palpate rotates it by the orientation), or base, the position's."
+    "Frame of the force: tool (rotated by the orientation) or base (default: from the file, or base)."
     tool_weight: Annotated[str | None, Parameter(group=PREPARED, metavar="WEIGHT")] = None
     "Weight of the tool on the sensor, such as 1.2N, along -z of the position's frame."
     spot: Annotated[Literal["inf"] | str | None, _signed("DEPTH")] = None

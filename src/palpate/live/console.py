@@ -222,7 +222,8 @@ def summary(status: dict[str, Any], others: dict[str, dict[str, Any]]) -> Iterat
     yield "                     p50      p99    p99.9      max   in time"
     for words, *columns, limit in times_of(status):
         yield f"{words:<16}" + "".join(f"{each:>9}" for each in columns) + f"   {limit}"
-    yield ", ".join(f"{counts.get(key, 0)} {words}" for key, words in COUNTED.items())
+    faults = {words: counts.get(key, 0) for key, words in COUNTED.items()}
+    yield ", ".join(f"{n} {words}" for words, n in faults.items() if n or words == COUNTED["lost"])
     dropped = [f"{page.get('dropped', 0)} by the {name}" for name, page in others.items()]
     if dropped:
         yield f"rows dropped: {', '.join(dropped)}"

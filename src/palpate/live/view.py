@@ -14,7 +14,14 @@ import numpy as np
 from palpate._core import Status
 from palpate.digits import format_quantity, rounded, with_error
 from palpate.estimators.estimate import Estimate
-from palpate.estimators.law_verdicts import STRONG, UNDECIDED, Evidence, LawVerdict, verdict_of
+from palpate.estimators.law_verdicts import (
+    CANDIDATES,
+    STRONG,
+    UNDECIDED,
+    Evidence,
+    LawVerdict,
+    verdict_of,
+)
 from palpate.findings import Finding
 from palpate.force_laws import GeneralisedHuntCrossley
 from palpate.live.sinks import NO_DIAGNOSIS_YET, UNDIAGNOSED
@@ -81,7 +88,7 @@ def _open(page: Mapping[str, Any], verdict: LawVerdict, estimate: Estimate) -> I
             "misfit",
             "the residuals of the best law are correlated: either the sensor noise is, or no "
             "compared law holds and the error bars are too small",
-            "compare all laws: --law any",
+            "compare all laws: --law any" if len(verdict.model_ranking) < len(CANDIDATES) else None,
         )
     damping, error = estimate.parameters[_DAMPING], estimate.standard_errors[_DAMPING]
     if verdict.candidate.damping != "none" and abs(damping) < 1e-6 * error:
@@ -150,8 +157,8 @@ def standing(verdict: Mapping[str, Any]) -> str:
     return {
         "none": "no verdict yet",
         "before": "outdated: no verdict yet on the new samples",
-        "alone": "the only law compared",
-        "open": f"not distinguishable from {second}: ΔBIC {rounded(max(lead, 0.0), 2)}",
+        "alone": "the only candidate",
+        "open": f"cannot be distinguished from {second}: ΔBIC {rounded(max(lead, 0.0), 2)}",
         "weak": f"preferred over {second}: ΔBIC {rounded(lead, 2)}, 10 is strong evidence",
         "strong": f"preferred over {second}: ΔBIC {rounded(lead, 3)}",
     }[certainty(verdict)]
@@ -448,7 +455,7 @@ def facts_of(page: Mapping[str, Any], state: str, contact_force: float | None = 
     if isinstance(truth, Mapping):
         numbers = {name: each for name, each in truth.items() if isinstance(each, float)}
         terms = (f"{name.replace('_', ' ')} = {rounded(x, 4)}" for name, x in numbers.items())
-        facts["truth"] = f"Truth: {', '.join([str(truth.get('kind')), *terms])}"
+        facts["truth"] = f"True values: {', '.join([str(truth.get('kind')), *terms])}"
     if contact_force is not None:
         contact = f"The probe is in contact with {rounded(contact_force, 3)} N."
         facts["tare-warning"] = f"{contact} Taring now makes this force the new zero."
@@ -503,5 +510,5 @@ def _diagnosis(found: Mapping[str, Any]) -> Iterator[list[str]]:
             both.append(f"{name} {with_error(or_nan(there[name]['value']), error, unit=unit)}")
         yield [f"At {format_quantity(there['depth'], 'm')}: {', '.join(both)}", ""]
     last = rounded(found["window"][1] - found["window"][0], 2)
-    words = f"{found['method']}, the last {last} s at {found['at']}, {found['samples']} samples"
-    yield [words, "soft"]
+    words = f"{found['method']}, the last {last} s at {found['at']}, {found['samples']} samples; "
+    yield [f"{words}± includes the systematic uncertainty", "soft"]

@@ -246,7 +246,7 @@ def _tared(contact: Contact, done: Prepared) -> tuple[Contact, Prepared]:
     if isinstance(times, tuple | list):
         found = baseline_between(contact.time, contact.force, times, source)
     else:
-        with stage(_LOGGER, "times out of contact"):
+        with stage(_LOGGER, "free air"):
             free = free_samples(-contact.penetration, contact.force)
         if free is None:
             raise never_free(source)

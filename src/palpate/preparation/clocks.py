@@ -298,10 +298,10 @@ class _Taking:
             values[role] = columns[0] if len(columns) == 1 else np.column_stack(columns)
             known = np.isfinite(np.column_stack(columns)).all(axis=1)
             if role in ("depth", "force") and known.size and not known.any():
-                raise RecordingError(
-                    f"{self.recording.place(names[0])}: no sample has a number in "
-                    f"[-{LARGEST:g}, {LARGEST:g}]; check its unit, or choose another with --{kind}"
-                )
+                option = "position" if role == "depth" and not roles.is_penetration else kind
+                words = f"no sample has a number in [-{LARGEST:g}, {LARGEST:g}]; check its unit, or"
+                place = self.recording.place(names[0])
+                raise RecordingError(f"{place}: {words} choose another with --{option}")
         if roles.segment is not None:
             values["segment"] = self.recording.channel(roles.segment)
         return values
@@ -321,8 +321,9 @@ class _Taking:
             first = str(recording.channels[name][int(np.argmin(np.isfinite(column)))])
             text = recording.faults[name].text if name in recording.faults else first
             samples = "1 sample" if count == 1 else f"{count} samples"
+            words = f"palpate excluded {samples} of {name!r} without a usable number"
             self._say_rows(
-                f"palpate excluded {samples} of {name!r} without a number ({text.strip()[:40]!r})",
+                f"{words} ({text.strip()[:40]!r})",
                 "check the recorder, or pass --strict to fail instead",
                 many=count > MOST_SKIPPED * column.size,
             )
@@ -469,8 +470,8 @@ class _Taking:
                     self.made[kind] += f", interpolated from {name!r} at the times of {clock!r}"
         if not keep.any():
             raise RecordingError(
-                f"{source}: the clocks {clock!r} and {on_time[0][2]!r} do not overlap; compare "
-                "them with palpate info"
+                f"{source}: the clocks {clock!r} and {on_time[0][2]!r} do not overlap; list "
+                f"them with palpate info {source or 'FILE'}"
             )
         if not keep.all():
             words = f"palpate excluded {np.count_nonzero(~keep)} of {keep.size} samples of {clock}"

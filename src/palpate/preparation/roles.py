@@ -175,8 +175,7 @@ class Columns:
     position : str, optional
         Position of the probe, m, along one axis or in space, instead of a penetration.
     orientation : str, optional
-        Orientation of the probe, a quaternion x, y, z, w, which rotates a force in the tool's
-        frame.
+        Orientation of the probe, a quaternion x, y, z, w; it rotates a force in the tool's frame.
     """
 
     time: str = "time_s"

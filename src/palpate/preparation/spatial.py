@@ -100,7 +100,7 @@ def along_normal(
     signals = _framed(recording, roles, signals, settings, findings)
     if settings.tool_weight is not None and signals.force.ndim == signals.depth.ndim == 2:
         add(made, "force", f"minus the tool's weight of {settings.tool_weight:g} N")
-    with stage(_LOGGER, "zero of the force"):
+    with stage(_LOGGER, "force offset"):
         signals, zero, said = tared(signals, settings, recording.source)
     findings += said
     if zero is not None:
@@ -309,8 +309,7 @@ def _in_space(
         if "force" in settings.flip:  # a requested sign takes precedence
             found = Normal(-found.vector, found.spread)
         else:
-            words = "the recorded force acts on the material, not on the probe: palpate reversed "
-            words += "its sign"
+            words = "the recorded force acts on the material: palpate reversed its sign"
             findings.append(Finding("direction", words, "pass --flip-force to confirm"))
     depth = -(position @ found.vector)
     known = np.isfinite(along)
@@ -358,8 +357,7 @@ def _along_axis(
     asked = "penetration" in settings.flip
     if turn_depth and not asked and not grows(depth[both], force[both]):
         depth = -depth
-        words = "the force grows as the position decreases: palpate reversed the sign of the "
-        words += "position"
+        words = "the force grows as the position decreases: palpate reversed the position's sign"
         findings.append(Finding("direction", words, "pass --flip-penetration to confirm"))
     return AlongNormal(depth, force, normal, findings)
 
@@ -580,7 +578,7 @@ def saturated(force: Floats) -> list[Finding]:
             part = count / len(column)
             if part > SOME:
                 words = f"the force along {'xyz'[k]} stays at {edge:.3g} N for {part:.1%} of the "
-                words += "recording while the others change: saturated?"
+                words += "recording while the others change: it is probably saturated"
                 remedy = "press less deeply, or use a sensor with a larger range"
                 mark: Mark = "do-not-trust" if part > MANY else "with-care"
                 found.append(Finding.of_both(mark, "saturation", words, remedy))

@@ -249,8 +249,7 @@ LIGHTEST, HEAVIEST = 0.03, 0.4
 FEWEST_LIGHT = 8  # samples of the light branch
 FEWEST_FREE = 20  # samples in free air for a search of the surface
 MOST_FITTED = 4000  # samples
-# Standard deviations of the baseline rule: a fit that ends farther away does not fit the light
-# branch.
+# Standard deviations of the baseline rule; a fit that ends beyond does not fit the light branch.
 FARTHEST = 4.0
 # A flat punch has 1, a sphere 1.5, a cone 2. An exponent far from these compensates for a wrong
 # surface; the light branch alone is then more accurate.
@@ -572,8 +571,7 @@ class _Path:
 def travel(position: Floats, force: Floats) -> float:
     """Return how far a probe moves across the contact normal while in contact, m.
 
-    That is the radius around its median position. Contact means a force above a tenth of the
-    largest.
+    The radius around its median position; contact means a force above a tenth of the largest.
     """
     size = np.linalg.norm(np.nan_to_num(force), axis=1)
     touching = size > 0.1 * float(np.percentile(size, 99.0)) if size.size else size > 0.0

@@ -165,8 +165,8 @@ def _chosen(count: int, source: str, request: Request) -> int:
         raise RecordingError(f"{source}: the file holds no curve; check the program that wrote it")
     number = request.curve or 0
     if (request.curve is None and count > 1) or not 0 <= number < count:
-        what = f"the file holds {count} curves" if request.curve is None else f"no curve {number}"
-        words = f"{what}; choose one with --curve N, from 0 to {count - 1}"
+        why = f"it holds {count} curves" if request.curve is None else f"there is no curve {number}"
+        words = f"{why}; choose one with --curve N, from 0 to {count - 1}"
         raise RecordingError(f"{source}: {words}")
     return number
 

@@ -109,10 +109,9 @@ class Recording:
     def __repr__(self) -> str:
         sizes = {len(np.atleast_1d(values)) for values in self.channels.values()} or {0}
         samples = " to ".join(map(str, sorted({min(sizes), max(sizes)})))
-        source, count = shown(Path(self.source).name, 30), len(self.channels)
+        head = f"<Recording {shown(Path(self.source).name, 30)}: {len(self.channels)} channels of"
         names = visible(", ".join(map(str, self.channels)))
-        names = names if len(names) <= 77 else names[:76] + "…"
-        return f"<Recording {source}: {count} channels of {samples} samples\n  {names}>"
+        return f"{head} {samples} samples\n  {names[:76]}{'…' * (len(names) > 76)}>"
 
     @property
     def losses(self) -> tuple[str, ...]:

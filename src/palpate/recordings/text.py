@@ -77,9 +77,8 @@ def read(path: Path, request: Request) -> Recording:
 
     palpate detects the delimiter (comma, semicolon, tab, bar or spaces), the decimal mark, the
     encoding and what each column holds. In a numeric column a cell without a number is NaN and
-    counted in ``Recording.faults``. palpate skips rows that it cannot read;
-    ``Recording.losses`` lists them. The position distinguishes columns of the same name:
-    ``force_N (column 3)``.
+    counted in ``Recording.faults``. ``Recording.losses`` lists the rows that palpate could not read
+    and skipped. Columns of the same name get their position: ``force_N (column 3)``.
 
     Parameters
     ----------

@@ -152,8 +152,7 @@ _SHORT = {
 def clock_rank(name: str) -> int | None:
     """Return how likely a name is that of a clock, 0 the most likely; None if it is not.
 
-    Of a name with groups or fields, such as ``robot/time`` or ``/ft.header.stamp``, the last
-    counts.
+    The last part of a name with groups or fields counts: ``robot/time``, ``/ft.header.stamp``.
     """
     return next((i for i, found in enumerate(_matches(name)) if found), None)
 

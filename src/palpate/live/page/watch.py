@@ -225,12 +225,7 @@ _NOTICED = 0.1  # s: a change is noticed within some tens of samples
 
 
 class Watch:
-    """State of one run, and the page's text about it.
-
-    Parameters
-    ----------
-    session : Session
-        Names of the shared memory.
+    """State of the run of a session, and the page's text about it.
 
     Attributes
     ----------
