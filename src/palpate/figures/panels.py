@@ -619,5 +619,5 @@ def draw_condition(axes: "Axes", result: Identified, course: Course, look: Look)
     axes.set(xlabel=label, ylabel=unit.label("speed"))
     head(
         axes,
-        f"Speed limit |v| < 0.1 K/B: violated in {result.violated_fraction:.1%} of the contact",
+        f"Speed limit |v| < 0.1 K/B: violated in {result.violated_fraction:.1%} of contact",
     )

@@ -73,7 +73,7 @@ def _width_in(fonts: tuple[str, ...], words: str, size: float) -> float:
     with warnings.catch_warnings():
         warnings.filterwarnings(
             "ignore", "Glyph .* missing from"
-        )  # an unknown glyph has a width too
+        )  # it has a width too
         found = text_to_path.get_text_width_height_descent(words, FontProperties(size=size), False)
     return float(found[0])
 

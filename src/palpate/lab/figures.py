@@ -1,4 +1,4 @@
-"""The rig as it presses the material: MuJoCo's picture of it, or a drawing."""
+"""Pictures of the rig in contact: rendered by MuJoCo, or drawn."""
 
 import io
 import os
@@ -24,11 +24,11 @@ if TYPE_CHECKING:
 
 
 class NoRendererError(PalpateError, RuntimeError):
-    """MuJoCo cannot render here: there is no graphics library that it can use."""
+    """MuJoCo cannot render: it finds no graphics library."""
 
 
 def photograph(bench: Bench, at: float = 3.0, size: tuple[int, int] = (1200, 760)) -> NDArray[Any]:
-    """Return the rig of a bench as it stands at a time [s] of its trajectory.
+    """Return the rig of a bench at a time [s] of its trajectory.
 
     Parameters
     ----------
@@ -58,7 +58,7 @@ def photograph(bench: Bench, at: float = 3.0, size: tuple[int, int] = (1200, 760
     run.simulate(time, command, bench.material.touch())
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # of a screen that is missing, which the error says
+            warnings.simplefilter("ignore")  # of a missing screen, which the error states
             return _rendered(run, *size)
     except Exception as error:  # each graphics library fails in its own way
         raise NoRendererError(f"MuJoCo cannot render here: {error}") from None
@@ -120,7 +120,7 @@ def save_rig(bench: Bench, path: str | Path, *, dark: bool = False) -> str:
 
 
 def draw_rig(bench: Bench, *, dark: bool = False) -> "Figure":
-    """Draw the rig from above, 3 s into its trajectory, as its command has it."""
+    """Draw the rig from above, 3 s into its commanded trajectory."""
     theme = DARK if dark else LIGHT
     command = bench.trajectory.at(np.array([3.0]))
     with style(Look(theme)) as new_figure:
