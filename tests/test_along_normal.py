@@ -59,9 +59,9 @@ def test_a_force_that_is_the_probes_is_turned_and_said():
     recorded = table_of(replace(mirrored, force=-mirrored.force))
     contact = prepare(recorded)
     assert off(identify(contact), BALL) < 4.0
-    assert any("its sign was turned" in finding.message for finding in contact.findings)
+    assert any("palpate reversed its sign" in finding.message for finding in contact.findings)
     asked = prepare(recorded, flip=["force"])
-    assert not any("its sign was turned" in finding.message for finding in asked.findings)
+    assert not any("palpate reversed" in finding.message for finding in asked.findings)
     np.testing.assert_allclose(asked.force, contact.force, atol=1e-9)
 
 
@@ -144,7 +144,7 @@ def test_only_the_tools_true_weight_leaves_the_offset_constant_in_the_sensors_ax
             assert (verdict.overall, said) == ("trust", [])
             assert result.contact.prepared.zero == pytest.approx(BIAS, abs=0.01)
         elif weight in (1.5, 9.0):
-            assert "as a weight of 3.00" in said[0].message
+            assert "a tool weight of 3.00" in said[0].message
             assert {verdict.stiffness, verdict.damping}.isdisjoint({"trust"})
     assert min(residuals, key=residuals.get) == 3.0
     assert len(set(residuals.values())) == len(residuals)
@@ -152,10 +152,10 @@ def test_only_the_tools_true_weight_leaves_the_offset_constant_in_the_sensors_ax
 
 def test_free_air_tells_the_weight_that_is_not_given_and_the_sign_of_the_force():
     result, said = weighed(turning(0.5), None)
-    assert said[0].remedy.startswith("--tool-weight 3")
+    assert said[0].remedy.startswith("pass --tool-weight 3")
     assert result.diagnosis.verdict.overall != "trust"
     mirrored = turning(0.5, sign=-1.0)
-    assert weighed(mirrored, 3.0)[1][0].remedy.startswith("--flip-force")
+    assert weighed(mirrored, 3.0)[1][0].remedy.startswith("pass --flip-force")
     result, said = weighed(mirrored, 3.0, flip=["force"])
     assert (result.diagnosis.verdict.overall, said) == ("trust", [])
 
@@ -164,15 +164,15 @@ def test_free_air_tells_the_weight_that_is_not_given_and_the_sign_of_the_force()
     "reach, settings", [(0.5, {}), (0.5, {"tare": (0.0, 0.03)}), (0.001, {"force_frame": "tool"})]
 )
 def test_a_tools_weight_that_changes_nothing_is_refused(reach, settings):
-    with pytest.raises(RecordingError, match="--tool-weight 3 N changes nothing: in the frame"):
+    with pytest.raises(RecordingError, match="--tool-weight 3N has no effect: in the frame"):
         prepare(turning(reach), tool_weight=3.0, **settings)
 
 
 def test_what_is_no_quaternion_is_refused():
     felt = hand(1.0)
-    with pytest.raises(RecordingError, match="no quaternion x, y, z, w: its length is 2"):
+    with pytest.raises(RecordingError, match="not a quaternion x, y, z, w: its norm is 2"):
         prepare(with_turns(felt, np.ones((1000, 4))), force_frame="tool")
-    with pytest.raises(RecordingError, match="needs the orientation"):
+    with pytest.raises(RecordingError, match="needs an orientation"):
         prepare(table_of(felt), force_frame="tool")
 
 
@@ -190,10 +190,10 @@ def test_no_free_time_is_found_where_there_is_none():
     contact = prepare(table_of(hand(motion=motion)))
     assert contact.prepared.zero is None
     said = {finding.check: finding for finding in contact.findings}
-    assert "no time out of contact was found" in said["tare"].message
+    assert "found no free air" in said["tare"].message
     assert said["surface"].severity == "with-care"
-    assert "an assumption" in said["surface"].message
-    with pytest.raises(RecordingError, match="never seen out of contact"):
+    assert "position is assumed" in said["surface"].message
+    with pytest.raises(RecordingError, match="palpate found no free air"):
         prepare(table_of(hand(motion=motion)), tare="find")
     contact = prepare(table_of(hand(4.0)), tare=(0.0, 0.03))
     assert contact.prepared.zero == pytest.approx(BIAS, abs=5 * NOISE / math.sqrt(30))
@@ -351,7 +351,7 @@ def test_a_position_that_was_commanded_calls_for_care():
     renamed = {f"{n[:2]}_cmd_m" if n.startswith("p") else n: each for n, each in felt.items()}
     contact = prepare(Recording(renamed))
     assert said(contact, "channels") == ["with-care"]
-    assert "commanded, not measured" in contact.findings[0].message
+    assert "looks like a commanded" in contact.findings[0].message
     assert not said(prepare(Recording({**renamed, **felt})), "channels")  # measured is there
 
 
@@ -359,7 +359,7 @@ def test_options_that_find_nothing_to_act_on_are_named():
     along = Recording({"t": FELT.time, "z_m": -FELT.motion.x, "Fz_N": FELT.force @ NORMAL})
     contact = prepare(along, normal="z", tool_weight=1.0)
     assert [r.message for r in contact.findings if r.check == "options"] == [
-        "--normal and --tool-weight did nothing: position and force are not both in space"
+        "--normal and --tool-weight had no effect: position and force do not both have three axes"
     ]
     assert not said(prepare(table_of(FELT), normal=NORMAL), "options")
 

@@ -44,8 +44,10 @@ def law_of(whole: dict) -> dict:
 
 def test_identify_prints_a_table_that_a_person_reads(printed, good):
     out = printed("identify", good)
-    assert re.search(r"\d+ samples, 1 contact", out)
     result = palpate.identify(palpate.prepare(good))
+    assert f" {result.estimate.samples} samples, 1 contact" in out
+    assert "method" not in out  # the usual one
+    assert "; method single-stage" in printed("identify", good, "--method", "single-stage")
     law, errors = result.law, result.standard_errors
     for symbol, value, error in zip(law.symbols, law.parameters, errors, strict=True):
         assert f"{symbol} = {with_error(value, error)}" in out
@@ -164,7 +166,7 @@ def test_verbose_says_on_standard_error_what_is_done_and_how_long_it_took(run, g
     assert "95 % interval" in out
     assert "95 % interval" not in quiet[1]
     for words in (
-        f"read {good}: 3 channels of 600 samples", "force is force_N (it has this name)",
+        f"read {good}: 3 channels of 600 samples", "force is force_N (has this name)",
         "velocity by the filter: ", "replay: ", "diagnosis: ",
     ):  # fmt: skip
         assert words in err
@@ -261,7 +263,7 @@ def test_a_robots_table_in_millimetres_needs_no_option(run, printed, robot):
     assert result_of(out)["working_depth"]["stiffness"]["value"] == pytest.approx(2e3, rel=0.02)
     assert "stiffness" in run("identify", robot, "--normal", "0.48,-0.36,0.8", "--tare", "find")[1]
     _, out, _ = run("identify", robot, "--start", "0.15", "--stop", "0.32", "-v")
-    assert "tare: no time out of contact was found" in out
+    assert "tare: palpate found no free air" in out
 
 
 def result_of(output: str) -> dict:

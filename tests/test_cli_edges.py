@@ -132,7 +132,7 @@ def test_a_figure_never_replaces_the_recording(refused, tmp_path, monkeypatch, c
     link.hardlink_to(file)
     monkeypatch.setattr(figures, "draw", pytest.fail)  # it is said before the work
     monkeypatch.setattr(figures, "draw_comparison", pytest.fail)
-    assert "this file is read" in refused(command, file, "--figure", link)
+    assert "this is an input file" in refused(command, file, "--figure", link)
     assert file.read_bytes() == before
 
 
@@ -261,14 +261,14 @@ def test_values_beyond_any_measurement_are_no_numbers(
         header = ("time_s", "x_m", "y_m", "z_m", "fx_N", "fy_N", "fz_N")
         rows = [[t, "0", "0", f"-{x}".replace("--", ""), "0.1", f, f] for t, x, f in rows]
     file = written(tmp_path / "far.csv", text_of(rows, header))
-    assert "is no measurement" in refused("identify", file, "--strict")
+    assert "is beyond 1e+30" in refused("identify", file, "--strict")
     if which == slice(None):
         assert "Error" not in refused("identify", file)
         return
     status, out, err = run("identify", file, "--json")
     if not status:
         assert err == ""
-        assert "holds no number in" in json.dumps(json.loads(out)["findings"])
+        assert "without a usable number" in json.dumps(json.loads(out)["findings"])
     assert vectors or not status
 
 
@@ -285,10 +285,10 @@ REFUSED = {
     "identif --help": ["identif", 'Did you mean "identify"?'],
     "identify absent.csv": ["absent.csv: No such file or directory"],
     "identify 'two\nlines.csv'": ["No such file"],
-    "identify folder.svg": ["folder.svg: the folder holds no bag"],
+    "identify folder.svg": ["folder.svg: the folder holds no ROS 2 bag"],
     "compare bad.csv --strict --dark --figure out.svg": ["bad.csv: ", "row 5"],
     "diagnose bad.csv --strict --json": ["bad.csv: ", "row 5"],
-    "info bad.h5": ["no HDF5 file"],
+    "info bad.h5": ["not an HDF5 file"],
     "identify -- -v": ["-v: No such file or directory; check the path"],
     "identify probe.csv --config none.toml": ["none.toml: No such file"],
     "identify probe.csv --config folder.svg": ["folder.svg: ", "Is a directory"],
@@ -304,13 +304,13 @@ REFUSED = {
     "identify probe.csv --method spring": ["method must be one of", "single-stage", "'spring'"],
     "identify probe.csv --law springy": ["law must be one of hunt-crossley, auto, any"],
     "identify probe.csv --law auto --method single-stage": ["does not identify law auto"],
-    "identify probe.csv --law auto --surface estimate": ["is for a method that can"],
-    "identify probe.csv --method single-stage --surface estimate": ["not for single-stage"],
+    "identify probe.csv --law auto --surface estimate": ["estimate the surface", "--surface fit"],
+    "identify probe.csv --method single-stage --surface estimate": ["single-stage cannot estimate"],
     "identify BALL --frequency 500Hz -o out": ["band of the motion"],
     # Samples of which none is left.
     "identify probe.csv --start 5": ["no sample between 5 s", "0.599 s"],
     "identify probe.csv --min-penetration 1": ["no contact found", "above 1 m"],
-    "identify probe.csv --force Fz": ["no column 'Fz'", "force_N", "name others"],
+    "identify probe.csv --force Fz": ["no column 'Fz'", "force_N", "--time", "info probe.csv"],
     # Figures.
     "identify probe.csv --figure out.eps": ["out.eps", "end in .svg, .pdf or .png"],
     "identify probe.csv --figure folder.svg": ["folder.svg"],
@@ -333,8 +333,8 @@ REFUSED = {
     ],
     "lab ball -o absent/x.csv --seconds 90000": ["absent"],
     "lab ball -o . --seconds 90000": ["this is a folder"],
-    "lab ball -o o.svg --picture o.svg --seconds 90000": ["two outputs would be this file"],
-    "lab ball --probe ideal -o probe.csv --trajectory probe.csv": ["this file is read"],
+    "lab ball -o o.svg --picture o.svg --seconds 90000": ["two outputs name this file"],
+    "lab ball --probe ideal -o probe.csv --trajectory probe.csv": ["this is an input file"],
     "paper --only fig05 fig99": ["fig99", "--only", "fig05, fig06"],
     "paper --only fig05 -o probe.csv/below": ["probe.csv/below"],
 }
@@ -369,7 +369,7 @@ NEVER = {
 def test_a_probe_that_never_touches_is_one_line(refused, tmp_path, name):
     path = written(tmp_path / "never.csv", text_of(NEVER[name]))
     numbers = not name.startswith("of ")
-    words = "no contact found" if numbers else "column 'penetration_m': no sample holds a"
+    words = "no contact found" if numbers else "column 'penetration_m': no sample has a"
     assert f"{path}: {words}" in refused("identify", path)
 
 

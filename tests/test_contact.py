@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from cases import MATERIALS, bits, exciting
 
-from palpate import Contact, InvalidParameterError, RecordingError, Trace
+from palpate import Columns, Contact, InvalidParameterError, Recording, RecordingError, Trace
 
 SIGNALS = exciting(MATERIALS["ball"], seconds=0.5)
 CHANNELS = ("time", "penetration", "velocity", "force")
@@ -20,6 +20,27 @@ def contact(**changes) -> Contact:
 def at(time, segment=None) -> Contact:
     ones = np.ones(len(time))
     return Contact(time, penetration=ones, velocity=ones, force=ones, segment=segment)
+
+
+def test_the_repr_of_a_recording_a_contact_and_columns_fits_a_screen():
+    source = f"/data/{'long/' * 30}{'probe' * 20}.csv"
+    channels = {"time_s": np.zeros(600), "fz\x1b[31m": np.zeros(600)}
+    many = channels | {f"joint_{k}.position": np.zeros(10**4) for k in range(900)}
+    texts = {
+        repr(Recording(channels, source="runs/probe.csv")): (
+            "<Recording 'probe.csv': 2 channels of 600 samples\n  time_s, fz\\x1b[31m>"
+        ),
+        repr(Recording(many, source=source)): "902 channels of 600 to 10000 samples",
+        repr(Recording({})): "<Recording '': 0 channels of 0 samples",
+        repr(contact(source="runs/probe.csv")): "<Contact 'probe.csv': 500 samples from 0 s to",
+        repr(contact(source=source, segment=np.arange(500) // 2)): "250 segments>",
+        repr(Columns()): "Columns()",
+        repr(Columns(force="/ft", position="/pose")): "Columns(force='/ft', position='/pose')",
+    }
+    for text, words in texts.items():
+        assert words in text
+        assert len(text.splitlines()) <= 2
+        assert all(len(line) <= 80 and line.isprintable() for line in text.splitlines())
 
 
 def test_it_holds_what_it_was_given_and_is_frozen():
@@ -58,7 +79,9 @@ def test_another_segment_begins_where_the_label_changes(labels):
 
 @pytest.mark.parametrize("labels", [[[0], [0, 1], 2], [0, [1, 2], 3]], ids=str)
 def test_labels_of_no_sense_are_refused(labels):
-    with pytest.raises(InvalidParameterError, match="segment must be one label a sample"):
+    with pytest.raises(
+        InvalidParameterError, match="segment must be an array of one label per sample"
+    ):
         at(range(3), segment=labels)
     with pytest.raises(InvalidParameterError, match="time has 3, segment has 2"):
         at(range(3), segment=[0, 1])
@@ -93,7 +116,7 @@ def test_a_window_keeps_the_samples_between_two_times():
     assert len(whole.window()) == 500
     assert whole.window(start=0.4).time[0] == 0.4
     assert whole.window(stop=0.1).time[-1] == 0.1
-    words = r"probe.csv: no sample between 7 s and 8 s.* 0 s to 0.499 s"
+    words = r"probe.csv: there is no sample between 7 s and 8 s.* 0 s to 0.499 s"
     with pytest.raises(RecordingError, match=words):
         whole.window(7.0, 8.0)
 

@@ -27,7 +27,7 @@ from palpate.preparation.gates import suggest_surface_deviation
 
 SCALE = Scale(10e-3, 0.1, 20.0)
 GEL = palpate.HuntCrossley(5e4, 1.5e5, 2.2)
-OFFSET = "offset beyond"
+OFFSET = "force offset larger"
 
 
 def strokes(seconds: float, least: float = -2e-3, most: float = 10e-3) -> Motion:

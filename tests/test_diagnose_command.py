@@ -51,7 +51,7 @@ def test_every_finding_is_printed_with_its_remedy_and_json_is_the_diagnosis(prin
     ]  # fmt: skip
 
 
-def test_each_stretch_between_changes_is_identified_by_itself(run, write):
+def test_each_segment_between_changes_is_identified_by_itself(run, write):
     path = write(faults.changed(0.5))
     whole = result_of(run("identify", path, "--json")[1])
     parts = result_of(run("identify", path, "--changes", "--json")[1])
@@ -148,24 +148,30 @@ PHANTOM = Path(__file__).parents[1] / "examples" / "recordings" / "phantom.csv"
 BALL = PHANTOM.with_name("ball.csv")
 
 
-def test_a_law_is_chosen_and_said(printed):
+def test_a_law_is_chosen_and_reported(run, printed):
     out = printed("identify", PHANTOM, "--law", "auto")
     result = palpate.identify(PHANTOM, law="auto", trace=False)
-    assert str(result.law_verdict.candidate) in out
+    assert result.law_verdict.candidate.title in out
+    whole = " ".join(run("identify", PHANTOM, "--law", "auto", "-v")[1].split())
+    assert "method viscoelastic" in whole
+    assert f"effective sample size {result.law_verdict.effective_samples:.0f} of" in whole
 
 
-def test_the_diagnosis_is_of_the_law_that_is_asked_for(printed):
+def test_the_diagnosis_is_of_the_requested_law(printed):
     out = printed("diagnose", PHANTOM, "--law", "half-space", "--json")
     [result] = json.loads(out)["results"]
     assert result["law_verdict"]["law"] in ("half-space", "Kelvin–Voigt")
     assert result["method"] == "viscoelastic"
 
 
-def test_what_an_oscillation_feels_is_printed_with_what_the_everyday_laws_say(run, printed):
+def test_dynamic_stiffness_and_model_selection_are_printed(run, printed):
     own = palpate.identify(BALL, trace=False).dynamic_stiffness().frequency
-    out = printed("identify", BALL, "--frequency", f"{own:.6f}rad/s")
+    often = ("--frequency", f"{own:.6f}rad/s")
+    out = printed("identify", BALL, *often)
     assert re.search(r"^oscillation +at 1\.59 Hz and 8\.78 mm: K′ = 2000\.7", out, re.MULTILINE)
-    _, printed, _ = run("identify", BALL, "--frequency", f"{own:.6f}rad/s", "--json")
+    out = run("identify", BALL, *often, "-v")[1]
+    assert "Model selection: Hunt–Crossley, preferred over " in out
+    _, printed, _ = run("identify", BALL, *often, "--json")
     felt = json.loads(printed)["results"][0]["small_oscillation"]
     assert felt["frequency"] == pytest.approx(own, abs=1e-6)
 

@@ -345,7 +345,7 @@ def test_what_an_engine_can_do_nothing_with_is_refused_in_words(toy, engine, giv
 def test_an_export_replaces_only_what_an_export_wrote(ball, saved, name, tmp_path):
     first = exports.export(ball, "usd", mass=1.0)
     second = exports.export(ball, "drake", allow=True, replay=False)
-    with pytest.raises(RecordingError, match="this file is read"):
+    with pytest.raises(RecordingError, match="this is an input file"):
         first.save(saved, inputs=[saved / "material.usda"])
     (tmp_path / name).write_text("mine", encoding="utf-8")
     with pytest.raises(RecordingError, match=rf"{name}: palpate did not write this .*-o FOLDER"):
@@ -358,7 +358,7 @@ def test_an_export_replaces_only_what_an_export_wrote(ball, saved, name, tmp_pat
     assert "float physics:mass = 2" in (tmp_path / "scene.usda").read_text()
     with (tmp_path / "scene.usda").open("a") as file:
         file.write("# my own light\n")
-    with pytest.raises(RecordingError, match="or somebody changed it since"):
+    with pytest.raises(RecordingError, match="or it was changed since"):
         first.save(tmp_path)
     # One that was interrupted has written no statement, and is repeated.
     *_, statement = first.save(tmp_path / "new")

@@ -327,7 +327,7 @@ def test_curves_of_a_force_map_are_rows_with_their_places():
     rows = identify_batch(batch, settings).to_pylist()
     assert [row["index"] for row in rows] == [2, 0, 1, 9]
     assert [row["error"] is None for row in rows] == [True, True, True, False]
-    assert "there is no curve 9" in rows[3]["error"]
+    assert "no curve 9; choose one" in rows[3]["error"]
     for row in rows[:3]:
         assert row["fit"] == "whole-curve"
         assert row["exponent"] == 1.5

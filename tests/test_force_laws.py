@@ -359,7 +359,7 @@ def two_times_in_the_wrong_order():
         (lambda: GeneralisedHuntCrossley(1.0, 1.0, 1.0, 1.0, 0.0, 3.0), "relaxation must be a"),
         (lambda: law_with(FlatSpectrum(1e-3, 1.0)).step("rest", 1e-3, 1e-3), "state must be"),
         (lambda: law_with(FlatSpectrum(1e-3, 1.0)).step(
-            law_with(SingleRelaxation(1.0)).rest(), 1e-3, 1e-3), "state must be of this law"),
+            law_with(SingleRelaxation(1.0)).rest(), 1e-3, 1e-3), "state must have this law"),
         (lambda: law_with(SingleRelaxation(1.0)).force_along([1e-3], [0.0], 0.0), "time_steps"),
         (lambda: law_with(SingleRelaxation(1.0)).dynamic_stiffness(-1.0, 1.0), "depth must be"),
         (lambda: law_with(SingleRelaxation(1.0)).dynamic_stiffness(1.0, -1.0), "frequency must"),

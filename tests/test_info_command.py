@@ -28,8 +28,8 @@ def test_what_is_lost_left_out_or_noted_is_printed_and_steers_no_terminal(printe
     assert not any(sign in out for sign in "\x1b\x07\r")
     assert "red\\x1b[31m" in out
     assert "note: subject: phantom [3]" in out
-    assert "not read: words: holds text" in out
-    assert "lost: huge: nothing was written of its 10000000000 values" in out
+    assert "skipped: words: holds text" in out
+    assert "damaged: huge: none of its 10000000000 values was written" in out
 
 
 def test_the_json_has_all_that_the_tables_have(printed, tmp_path):
@@ -129,7 +129,7 @@ def test_faults_types_and_frames_are_printed(run, tmp_path, monkeypatch):
     )
     monkeypatch.setattr("palpate.recordings.open_recording", lambda *a, **k: made)
     out = run("info", recording(tmp_path))[1]
-    fault = "fault: /ft.f: 1 of 2 values are no number, the first at sample 1: abc"
+    fault = "fault: /ft.f: 1 of 2 values are not numbers; the first, at sample 1, is abc"
     assert all(words in out for words in ("geometry_msgs/msg/WrenchStamped", "tool", fault))
 
 

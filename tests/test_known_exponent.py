@@ -153,7 +153,7 @@ def test_a_wrong_exponent_is_a_finding_and_a_modulus_says_that_the_shape_was_not
     assert there.diagnosis.verdict.stiffness == "trust"
     modulus = there.elastic_modulus(palpate.Sphere(radius=0.1))
     assert modulus.refused is None
-    assert any("the exponent was given" in remark for remark in modulus.remarks)
+    assert any("the exponent was fixed" in remark for remark in modulus.remarks)
 
 
 def test_a_change_of_the_material_is_found_with_it():

@@ -42,7 +42,7 @@ def test_without_a_pause_the_bias_stays_and_the_penetration_may_be_rounded():
     sensors = lab.Sensors(force_bias=5.0, penetration_resolution=20e-6)
     run = lab.Bench(lab.BALL, trajectory, IDEAL, sensors).run(seed=1)
     assert abs((run.contact.force - run.truth.force).mean()) > 0.1
-    assert "bias is still in" in run.contact.provenance["tare"]
+    assert "bias not removed" in run.contact.provenance["tare"]
     steps = run.contact.penetration / 20e-6
     np.testing.assert_allclose(steps, np.round(steps), atol=1e-9)
 
@@ -194,7 +194,7 @@ TWO, THREE = (lab.BALL, lab.PVC), (lab.BALL, lab.PVC, lab.PVC)
         (lambda: lab.Homogeneous(KelvinVoigt(-1.0, 1.0)), "stiffness must be in"),
         (lambda: lab.Relaxing(KelvinVoigt(1.0, 1.0), 1.0, 1.0), "law must be a HuntCrossley"),
         (lambda: lab.Relaxing(HuntCrossley(1.0, 1.0, 1.0), 1.0, 0.0), "relaxation_time must be"),
-        (lambda: lab.SpaceVaryingMaterial(TWO, ()), "borders must be one fewer"),
+        (lambda: lab.SpaceVaryingMaterial(TWO, ()), "borders must number one fewer"),
         (lambda: lab.SpaceVaryingMaterial(THREE, (1.0, 0.0)), "borders must increase"),
         (lambda: lab.TimeVaryingMaterial((lab.BALL, 3), (1.0,)), "must be a Material, not 3"),
         (lambda: lab.TwinPantograph(counts_per_turn=-1.0), "counts_per_turn must be in"),
@@ -202,7 +202,7 @@ TWO, THREE = (lab.BALL, lab.PVC), (lab.BALL, lab.PVC, lab.PVC)
         (lambda: lab.SplineTrajectory([0.0, 1.0, 1.0, 2.0], [0.0] * 4), "time must increase"),
         (lambda: lab.Probing(clearance=-1.0), "clearance must be in"),
         (lambda: lab.Palpation(shift=6.0), "shift must be in"),
-        (lambda: lab.Tapping(depths=()), "depths must name"),
+        (lambda: lab.Tapping(depths=()), "depths must have"),
         (lambda: lab.Bench("ball", lab.THREE_SINES, PROBE), "material must be a Material"),
         (lambda: lab.Bench(lab.BALL, "sines", PROBE), "trajectory must be a Trajectory"),
         (lambda: lab.Bench(lab.BALL, lab.THREE_SINES, "robot"), "probe must be a Probe"),

@@ -201,7 +201,7 @@ def test_an_extended_law_goes_where_one_power_is_left():
     assert GeneralisedHuntCrossley.of(linear).simplest() == KelvinVoigt(300.0, 4.0)
     law = GeneralisedHuntCrossley.of(quadratic)
     np.testing.assert_allclose(law.force(X, V), quadratic.force(X, V), rtol=1e-14)
-    with pytest.raises(InvalidParameterError, match="one power of depth"):
+    with pytest.raises(InvalidParameterError, match="a single power of depth"):
         GeneralisedHuntCrossley.of(ExtendedKelvinVoigt(300.0, 9e4, 4.0))
 
 

@@ -205,8 +205,8 @@ def test_continuing_a_restored_preparation_equals_never_having_stopped(save, sto
 def test_a_state_of_other_settings_or_bytes_is_refused():
     state = OnlinePreparation()._state()
     for preparation, other, words in (
-        (OnlinePreparation(surface=1e-3), state, "with these settings"),
-        (OnlinePreparation(), state[:-1] + bytes([state[-1] ^ 1]), "bytes of it were changed"),
+        (OnlinePreparation(surface=1e-3), state, "with the same settings"),
+        (OnlinePreparation(), state[:-1] + bytes([state[-1] ^ 1]), "checksum does not match"),
         (OnlinePreparation(), palpate.SingleStageRLS()._state(), "of this version and class"),
     ):
         with pytest.raises(ValueError, match=words):

@@ -87,7 +87,8 @@ def test_a_frame_with_text_in_a_cell_is_refused_by_column_and_sample(frame):
         prepare(frame({**TABLE, "force_N": force}), strict=True)
     lenient = prepare(frame({**TABLE, "force_N": force}))
     assert np.flatnonzero(np.isnan(lenient.force)).tolist() == [7]
-    assert "'force_N' holds no number in 1 sample, first 'n/a'" in lenient.findings[0].message
+    words = "excluded 1 sample of 'force_N' without a usable number ('n/a')"
+    assert words in lenient.findings[0].message
 
 
 def test_a_time_of_day_is_counted_from_the_first():
@@ -108,14 +109,17 @@ def test_what_is_no_recording_is_refused_in_words(bad):
 
 SOME = np.arange(600) % 100 == 3
 WRONG_ARRAYS = {
-    "^time must be given": {**ARRAYS, "time": None},
-    "^penetration must be given": {**ARRAYS, "penetration": None},
-    "^force must be given": {**ARRAYS, "force": None},
-    "^velocity must not be given beside a rec": {"recording": recorded(), "velocity": SIGNALS.time},
+    "^time is missing": {**ARRAYS, "time": None},
+    "^penetration is missing": {**ARRAYS, "penetration": None},
+    "^force is missing": {**ARRAYS, "force": None},
+    "^pass a recording or arrays, not both: name the channel velocity": {
+        "recording": recorded(),
+        "velocity": SIGNALS.time,
+    },
     "time has 600, penetration has 600, force has": {**ARRAYS, "force": np.ones(3)},
     r"sample 1 is 0\.0 s after 0\.0 s": {**ARRAYS, "time": np.zeros(600)},
     **{
-        rf"{name} must not be masked, as 6 values are": {
+        rf"{name} must not be masked, but 6 values are": {
             **ARRAYS, name: np.ma.masked_array(vars(SIGNALS)[name], SOME),
         }
         for name in ("penetration", "velocity", "force")
@@ -157,7 +161,7 @@ def test_a_column_that_is_not_there_is_an_error_that_can_be_asked():
             prepare(recorded(), columns=Columns(**{role: "Fz"}))
     error = caught.value
     assert (error.channel, error.available) == ("Fz", list(TABLE))
-    assert str(error) == ("probe.bag: no column 'Fz'; there are time_s, penetration_m, force_N")
+    assert str(error) == ("probe.bag: no column 'Fz'; available: time_s, penetration_m, force_N")
     assert str(pickle.loads(pickle.dumps(error))) == str(error)  # as from another process
 
 
@@ -184,7 +188,7 @@ def test_steps_too_short_for_any_velocity_are_refused_by_row(tmp_path, window):
 
 def test_of_no_samples_there_is_a_contact_and_depths_beyond_all_measure_give_no_warning():
     assert len(prepare(time=[], penetration=[], force=[])) == 0
-    with pytest.raises(RecordingError, match=r"^probe\.bag: there are columns but no samples"):
+    with pytest.raises(RecordingError, match=r"^probe\.bag: the recording has no samples"):
         prepare(recorded(time_s=[], penetration_m=[], force_N=[]))
     absurd = np.where(np.arange(600) % 2, 1e308, -1e308)
     for samples in (2, 600):
@@ -196,7 +200,7 @@ def test_of_no_samples_there_is_a_contact_and_depths_beyond_all_measure_give_no_
 @pytest.mark.parametrize("name", TABLE)
 @pytest.mark.parametrize("filling", [1.0, "1.0"])
 def test_a_channel_of_several_numbers_a_sample_is_refused(name, filling):
-    with pytest.raises(RecordingError, match=rf"'{name}': one number a .*\(600, 3\)"):
+    with pytest.raises(RecordingError, match=rf"'{name}': must have one number per .*\(600, 3\)"):
         prepare(recorded(**{name: np.full((600, 3), filling)}))
 
 

@@ -117,20 +117,6 @@ def test_every_section_of_a_result_is_said_in_the_same_words_wherever_it_is_show
                 assert " ".join(words.split()) in each
 
 
-@pytest.fixture(scope="module")
-def travelling():
-    """Four places on a plane, of which the last is softer and one error is unknown."""
-    parts = []
-    rng = np.random.default_rng(3)
-    for k, (x, y) in enumerate([(0.0, 0.0), (0.02, 0.0), (0.02, 0.03), (0.0, 0.03)]):
-        t = np.arange(1000) * 1e-3
-        depth = np.maximum(5e-3 * np.sin(2.0 * np.pi * t), -2e-3)
-        force = np.maximum((500.0 if k == 3 else 1000.0) * depth, 0.0)
-        force += rng.normal(0.0, 1e-3, t.size)
-        parts.append(np.column_stack([t + k, np.full(1000, x), np.full(1000, y), -depth, force]))
-    return np.concatenate(parts)
-
-
 def test_each_segment_between_changes_is_a_row_and_the_fit_names_their_own_laws():
     result = palpate.identify(changed(0.3)).by_segment()
     [section] = view.parts(result)

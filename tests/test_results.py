@@ -121,7 +121,7 @@ def test_a_result_replaces_an_earlier_one_and_no_file_that_palpate_did_not_write
 def test_a_trace_that_is_read_is_not_written_over(refused, saved):
     [trace] = saved.glob("trace.*")
     before = trace.read_bytes()
-    assert "this file is read" in refused("identify", trace, "-o", saved)
+    assert "this is an input file" in refused("identify", trace, "-o", saved)
     assert trace.read_bytes() == before
 
 

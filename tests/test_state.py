@@ -127,7 +127,7 @@ def test_a_mutated_state_is_refused_in_words_or_is_the_same(name):
         if broken == state:
             holder._restore(broken)
         else:
-            with pytest.raises(ValueError, match=r"^state must be"):
+            with pytest.raises(ValueError, match=r"^state "):
                 holder._restore(broken)
         assert numbers(holder) == known
 
@@ -136,7 +136,7 @@ def test_a_mutated_pickle_is_refused_in_words():
     whole = pickle.dumps(learned("least squares"))
     at = whole.index(b"palpate-state") + 100
     broken = whole[:at] + bytes([whole[at] ^ 1]) + whole[at + 1 :]
-    with pytest.raises(InvalidParameterError, match="bytes of it were changed"):
+    with pytest.raises(InvalidParameterError, match="checksum does not match"):
         pickle.loads(broken)
 
 
@@ -149,7 +149,7 @@ OTHERS = {
         {"change_detector": ChangeDetector()},
         "of this version and class",
     ),
-    "other settings": (palpate.SingleStageRLS, {"sample_time": 2e-3}, "with these settings"),
+    "other settings": (palpate.SingleStageRLS, {"sample_time": 2e-3}, "with the same settings"),
 }
 
 
@@ -161,7 +161,7 @@ def test_a_state_of_another_estimator_or_version_is_refused(other, settings, wor
     older = estimator._state().replace(b";", b";0.0.9-", 1)
     with pytest.raises(ValueError, match=r"state must be of this version and class, palpate-state"):
         estimator._restore(older)
-    with pytest.raises(ValueError, match="these bytes are something else"):
+    with pytest.raises(ValueError, match="must be bytes that an estimator saved"):
         estimator._restore(b"")
 
 

@@ -157,7 +157,7 @@ def test_of_a_compressed_recording_that_ends_early_the_rest_is_read(tmp_path, le
     read = open_recording(written(path, bytes(damaged)))
     assert len(read.rows) == 600
     assert read.losses[0].startswith("the compressed data end early or are damaged")
-    with pytest.raises(RecordingError, match=r"nothing of it can be read .*; copy"):
+    with pytest.raises(RecordingError, match=r"file cannot be read .*; copy"):
         open_recording(written(path, packed[:2] + b"\xff" * 50))
 
 
@@ -185,7 +185,9 @@ def test_what_is_made_to_take_long_does_not(tmp_path):
 @POSIX
 @pytest.mark.parametrize("device", ["/dev/zero", "/dev/null"])
 def test_a_device_is_refused(device):
-    with pytest.raises(RecordingError, match=rf"^{device}: this is a device or a socket"):
+    with pytest.raises(
+        RecordingError, match=rf"^{device}: palpate cannot read a recording from a device"
+    ):
         open_recording(device)
 
 
@@ -208,7 +210,9 @@ def test_a_pipe_is_read_like_a_file(tmp_path, monkeypatch):
             assert np.array_equal(contact.force, SIGNALS.force)
             assert contact.source == str(path)
         else:
-            with pytest.raises(RecordingError, match=r"pipe\.csv: more than .* write it to a file"):
+            with pytest.raises(
+                RecordingError, match=r"pipe\.csv: more than .* write the data to a file"
+            ):
                 open_recording(path)
         writer.join()
 

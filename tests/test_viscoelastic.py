@@ -334,9 +334,9 @@ def test_an_identification_predicts_and_is_diagnosed_with_its_memory():
     assert result.fit_rmse_percent < 0.3 * plain.fit_rmse_percent
     assert result.diagnosis.verdict.stiffness == "trust"
     assert str(result.law_verdict).startswith(
-        "law: half-space with a flat spectrum, preferred over "
+        "law: half-space damping with a flat relaxation spectrum, preferred over "
     )
-    assert result.as_dict()["law_verdict"]["standings"][0]["score"] == 0.0
+    assert result.as_dict()["law_verdict"]["model_ranking"][0]["score"] == 0.0
     assert plain.law_verdict.candidate == result.law_verdict.candidate
     relaxed = law.relaxed()
     depth = result.diagnosis.working_depth.depth

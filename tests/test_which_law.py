@@ -60,7 +60,9 @@ def findings_of(result, check):
 def test_the_diagnosis_of_another_law_names_the_better_one_and_the_law_finds_it(name):
     plain, chosen = identified(name), identified(name, "auto")
     [named] = findings_of(plain, "law")
-    assert named.message.startswith(f"model selection clearly prefers {name} (ΔBIC ")
+    assert named.message.startswith(
+        f"model selection clearly prefers {chosen.law_verdict.candidate.title} (ΔBIC "
+    )
     moved = named.moves_stiffness_percent, named.moves_damping_percent
     words = (
         f"{name} {round(by):+d} %" for name, by in zip(("stiffness", "damping"), moved, strict=True)
@@ -257,10 +259,10 @@ def test_a_verdict_is_read_back_to_the_bit_and_all_laws_have_a_row(law):
     result = identified("half-space with a flat spectrum", law)
     written = json.loads(json.dumps(result.as_dict(), allow_nan=False))["law_verdict"]
     assert LawVerdict.from_dict(written) == result.law_verdict
-    assert written["standings"][0]["parameters"] == 5
+    assert written["model_ranking"][0]["parameters"] == 5
     [ranking] = view.which_law([result])
     model_ranking = result.law_verdict.model_ranking
-    assert [row[0] for row in ranking.rows] == [str(each.candidate) for each in model_ranking]
+    assert [row[0] for row in ranking.rows] == [each.candidate.title for each in model_ranking]
     assert [row[-1] for row in ranking.rows] == [each.meaning for each in model_ranking]
 
 

@@ -84,7 +84,7 @@ def test_a_named_pipe_is_written_through_to(tmp_path):
 def test_a_device_is_written_through_to_and_says_when_it_is_full():
     before = FULL.stat().st_ino
     check_writable(FULL)
-    with pytest.raises(RecordingError, match="/dev/full: No space left on device; make room"):
+    with pytest.raises(RecordingError, match="/dev/full: No space left on device; free some space"):
         write_bytes(FULL, NEW)
     write_bytes(Path("/dev/null"), NEW)
     assert FULL.is_char_device()
@@ -106,13 +106,13 @@ def test_an_input_is_never_written_over_by_any_of_its_names_nor_an_output_by_ano
         for attempt in (lambda name=name: check_writable(name, [old]),
                         lambda name=name: write_bytes(name, NEW, [old]),
                         lambda name=name: write_text(name, "new", [old])):  # fmt: skip
-            with pytest.raises(RecordingError, match="this file is read"):
+            with pytest.raises(RecordingError, match="this is an input file"):
                 attempt()
-        with pytest.raises(RecordingError, match="two outputs would be this file"):
+        with pytest.raises(RecordingError, match="two outputs name this file"):
             check_outputs([old, name])
     assert old.read_bytes() == OLD
     new = old.with_name("new.csv")
-    with pytest.raises(RecordingError, match="two outputs would be this file"):
+    with pytest.raises(RecordingError, match="two outputs name this file"):
         check_outputs([new, old.parent / "folder" / ".." / "new.csv"])
     check_outputs([new, old])
     assert not new.exists()
@@ -148,8 +148,8 @@ REFUSED = {
     "below a file": ("old.csv/x.csv", "Not a directory"),
     "a link to itself": ("loop.csv", "symbolic link"),
     "too long": (300 * "x", "File name too long"),
-    "of a null byte": ("a\0b", "not a file's name"),
-    "of a lone surrogate": ("a\ud800b", "not a file's name"),
+    "of a null byte": ("a\0b", "not a valid file name"),
+    "of a lone surrogate": ("a\ud800b", "not a valid file name"),
 }
 
 
@@ -168,7 +168,7 @@ def test_a_folder_is_made_with_those_above_it(tmp_path, old):
     make_folder(tmp_path / "a" / "b")
     make_folder(tmp_path / "a" / "b")
     assert not list((tmp_path / "a" / "b").iterdir())
-    with pytest.raises(RecordingError, match="this is no folder"):
+    with pytest.raises(RecordingError, match="this is not a folder"):
         make_folder(old)
 
 

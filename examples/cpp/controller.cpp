@@ -1,9 +1,46 @@
 // A robot presses its probe into an unknown material, and identifies it as it moves.
+#include <algorithm>
 #include <cmath>
 #include <cstddef>
 #include <cstdio>
 #include <palpate/palpate.hpp>
 #include <random>
+#include <string>
+
+namespace {
+
+// The power of ten of a number once it is rounded to two digits.
+int power_of(double value) {
+  char text[32];
+  std::snprintf(text, sizeof text, "%.1e", value);
+  return std::stoi(std::string(text).substr(std::string(text).find('e') + 1));
+}
+
+// "1.495 ± 0.012": the error has two significant digits, and the value ends at the same decimal.
+// Numbers below 0.001 or from 100000 on have a power of ten: "(1.0000 ± 0.0083)e5".
+std::string with_error(double value, double error) {
+  char text[80];
+  if (!std::isfinite(value) || !std::isfinite(error)) return "unknown";
+  if (!(error > 0.0)) {  // a parameter that is kept fixed has no error
+    std::snprintf(text, sizeof text, "%.4g", value);
+    return text;
+  }
+  const int power = power_of(std::max(std::abs(value), error)), last = power_of(error) - 1;
+  if (power >= -3 && power < 5) {
+    const int decimals = std::max(-last, 0);
+    const double unit = std::pow(10.0, std::max(last, 0));
+    const auto rounded = [&](double x) { return last > 0 ? unit * std::round(x / unit) : x; };
+    std::snprintf(text, sizeof text, "%.*f ± %.*f", decimals, rounded(value), decimals,
+                  rounded(error));
+    return text;
+  }
+  const double unit = std::pow(10.0, power);
+  std::snprintf(text, sizeof text, "(%.*f ± %.*f)e%d", power - last, value / unit, power - last,
+                error / unit, power);
+  return text;
+}
+
+}  // namespace
 
 int main() {
   // The simulated material: soft rubber, F = K xⁿ + B xⁿ v; the force sensor has 0.05 N of noise.
@@ -40,12 +77,17 @@ int main() {
 
     if (tick % 250 != 0) continue;
     const auto now = estimator.estimate();
-    const auto error = [&](std::size_t i) { return std::sqrt(now.covariance[i][i]); };
-    std::printf("%4.2f s  K %7.0f ± %3.0f   B %7.0f ± %4.0f   n %.3f ± %.3f   %s\n", t,
-                now.parameters[0], error(0), now.parameters[1], error(1), now.parameters[2],
-                error(2), now.samples == 0 ? "no contact yet" : "");
+    if (now.samples == 0) {
+      std::printf("%4.2f s  no contact yet\n", t);
+      continue;
+    }
+    const auto number = [&](std::size_t i) {
+      return with_error(now.parameters[i], std::sqrt(now.covariance[i][i]));
+    };
+    std::printf("%4.2f s  K = %-15s B = %-15s n = %s\n", t, number(0).c_str(), number(1).c_str(),
+                number(2).c_str());
   }
-  std::printf("it was  K %7.0f         B %7.0f          n %.3f\n", rubber.stiffness, rubber.damping,
+  std::printf("truth   K = %-14.0f B = %-14.0f n = %.1f\n", rubber.stiffness, rubber.damping,
               rubber.exponent);
 
   const palpate::HuntCrossley found = estimator.law();

@@ -19,7 +19,7 @@ const char* damper(v::Damping damping) {
                                                 : "half-space damping";
 }
 
-// The lead of the law in force over the next; ten is strong evidence.
+// ΔBIC of the next law over the selected one; ten is strong evidence.
 double lead(const v::Solver<v::FlatSums>& solver) {
   const auto& verdict = solver.verdict();
   const std::size_t chosen = solver.solution().fit.candidate;
@@ -67,13 +67,13 @@ int main() {
       continue;
     }
     const v::Candidate& law = solver.solution().law();
-    std::printf("%4.2f s  %s, %s, leads the next by %.0f; %.0f independent samples\n", t,
+    std::printf("%4.2f s  %s, %s: ΔBIC %.1f over the next, effective sample size %.0f\n", t,
                 damper(law.damping), law.memory == v::Memory::none ? "no memory" : "memory",
                 lead(solver), solver.verdict().effective);
   }
   estimator.finish_pending();  // otherwise the next samples would finish it
   const v::Candidate& law = estimator.method().solver().solution().law();
   const bool right = law.damping == v::Damping::hunt_crossley && law.memory == v::Memory::flat;
-  std::printf("the truth, Hunt-Crossley with memory: %s\n", right ? "found" : "not found");
+  std::printf("truth: Hunt-Crossley damping, memory: %s\n", right ? "selected" : "not selected");
   return right ? 0 : 1;
 }

@@ -1,15 +1,15 @@
-// A change of what is touched, from the a-priori force errors, whitened by their own correlation.
-// Three tests look at them:
+// Detection of a change of the material from the one-step prediction errors of the force, whitened
+// by their own correlation. Three tests:
 //
 //   a cumulative sum of white errors, for abrupt changes;
-//   a second one of errors as they are: those of a law outside the material's class are as smooth
-//   as the motion, so that whitening explains them away however large a change makes them; scores
-//   of blocks of white errors, for changes too small to show in single ones, as of the damping
-//   alone.
+//   a cumulative sum of the raw errors: those of a wrong law are as smooth as the motion, so that
+//   whitening removes them however large a change makes them;
+//   scores of blocks of white errors, for changes too small to show in single errors, such as of
+//   the damping alone.
 //
-// Each alarms only beyond what it has come back from before, and only where an earlier stroke has
-// been, so that a material outside the model class raises the bar instead of alarms for ever. What
-// they are made of is in change_tests.hpp.
+// Each test alarms only above its earlier peaks, and only at depths and speeds of an earlier
+// stroke, so that a wrong law raises the threshold instead of causing alarms. change_tests.hpp has
+// them.
 #pragma once
 
 #include <algorithm>
@@ -23,7 +23,7 @@
 
 namespace palpate {
 
-// A sample as it was taken, to be learned again after a change.
+// A past sample, to be learned again after a change.
 struct TakenSample {
   Sample sample;  // in scaled units
   double dt;      // s since the one before it
@@ -60,11 +60,11 @@ class ChangeDetector {
 
   ChangeDetector* watcher() noexcept { return this; }
 
-  // Contact was lost: the next error does not follow the last one.
+  // Contact was lost: the next error does not continue the last one.
   void interrupt() noexcept { correlation_.interrupt(); }
 
-  // Takes a sample, its time step, the force that was predicted for it and the error of that [N];
-  // true is an alarm. The first two are joined here only: on the way they would be stored as
+  // Takes a sample, its time step, its predicted force and the prediction error [N]; true is an
+  // alarm. The first two are joined only here: passed on as a struct they would be stored as
   // numbers and loaded as pairs, a stall of 5 ns.
   bool observe(const Sample& sample, double dt, double predicted, double error) noexcept {
     const double square = error * error;
@@ -93,10 +93,10 @@ class ChangeDetector {
     return compare(white, square, warming);
   }
 
-  // How many of the latest samples are post-change: those since the sum was last zero. By chance it
-  // was above zero already when the change came in one case of twenty, and a single sample of the
-  // old material spoils the new fit for hundreds of milliseconds; so the first ones are left out
-  // while their error is below half the deviation of what came after them.
+  // Number of the latest samples after the change: those since the sum was last zero. In one case
+  // of twenty it was above zero before the change already, and a single sample of the old material
+  // spoils the new fit for hundreds of milliseconds; so the first ones are excluded while their
+  // error is below half the standard deviation of the later ones.
   std::size_t post_change_samples() const noexcept {
     const auto since = static_cast<std::size_t>(std::min<std::uint64_t>(seen_ - begun_, memory));
     double later = 0.0;
@@ -110,20 +110,20 @@ class ChangeDetector {
     return count;
   }
 
-  // Whether the transient of a change has just ended. At a change of what is touched the speed
-  // kinks, which a filter rounds off on both sides; a few such samples, all wrong the same way,
-  // would spoil a fit that forgets nothing for seconds.
+  // Whether the transient of a change has just ended. At a change of the material the speed has a
+  // kink, which a filter rounds on both sides; a few such samples, all biased the same way, would
+  // spoil a fit without forgetting for seconds.
   bool transient_over() const noexcept { return transient_over_; }
 
-  // How many of the latest samples are settled, of the new material alone, once that is over.
+  // Number of the latest samples, after the transient, that are of the new material alone.
   std::size_t settled_samples() const noexcept { return settings_.transition; }
 
-  // A sample of the past: 0 is the latest.
+  // A past sample: 0 is the latest.
   const TakenSample& recent(std::size_t age) const noexcept {
     return recent_[(seen_ - 1 - age) % memory];
   }
 
-  // After an alarm was acted on. The noise is still the sensor's, but the law is another.
+  // After the restart that follows an alarm: the sensor's noise stays, the law is another.
   void rearm() noexcept {
     sum_.restart();
     level_.restart();
@@ -138,7 +138,7 @@ class ChangeDetector {
   // Samples without alarms after one: by then the estimate of well excited materials is within its
   // noise, which is known already.
   static constexpr std::uint32_t quiet = 300;
-  // Of the sum of errors as they are: a second of three deviations, or 50 ms of five.
+  // Threshold of the raw errors' sum: a second of three deviations, or 50 ms of five.
   static constexpr double level_threshold = 1000.0;
 
   // The first errors are those of an estimate that is still on its way: what they say of

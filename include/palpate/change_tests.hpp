@@ -1,5 +1,5 @@
-// What ChangeDetector asks of a-priori errors: how they are correlated, where the probe has been
-// before, and two tests of whether they have grown.
+// The parts of ChangeDetector: the correlation of one-step prediction errors, the probe's earlier
+// depths and speeds, and two tests of whether the errors have grown.
 #pragma once
 
 #include <algorithm>
@@ -13,12 +13,12 @@
 
 namespace palpate::detail {
 
-// The correlation of errors with their own past, as an autoregression of fourth order: what is left
-// once it is taken out is white (Levinson 1947).
+// The correlation of errors with their own past, as an autoregression of fourth order: its residual
+// is white (Levinson 1947).
 //
 //   ẽ = e − Σ aᵢ e₋ᵢ,   φ̃ = φ − Σ aᵢ φ₋ᵢ,   i = 1 … 4
 
-// An error and what it is compared with.
+// An error and its regressor.
 struct Regressed {
   double error;
   Vector<2> regressor;
@@ -26,14 +26,14 @@ struct Regressed {
 
 class Autoregression {
  public:
-  // Four follow noise of AR(1) up to 0.98 and of low-passes of second order: with them none of
-  // these alarms (docs/accuracy/alarms.md).
+  // Order four covers noise of AR(1) up to 0.98 and of second-order low-pass filters: none of these
+  // causes alarms (docs/accuracy/alarms.md).
   static constexpr std::size_t order = 4;
 
-  // Takes the next error; gives it and its regressor white, as far as is known by now.
+  // Takes the next error; returns it and its regressor, whitened as far as known by now.
   Regressed whiten(const Regressed& now) noexcept {
     Regressed white = now;
-    // An error beyond five deviations is an outlier or a change, and says nothing of correlation.
+    // An error beyond five standard deviations is an outlier or a change, not correlation.
     const double bounded = std::clamp(now.error, -most_, most_);
     Vector<order + 1> products{bounded * bounded};
     for (std::size_t i = 0; i < order; ++i) {
@@ -52,11 +52,11 @@ class Autoregression {
     return white;
   }
 
-  // The next error does not follow the last one: of the first ones the past is unknown.
+  // The next error does not continue the last one: the past of the next errors is unknown.
   void interrupt() noexcept { following_ = 0; }
   bool knows_past() const noexcept { return following_ > order; }
 
-  // Forgets what it has learned, but not the coefficients, until new ones come.
+  // Forgets what it has learned, but keeps the coefficients until there are new ones.
   void relearn() noexcept {
     learned_ = 0;
     covariances_ = {};
@@ -64,12 +64,12 @@ class Autoregression {
   }
 
  private:
-  // New coefficients come with so many errors, which is a tenth of what they would cost with each.
+  // Errors between updates of the coefficients, which costs a tenth of an update at each error.
   static constexpr std::uint64_t block = 64;
   // Blocks that count: eighty correlation lengths of AR(1) 0.98.
   static constexpr double memory = 62.0;
 
-  // White noise gives reflections of 1/√4000: below three of those they are none, and cost nothing.
+  // White noise has reflections of 1/√4000: below three times that they count as 0, at no cost.
   static constexpr double chance = 0.047;
 
   void learn(const Vector<order + 1>& products) noexcept {
@@ -94,7 +94,7 @@ class Autoregression {
       double reflection = covariances_[m + 1];
       for (std::size_t i = 0; i < m; ++i) reflection -= a[i] * covariances_[m - i];
       reflection /= error;
-      // Autocovariances that are averaged with forgetting need not be those of any signal.
+      // Autocovariances averaged with forgetting need not belong to any signal.
       if (!(std::abs(reflection) < 1.0)) break;
       Vector<order> next = a;
       next[m] = reflection;
@@ -109,7 +109,7 @@ class Autoregression {
 
   std::array<Regressed, 8> past_{};  // a power of two, above the order
   Vector<8> bounded_{};              // their errors
-  Vector<order> coefficients_{};     // of which so many are used
+  Vector<order> coefficients_{};     // the first used_ ones apply
   std::size_t used_ = 0;
   Vector<order + 1> covariances_{};
   Vector<order + 1> sums_{};   // of the products of this block
@@ -119,15 +119,15 @@ class Autoregression {
   std::size_t following_ = 0;  // since the last interruption
 };
 
-// A cumulative sum of squared errors over their variance (Page 1954), which alarms only beyond what
-// it has come back from before:
+// A cumulative sum of squared errors over their variance (Page 1954), which alarms only above its
+// earlier peaks:
 //
 //   z = min(e²/s², 25);  g ← max(0, g + z − drift);  alarm at g > threshold and g > 3 × its peaks
 //
 // s² follows the clipped e² slowly.
 class CumulativeSum {
  public:
-  // Where s² begins, and what it never falls below.
+  // Initial value and lower limit of s².
   void set_variance(double variance, double least) noexcept {
     variance_ = std::max(variance, least);
     least_ = least;
@@ -135,15 +135,15 @@ class CumulativeSum {
   }
   double variance() const noexcept { return variance_; }
 
-  // Lets s² follow a squared error, by `gain` of the way.
+  // Moves s² towards a squared error by the fraction `gain`.
   void learn(double square, double gain) noexcept { follow(square * per_variance_, gain); }
 
-  // The same; true beyond the threshold and thrice its peaks. What is withheld counts as a peak
-  // instead.
+  // The same; true above the threshold and three times its peaks. A suppressed alarm counts as a
+  // peak instead.
   bool add(double square, double gain, double drift, double threshold, bool withheld) noexcept {
     const double ratio = square * per_variance_;
     follow(ratio, gain);
-    // z beyond 25 is an outlier, of which it takes three to reach 60.
+    // z above 25 is an outlier; three of them reach 60.
     sum_ = std::max(0.0, sum_ + std::min(ratio, 25.0) - drift);
     if (zero()) {
       highest_ = std::max(highest_, peak_);
@@ -155,16 +155,16 @@ class CumulativeSum {
   }
   bool zero() const noexcept { return sum_ == 0.0; }
 
-  // After an alarm, from which it did not come back.
+  // After an alarm.
   void restart() noexcept { sum_ = peak_ = 0.0; }
 
  private:
-  // e² counts up to three deviations: 99.7 % of white noise, and little of a change. Every eighth
-  // is early enough for a variance, and saves a division.
+  // e² counts up to three standard deviations: 99.7 % of white noise, and little of a change. One
+  // update in eight errors is enough for a variance, and saves a division.
   void follow(double ratio, double gain) noexcept {
     growth_ += gain * (std::min(ratio, 9.0) - 1.0);
     if (++followed_ % 8 != 0) return;
-    // With a gain near one eight of them would take it below zero.
+    // With a gain near one, eight of them would make it negative.
     set_variance(variance_ * std::max(1.0 + growth_, 0.1), least_);
     growth_ = 0.0;
   }
@@ -176,16 +176,16 @@ class CumulativeSum {
   std::uint32_t followed_ = 0;  // errors
   double sum_ = 0.0;
   double peak_ = 0.0;     // of the sum since it was last zero
-  double highest_ = 0.0;  // of the peaks that it came back from
+  double highest_ = 0.0;  // of the peaks without alarm
 };
 
-// Where the probe has been before, and how fast. A law that is outside the material's class fits
-// the ground that taught it and no other, so that an error on new ground says nothing of a change:
-// a recording that goes in, rests and comes back is never twice at one depth and speed.
+// The depths and speeds of earlier strokes. A wrong law fits only the depths and speeds that it was
+// learned from, so an error at new ones does not indicate a change: a recording that presses, rests
+// and withdraws is never twice at one depth and speed.
 class KnownGround {
  public:
-  // Takes the next depth, > 0, and velocity; true where an earlier stroke has been at both, or this
-  // one has rested.
+  // Takes the next depth, > 0, and velocity; true if an earlier stroke had both, or this one has
+  // rested.
   bool visit(double depth, double velocity) noexcept {
     const double speed = std::abs(velocity);
     const bool back = inward_ ? depth<(1.0 - turn) * furthest_ : depth>(1.0 + turn) * furthest_;
@@ -209,7 +209,7 @@ class KnownGround {
     return (stayed || (earlier_[kind] & cell) != 0) && speed <= 2.0 * fastest_;
   }
 
-  // All ground is new: another law is learned.
+  // Forgets all strokes: another law is learned.
   void forget() noexcept {
     earlier_ = {};
     current_ = {};
@@ -217,15 +217,15 @@ class KnownGround {
   }
 
  private:
-  // A stroke ends where the depth comes back by this part of itself, …
+  // A stroke ends when the depth decreases by this fraction, …
   static constexpr double turn = 0.05;
-  // … and rests where it has not gone further by this part …
+  // … and rests when it has not advanced by this fraction …
   static constexpr double step = 0.01;
-  // … for so many samples.
+  // … for this many samples.
   static constexpr std::uint32_t rest = 1000;
 
-  // Outward and inward (0, 1), slowly so (2, 3), which is below a quarter of the fastest, and at
-  // rest, below a sixteenth.
+  // Kinds of speed: outward and inward (0, 1), slowly outward and inward (2, 3; below a quarter of
+  // the fastest), and at rest (below a sixteenth).
   static constexpr std::size_t resting = 4;
   using Cells = std::array<std::uint64_t, 5>;
 
@@ -235,14 +235,14 @@ class KnownGround {
     return (velocity > 0.0 ? 1u : 0u) + (speed < 0.25 * fastest_now_ ? 2u : 0u);
   }
 
-  // Eight cells an octave of depth; after eight octaves they come again. The top bits of a double
-  // are its exponent and, within an octave, its mantissa.
+  // Eight cells per octave of depth, repeating after eight octaves. The top bits of a double are
+  // its exponent and, within an octave, its mantissa.
   static std::uint64_t cell_of(double depth) noexcept {
     const std::uint64_t bits = std::bit_cast<std::uint64_t>(depth);
     return std::uint64_t{1} << ((bits >> 49) & 63);
   }
 
-  // It turned some way before: what was visited the other way is of the new stroke.
+  // The reversal is detected late: what was visited since then belongs to the new stroke.
   void end_stroke(double depth) noexcept {
     const std::size_t way = inward_ ? 1 : 0;
     for (const std::size_t kind : {resting, way, way + 2}) {
@@ -257,7 +257,7 @@ class KnownGround {
     rested_ = 0;
   }
 
-  // A cell is wide beside the way of a probe that rests: what it knows is where it truly was.
+  // A cell is wide compared with a resting probe's motion, so a rest stores its exact depths.
   void end_rest(double depth) noexcept {
     known_stay_ = {std::min(known_stay_.least, stay_.least), std::max(known_stay_.most, stay_.most),
                    known_stay_.kinds | stay_.kinds};
@@ -266,42 +266,42 @@ class KnownGround {
     rested_ = 0;
   }
 
-  // The depths of a stroke that goes no further, and at which kinds of speed.
+  // The depths of a resting stroke, and the kinds of speed there.
   struct Stay {
     double least = 1e300;
     double most = 0.0;
     unsigned kinds = 0;
   };
 
-  Cells earlier_{};             // where earlier strokes have been
+  Cells earlier_{};             // cells of earlier strokes
   Cells current_{};             // and this one
-  Stay stay_{};                 // since it went further or rested
+  Stay stay_{};                 // since it last advanced or rested
   Stay known_stay_{};           // before
   double fastest_ = 0.0;        // |velocity| of earlier strokes
   double fastest_there_ = 0.0;  // |velocity| so far, when this stroke was furthest
   double fastest_now_ = 0.0;    // and with this one
   double furthest_ = 0.0;       // depth of this stroke
-  std::uint32_t rested_ = 0;    // samples since it went further
+  std::uint32_t rested_ = 0;    // samples since it advanced
   bool inward_ = true;
 };
 
-// Changes that are too small to show in single errors: the score of the errors against what a
-// change of stiffness or of damping would look like, over blocks of 32, 64 … 4096 samples.
+// Changes too small to show in single errors: the score of the errors for a change of stiffness or
+// damping, over blocks of 32, 64 … 4096 samples.
 //
 //   q = sᵀ M⁻¹ s / σ²,   s = Σ φ e,   M = Σ φ φᵀ,   φ = (F̂, F̂ v)
 //
 // is χ² with two degrees of freedom while nothing changes and errors are white.
 class ScoreBlocks {
  public:
-  // Changes that show in fewer samples the cumulative sum finds.
+  // The cumulative sum finds changes that show in fewer samples.
   static constexpr std::size_t shortest = 32;
   static constexpr std::size_t levels = 8;  // the longest block: 4096
 
-  // Takes an error and its regressors, all white, and σ². Gives the length of a block whose score
-  // is beyond all that came before; else 0.
+  // Takes a whitened error and its regressors, and σ². Returns the length of a block whose score
+  // exceeds all earlier ones; otherwise 0.
   std::size_t add(double error, const Vector<2>& regressor, double variance,
                   bool withheld) noexcept {
-    // An outlier counts as one of four deviations.
+    // An outlier counts as an error of four standard deviations.
     const double most = 16.0 * variance;
     const bool beyond = error * error > most;
     const double bounded = beyond ? std::copysign(std::sqrt(most), error) : error;
@@ -315,7 +315,7 @@ class ScoreBlocks {
     return close(variance, withheld);
   }
 
-  // Begins new blocks; what earlier ones were like is kept.
+  // Starts new blocks; the scores of earlier ones are kept.
   void restart() noexcept {
     samples_ = 0;
     block_ = {};
@@ -323,11 +323,11 @@ class ScoreBlocks {
   }
 
  private:
-  // White noise exceeds 40 in e⁻²⁰ = 2e-9 of blocks: once in 600 h.
+  // White noise exceeds 40 in a fraction e⁻²⁰ = 2e-9 of the blocks: once in 600 h.
   static constexpr double threshold = 40.0;
-  // Scores of errors that are not quite white, or outside the model class, have been large before.
+  // Errors that are not quite white, or of a wrong law, have had large scores before.
   static constexpr double over_largest = 3.0;
-  // Far beyond any threshold; it keeps the mean finite.
+  // Far above any threshold; it keeps the mean finite.
   static constexpr double largest_score = 1e6;
 
   struct Block {
@@ -338,7 +338,7 @@ class ScoreBlocks {
   struct Level {
     Block half{};          // the first of the two blocks that make the next longer one
     double sum = 0.0;      // of the scores of its blocks
-    double largest = 0.0;  // of them, slowly forgotten
+    double largest = 0.0;  // of them, with slow forgetting
     std::uint32_t blocks = 0;
     bool waiting = false;
   };
@@ -350,7 +350,7 @@ class ScoreBlocks {
     for (std::size_t i = 0; i < levels; ++i) {
       Level& level = levels_[i];
       const double ratio = squared(block) / variance;
-      // Not what sums beyond a double make.
+      // Excludes overflow of the sums.
       const double score = ratio >= 0.0 ? std::min(ratio, largest_score) : 0.0;
       if (!withheld && beyond(i, score)) {
         found = shortest << i;
@@ -370,7 +370,7 @@ class ScoreBlocks {
     return found;
   }
 
-  // sᵀ M⁻¹ s; of the first regressor alone where the second says nothing else.
+  // sᵀ M⁻¹ s; of the first regressor alone if the second is collinear.
   static double squared(const Block& b) noexcept {
     const auto& [aa, ab, bb] = b.information;
     if (!(aa > 0.0)) return 0.0;
@@ -381,8 +381,8 @@ class ScoreBlocks {
     return first + rest * rest / pivot;
   }
 
-  // A length with fewer than eight blocks goes by the next shorter one with as many, at most three
-  // below; without any it says nothing.
+  // A length with fewer than eight blocks uses the next shorter one with eight, at most three
+  // below; without one it has no result.
   bool beyond(std::size_t index, double score) const noexcept {
     constexpr std::uint32_t fewest = 8;
     double mean = 2.0, largest = 0.0;

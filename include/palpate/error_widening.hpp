@@ -1,15 +1,15 @@
-// A fit's slopes and residuals by how quickly they change: what online error bars keep of the past.
+// A fit's slopes and residuals by time scale, from which online standard errors are computed.
 //
-// The sum of a block of b = 2ᵏ samples less that of the next is a coefficient of the Haar wavelet.
+// The difference of the sums of two successive blocks of b = 2ᵏ samples is a Haar coefficient.
 // Over the pairs of blocks of each level k, of the slopes J and of the residuals e,
 //
 //   D_k = Σ (ΣJ − ΣJ′)(ΣJ − ΣJ′)ᵀ/2b,    d_k = mean (Σe − Σe′)²/2b.
 //
-// Coefficients hang together little from level to level and within one, whatever the noise is like
-// (Wornell 1990), so that the scores Σ J e have the covariance Σ d_k D_k.
+// For any kind of noise the coefficients are nearly uncorrelated within and between levels (Wornell
+// 1990), so the scores Σ J e have the covariance Σ d_k D_k.
 //
-// So error bars must be wider because the residual is not white, and because of how few blocks that
-// is known: C = I⁻¹ [Σ d_k D_k] I⁻¹ in place of σ² I⁻¹, with d_k ≥ σ², and standard errors times
+// Standard errors must increase because the residual is not white, and because few blocks measure
+// it: C = I⁻¹ [Σ d_k D_k] I⁻¹ in place of σ² I⁻¹, with d_k ≥ σ², and standard errors times
 // t₀.₉₇₅(ν)/1.96.
 #pragma once
 
@@ -23,7 +23,7 @@
 
 namespace palpate::detail {
 
-// What fades without new energy would end in subnormal numbers, on which processors are slow.
+// Sums that fade would become subnormal numbers, which are slow.
 template <class Number>
 constexpr Number faded(double sum) noexcept {
   constexpr double smallest = sizeof(Number) < sizeof(double) ? 1e-30 : 1e-150;
@@ -37,7 +37,7 @@ constexpr void fade_out(std::array<std::array<Number, Size>, Size>& sums, double
   }
 }
 
-// `Number` is what is kept: of floats, sums of |slope| < 1e10 and |residual| < 1e10 stay finite.
+// `Number` is the stored type: with floats, |slope| < 1e10 and |residual| < 1e10 give finite sums.
 template <std::size_t Size, class Number = double>
 struct HaarLevel {
   std::array<std::array<Number, Size>, Size> information{};  // D_k, its upper triangle
@@ -102,11 +102,11 @@ struct HaarLevel {
 template <std::size_t Size, class Number = double>
 class HaarLevels {
  public:
-  // Blocks of up to 2¹⁹ samples, 9 min at 1 kHz; slower noise counts as it is there.
+  // Blocks of up to 2¹⁹ samples, 9 min at 1 kHz; slower noise counts as on that level.
   static constexpr std::size_t most = 20;
 
-  // What these multiply to must be finite: |slope| < 1e20, |residual| ≤ 1e100. Amortised, one pair
-  // of blocks is closed a sample.
+  // The products must be finite: |slope| < 1e20, |residual| ≤ 1e100. Amortised, each sample closes
+  // one pair of blocks.
   void add(const Vector<Size>& slope, double residual, double forgetting_factor) noexcept {
     if (++samples_ == renewal_) renew();
     if (forgetting_factor == 1.0) used_ = most;
@@ -128,12 +128,12 @@ class HaarLevels {
 
   void clear() noexcept { *this = HaarLevels(); }
 
-  // As if all residuals so far had been so many times as large, and counted so much.
+  // Scales all residuals so far, and their weight.
   void scale_residuals(double factor, double weight) noexcept {
     for (HaarLevel<Size, Number>& level : levels_) level.scale_residuals(factor, weight);
   }
 
-  // Of the residuals that count, about their mean: their energy is that of all levels.
+  // Variance of the residuals that count about their mean: the sum over all levels.
   double residual_variance() const noexcept {
     double energy = 0.0;
     for (const HaarLevel<Size, Number>& level : levels_) energy += level.older;
@@ -145,12 +145,12 @@ class HaarLevels {
   const HaarLevel<Size, Number>& operator[](std::size_t k) const noexcept { return levels_[k]; }
   HaarLevel<Size, Number>& operator[](std::size_t k) noexcept { return levels_[k]; }
 
-  // Whether a first block of this level waits for the second; and that it does.
+  // Whether a first block of this level waits for the second; and marks it so.
   bool waiting(std::size_t k) const noexcept { return ((waiting_ >> k) & 1U) != 0; }
   void wait(std::size_t k) noexcept { waiting_ |= 1U << k; }
 
-  // Σ (ΣJ)(ΣJ)ᵀ/b of blocks without a partner: those that wait for one, and what ends the levels.
-  // With all D_k it is Σ JJᵀ. The upper triangle.
+  // Σ (ΣJ)(ΣJ)ᵀ/b of blocks without a partner: waiting blocks, and those of the last level.
+  // Together with all D_k it is Σ JJᵀ. The upper triangle.
   Matrix<Size> rest() const noexcept {
     Matrix<Size> result = rest_;
     double per_block = 1.0;
@@ -161,8 +161,8 @@ class HaarLevels {
   }
 
  private:
-  // With forgetting, blocks are no longer than the memory: where a pair fades below it while it is
-  // made, levels end.
+  // With forgetting, blocks are not longer than the memory: the levels end where a pair fades
+  // before it is complete.
   static constexpr double least_fade = 0.6;
 
   template <class Sum>
@@ -179,12 +179,12 @@ class HaarLevels {
   }
 
   // Only the later half of the residuals counts, and none of the first sixteen: errors of a fit
-  // that was still on its way say nothing of the noise.
+  // that has not converged do not measure the noise.
   void renew() noexcept {
     for (HaarLevel<Size, Number>& level : levels_) {
       level.renew();
       if (renewal_ == first_renewal) level.renew();
-      // What is never renewed must not grow beyond it either; it counts by its fractions alone.
+      // Sums that are never renewed must not grow beyond it either; only their ratios count.
       if (renewal_ > longest_renewal) fade_out(level.information, 0.5);
     }
     if (renewal_ > longest_renewal) fade_out(rest_, 0.5);
@@ -192,7 +192,7 @@ class HaarLevels {
   }
 
   static constexpr std::uint64_t first_renewal = 16;
-  // Floats do not add up more than 2²⁴ of a kind; 2²³ samples are 2 h at 1 kHz.
+  // Floats cannot count above 2²⁴; 2²³ samples are 2 h at 1 kHz.
   static constexpr std::uint64_t longest_renewal = 1ULL << (sizeof(Number) < 8 ? 23 : 63);
 
   std::array<HaarLevel<Size, Number>, most> levels_{};
@@ -203,23 +203,23 @@ class HaarLevels {
   std::uint64_t renewal_ = first_renewal;
 };
 
-// t₀.₉₇₅(ν)/1.96 after Cornish & Fisher, to 1 % from ν = 3 on. Of ν below 2, where noise still
-// grows with the longest blocks, as of 2: the order of approximation says no more.
+// t₀.₉₇₅(ν)/1.96 after Cornish & Fisher, accurate to 1 % for ν ≥ 3. For ν below 2, where noise
+// still grows with the longest blocks, the value at 2: the approximation does not hold below it.
 inline double widened_quantile(double freedom) noexcept {
   const double r = 1.0 / std::max(freedom, 2.0);
   return 1.0 + r * (1.210365 + r * (1.440077 + r * 1.304029));
 }
 
-// How many parameters went into the residuals, and of which fit these are: of earlier samples
-// alone, as a-priori errors are, or of these too.
+// The number of fitted parameters, and whether the residuals are one-step prediction errors, of a
+// fit to earlier samples only.
 struct Fitted {
   double parameters;
   bool all_samples = false;
 };
 
-// d_k/σ² of each level and, last, of what has no partner, over what white noise makes of it, ≥ 1.
+// d_k/σ² of each level and, last, of blocks without a partner, relative to white noise, ≥ 1.
 struct LevelNoise {
-  // The largest that counts: error bars a million times those of white noise.
+  // The limit: standard errors a million times those of white noise.
   static constexpr double largest = 1e12;
   static constexpr std::size_t most = HaarLevels<1>::most + 1;
   using Each = std::array<double, most>;
@@ -229,13 +229,13 @@ struct LevelNoise {
   LevelNoise(const HaarLevels<Size, Number>& levels, double variance, const Fitted& fitted,
              const Each* white = nullptr) noexcept
       : used(levels.used()) {
-    // Eight pairs tell a variance to a half.
+    // Eight pairs measure a variance to 50 %.
     constexpr double fewest_pairs = 8.0;
     for (; measured < used && levels[measured].older_pairs >= fewest_pairs; ++measured) {
       const HaarLevel<Size, Number>& level = levels[measured];
       pairs[measured] = level.older_pairs;
-      // p/2m of residuals goes into a fit of p parameters; into one of earlier samples only, which
-      // a-priori errors are of, half of it. (AR(1) 0.98, 1 s: covers 94, without it 92 %.)
+      // A fit of p parameters absorbs p/2m of the residuals, a fit to earlier samples only half of
+      // that. (AR(1) 0.98, 1 s: coverage 94 %, without this correction 92 %.)
       const double lost = (fitted.all_samples ? 0.5 : 0.25) * fitted.parameters / pairs[measured];
       ratio[measured] = level.residual_variance() * (1.0 + lost) / variance;
       if (white != nullptr) ratio[measured] /= (*white)[measured];
@@ -244,9 +244,9 @@ struct LevelNoise {
     for (double& value : ratio) value = value > 1.0 ? std::min(value, largest) : 1.0;
   }
 
-  // Noise that grew by g a level up to the last one measured, K, goes on as that of an
+  // Noise that grew by g per level up to the last measured level K is extrapolated as that of an
   // Ornstein–Uhlenbeck process, d_j = d_K (1 + u)/(1 + u 4^(K−j)) with u = (g − 1)/(4 − g).
-  // g = √(d_K/d_{K−2}) counts where it exceeds 1 by half its own deviation.
+  // g = √(d_K/d_{K−2}) counts if it exceeds 1 by half its standard deviation.
   void extrapolate() noexcept {
     const std::size_t last = measured - 1;
     scatter = 2.0 / pairs[last];
@@ -255,10 +255,10 @@ struct LevelNoise {
       const double growth = std::sqrt(ratio[last] / ratio[last - 2]);
       const double before = 2.0 / pairs[last - 2];
       if (growth > 1.0 + 0.5 * std::sqrt(scatter + before)) {
-        // A random walk grows by 4, without end; of 3.5 the end is 6 times what was measured.
+        // A random walk grows by 4 without limit; for 3.5 the limit is 6 times the measured value.
         const double bounded = std::min(growth, 3.5);
         u = (bounded - 1.0) / (4.0 - bounded);
-        // By ∂ln d_∞/∂ln g = g/(4 − g), in first order: of g up to 3.
+        // By ∂ln d_∞/∂ln g = g/(4 − g), to first order, for g up to 3.
         const double slope = 0.5 * std::min(growth, 3.0) / (4.0 - std::min(growth, 3.0));
         scatter = scatter * (1.0 + slope) * (1.0 + slope) + before * slope * slope;
       }
@@ -271,9 +271,9 @@ struct LevelNoise {
     if (measured <= used) ratio[used] = ratio[last] * (1.0 + u);
   }
 
-  // Satterthwaite's of Σ term(k), term(k) = d_k yᵀ D_k y: levels that are measured have their own
-  // scatter, and all that go by the last of these one in common; those that count as σ² have next
-  // to none.
+  // Satterthwaite's degrees of freedom of Σ term(k), term(k) = d_k yᵀ D_k y: each measured level
+  // has its own scatter, all extrapolated levels share one, and those that count as σ² have almost
+  // none.
   template <class Term>
   double degrees(const Term& term) const noexcept {
     double whole = 0.0, spread = 0.0, common = 0.0;
@@ -297,13 +297,13 @@ struct LevelNoise {
   Each pairs{};
   std::size_t used;
   std::size_t measured = 0;
-  double scatter = 0.0;  // relative variance of the last measured level and of what goes by it
+  double scatter = 0.0;  // relative variance of the last measured and the extrapolated levels
 };
 
-// Where R Rᵀ is the covariance for white residuals, (R W)(R W)ᵀ is the one to print. `prior` is
-// what priors weigh over what samples do, on the diagonal of the information; `variance` is σ²;
-// `rows` of R are those of the parameters that are printed. The slopes that went into the levels
-// need not be those of the fit, only to depend on the motion alike.
+// If R Rᵀ is the covariance for white residuals, (R W)(R W)ᵀ is the reported one. `prior` is the
+// weight of the priors over that of the samples, on the diagonal of the information; `variance`
+// is σ²; `rows` of R are those of the reported parameters. The slopes in the levels need not be
+// those of the fit, but must depend on the motion in the same way.
 template <std::size_t Size, std::size_t Rows, class Number = double>
 class ErrorWidening {
  public:
@@ -314,7 +314,7 @@ class ErrorWidening {
         noise_(levels, variance, {static_cast<double>(Size), of_all_samples}),
         root_(inverse_root(prior)) {}
 
-  // The lower triangle W; the unit matrix while too few samples tell.
+  // The lower triangle W; the unit matrix while there are too few samples.
   [[gnu::noinline]] Matrix<Size> root(const std::array<Vector<Size>, Rows>& rows) const noexcept {
     Matrix<Size> unit{};
     for (std::size_t i = 0; i < Size; ++i) unit[i][i] = 1.0;
@@ -337,8 +337,8 @@ class ErrorWidening {
     return result;
   }
 
-  // 1 + Rᵀ Σ (q² d_k/σ² − 1) D_k R, with R the root in the slopes of the levels: what priors know
-  // grows with neither.
+  // 1 + Rᵀ Σ (q² d_k/σ² − 1) D_k R, with R the root in the slopes of the levels: the information
+  // of priors does not change with either.
   Matrix<Size> whitened(double quantile) const noexcept {
     Matrix<Size> excess{};
     for (std::size_t k = 0; k <= noise_.used; ++k) {
@@ -358,8 +358,8 @@ class ErrorWidening {
     return noise_.degrees([&](std::size_t k) { return noise_.ratio[k] * quadratic(part(k), y); });
   }
 
-  // From a unit diagonal, so that nothing overflows. Where rounding has eaten a pivot the samples
-  // say nothing, and the noise neither.
+  // From a unit diagonal, so that nothing overflows. A pivot lost to rounding has no information
+  // from the samples, and no noise.
   Matrix<Size> inverse_root(const Vector<Size>& prior) const noexcept {
     Matrix<Size> m = rest_;
     for (std::size_t k = 0; k < noise_.used; ++k) add(m, part(k), 1.0);

@@ -1,5 +1,5 @@
-// What an estimator knows now, and the recursion over arrays, written sample by sample into memory
-// that the caller owns.
+// The estimate of an estimator, and the recursion over arrays, which writes into memory of the
+// caller.
 #pragma once
 
 #include <algorithm>
@@ -14,7 +14,7 @@
 namespace palpate {
 
 // Condition 10, |v| < 0.1 K/B, as a margin 1 − |v B/K| / 0.1: 1 at rest, 0 at the limit, negative
-// beyond it. It concerns the logarithm of the Hunt–Crossley law; other laws always hold it.
+// beyond it. It concerns the logarithm of the Hunt–Crossley law; for other laws it is always 1.
 inline double validity_margin(const HuntCrossley& law, double velocity) noexcept {
   const double viscous = std::abs(velocity) * std::abs(law.damping);
   const double ratio = viscous > 0.0 ? viscous / std::abs(law.stiffness) : 0.0;  // not 0/0 at rest
@@ -26,7 +26,7 @@ constexpr double validity_margin(const Law&, double) noexcept {
   return 1.0;
 }
 
-// What a motion leaves undetermined: bits of `Estimate::flags`.
+// What a motion does not identify: bits of `Estimate::flags`.
 enum IdentifiabilityFlag : std::uint8_t {
   exponent_not_identifiable = 1,
   damping_not_identifiable = 2,
@@ -38,12 +38,12 @@ enum IdentifiabilityFlag : std::uint8_t {
   started_in_contact = 128,
 };
 
-// Twice this and a sphere (1.5) is not distinct from a cone (2) or a spring (1).
+// At twice this a sphere (1.5) cannot be distinguished from a cone (2) or a spring (1).
 inline constexpr double largest_exponent_error = 0.2;
-// Of the elastic force: B v is unknown to a quarter of K at the speed of the scale.
+// Fraction of the elastic force: B v is uncertain by a quarter of K at the speed of the scale.
 inline constexpr double largest_damping_error = 0.25;
 
-// A force offset that is estimated beside the law: what the removal of the sensor's bias left.
+// A force offset that is estimated together with the law: the sensor's remaining bias.
 template <std::size_t Size>
 struct Offset {
   double value = 0.0;         // N
@@ -51,13 +51,13 @@ struct Offset {
   Vector<Size> covariance{};  // with the law's parameters, SI
 };
 
-// Where the material begins, in the coordinate of the penetration, where that is searched for.
+// The estimated surface position, in the coordinate of the penetration.
 struct Surface {
   double value = 0.0;     // m
   double variance = 0.0;  // m²
 };
 
-// What a method has fitted.
+// The fit of a method.
 template <class Law>
 struct Fit {
   Law law;
@@ -67,7 +67,7 @@ struct Fit {
   std::uint8_t flags = 0;
 };
 
-// By the joint covariance of the law's parameters and, next, the offset.
+// From the joint covariance of the law's parameters and, last, the offset.
 template <class Law, std::size_t Size>
 Fit<Law> fit_of(const Law& law, const Matrix<Size>& joint, double offset,
                 std::uint8_t flags) noexcept {
@@ -80,16 +80,16 @@ Fit<Law> fit_of(const Law& law, const Matrix<Size>& joint, double offset,
   return fit;
 }
 
-// What is in every estimate, whatever the law.
+// The part of an estimate that does not depend on the law.
 struct AnyEstimate {
   Surface surface;
   std::uint8_t flags;  // of IdentifiabilityFlag
   double validity_margin;
-  Status status;           // of the last sample that was neither refused nor left out
-  std::uint64_t samples;   // taken
-  std::uint64_t guarded;   // of them, how many the covariance guard touched
-  std::uint64_t restarts;  // how often a change was detected and the estimate reinitialised
-  std::uint64_t rejected;  // samples left out as outliers
+  Status status;           // of the last sample that was neither refused nor rejected
+  std::uint64_t samples;   // samples taken
+  std::uint64_t guarded;   // samples at which the covariance guard acted
+  std::uint64_t restarts;  // restarts after a detected change
+  std::uint64_t rejected;  // samples rejected as outliers
 
   constexpr bool valid() const noexcept { return validity_margin > 0.0; }
 };
@@ -101,7 +101,7 @@ struct Estimate : AnyEstimate {
   Offset<Size> offset;
 };
 
-// The part of an estimate that a trace writes down, and what a prediction needs beside.
+// The part of an estimate that a trace and a prediction need.
 template <class Law>
 struct Snapshot {
   Law law;
@@ -109,14 +109,14 @@ struct Snapshot {
   double offset = 0.0;          // N
   double surface = 0.0;         // m
 
-  // The force that the sensor would show, N.
+  // The predicted force of the sensor, N, including the offset.
   double force(double penetration, double velocity) const noexcept {
     return law.force(penetration - surface, velocity) + offset;
   }
 };
 
-// `count` samples. `time_steps` has `count` entries, or one where `one_time_step` says so, or is
-// null for the estimator's own sample time.
+// `count` samples. `time_steps` has `count` entries, or a single one if `one_time_step` is set, or
+// is null for the estimator's own sample time.
 struct Signals {
   const double* penetration;
   const double* velocity;
@@ -126,15 +126,15 @@ struct Signals {
   bool one_time_step = false;
 };
 
-// The samples after which a thinned trace writes the estimate down: their numbers, rising. Null
-// writes it down after every sample.
+// The samples after which a thinned trace has the estimate: rising indices. Null: after every
+// sample.
 struct TraceRows {
   const std::int64_t* samples = nullptr;
   std::size_t count = 0;
 };
 
-// Row-major. A row of parameters and errors, of as many columns as the law has parameters, for each
-// of the TraceRows; the others have an entry for each sample, the same whichever rows are written.
+// Row-major. Parameters and errors have a row for each of the TraceRows and a column for each of
+// the law's parameters; the others have an entry for each sample, whichever rows are written.
 struct TraceColumns {
   double* parameters;
   double* standard_errors;

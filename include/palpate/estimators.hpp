@@ -1,8 +1,8 @@
 // The estimators by name, as in Python. To add one: its method in methods/, and an alias here.
 //
-//   palpate::SingleStageRLS estimator(settings);            // no change is looked for
-//   palpate::WithChangeDetector<palpate::SingleStageRLS>    // reinitialised when one is found
-//   palpate::WithOutlierRejection<palpate::SingleStageRLS>  // outliers are left out
+//   palpate::SingleStageRLS estimator(settings);            // without change detection
+//   palpate::WithChangeDetector<palpate::SingleStageRLS>    // restarts at a detected change
+//   palpate::WithOutlierRejection<palpate::SingleStageRLS>  // rejects outliers
 #pragma once
 
 #include "palpate/methods/drift_tracking.hpp"
@@ -15,12 +15,12 @@ namespace palpate {
 using KelvinVoigtRLS = RecursiveEstimator<RegressionMethod<KelvinVoigtRegression>>;
 using ExtendedKelvinVoigtRLS = RecursiveEstimator<RegressionMethod<ExtendedKelvinVoigtRegression>>;
 using SingleStageRLS = RecursiveEstimator<RegressionMethod<HuntCrossleyLogRegression>>;
-// For a tip whose shape is known: the exponent is the start's.
+// For a tip of known shape: the exponent is that of the initial law.
 using SingleStageKnownExponentRLS =
     RecursiveEstimator<RegressionMethod<KnownExponentLogRegression>>;
 using DoubleStageRLS = RecursiveEstimator<DoubleStageMethod>;
 using VariableProjection = RecursiveEstimator<VariableProjectionMethod<detail::ContactSolver>>;
-// Searches for the surface too; it holds forty-one banks of sums, some 90 kB.
+// Estimates the surface position too, with forty-one banks of sums, about 90 kB.
 using VariableProjectionWithSurface =
     RecursiveEstimator<VariableProjectionMethod<detail::SurfaceSolver>>;
 using DriftTracking = RecursiveEstimator<DriftTrackingMethod>;

@@ -12,8 +12,8 @@
 
 namespace palpate {
 
-// Parameters that data drove past this are reported at it: their squares, and products of those
-// with units of 1e±30, stay finite.
+// Larger parameters are reported as this value: their squares, and products of those with units of
+// 1e±30, stay finite.
 inline constexpr double largest_parameter = 1e100;
 
 namespace detail {
@@ -21,7 +21,7 @@ namespace detail {
 inline constexpr double largest_variance = largest_parameter * largest_parameter;
 
 constexpr double bounded_variance(double value) noexcept {
-  return value < largest_variance ? value : largest_variance;  // NaN is as good as unknown
+  return value < largest_variance ? value : largest_variance;  // NaN counts as unknown
 }
 
 constexpr double saturate(double value) noexcept {
@@ -77,14 +77,14 @@ struct HuntCrossley {
 };
 
 // F = K xⁿ + B xᵖ v + M Σ wᵢ gᵢ for x > 0, else 0;  ġᵢ = d(xⁿ)/dt − gᵢ/τᵢ, wᵢ ∝ τᵢ^−α from the
-// shortest to the longest of the relaxation times. The state of the branches is its user's.
+// shortest to the longest of the relaxation times. The caller holds the state of the branches.
 struct GeneralisedHuntCrossley {
   static constexpr std::size_t size = 8;
   double stiffness;             // K, N/mⁿ
   double exponent;              // n
   double damping;               // B, N·s/mᵖ⁺¹
   double damping_exponent;      // p
-  double relaxation_stiffness;  // M, N/mⁿ; 0: it does not remember
+  double relaxation_stiffness;  // M, N/mⁿ; 0: no memory
   double spectrum_exponent;     // α; 0 is a flat spectrum
   double shortest_time;         // s; 0: the longest is the only one
   double longest_time;          // s
@@ -101,7 +101,7 @@ struct GeneralisedHuntCrossley {
   bool operator==(const GeneralisedHuntCrossley&) const = default;
 };
 
-// The law of so many parameters, in its order.
+// The law from its parameters, in the law's order.
 template <class Law>
 constexpr Law law_of(const double* parameters) noexcept {
   return [parameters]<std::size_t... I>(std::index_sequence<I...>) {
@@ -113,12 +113,12 @@ constexpr Law law_of(const double* parameters) noexcept {
 
 namespace palpate::viscoelastic {
 
-// A relaxation spectrum as branches, for a law that is given: what identification answers, and what
-// a laboratory presses.
+// A relaxation spectrum as discrete branches, for an identified law and for the simulated
+// laboratory.
 //
-// Of wᵢ ∝ τ^−α between the shortest and the longest time: two a factor of two, each in the middle
-// of its part of ln τ. Ripples of K′ and B′ are then below 1e-10 of them, but near the ends of the
-// spectrum, where they are below 1e-3.
+// wᵢ ∝ τ^−α between the shortest and the longest time, with two branches per factor of two, each in
+// the middle of its part of ln τ. The ripple of K′ and B′ is then below 1e-10, near the ends of the
+// spectrum below 1e-3.
 struct RelaxationBranches {
   static constexpr std::size_t most = 128;
 
@@ -144,8 +144,8 @@ struct RelaxationBranches {
   }
 };
 
-// Goes `dt` on to a penetration: `state` is xⁿ at the last one and then a number for each branch.
-// Exact where xⁿ is linear in between.
+// Advances the state by `dt` to a penetration: `state` is xⁿ at the last one, then one number per
+// branch. Exact if xⁿ is linear in between.
 inline void relax(const GeneralisedHuntCrossley& law, const RelaxationBranches& branches, double x,
                   double dt, double* state) noexcept {
   const double elastic = x > 0.0 ? std::pow(x, law.exponent) : 0.0;
@@ -154,12 +154,12 @@ inline void relax(const GeneralisedHuntCrossley& law, const RelaxationBranches& 
   for (std::size_t i = 0; i < branches.count; ++i) {
     const double lost = -std::expm1(-dt / branches.times[i]);
     const double gain = dt > 0.0 ? lost * branches.times[i] / dt : 1.0;
-    // Below 1e-76 a branch is rounded to zero: it would end in subnormal numbers, which are slow.
+    // A branch below 1e-76 is set to zero: subnormal numbers would be slow.
     state[1 + i] = (state[1 + i] * (1.0 - lost) + gain * change + 1e-60) - 1e-60;
   }
 }
 
-// The force at a penetration that the state has gone to.
+// The force at the penetration of the state.
 inline double relaxing_force(const GeneralisedHuntCrossley& law, const RelaxationBranches& branches,
                              double x, double v, const double* state) noexcept {
   if (x <= 0.0) return 0.0;

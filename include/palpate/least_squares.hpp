@@ -2,11 +2,11 @@
 //
 //   g = P φ;  L = g / (λ + φᵀ g);  e = y − φᵀ θ;  θ ← θ + L e;  P ← (P − L gᵀ + π I) / λ
 //
-// π is the self-perturbation. While the signal excites every direction these are the equations, bit
-// for bit. Where they would wind P up or make it indefinite, the guard takes the sample with λ = 1
-// and π = 0; where one sample holds so much more information than P that P has no digits for both,
-// it counts for as much as P can hold; and where even that cannot be represented, P stays and only
-// θ moves, which contracts the error in the norm of P⁻¹ and so is stable for every φ. See
+// π is the self-perturbation. While the signal excites every direction, exactly these equations
+// hold. If they would wind P up or make it indefinite, the guard takes the sample with λ = 1 and
+// π = 0; if one sample holds so much more information than P that P lacks the digits for both, its
+// weight is limited to what P can represent; and if even that fails, P stays and only θ changes,
+// which contracts the error in the norm of P⁻¹ and so is stable for every φ. See
 // docs/numerics.md.
 #pragma once
 
@@ -22,15 +22,15 @@ namespace palpate {
 
 namespace detail {
 
-// Forgetting may not make a direction more than this much less certain than it was at the start.
+// Forgetting may raise a direction's variance at most by this factor over its initial value.
 inline constexpr double largest_windup = 1e6;
-// Products of four variances, in the minors of P, stay above the subnormals.
+// Products of four variances, in the minors of P, stay above subnormal numbers.
 inline constexpr double smallest_variance = 1e-70;
-// A guarded sample may not make its direction more than this much more certain at once.
+// A guarded sample may reduce its direction's variance at most by this factor.
 // (2⁻³⁶: with 52 bits, sixteen are left for the other directions.)
 inline constexpr double largest_gain = 0x1p36;
-// Samples that would pass these are refused. Within them J P Jᵀ times the noise variance is finite
-// for every law and scale.
+// Samples beyond these are refused. Within them J P Jᵀ times the noise variance is finite for every
+// law and scale.
 inline constexpr double largest_coefficient = 1e100;
 inline constexpr double largest_residual = 1e70;
 inline constexpr double largest_innovation = 1e300;
@@ -65,11 +65,11 @@ class LeastSquares {
     return detail::dot(regressor, state_.parameters);
   }
 
-  // Takes the sample whole (updated, guarded) or not at all (out_of_range).
+  // Takes the sample (updated, guarded) or refuses it without any change (out_of_range).
   constexpr Status update(const Vector<Order>& regressor, double output, double forgetting_factor,
                           double perturbation = 0.0) noexcept {
     const Vector<Order> g = detail::multiply(state_.covariance, regressor);
-    // Rounding alone can make φᵀPφ negative, and only where cancellation has eaten every digit.
+    // Only rounding can make φᵀPφ negative, where cancellation leaves no valid digit.
     const double spread = std::max(detail::dot(regressor, g), 0.0);
     const double error = output - predict(regressor);
     const Step step = renewed(g, forgetting_factor + spread, forgetting_factor, perturbation);
@@ -78,8 +78,8 @@ class LeastSquares {
     return guarded(g, spread, error);
   }
 
-  // Variance of y about φᵀθ: the weighted residual sum of the data alone (the initial values' part
-  // is taken out) over its degrees of freedom; 1 until there are more samples than coefficients.
+  // Variance of y about φᵀθ: the weighted residual sum of the data (without the initial values'
+  // part) over its degrees of freedom; 1 until there are more samples than coefficients.
   constexpr double noise_variance() const noexcept {
     const double freedom = state_.weight - static_cast<double>(Order);
     if (freedom < 1.0) return 1.0;
@@ -90,13 +90,13 @@ class LeastSquares {
     return std::max(state_.residual - prior, 0.0) / freedom;
   }
 
-  // What the samples have changed; the rest is settings. For trying a sample and taking it back.
+  // The state, without the settings, for trying a sample and undoing it.
   struct State {
     Vector<Order> parameters;   // θ
     Matrix<Order> covariance;   // P
     double residual = 0.0;      // Σ wᵢ (yᵢ − φᵢᵀθ)² and the initial values' part
     double weight = 0.0;        // Σ wᵢ
-    double prior_weight = 1.0;  // what forgetting left of the initial values
+    double prior_weight = 1.0;  // remaining weight of the initial values after forgetting
     std::uint64_t samples = 0;
   };
 
@@ -138,8 +138,8 @@ class LeastSquares {
     return step;
   }
 
-  // Nothing is forgotten where P would not stay sound, and the gain is kept small where even that
-  // does not do. Apart, so that what happens every millisecond keeps its step in registers.
+  // Without forgetting if P would not stay positive definite, and with a smaller gain if that is
+  // not enough. A separate function, so that the step of every sample stays in registers.
   [[gnu::cold, gnu::noinline]] constexpr Status guarded(const Vector<Order>& g, double spread,
                                                         double error) noexcept {
     const double noise = std::max(spread / detail::largest_gain, 1.0);
@@ -171,7 +171,7 @@ class LeastSquares {
     state_.covariance = step.covariance;
     state_.residual = residual;
     state_.weight = lambda * state_.weight + 1.0;
-    // What is left below this changes no digit, and would end as a subnormal, which is slow.
+    // A smaller value changes no digit and would become a subnormal number, which is slow.
     state_.prior_weight *= step.perturbation != 0.0 || state_.prior_weight < 1e-30 ? 0.0 : lambda;
     ++state_.samples;
     return status;

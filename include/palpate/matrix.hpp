@@ -1,4 +1,4 @@
-// Vectors and symmetric matrices of a size known when compiling: no heap, trivially copyable.
+// Vectors and symmetric matrices of a size fixed when compiling: no heap, trivially copyable.
 #pragma once
 
 #include <algorithm>
@@ -38,9 +38,9 @@ constexpr Vector<Size> multiply(const Matrix<Size>& matrix, const Vector<Size>& 
   return product;
 }
 
-// Eliminating a matrix in floating point is exact for one whose entries differ by a few ε of its
-// diagonal. One that stays positive definite with this fraction of its diagonal taken off therefore
-// is so as stored (Rump, BIT 46, 2006).
+// Elimination in floating point is exact for a matrix whose entries differ by a few ε of the
+// diagonal. If the matrix minus this fraction of its diagonal is positive definite, the stored one
+// is too (Rump, BIT 46, 2006).
 template <std::size_t Size>
 inline constexpr double definiteness_margin =
     8.0 * static_cast<double>(Size * Size) * std::numeric_limits<double>::epsilon();
@@ -102,12 +102,12 @@ constexpr Matrix<Size> inverse(Matrix<Size> matrix) noexcept {
 template <std::size_t Size>
 struct InverseRoot {
   Matrix<Size> root;               // R Rᵀ is the inverse
-  std::array<bool, Size> guarded;  // which pivots rounding has eaten
+  std::array<bool, Size> guarded;  // pivots lost to rounding
 };
 
-// The inverse of a symmetric, positive semidefinite information matrix by LDLᵀ. Where rounding has
-// eaten a pivot the samples say nothing, and it counts as `prior`, what was known of it without
-// them (> 0).
+// The inverse of a symmetric, positive semidefinite information matrix by LDLᵀ. A pivot lost to
+// rounding has no information from the samples, and is replaced by `prior` (> 0), the information
+// without them.
 template <std::size_t Size>
 InverseRoot<Size> guarded_inverse_root(const Matrix<Size>& matrix,
                                        const Vector<Size>& prior) noexcept {
@@ -160,7 +160,7 @@ constexpr Matrix<Size> multiply(Matrix<Size> matrix, double factor) noexcept {
   return matrix;
 }
 
-// R Rᵀ: positive semidefinite but for rounding of its own size, and symmetric to the last bit.
+// R Rᵀ: positive semidefinite up to rounding, and exactly symmetric.
 template <std::size_t Rows, std::size_t Size>
 constexpr Matrix<Rows> squared(const std::array<Vector<Size>, Rows>& root) noexcept {
   Matrix<Rows> result{};
@@ -185,13 +185,13 @@ Matrix<Size> cholesky(const Matrix<Size>& m) noexcept {
   return lower;
 }
 
-// J S Jᵀ of S = R Rᵀ as (J R)(J R)ᵀ: by its form neither unsymmetric nor indefinite.
+// J S Jᵀ of S = R Rᵀ as (J R)(J R)ᵀ, which is always symmetric and semidefinite.
 template <std::size_t Size>
 constexpr Matrix<Size> congruence(const Matrix<Size>& jacobian, const Matrix<Size>& root) noexcept {
   return squared(multiply(jacobian, root));
 }
 
-// Variances that data drove past `limit` count as it, and as independent of the rest.
+// Variances above `limit` are set to it, and to be independent of the others.
 template <std::size_t Size>
 constexpr void bound_variances(Matrix<Size>& covariance, double limit) noexcept {
   for (std::size_t i = 0; i < Size; ++i) {

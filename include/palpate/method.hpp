@@ -1,5 +1,5 @@
-// The parts of the loop of recursive_estimator.hpp: which samples are contact, how the past is
-// forgotten, and what a method must offer to run in it.
+// The parts of the loop of recursive_estimator.hpp: contact gate, forgetting, self-perturbation,
+// and the interface of a method.
 #pragma once
 
 #include <cmath>
@@ -31,7 +31,7 @@ class ContactGate {
 
   constexpr Phase phase() const noexcept { return phase_; }
 
-  // The phase that this sample leads to; nothing changes until it is entered.
+  // The phase after this sample; nothing changes until it is entered.
   constexpr Phase next(double penetration, double force) const noexcept {
     const bool touching = phase_ == Phase::contact;
     const double threshold = touching ? settings_.break_force : settings_.make_force;
@@ -39,7 +39,7 @@ class ContactGate {
     return without_contact();
   }
 
-  // The phase that the end of contact leads to.
+  // The phase after the end of contact.
   constexpr Phase without_contact() const noexcept {
     return phase_ == Phase::waiting ? Phase::waiting : Phase::held;
   }
@@ -62,8 +62,8 @@ constexpr const char* validate(const ContactGate::Settings& settings) noexcept {
   });
 }
 
-// How fast the past is forgotten: λ = 1 − (1 − λ₀) e^(−α t), t since contact was made. α = 0 is a
-// constant factor.
+// Forgetting factor λ = 1 − (1 − λ₀) e^(−α t), t since the start of contact. α = 0 is a constant
+// factor.
 class Forgetting {
  public:
   struct Settings {
@@ -82,8 +82,8 @@ class Forgetting {
 
   void advance(double dt) noexcept {
     departure_ *= dt == sample_time_ ? decay_ : std::exp(-settings_.rate * dt);
-    // 1 − λ below ε/2 ≈ 1e-16 is lost in λ; 1e-20 is well below that, and far above the subnormals
-    // that it would end in, which are slow.
+    // 1 − λ below ε/2 ≈ 1e-16 has no effect on λ; 1e-20 is well below that, and far above subnormal
+    // numbers, which are slow.
     if (departure_ < 1e-20) departure_ = 0.0;
   }
 
@@ -101,15 +101,14 @@ constexpr const char* validate(const Forgetting::Settings& settings) noexcept {
        {detail::lies_in(settings.rate, 0.0, 1e6), "forgetting.rate must be in [0, 1e6] 1/s"}});
 }
 
-// Nothing is forgotten.
+// No forgetting.
 inline constexpr Forgetting::Settings no_forgetting{};
 
-// The paper's choice (section V-A-3): λ₀ = 0.99, and of the rates 5 to 8 1/s that it found good the
-// least.
+// The paper's choice (section V-A-3): λ₀ = 0.99, and the smallest of its good rates, 5 to 8 1/s.
 inline constexpr Forgetting::Settings fading_forgetting{.initial_factor = 0.99, .rate = 5.0};
 
 // Self-perturbing RLS (Park & Jun 1992; the paper's section VII): β·NINT(γ e²) is added to the
-// diagonal of P, and λ returns to λ₀ whenever that is not zero.
+// diagonal of P, and λ is reset to λ₀ whenever that is not zero.
 //
 // The paper's 0.05 and 2.5 in the only reading that reproduces its Fig. 19: √(0.5/γ) = 0.45 N lies
 // between the sensor's noise band (0.05 N) and the error after a switch (0.5 N).
@@ -136,17 +135,16 @@ constexpr const char* validate(const SelfPerturbation& settings) noexcept {
         "perturbation.sensitivity must be in [0, 1e40] 1/N²"}});
 }
 
-// What a method must offer to run in the loop of recursive_estimator.hpp.
+// The interface of a method for the loop of recursive_estimator.hpp.
 //
-// A method knows one force law and how samples teach it: an object with state, trivially copyable,
-// that neither allocates nor throws. It sees samples in scaled units, within contact and within its
-// range only, and answers in SI.
+// A method identifies one force law: a trivially copyable object with state that neither allocates
+// nor throws. It gets only samples in contact and within its range, in scaled units, and returns
+// SI.
 //
-// Where it has them, the loop also calls `free(sample, dt, λ)` for a finite sample out of contact,
-// `interrupt()` where contact ends without one, `pass(dt)` for a sample that is refused or left
-// out, and `gate(given, units)` for the gate that it works behind, if it wants more samples than
-// the given one lets through. A sample of which it is in doubt whether it touches has status `held`
-// from learn(), whatever the method keeps of it.
+// If the method has them, the loop also calls `free(sample, dt, λ)` for a finite sample out of
+// contact, `interrupt()` if contact ends without one, `pass(dt)` for a refused or rejected sample,
+// and `gate(given, units)` for the gate to use, if it needs more samples than the given one passes.
+// For a sample whose contact is undecided learn() returns `held`, whatever the method keeps of it.
 template <class M>
 concept Method =
     std::is_trivially_copyable_v<M> &&
@@ -154,24 +152,24 @@ concept Method =
              const typename M::Settings& settings, const typename M::Row& row) {
       // The force law that it identifies, of M::Law::size parameters.
       typename M::Law;
-      // Built from settings, whose defaults are those of the named estimator, and the units. What
-      // is wrong with them `validate` says in words; it returns null where they are sound.
+      // Constructed from settings, whose defaults are the named estimator's, and the units.
+      // `validate` returns the error in the settings as a message, or null if they are valid.
       requires std::constructible_from<M, const typename M::Settings&, const Units&>;
       { validate(settings) } -> std::same_as<const char*>;
       { M::default_forgetting } -> std::convertible_to<Forgetting::Settings>;
       { M::default_scale } -> std::convertible_to<Scale>;
 
-      // Whether it heeds the forgetting factor and the self-perturbation that learn()
-      // is given. Settings that would be ignored are refused by `validate`.
+      // Whether it uses the forgetting factor and the self-perturbation that learn() gets.
+      // `validate` refuses settings that would have no effect.
       { M::forgets } -> std::convertible_to<bool>;
       { M::perturbs } -> std::convertible_to<bool>;
 
-      // Whether its arithmetic can take a sample.
+      // Whether a sample is within the range of its arithmetic.
       { known.in_range(sample) } -> std::same_as<bool>;
 
-      // What a sample is to the method, such as a regressor and an output.
+      // The sample as the method uses it, such as a regressor and an output.
       { method.prepare(sample, number /* dt */) } -> std::same_as<typename M::Row>;
-      // The a-priori force in scaled units, before the sample is learned.
+      // The one-step prediction of the force in scaled units, before the sample is learned.
       { known.predict(row) } -> std::same_as<double>;
       // Takes a prepared sample, `dt` [s] after the one before it, with the forgetting factor λ and
       // the perturbation π: whole (updated, guarded) or not at all (any other status).
@@ -179,22 +177,22 @@ concept Method =
         method.learn(row, number /* dt */, number /* λ */, number /* π */)
       } -> std::same_as<Status>;
 
-      // Starts again from the present answer as a prior, after a change of what is touched …
+      // Restarts from the present estimate as a prior, after a change of the material …
       { method.reinitialise() };
       // … and once more when its transient is over, from the same prior.
       { method.reinitialise_after_transient() };
 
-      // The answer now, in SI: force [N] that the sensor would show, the law,
-      // everything that is known, and the part of it that a trace writes down.
+      // The present estimate, in SI: predicted force [N] of the sensor, the law, the complete
+      // estimate, and the part of it that a trace has.
       { known.force(units, number /* x, m */, number /* v, m/s */) } -> std::same_as<double>;
       { known.law(units) } -> std::same_as<typename M::Law>;
       { known.fit(units) } -> std::same_as<Fit<typename M::Law>>;
       { known.snapshot(units) } -> std::same_as<Snapshot<typename M::Law>>;
     };
 
-// A method may also offer `withdraw(count)`: at most eight of the latest samples were outliers
-// after all, and it is to forget them. Those that do not keep them, as they are few. And
-// `latest(units)`, where the present answer costs too much to be worked out at each sample: the one
-// of a few samples ago, without its errors, against which predict() measures.
+// A method may also define `withdraw(count)`: up to eight of the latest samples turned out to be
+// outliers, and it forgets them; methods without it keep these few. And `latest(units)`, if an
+// estimate at each sample costs too much: the one of a few samples ago, without its errors, which
+// predict() uses.
 
 }  // namespace palpate

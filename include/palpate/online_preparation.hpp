@@ -1,31 +1,28 @@
-// From what a robot measures to what an estimator takes, one sample at a time:
+// From a robot's measurements to an estimator's samples, one at a time:
 //
 //   penetration = ± d·p − surface,   force = ± d·f − offset − tare,   velocity by VelocityFilter
 //
 // p [m] and f [N] are a position and a force along the contact normal, or vectors with the
-// direction d into the material. The tare is the mean force of the first seconds, in which nothing
-// is touched.
+// direction d into the material. The tare is the mean force of the first seconds, without contact.
 //
-// Velocity from positions as they come. No sensor delivers it, and whatever makes it is late; so
-// the position and the force are given as late as the velocity is, and all three are of one
-// instant.
+// The velocity is computed from the positions, which delays it; position and force are delayed
+// equally, so all three are of one instant.
 //
 //   min over a, b, c of Σ (x_i − a − b s_i − c s_i²)²,   s_i = t_i − t_m,   v(t_m) = b
 //
-// over the latest W samples, where m is the one in their middle: the Savitzky–Golay filter of a
-// whole recording, half a window later. On an even clock, s_i = k T for k = −h … h, it comes to
+// over the latest W samples with m in their middle: the Savitzky–Golay filter of a whole recording,
+// half a window later. With an even clock, s_i = k T for k = −h … h, this is
 //
 //   v = Σ k x_k / (T Σ k²),   Σ k² = h (h + 1)(2 h + 1)/3,   h = (W − 1)/2
 //
-// and elsewhere to two regressions, on s and on the part of s² that is orthogonal to 1 and s. The
-// penetration and the force of the instant are as they were measured: a smoothed penetration is
-// another motion.
+// otherwise two regressions, on s and on the part of s² that is orthogonal to 1 and s. Penetration
+// and force of the instant are not smoothed, as a smoothed penetration would be another motion.
 //
-// Why not sooner: a backward difference is half a sample late and has the position's noise, and a
-// mean of past samples lags the force; both are errors of stiffness and damping, not of the noise.
+// A shorter delay would bias stiffness and damping: a backward difference is half a sample late and
+// has the position's noise, and a mean of past samples lags the force.
 //
-// A lost position (outliers.hpp) is left out of every window, and its sample is not given. To
-// know one takes the two samples after it, and the output is those two later.
+// Dropouts of the position (outliers.hpp) are excluded from every window, and their samples are not
+// returned. Detecting one needs the two samples after it, which adds to the delay.
 #pragma once
 
 #include <algorithm>
@@ -44,8 +41,8 @@ namespace palpate {
 struct VelocityFilterSettings {
   double sample_time = 1e-3;   // s
   std::uint32_t samples = 15;  // W, odd; longer than 15 ms flattens the motion of a probe
-  double longest_gap = 0.0;    // s; a window holds no longer one; 0: as long as the window, W T
-  bool lost_positions = true;  // are left out
+  double longest_gap = 0.0;    // s; a longer one restarts the window; 0: the window's length, W T
+  bool lost_positions = true;  // exclude dropouts
 
   bool operator==(const VelocityFilterSettings&) const = default;
 };
@@ -63,10 +60,10 @@ constexpr const char* validate(const VelocityFilterSettings& settings,
   });
 }
 
-// What a filter gives: a sample of a while ago, with its velocity.
+// The output of the filter: a delayed sample with its velocity.
 struct FilteredSample : Sample {
-  double dt;   // s, since the one given before
-  double age;  // s, until now
+  double dt;   // s, since the previous output
+  double age;  // s, delay until now
 };
 
 template <std::size_t MaximumSamples = 15>
@@ -76,7 +73,7 @@ class VelocityFilter {
  public:
   using Settings = VelocityFilterSettings;
 
-  // Settings that come from elsewhere are for validate() to check.
+  // Call validate() first for settings from outside.
   explicit VelocityFilter(const Settings& settings = {}) noexcept : settings_(settings) {
     const double h = static_cast<double>(half_);
     per_sum_ = 3.0 / (settings.sample_time * h * (h + 1.0) * (2.0 * h + 1.0));
@@ -86,14 +83,14 @@ class VelocityFilter {
     return update(penetration, force, settings_.sample_time);
   }
 
-  // dt: time since the previous call, s. The sample is taken whole or not at all:
+  // dt: time since the previous call, s. Returns:
   //
-  //   updated       taken; sample() is the one of a while ago
-  //   waiting       taken; none is ready yet, or samples come less than half as often as they
-  //                 should: so long a window flattens the motion
-  //   restarted     taken, and the first of a new window: too much time has passed since the latest
-  //   rejected      taken; the one of two samples ago was a lost position, and is not given
-  //   not_finite, invalid_step, out_of_range   refused; only its time has passed
+  //   updated       taken; sample() returns the delayed one
+  //   waiting       taken; no output yet, or the rate is below half of that in the settings: so
+  //                 long a window would flatten the motion
+  //   restarted     taken as the first of a new window, after too long a gap
+  //   rejected      taken; the position of two samples ago was a dropout and has no output
+  //   not_finite, invalid_step, out_of_range   refused; only its time counts
   Status update(double penetration, double force, double dt) noexcept {
     const bool finite = std::isfinite(penetration) && std::isfinite(force);
     if (!(dt >= shortest_step && dt <= longest_step)) {
@@ -115,10 +112,10 @@ class VelocityFilter {
     return take(entry);
   }
 
-  // The sample that the latest update gave, if it returned Status::updated.
+  // The output of the latest update, if it returned Status::updated.
   const FilteredSample& sample() const noexcept { return sample_; }
 
-  // The next sample does not follow the latest: a window holds the one or the other.
+  // Starts a new window: the next sample does not continue the latest one.
   void interrupt() noexcept {
     count_ = even_ = waiting_ = 0;
     carried_ = 0.0;
@@ -126,7 +123,7 @@ class VelocityFilter {
     lost_.interrupt();
   }
 
-  // How long ago what is given was, s, on an even clock and where nothing was left out.
+  // Delay of the output, s, for an even clock without dropouts.
   double delay() const noexcept { return delay_; }
   double longest_gap() const noexcept { return longest_gap_; }
   const Settings& settings() const noexcept { return settings_; }
@@ -153,7 +150,7 @@ class VelocityFilter {
     return window_[(newest_ - age) & (capacity - 1)];
   }
 
-  // A sample waits for the two after it before it is known to be one.
+  // Judging a sample as a dropout needs the two after it.
   Status take(const Entry& entry) noexcept {
     taken_ = true;
     if (!settings_.lost_positions) return append(entry);
@@ -179,7 +176,7 @@ class VelocityFilter {
     window_[newest_] = entry;
     even_ = entry.dt == settings_.sample_time ? std::min(even_ + 1, settings_.samples) : 0;
     if (count_ < settings_.samples && ++count_ < settings_.samples) return Status::waiting;
-    // The oldest one's own step is none of the window's.
+    // The step before the oldest sample is not part of the window.
     const bool even = even_ >= settings_.samples - 1;
     const double velocity = even ? even_slope() : slope();
     if (std::isnan(velocity)) {
@@ -213,8 +210,8 @@ class VelocityFilter {
     return sum * per_sum_;
   }
 
-  // On any clock; NaN where the window is too long. Times count from the middle and in units of the
-  // farthest, so that no power of them leaves the range of a double.
+  // For any clock; NaN if the window is too long. Times count from the middle in units of the
+  // largest, so that no power of them leaves the range of a double.
   [[gnu::noinline]] double slope() const noexcept {
     std::array<double, MaximumSamples> s, depth;
     const std::size_t h = half_;
@@ -231,7 +228,7 @@ class VelocityFilter {
     const double unit = std::max(s[2 * h], -s[0]), per_unit = 1.0 / unit;
     for (std::size_t i = 0; i <= 2 * h; ++i) s[i] *= per_unit;
 
-    // Outwards from the middle: two sums at a time are quicker than one.
+    // Outwards from the middle: two sums at a time are faster than one.
     const auto sum = [h](auto term) noexcept {
       double total = term(h);
       for (std::size_t k = 1; k <= h; ++k) total += term(h + k) + term(h - k);
@@ -249,7 +246,7 @@ class VelocityFilter {
     const auto square = [&](std::size_t i) { return s[i] * s[i] - mean_square - skew * linear(i); };
     const double energy = sum([&](std::size_t i) { return square(i) * square(i); });
     const double bent = sum([&](std::size_t i) { return square(i) * depth[i]; });
-    // Where two times are as good as one there is no curvature to be known.
+    // With only two distinct times the curvature is undetermined.
     const double curvature = energy > 0.0 ? bent / energy : 0.0;
     // At the middle, s = 0, the slope of curvature·(s² − skew s) is −curvature·skew.
     return (along / variance - curvature * skew) / unit;
@@ -269,22 +266,22 @@ class VelocityFilter {
   std::uint32_t even_ = 0;     // latest steps that are the sample time
   std::uint32_t waiting_ = 0;  // entries of pending_
   bool taken_ = false;         // a sample, since the last break
-  bool given_ = false;         // a sample, ever
-  bool continuous_ = false;    // one was given of this window
-  double carried_ = 0.0;       // s, of lost positions
-  double elapsed_ = 0.0;       // s, since the latest sample that was taken
-  double since_given_ = 0.0;   // s, since the latest sample that was given
+  bool given_ = false;         // an output, ever
+  bool continuous_ = false;    // an output, from this window
+  double carried_ = 0.0;       // s, of dropouts
+  double elapsed_ = 0.0;       // s, since the latest sample taken
+  double since_given_ = 0.0;   // s, since the latest output
   FilteredSample sample_{};
 };
 
 struct OnlinePreparationSettings {
   VelocityFilterSettings filter{};
-  double surface = 0.0;           // m; where the material begins
-  double force_offset = 0.0;      // N; taken off
-  double tare_time = 0.0;         // s; so long nothing is given, and the mean force is taken off
-  bool flip_penetration = false;  // its sign is turned, before the surface is taken off
+  double surface = 0.0;           // m; position of the surface
+  double force_offset = 0.0;      // N; subtracted
+  double tare_time = 0.0;         // s; without output; its mean force is subtracted afterwards
+  bool flip_penetration = false;  // reverses its sign, before the surface is subtracted
   bool flip_force = false;
-  std::array<double, 3> direction{};  // of length 1, into the material; of vectors only
+  std::array<double, 3> direction{};  // of length 1, into the material; for vectors only
 
   bool operator==(const OnlinePreparationSettings&) const = default;
 };
@@ -314,14 +311,14 @@ class OnlinePreparation {
   explicit OnlinePreparation(const Settings& settings = {}) noexcept
       : settings_(settings), filter_(settings.filter) {}
 
-  // One sample_time after the call before.
+  // One sample_time after the previous call.
   Status update(double position, double force) noexcept {
     advance_clock();
     return take(position, force, settings_.filter.sample_time);
   }
 
-  // At this time [s], by any clock. What a Status says is VelocityFilter::update's; where the clock
-  // was set, back by more than a gap or far ahead, the window starts anew.
+  // At this time [s], by any clock. Returns as VelocityFilter::update; if the clock jumps, back by
+  // more than a gap or far ahead, the window restarts.
   Status update_at(double position, double force, double time) noexcept {
     const double nominal = settings_.filter.sample_time;
     const double dt = calls_ ? time - now_ : nominal;
@@ -343,24 +340,24 @@ class OnlinePreparation {
     return update_at(along(position), along(force), time);
   }
 
-  // The sample that the latest update gave, if it returned Status::updated: its age is until now.
+  // The output of the latest update, if it returned Status::updated.
   FilteredSample sample() const noexcept {
     FilteredSample sample = filter_.sample();
     sample.force -= tare_;
     return sample;
   }
-  // When that was, s: by the clock that is given, else since the first call.
+  // Its time, s: by the caller's clock, otherwise since the first call.
   double time() const noexcept {
     const double age = filter_.sample().age, nominal = settings_.filter.sample_time;
     const double ticks_ago = std::nearbyint(age / nominal), ticks = static_cast<double>(ticks_);
-    // Of ticks alone it is a multiple of them, without the rounding of a difference.
+    // Without a clock it is a multiple of the sample time, without rounding of a difference.
     if (ticks_ago <= ticks) return origin_ + (ticks - ticks_ago) * nominal;
     return now_ - age;
   }
 
   Status status() const noexcept { return status_; }
 
-  // The mean force that is taken off, N; NaN until it is known.
+  // The mean force that is subtracted, N; NaN until it is known.
   double tare() const noexcept {
     return taring_ ? std::numeric_limits<double>::quiet_NaN() : tare_;
   }
@@ -376,7 +373,7 @@ class OnlinePreparation {
     return d[0] * vector[0] + d[1] * vector[1] + d[2] * vector[2];
   }
 
-  // Counted, so that a clock of many days has no rounding of each of its ticks.
+  // Counted, so that rounding does not accumulate over many days.
   void advance_clock() noexcept {
     if (calls_++ == 0) return;
     ++ticks_;
@@ -397,7 +394,7 @@ class OnlinePreparation {
     return status_;
   }
 
-  // Nothing is given before the tare is known.
+  // There is no output before the tare is known.
   Status tared(double force, double dt) noexcept {
     if (tared_ > 0) tared_time_ += dt;
     if (tared_time_ >= settings_.tare_time && tared_ > 0) {
@@ -415,12 +412,12 @@ class OnlinePreparation {
            status == Status::out_of_range;
   }
 
-  static constexpr double longest_step = 1e6;  // s; beyond it a clock was set
+  static constexpr double longest_step = 1e6;  // s; beyond it the clock has jumped
 
   Settings settings_;
   VelocityFilter<MaximumSamples> filter_;
   double now_ = 0.0;     // s
-  double origin_ = 0.0;  // s; of the ticks
+  double origin_ = 0.0;  // s; start of the counted samples
   std::uint64_t ticks_ = 0;
   std::uint64_t calls_ = 0;
   bool taring_ = settings_.tare_time > 0.0;

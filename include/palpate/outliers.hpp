@@ -1,16 +1,16 @@
-// Outliers: samples that no probe and no material can have made. One rule says which,
+// Outliers: samples that no probe and no material can produce, by one rule,
 //
 //   |departure| > max(k σ, a part of the size, …),   σ = median |departure|/0.6745,
 //
-// so that no outlier sets what an outlier is. Who asks decides what a sample departs from:
+// which outliers hardly influence. The departure depends on the use:
 //
-// - a spike, from the median of five, itself among them: where its neighbours on both sides are
-//   there. LostPositions asks it of a position, before a velocity filter, where one would spoil a
-//   whole window; over arrays src/bindings/rows.hpp does, of any channel, with the σ, size and step
-//   of the whole in place of those so far;
-// - an outlier, from where the sample before it was going: OutlierRejection, in a loop, where a
-//   sample has to be taken or left before the next one comes. Over an array it says where the
-//   sensor's range ends.
+// - of a spike, from the median of five samples around it. LostPositions applies it to positions
+//   before a velocity filter, where a dropout would spoil a whole window; for arrays
+//   src/bindings/rows.hpp applies it to any channel, with σ, size and step of the whole array
+//   instead of the samples so far;
+// - of an outlier, from the extrapolation of the previous sample: OutlierRejection, in a loop that
+//   must take or reject a sample before the next one. Over an array it finds the force at which the
+//   sensor saturates.
 #pragma once
 
 #include <algorithm>
@@ -30,22 +30,23 @@ namespace detail {
 // Median of |e| of normal errors, over their deviation.
 constexpr double normal_median = 0.6745;
 
-// The median of sizes: up by a ratio where one is larger, down where it is smaller. No size moves
-// it far, however large; a size of zero is that of a held or rounded value and says nothing.
+// A running median of sizes: a larger size raises it by a ratio, a smaller one lowers it, however
+// large it is; a size of zero, of a held or rounded value, is ignored.
 class RunningMedian {
  public:
   double value() const noexcept { return value_; }
 
-  // What it is to be multiplied by to be relied on: the median of 30 normal sizes is within a
-  // quarter, that of the first few within four times.
+  // Factor for its uncertainty: the median of 30 normal sizes is accurate to 25 %, that of the
+  // first few to a factor of four.
   double doubt() const noexcept { return seen_ >= few ? 1.0 : seen_ >= 4 ? 4.0 : unknown; }
-  // Whether one outlier moves it by little.
+  // Whether one outlier changes it little.
   bool settled() const noexcept { return seen_ >= 2 * few; }
 
   void learn(double size) noexcept {
     if (!(size > smallest)) return;
     if (seen_ >= slow) [[likely]] {
-      // Looked up: which way it goes no processor can guess, and a wrong guess costs 5 ns.
+      // A table instead of a branch: its direction is unpredictable, and a misprediction costs 5
+      // ns.
       value_ *= steps[size > value_];
       return;
     }
@@ -55,7 +56,7 @@ class RunningMedian {
     value_ = size > value_ ? value_ * ratio : value_ / ratio;
   }
 
-  // What it was learned from is no longer so.
+  // Forgets: what it was learned from no longer holds.
   void raise_to(double size) noexcept { value_ = std::clamp(size, value_, largest); }
 
  private:
@@ -70,17 +71,17 @@ class RunningMedian {
   std::uint32_t seen_ = 0;
 };
 
-// How far a spike is from the median of five at least: a value that rounds up and down is none.
+// Least distance of a spike from the median of five, so that rounding up and down is none.
 inline double least_spike(double noise, double largest, double step) noexcept {
   return std::max({8.0 * noise, 0.02 * largest, 1.5 * step});
 }
 
-// Whether the middle one of five samples is farther than that from their median, and three times
-// farther than its neighbours lie from each other: the top of a sine at 66 Hz is 2 % above them,
-// and a lever that shakes for a tenth of a second is no noise of all the recording.
+// Whether the middle one of five samples is farther than that from their median, and three times as
+// far as its neighbours are from each other: the peak of a sine at 66 Hz is 2 % above them, and
+// vibration for a tenth of a second is not noise of the whole recording.
 inline bool is_spike(const double* five, double limit) noexcept {
   constexpr double alone = 3.0;
-  // Of the many samples that hardly leave their neighbours' mean none is a spike.
+  // Most samples are near their neighbours' mean and cannot be spikes.
   if (!(std::abs(five[2] - 0.5 * (five[1] + five[3])) > 0.5 * limit)) [[likely]]
     return false;
   std::array<double, 5> sorted;
@@ -93,16 +94,16 @@ inline bool is_spike(const double* five, double limit) noexcept {
 
 }  // namespace detail
 
-// Lost positions: spikes, as where one packet or one count is lost. σ is that of white noise by the
-// running median of the fourth differences, which suppress a motion as (ωT)⁴ and have 70 times its
-// variance.
+// Dropouts of the position, as from a lost packet or encoder count. σ is that of white noise, from
+// the running median of the fourth differences, which suppress a motion as (ωT)⁴ and have 70 times
+// its variance.
 class LostPositions {
  public:
-  // How many samples have to come after one before it can be judged.
+  // Number of later samples that judging one needs.
   static constexpr std::size_t ahead = 2;
 
-  // Takes a position [m], and says whether the one of two samples ago is lost. The first two after
-  // a break have no neighbours before them, and are taken.
+  // Takes a position [m], and returns whether the one of two samples ago is a dropout. The first
+  // two after a break have no earlier neighbours, and are accepted.
   bool observe(double position) noexcept {
     for (std::size_t age = size - 1; age > 0; --age) recent_[age] = recent_[age - 1];
     recent_[0] = position;
@@ -118,16 +119,16 @@ class LostPositions {
     return lost;
   }
 
-  // The next position does not follow the latest.
+  // The next position does not continue the latest one.
   void interrupt() noexcept { held_ = 0; }
 
  private:
   static constexpr std::size_t size = 2 * ahead + 1;
   // Median of |Δ⁴| of normal noise, over its deviation: 0.6745 √70.
   static constexpr double difference_median = 5.6432;
-  // Noise is known from so many samples on, though all were rounded alike.
+  // Number of samples from which the noise is known, even if all are rounded to one value.
   static constexpr std::uint32_t few = 30;
-  // A position that was no position is no longer the largest some ten thousand samples later.
+  // The largest position decays, so that a wrong one has no effect ten thousand samples later.
   static constexpr double fading = 1.0 - 1e-4;
   static constexpr double unlimited = std::numeric_limits<double>::infinity();
 
@@ -157,10 +158,10 @@ class LostPositions {
 //   range:   F = F_max, from the fifth of equal forces at the top of what was seen on, while the
 //            law's force moved
 //
-// x′, v′, F′ is the last sample that was not left out, T the time since then; σ is the running
-// median of the left side in contact, over 0.6745. What was off by as much before is a fast motion,
-// not an outlier: the left side counts from there where that makes it less. A longer run is another
-// material, place or speed, and is taken, so that a change is found a few samples late.
+// x′, v′, F′ is the last sample that was not rejected, T the time since then; σ is the running
+// median of the left side in contact, over 0.6745. If the previous sample departed as much, it is a
+// fast motion, not an outlier: the departure is then the difference, if that is smaller. A longer
+// run is another material, place or speed, and is taken: a change is detected a few samples late.
 class OutlierRejection {
  public:
   struct Settings {
@@ -175,23 +176,22 @@ class OutlierRejection {
   OutlierRejection* watcher() noexcept { return this; }
   const OutlierRejection* watcher() const noexcept { return this; }
 
-  // Contact ends here: the next sample does not follow the last one.
+  // Contact ends: the next sample does not continue the last one.
   void interrupt() noexcept { following_ = false; }
 
-  // Whether a sample [SI] is left out, `dt` [s] after the one before it; `touching` is what the
-  // contact gate says of it, and law(x, v) the force by the present estimate, which is seldom
-  // asked.
+  // Whether to reject a sample [SI], `dt` [s] after the previous one; `touching` is the contact
+  // gate's decision, and law(x, v) the force of the present estimate, which is rarely called.
   template <class Law>
   [[gnu::noinline]] bool rejects(const Sample& sample, double dt, bool touching,
                                  const Law& law) noexcept {
     step_.learn(dt);
     const bool free = !touching && !touched_;
     if (!following_ || free || dt > longest_gap * step_.value()) return follow(sample, touching);
-    // Stamps that come in bursts make no speed.
+    // Time stamps in bursts give no speed.
     elapsed_ += std::max(dt, 0.5 * step_.value());
     ++steps_;
 
-    // A position that is held or rounded says nothing: the velocity alone may be astray.
+    // A held or rounded position has no information: only the velocity can be an outlier.
     const double travelled = sample.penetration - last_.penetration;
     const bool held = travelled == 0.0;
     const double start = held ? -last_.velocity : last_.velocity;
@@ -217,31 +217,31 @@ class OutlierRejection {
     return false;
   }
 
-  // Of the latest samples that were taken, how many turn out to have been outliers, now that one
-  // was left out: those with which a run at the end of the range began. Asked once.
+  // Number of the latest samples taken that turn out to be outliers once one is rejected: the first
+  // of a run at the end of the range. Call it once.
   std::size_t withdrawn() noexcept { return std::exchange(withdrawn_, 0); }
 
-  // The force at which the sensor's range ends, as far as it is known; infinite until then.
+  // The force at which the sensor saturates; infinite until it is known.
   double range() const noexcept { return range_; }
 
-  // Samples left out so far.
+  // Number of rejected samples.
   std::uint64_t rejected() const noexcept { return rejected_; }
 
  private:
-  // Off by a tenth, a sample of a hundred moves the mean force by 0.1 %; and where a fast probe
-  // turns round, damping makes such steps.
+  // An error of a tenth in one sample of a hundred changes the mean force by 0.1 %; and damping
+  // makes such steps where a fast probe reverses.
   static constexpr double least_force = 0.1;
-  // A motion may turn round between two samples: its mean is then off by the speed itself.
+  // A motion may reverse between two samples: its mean is then off by the speed itself.
   static constexpr double least_speed = 1.2;
   static constexpr double longest_gap = 8.0;    // median steps
   static constexpr double longest_hold = 16.0;  // samples of one position
   static constexpr std::uint32_t most_jumped = 3, most_moved = 20;
-  // Equal forces that are no chance, and by how many median steps the law's force moved meanwhile.
+  // Number of equal forces that is no chance, and the law's change meanwhile in median steps.
   static constexpr std::uint32_t flat = 5;
   static constexpr double flat_steps = 4.0;
   static constexpr std::uint32_t most_withdrawn = 8;
 
-  // How far a sample is off what the one before it lets expect, m and N.
+  // Departure of a sample from the extrapolation of the previous one, m and N.
   struct Departure {
     double motion;
     double force;
@@ -263,7 +263,7 @@ class OutlierRejection {
   void learn(const Sample& sample, const Departure& now, bool held, bool moved,
              bool jumped) noexcept {
     if (!held && !moved) astray_.learn(std::abs(now.motion));
-    // While the probe is held, its speed in motion is remembered.
+    // While the probe is held still, the speed of its motion is kept.
     const double speed = std::abs(sample.velocity);
     const bool moving = speed > 0.5 * speed_.value() || !speed_.settled();
     if (!moved && moving) speed_.learn(speed);
@@ -273,12 +273,12 @@ class OutlierRejection {
     force_.learn(std::abs(sample.force));
   }
 
-  // Whether the runs of outliers that it belongs to are not too long yet.
+  // Whether its runs of outliers are not too long yet.
   bool within_runs(const Sample& sample, const Departure& now, bool moved, bool jumped) noexcept {
     if (moved && ++moved_ > most_moved) {
       moved = false;
       moved_ = 0;
-      astray_.raise_to(std::abs(now.motion) / factor_);  // so that the like of it is taken
+      astray_.raise_to(std::abs(now.motion) / factor_);  // so that similar samples are taken
       speed_.raise_to(std::abs(sample.velocity));
     }
     if (jumped && ++jumped_ > most_jumped) {
@@ -289,8 +289,8 @@ class OutlierRejection {
     return moved || jumped;
   }
 
-  // A force at which the sensor ends, or the fifth of a run of equal ones at the top of what was
-  // seen while the law's force moved.
+  // A force at which the sensor saturates, or the fifth of a run of equal ones at the highest force
+  // so far while the law's force changed.
   template <class Law>
   bool out_of_range(const Sample& sample, bool touching, const Law& law) noexcept {
     if (sample.force == range_) return true;
@@ -303,8 +303,8 @@ class OutlierRejection {
       return false;
     }
     if (++equal_ < flat || sample.force < highest_) return false;
-    // Rounding makes runs within which the force moves by a step, a sensor that holds its values
-    // such of one length.
+    // Rounding makes runs within which the force changes by one step; a sensor that holds its
+    // values makes runs of equal length.
     const double least = equal_ > 2 * longest_ ? 2.0 * least_rise_ : flat_steps * rise_.value();
     const double travelled = std::abs(sample.penetration - flat_start_.penetration);
     if (!(travelled * sample.force > least * sample.penetration)) return false;
@@ -336,7 +336,7 @@ class OutlierRejection {
   static constexpr double unlimited = std::numeric_limits<double>::infinity();
 
   double factor_;                  // of a median
-  Sample last_{};                  // not left out
+  Sample last_{};                  // not rejected
   Departure last_departure_{};     // of its motion; of its force, a sample
   double elapsed_ = 0.0;           // s since then, or since its position came
   double steps_ = 0.0;             // samples since then
@@ -360,7 +360,7 @@ class OutlierRejection {
 };
 
 constexpr const char* validate(const OutlierRejection::Settings& settings) noexcept {
-  // Below 3 noise alone would be left out.
+  // Below 3 it would reject noise.
   if (!(settings.threshold >= 3.0 && settings.threshold <= 1e6)) {
     return "outliers.threshold must be in [3, 1e6] deviations";
   }

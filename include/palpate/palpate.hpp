@@ -1,4 +1,4 @@
-// Everything of palpate's core: identification of contact models, one sample at a time.
+// The core of palpate: identification of contact models, one sample at a time.
 #pragma once
 
 #include "palpate/estimate.hpp"

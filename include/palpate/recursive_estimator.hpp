@@ -1,6 +1,6 @@
-// The loop that a controller calls once a sample, whatever the method:
+// The loop of every method, which a controller calls once per sample:
 //
-//   gate → leave outliers out → predict → choose λ and perturbation → learn → watch for a change
+//   gate → reject outliers → predict → choose λ and perturbation → learn → detect a change
 #pragma once
 
 #include <cmath>
@@ -17,7 +17,7 @@
 
 namespace palpate {
 
-// In place of what only a run may tell whether it watches, where nothing is watched for: it costs
+// Stands for an absent change detector or outlier rejection that is fixed when compiling: it costs
 // no memory and no time.
 template <class Watcher>
 class NotWatching {
@@ -48,8 +48,8 @@ struct EstimatorSettings {
   bool operator==(const EstimatorSettings&) const = default;
 };
 
-// What is wrong with these settings, in words; null where they are sound. A constructor does not
-// ask: settings that come from elsewhere are for this to check.
+// The error in these settings as a message; null if they are valid. Constructors do not check: call
+// this for settings from outside.
 template <Method M, class Detector, class Rejection>
 constexpr const char* validate(const EstimatorSettings<M, Detector, Rejection>& settings) noexcept {
   for (const char* fault :
@@ -64,19 +64,19 @@ constexpr const char* validate(const EstimatorSettings<M, Detector, Rejection>& 
        {M::forgets || settings.forgetting == no_forgetting,
         "forgetting must be none: this method does not forget by a factor"},
        {M::perturbs || !settings.perturbation.active(),
-        "perturbation must be none: this method has no covariance to reopen"}});
+        "perturbation must be none: this method has no covariance to increase"}});
 }
 
-// The loop but for its watchers, which each call brings: compiled once a method, not once for each
-// way of watching.
+// The loop without change detector and outlier rejection, which each call passes: compiled once per
+// method, not once per combination.
 template <Method M>
 class Recursion {
  public:
   using Method = M;
   using Law = typename M::Law;
 
-  // Whether the present answer costs a solution, so that a-priori errors are measured against the
-  // latest one.
+  // Whether the present estimate needs a solution; one-step prediction errors then use the latest
+  // one.
   static constexpr bool solves = requires(const M& m, const Units& units) { m.latest(units); };
 
   template <class Settings>
@@ -86,21 +86,21 @@ class Recursion {
         gate_(gate_of(method_, settings.gate, units_)),
         forgetting_(settings.forgetting, settings.sample_time) {}
 
-  // Brings an answer up to date that is worked out a little at every sample.
+  // Completes an estimate whose computation is spread over the samples.
   void finish_pending() noexcept
     requires requires(M& method) { method.finish_pending(); }
   {
     method_.finish_pending();
   }
 
-  // The force that the sensor would show by the present estimate, N; no law acts out of contact.
+  // The force that the present estimate predicts for the sensor, N; out of contact the offset only.
   double predict(double penetration, double velocity) const noexcept {
     return method_.force(units_, penetration, velocity);
   }
 
   Law law() const noexcept { return method_.law(units_); }
 
-  // The law that a-priori errors are measured against.
+  // The law of the one-step prediction errors.
   Law latest_law() const noexcept {
     if constexpr (solves) {
       return method_.latest(units_).law;
@@ -109,22 +109,22 @@ class Recursion {
     }
   }
 
-  // The part of an estimate that a trace writes down at every sample.
+  // The part of an estimate that a trace has at every sample.
   Snapshot<Law> snapshot() const noexcept { return method_.snapshot(units_); }
 
   double last_velocity() const noexcept { return velocity_; }
   const Units& units() const noexcept { return units_; }
 
-  // The recursion inside, for θ and P as they are, in scaled units.
+  // The method itself, for θ and P in scaled units.
   const M& method() const noexcept { return method_; }
 
  protected:
   struct Outcome {
     Status status;
-    double predicted_force;  // N; NaN where none was asked for
+    double predicted_force;  // N; NaN if not requested
   };
 
-  // `changes` and `outliers` are null where nobody watches for them.
+  // `changes` and `outliers` are null if absent.
   [[gnu::always_inline]] Outcome step(const Sample& sample, double dt,
                                       const SelfPerturbation& perturbation, ChangeDetector* changes,
                                       OutlierRejection* outliers, bool predict_force) noexcept {
@@ -180,7 +180,7 @@ class Recursion {
   }
 
  private:
-  // Time goes by with a sample that is not taken.
+  // Time advances with a sample that is not taken, too.
   void pass(double dt) noexcept {
     if constexpr (requires { method_.pass(dt); }) method_.pass(dt);
   }
@@ -191,7 +191,7 @@ class Recursion {
     return given;
   }
 
-  // A sample in contact and in range. Nothing of the loop changes before the method has learned it.
+  // A sample in contact and in range. The loop's state changes only once the method has learned it.
   Outcome take(const Sample& sample, const Sample& inner, double dt,
                const SelfPerturbation& self_perturbation, ChangeDetector* changes,
                bool predict_force) noexcept {
@@ -209,12 +209,12 @@ class Recursion {
       error = detail::saturate(sample.force - predicted);
     }
 
-    // Choose λ and the perturbation: an abrupt change perturbs P and takes λ back to λ₀.
+    // Choose λ and the perturbation: an abrupt change perturbs P and resets λ to λ₀.
     const double perturbation = self_perturbation(error);
     if (perturbation > 0.0) forgetting.rearm();
 
     Status status = method_.learn(row, dt, forgetting.factor(), perturbation);
-    if (status == Status::held) {  // in doubt: the method keeps it, and contact is as it was
+    if (status == Status::held) {  // undecided: the method keeps it, and contact does not change
       enter(gate_.phase());
       return {status_, predicted};
     }
@@ -228,7 +228,7 @@ class Recursion {
     return {status, predicted};
   }
 
-  // What the force of a sample that is not taken is compared with.
+  // The predicted force of a sample that is not taken.
   double expected_force(const Sample& sample) const noexcept {
     if constexpr (solves) {
       return method_.latest(units_).force(sample.penetration, sample.velocity);
@@ -251,7 +251,7 @@ class Recursion {
     status_ = phase == ContactGate::Phase::waiting ? Status::waiting : Status::held;
   }
 
-  // True when a change is detected. The method then starts again with the samples after it.
+  // True when a change is detected. The method then restarts with the samples after it.
   bool watch(ChangeDetector& changes, const Sample& inner, double dt, double predicted,
              double error, Forgetting& forgetting) noexcept {
     if (gate_.phase() != ContactGate::Phase::contact) changes.interrupt();
@@ -269,8 +269,8 @@ class Recursion {
     return false;
   }
 
-  // Learns this many of the latest samples again, with their own time steps, as if contact had been
-  // made with the first of them. Rare, and kept out of the way of what happens every millisecond.
+  // Learns this many of the latest samples again, with their own time steps, as if contact began
+  // with the first of them. Rare, so it is kept apart from the code of every sample.
   [[gnu::cold, gnu::noinline]] void relearn(const ChangeDetector& changes, std::size_t samples,
                                             Forgetting& forgetting) noexcept {
     forgetting.rearm();
@@ -292,7 +292,7 @@ class Recursion {
   std::uint64_t restarts_ = 0;
 };
 
-// The loop with its settings and with memory for what watches it.
+// The loop with its settings, change detector and outlier rejection.
 template <Method M, class Detector = NoChangeDetector, class Rejection = NoOutlierRejection>
 class RecursiveEstimator : public Recursion<M> {
  public:
@@ -310,21 +310,21 @@ class RecursiveEstimator : public Recursion<M> {
     return update(penetration, velocity, force, settings_.sample_time);
   }
 
-  // dt: time since the previous sample, s. The sample is taken whole or not at all.
+  // dt: time since the previous sample, s. A refused sample changes nothing but the time.
   Status update(double penetration, double velocity, double force, double dt) noexcept {
     return step({penetration, velocity, force}, dt, false).status;
   }
 
-  // update(), which also gives the a-priori force [N] that the sample is compared with; NaN where
-  // the sample is not finite.
+  // update(), which also returns the one-step prediction of the force [N]; NaN if the sample is not
+  // finite.
   Status update(const Sample& sample, double dt, double& predicted_force) noexcept {
     const auto outcome = step(sample, dt, true);
     predicted_force = outcome.predicted_force;
     return outcome.status;
   }
 
-  // Contact ends here, as where a recording breaks off or a tool is changed: what was learned is
-  // held until contact is made again.
+  // Ends the contact, as at the end of a recording or a change of the tool: the estimate is held
+  // until the next contact.
   void leave_contact() noexcept { Recursion<M>::leave_contact(outliers()); }
 
   Estimate<M::Law::size> estimate() const noexcept {
@@ -333,14 +333,14 @@ class RecursiveEstimator : public Recursion<M> {
   }
 
   const Settings& settings() const noexcept { return settings_; }
-  // Null where nobody watches.
+  // Null if absent.
   ChangeDetector* changes() noexcept { return changes_.watcher(); }
   OutlierRejection* outliers() noexcept { return outliers_.watcher(); }
 
   void reset() noexcept(in_place) { *this = RecursiveEstimator(settings_); }
 
  private:
-  // Whether all memory is its own, as a controller needs it.
+  // Whether all memory is inside the object, without a heap, as a controller needs it.
   static constexpr bool in_place =
       std::is_trivially_copyable_v<Detector> && std::is_trivially_copyable_v<Rejection>;
 

@@ -1,4 +1,4 @@
-// A sample, the units of the arithmetic, and what one update did with its sample.
+// A sample, the units of the arithmetic, and the status of one update.
 #pragma once
 
 #include <algorithm>
@@ -9,15 +9,15 @@
 
 namespace palpate {
 
-// One sample, in whichever units its holder says.
+// One sample, in units defined by its user.
 struct Sample {
   double penetration;
   double velocity;
   double force;
 };
 
-// The units of the arithmetic. An estimator divides its inputs by these and gives its law back in
-// SI, so that nanonewtons and kilonewtons meet the same covariance.
+// The units of the arithmetic. An estimator divides its inputs by these and returns its law in SI,
+// so the same initial covariance suits nanonewtons and kilonewtons.
 struct Scale {
   double penetration = 1.0;  // m
   double velocity = 1.0;     // m/s
@@ -28,7 +28,7 @@ struct Scale {
 
 namespace detail {
 
-// What settings have to be, in words that a user reads where they are not.
+// A condition on settings, and the message if they violate it.
 struct Requirement {
   bool met;
   const char* words;
@@ -48,10 +48,10 @@ constexpr bool lies_in(double value, double least, double most) noexcept {
 
 }  // namespace detail
 
-// Of the probing of a hand-sized robot.
+// The scale of a hand-sized robot.
 inline constexpr Scale probing_scale{.penetration = 10e-3, .velocity = 20e-3, .force = 1.0};
 
-// What is wrong with these settings, in words; null where they are sound.
+// The error in these settings as a message; null if they are valid.
 constexpr const char* validate(const Scale& scale) noexcept {
   // Products and quotients of three units stay within the range of a double.
   const auto unit = [](double value) noexcept { return detail::lies_in(value, 1e-30, 1e30); };
@@ -61,7 +61,7 @@ constexpr const char* validate(const Scale& scale) noexcept {
        {unit(scale.force), "scale.force must be in [1e-30, 1e30] N"}});
 }
 
-// A scale with what the way there and back needs, worked out once.
+// A scale with precomputed conversion factors.
 struct Units : Scale {
   explicit Units(const Scale& scale) noexcept : Scale(scale) {}
 
@@ -87,23 +87,23 @@ inline bool within(const Sample& s, double limit) noexcept {
          std::abs(s.force) < limit;
 }
 
-// What a logarithm can take.
+// Range of inputs for the logarithm.
 inline bool touching(const Sample& s) noexcept { return s.penetration > 0.0 && s.force > 0.0; }
 
 }  // namespace detail
 
-// What one update did with its sample.
+// Result of one update.
 enum class Status : std::uint8_t {
-  waiting,       // no contact so far; nothing was learned
+  waiting,       // no contact so far
   updated,       // in contact; the sample was taken
-  guarded,       // taken, but forgetting was withheld so that the covariance stays sound
-  held,          // contact was lost; the estimate is held until it is made again
-  restarted,     // taken; what is touched has changed, and the estimate was reinitialised with the
-                 // latest samples
+  guarded,       // taken, but without forgetting, to keep the covariance positive definite
+  held,          // contact was lost; the estimate is held until the next contact
+  restarted,     // taken; the material has changed, and the estimate restarted from the latest
+                 // samples
   not_finite,    // refused: penetration, velocity or force is NaN or infinite
   invalid_step,  // refused: dt is not a positive, finite time
   out_of_range,  // refused: finite, but too large for the arithmetic
-  rejected,      // left out as an outlier
+  rejected,      // rejected as an outlier
 };
 
 inline constexpr std::size_t status_count = static_cast<std::size_t>(Status::rejected) + 1;

@@ -1,4 +1,4 @@
-// The estimators of laws that may remember, by name; apart, as few loops need them.
+// The estimators of laws with memory, by name; in their own header, as few loops need them.
 #pragma once
 
 #include "palpate/estimators.hpp"
@@ -6,9 +6,9 @@
 
 namespace palpate {
 
-// Six relaxation times, of which the sums hold the mean alone.
+// Six relaxation times, of which the sums hold only the mean.
 using ViscoelasticContact = RecursiveEstimator<ViscoelasticMethod<viscoelastic::FlatSums>>;
-// Twelve, with all pairs of them: some 20 kB.
+// Twelve, with all their pairs: about 20 kB.
 using FullViscoelasticContact = RecursiveEstimator<ViscoelasticMethod<viscoelastic::PairSums>>;
 
 }  // namespace palpate

@@ -1,4 +1,4 @@
-// The recursive least squares estimators, and the defaults of the settings that all have.
+// The recursive least-squares estimators, and the defaults of the settings that all share.
 #include <type_traits>
 
 #include "face.hpp"
@@ -7,7 +7,7 @@
 namespace palpate::bindings {
 namespace {
 
-// One number where all are the same, as a person would write it.
+// A single number if all are equal, as a user would write it.
 template <class Method>
 nb::object initial_variances() {
   const auto covariance = typename Method::Settings{}.initial_covariance;
@@ -22,14 +22,14 @@ nb::object initial_variances() {
 template <class Usual>
 using InitialCovariance = Matrix<Usual::Law::size>;
 
-// By θ₀ and P₀ as Python hands them over. Where the law's exponent is known, the start has it.
+// From θ₀ and P₀ as Python passes them. A known exponent of the law is in the start.
 template <class Usual>
 std::unique_ptr<Core> made(const char* name, const typename Usual::Law& initial,
                            const InitialCovariance<Usual>& covariance, bool exponent_known,
                            const Loop& loop) {
   typename Usual::Method::Settings settings{initial, covariance};
   if constexpr (std::is_same_v<Usual, SingleStageRLS>) {
-    const auto& p = covariance;  // of [ln K, B/K] it is the first two
+    const auto& p = covariance;  // for [ln K, B/K] its first two rows
     const Matrix<2> first{{{p[0][0], p[0][1]}, {p[1][0], p[1][1]}}};
     using Known = SingleStageKnownExponentRLS;
     if (exponent_known) return core_of<Known>(name, 1, {initial, first}, loop);

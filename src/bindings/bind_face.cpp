@@ -1,4 +1,4 @@
-// What every estimator shows to Python, and its saved states.
+// The Python methods of every estimator, and saved states.
 #include "face.hpp"
 
 #ifndef _WIN32
@@ -16,7 +16,7 @@ namespace {
 
 int this_process() noexcept {
 #ifdef _WIN32
-  return 1;  // which cannot be forked
+  return 1;  // it cannot be forked
 #else
   return static_cast<int>(::getpid());
 #endif
@@ -39,9 +39,9 @@ constexpr const char* update_doc =
     R"(update(self, penetration, velocity, force, dt=None)
 --
 
-Take one sample, and say with a :class:`Status` what was done with it.
+Take one sample and return its :class:`Status`.
 
-Never raises on data and never allocates; the sample is taken whole or not at all.
+Never raises on data, never allocates; a refused sample changes nothing.
 
 Parameters
 ----------
@@ -52,7 +52,7 @@ velocity : float
 force : float
     N, compression positive.
 dt : float, optional
-    Time since the previous sample, s; ``sample_time`` unless given.)";
+    Time since the previous sample, s. Default: ``sample_time``.)";
 
 PyObject* update(PyObject* self, PyObject* const* args, Py_ssize_t positional,
                  PyObject* names) noexcept {
@@ -131,7 +131,7 @@ Memory opened(const std::string& name, const nb::bytes& bytes, std::span<const M
   const std::size_t size = size_of(present);
   const std::string heading = heading_of(name, size);
   if (!state.starts_with("palpate-state ")) {
-    throw nb::value_error("state must be what an estimator saved: these bytes are something else");
+    throw nb::value_error("state must be bytes that an estimator saved");
   }
   if (!state.starts_with(heading)) {
     const std::string found(state.substr(0, std::min<std::size_t>(state.find('\n'), 80)));
@@ -142,14 +142,14 @@ Memory opened(const std::string& name, const nb::bytes& bytes, std::span<const M
   constexpr std::size_t checksum_size = 17;  // and the end of the line
   const Memory memory = state.substr(std::min(heading.size() + checksum_size, state.size()));
   if (memory.size() != size || !state.starts_with(heading + checksum_of(memory))) {
-    throw nb::value_error("state must be whole: its checksum says that bytes of it were changed");
+    throw nb::value_error("state is damaged: its checksum does not match");
   }
   return memory;
 }
 
 void check_settings(bool same) {
   if (same) return;
-  throw nb::value_error("state must be of an estimator with these settings: others learned it");
+  throw nb::value_error("state must be of an estimator with the same settings");
 }
 
 void Face::wait_until_free() {
@@ -157,8 +157,8 @@ void Face::wait_until_free() {
   while ((process = replaying_.load(std::memory_order_acquire)) != 0) {
     if (process != this_process()) {
       throw std::runtime_error(
-          "the process was forked while another thread replayed this estimator: it is half "
-          "replayed here; call reset(), or make a new one with replace()");
+          "the process was forked while another thread replayed this estimator, so its copy here "
+          "is incomplete: call reset()");
     }
     nb::gil_scoped_release release;
     replaying_.wait(process, std::memory_order_acquire);
@@ -189,14 +189,14 @@ void bind_face(nb::module_& module) {
             return self.core().predict(penetration, velocity);
           },
           nb::arg("penetration"), nb::arg("velocity"),
-          "Force [N] that the sensor would show at a penetration [m] and velocity [m/s] by the "
-          "present estimate; no law acts out of contact.")
+          "Force [N] that the present estimate predicts for the sensor at a penetration [m] and "
+          "velocity [m/s]; out of contact only the offset.")
       .def("_estimate", [](Face& self) { return self.core().estimate(); })
       .def("reset", &Face::reset, "Forget everything but the settings.")
       .def(
           "leave_contact", [](Face& self) { self.core().leave_contact(); },
-          "End the contact, as where a recording breaks off: the estimate is held until contact "
-          "is made again.")
+          "End the contact, as at the end of a recording: the estimate is held until the next "
+          "contact.")
       .def("_replay", &replay_arrays)
       .def("_state", [](Face& self) { return self.core().state(); })
       .def("_restore", [](Face& self, const nb::bytes& state) { self.core().restore(state); });

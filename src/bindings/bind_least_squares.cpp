@@ -36,7 +36,7 @@ Engine make_engine(std::size_t order, const double* initial, const double* covar
   return LeastSquares<Order>(settings);
 }
 
-// What it knows, whatever its order.
+// Its result, for any order.
 struct Knowledge {
   std::size_t order;
   const double* parameters;
@@ -59,7 +59,7 @@ Knowledge known(const Engine& engine) {
       engine);
 }
 
-// Reads a sequence of as many numbers without allocating.
+// Reads a sequence of `order` numbers without allocating.
 void read(const nb::sequence& sequence, std::span<double> regressor) {
   const std::size_t order = regressor.size();
   if (nb::len(sequence) != order) {
@@ -68,7 +68,7 @@ void read(const nb::sequence& sequence, std::span<double> regressor) {
   for (std::size_t i = 0; i < order; ++i) {
     if (!nb::try_cast(sequence[i], regressor[i])) {
       throw nb::type_error(
-          ("regressor must hold numbers, and its entry " + std::to_string(i) + " is not one")
+          ("regressor must hold numbers, but its entry " + std::to_string(i) + " is not one")
               .c_str());
     }
   }
@@ -102,17 +102,18 @@ double predict(const Engine& engine, const nb::sequence& sequence) {
       engine);
 }
 
-// Fills Σ d_k D_k of scores by rows, one a sample in the order of time, and of the residual: the
-// covariance of a least squares of which the scores are the influence, with Student's quantile.
-// `shares` says which part of its window a row has in common with the next, the next but one …;
-// `fitted`, how many parameters went into the residual.
+// Fills Σ d_k D_k of scores (one row per sample, in the order of time) and the residual: the
+// covariance of a least-squares fit whose influences are the scores, with Student's quantile.
+// `shares` is the fraction of its window that a row shares with the next, the next but one …;
+// `fitted` the number of fitted parameters.
 void long_run_covariance(const InputRows& scores, const InputArray& residual,
                          const InputArray& shares, double fitted, const OutputArray& result) {
   using detail::LevelNoise;
   const std::size_t size = scores.shape(1), square = size * size;
   std::size_t count = residual.size();
   if (scores.shape(0) != count || result.size() != square) {
-    throw nb::value_error("scores must have a row for each residual, the result as many squared");
+    throw nb::value_error(
+        "scores must have a row per residual, and the result a row and a column per score");
   }
   std::vector<double> sums(scores.data(), scores.data() + scores.size());
   std::vector<double> errors(residual.data(), residual.data() + count);
@@ -152,7 +153,7 @@ void long_run_covariance(const InputRows& scores, const InputArray& residual,
       errors[i] = errors[2 * i] + errors[2 * i + 1];
     }
     levels[k].older_pairs = static_cast<double>(pairs);
-    // The autocorrelation of a Haar wavelet says what white noise comes to in shared windows.
+    // The Haar wavelet's autocorrelation gives the variance of white noise in shared windows.
     white[k] = 1.0;
     for (std::size_t l = 0; l < shares.size(); ++l) {
       const double lag = static_cast<double>(l + 1) / length;
@@ -192,8 +193,8 @@ void bind_least_squares(nb::module_& module) {
                    "numpy.typing.NDArray[numpy.float64], output: float, forgetting_factor: float = "
                    "1.0, perturbation: float = 0.0) -> Status"),
            R"(Take one row y = φᵀθ (eq. 13): the regressor φ, a sequence of ``order`` numbers, the
-output y, the forgetting factor λ in (0, 1] of this sample and what is added to the diagonal of P
-before it is divided by λ. Numbers out of their range are refused with a :class:`Status`.)")
+output y, the forgetting factor λ in (0, 1] of this sample, and a perturbation that is added to the
+diagonal of P before division by λ. Returns a :class:`Status`, which names numbers out of range.)")
       .def("predict", &predict, nb::arg("regressor"),
            nb::sig("def predict(self, regressor: collections.abc.Sequence[float] | "
                    "numpy.typing.NDArray[numpy.float64]) -> float"),
@@ -217,7 +218,8 @@ before it is divided by λ. Numbers out of their range are refused with a :class
           "noise_variance", [](const Engine& self) { return known(self).noise_variance; },
           "Variance of y about φᵀθ; 1 until there are more samples than coefficients.")
       .def_prop_ro(
-          "samples", [](const Engine& self) { return known(self).samples; }, "Rows taken.")
+          "samples", [](const Engine& self) { return known(self).samples; },
+          "Number of rows taken.")
       .def("_state",
            [](const Engine& self) { return saved(name_of(self), std::array{known(self).memory}); })
       .def("_restore", [](Engine& self, const nb::bytes& state) {
@@ -225,7 +227,7 @@ before it is divided by λ. Numbers out of their range are refused with a :class
       });
   module.def("long_run_covariance", &long_run_covariance, nb::arg("scores"), nb::arg("residual"),
              nb::arg("shares"), nb::arg("fitted"), nb::arg("result"),
-             "Fills the covariance of Σ u e, of scores u by rows and a correlated residual e.");
+             "Fills the covariance of Σ u e for scores u by rows and a correlated residual e.");
 }
 
 }  // namespace palpate::bindings

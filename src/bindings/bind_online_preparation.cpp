@@ -1,4 +1,4 @@
-// OnlinePreparation, and the sample that it gives: a tuple that estimator.update takes as it is.
+// OnlinePreparation, and its samples: tuples that estimator.update takes as arguments.
 #include <nanobind/stl/array.h>
 #include <nanobind/stl/optional.h>
 
@@ -19,20 +19,20 @@ namespace {
 constexpr std::size_t longest_window = 255;
 using Online = OnlinePreparation<longest_window>;
 
-// What update() gives. `time` is no part of the tuple, so that *sample is what an estimator takes.
+// The result of update(). `time` is not in the tuple, so *sample are the estimator's arguments.
 PyTypeObject* sample_type = nullptr;
 
 void bind_sample(nb::module_& module) {
   static PyStructSequence_Field fields[] = {
-      {"penetration", "m, as it was measured."},
+      {"penetration", "m, as measured."},
       {"velocity", "m/s, positive while penetrating."},
-      {"force", "N, as it was measured, less the tare."},
-      {"dt", "s, since the sample given before."},
-      {"time", "s, when it was: by the times that were given, else since the first call."},
+      {"force", "N, as measured, minus the tare."},
+      {"dt", "s, since the previous returned sample."},
+      {"time", "s, by the times passed to update(), otherwise since the first call."},
       {nullptr, nullptr}};
   static PyStructSequence_Desc description = {
       "palpate._core.PreparedSample",
-      "A sample of a while ago: ``estimator.update(*sample)`` takes it.", fields, 4};
+      "A delayed sample with its velocity, for ``estimator.update(*sample)``.", fields, 4};
   sample_type = PyStructSequence_NewType(&description);
   if (!sample_type) throw nb::python_error();
   module.attr("PreparedSample") = nb::handle(reinterpret_cast<PyObject*>(sample_type));
@@ -59,10 +59,10 @@ constexpr const char* online_update_doc =
     R"(update(self, position, force, time=None)
 --
 
-Take one sample as measured, and give the one that is now ready: of :attr:`delay` ago.
+Take one measured sample, and return the one that is now ready, of :attr:`delay` ago.
 
-None where there is none; :attr:`status` says why. Never raises on data; the sample is taken whole
-or not at all.
+Returns None if none is ready; :attr:`status` has the reason. Never raises on data; a refused
+sample changes nothing.
 
 Parameters
 ----------
@@ -71,12 +71,13 @@ position : float or sequence of 3 floats
 force : float or sequence of 3 floats
     N, compression positive; with a ``direction`` a vector.
 time : float, optional
-    s, by any clock; ``sample_time`` after the call before unless given.)";
+    s, by any clock. Default: ``sample_time`` after the previous call.)";
 
 using bindings::number_of;
 
 bool number_of(PyObject* object, std::array<double, 3>& vector) noexcept {
-  PyObject* sequence = PySequence_Fast(object, "with a direction, position and force are vectors");
+  PyObject* sequence =
+      PySequence_Fast(object, "with a direction, position and force must be vectors");
   if (!sequence) return false;
   bool good = PySequence_Fast_GET_SIZE(sequence) == 3;
   if (!good) PyErr_SetString(PyExc_TypeError, "a vector must have 3 numbers");
@@ -125,8 +126,8 @@ PyMethodDef online_methods[] = {
     {nullptr, nullptr, 0, nullptr}};
 PyType_Slot online_slots[] = {{Py_tp_methods, online_methods}, {0, nullptr}};
 
-// The recursion over arrays: samples that it gives, and how many they are. A segment ends where the
-// window starts anew.
+// The recursion over arrays: its samples, and their number. A segment ends where the window
+// restarts.
 std::size_t replay_online(Online& core, const InputArray& position, const InputArray& force,
                           const std::optional<InputArray>& time, const OutputArray& given_time,
                           const OutputArray& penetration, const OutputArray& velocity,
@@ -181,14 +182,14 @@ void bind_online_preparation(nb::module_& module) {
       .def("_replay", &replay_online, nb::arg(), nb::arg(), nb::arg().none(), nb::arg(), nb::arg(),
            nb::arg(), nb::arg(), nb::arg())
       .def("interrupt", &Online::interrupt,
-           "Start a new window: the next sample does not follow the latest.")
+           "Start a new window: the next sample does not continue the latest one.")
       .def("reset", &Online::reset, "Forget everything but the settings.")
-      .def_prop_ro("status", &Online::status, "What the latest update did with its sample.")
-      .def_prop_ro("delay", &Online::delay,
-                   "How long ago the samples given were, s, where none was left out.")
-      .def_prop_ro("tare", &Online::tare,
-                   "The mean force of the first ``tare_time``, N, which is taken off; NaN until it "
-                   "is known.")
+      .def_prop_ro("status", &Online::status, "Status of the latest sample.")
+      .def_prop_ro("delay", &Online::delay, "Delay of the returned samples, s, if none is missing.")
+      .def_prop_ro(
+          "tare", &Online::tare,
+          "The mean force of the first ``tare_time``, N, which is subtracted; NaN until it "
+          "is known.")
       .def("_state", [](const Online& self) { return saved(self, "OnlinePreparation"); })
       .def("_restore",
            [](Online& self, const nb::bytes& state) { restore(self, "OnlinePreparation", state); });

@@ -1,6 +1,5 @@
-// Variable projection, whose sums are straight lines of arithmetic, which vectorise; drift
-// tracking, which stands on it; and laws with memory: their force along a motion, and the
-// estimators of them.
+// Variable projection, compiled on its own as its sums vectorise; drift tracking, which uses it;
+// and laws with memory: their force along a motion, and their estimators.
 #include <cmath>
 #include <limits>
 
@@ -10,8 +9,8 @@
 namespace palpate::bindings {
 namespace {
 
-// Noise, the range of exponents, the exponent or 0 where it is looked for, whether there is an
-// offset and its deviation.
+// Noise, the range of the exponent, the known exponent or 0, whether to estimate an offset, and its
+// standard deviation.
 using Projection = std::tuple<double, Pair, double, bool, double>;
 
 ProjectionSettings settings_of(const Projection& given, const Loop& loop) {
@@ -32,7 +31,7 @@ nb::dict projection_defaults(const ProjectionSettings& settings) {
   return defaults;
 }
 
-// Its search for the surface holds forty-one banks of sums, which an estimator without it does not.
+// The surface search needs forty-one banks of sums; an estimator without it has none.
 using Plain = VariableProjection;
 using Searching = VariableProjectionWithSurface;
 
@@ -66,14 +65,14 @@ GeneralisedHuntCrossley law_in(const InputArray& parameters) {
   return law_of<GeneralisedHuntCrossley>(parameters.data());
 }
 
-// Relaxation times [s] and weights of the branches that stand for a law's spectrum.
+// Relaxation times [s] and weights of the branches that approximate a law's spectrum.
 nb::tuple branches_of(const InputArray& parameters) {
   const RelaxationBranches branches(law_in(parameters));
   return nb::make_tuple(copied_array(branches.times.data(), {branches.count}),
                         copied_array(branches.weights.data(), {branches.count}));
 }
 
-// Fills `force` along a motion, and takes the state with it.
+// Fills `force` along a motion and advances the state.
 void force_along(const InputArray& parameters, const InputArray& time_steps,
                  const InputArray& penetration, const InputArray& velocity,
                  const OutputArray& state, const OutputArray& force) {
@@ -82,9 +81,10 @@ void force_along(const InputArray& parameters, const InputArray& time_steps,
   const std::size_t count = penetration.size();
   if (time_steps.size() != count || velocity.size() != count || force.size() != count ||
       state.size() != branches.count + 1) {
-    throw nb::value_error("the arrays must have the samples' number, the state one a branch more");
+    throw nb::value_error(
+        "the arrays must have one entry per sample, the state one per branch and one more");
   }
-  double passed = 0.0;  // since the last sample whose place is known
+  double passed = 0.0;  // since the last sample with a known penetration
   for (std::size_t k = 0; k < count; ++k) {
     const double x = penetration.data()[k];
     passed += time_steps.data()[k];
@@ -118,9 +118,9 @@ void make_viscoelastic(ViscoelasticFace* self, std::uint32_t offered, double exp
   }
 }
 
-// The candidates at the last verdict on these samples, if there was one: a row of candidate, score
-// and RSS/N [N²]; samples, N_eff, the chosen one; of the motion the mean depth, m, and the
-// frequency, rad/s; whether it began in contact; and mean velocity over its root mean square.
+// The candidates at the last verdict on these samples, if any: rows of candidate, score and RSS/N
+// [N²]; samples, N_eff, the selected one; the motion's mean depth, m, and frequency, rad/s; whether
+// it began in contact; and mean velocity over rms velocity.
 template <class Estimator>
 nb::tuple evidence_of(const Estimator& core) {
   const auto& solver = core.method().solver();
@@ -139,7 +139,7 @@ nb::tuple evidence_of(const Estimator& core) {
                         core.method().began_in_contact(), motion.one_way);
 }
 
-// Calls `act` with the estimator, whichever of the two it is.
+// Calls `act` with the estimator, of either type.
 template <class Act>
 decltype(auto) with(ViscoelasticFace& face, const Act& act) {
   Core& core = face.core();
@@ -178,9 +178,10 @@ void bind_viscoelastic(nb::module_& module) {
   bind_face<Everyday>(module, viscoelastic_name)
       .def("__init__", &make_viscoelastic)
       .def(
-          "finish_pending", [](ViscoelasticFace& self) { with(self, [](auto& core) { core.finish_pending(); }); },
-          "Work out verdict and estimate by all samples so far, at once, in 0.1 ms or, of all "
-          "laws, 1 ms: what is spread over the next samples otherwise.")
+          "finish_pending",
+          [](ViscoelasticFace& self) { with(self, [](auto& core) { core.finish_pending(); }); },
+          "Compute verdict and estimate from all samples so far, immediately: 0.1 ms, or 1 ms for "
+          "all laws. Otherwise this work is spread over the next samples.")
       .def(
           "_evidence",
           [](ViscoelasticFace& self) {
@@ -194,7 +195,7 @@ void bind_viscoelastic(nb::module_& module) {
   defaults["offset"] = settings.offset;
   defaults["exponent_range"] =
       nb::make_tuple(viscoelastic::Grid::lowest_exponent, viscoelastic::Grid::highest_exponent);
-  nb::list laws;  // damping, memory, whether n is 1 and not looked for
+  nb::list laws;  // damping, memory, whether n is fixed at 1
   for (const viscoelastic::Candidate& law : viscoelastic::candidates) {
     laws.append(
         nb::make_tuple(static_cast<int>(law.damping), static_cast<int>(law.memory), law.linear));

@@ -1,5 +1,5 @@
-// Contacts and whole curves as rows of arrays, many in one call: rows shared out among threads,
-// without the interpreter's lock.
+// Many contacts and whole curves in one call, as rows of arrays: threads share the rows, without
+// the interpreter's lock.
 #include <nanobind/stl/array.h>
 #include <nanobind/stl/optional.h>
 #include <nanobind/stl/string.h>
@@ -35,10 +35,11 @@ namespace palpate::bindings {
 namespace {
 
 void check(bool agree) {
-  if (!agree) throw nb::value_error("the arrays must have as many rows, and samples in them");
+  if (!agree)
+    throw nb::value_error("the arrays must have the same number of rows, and of samples per row");
 }
 
-// What one channel says by itself.
+// Properties of one channel.
 template <double (*Of)(rows::Channel, double*) noexcept>
 double of_channel(const InputArray& values) {
   std::vector<double> spare(2 * values.size() + 1);
@@ -53,7 +54,7 @@ void resolutions(const InputRows& penetration, const OutputArray& result, std::s
   });
 }
 
-// Only of rows that may hold one where they are screened.
+// With screening, only in rows that may hold one.
 void mark_spikes(const InputRows& values, bool screened, const StatusArray& marks,
                  std::size_t threads) {
   const std::size_t samples = values.shape(1);
@@ -111,7 +112,7 @@ void working_depths(const InputRows& penetration, const InputRows& force,
   });
 }
 
-// Those of this name, or the quickest of none; null where this build, or this processor, has none.
+// The named instruction set, or the fastest; null if this build or processor does not have it.
 const curves::CurveKernels* kernels_of(std::string_view name) noexcept {
   const auto asked = [name](std::string_view set) { return name.empty() || name == set; };
 #if defined(PALPATE_COMPILED_AVX512)
@@ -129,13 +130,13 @@ const curves::CurveKernels* kernels_of(std::string_view name) noexcept {
 using Pair = std::array<double, 2>;
 using Triple = std::array<double, 3>;
 
-// Where the answers go, a row a curve.
+// The output arrays, one row per curve.
 struct CurveColumns {
   double* numbers;  // K, B, n, F₀, d, noise, cost, scale (3), prior of F₀ (2), σ²
   double* covariance;
   std::int64_t* taken;
   std::uint8_t* codes;  // flags, status
-  std::uint8_t* roles;  // null where nobody asks
+  std::uint8_t* roles;  // null if not requested
 };
 constexpr std::size_t numbers_per_curve = 13;
 
@@ -195,7 +196,7 @@ void fit_curves(const InputRows& penetration, const InputRows& velocity, const I
   });
 }
 
-// Without a choice of samples and without priors: in the units that they come in, from each start.
+// Without sample selection and priors: in the units of the data, from each start.
 detail::CurvePoint fit_samples(const InputRows& samples, const InputRows& starts,
                                const Pair& exponents, const Pair& surfaces) {
   using namespace detail;
@@ -227,7 +228,7 @@ detail::CurvePoint fit_samples(const InputRows& samples, const InputRows& starts
 
 void each_row(std::size_t rows, std::size_t size, std::size_t threads,
               const std::function<void(std::size_t row, double* spare)>& work) {
-  // So many rows at once that threads do not meet at the counter, or in a cache line.
+  // Rows per block: enough that threads rarely share the counter or a cache line.
   constexpr std::size_t at_once = 16;
   const nb::gil_scoped_release release;
   const std::size_t parts = (rows + at_once - 1) / at_once;
@@ -250,34 +251,34 @@ void bind_rows(nb::module_& module) {
   module.def("noise_of", &of_channel<rows::noise_of>, nb::arg("values"),
              "Standard deviation of white noise on a smooth signal, from its fourth differences.");
   module.def("step_of", &of_channel<rows::step_of>, nb::arg("values"),
-             "Median gap between the distinct values of a channel; 0 of a constant one.");
+             "Median gap between the distinct values of a channel; 0 for a constant one.");
   module.def("resolutions", &resolutions, nb::arg("penetration"), nb::arg("result"),
              nb::arg("threads"),
-             "Fills, for contacts as rows, twice the noise of the penetration, its rounding "
-             "included, m; NaN where it has neither.");
+             "Fills, for contacts as rows, twice the noise of the penetration including its "
+             "rounding, m; NaN without noise and rounding.");
   module.def("largest_of", &of_channel<rows::largest_of>, nb::arg("values"),
-             "99.9th percentile of the values' size; 0 of none.");
+             "99.9th percentile of the absolute values; 0 if there are none.");
   module.def("mark_spikes", &mark_spikes, nb::arg("values"), nb::arg("screened"), nb::arg("marks"),
              nb::arg("threads"),
-             "Marks the spikes of each row: where they are screened, only of rows in which one "
-             "leaves its two neighbours as a spike does.");
+             "Marks the spikes of each row; with screening, only in rows where a sample differs "
+             "from its two neighbours as a spike does.");
   module.def("end_of_range", &end_of_range, nb::arg("time"), nb::arg("penetration"),
              nb::arg("velocity"), nb::arg("force"), nb::arg("parameters"),
-             "The force at which the range of its sensor ends; infinite where none does: of a "
-             "contact below its surface, whose Hunt-Crossley law has these parameters.");
+             "Force at which the sensor saturates, infinite if it does not, from a contact below "
+             "its surface and the parameters of its Hunt-Crossley law.");
   module.def("gate_of", &gate_of, nb::arg("penetration"), nb::arg("velocity"), nb::arg("force"),
-             "The three settings of a gate for a contact, SI.");
+             "The three settings of a contact gate for a contact, SI.");
   module.def("working_depths", &working_depths, nb::arg("penetration"), nb::arg("force"),
              nb::arg("surfaces"), nb::arg("result"), nb::arg("threads"),
-             "Fills, for contacts as rows, median and largest penetration beyond its surface where "
-             "the gate of each holds contact for firm, m; NaN where it never is.");
+             "Fills, for contacts as rows, median and largest penetration below the surface in "
+             "firm contact by each one's gate, m; NaN if there is none.");
 }
 
 void bind_curves(nb::module_& module) {
   module.def("fit_curves", &fit_curves, nb::arg(), nb::arg(), nb::arg(), nb::arg(), nb::arg(),
              nb::arg(), nb::arg(), nb::arg(), nb::arg().none(), nb::arg(), nb::arg(), nb::arg(),
              nb::arg(), nb::arg(), nb::arg().none(), nb::arg(), nb::arg() = "",
-             "What palpate.estimators.batch_fit.fit_curves calls, a row a curve.");
+             "The core of palpate.estimators.batch_fit.fit_curves, one row per curve.");
   module.def("fit_samples", &fit_samples, nb::arg(), nb::arg(), nb::arg(), nb::arg(),
              "(k, c, n, F₀, d) of the least squares of samples, rows of x, v and F.");
 }

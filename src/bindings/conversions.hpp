@@ -1,4 +1,4 @@
-// How the core's values look from Python, how its objects are saved, and update() as a method.
+// Conversion of the core's values to Python, saved states, and update() as a method.
 #pragma once
 
 #include <nanobind/nanobind.h>
@@ -34,8 +34,8 @@ inline nb::object copied_array(const double* data, std::initializer_list<std::si
   return nb::ndarray<nb::numpy, const double>(data, shape).cast(nb::rv_policy::copy);
 }
 
-// Calls work(row, spare) for each row, on so many threads, this one among them, without the
-// interpreter's lock; `spare` holds so many numbers, which are the thread's own.
+// Calls work(row, spare) for each row, on several threads including this one, without the
+// interpreter's lock; `spare` is each thread's own workspace.
 void each_row(std::size_t rows, std::size_t size, std::size_t threads,
               const std::function<void(std::size_t row, double* spare)>& work);
 
@@ -48,31 +48,31 @@ void bind_online_preparation(nb::module_& module);
 void bind_rows(nb::module_& module);
 void bind_viscoelastic(nb::module_& module);
 
-// A saved state: a line that says what it is of, and the memory of a trivially copyable core, or of
-// the parts of one.
+// A saved state: a line that identifies it, and the memory of a trivially copyable core, or of its
+// parts.
 //
 //   palpate-state 3;0.1.0;VariableProjection.0;4320;1f0c…\n<bytes>
 //
-// What is restored has to be what was saved: of the same version, class and size, whole (by its
-// checksum), and learned under the same settings. Anything else is refused in words.
+// A restored state must have the same version, class, size and settings, and a matching checksum;
+// otherwise an error names the difference.
 using Memory = std::string_view;
 
-// `name` distinguishes what has the same size.
+// `name` distinguishes classes of the same size.
 nb::bytes saved(const std::string& name, std::span<const Memory> parts);
 
-// The bytes of the parts one after the other, as they are in a state of the like of `present`.
+// The bytes of the parts, one after the other, in a state like that of `present`.
 Memory opened(const std::string& name, const nb::bytes& state, std::span<const Memory> present);
 
 void check_settings(bool same);
 
-// Of a part that there may not be.
+// For an optional part.
 template <class Part>
 Memory memory_of(const Part* part) noexcept {
   static_assert(std::is_trivially_copyable_v<Part>);
   return part ? Memory(reinterpret_cast<const char*>(part), sizeof(Part)) : Memory();
 }
 
-// Takes a part off the front.
+// Removes a part from the front.
 template <class Part>
 Part taken(Memory& memory) noexcept {
   std::array<std::byte, sizeof(Part)> bytes;
@@ -94,9 +94,9 @@ void restore(Core& core, const std::string& name, const nb::bytes& state) {
   core = candidate;
 }
 
-// What an update() as a plain C method needs: a call costs about half of one through the binding
-// library's dispatcher, and it is made a thousand times a second.
-// The members of the Python enumeration, by value; filled when the enumeration is bound.
+// update() is a plain C method: at a thousand calls a second it takes half the time of one through
+// the binding library's dispatcher.
+// The members of the Python enumeration by value; filled when the enumeration is bound.
 inline std::array<PyObject*, status_count> status_members{};
 
 inline PyObject* member_of(Status status) noexcept {
@@ -105,8 +105,8 @@ inline PyObject* member_of(Status status) noexcept {
   return member;
 }
 
-// Puts positional and keyword arguments into their places; false, with a Python error set, where
-// they are not so many by these names. The last may be left out.
+// Sorts positional and keyword arguments by parameter; false, with a Python error set, if they do
+// not match. The last argument is optional.
 template <std::size_t Size>
 bool place_arguments(PyObject* const* args, Py_ssize_t positional, PyObject* names,
                      const std::array<const char*, Size>& parameters,
@@ -135,7 +135,7 @@ bool place_arguments(PyObject* const* args, Py_ssize_t positional, PyObject* nam
   return true;
 }
 
-// False, with a Python error set, where it is no number.
+// False, with a Python error set, if it is not a number.
 inline bool number_of(PyObject* object, double& number) noexcept {
   if (PyFloat_CheckExact(object)) [[likely]] {
     number = PyFloat_AS_DOUBLE(object);

@@ -1,13 +1,12 @@
-// What a Python object holds: one compiled estimator, whichever it is, behind one face. The face is
-// bound once, in bind_face.cpp; an estimator adds its constructor.
+// The content of a Python object: one compiled estimator of any kind behind one interface, which is
+// bound once, in bind_face.cpp; each estimator adds its constructor.
 //
-// Threads: a replay runs without the interpreter's lock, and is taken whole; whatever else is
-// called on the same estimator meanwhile waits for its end. All other calls hold that lock, so
-// they are taken one after the other.
+// Threads: a replay runs without the interpreter's lock; other calls on the same estimator wait for
+// its end. All other calls hold that lock, so they run one after the other.
 //
-// Forks: a child has no copy of the thread that replays, so no replay ever ends there, and its copy
-// of the estimator is half replayed. Who replays is therefore known by its process: a child raises
-// RuntimeError, until it resets the estimator.
+// Forks: a child process has no copy of the replaying thread, so the replay never ends there, and
+// its copy of the estimator is incomplete. The estimator stores the process of a replay: in a child
+// it raises RuntimeError until reset() is called.
 #pragma once
 
 #include <nanobind/stl/array.h>
@@ -35,23 +34,23 @@ using Triple = std::array<double, 3>;
 // drift, threshold, noise, adaptation, warm-up, transition
 using Detector = std::array<double, 6>;
 
-// What the settings of every estimator have in common: forgetting, perturbation, changes, the
-// threshold of outliers, gate, scale, sample time. An absent detector or rejection is none.
+// The settings that all estimators share: forgetting, perturbation, change detection, outlier
+// threshold, gate, scale, sample time. Change detection and outlier rejection are optional.
 using Loop =
     std::tuple<Pair, Pair, std::optional<Detector>, std::optional<double>, Triple, Triple, double>;
 
 inline const Triple& scale_of(const Loop& loop) noexcept { return std::get<5>(loop); }
 
-// One class for the estimates of every law: numbers alone, which Python gives names.
+// One class for the estimates of all laws: plain numbers, named in Python.
 struct EstimateValue : AnyEstimate {
-  // Parameters of a law; the bare recursion's largest order.
+  // Largest number of parameters of a law and of the plain recursion.
   static constexpr std::size_t capacity = 8;
 
   std::size_t size;
   double offset;
   std::array<double, capacity> parameters;
   std::array<double, (capacity + 1) * (capacity + 1)>
-      covariance;  // rows of size + 1: the offset's last
+      covariance;  // rows of size + 1, the offset's last
 
   double& entry(std::size_t i, std::size_t j) { return covariance[i * (size + 1) + j]; }
 };
@@ -69,14 +68,14 @@ EstimateValue value_of(const Estimate<Size>& estimate) {
   return value;
 }
 
-// Memory of what is saved: zeros between the members, so that equal estimators have equal states.
+// Memory of a saved object: padding is zero, so that equal estimators have equal states.
 struct Zeroed {
   static void* operator new(std::size_t size);
   static void operator delete(void* memory) noexcept;
 };
 
-// What only a run may tell whether it watches. It lies apart, as most estimators have none and a
-// detector is ten times as large as they are.
+// A change detector or outlier rejection that is optional at run time. It is allocated apart, as
+// most estimators have none and a detector is ten times their size.
 template <class Watcher>
 class Optional {
  public:
@@ -103,7 +102,7 @@ class Optional {
   std::unique_ptr<Held> held_;
 };
 
-// An estimator that has forgotten which it is.
+// A type-erased estimator.
 class Core {
  public:
   explicit Core(double step) noexcept : sample_time(step) {}
@@ -128,7 +127,7 @@ class CoreOf final : public Core, public Zeroed {
                                        Optional<OutlierRejection>>;
   using Settings = typename Estimator::Settings;
 
-  // `name`: what tells its states from those of others.
+  // `name` distinguishes its states from those of other classes.
   CoreOf(std::string name, const Settings& settings)
       : Core(settings.sample_time), estimator(settings), name_(std::move(name)) {}
 
@@ -166,8 +165,8 @@ class CoreOf final : public Core, public Zeroed {
   std::string name_;
 };
 
-// Builds it, with a change detector and a rejection of outliers where they are asked for, from what
-// Python has checked. `kind` tells apart what has one name.
+// Builds it from settings that Python has checked, with the requested change detector and outlier
+// rejection. `kind` distinguishes variants with one name.
 template <class Usual>
 std::unique_ptr<Core> core_of(const char* name, int kind,
                               const typename Usual::Method::Settings& method, const Loop& loop) {
@@ -196,28 +195,28 @@ class Face {
  public:
   explicit Face(std::unique_ptr<Core> core) noexcept : core_(std::move(core)) {}
 
-  // The estimator, once no other thread replays it; throws where that thread is in the process that
-  // this one was forked from.
+  // The estimator, once no other thread replays it; throws if that thread is in the parent process
+  // of a fork.
   Core& core() {
     if (replaying_.load(std::memory_order_acquire) != 0) [[unlikely]]
       wait_until_free();
     return *core_;
   }
 
-  // Forgets everything but the settings, what a fork left half replayed too.
+  // Forgets everything but the settings, including an incomplete replay after a fork.
   void reset();
 
-  // Without the interpreter's lock.
+  // Runs without the interpreter's lock.
   void replay(const Signals& in, const TraceColumns& out, const TraceRows& rows);
 
  private:
   void wait_until_free();
 
   std::unique_ptr<Core> core_;
-  std::atomic<int> replaying_ = 0;  // the process whose thread replays, or 0
+  std::atomic<int> replaying_ = 0;  // process of the replaying thread, or 0
 };
 
-// The face of one Python class.
+// The interface of one Python class.
 template <class Usual>
 class FaceOf : public Face {
  public:

@@ -1,4 +1,4 @@
-// The module, and its values: forces of laws, and estimates.
+// The module: forces of laws, and estimates.
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -18,7 +18,8 @@ void bind_force(nb::module_& module, const char* name) {
                       const InputArray& velocity, const OutputArray& force) {
     if (parameters.size() != Law::size || velocity.size() != penetration.size() ||
         force.size() != penetration.size()) {
-      throw nb::value_error("the arrays must have the law's size and the samples' number");
+      throw nb::value_error(
+          "the arrays must have the law's number of parameters and one entry per sample");
     }
     const Law law = law_of<Law>(parameters.data());
     for (std::size_t k = 0; k < penetration.size(); ++k) {
@@ -34,7 +35,7 @@ void bind_force_laws(nb::module_& module) {
   bind_force<GeneralisedHuntCrossley>(module, "generalised_hunt_crossley_force");
 }
 
-// An estimate of a method that is not compiled; the covariance may have the offset's row too.
+// The estimate of a method written in Python; its covariance may include the offset's row.
 void make_estimate(EstimateValue* self, const InputArray& parameters, const InputArray& covariance,
                    Status status, std::uint64_t samples, double margin, std::uint64_t guarded,
                    std::uint64_t restarts, std::uint64_t rejected, double offset) {
@@ -61,7 +62,7 @@ nb::object standard_errors_of(EstimateValue& e) {
   return copied_array(errors.data(), {e.size});
 }
 
-// Of the first so many numbers: the parameters and, last, the offset.
+// Covariance of the first `size` numbers: the parameters and, last, the offset.
 nb::object covariance_of(const EstimateValue& e, std::size_t count) {
   const auto row = static_cast<std::int64_t>(e.size + 1);
   return nb::ndarray<nb::numpy, const double>(e.covariance.data(), {count, count}, {}, {row, 1})
@@ -69,15 +70,14 @@ nb::object covariance_of(const EstimateValue& e, std::size_t count) {
 }
 
 void bind_status(nb::module_& module) {
-  nb::enum_<Status>(module, "Status", nb::is_arithmetic(),
-                    "What one ``update`` did with its sample.")
-      .value("WAITING", Status::waiting, "No contact so far; nothing was learned.")
+  nb::enum_<Status>(module, "Status", nb::is_arithmetic(), "Result of one ``update``.")
+      .value("WAITING", Status::waiting, "No contact so far.")
       .value("UPDATED", Status::updated, "In contact; the sample was taken.")
       .value("GUARDED", Status::guarded,
-             "Taken, but forgetting was withheld so that the covariance stays sound.")
+             "Taken, but without forgetting, to keep the covariance positive definite.")
       .value("HELD", Status::held, "Contact is lost; the estimate is held.")
       .value("RESTARTED", Status::restarted,
-             "Taken; the material has changed, and the estimate was reinitialised with the latest "
+             "Taken; the material has changed, and the estimate restarted from the latest "
              "samples.")
       .value("NOT_FINITE", Status::not_finite,
              "Refused: penetration, velocity or force is NaN or infinite.")
@@ -85,7 +85,7 @@ void bind_status(nb::module_& module) {
              "Refused: ``dt`` is not a positive, finite time.")
       .value("OUT_OF_RANGE", Status::out_of_range,
              "Refused: finite, but too large for the arithmetic.")
-      .value("REJECTED", Status::rejected, "Left out as an outlier.");
+      .value("REJECTED", Status::rejected, "Rejected as an outlier.");
   for (std::size_t value = 0; value < status_count; ++value) {
     status_members[value] = nb::cast(static_cast<Status>(value)).release().ptr();
   }
@@ -106,7 +106,7 @@ void bind_estimate(nb::module_& module) {
       .def_prop_ro(
           "parameters",
           [](const EstimateValue& e) { return copied_array(e.parameters.data(), {e.size}); },
-          "The law's parameters in its own order, SI.",
+          "The law's parameters, in the law's order, SI.",
           nb::sig("def parameters(self) -> numpy.typing.NDArray[numpy.float64]"))
       .def_prop_ro(
           "covariance", [](const EstimateValue& e) { return covariance_of(e, e.size); },
@@ -122,23 +122,23 @@ void bind_estimate(nb::module_& module) {
       .def_ro("offset", &EstimateValue::offset, "Force without contact, N.")
       .def_prop_ro(
           "offset_standard_error", [](EstimateValue& e) { return root(e.entry(e.size, e.size)); },
-          "Its standard error, N; 0 where it is not estimated.")
+          "Its standard error, N; 0 if not estimated.")
       .def_prop_ro(
-          "surface", [](const EstimateValue& e) { return e.surface.value; },
-          "Where the material begins, m.")
+          "surface", [](const EstimateValue& e) { return e.surface.value; }, "Surface position, m.")
       .def_prop_ro(
           "surface_standard_error", [](const EstimateValue& e) { return root(e.surface.variance); },
-          "Its standard error, m; 0 where it is not searched for.")
+          "Its standard error, m; 0 if not estimated.")
       .def_ro("_flags", &EstimateValue::flags)
       .def_ro("validity_margin", &EstimateValue::validity_margin,
               "Condition 10 as a margin: 1 at rest, 0 at the limit, negative beyond it.")
       .def_ro("status", &EstimateValue::status,
-              "Of the last sample that was neither refused nor left out.")
-      .def_ro("samples", &EstimateValue::samples, "Samples taken.")
-      .def_ro("guarded", &EstimateValue::guarded, "Of them, those that the guard touched.")
+              "Status of the last sample that was neither refused nor rejected.")
+      .def_ro("samples", &EstimateValue::samples, "Number of samples taken.")
+      .def_ro("guarded", &EstimateValue::guarded,
+              "Number of samples at which the covariance guard acted.")
       .def_ro("restarts", &EstimateValue::restarts,
-              "How often the estimate was reinitialised after a change of the material.")
-      .def_ro("rejected", &EstimateValue::rejected, "Samples left out as outliers.");
+              "Number of restarts after a change of the material.")
+      .def_ro("rejected", &EstimateValue::rejected, "Number of samples rejected as outliers.");
 }
 
 }  // namespace
@@ -148,7 +148,7 @@ NB_MODULE(_core, module) {
   using namespace palpate::bindings;
   module.doc() = "The compiled recursion of palpate.";
   module.attr("__version__") = PALPATE_VERSION;
-  // The settings' defaults, by class and name, so that they stand once: in the headers.
+  // The settings' defaults, by class and name; they are defined in the headers only.
   module.attr("defaults") = nb::dict();
   bind_force_laws(module);
   bind_estimate(module);

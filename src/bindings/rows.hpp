@@ -1,5 +1,5 @@
-// What samples say before anything is fitted: order statistics, one channel by itself, and the
-// gate of one contact.
+// Statistics of samples before any fit: order statistics, properties of one channel, and the gate
+// of one contact.
 #pragma once
 
 #include <algorithm>
@@ -15,10 +15,10 @@
 
 namespace palpate::rows {
 
-// Order statistics of many numbers, none of which is NaN, in time that grows as their count.
+// Order statistics of many numbers without NaN, in linear time.
 //
-// Numbers are dealt into cells of equal width first: only those of one cell, or two, are compared
-// with each other. Where that gains nothing, as of numbers of which one is 1e300, it is a sort.
+// The numbers are first distributed into cells of equal width: only those of one or two cells are
+// compared with each other. If that does not help, as with a single 1e300, it is a sort.
 struct Numbers {
   double* data;
   std::size_t count;
@@ -26,10 +26,10 @@ struct Numbers {
 
 namespace detail {
 
-// Of fewer numbers the cells take longer to look through than a sort.
+// For fewer numbers a sort is faster than the cells.
 constexpr std::size_t fewest = 128;
 
-// The least and the largest of some, at least one.
+// The least and the largest of at least one number.
 inline std::array<double, 2> ends_of(Numbers all) noexcept {
   constexpr std::size_t abreast = 4;  // comparisons that need not wait for each other
   std::array<double, abreast> low, high;
@@ -50,7 +50,7 @@ inline std::array<double, 2> ends_of(Numbers all) noexcept {
   return {*std::min_element(low.begin(), low.end()), *std::max_element(high.begin(), high.end())};
 }
 
-// In which of so many cells a number is: never in an earlier one than a smaller number is.
+// The cell of a number, monotonic in the number.
 template <std::size_t Count>
 class Cells {
  public:
@@ -75,7 +75,7 @@ class Cells {
 
 template <std::size_t Count>
 std::array<std::uint32_t, Count> counted(Numbers all, const Cells<Count>& by) noexcept {
-  // Neighbours in a smooth channel share a cell, and would wait for each other to be counted.
+  // Neighbours in a smooth channel share a cell; separate counters avoid that they wait.
   std::array<std::array<std::uint32_t, Count>, 2> counts{};
   std::size_t k = 0;
   for (; k + 2 <= all.count; k += 2) {
@@ -89,11 +89,11 @@ std::array<std::uint32_t, Count> counted(Numbers all, const Cells<Count>& by) no
 
 }  // namespace detail
 
-// The number at a place of the sorted ones, and the next where there is one; `all` loses its order,
-// and may lose numbers. `place` is less than their count.
+// The number at `place` (below the count) in sorted order, and the next if there is one; `all`
+// loses its order, and may lose numbers.
 inline std::array<double, 2> two_in_order(Numbers all, std::size_t place) noexcept {
   const std::size_t next = std::min(place + 1, all.count - 1);
-  std::size_t before = 0;  // how many numbers are less than all that are left
+  std::size_t before = 0;  // number of values below all remaining ones
   const detail::Cells<256> by(all);
   if (by.useful()) {
     const auto counts = detail::counted(all, by);
@@ -103,7 +103,7 @@ inline std::array<double, 2> two_in_order(Numbers all, std::size_t place) noexce
     while (until <= next) until += counts[++last];
     std::size_t kept = 0;
     for (std::size_t k = 0; k < all.count; ++k) {
-      // One comparison, which is nearly always false; two would be foreseen half of the time.
+      // One comparison, nearly always false; the processor would mispredict two half of the time.
       if (by.of(all.data[k]) - first <= last - first) all.data[kept++] = all.data[k];
     }
     all.count = kept;
@@ -114,7 +114,7 @@ inline std::array<double, 2> two_in_order(Numbers all, std::size_t place) noexce
   return {*found, *std::min_element(found + 1, all.data + all.count)};
 }
 
-// As NumPy's of this kind, NaN of none; `all` loses its order.
+// Percentile as in NumPy, NaN without numbers; `all` loses its order.
 inline double percentile(Numbers all, double part) noexcept {
   if (all.count == 0) return std::numeric_limits<double>::quiet_NaN();
   const double place = static_cast<double>(all.count - 1) * part, low = std::floor(place);
@@ -124,15 +124,15 @@ inline double percentile(Numbers all, double part) noexcept {
   return beyond >= 0.5 ? ends[1] - step * (1.0 - beyond) : ends[0] + step * beyond;
 }
 
-// At least one; `all` loses its order.
+// Median of at least one number; `all` loses its order.
 inline double median(Numbers all) noexcept {
   const std::array<double, 2> ends = two_in_order(all, (all.count - 1) / 2);
   return all.count % 2 == 1 ? ends[0] : 0.5 * (ends[0] + ends[1]);
 }
 
-// Sorts; `spare` holds as many numbers.
+// Sorts; `spare` has the same size.
 inline void sort(Numbers all, double* spare) noexcept {
-  const detail::Cells<1024> by(all);  // with few in each
+  const detail::Cells<1024> by(all);  // few numbers in each
   if (!by.useful()) {
     std::sort(all.data, all.data + all.count);
     return;
@@ -162,33 +162,33 @@ struct Channel {
   std::size_t count;
 };
 
-// Beyond it, in SI units, no estimator takes a sample.
+// Estimators refuse samples above it, in SI units.
 constexpr double largest = 1e100;
-// Distinct values are sought among so many samples; noise fills the gaps of a fine channel by then.
+// Samples searched for distinct values; by then noise fills the gaps of a fine channel.
 constexpr std::size_t most_distinct = 20'000;
 
-// Those of a channel where this holds of the sample's number, in order.
+// The values of a channel whose sample numbers satisfy a condition, in order.
 template <class Holds>
 Numbers chosen(const double* channel, std::size_t count, double* to, const Holds& holds) noexcept {
   std::size_t kept = 0;
   for (std::size_t k = 0; k < count; ++k) {
-    to[kept] = channel[k];  // there is no branch to foresee
+    to[kept] = channel[k];  // without a branch, which could be mispredicted
     kept += static_cast<std::size_t>(holds(k));
   }
   return {to, kept};
 }
 
-// Those of a channel that are finite and below `bound` in size, in its order.
+// The values of a channel that are finite and below `bound` in size, in order.
 inline Numbers kept(Channel channel, double bound, double* to) noexcept {
   return chosen(channel.data, channel.count, to,
                 [&](std::size_t k) noexcept { return std::abs(channel.data[k]) < bound; });
 }
 
 // The standard deviation of white noise on a smooth signal, from its fourth differences: they
-// suppress the signal as (ωT)⁴ and have 70 times the noise's variance. `spare` holds as many
-// numbers as the channel.
+// suppress the signal as (ωT)⁴ and have 70 times the noise's variance. `spare` has the channel's
+// size.
 inline double noise_of(Channel channel, double* spare) noexcept {
-  std::array<double, 4> before{};  // the sample before, and its first three differences
+  std::array<double, 4> before{};  // the previous sample and its first three differences
   std::size_t count = 0;
   for (std::size_t k = 0; k < channel.count; ++k) {
     double difference = channel.data[k];
@@ -201,8 +201,8 @@ inline double noise_of(Channel channel, double* spare) noexcept {
   return median({spare, count - before.size()}) / 0.6745 / std::sqrt(70.0);
 }
 
-// Median gap between the distinct values; 0 of a constant channel. `spare` holds twice as many
-// numbers as the channel.
+// Median gap between the distinct values; 0 for a constant channel. `spare` has twice the channel's
+// size.
 inline double step_of(Channel channel, double* spare) noexcept {
   constexpr double finite = std::numeric_limits<double>::infinity();
   Numbers all = kept(channel, finite, spare);
@@ -211,24 +211,24 @@ inline double step_of(Channel channel, double* spare) noexcept {
   std::size_t gaps = 0;
   for (std::size_t k = 1; k < all.count; ++k) {
     const double gap = all.data[k] - all.data[k - 1];
-    spare[gaps] = gap;  // in front of what is read next
+    spare[gaps] = gap;  // before the values that are read next
     gaps += static_cast<std::size_t>(gap != 0.0);
   }
   return gaps > 0 ? median({spare, gaps}) : 0.0;
 }
 
-// Twice the noise, rounding included: the zero of an encoder lies anywhere within a step, and stays
-// there for a whole recording. NaN where there is none of either, or no estimator is set to it.
+// Twice the noise including rounding: the zero of an encoder lies anywhere within a step, and stays
+// there for a whole recording. NaN without noise and rounding, or out of the estimators' range.
 inline double resolution_of(Channel penetration, double* spare) noexcept {
   const double rounding = step_of(penetration, spare) / std::sqrt(12.0);
   const double deviation = 2.0 * std::max(noise_of(penetration, spare), rounding);
   return deviation > 0.0 && deviation < 1e30 ? deviation : NAN;
 }
 
-// Whether a number may leave its two neighbours as a spike does. One is 8 σ beyond the median of
-// five, and three times farther than its neighbours are apart: at least 5.3 σ beyond their mean,
-// whose own median distance from white noise is 0.83 σ. A median of every fourth sample is as good
-// here: of 250 it is known to a tenth. True also where more than half of the samples are missing.
+// Whether some sample may differ from its two neighbours as a spike does. A spike is 8 σ off the
+// median of five, and three times as far off as its neighbours are apart: at least 5.3 σ off their
+// mean, whose median distance for white noise is 0.83 σ. A median of every fourth sample suffices
+// here: from 250 samples it is accurate to 10 %. True also if more than half of the samples miss.
 inline bool may_hold_a_spike(Channel channel, double* spare) noexcept {
   constexpr double typical = 5.3 / 0.83;
   constexpr std::size_t every = 4;
@@ -251,22 +251,22 @@ inline bool may_hold_a_spike(Channel channel, double* spare) noexcept {
     away[known] = away[k];
     known += static_cast<std::size_t>(away[k] == away[k]);
   }
-  const std::size_t middle = few / 2;  // what is missing is the largest
+  const std::size_t middle = few / 2;  // missing values are the largest
   if (middle >= known) return true;
   const double limit = typical * two_in_order({away, known}, middle)[0];
   return !(*std::max_element(farthest.begin(), farthest.end()) < limit);
 }
 
-// 99.9th percentile of the size of those that are finite, so that a spike sets nothing; 0 of none.
-// `spare` holds as many numbers as the channel.
+// 99.9th percentile of the absolute finite values (robust to spikes); 0 if there are none. `spare`
+// has the channel's size.
 inline double largest_of(Channel channel, double* spare) noexcept {
   const Numbers all = kept(channel, std::numeric_limits<double>::infinity(), spare);
   for (std::size_t k = 0; k < all.count; ++k) all.data[k] = std::abs(all.data[k]);
   return all.count > 0 ? percentile(all, 99.9 / 100.0) : 0.0;
 }
 
-// Writes 1 to `marks` where a finite sample is a spike among those. `spare` holds three
-// times as many numbers as the channel.
+// Writes 1 to `marks` where a finite sample is a spike among the finite ones. `spare` has three
+// times the channel's size.
 inline void mark_spikes(Channel channel, std::uint8_t* marks, double* spare) noexcept {
   const Numbers all = kept(channel, std::numeric_limits<double>::infinity(), spare);
   if (all.count < 5) return;
@@ -274,7 +274,7 @@ inline void mark_spikes(Channel channel, std::uint8_t* marks, double* spare) noe
   double* const more = spare + channel.count;
   const double noise = noise_of(finite, more), top = largest_of(finite, more);
   const double limit = palpate::detail::least_spike(noise, top, step_of(finite, more));
-  std::size_t place = 0;  // of the sample among the finite ones
+  std::size_t place = 0;  // index of the sample among the finite ones
   for (std::size_t k = 0; k < channel.count; ++k) {
     if (!std::isfinite(channel.data[k])) continue;
     const std::size_t own = place++;
@@ -283,36 +283,35 @@ inline void mark_spikes(Channel channel, std::uint8_t* marks, double* spare) noe
   }
 }
 
-// Of as many samples each.
+// The channels have equal length.
 struct Pressed {
   const double* penetration;
   const double* force;
   std::size_t count;
 
-  // Whether the probe presses at a sample, by the signs.
+  // Whether a sample is in contact by the signs of penetration and force.
   bool touches(std::size_t k) const noexcept {
     const double x = penetration[k], f = force[k];
     return (x > 0.0) & (f > 0.0) & (x < largest) & (f < largest);
   }
 };
 
-// F ≥ 10 σ keeps the bias of the logarithm, σ²/2F², under 0.5 %.
+// F ≥ 10 σ keeps the bias of the logarithm, σ²/2F², below 0.5 %.
 constexpr double noise_factor = 10.0;
-// Of the contact within 3 σ of the gate; deep probing has under 0.5 %.
+// Fraction of the contact within 3 σ of the gate; deep probing has below 0.5 %.
 constexpr double most_undecided = 0.03;
 
-// Ten times the noise, between 1 % and 10 % of the 99th percentile: so that a spike sets nothing.
+// Ten times the noise, between 1 % and 10 % of the 99th percentile, which is robust to spikes.
 inline double threshold(double noise, double top) noexcept {
   return std::min(std::max(noise_factor * noise, 0.01 * top), 0.10 * top);
 }
 
-// Thresholds for contact, of samples `touching`; `spare` holds as many numbers as there are
-// samples.
+// Contact thresholds from the samples `touching`; `spare` has one entry per sample.
 //
-// A force near its threshold is taken where noise made it large, which biases: probing near the
-// surface costs a soft material 10 % of K. Where that is more than 3 % of the contact the depth
-// decides instead, where it separates them: contact is then what is deeper than where the force
-// falls short of its threshold, but for one force in a thousand; not beyond half way.
+// A force near its threshold is selected if noise makes it large, which biases: probing near the
+// surface of a soft material lowers K by 10 %. If more than 3 % of the contact is that close, a
+// threshold of the depth replaces it if it separates them: at the depth above which all forces but
+// one in a thousand exceed the force threshold, at most half the largest depth.
 template <class Touching>
 ContactGate::Settings gate_of(const Pressed& in, const Touching& touching, double* spare) noexcept {
   const std::size_t touched = chosen(in.penetration, in.count, spare, touching).count;
@@ -342,8 +341,8 @@ ContactGate::Settings gate_of(const Pressed& in, const Touching& touching, doubl
   return {least, make, 0.8 * make};
 }
 
-// Median and largest penetration where contact is firm, as its gate says; NaN where it never is.
-// `spare` holds as many numbers as there are samples.
+// Median and largest penetration in firm contact by the gate; NaN if there is none. `spare` has one
+// entry per sample.
 inline std::array<double, 2> working_depths(const Pressed& in, double* spare) noexcept {
   const auto touching = [&](std::size_t k) noexcept { return in.touches(k); };
   const ContactGate::Settings gate = gate_of(in, touching, spare);

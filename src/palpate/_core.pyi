@@ -22,23 +22,25 @@ def hunt_crossley_force(arg0: Annotated[NDArray[numpy.float64], dict(shape=(None
 def generalised_hunt_crossley_force(arg0: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], arg1: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], arg2: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], arg3: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu')], /) -> None: ...
 
 class Status(enum.IntEnum):
-    """What one ``update`` did with its sample."""
+    """Result of one ``update``."""
 
     WAITING = 0
-    """No contact so far; nothing was learned."""
+    """No contact so far."""
 
     UPDATED = 1
     """In contact; the sample was taken."""
 
     GUARDED = 2
-    """Taken, but forgetting was withheld so that the covariance stays sound."""
+    """
+    Taken, but without forgetting, to keep the covariance positive definite.
+    """
 
     HELD = 3
     """Contact is lost; the estimate is held."""
 
     RESTARTED = 4
     """
-    Taken; the material has changed, and the estimate was reinitialised with the latest samples.
+    Taken; the material has changed, and the estimate restarted from the latest samples.
     """
 
     NOT_FINITE = 5
@@ -51,7 +53,7 @@ class Status(enum.IntEnum):
     """Refused: finite, but too large for the arithmetic."""
 
     REJECTED = 8
-    """Left out as an outlier."""
+    """Rejected as an outlier."""
 
 class EstimateValue:
     """The numbers of an estimate, SI."""
@@ -64,7 +66,7 @@ class EstimateValue:
 
     @property
     def parameters(self) -> numpy.typing.NDArray[numpy.float64]:
-        """The law's parameters in its own order, SI."""
+        """The law's parameters, in the law's order, SI."""
 
     @property
     def covariance(self) -> numpy.typing.NDArray[numpy.float64]:
@@ -84,15 +86,15 @@ class EstimateValue:
 
     @property
     def offset_standard_error(self) -> float:
-        """Its standard error, N; 0 where it is not estimated."""
+        """Its standard error, N; 0 if not estimated."""
 
     @property
     def surface(self) -> float:
-        """Where the material begins, m."""
+        """Surface position, m."""
 
     @property
     def surface_standard_error(self) -> float:
-        """Its standard error, m; 0 where it is not searched for."""
+        """Its standard error, m; 0 if not estimated."""
 
     @property
     def _flags(self) -> int: ...
@@ -105,25 +107,23 @@ class EstimateValue:
 
     @property
     def status(self) -> Status:
-        """Of the last sample that was neither refused nor left out."""
+        """Status of the last sample that was neither refused nor rejected."""
 
     @property
     def samples(self) -> int:
-        """Samples taken."""
+        """Number of samples taken."""
 
     @property
     def guarded(self) -> int:
-        """Of them, those that the guard touched."""
+        """Number of samples at which the covariance guard acted."""
 
     @property
     def restarts(self) -> int:
-        """
-        How often the estimate was reinitialised after a change of the material.
-        """
+        """Number of restarts after a change of the material."""
 
     @property
     def rejected(self) -> int:
-        """Samples left out as outliers."""
+        """Number of samples rejected as outliers."""
 
 class LeastSquares:
     def __init__(self, arg0: int, arg1: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], arg2: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], /) -> None: ...
@@ -131,8 +131,8 @@ class LeastSquares:
     def update(self, regressor: Sequence[float] | numpy.typing.NDArray[numpy.float64], output: float, forgetting_factor: float = 1.0, perturbation: float = 0.0) -> Status:
         """
         Take one row y = φᵀθ (eq. 13): the regressor φ, a sequence of ``order`` numbers, the
-        output y, the forgetting factor λ in (0, 1] of this sample and what is added to the diagonal of P
-        before it is divided by λ. Numbers out of their range are refused with a :class:`Status`.
+        output y, the forgetting factor λ in (0, 1] of this sample, and a perturbation that is added to the
+        diagonal of P before division by λ. Returns a :class:`Status`, which names numbers out of range.
         """
 
     def predict(self, regressor: Sequence[float] | numpy.typing.NDArray[numpy.float64]) -> float:
@@ -154,7 +154,7 @@ class LeastSquares:
 
     @property
     def samples(self) -> int:
-        """Rows taken."""
+        """Number of rows taken."""
 
     def _state(self) -> bytes: ...
 
@@ -162,11 +162,13 @@ class LeastSquares:
 
 def long_run_covariance(scores: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], residual: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], shares: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], fitted: float, result: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu')]) -> None:
     """
-    Fills the covariance of Σ u e, of scores u by rows and a correlated residual e.
+    Fills the covariance of Σ u e for scores u by rows and a correlated residual e.
     """
 
 def fit_curves(arg0: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], arg1: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], arg2: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], arg3: Sequence[float], arg4: bool, arg5: float, arg6: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], arg7: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], arg8: Sequence[float] | None, arg9: Sequence[float], arg10: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu')], arg11: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu')], arg12: Annotated[NDArray[numpy.int64], dict(order='C', device='cpu')], arg13: Annotated[NDArray[numpy.uint8], dict(order='C', device='cpu')], arg14: Annotated[NDArray[numpy.uint8], dict(order='C', device='cpu')] | None, arg15: int, arg16: str = '', /) -> None:
-    """What palpate.estimators.batch_fit.fit_curves calls, a row a curve."""
+    """
+    The core of palpate.estimators.batch_fit.fit_curves, one row per curve.
+    """
 
 def fit_samples(arg0: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], arg1: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], arg2: Sequence[float], arg3: Sequence[float], /) -> list[float]:
     """(k, c, n, F₀, d) of the least squares of samples, rows of x, v and F."""
@@ -174,9 +176,9 @@ def fit_samples(arg0: Annotated[NDArray[numpy.float64], dict(shape=(None, None),
 class RecursiveEstimator:
     def update(self, penetration: float, velocity: float, force: float, dt: float | None = None) -> Status:
         """
-        Take one sample, and say with a :class:`Status` what was done with it.
+        Take one sample and return its :class:`Status`.
 
-        Never raises on data and never allocates; the sample is taken whole or not at all.
+        Never raises on data, never allocates; a refused sample changes nothing.
 
         Parameters
         ----------
@@ -187,12 +189,12 @@ class RecursiveEstimator:
         force : float
             N, compression positive.
         dt : float, optional
-            Time since the previous sample, s; ``sample_time`` unless given.
+            Time since the previous sample, s. Default: ``sample_time``.
         """
 
     def predict(self, penetration: float, velocity: float) -> float:
         """
-        Force [N] that the sensor would show at a penetration [m] and velocity [m/s] by the present estimate; no law acts out of contact.
+        Force [N] that the present estimate predicts for the sensor at a penetration [m] and velocity [m/s]; out of contact only the offset.
         """
 
     def _estimate(self) -> EstimateValue: ...
@@ -202,7 +204,7 @@ class RecursiveEstimator:
 
     def leave_contact(self) -> None:
         """
-        End the contact, as where a recording breaks off: the estimate is held until contact is made again.
+        End the contact, as at the end of a recording: the estimate is held until the next contact.
         """
 
     def _replay(self, arg0: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], arg1: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], arg2: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], arg3: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)] | None, arg4: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu')], arg5: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu')], arg6: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu')], arg7: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu')], arg8: Annotated[NDArray[numpy.uint8], dict(order='C', device='cpu')], arg9: Annotated[NDArray[numpy.int64], dict(shape=(None,), order='C', device='cpu', writable=False)] | None, /) -> None: ...
@@ -238,7 +240,7 @@ class ViscoelasticContact(RecursiveEstimator):
 
     def finish_pending(self) -> None:
         """
-        Work out verdict and estimate by all samples so far, at once, in 0.1 ms or, of all laws, 1 ms: what is spread over the next samples otherwise.
+        Compute verdict and estimate from all samples so far, immediately: 0.1 ms, or 1 ms for all laws. Otherwise this work is spread over the next samples.
         """
 
     def _evidence(self) -> tuple[list[tuple[int, float, float]], float, float, int, float, float, bool, float]: ...
@@ -271,10 +273,10 @@ class OnlinePreparation:
 
     def update(self, position: float | Sequence[float] | NDArray[numpy.float64], force: float | Sequence[float] | NDArray[numpy.float64], time: float | None = None) -> PreparedSample | None:
         """
-        Take one sample as measured, and give the one that is now ready: of :attr:`delay` ago.
+        Take one measured sample, and return the one that is now ready, of :attr:`delay` ago.
 
-        None where there is none; :attr:`status` says why. Never raises on data; the sample is taken whole
-        or not at all.
+        Returns None if none is ready; :attr:`status` has the reason. Never raises on data; a refused
+        sample changes nothing.
 
         Parameters
         ----------
@@ -283,29 +285,29 @@ class OnlinePreparation:
         force : float or sequence of 3 floats
             N, compression positive; with a ``direction`` a vector.
         time : float, optional
-            s, by any clock; ``sample_time`` after the call before unless given.
+            s, by any clock. Default: ``sample_time`` after the previous call.
         """
 
     def _replay(self, arg0: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], arg1: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], arg2: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)] | None, arg3: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu')], arg4: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu')], arg5: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu')], arg6: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu')], arg7: Annotated[NDArray[numpy.int64], dict(order='C', device='cpu')], /) -> int: ...
 
     def interrupt(self) -> None:
-        """Start a new window: the next sample does not follow the latest."""
+        """Start a new window: the next sample does not continue the latest one."""
 
     def reset(self) -> None:
         """Forget everything but the settings."""
 
     @property
     def status(self) -> Status:
-        """What the latest update did with its sample."""
+        """Status of the latest sample."""
 
     @property
     def delay(self) -> float:
-        """How long ago the samples given were, s, where none was left out."""
+        """Delay of the returned samples, s, if none is missing."""
 
     @property
     def tare(self) -> float:
         """
-        The mean force of the first ``tare_time``, N, which is taken off; NaN until it is known.
+        The mean force of the first ``tare_time``, N, which is subtracted; NaN until it is known.
         """
 
     def _state(self) -> bytes: ...
@@ -319,31 +321,31 @@ def noise_of(values: Annotated[NDArray[numpy.float64], dict(shape=(None,), order
 
 def step_of(values: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)]) -> float:
     """
-    Median gap between the distinct values of a channel; 0 of a constant one.
+    Median gap between the distinct values of a channel; 0 for a constant one.
     """
 
 def resolutions(penetration: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], result: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu')], threads: int) -> None:
     """
-    Fills, for contacts as rows, twice the noise of the penetration, its rounding included, m; NaN where it has neither.
+    Fills, for contacts as rows, twice the noise of the penetration including its rounding, m; NaN without noise and rounding.
     """
 
 def largest_of(values: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)]) -> float:
-    """99.9th percentile of the values' size; 0 of none."""
+    """99.9th percentile of the absolute values; 0 if there are none."""
 
 def mark_spikes(values: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], screened: bool, marks: Annotated[NDArray[numpy.uint8], dict(order='C', device='cpu')], threads: int) -> None:
     """
-    Marks the spikes of each row: where they are screened, only of rows in which one leaves its two neighbours as a spike does.
+    Marks the spikes of each row; with screening, only in rows where a sample differs from its two neighbours as a spike does.
     """
 
 def end_of_range(time: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], penetration: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], velocity: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], force: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], parameters: Sequence[float]) -> float:
     """
-    The force at which the range of its sensor ends; infinite where none does: of a contact below its surface, whose Hunt-Crossley law has these parameters.
+    Force at which the sensor saturates, infinite if it does not, from a contact below its surface and the parameters of its Hunt-Crossley law.
     """
 
 def gate_of(penetration: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], velocity: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], force: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)]) -> list[float]:
-    """The three settings of a gate for a contact, SI."""
+    """The three settings of a contact gate for a contact, SI."""
 
 def working_depths(penetration: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], force: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], surfaces: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], result: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu')], threads: int) -> None:
     """
-    Fills, for contacts as rows, median and largest penetration beyond its surface where the gate of each holds contact for firm, m; NaN where it never is.
+    Fills, for contacts as rows, median and largest penetration below the surface in firm contact by each one's gate, m; NaN if there is none.
     """

@@ -1,8 +1,10 @@
-"""A contact: penetration, velocity and force on one clock, and how they were made."""
+"""A contact: penetration, velocity and force on one clock, and how each was obtained."""
 
 import itertools
+import textwrap
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -10,20 +12,19 @@ from numpy.typing import ArrayLike, NDArray
 
 from palpate.errors import InvalidParameterError, RecordingError
 from palpate.findings import Finding
-from palpate.validation import Floats, kept, number, same_length, signals
+from palpate.validation import Floats, kept, number, same_length, shown, signals
 
-# Penetration, velocity and force on one clock.
-
-# s. A metre within less is a velocity beyond 1e100 m/s, which no estimator takes.
+# s. A metre in less time is a velocity above 1e100 m/s, which every estimator rejects.
 SHORTEST_STEP = 1e-100
+_LABELS = "segment must be an array of one label per sample, such as [0, 0, 1]"
 
 
 @dataclass(frozen=True, slots=True, eq=False, init=False, repr=False)
 class Contact:
-    """What identification needs, in SI and on one clock, and how it was made.
+    """The input of identification, in SI units on one clock, and how it was obtained.
 
-    A plain value: :func:`palpate.prepare` makes one from a recording, a frame or arrays, and works
-    out the velocity where there is none.
+    An immutable value. :func:`palpate.prepare` makes one from a recording, a data frame or arrays
+    and computes the velocity if the data have none.
 
     Parameters
     ----------
@@ -36,25 +37,25 @@ class Contact:
     force : array_like, shape (k,)
         N, compression positive.
     segment : array_like, shape (k,), optional
-        A label a sample; where it changes, another contact begins after a free or unknown time.
+        One label per sample; a new label starts a new contact, after free air or a gap.
     source : str
-        Where it came from: a file's name.
+        The name of the file.
     provenance : mapping
-        How each channel was made, and what else is known of its origin, in words.
+        How each channel was obtained, and other notes on its origin, as text.
     tare_deviation : float, optional
-        Where the force was tared: standard deviation of the offset that this left, N, > 0. None:
-        nothing is known of the offset.
+        Standard deviation of the force offset that is left after taring, N, > 0. None: the offset
+        is unknown.
     surface_deviation : float, optional
-        Where the surface was found: standard deviation of its position, m, > 0.
+        Standard deviation of the position of the surface, m, > 0. None: unknown.
     findings : sequence of Finding
-        What was assumed, found or left out on the way from a recording to here.
+        What preparation assumed, found or excluded.
     prepared : Prepared, optional
-        The recording and the settings that it was made of, where it was; and what was found.
+        The recording and the settings from which the contact was made, and what was found.
 
     Raises
     ------
     InvalidParameterError
-        Arrays of different length or type, or time that does not increase within a segment.
+        The arrays differ in length or type, or time does not increase within a segment.
     """
 
     time: Floats
@@ -102,11 +103,12 @@ class Contact:
         span = f" from {self.time[0]:g} s to {self.time[-1]:g} s" if len(self) else ""
         parts = int(self.segment[-1]) - int(self.segment[0]) + 1 if len(self) else 0
         segments = f" in {parts} segments" if parts > 1 else ""
-        return f"<Contact {self.source!r}: {len(self)} samples{span}{segments}>"
+        source = shown(", ".join(Path(each).name for each in self.source.split(", ")), 40)
+        return textwrap.fill(f"<Contact {source}: {len(self)} samples{span}{segments}>", 80)
 
     @property
     def remarks(self) -> tuple[Finding, ...]:
-        """The findings: their name before 0.1, for one release."""
+        """Old name of ``findings``, kept for one release."""
         return self.findings
 
     def segments(self) -> Iterator[slice]:
@@ -127,7 +129,7 @@ class Contact:
         return steps
 
     def window(self, start: float | None = None, stop: float | None = None) -> "Contact":
-        """Return the samples with start ≤ time ≤ stop, s; velocity stays as it is."""
+        """Return the samples with start ≤ time ≤ stop, s; the velocity is not recomputed."""
         low = -np.inf if start is None else number("start", start)
         high = np.inf if stop is None else number("stop", stop)
         keep = between(self.time, low, high, self.source)
@@ -135,40 +137,40 @@ class Contact:
         return replace(self.taken(keep), provenance={**self.provenance, "window": words})
 
     def taken(self, samples: "slice | NDArray[np.bool_]") -> "Contact":
-        """Return some of the samples; all else stays as it is."""
+        """Return a contact of the selected samples, otherwise unchanged."""
         cut = ("time", "penetration", "velocity", "force", "segment")
         return replace(self, **{name: getattr(self, name)[samples] for name in cut})
 
 
 def between(time: Floats, low: float, high: float, source: str) -> NDArray[np.bool_]:
-    """Which samples lie between two times, s; a RecordingError where none does."""
+    """Mask of the samples between two times, s. Raises RecordingError if there are none."""
     keep = (time >= low) & (time <= high)
     if not keep.any():
         first, last = time.min(initial=np.inf), time.max(initial=-np.inf)
-        words = f"no sample between {low:g} s and {high:g} s; time runs from {first:g} s"
-        raise RecordingError.of(source, f"{words} to {last:g} s")
+        words = f"there is no sample between {low:g} s and {high:g} s; the recording runs from"
+        raise RecordingError.of(source, f"{words} {first:g} s to {last:g} s")
     return keep
 
 
 def numbered(segment: "ArrayLike | None", samples: int) -> NDArray[np.int64]:
-    """Consecutive numbers for the runs of equal labels; missing ones (NaN) are equal too."""
+    """Consecutive numbers of the runs of equal labels; NaN labels count as equal."""
     if segment is None:
         return np.zeros(samples, dtype=np.int64)
     try:
         given = np.asarray(segment)
         missing = given != given
     except (TypeError, ValueError):
-        raise InvalidParameterError("segment must be one label a sample, such as 0, 0, 1") from None
+        raise InvalidParameterError(_LABELS) from None
     if given.shape != (samples,):
         same_length(time=samples, segment=given.size)
-        raise InvalidParameterError("segment must be one label a sample, such as 0, 0, 1")
+        raise InvalidParameterError(_LABELS)
     other = (given[1:] != given[:-1]) & ~(missing[1:] & missing[:-1])
     return np.concatenate([np.zeros(min(samples, 1), dtype=np.int64), np.cumsum(other)])
 
 
 def _check_time(time: Floats, labels: NDArray[np.int64]) -> None:
-    """Refuse a time that is not finite or, within a segment, not later by 1e-100 s and more."""
-    with np.errstate(invalid="ignore", over="ignore"):  # of times that are not finite, or absurd
+    """Reject times that are not finite or that increase by less than 1e-100 s in a segment."""
+    with np.errstate(invalid="ignore", over="ignore"):  # NaN, infinite or huge times
         late = np.diff(time) >= SHORTEST_STEP
     wrong = ~np.isfinite(time)
     wrong[1:] |= ~late & (labels[1:] == labels[:-1])
@@ -182,7 +184,7 @@ def _check_time(time: Floats, labels: NDArray[np.int64]) -> None:
 
 
 def slices_of(labels: NDArray[Any]) -> Iterator[slice]:
-    """Slices of equal labels, in order."""
+    """Slices of the runs of equal labels, in order."""
     borders = np.flatnonzero(labels[1:] != labels[:-1]) + 1
     for start, stop in itertools.pairwise([0, *borders.tolist(), len(labels)]):
         if stop > start:

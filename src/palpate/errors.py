@@ -1,4 +1,4 @@
-"""What palpate raises. Every message says what is wrong, where, and what to do."""
+"""palpate's exceptions. Every message says what is wrong, where, and what to do."""
 
 import warnings
 from importlib import import_module
@@ -6,12 +6,12 @@ from typing import Any
 
 
 def printable(words: str) -> str:
-    """``words`` in signs that a terminal shows; it obeys others, which are spelled out."""
+    """``words`` with control characters escaped, because a terminal would obey them."""
     return "".join(sign if sign.isprintable() else repr(sign)[1:-1] for sign in words)
 
 
 class PalpateError(Exception):
-    """Any error of palpate's own."""
+    """Base class of palpate's errors."""
 
 
 class InvalidParameterError(PalpateError, ValueError):
@@ -19,21 +19,21 @@ class InvalidParameterError(PalpateError, ValueError):
 
 
 class RecordingError(PalpateError, ValueError):
-    """A recording cannot be used: the message names the file, the column and the row."""
+    """A recording cannot be used: the message names the file, the channel and the row."""
 
     @classmethod
     def of(cls, source: str, words: str) -> "RecordingError":
-        """Return the error of a file, if that is known."""
+        """Return the error, with the name of the file if that is known."""
         return RecordingError(f"{source}: {words}" if source else words)
 
 
 class ExportRefusedError(PalpateError, ValueError):
-    """A law is not exported, and why: the message says what allows it, where anything does.
+    """palpate refuses to export a law: the message says why, and what would allow it.
 
     Attributes
     ----------
     statement : Statement
-        What was found before it was refused.
+        The statement on which the refusal rests.
     """
 
     def __init__(self, words: str, statement: Any = None) -> None:
@@ -42,18 +42,18 @@ class ExportRefusedError(PalpateError, ValueError):
 
 
 class FleetError(PalpateError, RuntimeError):
-    """A fleet cannot run: its scheduler, its workers or its folder of results; what to do."""
+    """A fleet cannot run, because of its scheduler, its workers or its results folder."""
 
 
 class MissingChannelError(RecordingError):
-    """A recording has no channel of the name that was looked for.
+    """A recording has no channel of the requested name.
 
     Attributes
     ----------
     channel : str
-        The name.
+        The requested name.
     available : list of str
-        What there is.
+        The channels of the recording.
     """
 
     def __init__(self, channel: str, available: list[str], source: str = "") -> None:
@@ -64,33 +64,33 @@ class MissingChannelError(RecordingError):
 
     def __str__(self) -> str:
         where = f"{self.source}: " if self.source else ""
-        return f"{where}no column {self.channel!r}; there are {_listed(self.available)}"
+        return f"{where}no column {self.channel!r}; available: {_listed(self.available)}"
 
 
 def _listed(names: list[str]) -> str:
-    """The names that a person can read on a line."""
+    """Up to 20 names, each cut after 40 characters."""
     shown = [name[:40] if name.isprintable() else repr(name[:40]) for name in names[:20]]
     more = [f"{len(names) - 20} more"] if len(names) > 20 else []
-    return ", ".join(shown + more) or "none at all"
+    return ", ".join(shown + more) or "none"
 
 
 class MissingExtraError(PalpateError, ImportError):
-    """An optional dependency is absent: the message names the extra that brings it."""
+    """An optional package is not installed: the message names the extra that installs it."""
 
     @classmethod
     def of(cls, error: ImportError, what: str, extra: str) -> "MissingExtraError":
-        """Return the error of a package that cannot be imported, and that something needs."""
+        """Return the error for a failed import of a package that ``what`` needs."""
         package = (error.name or "a package").partition(".")[0]
         return cls(f"{what} needs {package}: pip install 'palpate[{extra}]'")
 
 
 def needed(module: str, what: str, extra: str) -> Any:
-    """Return a module of an extra.
+    """Import a module that an extra installs.
 
     Raises
     ------
     MissingExtraError
-        It is not installed; the message says what needs it.
+        The module is not installed; the message says what needs it.
     """
     try:
         return import_module(module)
@@ -98,11 +98,11 @@ def needed(module: str, what: str, extra: str) -> Any:
         raise MissingExtraError.of(error, what, extra) from None
 
 
-# Names before 0.1, kept for one release.
+# Old names (before 0.1), kept for one release.
 
 
 class OldName:
-    """An attribute or method under its old name: it warns, and gives what has the new name."""
+    """An attribute or method under its old name: warns and returns the renamed one."""
 
     def __init__(self, new: str) -> None:
         self._new = new
@@ -116,5 +116,5 @@ class OldName:
 
 
 def warn_renamed(old: str, new: str) -> None:
-    """Warn whoever used an old name."""
+    """Warn the caller that a name is deprecated."""
     warnings.warn(f"{old} is now called {new}", DeprecationWarning, stacklevel=3)

@@ -1,4 +1,4 @@
-"""Settings that estimators share: the gate, how the past is forgotten, the units."""
+"""Settings that estimators share: contact gate, forgetting, outlier rejection, scaling."""
 
 from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any, Self, TypeVar
@@ -10,41 +10,41 @@ import palpate._core as _core
 from palpate.errors import InvalidParameterError
 from palpate.validation import Floats, kept, shown
 
-# Each default stands once, in the C++ headers, with its reason.
+# The C++ headers define and explain each default.
 _FADING = _core.defaults["FadingForgetting"]
 _PERTURBATION = _core.defaults["SelfPerturbation"]
 _DETECTOR = _core.defaults["ChangeDetector"]
 _REJECTION = _core.defaults["OutlierRejection"]
-#: Time between samples where ``update`` is given none, s.
+#: Default time between samples in ``update``, s.
 SAMPLE_TIME: float = _core.defaults["loop"]["sample_time"]
 
 
 class _Numbers:
-    """A setting of plain numbers: as the compiled constructors take it, in their order."""
+    """A setting whose fields are numbers, in the order of the compiled constructor."""
 
     __slots__ = ()
 
     def _plain(self) -> tuple[float, ...]:
-        own: Any = self  # which each subclass makes a dataclass
+        own: Any = self  # each subclass is a dataclass
         return tuple(float(getattr(self, each.name) or 0.0) for each in fields(own))
 
 
 @dataclass(frozen=True, slots=True)
 class ContactGate(_Numbers):
-    """Which samples are contact.
+    """The rule for which samples are in contact.
 
-    Contact is made above ``make_force`` and lost at or below ``break_force``; a sample also has to
-    be deeper than ``minimum_penetration``. Outside contact an estimate is held, never erased.
+    Contact begins above ``make_force`` and ends at or below ``break_force``; a sample in contact is
+    also deeper than ``minimum_penetration``. Outside contact the estimator keeps its estimate.
 
-    Near the surface noise biases a logarithm, E ln(F + ε) ≈ ln F − σ²/2F²: put ``break_force`` at
-    about ten times the force noise.
+    Near the surface, noise biases the logarithm of the force, E ln(F + ε) ≈ ln F − σ²/2F²: set
+    ``break_force`` to about ten times the force noise.
 
     Parameters
     ----------
     minimum_penetration : float
         m, ≥ 0.
     make_force, break_force : float
-        N, 0 ≤ break_force ≤ make_force. ``break_force=None`` means 0.8 × ``make_force``.
+        N, 0 ≤ break_force ≤ make_force. Default of ``break_force``: 0.8 × ``make_force``.
     """
 
     minimum_penetration: float = 0.0
@@ -63,17 +63,17 @@ class ContactGate(_Numbers):
         kept(self, "minimum_penetration", 0.0, 1e100)
 
     def makes(self, penetration: Floats, force: Floats) -> NDArray[np.bool_]:
-        """Whether contact is made at each sample."""
+        """Whether each sample is deep and firm enough to begin contact."""
         found: NDArray[np.bool_] = penetration > self.minimum_penetration
         return found & (force > self.make_force)
 
 
 @dataclass(frozen=True, slots=True)
 class ConstantForgetting:
-    """The same forgetting factor λ at every sample; 1 forgets nothing (plain RLS).
+    """A constant forgetting factor λ; 1 forgets nothing (plain RLS).
 
-    A constant factor below 1 winds the covariance up whenever the motion stops exciting it (the
-    paper: "instability occurs"); ``docs/numerics.md`` says where the guard ends that.
+    With a constant factor below 1 the covariance winds up whenever the motion stops exciting the
+    estimator (the paper: "instability occurs"); ``docs/numerics.md`` explains the guard against it.
 
     Parameters
     ----------
@@ -92,7 +92,7 @@ class ConstantForgetting:
 
 @dataclass(frozen=True, slots=True)
 class FadingForgetting(_Numbers):
-    """Forgetting that fades after each contact: λ(t) = 1 − (1 − λ₀) e^(−α t), section V-A-3.
+    """Forgetting that fades during a contact: λ(t) = 1 − (1 − λ₀) e^(−α t), section V-A-3.
 
     Parameters
     ----------
@@ -118,7 +118,7 @@ class SelfPerturbation(_Numbers):
     """Self-perturbing least squares (Park & Jun 1992), section VII.
 
     P ← (1/λ) [P − L gᵀ + β NINT(γ e²) I], and λ returns to λ₀ whenever NINT(γ e²) > 0; e is the
-    a-priori force error in newtons. Errors below √(0.5/γ) perturb nothing.
+    one-step prediction error of the force, N. Errors below √(0.5/γ) do not perturb P.
 
     Parameters
     ----------
@@ -138,39 +138,39 @@ class SelfPerturbation(_Numbers):
 
 @dataclass(frozen=True, slots=True)
 class ChangeDetector(_Numbers):
-    """Notices that another material is touched, and reinitialises the estimate.
+    """Detects that the probe touches another material, and restarts the estimate.
 
     z = min(e²/s², 25);  g ← max(0, g + z − drift);  alarm at g > threshold   (Page's CUSUM)
 
-    e is the a-priori force error, whitened by its own correlation; s² follows e² slowly. A second
-    sum takes errors as they are, for laws outside the material's class, and blocks of errors show
-    changes too small for single ones, as of the damping alone. All three alarm only beyond what
-    they have come back from before, and only at depths and speeds of earlier strokes: elsewhere an
-    error says more of the law than of a change.
+    e is the one-step prediction error of the force, whitened by its own correlation; s² follows e²
+    slowly. A second sum uses the errors before whitening, for materials that the law cannot
+    describe. A third uses blocks of errors: it detects small changes, as of the damping alone. Each
+    alarms only above the highest value from which it has returned before, and only at depths and
+    speeds of earlier strokes: elsewhere an error says more about the law than about a change.
 
-    On an alarm the estimate restarts with the samples since g was last zero, and with the old value
-    as a prior. Variable projection keeps the exponent it had, n ~ N(n̂, 0.02²), where it was
-    identifiable and until the samples reject it (then N(n̂, 0.3²)), and the force offset; a
-    recursive least squares keeps θ̂ with its initial covariance.
+    After an alarm the estimate restarts from the samples since g was last zero, with the old value
+    as a prior. Variable projection keeps the force offset and, if it was identifiable, the exponent
+    as n ~ N(n̂, 0.02²) until the samples reject it (then N(n̂, 0.3²)); recursive least squares
+    keeps θ̂ with its initial covariance.
 
     Parameters
     ----------
     drift : float
-        What z may be on average without adding up, 1 to 24. White noise has 1.
+        Average of z above which g grows, 1 to 24. White noise has 1.
     threshold : float
-        Of g, > 0. The larger, the later and the fewer false alarms.
+        Alarm level of g, > 0. A higher level gives fewer false alarms and later detection.
     noise : float, optional
-        The least s, N, > 0: the sensor's noise. None: from the first errors.
+        Lower bound of s, N, > 0: the noise of the sensor. Default: from the first errors.
     adaptation : float
-        Fraction of the way from s² to e² a sample, in [0, 1].
+        Fraction of the way from s² to e² per sample, in [0, 1].
     warm_up : int
-        Samples without alarms at the start, 10 to 1e6. The first half tells the noise and its
-        correlation; the later half, and it again from 300 samples after each change on, tells how
-        large errors are where nothing changes.
+        Samples without alarms at the start, 10 to 1e6. The first half gives the noise and its
+        correlation. The second half, again from 300 samples after each change, gives the size of
+        the errors without a change.
     transition : int
-        Samples over which a velocity filter smears a change, 0 to 100: the length of a centred
-        filter. Once twice as many have come after an alarm, a second reset leaves the latest of
-        them only; 0 for a velocity that is measured.
+        Samples over which the velocity filter smears a change, 0 to 100: the length of a centred
+        filter; 0 for a measured velocity. After twice as many samples a second reset keeps only the
+        latest of them.
     """
 
     drift: float = _DETECTOR["drift"]
@@ -192,22 +192,21 @@ class ChangeDetector(_Numbers):
 
 @dataclass(frozen=True, slots=True)
 class OutlierRejection:
-    """Leaves out samples that no probe and no material can have made.
+    """Rejects physically impossible samples: dropouts, spikes and a saturated sensor.
 
-    Lost positions and spikes of the velocity, by x − x_p − ½(v + v_p) T; spikes of the force, by
-    F − F_p; and forces at the end of the sensor's range, where five and more equal ones at the top
-    come while the law's force moves. x_p, v_p, F_p is the previous sample that was not left out, T
-    the time since then. Each is compared with its own running median in contact, and with how far
-    the previous one was off; forces within a tenth of the median force, and motions within 1.2
-    times the median speed, are none.
+    Dropouts and velocity spikes are detected by x − x_p − ½(v + v_p) T; force spikes by F − F_p;
+    saturation by five or more equal forces at the top while the predicted force changes. x_p, v_p,
+    F_p is the last accepted sample, T the time since then. Each quantity is compared with its own
+    running median in contact and with its previous value. Force steps within a tenth of the median
+    force and motions within 1.2 times the median speed are never outliers.
 
-    At most 3 forces or 20 motions are left out in a row: what lasts longer is another material or
-    place, and is taken, so that a :class:`ChangeDetector` finds it that much later.
+    At most 3 forces or 20 motions are rejected in a row: what lasts longer is another material or
+    place and is accepted, so a :class:`ChangeDetector` sees it that much later.
 
     Parameters
     ----------
     threshold : float
-        Standard deviations beyond which a sample is an outlier, 3 to 1e6.
+        Outlier limit in standard deviations, 3 to 1e6.
     """
 
     threshold: float = _REJECTION["threshold"]
@@ -221,14 +220,14 @@ class OutlierRejection:
 
 @dataclass(frozen=True, slots=True)
 class Scale(_Numbers):
-    """Units of the arithmetic: inputs are divided by these, laws come back in SI.
+    """Units of the arithmetic: the estimator divides its inputs by them and returns laws in SI.
 
-    An initial covariance is meant in scaled units. ``Scale()`` is plain SI, as in the paper.
+    An initial covariance is in scaled units. ``Scale()`` is plain SI, as in the paper.
 
     Parameters
     ----------
     penetration, velocity, force : float
-        m, m/s and N; in [1e-30, 1e30]. Best near the largest values of a recording.
+        m, m/s and N; in [1e-30, 1e30]. Best close to the largest values of a recording.
     """
 
     penetration: float = 1.0
@@ -241,11 +240,11 @@ class Scale(_Numbers):
 
 
 class Configured:
-    """What keyword arguments make and samples change: copied and pickled, it goes on the same."""
+    """Keyword settings and a state that samples change; copies and pickles keep both."""
 
     __slots__ = ()
 
-    if TYPE_CHECKING:  # the compiled class, or one of one's own, brings these
+    if TYPE_CHECKING:  # the compiled class, or a user's own, provides these
         _settings: dict[str, Any]
 
         def _state(self) -> bytes: ...
@@ -257,7 +256,7 @@ class Configured:
         return dict(self._settings)
 
     def copy(self) -> Self:
-        """Return one with the same settings and state, from here on independent."""
+        """Return an independent copy with the same settings and state."""
         return _restored(type(self), self._settings, self._state())
 
     __copy__ = copy

@@ -1,4 +1,4 @@
-"""How long each stage of the work takes, said by the logger of the module that does it."""
+"""Timing of each stage of the work, logged by the module that does it."""
 
 import functools
 import logging
@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import ParamSpec, TypeVar
 
-# What palpate's modules say of their work is heard by who asks for it.
+# Without this, Python prints palpate's log to a user who did not configure logging.
 logging.getLogger("palpate").addHandler(logging.NullHandler())
 
 Given = ParamSpec("Given")
@@ -16,14 +16,14 @@ Result = TypeVar("Result")
 
 @contextmanager
 def stage(logger: logging.Logger, words: str) -> Iterator[None]:
-    """Log at the end of what happens inside how many seconds it took."""
+    """Log how many seconds the block took."""
     begun = time.perf_counter()
     yield
     logger.info("%s: %.4f s", words, time.perf_counter() - begun)
 
 
 def timed(words: str) -> Callable[[Callable[Given, Result]], Callable[Given, Result]]:
-    """Log each call of a function as a stage."""
+    """Decorate a function so that each call is logged as a stage."""
 
     def decorate(function: Callable[Given, Result]) -> Callable[Given, Result]:
         logger = logging.getLogger(function.__module__)

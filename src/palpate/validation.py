@@ -1,4 +1,4 @@
-"""Checks of arguments, so that every setting refuses nonsense in the same words."""
+"""Checks of arguments, with the same error messages for every setting."""
 
 import math
 from collections import deque
@@ -14,23 +14,23 @@ from palpate.errors import InvalidParameterError
 Floats = NDArray[np.float64]
 
 
-def shown(value: Any) -> str:
-    """``value`` as an error message shows it: on one line, and not a page of it."""
+def shown(value: Any, most: int = 80) -> str:
+    """``value`` for a message: its repr on one line, at most so many characters."""
     try:
         words = repr(value)
-    except Exception:  # whatever it is, it must not hide what is wrong with it
+    except Exception:  # a failing repr must not hide the actual error
         words = f"<{type(value).__name__}>"
     words = " ".join(words.split())
-    return words if len(words) <= 80 else words[:77] + "…"
+    return words if len(words) <= most else words[: most - 3] + "…"
 
 
 def defined(value: float | None) -> float | None:
-    """A finite number, or None: JSON has no word for others."""
+    """``value`` if it is finite, else None: JSON has no NaN and no infinity."""
     return None if value is None or not math.isfinite(value) else float(value)
 
 
 def plain(value: Any) -> Any:
-    """What JSON takes: None for numbers that it has no word for, a mapping for a dataclass."""
+    """``value`` as JSON types: None for a number that is not finite, a dict for a dataclass."""
     if isinstance(value, float):
         return defined(value)
     if isinstance(value, Mapping):
@@ -41,39 +41,39 @@ def plain(value: Any) -> Any:
 
 
 class Plain:
-    """A dataclass that is written down by its fields."""
+    """A dataclass that converts itself to a dictionary of its fields."""
 
     __slots__ = ()
 
     def as_dict(self) -> dict[str, Any]:
-        """Return it as plain numbers and words; what is not defined is None."""
-        own: Any = self  # which each subclass makes a dataclass
+        """Return the fields as JSON types; a number that is not finite is None."""
+        own: Any = self  # each subclass is a dataclass
         return {each.name: plain(getattr(self, each.name)) for each in fields(own)}
 
 
 def or_nan(value: float | None) -> float:
-    """A number, of which JSON's null is NaN."""
+    """``value`` as a float; None, JSON's null, is NaN."""
     return math.nan if value is None else float(value)
 
 
 def arguments(given: dict[str, Any]) -> dict[str, Any]:
-    """What a constructor was given, by name: of its ``locals()``, before it has any of its own."""
+    """The arguments of a constructor, from its ``locals()`` before it defines any variable."""
     return {name: value for name, value in given.items() if name not in ("self", "__class__")}
 
 
 def number(name: str, value: Any) -> float:
     """``value`` as a finite float."""
     if type(value) is float and math.isfinite(value):
-        return value  # a law is made of such at every estimate that is asked for
+        return value  # the fast path: each estimate that a caller reads checks its parameters
     try:
-        # These have a float too, but are not one number: a text, an imaginary part, a mask.
+        # float() accepts some of these, but none is one real number.
         if isinstance(value, str | bytes | bytearray | complex) or np.ma.is_masked(value):
             raise TypeError
         if isinstance(value, np.ndarray) and value.ndim:
             raise TypeError
         result = float(value)
     except OverflowError:  # a whole number of hundreds of digits
-        raise InvalidParameterError(f"{name} must not be so large: {shown(value)}") from None
+        raise InvalidParameterError(f"{name} is too large: {shown(value)}") from None
     except Exception:  # an object's own __float__ may raise anything
         raise InvalidParameterError(f"{name} must be a number, not {shown(value)}") from None
     if not math.isfinite(result):
@@ -95,7 +95,7 @@ def number_in(name: str, value: Any, low: float, high: float, *, open_low: bool 
 def kept(
     owner: Any, name: str, low: float, high: float, *, open_low: bool = False, whole: bool = False
 ) -> float:
-    """Check a field of a frozen dataclass by :func:`number_in`, and keep it as that number."""
+    """Check a field of a frozen dataclass by :func:`number_in` and store it as a number."""
     value = getattr(owner, name)
     if whole:
         value = whole_in(name, value, int(low), int(high))
@@ -135,14 +135,14 @@ def pair_in(name: str, pair: Any, low: float, high: float) -> tuple[float, float
 
 
 def one_of(name: str, value: Any, allowed: Iterable[str]) -> None:
-    """Refuse ``value`` unless it is one of some words."""
+    """Raise unless ``value`` is one of the allowed words."""
     words = list(allowed)
     if not isinstance(value, str) or value not in words:
         raise InvalidParameterError(f"{name} must be one of {', '.join(words)}, not {shown(value)}")
 
 
 def instance(name: str, value: Any, kinds: type | tuple[type, ...]) -> None:
-    """Refuse ``value`` unless it is of one of the kinds."""
+    """Raise unless ``value`` is an instance of one of the kinds."""
     if not isinstance(value, kinds):
         allowed = kinds if isinstance(kinds, tuple) else (kinds,)
         words = " or ".join(kind.__name__ for kind in allowed)
@@ -150,7 +150,7 @@ def instance(name: str, value: Any, kinds: type | tuple[type, ...]) -> None:
 
 
 def real_array(name: str, values: ArrayLike) -> Floats:
-    """``values`` as a float array of any shape; masked ones are refused."""
+    """``values`` as a float array of any shape; raises if a mask hides some."""
     unmasked(name, values)
     array = _floats(values)
     if array is None:
@@ -161,7 +161,7 @@ def real_array(name: str, values: ArrayLike) -> Floats:
 
 
 def _floats(values: Any) -> Floats | None:
-    """Values as a float array, copied only where they must be; None where they are no numbers."""
+    """Values as a float array, copied only if necessary; None if they are not numbers."""
     try:
         array = np.asarray(values)
         return array.astype(np.float64, copy=False) if array.dtype.kind in "fiub" else None
@@ -170,14 +170,14 @@ def _floats(values: Any) -> Floats | None:
 
 
 def together(**arrays: ArrayLike) -> tuple[Floats, ...]:
-    """Each as by :func:`real_array`, broadcast to one shape."""
+    """Each array checked by :func:`real_array`, all broadcast to one shape."""
     given = {name: real_array(name, values) for name, values in arrays.items()}
     try:
         return tuple(np.broadcast_arrays(*given.values()))
     except ValueError:
         shapes = " and ".join(str(array.shape) for array in given.values())
         raise InvalidParameterError(
-            f"{' and '.join(given)} must be of shapes that go together, not {shapes}"
+            f"{' and '.join(given)} must have shapes that broadcast together, not {shapes}"
         ) from None
 
 
@@ -193,27 +193,27 @@ def in_contact(depth: ArrayLike, velocity: ArrayLike = 0.0) -> tuple[Floats, Flo
 
 
 def all_good(name: str, values: Floats, good: NDArray[np.bool_], range_: str) -> None:
-    """Refuse an array unless every value is good, by the first that is not."""
+    """Raise unless every value is good; the message names the first bad one."""
     if good.all():
         return
     first = int(np.argmin(good.reshape(-1)))
-    where = "" if values.ndim == 0 else f"; value {first} is not"
+    where = "" if values.ndim == 0 else f" (value {first})"
     bad = values.reshape(-1)[first]
     raise InvalidParameterError(f"{name} must be {range_}, not {bad:g}{where}")
 
 
 def unmasked(name: str, values: Any) -> None:
-    """Refuse an array of which a mask hides some, since NumPy would pass over the mask."""
+    """Raise if a mask hides some of an array, because NumPy would ignore the mask."""
     if isinstance(values, np.ma.MaskedArray) and np.ma.is_masked(values):
         count = int(np.count_nonzero(np.ma.getmaskarray(values)))
         raise InvalidParameterError(
-            f"{name} must not be masked, as {count} values are; fill them, with NaN for samples "
-            "that are to be refused"
+            f"{name} must not be masked, but {count} values are; fill them, with NaN for invalid "
+            "samples"
         )
 
 
 def signal(name: str, values: ArrayLike) -> Floats:
-    """``values`` as a contiguous one-dimensional float array (a copy only where it must be)."""
+    """``values`` as a contiguous one-dimensional float array, copied only if necessary."""
     unmasked(name, values)
     array = _floats(values)
     if array is None:
@@ -226,21 +226,21 @@ def signal(name: str, values: ArrayLike) -> Floats:
 
 
 def signals(**arrays: ArrayLike) -> tuple[Floats, ...]:
-    """Each array as by :func:`signal`, all of the same length."""
+    """Each array checked by :func:`signal`; all must have the same length."""
     checked = {name: signal(name, values) for name, values in arrays.items()}
     same_length(**{name: array.size for name, array in checked.items()})
     return tuple(checked.values())
 
 
 def same_length(**sizes: int) -> None:
-    """Refuse arrays of different length."""
+    """Raise if the arrays differ in length."""
     if len(set(sizes.values())) > 1:
         lengths = ", ".join(f"{name} has {size}" for name, size in sizes.items())
         raise InvalidParameterError(f"arrays must have the same length: {lengths}")
 
 
 def positive(name: str, values: ArrayLike) -> Floats:
-    """``values``, of any shape, as floats that are all finite and > 0."""
+    """``values`` as a float array of any shape, all finite and > 0."""
     array = real_array(name, values)
     all_good(name, array, (array > 0.0) & np.isfinite(array), "finite and > 0")
     return array
@@ -268,7 +268,7 @@ def covariance_matrix(name: str, value: ArrayLike, size: int) -> Floats:
             f"{name} must have variances in [1e-20, 1e+20], not {shown(value)}"
         )
     deviations = np.sqrt(variances)
-    # Ten thousand times the rounding of the eigenvalues of a unit diagonal.
+    # Ten thousand times the rounding error of the eigenvalues of a unit diagonal.
     if np.linalg.eigvalsh(matrix / np.outer(deviations, deviations)).min() < 1e-10:
         raise InvalidParameterError(f"{name} must be positive definite, not {shown(value)}")
     return np.ascontiguousarray(matrix)

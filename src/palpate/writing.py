@@ -1,8 +1,7 @@
-"""The one place that writes files: whole or not at all, and never over what is read.
+"""The one module that writes files: completely or not at all, and never over an input file.
 
-A regular file is replaced in one step, when all of the new one is on disk, and keeps its mode and
-owner; symbolic links are followed. Anything else, such as a device or a named pipe, is written
-through to.
+It replaces a regular file in one step, once the new content is on disk, keeps mode and owner, and
+follows symbolic links. It writes directly to anything else, such as a device or a named pipe.
 """
 
 import errno
@@ -27,18 +26,18 @@ def write_bytes(path: Path, content: bytes, inputs: Sequence[Path] = ()) -> None
     Parameters
     ----------
     path : Path
-        What to write to.
+        The file.
     content : bytes
-        All of it.
+        The complete content.
     inputs : sequence of Path
-        Files that must not be written over.
+        Files that must not be overwritten.
 
     Raises
     ------
     RecordingError
-        It cannot be written; a regular file that was there is as it was.
+        The file cannot be written; an existing regular file is unchanged.
     BrokenPipeError
-        What it leads to has no reader any more.
+        The reader of the pipe has closed it.
     """
     with _os_errors_as_recording_errors(path):
         _refuse_inputs(path, inputs)
@@ -58,9 +57,9 @@ def write_text(path: Path, text: str, inputs: Sequence[Path] = ()) -> None:
 
 
 def abandon_output() -> None:
-    """Let go of standard output, which nobody reads or which is full.
+    """Redirect standard output to nowhere, because its reader is gone or its disk is full.
 
-    Else Python would try again on its way out, and complain.
+    Otherwise Python tries to flush it again at exit and prints an error.
     """
     with suppress(OSError, ValueError, AttributeError):  # it may have no descriptor
         nowhere = os.open(os.devnull, os.O_WRONLY)
@@ -69,34 +68,34 @@ def abandon_output() -> None:
 
 
 def as_json(whole: Mapping[str, Any]) -> str:
-    """An object as the text of a file of JSON, a field a line."""
+    """An object as the text of a JSON file, one field per line."""
     return json.dumps(whole, ensure_ascii=False, allow_nan=False, indent=1) + "\n"
 
 
 def encoded(text: str) -> bytes:
-    """Text as :func:`write_text` writes it."""
-    # A file's name that is not UTF-8 reaches text as surrogates; JSON has the same escapes.
+    """The bytes that :func:`write_text` writes."""
+    # A file name that is not UTF-8 contains surrogates; JSON has the same escapes.
     return text.encode("utf-8", "backslashreplace")
 
 
 def check_own(folder: Path, names: Iterable[str], own: Callable[[Path], bool]) -> None:
-    """Refuse to replace a file in a folder that palpate, as ``own`` says of it, did not write.
+    """Check that palpate wrote each file that it would replace in a folder.
 
     Raises
     ------
     RecordingError
-        There is one.
+        ``own`` is false for one of them.
     """
     for path in (folder / name for name in names):
         if path.is_file() and not own(path):
             raise RecordingError(
-                f"{path}: palpate did not write this file, or somebody changed it since; name "
+                f"{path}: palpate did not write this file, or it was changed since; choose "
                 "another folder (-o FOLDER)"
             )
 
 
 def check_writable(path: Path, inputs: Sequence[Path] = ()) -> None:
-    """Say now, before work is done, that a file could not be written.
+    """Check before any work is done that a file can be written.
 
     Raises
     ------
@@ -119,7 +118,7 @@ def check_writable(path: Path, inputs: Sequence[Path] = ()) -> None:
 
 
 def check_outputs(outputs: Sequence[Path], inputs: Sequence[Path] = ()) -> None:
-    """Check several files at once: each as by :func:`check_writable`, and no two the same.
+    """Check several files by :func:`check_writable`, and that no two are the same.
 
     Raises
     ------
@@ -129,11 +128,11 @@ def check_outputs(outputs: Sequence[Path], inputs: Sequence[Path] = ()) -> None:
     for i, path in enumerate(outputs):
         check_writable(path, inputs)
         if any(_same_file(path, other) for other in outputs[:i]):
-            raise RecordingError(f"{path}: two outputs would be this file; name another for one")
+            raise RecordingError(f"{path}: two outputs name this file; rename one of them")
 
 
 def opened_new(path: Path) -> tuple[IO[bytes], Path]:
-    """Open a file that was not there, to be written piece by piece; a taken name gets a number.
+    """Create a file to be written piece by piece; if its name is taken, append a number.
 
     Returns
     -------
@@ -143,7 +142,7 @@ def opened_new(path: Path) -> tuple[IO[bytes], Path]:
     Raises
     ------
     OSError
-        It cannot be made.
+        The file cannot be created.
     """
     for number in range(1, _MOST_NAMES):
         tried = path if number == 1 else path.with_name(f"{path.stem}-{number}{path.suffix}")
@@ -151,29 +150,29 @@ def opened_new(path: Path) -> tuple[IO[bytes], Path]:
             return tried.open("xb"), tried
         except FileExistsError:
             continue
-    raise FileExistsError(errno.EEXIST, "there are too many of its name")
+    raise FileExistsError(errno.EEXIST, "too many files have this name")
 
 
 def make_folder(path: Path) -> None:
-    """Make a folder, with those above it, and say now whether a file can be written into it.
+    """Create a folder and its parents, and check that a file can be written into it.
 
     Raises
     ------
     RecordingError
-        It cannot be made or written to.
+        The folder cannot be created or written to.
     """
     with _os_errors_as_recording_errors(path):
         try:
             path.mkdir(parents=True, exist_ok=True)
         except FileExistsError:
-            raise RecordingError(f"{path}: this is no folder; name another for the files") from None
+            raise RecordingError(f"{path}: this is not a folder; choose another name") from None
         with _beside(path / "any") as temporary:
             temporary.touch(exist_ok=False)
 
 
 @contextmanager
 def scratch_file(name: str) -> Iterator[tuple[Path, IO[bytes]]]:
-    """Open a new file of this name in a folder of its own; both are gone afterwards."""
+    """Open a new file of this name in a temporary folder, and delete both afterwards."""
     with tempfile.TemporaryDirectory(prefix="palpate-") as folder:
         path = Path(folder) / name
         with path.open("wb+") as file:
@@ -182,19 +181,19 @@ def scratch_file(name: str) -> Iterator[tuple[Path, IO[bytes]]]:
 
 @contextmanager
 def temporary_file(name: str, pieces: Iterable[bytes]) -> Iterator[Path]:
-    """Write a file of this name in a folder of its own, which is gone afterwards.
+    """Write a temporary file for a library that reads only files, and delete it afterwards.
 
     Parameters
     ----------
     name : str
-        Of the file, for what reads files only and knows them by their names.
+        Name of the file; the library may need its suffix.
     pieces : iterable of bytes
-        What it holds, one after another.
+        The content, in order.
 
     Raises
     ------
     RecordingError
-        It cannot be written.
+        The file cannot be written.
     """
     with scratch_file(name) as (path, file):
         with _os_errors_as_recording_errors(path):
@@ -204,7 +203,7 @@ def temporary_file(name: str, pieces: Iterable[bytes]) -> Iterator[Path]:
 
 
 def is_standard_output(path: Path) -> bool:
-    """Whether a path leads to where this process prints, such as ``/dev/stdout``."""
+    """Whether a path is this process's standard output, such as ``/dev/stdout``."""
     try:
         return _own_descriptor(path.stat()) == 1
     except (OSError, ValueError):
@@ -227,7 +226,7 @@ def _replace(target: Path, content: bytes, former: os.stat_result | None) -> Non
 
 @contextmanager
 def _beside(target: Path) -> Iterator[Path]:
-    """Name a new file in the same folder; it is gone afterwards, unless it was renamed."""
+    """Name a new file in the same folder; delete it afterwards unless it was renamed."""
     temporary = target.parent / f".palpate-{os.urandom(8).hex()}"
     try:
         yield temporary
@@ -236,14 +235,14 @@ def _beside(target: Path) -> Iterator[Path]:
 
 
 def _make_like(descriptor: int, former: os.stat_result) -> None:
-    with suppress(OSError, AttributeError):  # only root gives files away; Windows has no owners
+    with suppress(OSError, AttributeError):  # only root may change owners; Windows has none
         os.fchown(descriptor, former.st_uid, former.st_gid)
     with suppress(AttributeError):
         os.fchmod(descriptor, stat.S_IMODE(former.st_mode))
 
 
 def _sync_folder(folder: Path) -> None:
-    """Put the new name on disk too, where the system lets a folder be opened."""
+    """Flush the new name to disk too, if the system can open a folder."""
     with suppress(OSError):
         descriptor = os.open(folder, os.O_RDONLY)
         try:
@@ -260,7 +259,7 @@ def _write_through(descriptor: int, content: bytes) -> None:
 
 
 def _own_descriptor(status: os.stat_result | None) -> int | None:
-    """Standard output or error, where that is the file: opened again it would begin at its top."""
+    """The descriptor if the file is standard output or error: reopening it would rewind it."""
     for descriptor, stream in ((1, sys.stdout), (2, sys.stderr)):
         with suppress(OSError):
             if status is not None and os.path.samestat(os.fstat(descriptor), status):
@@ -271,7 +270,7 @@ def _own_descriptor(status: os.stat_result | None) -> int | None:
 
 
 def _status(path: Path) -> os.stat_result | None:
-    """What a path leads to; None where that does not exist yet."""
+    """The status of the file; None if it does not exist yet."""
     try:
         return path.stat()
     except FileNotFoundError:
@@ -280,16 +279,16 @@ def _status(path: Path) -> os.stat_result | None:
 
 def _refuse_inputs(path: Path, inputs: Sequence[Path]) -> None:
     if any(_same_file(path, each) for each in inputs):
-        raise RecordingError(f"{path}: this file is read; name another one to write to")
+        raise RecordingError(f"{path}: this is an input file; choose another name for the output")
 
 
 def _same_file(one: Path, other: Path) -> bool:
-    """Whether two paths lead to one regular file, there or to be; hard links count."""
+    """Whether two paths are one regular file, existing or not; hard links count."""
     try:
         if one.exists() and other.exists():
             return one.is_file() and one.samefile(other)
         return os.path.realpath(one) == os.path.realpath(other)
-    except (OSError, ValueError):  # of no file's name: who opens it says so
+    except (OSError, ValueError):  # not a file name: opening it raises the error
         return False
 
 
@@ -301,8 +300,8 @@ def _os_errors_as_recording_errors(path: Path) -> Iterator[None]:
         raise
     except OSError as error:
         raise RecordingError(f"{path}: {_describe_os_error(path, error)}") from None
-    except ValueError as error:  # a name with a null byte, or of a lone surrogate
-        raise RecordingError(f"{path!r}: not a file's name: {error}") from None
+    except ValueError as error:  # a name with a null byte or a lone surrogate
+        raise RecordingError(f"{path!r}: not a valid file name: {error}") from None
 
 
 def _describe_os_error(path: Path, error: OSError) -> str:
@@ -310,8 +309,8 @@ def _describe_os_error(path: Path, error: OSError) -> str:
         return "this is a folder; name a file in it"
     if error.errno == errno.ENOENT:
         folder = Path(os.path.realpath(path)).parent
-        return f"the folder {folder} does not exist; make it, or choose another"
+        return f"the folder {folder} does not exist; create it or choose another"
     if error.errno in (errno.ENOSPC, errno.EDQUOT):
-        return f"{error.strerror}; make room, or choose another place"
+        return f"{error.strerror}; free some space or choose another place"
     reason = error.strerror or "cannot be written"
-    return f"{reason}; choose a place that can be written to"
+    return f"{reason}; choose a writable place"

@@ -71,7 +71,7 @@ TEST("a rejection's threshold is checked where there is one") {
 
 TEST("a method's own settings are checked") {
   CHECK(fault<SingleStageRLS>([](auto& s) { s.method.initial.stiffness = 0.0; }) ==
-        "method.initial must have stiffness > 0, for its logarithm");
+        "method.initial must have stiffness > 0, as its logarithm is taken");
   CHECK(fault<KelvinVoigtRLS>([](auto& s) { s.method.initial.damping = infinity; }) ==
         "method.initial must be finite parameters, within ±1e100");
   CHECK(fault<KelvinVoigtRLS>([](auto& s) { s.method.initial_covariance[0][0] = 1e21; }) ==
@@ -95,6 +95,6 @@ TEST("a setting that a method would ignore is refused") {
   CHECK(fault<DriftTracking>([](auto& s) { s.forgetting = fading_forgetting; }) ==
         "forgetting must be none: this method does not forget by a factor");
   CHECK(fault<VariableProjection>([](auto& s) { s.perturbation = SelfPerturbation{}; }) ==
-        "perturbation must be none: this method has no covariance to reopen");
+        "perturbation must be none: this method has no covariance to increase");
   CHECK(fault<SingleStageRLS>([](auto& s) { s.perturbation = SelfPerturbation{}; }).empty());
 }

@@ -176,7 +176,19 @@ def test_a_reset_forgets_the_verdict_and_another_method_has_none():
     assert loop.status()["law"]["shown"] == [0, 1, 2]
 
 
-def test_a_verdict_that_flickers_is_said_to():
+@pytest.mark.parametrize("law, advised", [("auto", True), ("any", False)])
+def test_a_warning_recommends_all_laws_only_where_some_did_not_compete(law, advised):
+    times, x, force = swung(LAWS["Hunt–Crossley"])
+    noise, white = [0.0], np.random.default_rng(1).standard_normal(len(force))
+    for each in white:
+        noise.append(0.99 * noise[-1] + 0.1 * each)
+    force = [f + each for f, each in zip(force, noise[1:], strict=True)]
+    _, _, verdict = watched(arrivals(times, x, force), law=law)
+    (flag,) = (each for each in verdict["flags"] if each.startswith("the residuals of the best"))
+    assert ("--law any" in flag) is advised
+
+
+def test_a_verdict_that_does_not_settle_says_so():
     # Without a damper both laws with a flat spectrum are the same, and take turns.
     law = GeneralisedHuntCrossley(2e4, 1.5, 0.0, 1.5, 2e4, SingleRelaxation(0.05))
     _, said, _ = watched(arrivals(*swung(law, 3.0)), at=range(400, 3000, 20))

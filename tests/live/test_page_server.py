@@ -405,7 +405,7 @@ def test_a_loop_that_does_not_answer_holds_up_no_page(monkeypatch):
     with served(seconds=0.1) as page, page.socket() as client:
         for _ in range(4000):  # nobody reads them, and the system has room for some hundred kB
             client.send('{"ask": "reset"}')
-        received(client, dict, lambda each: "the loop does not answer" in str(each), seconds=20)
+        received(client, dict, lambda each: "the loop does not respond" in str(each), seconds=20)
         assert page.get()[0].status == 200
 
 

@@ -1,5 +1,5 @@
-// Drift tracking: the law of a material that changes slowly, and whether it changes faster than
-// that.
+// Drift tracking: the law of a slowly changing material, and a test whether it changes faster than
+// assumed.
 #pragma once
 
 #include <algorithm>
@@ -11,18 +11,18 @@
 
 namespace palpate::detail {
 
-// Whether what a filter of a random walk sees moves faster than the walk allows.
+// Whether the truth drifts faster than the random walk that a filter assumes.
 //
-// A walk as fast as assumed leaves errors without correlation. Where the truth walks r times as far
-// in a second, the filter lags, and one error tells the next:
+// If it drifts as assumed, the prediction errors are uncorrelated. If it drifts r times as far in a
+// second, the filter lags, and successive errors are correlated:
 //
 //   E[e_k e_{k−1}] = P (r² − 1)/2,   P the variance of the predicted force
 //
-// so the ratio of their means, over the last thousand samples or so, says r whatever the noise.
-// Noise that is correlated itself does the same: the two cannot be told apart by the errors.
+// so the ratio of their means, over about the last thousand samples, gives r for any white noise.
+// Correlated noise has the same effect and cannot be distinguished by the errors.
 class WalkCheck {
  public:
-  // error: of the prediction, as the filter learned from it; predicted: P; whole: P and the noise.
+  // error: of the prediction, as the filter used it; predicted: P; whole: P plus the noise.
   constexpr void observe(double error, double predicted, double whole) noexcept {
     samples_ = std::min(samples_ + 1, window);
     const double gain = 1.0 / static_cast<double>(samples_);
@@ -32,8 +32,8 @@ class WalkCheck {
     previous_ = error;
   }
 
-  // Five deviations of the mean product of white errors beyond what a truth three times faster than
-  // the walk would give.
+  // Five standard deviations of the mean product of white errors above that of a truth three times
+  // faster than the walk.
   bool too_slow() const noexcept {
     const double scatter = whole_ / std::sqrt(static_cast<double>(window));
     return samples_ == window && product_ > most_lag * predicted_ + 5.0 * scatter;
@@ -41,7 +41,7 @@ class WalkCheck {
 
  private:
   static constexpr std::uint64_t window = 1000;
-  // (3² − 1)/2. Up to twice as fast the bars are √1.25 too narrow, and no flag is worth it.
+  // (3² − 1)/2. Up to twice as fast the standard errors are √1.25 too small, not worth a flag.
   static constexpr double most_lag = 4.0;
 
   std::uint64_t samples_ = 0;
@@ -52,13 +52,13 @@ class WalkCheck {
 
 namespace palpate {
 
-// A material that drifts: an extended Kalman filter on (ln k, b, n, F₀) of
+// A drifting material: an extended Kalman filter on (ln k, b, n, F₀) of
 //
 //   F = k ξⁿ (1 + b w) + F₀,   d(ln k), db, dn random walks, F₀ constant,
 //
-// started by variable projection, from its answer, its covariance and its noise. Started cold it
-// diverges in one start of ten, so there is no way to start it cold: until variable projection
-// knows the exponent to 0.05, its answer is this method's.
+// started from the estimate, covariance and noise of variable projection. From arbitrary values it
+// diverges in one start of ten, so this is the only start: until the exponent's standard error is
+// below 0.05, the estimate is that of variable projection.
 class DriftTrackingMethod {
  public:
   using Law = HuntCrossley;
@@ -67,10 +67,10 @@ class DriftTrackingMethod {
   using Row = Start::Row;
 
   struct Settings {
-    // Beside a drifting stiffness few motions make an offset identifiable: none unless asked for.
+    // Few motions identify an offset together with a drifting stiffness: default off.
     ProjectionSettings projection{.offset = false};
-    // Of ln k, b (scaled) and n: deviation after one second of random walk, 1/√s. 0.02 follows ±30
-    // % at 0.1 Hz to a few tenths of a percent; 0.3 would take all that makes the exponent
+    // Of ln k, b (scaled) and n: standard deviation of the random walk after one second, 1/√s. 0.02
+    // follows ±30 % at 0.1 Hz to a few tenths of a percent; with 0.3 the exponent would not be
     // identifiable.
     Vector<3> drift{0.02, 0.0, 0.0};
 
@@ -147,12 +147,12 @@ class DriftTrackingMethod {
   }
 
  private:
-  // An estimate costs ten updates, so one is looked at every 32; and none before 192, six of these,
-  // as few samples fit any law and their error bars promise too much.
+  // An estimate costs ten updates, so it is checked every 32 samples, and not before 192: the
+  // standard errors of a fit to few samples are too small.
   static constexpr std::uint64_t samples_between_looks = 32;
   static constexpr std::uint64_t fewest_samples = 192;
-  // Of the exponent: an eighth of a step from spring to sphere to cone, where the filter's first
-  // order is good.
+  // Of the exponent: an eighth of the step from punch to sphere to cone; so close the filter's
+  // linearisation is accurate.
   static constexpr double largest_start_error = 0.05;
 
   void start_again() noexcept {
@@ -162,7 +162,7 @@ class DriftTrackingMethod {
 
   bool exponent_known() const noexcept { return settings_.projection.exponent > 0.0; }
 
-  // The covariance as it is printed: a known exponent has no error.
+  // The reported covariance: a known exponent has no error.
   Matrix<4> known() const noexcept {
     Matrix<4> result = covariance_;
     if (exponent_known()) result[2][2] = 0.0;
@@ -171,7 +171,7 @@ class DriftTrackingMethod {
 
   void track_if_known() noexcept {
     if (++learned_ % samples_between_looks != 0 || learned_ < fewest_samples) return;
-    // What drifts widens the bars of a law that does not: by these it would never start.
+    // A drift increases the standard errors of a constant law: by these it would never start.
     const Fit<Law> fit = start_.fit_in_white_noise(units_);
     constexpr double most_variance = largest_start_error * largest_start_error;
     const bool known =
@@ -185,17 +185,17 @@ class DriftTrackingMethod {
                                per_stiffness * units_.velocity, 0.0, 0.0},
                               {0.0, 0.0, 1.0, 0.0},
                               {0.0, 0.0, 0.0, units_.per_force}}};
-    // The material drifted while it was taken for constant: ten times the deviation covers that.
+    // The material drifted while it was assumed constant: ten times the deviation covers that.
     covariance_ =
         detail::multiply(detail::congruence(to_state, detail::cholesky(joint(fit))), 100.0);
-    // Of what is not estimated the entry of the state stays: 1e-30 is no variance, and definite.
+    // A fixed entry of the state has the variance 1e-30, which keeps the matrix positive definite.
     if (!settings_.projection.offset) covariance_[3][3] = 1e-30;
     if (exponent_known()) covariance_[2][2] = 1e-30;
     if (!detail::is_positive_definite(covariance_)) return;
     const Vector<4> state{
         std::log(fit.law.stiffness) + fit.law.exponent * units_.log_penetration - units_.log_force,
         dissipation * units_.velocity, fit.law.exponent, fit.offset.value * units_.per_force};
-    // filter() would refuse every sample beyond it.
+    // Beyond it filter() would refuse every sample.
     for (std::size_t i = 0; i < 4; ++i) {
       const bool bounded = std::abs(state[i]) < largest_input && covariance_[i][i] < largest_input;
       if (!bounded) return;
@@ -222,7 +222,7 @@ class DriftTrackingMethod {
            state_[3];
   }
 
-  // One step of the filter; a sample that would leave the covariance unsound is not taken.
+  // One step of the filter; it refuses a sample if the covariance would not stay positive definite.
   Status filter(const Sample& s, double dt, double error) noexcept {
     Matrix<4> predicted = covariance_;
     for (std::size_t i = 0; i < 3; ++i) {
@@ -235,8 +235,8 @@ class DriftTrackingMethod {
                           settings_.projection.offset ? 1.0 : 0.0};
     const Vector<4> g = detail::multiply(predicted, slope);
     const double innovation = detail::dot(slope, g) + noise_variance_;
-    // An error beyond five deviations, which white noise has once in two million samples, moves the
-    // state as one of five would.
+    // An error beyond five standard deviations, which white noise has once in two million samples,
+    // counts as five.
     const double limit = 5.0 * std::sqrt(innovation);
     const double bounded = std::clamp(error, -limit, limit);
     Vector<4> next = state_;
@@ -263,7 +263,7 @@ class DriftTrackingMethod {
     return {stiffness, detail::saturate(stiffness * state_[1] / u.velocity), state_[2]};
   }
 
-  // Of (K, B, n, F₀) in SI by (ln k, b, n, F₀) in scaled units.
+  // Derivative of (K, B, n, F₀) in SI by (ln k, b, n, F₀) in scaled units.
   static Matrix<4> jacobian(const Law& law, const Units& u) noexcept {
     Matrix<4> result = detail::among_known<4>(HuntCrossleyLogRegression::jacobian(law, u));
     result[3][3] = u.force;
@@ -287,7 +287,7 @@ constexpr const char* validate(const DriftTrackingMethod::Settings& settings) no
     if (!(drift >= 0.0 && drift <= 1e60)) return "method.drift must be in [0, 1e60] 1/√s";
   }
   if (settings.projection.exponent > 0.0 && settings.drift[2] > 0.0) {
-    return "method.drift of the exponent must be 0 where the exponent is known";
+    return "method.drift of the exponent must be 0 for a known exponent";
   }
   return nullptr;
 }

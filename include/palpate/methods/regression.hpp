@@ -1,6 +1,6 @@
 // A force law identified by one recursive least squares: KV-RLS, EKV-RLS and the single stage.
 //
-// Each law is a linear regression y = φᵀθ in scaled units, with the way from θ back to the law in
+// Each law is a linear regression y = φᵀθ in scaled units, with a conversion from θ to the law in
 // SI.
 #pragma once
 
@@ -27,7 +27,7 @@ struct RegressionRow {
   double output;            // y
 };
 
-// What multiplies a parameter in a force that is linear in all of them.
+// The factor of a parameter in a force that is linear in all of them.
 enum class Term : std::uint8_t { depth, depth_squared, velocity };
 
 // y = F, φ and θ term by term.
@@ -81,9 +81,9 @@ struct LinearRegression {
 
 // φ = [x, v], θ = [K, B].
 struct KelvinVoigtRegression : LinearRegression<KelvinVoigt, Term::depth, Term::velocity> {
-  // Near nothing, as the paper starts (its 0 has no logarithm; methods alike start alike).
+  // Near 0, as in the paper (0 has no logarithm; equivalent methods have the same start).
   static constexpr Law initial{0.1, 0.0};
-  // In SI φ² is near 1e-4 (10 mm): a thousand samples outweigh a prior from 1e4 on by far.
+  // In SI φ² is near 1e-4 (10 mm): a thousand samples far outweigh a prior of 1e4 or more.
   static constexpr Vector<order> initial_variances{1e8, 1e8};
 };
 
@@ -91,7 +91,7 @@ struct KelvinVoigtRegression : LinearRegression<KelvinVoigt, Term::depth, Term::
 struct ExtendedKelvinVoigtRegression
     : LinearRegression<ExtendedKelvinVoigt, Term::depth, Term::depth_squared, Term::velocity> {
   static constexpr Law initial{0.1, 0.0, 0.0};
-  // In SI x² is near 1e-4 and φ² near 1e-8: under a smaller variance K₂ never moves.
+  // In SI x² is near 1e-4 and φ² near 1e-8: under a smaller variance K₂ stays at its start.
   static constexpr Vector<order> initial_variances{1e10, 1e10, 1e10};
 };
 
@@ -100,8 +100,8 @@ struct HuntCrossleyLogRegression {
   using Law = HuntCrossley;
   static constexpr std::size_t order = 3;
   static constexpr Law initial{0.1, 0.0, 1.0};
-  // Of θ: from 10 on starts converge alike (the paper's section V-B); the larger, the quicker the
-  // start and the larger its overshoot.
+  // Of θ: from 10 on all starts converge (the paper's section V-B); larger values start faster and
+  // overshoot more.
   static constexpr Vector<order> initial_variances{1e3, 1e3, 1e3};
 
   static RegressionRow<order> row(const Sample& s) noexcept {
@@ -129,7 +129,7 @@ struct HuntCrossleyLogRegression {
               detail::saturate(law.damping * depth)},
              {0.0, 0.0, 1.0}}};
   }
-  // The diagonal of J P Jᵀ written out: a trace asks for it at every sample.
+  // The diagonal of J P Jᵀ in closed form: a trace needs it at every sample.
   static Vector<order> variances(const Matrix<order>& p, const Law& law, const Units& u) noexcept {
     const double depth = -u.log_penetration;
     const double log_stiffness = p[0][0] + depth * (2.0 * p[0][2] + depth * p[2][2]);
@@ -142,7 +142,7 @@ struct HuntCrossleyLogRegression {
   }
 };
 
-// The same where the exponent is known: y = ln F − n ln x, φ = [1, v], θ = [ln K, B/K].
+// The same with a known exponent: y = ln F − n ln x, φ = [1, v], θ = [ln K, B/K].
 struct KnownExponentLogRegression : HuntCrossleyLogRegression {
   static constexpr std::size_t order = 2;
   static constexpr Law initial{0.1, 0.0, 1.5};  // of which n is the known one; a sphere's
@@ -168,7 +168,7 @@ struct KnownExponentLogRegression : HuntCrossleyLogRegression {
   Law law(const Vector<order>& theta, const Units& u) const noexcept {
     return HuntCrossleyLogRegression::law({theta[0], theta[1], exponent}, u);
   }
-  double exponent;  // which has no error among (ln K, B/K, n)
+  double exponent;  // known, without error
 };
 
 namespace detail {
@@ -188,7 +188,7 @@ constexpr const char* validate_covariance(const Matrix<Size>& p) noexcept {
   return nullptr;
 }
 
-// What is known of an exponent that is not to be identified.
+// Check of a known exponent.
 constexpr const char* validate_known_exponent(double exponent) noexcept {
   return lies_in(exponent, 0.1, 10.0) ? nullptr : "method: a known exponent must be in [0.1, 10]";
 }
@@ -219,7 +219,7 @@ constexpr const char* validate(const RegressionSettings<Regression>& settings) n
   if (const char* fault = detail::validate_initial(settings.initial)) return fault;
   if constexpr (std::is_same_v<typename Regression::Law, HuntCrossley>) {
     if (!(settings.initial.stiffness > 0.0)) {
-      return "method.initial must have stiffness > 0, for its logarithm";
+      return "method.initial must have stiffness > 0, as its logarithm is taken";
     }
   }
   if constexpr (std::is_same_v<Regression, KnownExponentLogRegression>) {
@@ -232,7 +232,7 @@ constexpr const char* validate(const RegressionSettings<Regression>& settings) n
 
 namespace detail {
 
-// A regression of its own, where something of it is in the start.
+// A regression whose known parameters come from the start.
 template <class Regression>
 Regression regression_of(const typename Regression::Law& initial) noexcept {
   if constexpr (std::is_empty_v<Regression>) {
@@ -242,7 +242,7 @@ Regression regression_of(const typename Regression::Law& initial) noexcept {
   }
 }
 
-// The matrix of the first coefficients among all, of which the others are known.
+// The matrix of the first coefficients; the others are known.
 template <std::size_t Size, std::size_t Order>
 constexpr Matrix<Size> among_known(const Matrix<Order>& m) noexcept {
   if constexpr (Size == Order) {
@@ -271,7 +271,7 @@ class RegressionMethod {
   static constexpr Scale default_scale{};
   static constexpr bool forgets = true;
   static constexpr bool perturbs = true;
-  // Scaled inputs beyond this are refused: squares and products stay finite below it.
+  // Larger scaled inputs are refused: below it squares and products stay finite.
   static constexpr double largest_input = 1e100;
 
   RegressionMethod(const Settings& settings, const Units& units) noexcept
@@ -345,24 +345,24 @@ class RegressionMethod {
 //   stage 1:  y = F,                φ = [x^n̂, x^n̂ v]  → K̂, B̂   (n̂ of the previous sample)
 //   stage 2:  y = ln(F / (K̂ + B̂ v)), φ = ln x          → n̂       (skipped while K̂ + B̂ v ≤ 0)
 //
-// Each stage takes the other's estimate for the truth, so from most starts it freezes on a ridge
-// between K and n. That is the method's nature, shown here as it is.
+// Each stage treats the other's estimate as the truth, so from most starts it stalls on a ridge
+// between K and n. This is a property of the published method.
 class DoubleStageMethod {
  public:
   using Law = HuntCrossley;
 
   struct Settings {
     Law initial{0.1, 0.0, 1.0};
-    // Of [K, B], in scaled units, and of n, with none between the stages. In SI φ² is near 1e-4: a
-    // smaller one of K would hold it at the start.
+    // Of [K, B], in scaled units, and of n, with no covariance between the stages. In SI φ² is near
+    // 1e-4: a smaller variance would keep K at its start.
     Matrix<3> initial_covariance = diagonal<3>({1e8, 1e8, 1e3});
-    // The start's is the truth, such as of a tip whose shape is known: no stage 2.
+    // The exponent of the start is known, as for a tip of known shape: no stage 2.
     bool exponent_known = false;
 
     bool operator==(const Settings&) const = default;
   };
 
-  // What both stages take from a sample, n̂ being that of the sample before.
+  // The regressors of both stages; n̂ is that of the previous sample.
   struct Row {
     Vector<2> regressor;  // of stage 1
     double depth;         // ln ξ, the regressor of stage 2
@@ -407,7 +407,7 @@ class DoubleStageMethod {
     const double output = std::log(row.force / rate);
     if (!std::isfinite(output)) return status;
     const Status second = stage_two_.update({row.depth}, output, forgetting_factor, perturbation);
-    if (!taken(second)) stage_one_.restore(before);  // a sample is taken whole or not at all
+    if (!taken(second)) stage_one_.restore(before);  // a refused sample changes nothing
     return second == Status::updated ? status : second;
   }
 
@@ -430,8 +430,8 @@ class DoubleStageMethod {
 
   double force(const Units& u, double x, double v) const noexcept { return law(u).force(x, v); }
 
-  // The covariance is the stages' own; neither knows of the other, so K and n appear independent
-  // but for the unit of K, which depends on n.
+  // The covariance is that of the separate stages: K and n appear independent except for the unit
+  // of K, which depends on n.
   Fit<Law> fit(const Units& u) const noexcept {
     const Law now = law(u);
     return {now,
@@ -461,7 +461,7 @@ class DoubleStageMethod {
             detail::saturate(law.damping * unit * u.velocity)};
   }
 
-  // Of (K, B, n) in SI by [K, B] in scaled units and n.
+  // Derivative of (K, B, n) in SI by [K, B] in scaled units and n.
   static Matrix<3> jacobian(const Law& law, const Units& u) noexcept {
     const double unit =
         detail::saturate(u.force * detail::bounded_exp(-law.exponent * u.log_penetration));

@@ -20,26 +20,26 @@ namespace palpate {
 
 namespace detail {
 
-// What is kept of an answer after a change of what is touched. Another material of the same kind
-// mostly has the same exponent, and a few milliseconds of it tell stiffness and exponent apart so
-// badly that K overshoots by half; so the old exponent is kept until the samples reject it:
+// What is kept of an estimate after a change of the material. Another material of the same kind
+// usually has the same exponent, and a few milliseconds of data separate stiffness and exponent so
+// poorly that K overshoots by half; so the old exponent is kept until the samples reject it:
 //
 //   n ~ N(n_old, 0.02²), c/k ~ N(old, 0.5²)   while   J_kept − J_open ≤ 9 σ²,
 //   n ~ N(n_old, 0.3²),  c/k ~ N(old, 0.1²)   from then on (J_open).
 //
-// An exponent that was not identifiable is no knowledge: the priors stay those that it had.
+// An exponent that was not identifiable carries no information: its own priors stay.
 class KeptExponent {
  public:
   KeptExponent() = default;
 
-  // Of the answer before the change; `identifiable` says whether its exponent is worth keeping, and
-  // `inflation` by how much correlation inflates its variance.
+  // The estimate before the change; `identifiable`: whether its exponent is worth keeping;
+  // `inflation`: the factor on its variance from correlated noise.
   KeptExponent(const ProjectionSolution& old, bool identifiable, double inflation) noexcept
       : old_(old),
         identifiable_(identifiable),
         tolerance_(9.0 * old.noise_variance * std::min(inflation, most_inflation)) {}
 
-  // The samples before are forgotten: none rejects the old exponent.
+  // The earlier samples are forgotten: none rejects the old exponent.
   template <class Solver>
   void begin(Solver& solver) noexcept {
     solver.clear();
@@ -57,11 +57,11 @@ class KeptExponent {
     kept_ = false;
     give(solver);
     const ProjectionSolution open = solver.solve();
-    // A quarter of the prior's deviation: from there on it says next to nothing.
+    // At a quarter of the prior's deviation the prior has almost no effect.
     constexpr double known = 0.25 * exponent_deviation;
     if (dot(open.root[2], open.root[2]) < known * known) return open;
     const double tolerance = std::max(tolerance_, 9.0 * open.noise_variance);
-    // Of other samples their costs say nothing.
+    // Costs of different samples cannot be compared.
     const bool alike = kept.lost_above == open.lost_above;
     if (!alike || !(kept.cost - open.cost <= tolerance)) return open;
     kept_ = true;
@@ -71,7 +71,7 @@ class KeptExponent {
 
  private:
   static constexpr double exponent_deviation = 0.02;
-  // With more, a wrong exponent would be kept for half a second.
+  // With a larger value, a wrong exponent would be kept for half a second.
   static constexpr double most_inflation = 4.0;
 
   template <class Solver>
@@ -79,8 +79,8 @@ class KeptExponent {
     if (kept_) {
       solver.set_prior(old_, exponent_deviation, 0.5);
     } else {
-      // Of the same kind an exponent is within 0.3 or so, and at the speed of the scale a damping
-      // force within a tenth of the elastic one.
+      // Materials of one kind have exponents within about 0.3, and at the speed of the scale
+      // damping forces within a tenth of the elastic one.
       solver.set_prior(old_, 0.3, 0.1);
     }
   }
@@ -93,8 +93,8 @@ class KeptExponent {
 
 }  // namespace detail
 
-// `Solver` is ContactSolver, which chooses the samples; ProjectionSolver, which takes what it is
-// given; or SurfaceSolver where the surface is unknown.
+// `Solver` is ContactSolver, which selects the samples; ProjectionSolver, which takes all; or
+// SurfaceSolver for an unknown surface.
 template <class Solver>
 class VariableProjectionMethod {
  public:
@@ -111,7 +111,7 @@ class VariableProjectionMethod {
   static constexpr Scale default_scale = probing_scale;
   static constexpr bool forgets = true;
   static constexpr bool perturbs = false;
-  // With the limit on ξⁿ below, sums of what is squared here stay finite.
+  // With the limit on ξⁿ below, sums of these squares stay finite.
   static constexpr double largest_input = 1e8;
   // ξⁿ squared, times w², summed and multiplied by its like three times, stays finite below it.
   static constexpr double largest_power = 1e29;
@@ -145,24 +145,24 @@ class VariableProjectionMethod {
     return Status::updated;
   }
 
-  // A sample out of contact tells of the force's offset.
+  // A sample out of contact informs the force offset.
   void free(const Sample& sample, double, double forgetting_factor) noexcept {
     if constexpr (requires { solver_.free(sample, forgetting_factor); }) {
       if (detail::within(sample, largest_input)) solver_.free(sample, forgetting_factor);
     }
   }
 
-  // The latest samples, at most eight, were bad after all.
+  // The latest samples, at most eight, turned out to be outliers.
   void withdraw(std::size_t count) noexcept {
     if constexpr (requires { solver_.withdraw(count); }) solver_.withdraw(count);
   }
 
-  // The next sample does not follow upon the latest.
+  // The next sample does not continue the latest one.
   void interrupt() noexcept {
     if constexpr (requires { solver_.interrupt(); }) solver_.interrupt();
   }
 
-  // With the old answer as a prior (KeptExponent).
+  // With the old estimate as a prior (KeptExponent).
   void reinitialise() noexcept {
     const Solution now = solve();
     const Matrix<5> root = widened(now);
@@ -175,7 +175,7 @@ class VariableProjectionMethod {
     reinitialise_after_transient();
   }
 
-  // The same once more, from the same prior.
+  // Again, from the same prior.
   void reinitialise_after_transient() noexcept {
     kept_.begin(solver_);
     forget_noise();
@@ -187,7 +187,7 @@ class VariableProjectionMethod {
     return without_errors(solve(), units).force(x, v);
   }
 
-  // The solution that errors are measured against, up to a 64th of the samples old.
+  // The solution for one-step prediction errors, up to a 64th of the samples old.
   Snapshot<Law> latest(const Units& units) const noexcept {
     return without_errors(last_solution_, units);
   }
@@ -197,7 +197,7 @@ class VariableProjectionMethod {
     return fit(now, widened(now), units);
   }
 
-  // As if the errors were white noise: a filter that lets the material drift starts from it.
+  // As for white noise: the drift-tracking filter starts from it.
   Fit<Law> fit_in_white_noise(const Units& units) const noexcept {
     const Solution now = solve();
     return fit(now, now.root, units);
@@ -213,13 +213,13 @@ class VariableProjectionMethod {
     return snapshot;
   }
 
-  // Of the force, in scaled units.
+  // Noise of the force, in scaled units.
   double noise_variance() const noexcept { return solve().noise_variance; }
 
  private:
   using Solution = detail::ProjectionSolution;
 
-  // By a solution and the root of its covariance, in scaled units.
+  // From a solution and the root of its covariance, in scaled units.
   Fit<Law> fit(const Solution& now, const Matrix<5>& root, const Units& units) const noexcept {
     const Law law = this->law(now, units);
     const Matrix<5> joint = detail::covariance_in_si(root, law, units);
@@ -228,7 +228,7 @@ class VariableProjectionMethod {
     return fit;
   }
 
-  // Whether the sample is taken as contact: a solver may keep one that is in doubt beside.
+  // Whether the sample counts as contact: a solver may keep an undecided one apart.
   bool add(const Sample& sample, double forgetting_factor) noexcept {
     if constexpr (requires { solver_.add(sample, forgetting_factor, last_solution_); }) {
       return solver_.add(sample, forgetting_factor, last_solution_);
@@ -245,9 +245,9 @@ class VariableProjectionMethod {
     samples_since_solve_ = 1;
   }
 
-  // Whether the answer is to be searched for anew: after every 64th part of the samples, which
-  // moves it by an eighth of its standard error at most (1/√64), but at least every 64 samples, as
-  // its cost of ten updates is a sixth of theirs then.
+  // Whether to solve again: after 1/64 more samples, which change the estimate by at most an eighth
+  // of its standard error (1/√64), and at most every 64 samples, where its cost of ten updates is a
+  // sixth of theirs.
   bool due() const noexcept {
     return static_cast<double>(samples_since_solve_) >=
            std::min(1.0 + solver_.weight() / 64.0, 64.0);
@@ -257,13 +257,13 @@ class VariableProjectionMethod {
     return due() ? solver_.solve() : solver_.solve_near(last_solution_);
   }
 
-  // Renews the solution that errors are measured against, and solving starts from, where it is due.
+  // Renews, if due, the solution for prediction errors, from which solving starts.
   void refresh() noexcept {
     if (!due()) return;
     samples_since_widening_ += samples_since_solve_;
     last_solution_ = kept_.solve(solver_);
     samples_since_solve_ = 0;
-    // A tenth of the samples more moves an error bar by a twentieth.
+    // A tenth more samples changes a standard error by a twentieth.
     if (static_cast<double>(samples_since_widening_) > 0.1 * solver_.weight()) {
       samples_since_widening_ = 0;
       const Vector<4> prior = solver_.prior_fractions(last_solution_);
@@ -271,24 +271,24 @@ class VariableProjectionMethod {
     }
   }
 
-  // F = ξⁿ (k + c w) + F₀ by k, c, n/k and F₀, at n = 1 and c = 0 whatever they are: slopes that
-  // change while an answer is still on its way would look like quick motion.
+  // F = ξⁿ (k + c w) + F₀ by k, c, n/k and F₀, always at n = 1 and c = 0: slopes that change while
+  // an estimate converges would look like fast motion.
   static Vector<4> slope(const Sample& s) noexcept {
     const double depth = s.penetration;
     if (!(depth > 0.0)) return {0.0, 0.0, 0.0, 1.0};
     return {depth, depth * s.velocity, depth * std::log(depth), 1.0};
   }
 
-  // The root of the covariance that is printed.
+  // The root of the reported covariance.
   Matrix<5> widened(const Solution& p) const noexcept {
     return detail::multiply(p.root, widening_);
   }
 
   std::uint8_t flags(const Solution& p, const Matrix<5>& root) const noexcept {
     std::uint8_t found = detail::open_flags(p, root);
-    // What the samples before a restart left open, few after it do not settle: the prior that is
-    // made of the old answer would hide it. Nine tenths, as with forgetting a weight only nears its
-    // limit.
+    // A few samples after a restart do not identify what those before it left open; the prior from
+    // the old estimate would hide that. Nine tenths, as with forgetting a weight only approaches
+    // its limit.
     if (solver_.weight() < 0.9 * open_until_) found |= open_flags_;
     return found;
   }
@@ -306,11 +306,11 @@ class VariableProjectionMethod {
   std::uint64_t samples_since_solve_ = 1;
   detail::HaarLevels<4> levels_;
   static constexpr Matrix<5> white = diagonal<5>({1.0, 1.0, 1.0, 1.0, 1.0});
-  Matrix<5> widening_ = white;  // of the root, as the levels told when it was last due
+  Matrix<5> widening_ = white;  // of the root, by the levels when it was last due
   std::uint64_t samples_since_widening_ = 0;
-  detail::KeptExponent kept_;    // of before a restart
-  std::uint8_t open_flags_ = 0;  // of then …
-  double open_until_ = 0.0;      // … until the samples weigh as much as those did
+  detail::KeptExponent kept_;    // from before a restart
+  std::uint8_t open_flags_ = 0;  // from before a restart …
+  double open_until_ = 0.0;      // … until the samples have the same weight
 };
 
 }  // namespace palpate

@@ -17,16 +17,15 @@
 
 namespace palpate {
 
-// What an estimator of laws with memory is asked for.
+// Settings of an estimator of laws with memory.
 struct ViscoelasticSettings {
-  // Which of viscoelastic::candidates compete, a bit each: those that the everyday bank tells
-  // apart.
+  // Which of viscoelastic::candidates compete, one bit each. Default: the common laws.
   viscoelastic::Offered offered = (1U << viscoelastic::everyday_candidates) - 1U;
-  double exponent = 0.0;  // n where it is known, as of a tip whose shape is; 0: it is looked for
+  double exponent = 0.0;  // known n, for a tip of known shape; 0: estimated
   bool offset = true;
-  double offset_deviation = 0.0;  // of the prior F₀ ~ N(0, ·²), as a tare leaves; 0: none was made
-  // Of the surface, in scaled units: one that is off looks like an offset of as many units of
-  // force.
+  double offset_deviation = 0.0;  // of the prior F₀ ~ N(0, ·²) after a tare; 0: no tare
+  // Standard deviation of the surface, in scaled units: a wrong surface looks like an offset of as
+  // many units of force.
   double surface_deviation = 0.0;
   double sample_time = 1e-3;  // s; the shortest relaxation time is two of them
 
@@ -40,7 +39,7 @@ constexpr const char* validate(const ViscoelasticSettings& s) noexcept {
        "method.offered must name at least one law"},
       {s.exponent == 0.0 ||
            detail::lies_in(s.exponent, Grid::lowest_exponent, Grid::highest_exponent),
-       "method.exponent must be in [0.5, 3.25], or 0 where it is not known"},
+       "method.exponent must be in [0.5, 3.25], or 0 if it is not known"},
       {detail::lies_in(s.offset_deviation, 0.0, 1e60),
        "method.offset_deviation must be in [0, 1e60] units of force"},
       {detail::lies_in(s.surface_deviation, 0.0, 1e60),
@@ -49,7 +48,7 @@ constexpr const char* validate(const ViscoelasticSettings& s) noexcept {
   });
 }
 
-// `Sums` are those of the everyday tier or of the full one.
+// `Sums` are those of the common laws or of all laws.
 template <class Sums>
 class ViscoelasticMethod {
  public:
@@ -66,10 +65,10 @@ class ViscoelasticMethod {
   static constexpr Scale default_scale = probing_scale;
   static constexpr bool forgets = true;
   static constexpr bool perturbs = false;
-  // The answer changes only when it is published.
+  // The estimate changes only when it is published.
   // ξ⁷ w² and two branches of ξ³ at a weight of 1e26 are far from overflowing.
   static constexpr double largest_input = 1e8;
-  // ξ⁻¹ of what is nearly at the surface would outweigh the rest; 10 µm of 10 mm.
+  // ξ⁻¹ of samples near the surface would outweigh the rest; 10 µm of 10 mm.
   static constexpr double least_depth = 1e-3;
 
   ViscoelasticMethod(const Settings& settings, const Units&) noexcept
@@ -98,7 +97,7 @@ class ViscoelasticMethod {
     return Status::updated;
   }
 
-  // A sample out of contact: the branches relax, and it tells of the force's offset.
+  // A sample out of contact: the branches relax, and it informs the force offset.
   void free(const Sample& sample, double dt, double forgetting_factor) noexcept {
     if (!detail::within(sample, largest_input)) return pass(dt);
     advance(sample, dt);
@@ -106,20 +105,20 @@ class ViscoelasticMethod {
     air_is_new_ = true;
   }
 
-  // Nobody knows where the probe was meanwhile; the next sample takes it to have gone there evenly.
+  // The path of the probe meanwhile is unknown; the next sample assumes a uniform motion.
   void pass(double dt) noexcept { passed_ += dt; }
 
-  // The next sample does not follow upon the latest.
+  // The next sample does not continue the latest one.
   void interrupt() noexcept {
     begun_ = false;
     settling_ = passed_ = last_step_ = 0.0;
   }
 
-  // With the old exponent as a prior; what the branches are is history of the same motion.
+  // With the old exponent as a prior; the branches stay, as the motion's history does.
   void reinitialise() noexcept {
     const viscoelastic::Solution& now = solver_.solution();
     if (now.known != 0 && now.at_edge == 0) {
-      // A spring, a sphere and a cone are half a step apart.
+      // The exponents of punch, sphere and cone are 0.5 apart.
       solver_.priors().centre = now.fit.n;
       solver_.priors().deviation = 0.3;
     }
@@ -132,7 +131,7 @@ class ViscoelasticMethod {
     solver_.clear(0.0);
   }
 
-  // Works out now what is spread over the next samples otherwise.
+  // Completes the computation that would be spread over the next samples.
   void finish_pending() noexcept {
     renew_offset();
     solver_.finish_pending();
@@ -166,17 +165,17 @@ class ViscoelasticMethod {
 
   const viscoelastic::Solver<Sums>& solver() const noexcept { return solver_; }
 
-  // Whether any of the contacts was there when its samples began.
+  // Whether any contact began before its samples.
   bool began_in_contact() const noexcept { return began_in_contact_; }
 
  private:
   using Times = typename Sums::Times;
-  // A material that is touched when samples begin remembers what nobody saw. After so long what is
-  // left of that moves K by 0.3 % (docs/viscoelastic.md).
+  // If samples begin in contact the relaxation state is unknown. After this time it affects K by
+  // 0.3 % (docs/viscoelastic.md).
   static constexpr double settling_time = 0.5;
-  // So many times the time step before are a break, not a step.
+  // A step of this many previous time steps is a gap.
   static constexpr double longest_gap = 20.0;
-  // Of depths below it there is no inverse.
+  // Smaller depths have no finite inverse.
   static constexpr double surface_depth = 1e-9;
 
   double sample_time() const noexcept { return solver_.samples().branches().times().sample_time(); }
@@ -206,7 +205,7 @@ class ViscoelasticMethod {
     if (!(settling_ > 0.0)) return;
     settling_ -= step;
     if (settling_ > 0.0 || !provisional_) return;
-    // What was learned stands until half as much is known without it.
+    // The earlier estimate stays until the new samples hold half as much information.
     provisional_ = false;
     outlived_ = true;
     solver_.offer(offered_);
@@ -215,9 +214,8 @@ class ViscoelasticMethod {
 
   void begin(double depth) noexcept {
     begun_ = true;
-    // Where the probe was in the material before a break and after it, it was not left alone in
-    // between: a motion that went on unseen is the likelier guess, as where every tenth cycle is
-    // written down, and what it remembers is carried over.
+    // If the probe was in the material before and after a gap, contact most likely continued during
+    // it, as in recordings of every tenth cycle, and the relaxation state is kept.
     if (depth > 0.0 && solver_.samples().touching()) {
       solver_.samples().advance(depth, sample_time());
     } else {
@@ -272,7 +270,7 @@ class ViscoelasticMethod {
 
   viscoelastic::Solver<Sums> solver_;
   detail::FreeAir air_;
-  double settling_ = 0.0;   // s until what nobody saw is forgotten
+  double settling_ = 0.0;   // s until an unknown relaxation state has decayed
   double passed_ = 0.0;     // s since the last sample that was not refused
   double last_step_ = 0.0;  // s
   double offset_deviation_;
@@ -280,8 +278,8 @@ class ViscoelasticMethod {
   viscoelastic::Offered offered_;
   bool begun_ = false;
   bool began_in_contact_ = false;
-  bool provisional_ = false;  // what is learned is of the time before that
-  bool outlived_ = false;     // what was learned then still stands
+  bool provisional_ = false;  // the estimate is from before that
+  bool outlived_ = false;     // the estimate from before still stays
   bool air_is_new_ = false;
   bool tare_refuted_ = false;
 };

@@ -1,9 +1,9 @@
-// Which samples are contact, by the force of their neighbours and never by their own: choosing a
-// sample because noise made its force large would bias the law.
+// Selection of the samples in contact, by the force of their neighbours and not by their own:
+// selecting samples whose force noise made large would bias the law.
 //
 // A sample is *sure* where the means of the eight forces before it and of the eight after it both
-// exceed F₀ + 3σ/√8. Whatever else is below the surface is *light*. Until the eighth neighbour has
-// come the neighbours that there are decide, so that nothing is learned late.
+// exceed F₀ + 3σ/√8. All other samples below the surface are *light*. Until the eighth later
+// neighbour arrives the available neighbours decide, so that learning is not delayed.
 #pragma once
 
 #include <algorithm>
@@ -18,14 +18,14 @@
 namespace palpate::detail {
 
 enum class Role : std::uint8_t {
-  none,      // not there, or withdrawn
+  none,      // absent or withdrawn
   free,      // above the surface
   sure,      // firm contact
   light,     // below the surface, in contact or not
-  unusable,  // light, where the law would pull
+  unusable,  // light, where the law's force is negative
 };
 
-// The latest sample and seventeen before it, and how noisy their force is.
+// The latest sample and the seventeen before it, and the noise of their force.
 class ContactSamples {
  public:
   static constexpr std::size_t side = 8;  // neighbours on each side
@@ -56,7 +56,7 @@ class ContactSamples {
   Entry& ago(std::size_t age) noexcept { return entries_[place(age)]; }
   const Entry& ago(std::size_t age) const noexcept { return entries_[place(age)]; }
 
-  // Takes a sample out of its neighbours' means.
+  // Removes a sample from its neighbours' means.
   void withdraw(std::size_t age) noexcept {
     const double force = ago(age).sample.force;
     ago(age).role = Role::none;
@@ -66,8 +66,8 @@ class ContactSamples {
     }
   }
 
-  // Whether the neighbours of the sample of `age` ago press, beside a force `zero` in free air. One
-  // without neighbours is not doubted.
+  // Whether the neighbours of the sample `age` ago are in contact, with a force `zero` in free air.
+  // True without neighbours.
   bool pressed(std::size_t age, double zero) const noexcept {
     const Side before = between(age + side + 1, age + 1);
     const Side after = between(age, age - std::min(age, side));
@@ -78,7 +78,7 @@ class ContactSamples {
     for (std::size_t age = 0; age < side; ++age) ago(age).weight *= factor;
   }
 
-  // Forgets the samples; what is known of the noise stays.
+  // Forgets the samples, but not the noise.
   void clear() noexcept { entries_ = {}; }
 
   // The smallest step of the force seen, 0 before one: that of its resolution, if it has one.
@@ -94,13 +94,13 @@ class ContactSamples {
     return newest_ >= age ? newest_ - age : newest_ + entries_.size() - age;
   }
 
-  // The samples after the elder up to the younger. What was never there adds nothing.
+  // The samples after the older one up to the younger. Absent samples add nothing.
   Side between(std::size_t elder, std::size_t younger) const noexcept {
     const Entry &first = ago(elder), &last = ago(younger);
     return {last.force - first.force, static_cast<double>(last.count - first.count)};
   }
 
-  // Without neighbours on a side it is the other's to say.
+  // Without neighbours on one side the other decides.
   bool exceeds(const Side& them, double zero) const noexcept {
     if (!(them.count > 0.0)) return true;
     const double excess = them.sum - them.count * zero;
@@ -109,8 +109,8 @@ class ContactSamples {
     return excess > 0.0 && excess * excess > deviations * deviations * them.count;
   }
 
-  // The median of |ΔF| by steps up and down, of a 64th in the end, which leave it 8 % of scatter. A
-  // sensor of coarse steps repeats itself: no step says nothing.
+  // The running median of |ΔF|, in steps of a 64th in the end, with a scatter of 8 %. A coarsely
+  // quantised sensor repeats its values: a difference of zero is ignored.
   void learn_noise(double step) noexcept {
     if (!(step > 0.0)) return;
     if (!(step_ > 0.0)) step_ = least_step_ = step;
@@ -119,7 +119,7 @@ class ContactSamples {
       pace_ += 1.0;
       move_ = {pace_ / (pace_ + 1.0), (pace_ + 1.0) / pace_};
     }
-    step_ *= move_[step > step_ ? 1 : 0];  // by place: as a branch it would be a toss-up
+    step_ *= move_[step > step_ ? 1 : 0];  // by index: a branch would be unpredictable
   }
 
   std::array<Entry, 2 * side + 2> entries_{};
@@ -130,14 +130,14 @@ class ContactSamples {
   std::array<double, 2> move_{};  // down, up
 };
 
-// What the force above the surface says of the sensor's offset: a prior F₀ ~ N(mean, deviation²).
+// The sensor's offset from the force above the surface: a prior F₀ ~ N(mean, deviation²).
 struct OffsetPrior {
   double mean;
-  double deviation;  // 0: nothing is known
+  double deviation;  // 0: unknown
 };
 
-// ρ_F = σ²/s_F² in samples, of a prior of this deviation. Where nothing is known the offset may be
-// as large as the forces are, one unit; where the unit is small beside the residual, 20 σ.
+// ρ_F = σ²/s_F² in samples, for a prior of this deviation. An unknown offset has that of the
+// forces, one unit, or 20 σ if the unit is small compared with the residual.
 constexpr double offset_weight_of(double deviation, double variance) noexcept {
   if (deviation > 0.0) return variance / (deviation * deviation);
   return std::min(variance, 1.0 / (20.0 * 20.0));
@@ -145,8 +145,8 @@ constexpr double offset_weight_of(double deviation, double variance) noexcept {
 
 class FreeAir {
  public:
-  // A sample counts as free after ten in a row this far above the surface, in units of
-  // penetration: a surface is not known better, and a material that recovers may still touch.
+  // A sample counts as free after ten in a row this far above the surface, in units of penetration:
+  // a surface is not known better, and a slowly recovering material may still touch.
   static constexpr double clearance = 0.02;
   static constexpr std::uint32_t fewest = 10;
 
@@ -179,8 +179,8 @@ class FreeAir {
   bool known() const noexcept { return weight_ >= static_cast<double>(fewest); }
   double mean() const noexcept { return known() ? mean_ : 0.0; }
 
-  // s² = σ²/N (1 + r)/(1 − r) + δ²: of the mean of noise whose neighbours correlate by r, and what
-  // rounding to steps Δ leaves beside it however many there are, δ = (Δ/π) exp(−2π²σ²/Δ²).
+  // s² = σ²/N (1 + r)/(1 − r) + δ²: the variance of the mean of noise with the neighbour
+  // correlation r, and the remaining error of rounding to steps Δ, δ = (Δ/π) exp(−2π²σ²/Δ²).
   OffsetPrior prior(double step) const noexcept {
     const double variance = std::max(squares_, 0.0) / weight_;
     const double correlation = squares_ > 0.0 ? std::clamp(products_ / squares_, 0.0, 0.999) : 0.0;
@@ -204,21 +204,21 @@ class FreeAir {
   std::uint32_t run_ = 0;
 };
 
-// Of a fit's offset beside its prior, in deviations: from the one a tare is flagged, beyond the
-// other the prior is dropped. A surface 10 µm off moves the offset by four of what a pause leaves:
-// dropped at three, the ball under the paper's sensors for 20 s has 0.92 of the bound, at five
-// 0.70.
+// Departure of a fit's offset from its prior, in standard deviations: above the first the tare is
+// flagged, above the second the prior is dropped. A surface error of 10 µm changes the offset by
+// four deviations of a pause's mean: dropped at three, the ball with the paper's sensors for 20 s
+// has 0.92 of the bound, at five 0.70.
 inline constexpr double suspect_offset = 3.0;
 inline constexpr double largest_offset = 5.0;
 
 struct Tare {
   OffsetPrior prior;
-  bool of_air;   // free air or an earlier answer says it, not a tare
-  bool refuted;  // a tare was made, and free air is beyond it
+  bool of_air;   // from free air or an earlier estimate, not a tare
+  bool refuted;  // free air contradicts the tare
 };
 
-// The tighter of what a tare, of this deviation where it is not 0, and free air say; free air where
-// it contradicts the tare. A surface that is off looks like an offset, and widens what is known.
+// The tighter of a tare (of this deviation, if not 0) and free air; free air if it contradicts the
+// tare. A wrong surface looks like an offset, so its deviation widens the prior.
 inline Tare measured_offset(bool offset, double declared, double surface_deviation,
                             const FreeAir& air, double step) noexcept {
   const bool told = declared > 0.0;
@@ -235,13 +235,12 @@ inline Tare measured_offset(bool offset, double declared, double surface_deviati
   return result;
 }
 
-// Light samples join where they have no more deviations than so many beyond the noise of the firm
-// ones, and so large a part of them is none where the law would pull.
+// Light samples join if their excess over the noise of the firm samples is below this many standard
+// deviations, and if the law's force is negative at less than this fraction of them.
 inline constexpr double largest_excess = 3.0;
 inline constexpr double fewest_usable = 0.9;
 
-// By how many deviations so many light samples, which leave this much more of Σ r², have more than
-// noise of this variance.
+// Excess, in standard deviations, of the light samples' share of Σ r² over noise of this variance.
 inline double excess_of(double more, double light, double variance) noexcept {
   return (more - light * variance) / (variance * std::sqrt(2.0 * light));
 }

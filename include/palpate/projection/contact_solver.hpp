@@ -1,8 +1,8 @@
-// Variable projection that chooses its samples itself: two banks of sums, of firm contact and of
-// the light samples beside it, and what free air says of the offset.
+// Variable projection that selects its samples: two banks of sums, for firm contact and for light
+// samples, and the offset from free air.
 //
-// Asked for an answer it joins the banks where the light samples fit the law of the firm ones; they
-// do not where a material recovers slowly and contact is lost above the surface.
+// An estimate joins the banks if the light samples fit the law of the firm ones; they do not if a
+// material recovers slowly and contact is lost above the surface.
 #pragma once
 
 #include <algorithm>
@@ -24,7 +24,7 @@ namespace palpate {
 
 namespace detail {
 
-// Sums that forget when they are next needed.
+// Sums whose forgetting is applied when they are next needed.
 class Bank {
  public:
   explicit Bank(const ProjectionSettings& settings) noexcept : sums_(empty_sums(settings)) {}
@@ -63,8 +63,8 @@ class ContactSolver {
   explicit ContactSolver(const Settings& settings) noexcept
       : settings_(settings), sure_(settings), light_(settings) {}
 
-  // A threshold of the force is honoured, and chooses the samples alone. Without one every sample
-  // below the surface comes here.
+  // With a force threshold the gate alone selects the samples. Without one every sample below the
+  // surface comes here.
   ContactGate::Settings gate(const ContactGate::Settings& given, const Units&) noexcept {
     chooses_ = !(given.make_force > 0.0);
     if (!chooses_) return given;
@@ -95,7 +95,7 @@ class ContactSolver {
     return role == Role::sure;
   }
 
-  // A sample out of contact: it tells of its neighbours, and of the offset.
+  // A sample out of contact informs its neighbours and the offset.
   void free(const Sample& sample, double forgetting_factor) noexcept {
     if (!chooses_) return;
     recent_.push(sample, Role::free, false);
@@ -103,7 +103,7 @@ class ContactSolver {
     finish_pending();
   }
 
-  // The latest samples were bad after all.
+  // The latest samples turned out to be outliers.
   void withdraw(std::size_t count) noexcept {
     for (std::size_t age = 0; count > 0 && age <= ContactSamples::side; ++age) {
       ContactSamples::Entry& entry = recent_.ago(age);
@@ -114,14 +114,14 @@ class ContactSolver {
     }
   }
 
-  // The next sample is no neighbour of the latest.
+  // The next sample is not a neighbour of the latest.
   void interrupt() noexcept { recent_.clear(); }
 
   double weight() const noexcept { return sure_.weight() + light_.weight(); }
 
   double highest_exponent() const noexcept { return sure_.sums().highest(); }
 
-  // The prior is an old answer with these deviations. The sensor's offset is still what it was.
+  // The prior is an old estimate with these deviations. The sensor's offset has not changed.
   void set_prior(const ProjectionSolution& old, double exponent_deviation,
                  double dissipation_deviation) noexcept {
     centre_priors(settings_, old, exponent_deviation, dissipation_deviation);
@@ -135,7 +135,7 @@ class ContactSolver {
     return ProjectionFit(sums, settings).prior_fractions(solution);
   }
 
-  // Forgets the samples and keeps the priors; what free air says is of the sensor, and stays.
+  // Forgets the samples and keeps the priors, and the sensor's offset from free air.
   void clear() noexcept {
     sure_.clear();
     light_.clear();
@@ -143,8 +143,8 @@ class ContactSolver {
     recent_.clear();
   }
 
-  // The global minimum, from the samples and with the prior of the offset that hold together. Not
-  // inlined, like what it calls: a replay would hold the search a dozen times.
+  // The global minimum, from samples and an offset prior that are consistent. Not inlined, like
+  // what it calls: a replay would contain the search a dozen times.
   [[gnu::noinline]] ProjectionSolution solve() const noexcept {
     const Tare tare = offset_prior();
     PowerSums sums = firm();
@@ -169,7 +169,7 @@ class ContactSolver {
     return best.lost_above ? best : joined;
   }
 
-  // The same from an answer of a little while ago, by its choice of samples and prior.
+  // The same from a recent estimate, with its choice of samples and prior.
   [[gnu::noinline]] ProjectionSolution solve_near(
       const ProjectionSolution& earlier) const noexcept {
     const PowerSums sums = chosen(earlier);
@@ -180,7 +180,7 @@ class ContactSolver {
   }
 
  private:
-  // The tightest of what a tare, free air and the answer before a restart say.
+  // The tightest offset prior: of a tare, free air and the estimate before a restart.
   Tare offset_prior() const noexcept {
     const Tare tare = measured_offset(settings_.offset, settings_.offset_deviation,
                                       settings_.surface_deviation, air_, recent_.least_step());
@@ -189,13 +189,13 @@ class ContactSolver {
     return looser ? Tare{{0.0, kept_offset_}, true, tare.refuted} : tare;
   }
 
-  // How far the offset of a fit that hardly knew it before is from a prior.
+  // Departure of a nearly free offset from a prior.
   static double deviations(const ProjectionSolution& open, const OffsetPrior& prior) noexcept {
     const double error = std::sqrt(dot(open.root[3], open.root[3]));
     return std::abs(open.offset - prior.mean) / std::hypot(error, prior.deviation);
   }
 
-  // By how many deviations the light samples have more than the noise of the firm ones.
+  // Excess of the light samples over the noise of the firm ones, in standard deviations.
   double excess(const ProjectionSolution& alone, const ProjectionSolution& joined) const noexcept {
     constexpr double fewest_degrees = 10.0;
     if (sure_.weight() - 4.0 < fewest_degrees) return 0.0;
@@ -207,7 +207,7 @@ class ContactSolver {
     return light_.weight() >= fewest_usable * (light_.weight() + unusable_);
   }
 
-  // The sums that an answer is of, with forces that count from its prior's mean.
+  // The sums of an estimate, with forces relative to its prior's mean.
   PowerSums chosen(const ProjectionSolution& answer) const noexcept {
     PowerSums sums = firm();
     if (!answer.lost_above) sums.include(light_.sums(), light_.factor());
@@ -230,7 +230,7 @@ class ContactSolver {
     return unshifted(sums, prior);
   }
 
-  // Of sums whose forces count from the prior's mean.
+  // For sums whose forces are relative to the prior's mean.
   [[gnu::noinline]] ProjectionSolution unshifted(const PowerSums& sums,
                                                  const OffsetPrior& prior) const noexcept {
     ProjectionSettings settings = settings_;
@@ -276,7 +276,7 @@ class ContactSolver {
     put(entry, 1.0);
   }
 
-  // Adds a sample to the bank of its role, or takes it out with a factor of −1.
+  // Adds a sample to the bank of its role, or removes it with a factor of −1.
   void put(const ContactSamples::Entry& entry, double factor) noexcept {
     const double weight = factor * entry.weight;
     if (entry.role == Role::sure) sure_.add_weighted(entry.sample, weight);
@@ -287,8 +287,8 @@ class ContactSolver {
   Settings settings_;
   Bank sure_;
   Bank light_;
-  double unusable_ = 0.0;     // light samples where the law would pull
-  double kept_offset_ = 0.0;  // deviation by the answer before a restart; 0 before one
+  double unusable_ = 0.0;     // light samples where the law's force is negative
+  double kept_offset_ = 0.0;  // deviation from the estimate before a restart; 0 before one
   ContactSamples recent_;
   FreeAir air_;
   bool chooses_ = true;
@@ -298,7 +298,7 @@ class ContactSolver {
 
 struct SurfaceSettings {
   ProjectionSettings projection{};
-  // In scaled units: ±2 mm at 10 mm, as far as a force threshold is late on a soft material.
+  // In scaled units: ±2 mm at 10 mm, the delay of a force threshold on a soft material.
   double lowest_surface = -0.2;
   double highest_surface = 0.2;
 
@@ -316,9 +316,9 @@ constexpr const char* validate(const SurfaceSettings& s) noexcept {
 
 namespace detail {
 
-// Variable projection where the position of the surface is unknown too: a bank of candidates, each
-// with the same samples, the free approach included. J*(d), minimised over everything else, is
-// smooth near its minimum; its curvature there is the standard error of the surface.
+// Variable projection with an unknown surface position: a bank of candidates, each with the same
+// samples, including the free approach. J*(d), minimised over the other parameters, is smooth near
+// its minimum; its curvature there gives the standard error of the surface.
 class SurfaceSolver {
  public:
   using Settings = SurfaceSettings;
@@ -332,8 +332,8 @@ class SurfaceSolver {
         bank_(filled(ProjectionSolver(settings.projection),
                      std::make_index_sequence<candidates>())) {}
 
-  // The approach counts too, whatever the force: a tenth of the unit before the first candidate is
-  // enough to know the force out of contact.
+  // The approach counts too, for any force: a tenth of the unit before the first candidate is
+  // enough to measure the force out of contact.
   ContactGate::Settings gate(const ContactGate::Settings&, const Units& units) const noexcept {
     constexpr double any_force = -std::numeric_limits<double>::infinity();
     return {(settings_.lowest_surface - 0.1) * units.penetration, any_force, any_force};
@@ -371,7 +371,7 @@ class SurfaceSolver {
     for (ProjectionSolver& candidate : bank_) candidate.clear();
   }
 
-  // There is no cheaper way: every candidate has its own minimum.
+  // Every candidate has its own minimum, so there is no faster way.
   ProjectionSolution solve_near(const ProjectionSolution&) const noexcept { return solve(); }
 
   [[gnu::noinline]] ProjectionSolution solve() const noexcept {
@@ -393,8 +393,8 @@ class SurfaceSolver {
   }
 
   // At the minimum of J*, interpolated through the ten candidates around the best; ln k, c/k, n
-  // and F₀ are interpolated too. A parabola through three would put the surface 2 µm too high,
-  // which is more than the error bar of a stiff material.
+  // and F₀ are interpolated too. A parabola through three would bias the surface by 2 µm, more than
+  // the standard error for a stiff material.
   ProjectionSolution between(const std::array<ProjectionSolution, candidates>& found,
                              std::size_t best) const noexcept {
     const std::size_t first =
@@ -439,8 +439,8 @@ class SurfaceSolver {
     return r;
   }
 
-  // Where the polynomial through these costs is least, within a step of `centre`, by Newton's
-  // method: from the best candidate, half a step off at most, four rounds end in rounding.
+  // Minimum of the polynomial through these costs, within a step of `centre`, by Newton's method:
+  // from the best candidate, half a step off at most, four iterations reach rounding error.
   static double minimum(const Vector<lagrange_points>& cost, double centre) noexcept {
     double t = centre;
     for (int round = 0; round < 4; ++round) {
@@ -454,8 +454,8 @@ class SurfaceSolver {
     return t;
   }
 
-  // Var d = 2σ²/J*''; what is fitted moves with d, so its covariance grows by (dθ/dd)(dθ/dd)ᵀ Var
-  // d.
+  // Var d = 2σ²/J*''; the fitted θ depends on d, which adds (dθ/dd)(dθ/dd)ᵀ Var d to its
+  // covariance.
   void widen(ProjectionSolution& r, const Vector<5>& moved, double curvature) const noexcept {
     const double range = settings_.highest_surface - settings_.lowest_surface;
     const double variance =

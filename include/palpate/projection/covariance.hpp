@@ -1,7 +1,6 @@
-// The settings of variable projection, and what its weak priors weigh beside the samples; the
-// linear part by least squares; and what samples and priors say of (k, c, n, F₀, d): JᵀJ, the
-// covariance from it, what widens that where errors are no white noise, what it leaves open, and
-// all of it in SI.
+// The settings of variable projection, and the weights of its weak priors; the linear part by least
+// squares; and the information on (k, c, n, F₀, d): JᵀJ, the covariance, its widening for errors
+// that are not white noise, the identifiability flags, and the conversion to SI.
 #pragma once
 
 #include <algorithm>
@@ -21,14 +20,14 @@ namespace palpate {
 
 struct ProjectionSettings {
   double noise = 0.0;  // standard deviation of the force in scaled units; 0: from the residual
-  // Below a third a law is nearly a step; 3.6 ends 33 steps of 0.1, well beyond the cone's 2.
+  // Below a third a law is nearly a step; 3.6 is 33 steps of 0.1, well beyond the cone's 2.
   double lowest_exponent = 0.3;
   double highest_exponent = 3.6;
-  double exponent = 0.0;  // where it is known, as of a tip whose shape is; 0: it is looked for
+  double exponent = 0.0;  // known n, for a tip of known shape; 0: estimated
   bool offset = true;
-  double offset_deviation = 0.0;  // of the prior F₀ ~ N(0, ·²), as a tare leaves; 0: none was made
-  // Of the surface, in scaled units. A surface that is off looks like an offset, of the force's
-  // unit over the penetration's in the middle of the depth: no offset is known better.
+  double offset_deviation = 0.0;  // of the prior F₀ ~ N(0, ·²) after a tare; 0: no tare
+  // Standard deviation of the surface, in scaled units. A wrong surface looks like an offset (times
+  // the force's unit over the penetration's), so no offset prior is tighter.
   double surface_deviation = 0.0;
   // Weak priors: n ~ N(1.3, 1), between a spring and a cone, and c/k ~ N(0, 1), the damping force
   // at the speed of the scale as large as the elastic one.
@@ -51,7 +50,7 @@ constexpr const char* validate(const ProjectionSettings& s) noexcept {
       {s.lowest_exponent >= 0.1 && s.highest_exponent <= 10.0,
        "method.lowest_exponent and highest_exponent must be in [0.1, 10]"},
       {s.exponent == 0.0 || lies_in(s.exponent, 0.1, 10.0),
-       "method.exponent must be in [0.1, 10], or 0 where it is not known"},
+       "method.exponent must be in [0.1, 10], or 0 if it is not known"},
       // Within a step of 0.15 the sums are interpolated to 1e-7; below 0.006 their differences
       // drown.
       {lies_in(s.highest_exponent - s.lowest_exponent, 0.2, 5.0),
@@ -83,14 +82,14 @@ struct ProjectionSolution : ScaledLaw {
   Matrix<5> root;   // R Rᵀ is the covariance of (k, c, n, offset, surface) for white residuals
   double cost;      // J: the weighted residual sum less Σ F², with the priors
   double residual;  // the weighted residual sum
-  bool damping_identifiable;   // false where v says nothing that ξ does not, but for rounding
-  bool exponent_identifiable;  // false where the depth has hardly varied
-  bool at_edge;                // the exponent ended at the edge of its range
-  bool surface_found;      // true unless a search for the surface ended at the edge of its range
-  bool lost_above;         // contact is lost above the surface: the light samples are left out
-  bool tare_refuted;       // F₀ is beyond the prior that a tare gave
-  double prior_mean;       // of the prior of F₀ that was used …
-  double prior_deviation;  // … and its deviation
+  bool damping_identifiable;   // false if v carries no information beyond ξ
+  bool exponent_identifiable;  // false if the depth hardly varies
+  bool at_edge;                // the exponent is at the edge of its range
+  bool surface_found;          // false if the estimated surface is at the edge of its range
+  bool lost_above;             // contact is lost above the surface: light samples are excluded
+  bool tare_refuted;           // F₀ is beyond the prior that a tare gave
+  double prior_mean;           // of the prior of F₀ that was used …
+  double prior_deviation;      // … and its deviation
 };
 
 // A quotient's denominator never is zero with this added, and no sum of squares feels it.

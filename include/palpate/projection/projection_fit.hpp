@@ -5,8 +5,9 @@
 // with no logarithm, no condition 10 and no starting values. For a fixed n the law is linear in
 // (k, c, F₀), so what is left is a function J(n) of one variable. See docs/variable-projection.md.
 //
-// It stands beside the fit of whole curves (batch_fit/curve_fit.hpp), which goes through the samples
-// again and again: an answer after every sample leaves no time for that, 0.3 µs, nor memory.
+// It stands beside the fit of whole curves (batch_fit/curve_fit.hpp), which goes through the
+// samples again and again: an answer after every sample leaves no time for that, 0.3 µs, nor
+// memory.
 #pragma once
 
 #include <algorithm>

@@ -16,7 +16,7 @@ def info(
     dark: Dark = False,
     as_json: AsJson = False,
 ) -> None:
-    """Say what a recording holds: channels, units, clocks with rates and gaps, ranges.
+    """Show the contents of a recording: channels, units, clocks with rates and gaps, ranges.
 
     For example:
 
@@ -25,13 +25,13 @@ def info(
     Parameters
     ----------
     file
-        Any recording: text, Parquet, Feather, HDF5, MATLAB, or a force curve; - is standard input.
+        Recording: text, MCAP, bag, Parquet, HDF5, MATLAB or force curve; - is standard input.
     channel
-        Look at these only: a channel, or a topic or group with all below it; may be repeated.
+        Only this channel, or all channels of this topic or group; may be repeated.
     curve
-        Which curve, from 0, of a file that holds many.
+        Index, from 0, of the curve to read in a file with several.
     figure
-        Draw a strip chart of each channel to this file (.svg, .pdf or .png).
+        Draw a strip chart of each channel into this file (.svg, .pdf or .png).
     dark
         Draw on a dark background.
     as_json

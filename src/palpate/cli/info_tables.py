@@ -1,4 +1,4 @@
-"""What a recording holds, as tables that a person reads, or as one JSON object."""
+"""The contents of a recording as tables or as one JSON object."""
 
 import math
 from collections.abc import Iterable, Sequence
@@ -17,14 +17,14 @@ from palpate.recordings.recording import Recording
 from palpate.recordings.survey import ChannelSurvey, ClockSurvey, Survey
 from palpate.validation import plain
 
-#: Of the JSON; a field that goes, or means another thing, makes it the next.
+#: Version of the JSON; it increases when a field is removed or changes its meaning.
 SCHEMA_VERSION = 1
 
-# A person reads no more rows of a table, nor lines of one kind; the JSON has all.
+# Limits for a readable output: rows of a table, lines of one kind. The JSON has all.
 _MOST_ROWS = 60
 _MOST_LINES = 12
 
-# Times from 2001 on are dates: as seconds since 1970 nobody reads them.
+# Times from 2001 on, in seconds since 1970, are printed as dates.
 _DATES = 1e9
 
 _BECAUSE = "because"
@@ -34,7 +34,7 @@ Section: TypeAlias = tuple[list[str], list[list[Cell]]]
 
 
 def print_recording(recording: Recording, surveyed: Survey) -> None:
-    """Print what a recording holds: each section where there is something for it."""
+    """Print the contents of a recording; empty sections are omitted."""
     console = Terminal()
     channels, clocks = len(surveyed.channels), sum(bool(c.name) for c in surveyed.clocks)
     say_path(console, recording.source or "recording", "bold")
@@ -43,7 +43,7 @@ def print_recording(recording: Recording, surveyed: Survey) -> None:
         _types_table(recording, surveyed),
         _clocks_table(surveyed),
         _channels_table(surveyed.channels),
-        (["taken as", "channel", _BECAUSE], [[*map(printable, row)] for row in _roles(recording)]),
+        (["used as", "channel", _BECAUSE], [[*map(printable, row)] for row in _roles(recording)]),
     ):
         if rows:
             console.print()
@@ -52,15 +52,15 @@ def print_recording(recording: Recording, surveyed: Survey) -> None:
         say(console, f"and {channels - _MOST_ROWS} more channels: --channel NAME or --json")
     notes = [f"{name}: {words}" for name, words in recording.notes.items()]
     faults = [
-        f"{name}: {f.count} of {len(recording.channels[name])} values are no number, the first "
-        f"at sample {f.sample}: {f.text}"
+        f"{name}: {f.count} of {len(recording.channels[name])} values are not numbers; the first, "
+        f"at sample {f.sample}, is {f.text}"
         for name, f in recording.faults.items()
     ]
     for word, lines, style in (
         ("note", notes, "dim"),
-        ("not read", recording.omissions, "dim"),
+        ("skipped", recording.omissions, "dim"),
         ("fault", faults, "yellow"),
-        ("lost", recording.losses, "red"),
+        ("damaged", recording.losses, "red"),
     ):
         for line in lines[:_MOST_LINES]:
             say(console, printable(f"{word}: {line}"), style)
@@ -69,7 +69,7 @@ def print_recording(recording: Recording, surveyed: Survey) -> None:
 
 
 def as_dict(file: Path, recording: Recording, surveyed: Survey) -> dict[str, Any]:
-    """Return what a recording holds as plain numbers and words."""
+    """Return the contents of a recording as JSON types."""
     return {
         "schema_version": SCHEMA_VERSION,
         "file": str(file),
@@ -96,7 +96,7 @@ def _channel_dict(recording: Recording, channel: ChannelSurvey) -> dict[str, Any
 
 
 def _roles(recording: Recording) -> list[tuple[str, str, str]]:
-    """Which channels would be taken for what, and why; or why they cannot be chosen."""
+    """The role, channels and reason of each choice; or why palpate cannot choose."""
     try:
         roles = roles_of(recording)
     except RecordingError as error:
@@ -112,9 +112,9 @@ def _roles(recording: Recording) -> list[tuple[str, str, str]]:
         "orientation": roles.orientation,
         "segment": [roles.segment or ""],
     }
-    usual = {"time": "the clock of its channels", "orientation": "the only one of four"}
+    usual = {"time": "clock of these channels", "orientation": "the only quaternion"}
     return [
-        (role, words, roles.reasons.get(role, usual.get(role, "it has this name")))
+        (role, words, roles.reasons.get(role, usual.get(role, "has this name")))
         for role, names in channels.items()
         if (words := ", ".join(names))
     ]
@@ -134,7 +134,7 @@ def _clocks_table(surveyed: Survey) -> Section:
     rows: list[list[Cell]] = []
     for clock in surveyed.clocks[:_MOST_ROWS]:
         if not clock.name:
-            none = Text("none: samples only", style="dim")
+            none = Text("no clock", style="dim")
             rows.append([none, str(clock.samples), *("" for _ in headings[2:])])
             continue
         gaps = f"{clock.gaps} (≤ {_quantity(clock.largest_gap, 's')})" if clock.gaps else "–"
@@ -170,7 +170,7 @@ def _quantity(value: float, unit: str) -> str:
 
 
 def _moment(start: float) -> str:
-    """A time as seconds, or as a date of today's years."""
+    """A time in seconds, or as a date if it is one since 2001."""
     if not math.isfinite(start):
         return "–"
     if _DATES <= start < 1e10:

@@ -1,4 +1,4 @@
-"""The options that say how a file is read, and which of its samples are used."""
+"""Options for reading a file and selecting its samples."""
 
 import dataclasses
 from collections.abc import Mapping, Sequence
@@ -40,39 +40,39 @@ _Surface: TypeAlias = Literal["threshold", "baseline", "fit", "estimate"]
 
 
 def _signed(metavar: str) -> Parameter:
-    """A text that may begin with a minus sign, as -3ms; its own words stand in its help."""
+    """An option whose value may begin with a minus sign, such as -3ms."""
     return Parameter(group=PREPARED, allow_leading_hyphen=True, metavar=metavar, show_choices=False)
 
 
 @Parameter(name="*")
 @dataclasses.dataclass(frozen=True)
 class ReadingOptions:
-    """How a file is read, and which of its samples are used."""
+    """How to read a file, and which of its samples to use."""
 
     time: Annotated[Channel, _READ] = "time_s"
-    "The time; a channel that is not named, and not there, is looked for."
+    "Time channel (auto-detected if absent)."
     penetration: Annotated[Channel, _READ] = "penetration_m"
-    "The penetration, positive inside the material."
+    "Penetration channel, positive inside the material (auto-detected if absent)."
     force: Annotated[Channel, _READ] = "force_N"
-    "The force, compression positive; or x,y,z, or a topic such as /ft."
+    "Force channel, compression positive; or x,y,z channels, or a topic (auto-detected if absent)."
     velocity: Annotated[Channel, _READ] = "velocity_m_s"
-    "The velocity, or none; where there is none it is worked out from the penetration."
+    "Velocity channel; if absent or none, computed from the penetration."
     position: Annotated[Channels | None, _READ] = None
-    "The probe's position in place of the penetration; or x,y,z, or a topic."
+    "Position channel of the probe, instead of a penetration; or x,y,z channels, or a topic."
     orientation: Annotated[Channels | None, _READ] = None
-    "The probe's orientation, a quaternion x,y,z,w; or a topic."
+    "Orientation of the probe, quaternion channels x,y,z,w; or a topic."
     unit: Annotated[tuple[Unit, ...], _READ] = ()
-    "Units of channels, such as penetration=mm,force=mN; else as the file or its names say, or SI."
+    "Units, such as penetration=mm,force=mN (default: from the file or channel names, else SI)."
     rate: Annotated[float | None, _READ] = None
-    "Samples a second, where the file has no time."
+    "Sample rate, Hz, for a file without time."
     curve: Annotated[int | None, _READ] = None
-    "Which curve, from 0, of a file of many."
+    "Index, from 0, of the curve to read in a file with several."
     start: Annotated[float | None, _READ] = None
     "Use samples from this time on, s."
     stop: Annotated[float | None, _READ] = None
     "Use samples up to this time, s."
     strict: Annotated[bool, Parameter(group=READ, negative="")] = False
-    "Refuse bad rows and damaged files, which are else left out and said."
+    "Fail on bad rows or damaged files instead of skipping them with a warning."
 
     min_penetration: Annotated[float | None, in_si("penetration", "DEPTH", PREPARED)] = None
     "Least penetration in contact, such as 2mm (default: chosen by the method or from the data)."
@@ -81,33 +81,33 @@ class ReadingOptions:
     velocity_window: Annotated[float | None, in_si("time", "DURATION", PREPARED)] = None
     "Length of the velocity filter, such as 30ms (default: 15 samples, at most 15ms)."
     flip_force: Annotated[bool, _FLAG] = False
-    "Turn the sign of the force: compression is to be positive."
+    "Reverse the sign of the force: compression must be positive."
     flip_penetration: Annotated[bool, _FLAG] = False
-    "Turn the sign of the penetration: into the material is to be positive."
+    "Reverse the sign of the penetration: into the material must be positive."
     tare: Annotated[Literal["find"] | str | None, _signed("find|SPAN")] = None
-    "Take off the mean force between these times, START:STOP, s; or find such times: find."
+    "Subtract the mean force between START:STOP, s; find detects free air and subtracts its mean."
     delay: Annotated[str | None, _signed("DURATION")] = None
-    "How late the force is, such as 5ms; negative where it is early."
+    "Delay of the force behind the position, such as 5ms; negative if it is early."
     reject_outliers: Annotated[bool, _PREPARED] = True
-    "Leave lost positions, spikes and the end of the sensor's range out."
+    "Exclude dropouts, spikes and saturated samples."
     surface: Annotated[_Surface | str | None, _signed("DEPTH")] = None
-    "Where the material begins: a penetration such as 0.7mm, threshold, baseline, fit, or estimate."
+    "Surface: a penetration (0.7mm), threshold, baseline, fit or estimate (of a position: fit)."
     exponent: Annotated[float | None, _PREPARED] = None
-    "Exponent of the law where the shape of the tip tells it, such as 1.5 under a sphere; kept."
+    "Fix the exponent of the law, known from the shape of the tip, such as 1.5 for a sphere."
     normal: Annotated[_Axis | str | None, _signed("DIRECTION")] = None
-    "Contact normal, out of the material: x, y, z, -x, -y, -z or three numbers; else it is found."
+    "Contact normal, out of the material: x, y, z, -x, -y, -z or three numbers (default: found)."
     force_frame: Annotated[Literal["tool", "base"] | None, _PREPARED] = None
-    "Frame of the force: the tool's, which its orientation turns, or the position's."
+    "Frame of the force: tool (rotated by the orientation) or base (default: as in the file)."
     tool_weight: Annotated[str | None, Parameter(group=PREPARED, metavar="WEIGHT")] = None
-    "Weight that the sensor carries, such as 1.2N, along -z of the position's frame."
+    "Weight of the tool on the sensor, such as 1.2N, along -z of the position's frame."
     spot: Annotated[Literal["inf"] | str | None, _signed("DEPTH")] = None
-    "How far a travelling probe may go within an episode, such as 5mm; or inf; 2 mm unless given."
+    "Farthest travel of the probe within one place, such as 5mm, or inf (default: 2 mm)."
 
     save_config: Annotated[Path | None, Parameter(group=KEPT)] = None
-    "Write the options to this TOML file, with what was found as comments."
+    "Write the options to this TOML file, with the choices that palpate made as comments."
 
     def contact(self, files: Sequence[Path], choice: Mapping[str, str] | None = None) -> "Contact":
-        """Read the files, each a contact with one object; a choice of law and method is saved."""
+        """Read the files, each a contact with one object; save the choice of law and method."""
         from palpate.preparation.preparing import joined
 
         contact = joined([self._contact(file) for file in files])
@@ -127,23 +127,23 @@ class ReadingOptions:
             recording = opened(file, self._channels, strict=self.strict, curve=self.curve)
             return prepare(recording, **self.preparation)
         except MissingChannelError as error:
-            hint = "name others with --time, --penetration or --position, --force, --velocity"
-            raise RecordingError(f"{error} ({hint}; palpate info FILE shows them)") from None
+            hint = "name channels with --time, --penetration or --position, --force, --velocity"
+            raise RecordingError(f"{error} ({hint}; palpate info {file} lists them)") from None
 
     @property
     def _channels(self) -> list[str] | None:
-        """The topics to read, where all that is needed is named by topics."""
+        """The topics to read, if topics name all that is needed; else None, for all."""
         named = [self.force, self.position or self.penetration]
         if not all(name.startswith("/") for name in named):
             return None
         more = (self.orientation, self.velocity, self.time)
         named += [name for name in more if name and name.startswith("/")]
-        # A topic as a whole: its own orientation and stamps are needed beside its position.
+        # Whole topics, because their orientation and time stamps are needed too.
         return [part.strip().partition(".")[0] for name in named for part in name.split(",")]
 
     @property
     def preparation(self) -> dict[str, Any]:
-        """What :func:`palpate.prepare` is to do."""
+        """The arguments for :func:`palpate.prepare`."""
         from palpate.preparation import Columns
 
         names = ("time", "penetration", "force", "velocity", "position", "orientation")
@@ -170,11 +170,12 @@ class ReadingOptions:
         try:
             return quantity("--surface", str(self.surface), "penetration")
         except InvalidParameterError as error:
-            raise InvalidParameterError(f"{error}; or threshold, baseline, fit, estimate") from None
+            words = f"{error}; or threshold, baseline, fit or estimate"
+            raise InvalidParameterError(words) from None
 
     @property
     def options(self) -> dict[str, Any]:
-        """The options that were given, by their names without dashes before them."""
+        """The options that differ from their defaults, by name without leading dashes."""
         return {
             name.replace("_", "-"): value
             for name, value in vars(self).items()
@@ -182,25 +183,25 @@ class ReadingOptions:
         }
 
     def settings(self, contact: "Contact", kind: "type[ContactEstimator]") -> dict[str, Any]:
-        """Return what an estimator of this kind is to be made with."""
+        """Return the constructor arguments for an estimator of this kind, with its gate."""
         return {"gate": self._gate(contact, alone=kind.chooses_samples), **self.chosen(kind)}
 
     def chosen(self, kind: "type[ContactEstimator]") -> dict[str, Any]:
-        """Return the settings of an estimator that options ask for, but for its gate."""
+        """Return the estimator settings that the options request, without the gate."""
         settings: dict[str, Any] = {} if self.reject_outliers else {"outlier_rejection": False}
         if self.surface == "estimate":
             settings["surface"] = "estimate"
             if "surface" not in kind().settings:
                 raise InvalidParameterError(
-                    f"--surface estimate is for a method that can, not for {kind.method}: "
-                    "--surface fit finds it before the law is looked for"
+                    f"the method {kind.method} cannot estimate the surface: pass --surface fit, "
+                    "which finds it before the identification"
                 )
         if self.exponent is not None:
             settings["exponent"] = kept_exponent(self.exponent, kind)
         return settings
 
     def compared(self, contact: "Contact", **watched: Any) -> "dict[str, Identification]":
-        """Identify by every method on the same samples."""
+        """Identify the same samples by every method."""
         from palpate.identifying import compare
 
         outliers = None if self.reject_outliers else False
@@ -214,12 +215,12 @@ class ReadingOptions:
 
 
 def flipped(options: Any) -> tuple[str, ...]:
-    """The channels of which the sign is to be turned."""
+    """The channels whose sign the options reverse."""
     return tuple(name for name in ("force", "penetration") if getattr(options, f"flip_{name}"))
 
 
 def _span(option: str, text: str) -> tuple[float, float]:
-    """Two times, START:STOP, s."""
+    """Parse two times, START:STOP, s."""
     start, colon, stop = text.partition(":")
     if not colon:
         raise InvalidParameterError(f"{option} must be START:STOP in seconds, not {text!r}")
@@ -227,9 +228,9 @@ def _span(option: str, text: str) -> tuple[float, float]:
 
 
 def kept_exponent(exponent: float, kind: "type[ContactEstimator]") -> float:
-    """The exponent that was given, for a method whose law has one."""
+    """Return the exponent; raise if the method cannot fix one."""
     if "exponent" not in kind().settings:
         raise InvalidParameterError(
-            f"--exponent is for a method that can keep one; the law of {kind.method} has none"
+            f"the method {kind.method} cannot fix an exponent: drop --exponent or change --method"
         )
     return exponent

@@ -97,7 +97,7 @@ def _explained(fit: Fit, name: str, amount: float) -> tuple[str, str]:
             f"a mass of {rounded(amount, 2)} kg moves between the force sensor and the material"
             if amount > 0.0
             else "the force depends on the acceleration",
-            "subtract mass times acceleration, of what moves beyond the sensor, from the force",
+            "subtract the inertia of the parts beyond the sensor from the force",
         ),
     }[name]
 

@@ -198,7 +198,7 @@ def better_law(fit: Fit) -> MisfitHypothesis | None:
     moves = partial(_apart, laws=laws)
     changes = [f"{name} {round(100 * by):+d} %" for name, by in zip(_BOTH, moves(fit), strict=True)]
     sentence = (
-        f"model selection clearly prefers {best.candidate} (ΔBIC {rounded(own.score, 3)}): "
+        f"model selection clearly prefers {best.candidate.title} (ΔBIC {rounded(own.score, 3)}): "
         f"{', '.join(changes)} at working depth"
     )
     remedy = REMEDY

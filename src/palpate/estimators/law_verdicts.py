@@ -48,6 +48,12 @@ class Candidate(Plain):
         return laws[self.damping] + _WITH[self.memory]
 
     @property
+    def title(self) -> str:
+        """Its name in a sentence; ``str`` is the shorter name in files and on the wire."""
+        name = str(self).replace("flat spectrum", "flat relaxation spectrum")
+        return name.replace("half-space", "half-space damping")
+
+    @property
     def own(self) -> tuple[str, ...]:
         """Names of its free parameters; the law's other parameters follow from these or are 0."""
         has = {
@@ -163,22 +169,21 @@ class LawVerdict(Plain):
         return tuple(map(str, self.findings))
 
     def as_dict(self) -> dict[str, Any]:
-        """Return it as plain numbers and text; its key of the ranking keeps the older name."""
+        """Return it as plain numbers and text."""
         whole = Plain.as_dict(self)
-        whole["standings"] = whole.pop("model_ranking")
         return {"law": str(self.candidate), **whole.pop("candidate"), **whole}
 
     def __str__(self) -> str:
         if not self.known:
-            return f"law: {self.candidate} (too few samples to compare laws)"
+            return f"law: {self.candidate.title} (too few samples to compare laws)"
         words = "the only candidate"
         if len(self.model_ranking) > 1:
             other = self.model_ranking[1]
-            words = f"cannot be distinguished from {other.candidate}"
+            words = f"cannot be distinguished from {other.candidate.title}"
             if other.score >= UNDECIDED:
-                words = f"preferred over {other.candidate} (ΔBIC {rounded(other.score, 3)})"
+                words = f"preferred over {other.candidate.title} (ΔBIC {rounded(other.score, 3)})"
         return (
-            f"law: {self.candidate}, {words}; effective sample size "
+            f"law: {self.candidate.title}, {words}; effective sample size "
             f"{rounded(self.effective_samples, 3)} of {rounded(self.samples, 4)}"
         )
 
@@ -194,7 +199,7 @@ class LawVerdict(Plain):
 
         model_ranking = (
             RankedModel(candidate(each), or_nan(each["score"]), or_nan(each["rms_error"]))
-            for each in words["standings"]
+            for each in words.get("model_ranking") or words["standings"]  # before 0.1
         )
         numbers = {name: or_nan(words[name]) for name in _NUMBERS}
         found = words["findings"] if "findings" in words else words["flags"]  # in schema 1
@@ -306,7 +311,7 @@ def _open_law(
     if not model_ranking:
         return
     # At one speed, as in an approach alone, only noise distinguishes a damper from a spring.
-    if tied := [str(each.candidate) for each in model_ranking[1:] if each.score < UNDECIDED]:
+    if tied := [each.candidate.title for each in model_ranking[1:] if each.score < UNDECIDED]:
         yield Finding(
             "which law",
             f"the samples do not distinguish it from {' or '.join(tied)}: the standard errors hold "

@@ -158,7 +158,7 @@ class ExportRequest:
     Attributes
     ----------
     law : GeneralisedHuntCrossley
-        F = K xⁿ + B xᵖ v, without memory.
+        F = K xⁿ + B xᵖ v, without relaxation.
     motion : ProbeMotion
         The motion on which the error is measured.
     mass : float, optional

@@ -132,7 +132,7 @@ def export(
         form=form,
     )
     if model is not None and time_step is not None:
-        raise InvalidParameterError("pass either time_step or model: the model has a time step")
+        raise InvalidParameterError("pass either time_step or model: the model has its own")
     _check(engine, request, given_radius=tip_radius is not None)
     fragment = engine.fit(request)
     found = compared(source, nearest, fragment, replay=replay and engine.version() is not None)
@@ -150,9 +150,7 @@ def _check(engine: Engine, request: ExportRequest, *, given_radius: bool) -> Non
             f"form must be one of {known} for {engine.name}, not {request.form!r}"
         )
     if request.model is not None and request.mass is not None:
-        raise InvalidParameterError(
-            "pass either mass or model: palpate computes one from the other"
-        )
+        raise InvalidParameterError("pass either mass or model: the model determines the mass")
     if request.geom is not None and request.model is None and "geom" in engine.takes:
         raise InvalidParameterError("geom needs a model that contains it: add --model FILE")
     given = {"model": request.model, "geom": request.geom, "tip_radius": given_radius or None}

@@ -298,9 +298,7 @@ def identify_each(
             )
             new = [row_of_curve(contact, settings)] if searching else [*rows_of(contact, settings)]
             if not new:
-                raise FleetError(
-                    "the probe travels, but no place lies in the requested time window"
-                )
+                raise FleetError("the probe travels, but no place lies in the time window")
         except Exception as error:
             new = [failure(error)]
         rows += [{**row, **known} for row in new]
@@ -399,9 +397,7 @@ def _flags(fits: CurveFits, left_out: NDArray[np.int64]) -> list[Any]:
             f"only {taken} samples in contact": few[k],
             str(NEGATIVE_STIFFNESS): pulling[k],
             str(NEGATIVE_DAMPING): giving[k],
-            "the least-squares search did not converge: other parameters may fit better": unsettled[
-                k
-            ],
+            "the least-squares search did not converge: another fit may be better": unsettled[k],
             str(outliers(count, max(count + taken, 1))): count,
         }
         flags[k] = [*flags[k], *(words for words, so in more.items() if so)]

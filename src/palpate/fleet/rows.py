@@ -32,12 +32,7 @@ def schema_of(settings: Settings) -> Any:
     law = settings.law
     columns = [
         ("source", text, "", "the file, folder or array that the contact is from"),
-        (
-            "index",
-            whole,
-            "",
-            "number of the contact in the source, from 0; null for a single contact",
-        ),
+        ("index", whole, "", "number of the contact in the source, from 0; null if single"),
         ("part", whole, "", "number of the place of a travelling probe, from 0; null otherwise"),
         *((axis, number, "m", f"position on the material along {axis}") for axis in "xyz"),
         ("method", text, "", "the estimator"),
@@ -58,7 +53,7 @@ def schema_of(settings: Settings) -> Any:
     for name, unit in AT_DEPTH.items():
         moved = "systematic uncertainty; NaN without a full diagnosis"
         columns.append((f"{name}_at_depth", number, unit, f"{name} at working depth"))
-        columns.append((f"{name}_at_depth_standard_error", number, unit, "statistical"))
+        columns.append((f"{name}_at_depth_standard_error", number, unit, "statistical uncertainty"))
         columns.append((f"{name}_at_depth_systematic", number, unit, moved))
     columns += [
         ("residual", number, "N", "standard deviation of the force minus the fitted force"),

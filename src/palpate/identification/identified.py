@@ -174,8 +174,8 @@ def findings_of(contact: Contact, trace: Trace, estimator: ContactEstimator) -> 
         if law.remembers:
             yield Finding(
                 "memory",
-                f"the law relaxes ({verdict.candidate}): force, stiffness and damping at a depth "
-                "are those after relaxation; K′ and B′ are those of a small oscillation",
+                f"the law relaxes ({verdict.candidate.title}): force, stiffness and damping "
+                "at a depth are those after relaxation; K′ and B′ are those of a small oscillation",
             )
         yield from verdict.findings
     for refusal in (Status.NOT_FINITE, Status.INVALID_STEP, Status.OUT_OF_RANGE):
@@ -517,7 +517,7 @@ class Identified:
     def fitted_force(self) -> Floats:
         """Force by the final law, and offset where one is estimated, at every sample, N.
 
-        With segments, by the law of the one that began last.
+        With segments, the law of the one that began last.
         """
         contact, parts = self.contact, self.segments
         fitted = (parts[0] if parts else self).predicted_force(contact)

@@ -1,4 +1,4 @@
-"""The laboratory: materials, motions, a robot and sensors, all with known truth.
+"""The simulated laboratory: materials, motions, a robot and sensors, with known parameters.
 
 bench = lab.Bench(lab.BALL, lab.THREE_SINES)
 measurement = bench.run(seed=0)

@@ -1,4 +1,4 @@
-"""A material, a motion, a probe and its sensors, brought together."""
+"""The laboratory bench: a material, a motion, a probe and its sensors."""
 
 import json
 from collections.abc import Callable
@@ -28,17 +28,17 @@ from palpate.validation import Floats, instance, number_in
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Measurement:
-    """What a run on the bench gave.
+    """Result of a run on the bench.
 
     Attributes
     ----------
     contact : Contact
-        As the sensors recorded it, with the bias of the force removed; ``provenance`` holds the
-        truth. Its velocity comes from the penetration, as for any recording.
+        The recorded contact, with the force bias removed; ``provenance`` holds the true parameters.
+        Its velocity is computed from the penetration, as for any recording.
     truth : Contact
-        What really happened, on the same clock.
+        The true motion and force, on the same clock.
     command : Command
-        What should have happened.
+        The commanded motion.
     """
 
     contact: Contact
@@ -53,13 +53,13 @@ class Bench:
     Parameters
     ----------
     material : Material
-        What is touched.
+        The touched material.
     trajectory : Trajectory
-        How the probe is commanded to move.
+        The commanded motion.
     probe : Probe, optional
-        The twin pantograph unless given (needs the extra ``lab``); :class:`IdealProbe` needs none.
+        Default: the twin pantograph, which needs the extra ``lab``; :class:`IdealProbe` does not.
     sensors : Sensors, optional
-        Those of the paper unless given.
+        Default: those of the paper.
     """
 
     material: Material
@@ -77,16 +77,16 @@ class Bench:
     def run(
         self, seed: int = 0, *, seconds: float = 10.0, progress: Progress | None = None
     ) -> Measurement:
-        """Press once; the same seed gives the same numbers.
+        """Simulate one touch; the same seed gives the same numbers.
 
         Parameters
         ----------
         seed : int
-            Of noise, bias and encoder phases, ≥ 0.
+            Random seed of noise, bias and encoder phases, ≥ 0.
         seconds : float
-            Length of the recording, the trajectory's pause included, s, in (0, 1e5].
+            Duration of the recording, including the trajectory's pause, s, in (0, 1e5].
         progress : callable, optional
-            Called now and then with the time reached, s.
+            Called from time to time with the simulated time, s.
         """
         length = number_in("seconds", seconds, 0.0, 1e5, open_low=True)
         seed = int(number_in("seed", seed, 0, 2**63))
@@ -110,7 +110,7 @@ class Bench:
         force = self.sensors.force(motion.force, random)
         resting = time < self.trajectory.pause
         tare = float(force[resting].mean()) if resting.any() else 0.0
-        removed = "there is no pause: the force bias is still in"
+        removed = "force bias not removed: the trajectory has no pause"
         if samples := int(resting.sum()):
             removed = (
                 f"force bias of {tare:.6g} N, the mean of {samples} samples of the pause, removed"
@@ -134,30 +134,30 @@ class Bench:
         return replace(contact, tare_deviation=left)
 
 
-# A bench that goes on: what is touched and how the probe moves can be exchanged meanwhile.
+# A continuous bench: material and motion can change while it runs.
 
-#: s that the probe takes from one motion to the beginning of another.
+#: Duration of the transition from one motion to the beginning of another, s.
 TRANSITION = 0.5
 
 
 class OngoingBench:
-    """Presses without an end, some samples at a time, by the stepping of :meth:`Bench.run`.
+    """A bench that runs without end, some samples at a time, as :meth:`Bench.run` does.
 
     Parameters
     ----------
     bench : Bench
-        What is touched at first, and how; its probe is one of the laboratory's own.
+        Initial material and motion; the probe is :class:`IdealProbe` or :class:`TwinPantograph`.
     seed : int
-        Of noise, bias and encoder phases.
+        Random seed of noise, bias and encoder phases.
 
     Attributes
     ----------
     material : Material
-        What is touched now.
+        The current material.
     trajectory : Trajectory
-        How the probe moves now.
+        The current motion.
     bias : float
-        The force sensor's, N: what a tare should find.
+        Bias of the force sensor, N, which a tare should find.
     """
 
     def __init__(self, bench: Bench, seed: int = 0) -> None:
@@ -168,9 +168,9 @@ class OngoingBench:
         self._run = self._begin()
         self._touch = bench.material.touch()
         self.bias = bench.sensors.bias(self._random)
-        self._transition = -np.inf  # when the last one began, s
-        self._moving: Trajectory | None = None  # asked for during a transition
-        self._placing: Material | None = None  # to be exchanged when the probe has left
+        self._transition = -np.inf  # start of the last one, s
+        self._moving: Trajectory | None = None  # requested during a transition
+        self._placing: Material | None = None  # replaces the material once the probe has left
 
     @property
     def now(self) -> float:
@@ -178,19 +178,19 @@ class OngoingBench:
         return self._step * self._count
 
     def change(self, material: Material) -> None:
-        """Have another material from now on, under the probe as it is."""
+        """Replace the material at once, under the probe at its present depth."""
         self.material, self._touch = material, _from(material, self.now)
         self._placing = None
 
     def place(self, material: Material) -> None:
-        """Lift the probe, exchange the material, and begin the motion again."""
+        """Lift the probe, replace the material, and start the motion again."""
         self._placing = material
         self.move(self.trajectory)
 
     def move(self, trajectory: Trajectory) -> None:
-        """Go over to another motion's beginning, without a jump in position or speed."""
+        """Change to another motion, without a jump in position or speed."""
         if self.now < self._transition + TRANSITION:
-            self._moving = trajectory  # the last one that is asked for
+            self._moving = trajectory  # the last request counts
             return
         before, after, began = self._motion, trajectory.at, self.now
 
@@ -200,17 +200,17 @@ class OngoingBench:
         self.trajectory, self._motion, self._transition = trajectory, blended, began
 
     def advance(self, count: int) -> Floats:
-        """Go on by so many samples.
+        """Advance by ``count`` samples.
 
         Returns
         -------
         numpy.ndarray, shape (count, 3)
-            Time [s], penetration [m] and force [N] as the sensors show them, bias included.
+            Time [s], penetration [m] and force [N] as the sensors show them, including the bias.
 
         Raises
         ------
         InvalidParameterError
-            The robot's simulation broke down; it is at rest again, on the first material.
+            The robot's simulation diverged; it restarts at rest, on the first material.
         """
         self._go_over()
         sensors = self._bench.sensors
@@ -230,7 +230,7 @@ class OngoingBench:
         )
 
     def _go_over(self) -> None:
-        """Do what waits for the end of a transition, when the probe is at rest above."""
+        """Start what waited for the end of a transition, with the probe at rest above."""
         if self.now < self._transition + TRANSITION:
             return
         if self._transition > -np.inf:
@@ -258,7 +258,7 @@ class OngoingBench:
 
 
 def _from(material: Material, began: float) -> Touch:
-    """The force of a fresh material, whose time begins now."""
+    """The force of an untouched material whose time starts at ``began``."""
     touch = material.touch()
     return lambda time, lateral_position, penetration, velocity: touch(
         time - began, lateral_position, penetration, velocity
@@ -266,7 +266,7 @@ def _from(material: Material, began: float) -> Touch:
 
 
 def _blended(before: Command, after: Command, since: Floats) -> Command:
-    """From one motion to another: x = x₀ + (x₁ − x₀) u, whose speed has u̇ (x₁ − x₀) in it."""
+    """Blend of two motions: x = x₀ + (x₁ − x₀) u, whose speed includes u̇ (x₁ − x₀)."""
     blend, rate = smooth_step(since / TRANSITION)
     positions = [np.stack([each.penetration, each.lateral_position]) for each in (before, after)]
     speeds = [np.stack([each.velocity, each.lateral_velocity]) for each in (before, after)]

@@ -1,4 +1,4 @@
-"""Pictures of the rig in contact: rendered by MuJoCo, or drawn."""
+"""A picture of the rig in contact with the material: rendered by MuJoCo, or a drawing."""
 
 import io
 import os
@@ -24,11 +24,11 @@ if TYPE_CHECKING:
 
 
 class NoRendererError(PalpateError, RuntimeError):
-    """MuJoCo cannot render: it finds no graphics library."""
+    """MuJoCo cannot render on this machine: it finds no graphics library."""
 
 
 def photograph(bench: Bench, at: float = 3.0, size: tuple[int, int] = (1200, 760)) -> NDArray[Any]:
-    """Return the rig of a bench at a time [s] of its trajectory.
+    """Return an image of a bench's rig at a time [s] of its trajectory.
 
     Parameters
     ----------
@@ -48,7 +48,7 @@ def photograph(bench: Bench, at: float = 3.0, size: tuple[int, int] = (1200, 760
     MissingExtraError
         MuJoCo is not installed.
     NoRendererError
-        There is no graphics library that it can use.
+        MuJoCo finds no graphics library.
     """
     robot = bench.probe if isinstance(bench.probe, TwinPantograph) else TwinPantograph()
     step = bench.sensors.sample_time
@@ -58,10 +58,10 @@ def photograph(bench: Bench, at: float = 3.0, size: tuple[int, int] = (1200, 760
     run.simulate(time, command, bench.material.touch())
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # of a missing screen, which the error states
+            warnings.simplefilter("ignore")  # the error reports a missing screen
             return _rendered(run, *size)
-    except Exception as error:  # each graphics library fails in its own way
-        raise NoRendererError(f"MuJoCo cannot render here: {error}") from None
+    except Exception as error:  # each graphics library raises other errors
+        raise NoRendererError(f"MuJoCo cannot render on this machine: {error}") from None
 
 
 def _rendered(run: Simulation, width: int, height: int) -> NDArray[Any]:
@@ -93,20 +93,20 @@ def _rendered(run: Simulation, width: int, height: int) -> NDArray[Any]:
 def save_rig(bench: Bench, path: str | Path, *, dark: bool = False) -> str:
     """Write a picture of the rig; return "rendered" or "drawn".
 
-    A .png is rendered by MuJoCo where that can run; anything else is a drawing.
+    MuJoCo renders a .png if it can; otherwise, and for other formats, the picture is a drawing.
 
     Parameters
     ----------
     bench : Bench
-        Its probe has to be a :class:`palpate.lab.TwinPantograph`.
+        Its probe must be a :class:`palpate.lab.TwinPantograph`.
     path : str or Path
         .png, .svg or .pdf.
     dark : bool
-        For a dark background, of the drawing.
+        Draw for a dark background; no effect on a rendered picture. Default: False.
     """
     path = Path(path)
     if not isinstance(bench.probe, TwinPantograph):
-        raise InvalidParameterError(f"an {bench.probe.name} has no rig to draw; use a robot")
+        raise InvalidParameterError(f"an {bench.probe.name} has no rig: use TwinPantograph()")
     if path.suffix.lower() == ".png":
         with suppress(NoRendererError), style(Look(LIGHT)):
             from matplotlib.image import imsave
@@ -120,7 +120,7 @@ def save_rig(bench: Bench, path: str | Path, *, dark: bool = False) -> str:
 
 
 def draw_rig(bench: Bench, *, dark: bool = False) -> "Figure":
-    """Draw the rig from above, 3 s into its commanded trajectory."""
+    """Draw the rig from above, at its commanded position 3 s into the trajectory."""
     theme = DARK if dark else LIGHT
     command = bench.trajectory.at(np.array([3.0]))
     with style(Look(theme)) as new_figure:

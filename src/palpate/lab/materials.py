@@ -1,4 +1,4 @@
-"""What is touched: a force law alone, with a relaxing branch, or one beside another."""
+"""The laboratory's materials: one force law, one with relaxation, or several laws."""
 
 import itertools
 import math
@@ -13,8 +13,8 @@ from palpate.errors import InvalidParameterError
 from palpate.force_laws import FlatSpectrum, ForceLaw, GeneralisedHuntCrossley, HuntCrossley
 from palpate.validation import Floats, instance, number, number_in
 
-#: Force [N] at a time [s], lateral position [m], penetration [m] and velocity [m/s]; to be
-#: called in the order of time, for a material may remember.
+#: Force [N] at a time [s], lateral position [m], penetration [m] and velocity [m/s]; call it in
+#: the order of time, as a material may have memory.
 Touch = Callable[[float, float, float, float], float]
 
 
@@ -28,36 +28,36 @@ def felt_along(
 
 @runtime_checkable
 class Material(Protocol):
-    """What a probe presses on."""
+    """A material of the laboratory."""
 
     @property
     def name(self) -> str:
-        """What a person calls it."""
+        """Name of the material in tables and figures."""
 
     def touch(self) -> Touch:
-        """Return the force of a material that nobody has touched yet."""
+        """Return the force function of an untouched, fully relaxed material."""
 
     def describe(self) -> dict[str, Any]:
-        """Return the truth, as plain numbers and words in SI."""
+        """Return the true parameters as plain numbers and text, SI."""
 
     def force(
         self, time: Floats, lateral_position: Floats, penetration: Floats, velocity: Floats
     ) -> Floats:
-        """Force [N] along a whole motion, shapes (k,): of its touch, sample by sample."""
+        """Force [N] along a whole motion, shapes (k,), by :meth:`touch` sample by sample."""
         return felt_along(self.touch(), time, lateral_position, penetration, velocity)
 
 
 @dataclass(frozen=True, slots=True)
 class Homogeneous:
-    """One force law everywhere and always.
+    """A homogeneous, time-invariant material: one force law.
 
     Parameters
     ----------
     law : force law
-        The truth that identification should give back: stiffness > 0, damping ≥ 0, exponent in
-        (0, 10]. One with memory is at rest where it is first met.
+        The true law, which identification should return: stiffness > 0, damping ≥ 0, exponent in
+        (0, 10]. A law with memory starts fully relaxed at its first penetration.
     name : str
-        What a person calls the material.
+        Name of the material in tables and figures.
     """
 
     law: ForceLaw
@@ -81,7 +81,7 @@ class Homogeneous:
         """Force [N] along a whole motion, shapes (k,)."""
         if not time.size:
             return np.empty(0)
-        steps = np.diff(time, prepend=time[0] - 1.0)  # at rest before the first
+        steps = np.diff(time, prepend=time[0] - 1.0)  # fully relaxed before the first
         return self.law.force_along(penetration, velocity, steps)
 
     def describe(self) -> dict[str, Any]:
@@ -91,22 +91,22 @@ class Homogeneous:
 
 @dataclass(frozen=True, slots=True)
 class Relaxing(Material):
-    """A Hunt–Crossley law and a Maxwell branch in parallel: it relaxes when held.
+    """A Hunt–Crossley law and a Maxwell branch in parallel: the force relaxes when held.
 
     F = K xⁿ + B xⁿ v + s,   ds/dt = E v − s/τ  for x ≥ 0, else 0;  F ≥ 0
 
-    No estimator's law contains it, as no two-parameter damper contains a sponge.
+    No estimator has this law, as no two-parameter damper describes a sponge.
 
     Parameters
     ----------
     law : HuntCrossley
-        What is felt at once.
+        The part without memory.
     branch_stiffness : float
         E, N/m, ≥ 0.
     relaxation_time : float
         τ, s, in (0, 1e6].
     name : str
-        What a person calls the material.
+        Name of the material in tables and figures.
     """
 
     law: HuntCrossley
@@ -121,7 +121,7 @@ class Relaxing(Material):
         number_in("relaxation_time", self.relaxation_time, 0.0, 1e6, open_low=True)
 
     def touch(self) -> Touch:
-        """Return the force of a rested material, as a function of what is done to it."""
+        """Return the force function of the fully relaxed material."""
         branch = _MaxwellBranch(self.branch_stiffness, self.relaxation_time)
         felt = self.law.in_a_loop()
 
@@ -134,7 +134,7 @@ class Relaxing(Material):
         return force
 
     def describe(self) -> dict[str, Any]:
-        """Return the law's parameters and the branch's, SI."""
+        """Return the parameters of the law and of the branch, SI."""
         return {
             "kind": "hunt-crossley with a Maxwell branch",
             **self.law.as_dict(),
@@ -167,16 +167,16 @@ class _MaxwellBranch:
 
 @dataclass(frozen=True, slots=True)
 class SpaceVaryingMaterial(Material):
-    """Materials side by side: which of them is touched depends on the lateral position.
+    """Materials side by side: the lateral position selects the touched one.
 
     Parameters
     ----------
     materials : tuple of Material, shape (m,)
-        From small lateral positions to large.
+        In the order of the lateral position.
     borders : tuple of float, shape (m − 1,)
         Lateral positions between them, m, increasing.
     name : str
-        What a person calls the whole.
+        Name of the whole in tables and figures.
     """
 
     materials: tuple[Material, ...]
@@ -187,27 +187,27 @@ class SpaceVaryingMaterial(Material):
         _check_sequence("borders", self.materials, self.borders)
 
     def touch(self) -> Touch:
-        """Return the force, as a function of what is done where."""
+        """Return the force function of the fully relaxed materials."""
         return _selected(self.materials, self.borders, by_time=False)
 
     def describe(self) -> dict[str, Any]:
-        """Return every zone's truth, and the borders [m]."""
+        """Return the true parameters of every zone, and the borders [m]."""
         zones = [material.describe() for material in self.materials]
         return {"kind": "space-varying", "borders": list(self.borders), "zones": zones}
 
 
 @dataclass(frozen=True, slots=True)
 class TimeVaryingMaterial(Material):
-    """Materials one after the other: which of them is touched depends on the time.
+    """Materials one after the other: the time selects the touched one.
 
     Parameters
     ----------
     materials : tuple of Material, shape (m,)
         In the order of time.
     times : tuple of float, shape (m − 1,)
-        When the next one begins, s, increasing.
+        Start times of the second and later materials, s, increasing.
     name : str
-        What a person calls the whole.
+        Name of the whole in tables and figures.
     """
 
     materials: tuple[Material, ...]
@@ -218,19 +218,19 @@ class TimeVaryingMaterial(Material):
         _check_sequence("times", self.materials, self.times)
 
     def touch(self) -> Touch:
-        """Return the force, as a function of what is done when."""
+        """Return the force function of the fully relaxed materials."""
         return _selected(self.materials, self.times, by_time=True)
 
     def describe(self) -> dict[str, Any]:
-        """Return every episode's truth, and the times [s]."""
+        """Return the true parameters of every episode, and the times [s]."""
         episodes = [material.describe() for material in self.materials]
         return {"kind": "time-varying", "times": list(self.times), "episodes": episodes}
 
 
 def _remembering(law: GeneralisedHuntCrossley) -> Touch:
-    """A law with memory as a function of time, from rest at the first penetration."""
+    """The force function of a law with memory, fully relaxed at the first penetration."""
     parameters, last, state = law.parameters, math.nan, np.empty(0)
-    # One sample in arrays of its own: twenty times as quick, a call, as the law's states.
+    # One sample in preallocated arrays: twenty times as fast per call as the law's states.
     step, depth, speed, force = (np.zeros(1) for _ in range(4))
 
     def touch(time: float, lateral_position: float, penetration: float, velocity: float) -> float:
@@ -258,11 +258,11 @@ def _selected(materials: tuple[Material, ...], edges: tuple[float, ...], *, by_t
 
 
 def _check_real(law: ForceLaw) -> None:
-    """Refuse what nothing is made of: a material that pulls the probe in, or gives energy."""
-    positive = ("exponent",) if law.remembers else ("stiffness", "exponent")  # a fluid has none
+    """Refuse unphysical laws: negative stiffness, or damping that generates energy."""
+    positive = ("exponent",) if law.remembers else ("stiffness", "exponent")  # a fluid has K = 0
     for name, value in law.as_dict().items():
         if name == "spectrum_exponent":
-            continue  # of either sign
+            continue  # may have either sign
         highest = 10.0 if name in ("exponent", "damping_exponent") else 1e30
         number_in(name, value, 0.0, highest, open_low=name in positive)
 
@@ -272,28 +272,29 @@ def _check_sequence(name: str, materials: tuple[Material, ...], edges: tuple[flo
         instance("materials", material, Material)
     if not materials or len(edges) != len(materials) - 1:
         raise InvalidParameterError(
-            f"{name} must be one fewer than the materials, not {len(edges)} for {len(materials)}"
+            f"{name} must number one fewer than the materials, not {len(edges)} for "
+            f"{len(materials)}"
         )
     known = [number(name, edge) for edge in edges]
     if any(after <= before for before, after in itertools.pairwise(known)):
         raise InvalidParameterError(f"{name} must increase, not {edges!r}")
 
 
-# Ours, within the orders that the paper's text still gives (section V): ball K ≈ B ≈ 2000, n ≈ 1;
+# Chosen within the orders of magnitude in the paper's text (section V): ball K ≈ B ≈ 2000, n ≈ 1;
 # sponge B ≈ 10 K, n ≈ 1; phantom n ≈ 2.
 BALL = Homogeneous(HuntCrossley(2000.0, 2000.0, 1.0), "rubber ball")
 SPONGE = Homogeneous(HuntCrossley(300.0, 3000.0, 1.0), "sponge")
 PVC = Homogeneous(HuntCrossley(1e5, 2e5, 2.0), "PVC phantom")
 INCLUSION = Homogeneous(HuntCrossley(3e5, 3e5, 2.0), "PVC phantom with a hard inclusion")
 RELAXING_SPONGE = Relaxing(HuntCrossley(300.0, 300.0, 1.0), 150.0, 1.0, "relaxing sponge")
-# Half of its stiffness relaxes, as much in each decade of time, as Fung found of tissue.
+# Half of its stiffness relaxes, equally in each decade of time, as Fung found for tissue.
 TISSUE = Homogeneous(
     GeneralisedHuntCrossley(8000.0, 1.5, 2000.0, 1.5, 8000.0, FlatSpectrum(1e-3, 4.0)), "tissue"
 )
 SOFT_AND_HARD = SpaceVaryingMaterial((PVC, INCLUSION), (0.0,), "PVC phantom with a hard zone")
 SOFT_THEN_HARD = TimeVaryingMaterial((PVC, INCLUSION), (7.0,), "PVC phantom that hardens at 7 s")
 
-#: The laboratory's materials by the name that the command line knows them by.
+#: The laboratory's materials by their names on the command line.
 MATERIALS: Mapping[str, Material] = {
     "ball": BALL,
     "sponge": SPONGE,

@@ -1,4 +1,4 @@
-"""The rig: geometry, probes and sensors, and a planar twin pantograph that MuJoCo simulates.
+"""The rig: geometry, probes and sensors, and a planar twin pantograph simulated in MuJoCo.
 
 The plane has x along the surface and y into the material, y = 0 at the surface. Each pantograph is
 a five-bar linkage: two motors, two proximal and two distal links that meet in its wrist. The wrists
@@ -22,27 +22,27 @@ if TYPE_CHECKING:
     import mujoco
 
 
-#: Of each motor: which pantograph it belongs to, and on which side its elbow lies.
+#: For each motor its pantograph, and the side of its elbow.
 PANTOGRAPH = np.array([0, 0, 1, 1])
 ELBOW = np.array([1.0, -1.0, 1.0, -1.0])
 
 
 @dataclass(frozen=True, slots=True)
 class Geometry:
-    """Lengths of the rig, m. They are ours: the paper gives none.
+    """Lengths of the rig, m. They are assumed: the paper has none.
 
     Parameters
     ----------
     proximal, distal : float
-        Links from a motor to its elbow, and from there to the wrist.
+        Length of the links from a motor to its elbow, and from the elbow to the wrist.
     motor_spacing : float
-        Between the two motors of a pantograph.
+        Distance of the two motors of a pantograph.
     handle : float
-        Between the two wrists.
+        Distance of the two wrists.
     poker : float
-        From the handle to the tip.
+        Distance from the handle to the tip.
     reach : float
-        From the line of motors to the wrists, when the tip is at the surface.
+        Distance from the line of motors to the wrists with the tip at the surface.
     """
 
     proximal: float = 0.075
@@ -54,14 +54,14 @@ class Geometry:
 
     @property
     def motors(self) -> Floats:
-        """Places of the four motors, shape (4, 2)."""
+        """Positions of the four motors, shape (4, 2)."""
         middle = np.array([-0.5, -0.5, 0.5, 0.5]) * self.handle
         side = np.array([-0.5, 0.5, -0.5, 0.5]) * self.motor_spacing
         height = np.full(4, -self.poker - self.reach)
         return np.column_stack([middle + side, height])
 
     def wrists(self, lateral_position: Floats, penetration: Floats) -> Floats:
-        """Places of the two wrists for a tip that points straight into the material; (k, 2, 2)."""
+        """Positions of the two wrists for a tip normal to the surface, shape (k, 2, 2)."""
         side = np.array([-0.5, 0.5]) * self.handle
         x = np.asarray(lateral_position)[..., None] + side
         y = np.broadcast_to(np.asarray(penetration)[..., None] - self.poker, x.shape)
@@ -72,7 +72,7 @@ class Geometry:
         reach = self.wrists(lateral_position, penetration)[..., PANTOGRAPH, :] - self.motors
         distance = _length(reach)
         cosine = (self.proximal**2 + distance**2 - self.distal**2) / (2 * self.proximal * distance)
-        # Beyond the links' length they stretch as far as they can.
+        # Beyond their length the links are fully stretched.
         turn = arccos(np.clip(cosine, -1.0, 1.0))
         angles: Floats = arctan2(reach[..., 1], reach[..., 0]) + ELBOW * turn
         return angles
@@ -93,7 +93,7 @@ class Geometry:
         return angles, speeds
 
     def elbows(self, angles: Floats) -> Floats:
-        """Places of the four elbows; shape (k, 4, 2)."""
+        """Positions of the four elbows; shape (k, 4, 2)."""
         out = np.stack([cos(angles), sin(angles)], axis=-1)
         positions: Floats = self.motors + self.proximal * out
         return positions
@@ -129,22 +129,22 @@ def _meeting(left: Floats, right: Floats, radius: float) -> Floats:
     return point
 
 
-# What carries the tip, and what it records of its motion.
+# Probes, which carry the tip and record its motion.
 
-#: Called now and then with how far a run is, in seconds of its own clock.
+#: Called from time to time with the simulated time, s.
 Progress = Callable[[float], None]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SimulatedMotion:
-    """What the probe did, and what it felt: the truth, before any force sensor.
+    """True motion and force of the probe, and its recorded motion.
 
     Attributes
     ----------
     penetration, velocity, lateral_position, force : numpy.ndarray, shape (k,)
-        Of the probe's tip: m, m/s, m and N.
+        True values at the probe's tip: m, m/s, m and N.
     recorded_penetration : numpy.ndarray, shape (k,)
-        m, as worked out from the probe's own sensors.
+        Penetration according to the probe's own sensors, m.
     """
 
     penetration: Floats
@@ -156,11 +156,11 @@ class SimulatedMotion:
 
 @runtime_checkable
 class Probe(Protocol):
-    """What carries the tip along a trajectory."""
+    """A probe that moves the tip along a trajectory."""
 
     @property
     def name(self) -> str:
-        """What a person calls it."""
+        """Name of the probe in tables and figures."""
 
     def follow(
         self,
@@ -175,7 +175,7 @@ class Probe(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class IdealProbe:
-    """A tip that is where the command says, without a robot: for statistics."""
+    """A tip that follows the command exactly, without a robot; for statistics."""
 
     name: str = "ideal probe"
 
@@ -195,7 +195,7 @@ class IdealProbe:
     def start(
         self, command: Command, sample_time: float, random: np.random.Generator
     ) -> "IdealProbe":
-        """Return a tip that follows this command, and any that continue it: it keeps nothing."""
+        """Return a tip that follows this command and its continuations; it has no state."""
         return self
 
     def simulate(
@@ -206,26 +206,26 @@ class IdealProbe:
         return SimulatedMotion(x, v, lateral, felt_along(touch, time, lateral, x, v), x)
 
 
-# What stands between a contact and its recording.
+# The sensors.
 
 
 @dataclass(frozen=True, slots=True)
 class Sensors:
-    """The force sensor and the clock; the paper's section IV unless refined.
+    """The force sensor and the clock; the defaults are those of the paper's section IV.
 
     recorded = step · round((F + bias + ε) / step) − mean of the same over the pause,  ε ~ N(0, σ²)
 
     Parameters
     ----------
     force_noise : float
-        σ, N, in [0, 1e6]; 0 switches it off.
+        σ, N, in [0, 1e6]; 0 for none.
     force_resolution : float
-        Step that the force is rounded to, N, in [0, 1e6]; 0 for none.
+        Quantisation step of the force, N, in [0, 1e6]; 0 for none.
     force_bias : float
-        Standard deviation of the bias, drawn by each seed, N, in [0, 1e6]; 0 for none.
+        Standard deviation of the random bias, N, in [0, 1e6]; 0 for none.
     penetration_resolution : float
-        Step that an ideal probe's penetration is rounded to, m, in [0, 1]; 0 for none. A robot's
-        comes from its encoders.
+        Quantisation step of an ideal probe's penetration, m, in [0, 1]; 0 for none. A robot's step
+        follows from its encoders.
     sample_time : float
         s, in [1e-5, 1].
     """
@@ -244,40 +244,40 @@ class Sensors:
         number_in("sample_time", self.sample_time, 1e-5, 1.0)
 
     def force(self, force: Floats, random: np.random.Generator) -> Floats:
-        """Force as the sensor shows it, bias included, N."""
+        """Force as the sensor shows it, including the bias, N."""
         return self.biased_force(force, self.bias(random), random)
 
     def bias(self, random: np.random.Generator) -> float:
-        """A sensor's bias, N, which stays as it is."""
+        """Draw a sensor's constant bias, N."""
         return float(self.force_bias * random.standard_normal())
 
     def biased_force(self, force: Floats, bias: float, random: np.random.Generator) -> Floats:
-        """Force as a sensor of this bias [N] shows it."""
+        """Force as a sensor with this bias [N] shows it."""
         noise = self.force_noise * random.standard_normal(force.size)
         return rounded(force + bias + noise, self.force_resolution)
 
     def describe(self) -> str:
-        """Say it in words."""
+        """Describe the sensors in a line."""
         return (
             f"force noise {self.force_noise:g} N rms, in steps of {self.force_resolution:g} N, "
-            f"unknown bias of {self.force_bias:g} N rms; a sample every {self.sample_time:g} s"
+            f"unknown bias of {self.force_bias:g} N rms; one sample every {self.sample_time:g} s"
         )
 
 
-#: Nothing between the contact and its recording.
+#: Sensors without noise, bias and quantisation.
 PERFECT = Sensors(force_noise=0.0, force_resolution=0.0, force_bias=0.0)
 
 
 def rounded(values: Floats, step: float) -> Floats:
-    """To the nearest step, where floats have room for it; adding zero turns −0 into 0."""
+    """Round to the nearest step, as far as floats resolve it; adding zero turns −0 into 0."""
     if step <= np.spacing(np.abs(values).max(initial=0.0)):
         return values
     return step * np.round(values / step) + 0.0
 
 
-# The twin pantograph as MuJoCo's model: bodies, closed chains, motors.
+# The twin pantograph as a MuJoCo model: bodies, closed chains, motors.
 
-# kg and m; ours, of the size of a desktop haptic device with a force sensor at its handle.
+# kg and m; assumed, like a desktop haptic device with a force sensor at its handle.
 LINK_MASS, LINK_WIDTH, THICKNESS = 0.02, 0.005, 0.004
 
 
@@ -303,7 +303,7 @@ def rig_xml(geometry: Geometry, home: Floats, *, time_step: float) -> str:
         "rig.xml",
         geometry=geometry,
         time_step=time_step,
-        # The stiffest constraint that the step allows: linkages on bearings, not on springs.
+        # The stiffest constraint that the step allows, as bearings are nearly rigid.
         stiff=f'solref="{2.0 * time_step:g} 1" solimp="0.999 0.9999 0.0001"',
         table=-0.5 * (geometry.poker + geometry.reach),
         bases="\n".join(bases),
@@ -312,7 +312,7 @@ def rig_xml(geometry: Geometry, home: Floats, *, time_step: float) -> str:
 
 
 def _filled(name: str, **values: Any) -> str:
-    """A text that lies beside this module, with its places filled in."""
+    """A template file next to this module, with its placeholders filled in."""
     return Path(__file__).with_name(name).read_text(encoding="utf-8").format(**values)
 
 
@@ -344,10 +344,10 @@ def _link(length: float, level: float, colour: str) -> str:
     )
 
 
-# A planar twin pantograph, simulated in MuJoCo: it follows a command as well as a robot can.
+# A planar twin pantograph, simulated in MuJoCo, with the tracking errors of a real robot.
 
-# Beyond these a simulation has broken down: its motors can move the tip at some 3 m/s and press
-# with some 300 N.
+# Beyond these the simulation has diverged: the motors can move the tip at about 3 m/s and press
+# with about 300 N.
 TOP_SPEED, PEAK_FORCE = 20.0, 1e4  # m/s, N
 
 
@@ -355,12 +355,12 @@ _PANTOGRAPH = "the twin pantograph needs MuJoCo: pip install 'palpate[lab]', or 
 
 
 def require_mujoco(words: str = _PANTOGRAPH) -> Any:
-    """Return MuJoCo, or say in words what needs it and how to install it."""
+    """Return MuJoCo, or raise an error with what needs it and how to install it."""
     try:
         import mujoco
     except ImportError:
         raise MissingExtraError(words) from None
-    except Exception as error:  # a graphics library asked for by MUJOCO_GL, but not there
+    except Exception as error:  # MUJOCO_GL may name a graphics library that is missing
         raise MissingExtraError(
             f"MuJoCo is installed but does not load: {error}; check the variable MUJOCO_GL"
         ) from None
@@ -371,8 +371,8 @@ def require_mujoco(words: str = _PANTOGRAPH) -> Any:
 class TwinPantograph:
     """Two pantographs that carry one poking device, each driven by two motors at its base.
 
-    Encoders count the motors' turns; position control holds each motor to the angle that inverse
-    kinematics asks for,
+    Encoders count the motors' turns; position control holds each motor at the angle q* from inverse
+    kinematics,
 
         τ = k_p (q* − q) + k_d (q̇* − q̇),   q̇ by a low-pass filtered difference of the counts,
 
@@ -381,7 +381,7 @@ class TwinPantograph:
     Parameters
     ----------
     counts_per_turn : float
-        Of each encoder, ≥ 0; 0 for encoders without steps.
+        Counts per turn of each encoder, ≥ 0; 0 for exact encoders.
     proportional_gain : float
         k_p, N·m/rad, in (0, 1e4].
     derivative_gain : float
@@ -427,12 +427,12 @@ class TwinPantograph:
     def start(
         self, command: Command, sample_time: float, random: np.random.Generator
     ) -> "Simulation":
-        """Return the rig at rest where a command begins; it follows that and any that continue."""
+        """Return the rig at rest where a command begins; it follows it and its continuations."""
         return Simulation(self, command, sample_time, random)
 
 
 class _Encoders:
-    """Incremental encoders, zeroed at rest: the phase within a count is anyone's guess."""
+    """Incremental encoders, zeroed at rest, with a random phase within a count."""
 
     def __init__(self, counts_per_turn: float, home: Floats, random: np.random.Generator) -> None:
         phase = random.uniform(0.0, 1.0, home.size)
@@ -444,7 +444,7 @@ class _Encoders:
         step = self._step
         if step == 0.0:
             return angles
-        # Not math.floor, which refuses what a simulation that breaks down may give.
+        # Not math.floor, which raises on the NaN of a diverged simulation.
         return [
             home + ((angle - home) / step + phase) // 1.0 * step
             for angle, (home, phase) in zip(angles, self._zeros, strict=True)
@@ -452,7 +452,7 @@ class _Encoders:
 
 
 class _PositionControl:
-    """Torques that hold the motors to their angles, one sample after the other."""
+    """Torques of the position control, one sample after the other."""
 
     def __init__(self, settings: TwinPantograph, sample_time: float, counted: list[float]) -> None:
         self._settings, self._sample_time = settings, sample_time
@@ -460,7 +460,7 @@ class _PositionControl:
         self._counted, self._filtered = counted, [0.0] * len(counted)
 
     def torques(self, counted: list[float], goal: list[float], speed: list[float]) -> list[float]:
-        """N·m, for angles as counted [rad], and angles and speeds that are wanted."""
+        """Torques [N·m] for the measured angles [rad] and the desired angles and speeds."""
         kept, step, before = self._kept, self._sample_time, self._counted
         self._filtered = [
             kept * filtered + (1.0 - kept) * ((now - last) / step)
@@ -481,13 +481,13 @@ class Simulation:
     Parameters
     ----------
     settings : TwinPantograph
-        The robot's.
+        Settings of the robot.
     command : Command
-        Where it begins: its first sample.
+        The rig starts at its first sample.
     sample_time : float
         s, at most 0.01.
     random : numpy.random.Generator
-        Of the encoders' phases.
+        Random generator of the encoders' phases.
     """
 
     def __init__(
@@ -499,7 +499,7 @@ class Simulation:
     ) -> None:
         if sample_time > 1e-2:
             raise InvalidParameterError(
-                "sample_time must be at most 0.01 s for a robot under control, not "
+                "sample_time must be at most 0.01 s for the position-controlled robot, not "
                 f"{sample_time:g} s"
             )
         self._mujoco = require_mujoco()
@@ -516,7 +516,7 @@ class Simulation:
         self.data: mujoco.MjData = self._mujoco.MjData(self.model)
         motors = [self.model.joint(f"motor_{i}").qposadr[0] for i in range(4)]
         self._motors = list(zip(motors, home.tolist(), strict=True))
-        # Views of what MuJoCo works in, for to ask for one takes as long as to read it.
+        # Views of MuJoCo's arrays: requesting one takes as long as reading it.
         self._positions, self._torques = self.data.qpos, self.data.ctrl
         self._applied = self.data.qfrc_applied
         tip = self.model.site("tip").id
@@ -528,7 +528,7 @@ class Simulation:
     def simulate(
         self, time: Floats, command: Command, touch: Touch, progress: Progress | None = None
     ) -> SimulatedMotion:
-        """Follow a command over its times [s]; the next call continues from where this one ends."""
+        """Follow a command over its times [s]; the next call continues where this one ends."""
         goals, speeds = self._geometry.motor_motion(command)
         samples, counts = [], []
         every = zip(time.tolist(), goals.tolist(), speeds.tolist(), strict=True)
@@ -548,20 +548,20 @@ class Simulation:
         return SimulatedMotion(depth, velocity, lateral_position, force, recorded)
 
     def _step(self, now: float, touch: Touch) -> tuple[float, float, float, float]:
-        """Advance by a substep; what the tip did and felt at its beginning."""
+        """Advance by a substep; return the tip's motion and force at its start."""
         mujoco, model, data = self._mujoco, self.model, self.data
         mujoco.mj_step1(model, data)
         lateral_position, depth, _ = self._tip.tolist()
-        # MuJoCo moves by x(t + h) = x(t) + h v(t + h): its velocity is that of half a step ago.
+        # MuJoCo steps by x(t + h) = x(t) + h v(t + h): its velocity is that half a step earlier.
         lagging = self._tip_velocity.item(1)
         velocity = 1.5 * lagging - 0.5 * self._before
         self._before = lagging
         force = touch(now, lateral_position, depth, velocity)
         if not (abs(velocity) < TOP_SPEED and abs(force) < PEAK_FORCE):
             raise InvalidParameterError(
-                f"material is too stiff or too damped for the twin pantograph at steps of "
-                f"{model.opt.timestep:g} s: the simulation breaks down at t = {now:.3f} s; take a "
-                "softer material, a smaller time_step, or an ideal probe"
+                f"the simulation of the twin pantograph diverged at t = {now:.3f} s, because the "
+                f"material is too stiff or too damped for steps of {model.opt.timestep:g} s: use "
+                "probe ideal, or a smaller time_step"
             )
         self._applied.fill(0.0)
         self._push[1] = -force

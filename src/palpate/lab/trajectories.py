@@ -1,4 +1,4 @@
-"""How the probe is commanded to move: into the surface, and along it."""
+"""Commanded motions of the probe: into the surface, and along it."""
 
 import math
 from collections.abc import Mapping
@@ -15,10 +15,10 @@ from palpate.validation import Floats, instance, number_in, signals
 
 # Elementary functions of the C library, over arrays.
 #
-# NumPy's own differ in the last digit from one kind of processor to the next. A robot amplifies
-# that: between two counts of its encoders position control sees nothing, and the poking device,
-# pushed from behind, diverges from 1e-16 m to a micrometre within half a second. With these the
-# same seed gives the same file on them all.
+# NumPy's own functions differ in the last digit between processors. The simulated robot amplifies
+# that: between two encoder counts position control has no feedback, and the poking device, pushed
+# from behind, diverges from 1e-16 m to a micrometre within half a second. With the C library the
+# same seed gives the same file on every processor.
 
 
 sin = np.vectorize(math.sin, otypes=[np.float64])
@@ -36,7 +36,7 @@ class Trajectory(Protocol):
 
     @property
     def pause(self) -> float:
-        """Time at rest before anything moves, s: the force sensor's bias is measured in it."""
+        """Initial time at rest, s, in which the force sensor's bias is measured."""
 
     def at(self, time: Floats) -> "Command":
         """Return the command at times [s], shape (k,)."""
@@ -44,7 +44,7 @@ class Trajectory(Protocol):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Command:
-    """Where the probe should be.
+    """Commanded position and velocity of the probe.
 
     Attributes
     ----------
@@ -61,7 +61,7 @@ class Command:
 
     @classmethod
     def inward(cls, penetration: Floats, velocity: Floats) -> "Command":
-        """Straight into the surface and out of it, at the lateral position 0."""
+        """A command along the normal of the surface, at the lateral position 0."""
         still = np.zeros_like(penetration)
         return cls(penetration, velocity, still, still)
 
@@ -72,8 +72,9 @@ class Probing:
 
     x(t) = −c + (x₀ + c + Σ aᵢ sin ωᵢ(t − tₛ)) u(t),   u from 0 to 1 between t₀ and tₛ
 
-    with the pause t₀ = 2 s of section IV. The sines are whole from tₛ = 2.417 s on: the paper's
-    violations of condition (10) at t = 8.7 s are where its three sines meet, 2π s after tₛ.
+    with the pause t₀ = 2 s of section IV. The sines have full amplitude from tₛ = 2.417 s on: the
+    paper's violations of condition (10) at t = 8.7 s are where its three sines coincide, 2π s after
+    tₛ.
 
     Parameters
     ----------
@@ -111,18 +112,18 @@ class Probing:
 
 @dataclass(frozen=True, slots=True)
 class Palpation:
-    """Probing that changes sides: on one zone for a while, then sideways, in contact, to the other.
+    """Probing at two lateral positions in turn, sliding between them in contact.
 
     Parameters
     ----------
     probing : Probing
-        The motion into the surface, which goes on all the time.
+        The motion into the surface, which continues throughout.
     dwell : float
-        s from contact to the middle of the first change, and between changes, in (0, 1e4].
+        Time from contact to the middle of the first slide, and between slides, s, in (0, 1e4].
     distance : float
-        m between the two lateral positions, which lie evenly about 0, in (0, 1].
+        Distance of the two lateral positions, symmetric about 0, m, in (0, 1].
     shift : float
-        s that a change takes, in (0, dwell].
+        Duration of a slide, s, in (0, dwell].
     """
 
     probing: Probing = Probing()
@@ -138,7 +139,7 @@ class Palpation:
 
     @property
     def pause(self) -> float:
-        """Time at rest before anything moves, s."""
+        """Initial time at rest, s."""
         return self.probing.pause
 
     def at(self, time: Floats) -> Command:
@@ -159,14 +160,14 @@ class Palpation:
 class Tapping:
     """Strokes that leave the material between two touches.
 
-    x(t) = −c + (c + aₖ) sin² π f(t − t₀),   the depths aₖ taking turns
+    x(t) = −c + (c + aₖ) sin² π f(t − t₀),   with the depths aₖ in turn
 
     Parameters
     ----------
     depths : tuple of float
-        aₖ, m, each in (0, 1]: strokes of one depth tell less about the exponent.
+        aₖ, m, each in (0, 1]; different depths identify the exponent better.
     rate : float
-        f, strokes a second, in (0, 100].
+        f, strokes per second, in (0, 100].
     clearance : float
         c, m, in [0, 1].
     pause : float
@@ -180,7 +181,7 @@ class Tapping:
 
     def __post_init__(self) -> None:
         if not self.depths:
-            raise InvalidParameterError("depths must name at least one depth, m")
+            raise InvalidParameterError("depths must have at least one depth, m")
         for depth in self.depths:
             number_in("depths", depth, 0.0, 1.0, open_low=True)
         number_in("rate", self.rate, 0.0, 100.0, open_low=True)
@@ -198,22 +199,23 @@ class Tapping:
 
 
 class SplineTrajectory:
-    """A motion of one's own, by a cubic spline through its samples; at rest before and after.
+    """A user-defined motion: a cubic spline through samples, at rest before and after.
 
     Parameters
     ----------
     time, penetration : array_like, shape (k,)
         s, strictly increasing from 0 or later, and m; at least four samples.
     pause : float
-        s at rest that the samples begin with, ≥ 0: the force sensor's bias is measured in it.
+        Initial time at rest in the samples, s, ≥ 0, in which the force sensor's bias is measured.
+        Default: 0.
     """
 
     def __init__(self, time: "ArrayLike", penetration: "ArrayLike", *, pause: float = 0.0) -> None:
-        interpolate = needed("scipy.interpolate", "a motion of one's own", "lab")
+        interpolate = needed("scipy.interpolate", "a trajectory from a file or samples", "lab")
         t, x = signals(time=time, penetration=penetration)
         if t.size < 4 or not (np.isfinite(t).all() and np.isfinite(x).all()):
             raise InvalidParameterError(
-                "time and penetration must be at least four finite samples each"
+                "time and penetration must have at least four finite samples each"
             )
         if t[0] < 0.0 or (np.diff(t) <= 0.0).any():
             raise InvalidParameterError("time must increase from 0 s or later")
@@ -248,7 +250,7 @@ class SplineTrajectory:
 
 
 def smooth_step(u: Floats) -> tuple[Floats, Floats]:
-    """From 0 to 1 while u goes from 0 to 1, without a jump in speed or acceleration; and du."""
+    """A step from 0 to 1 for u from 0 to 1, with continuous acceleration; and its derivative."""
     u = np.clip(u, 0.0, 1.0)
     return u * u * u * (10.0 - 15.0 * u + 6.0 * u * u), 30.0 * u * u * (1.0 - u) * (1.0 - u)
 
@@ -256,13 +258,13 @@ def smooth_step(u: Floats) -> tuple[Floats, Floats]:
 THREE_SINES = Probing()
 TWO_SINES = Probing(Motion(10e-3, (1.8e-3, 1.8e-3), (11.0, 15.0)))
 ONE_SINE = Probing(Motion(10e-3, (1.8e-3,), (11.0,)))
-# The three sines reach 4.01 mm to either side: at this depth the probe leaves the surface now and
-# then, outward bound at speed, where a linear damper pulls (Fig. 10).
+# The three sines reach 4.01 mm to either side: at this depth the probe sometimes leaves the surface
+# at speed, where a linear damper gives a negative force (Fig. 10).
 NEAR_SURFACE = Probing(Motion(3.8e-3, PAPER_MOTION.amplitudes, PAPER_MOTION.frequencies))
 PALPATION = Palpation()
 TAPPING = Tapping()
 
-#: The laboratory's trajectories by the name that the command line knows them by.
+#: The laboratory's trajectories by their names on the command line.
 TRAJECTORIES: Mapping[str, Trajectory] = {
     "three-sines": THREE_SINES,
     "two-sines": TWO_SINES,

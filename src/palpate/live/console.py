@@ -212,25 +212,18 @@ def _line(status: dict[str, Any], row: Floats, shown: ShownDepth) -> str:
 
 
 def summary(status: dict[str, Any], others: dict[str, dict[str, Any]]) -> Iterator[str]:
-    """Yield the lines that summarise a run.
-
-    Parameters
-    ----------
-    status : dict
-        The loop's last status.
-    others : dict
-        The last status of each sink, by its name.
-    """
+    """Yield the lines that summarise a run, from the last statuses of the loop and the sinks."""
     counts = status.get("counts", {})
     if verdict := verdict_on(status):
         yield from law_lines(verdict)
     taken, learned = counts.get("taken", 0), counts.get("learned", 0)
-    changes = f"{(count := counts.get('changes', 0))} change{'' if count == 1 else 's'}"
-    yield f"{status.get('source', '')}: {taken} samples, {learned} learned, {changes}"
+    changes = f"{(count := counts.get('changes', 0))} material change{'' if count == 1 else 's'}"
+    yield f"{status.get('source', '')}: {taken} samples, {learned} used, {changes}"
     yield "                     p50      p99    p99.9      max   in time"
     for words, *columns, limit in times_of(status):
         yield f"{words:<16}" + "".join(f"{each:>9}" for each in columns) + f"   {limit}"
-    yield ", ".join(f"{counts.get(key, 0)} {words}" for key, words in COUNTED.items())
+    faults = {words: counts.get(key, 0) for key, words in COUNTED.items()}
+    yield ", ".join(f"{n} {words}" for words, n in faults.items() if n or words == COUNTED["lost"])
     dropped = [f"{page.get('dropped', 0)} by the {name}" for name, page in others.items()]
     if dropped:
         yield f"rows dropped: {', '.join(dropped)}"

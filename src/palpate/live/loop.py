@@ -187,7 +187,7 @@ class Watchdog:
     def _judge(self, arrival: Arrival, step: float, elapsed: float) -> str:
         counts = self.counts
         if not math.isfinite(arrival.time):
-            return "a sample has no time"
+            return "rejecting samples without a time"
         if step == 0.0:
             counts.repeated += 1
             return "rejecting samples that repeat the time of the one before"

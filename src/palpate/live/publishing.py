@@ -193,13 +193,7 @@ _TOLD_EVERY = 0.25  # s between status messages
 
 
 class Publisher:
-    """Sink that publishes each estimate, and the status four times a second.
-
-    Parameters
-    ----------
-    wire : Wire
-        Wire to publish on.
-    """
+    """Sink that publishes each estimate on a wire, and the status four times a second."""
 
     gently = False  # a robot may act on the estimates
     every_sample = True

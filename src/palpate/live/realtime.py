@@ -18,7 +18,7 @@ from typing import Any
 
 
 def start(name: str, target: Callable[..., None], *given: Any) -> tuple[BaseProcess, Connection]:
-    """Start a process that ignores Ctrl-C; return it and a connection to it.
+    """Start a process that blocks Ctrl-C; return it and a connection to it.
 
     A terminal sends Ctrl-C to all its foreground processes; here the parent ends the others in
     order. The signal is blocked during the start, so this process receives it afterwards.

@@ -232,8 +232,8 @@ class RunFile:
             return
         from mcap.writer import IndexType, Writer
 
-        # Without chunks each message is complete once written. Without an index the file is equally
-        # readable if the process is killed.
+        # Without chunks each message is complete once written. An index would be missing anyway if
+        # the process is killed.
         writer = Writer(self._file, use_chunking=False, index_types=IndexType.METADATA)
         writer.start(profile="ros2", library="palpate")
         vectors = not math.isnan(rows[0][PLACE["input_position_y"]])

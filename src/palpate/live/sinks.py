@@ -137,13 +137,7 @@ def diagnosis_of(page: dict[str, Any] | None, status: dict[str, Any]) -> dict[st
 
 
 class Watching:
-    """Reads the rows and statuses of a session, from the loop's first row on.
-
-    Parameters
-    ----------
-    session : Session
-        Names of the shared memory.
-    """
+    """Reads the rows and statuses of a session, from the loop's first row on."""
 
     def __init__(self, session: Session) -> None:
         self.reader = RowReader(session.samples, session.estimates)

@@ -14,7 +14,14 @@ import numpy as np
 from palpate._core import Status
 from palpate.digits import format_quantity, rounded, with_error
 from palpate.estimators.estimate import Estimate
-from palpate.estimators.law_verdicts import STRONG, UNDECIDED, Evidence, LawVerdict, verdict_of
+from palpate.estimators.law_verdicts import (
+    CANDIDATES,
+    STRONG,
+    UNDECIDED,
+    Evidence,
+    LawVerdict,
+    verdict_of,
+)
 from palpate.findings import Finding
 from palpate.force_laws import GeneralisedHuntCrossley
 from palpate.live.sinks import NO_DIAGNOSIS_YET, UNDIAGNOSED
@@ -27,15 +34,7 @@ _DAMPING = GeneralisedHuntCrossley.names().index("damping")
 
 
 def verdict_on(status: Mapping[str, Any]) -> dict[str, Any] | None:
-    """Return the verdict on the force law as plain numbers and text.
-
-    None if the estimator compares no laws.
-
-    Parameters
-    ----------
-    status : mapping
-        The loop's status.
-    """
+    """Return the verdict on the force law in a status; None if the estimator compares no laws."""
     page = status.get("verdict")
     if page is None:
         return None
@@ -89,7 +88,7 @@ def _open(page: Mapping[str, Any], verdict: LawVerdict, estimate: Estimate) -> I
             "misfit",
             "the residuals of the best law are correlated: either the sensor noise is, or no "
             "compared law holds and the error bars are too small",
-            "compare all laws: --law any",
+            "compare all laws: --law any" if len(verdict.model_ranking) < len(CANDIDATES) else None,
         )
     damping, error = estimate.parameters[_DAMPING], estimate.standard_errors[_DAMPING]
     if verdict.candidate.damping != "none" and abs(damping) < 1e-6 * error:
@@ -113,13 +112,8 @@ Numbers = dict[str, tuple[float, float]]
 def numbers_of(verdict: Mapping[str, Any]) -> Numbers:
     """Return those :data:`NUMBERS` that the preferred law has, each with its standard error.
 
-    They hold at the depth and frequency of the motion. Empty until the first verdict, and again
-    after a change of material.
-
-    Parameters
-    ----------
-    verdict : mapping
-        Of :func:`verdict_on`.
+    They hold at the depth and frequency of the motion. Empty until the first verdict of
+    :func:`verdict_on`, and again after a change of material.
     """
     parameters, depth, omega = verdict["parameters"], verdict["depth"], verdict["frequency"]
     # Depth and frequency are of the samples since a change; an outdated law has no band there.
@@ -162,9 +156,9 @@ def standing(verdict: Mapping[str, Any]) -> str:
     lead, second = lead_of(verdict)
     return {
         "none": "no verdict yet",
-        "before": "outdated: no verdict yet on the samples since",
-        "alone": "the only law compared",
-        "open": f"not distinguishable from {second}: ΔBIC {rounded(max(lead, 0.0), 2)}",
+        "before": "outdated: no verdict yet on the new samples",
+        "alone": "the only candidate",
+        "open": f"cannot be distinguished from {second}: ΔBIC {rounded(max(lead, 0.0), 2)}",
         "weak": f"preferred over {second}: ΔBIC {rounded(lead, 2)}, 10 is strong evidence",
         "strong": f"preferred over {second}: ΔBIC {rounded(lead, 3)}",
     }[certainty(verdict)]
@@ -172,8 +166,8 @@ def standing(verdict: Mapping[str, Any]) -> str:
 
 def lead_of(verdict: Mapping[str, Any]) -> tuple[float, str]:
     """Return the preferred law's ΔBIC and the next best law; NaN and "" if there is no other."""
-    own = [each["score"] for each in verdict["standings"] if each["law"] == verdict["law"]]
-    others = [each for each in verdict["standings"] if each["law"] != verdict["law"]]
+    own = [each["score"] for each in verdict["model_ranking"] if each["law"] == verdict["law"]]
+    others = [each for each in verdict["model_ranking"] if each["law"] != verdict["law"]]
     if not (own and others):
         return math.nan, ""
     return float(others[0]["score"]) - float(own[0]), str(others[0]["law"])
@@ -194,13 +188,7 @@ def describe_verdict(verdict: Mapping[str, Any], numbers: Numbers) -> str:
 
 
 def law_lines(verdict: Mapping[str, Any]) -> Iterator[str]:
-    """Yield the lines that describe the verdict at the end of a run.
-
-    Parameters
-    ----------
-    verdict : mapping
-        As for :func:`numbers_of`.
-    """
+    """Yield the lines that describe the verdict at the end of a run."""
     numbers, changes = numbers_of(verdict), int(verdict["changes"])
     turned = f", changed {changes} times" if changes and verdict["known"] else ""
     yield f"law: {describe_verdict(verdict, {})}{_evidence(verdict)}{turned}"
@@ -230,12 +218,7 @@ def written(numbers: Numbers, name: str) -> str:
 def fields_of(verdict: Mapping[str, Any], origin: float = 0.0) -> dict[str, float | str]:
     """Return the verdict as fields of a message: text, and plain numbers in SI units.
 
-    Parameters
-    ----------
-    verdict : mapping
-        As for :func:`numbers_of`.
-    origin : float
-        Zero of the loop's times, s.
+    ``origin`` is the zero of the loop's times, s.
     """
     fields: dict[str, float | str] = {
         "law": str(verdict["law"]) if verdict["parameters"] is not None else "",
@@ -327,22 +310,14 @@ Words = dict[str, Any]
 
 
 def view_of(page: Mapping[str, Any], verdict: Mapping[str, Any] | None, now: float) -> Words:
-    """Return the texts that stand still while the view is paused.
-
-    Parameters
-    ----------
-    page : mapping
-        From the watch: loop, depth, now, changes.
-    verdict : mapping, optional
-        From :func:`verdict_on`.
-    now : float
-        Time of the newest sample, s.
-    """
+    """Return the texts that stand still while the view is paused; ``now`` is a sample's time, s."""
     loop, depth, found = page["loop"], page["depth"], page["now"]
     law = loop.get("law") or {}
     known = math.isfinite(depth["value"])
     at = f" at {format_quantity(depth['value'], 'm')}" if known else " at working depth"
-    names = ("Relaxed stiffness", "Damping") if law.get("remembers") else ("Stiffness", "Damping")
+    names = "Stiffness", "Damping"
+    if law.get("remembers"):
+        names = "Relaxed stiffness", "Viscous damping"
     chosen = " (chosen)" if known and depth["chosen"] else ""
     tiles = [
         [f"{name}{at}{chosen} [{unit}]", with_error(*found.get(key, (math.nan, math.nan)))]
@@ -408,7 +383,7 @@ def law_of(verdict: Mapping[str, Any], now: float) -> Words:
     if sure not in ("none", "before") and math.isfinite(verdict["since"]):
         turned = f"; changed {count} times" if (count := verdict["changes"]) else ""
         since = f"Preferred for {_ago(now, verdict['since'])}{turned}."
-    scores = {each["law"]: each["score"] for each in verdict["standings"] if verdict["known"]}
+    scores = {each["law"]: each["score"] for each in verdict["model_ranking"] if verdict["known"]}
     laws = []
     for name in verdict["offered"]:
         behind = max(scores.get(name, math.nan) - scores.get(verdict["law"], 0.0), 0.0)
@@ -458,14 +433,7 @@ def _absent(verdict: Mapping[str, Any], numbers: Numbers, name: str) -> str:
 def facts_of(page: Mapping[str, Any], state: str, contact_force: float | None = None) -> Words:
     """Return the texts that go on while the view is paused: verdict, state, counts, times.
 
-    Parameters
-    ----------
-    page : mapping
-        From the watch: loop, others, page.
-    state : str
-        A key of the page's states.
-    contact_force : float, optional
-        Present force, N, if the probe is in contact.
+    ``contact_force`` is the present force, N, if the probe is in contact.
     """
     loop, others = page["loop"], page["others"]
     lamp, title, words = _STATES.get(state, _STATES["none"])
@@ -487,7 +455,7 @@ def facts_of(page: Mapping[str, Any], state: str, contact_force: float | None = 
     if isinstance(truth, Mapping):
         numbers = {name: each for name, each in truth.items() if isinstance(each, float)}
         terms = (f"{name.replace('_', ' ')} = {rounded(x, 4)}" for name, x in numbers.items())
-        facts["truth"] = f"Truth: {', '.join([str(truth.get('kind')), *terms])}"
+        facts["truth"] = f"True values: {', '.join([str(truth.get('kind')), *terms])}"
     if contact_force is not None:
         contact = f"The probe is in contact with {rounded(contact_force, 3)} N."
         facts["tare-warning"] = f"{contact} Taring now makes this force the new zero."
@@ -514,7 +482,7 @@ def _counts(
     return [[name, str(count), kind if count else ""] for name, count, kind in rows]
 
 
-_FINE = {"taken": "samples", "learned": "learned", "changes": "changes"}
+_FINE = {"taken": "samples", "learned": "used", "changes": "changes"}
 
 
 def _verdict_line(found: Mapping[str, Any] | None) -> list[str]:
@@ -542,5 +510,5 @@ def _diagnosis(found: Mapping[str, Any]) -> Iterator[list[str]]:
             both.append(f"{name} {with_error(or_nan(there[name]['value']), error, unit=unit)}")
         yield [f"At {format_quantity(there['depth'], 'm')}: {', '.join(both)}", ""]
     last = rounded(found["window"][1] - found["window"][0], 2)
-    words = f"{found['method']}, the last {last} s at {found['at']}, {found['samples']} samples"
-    yield [words, "soft"]
+    words = f"{found['method']}, the last {last} s at {found['at']}, {found['samples']} samples; "
+    yield [f"{words}± includes the systematic uncertainty", "soft"]

@@ -1,4 +1,4 @@
-"""From what was recorded to a contact: its channels, its velocity, its gate and its units."""
+"""Preparation of a contact from a recording: channels, units, velocity, surface and gate."""
 
 from palpate.preparation.gates import choose_gate as choose_gate
 from palpate.preparation.online import OnlinePreparation as OnlinePreparation

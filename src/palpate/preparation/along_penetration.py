@@ -1,4 +1,4 @@
-"""A contact of a penetration and a compression: corrected, tared, counted from the surface."""
+"""Preparation of a contact from a penetration and a compression: signs, tare, surface."""
 
 import logging
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -32,24 +32,24 @@ from palpate.validation import signals as checked_signals
 
 _LOGGER = logging.getLogger(__name__)
 
-# m. Of the estimator's own search for the surface: nearer than this to zero it needs no help.
+# m. The estimator's own search finds a surface nearer than this to zero without help.
 SEARCHED = 2e-3
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Place:
-    """One place of the material, and the times at which the probe was there.
+    """One place on the material, and when the probe was there.
 
     Attributes
     ----------
     start, stop : float
-        s.
+        Time interval, s.
     position : numpy.ndarray, shape (3,)
-        The median one, m, in the frame of the recording.
+        Median position of the probe, m, in the frame of the recording.
     normal : Normal or None
-        Of the contact there; None where the position is along one axis.
+        Contact normal; None if the position is along one axis.
     surface : Surface
-        Along that normal.
+        Surface along that normal.
     """
 
     start: float
@@ -59,7 +59,7 @@ class Place:
     surface: Surface
 
     def as_dict(self) -> dict[str, Any]:
-        """Return it as plain numbers."""
+        """Return the place as JSON types."""
         return {
             "position": self.position.tolist(),
             "normal": None if self.normal is None else self.normal.vector.tolist(),
@@ -70,28 +70,28 @@ class Place:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Prepared:
-    """The way from a recording to a contact.
+    """How a contact was made from a recording.
 
     Attributes
     ----------
     recording : Recording
         The channels as they were recorded.
     settings : Preparation
-        What was asked for.
+        The requested settings.
     zero : numpy.ndarray, optional
-        What was taken off the force, N: one number; or three, in the axes of the sensor.
+        The subtracted mean force offset, N: one number, or three in the axes of the sensor.
     drift : float
-        How far that goes over the recording, N.
+        Change of the force offset over the recording, N.
     normal : Normal, optional
-        Of the whole, where the probe moves in space.
+        Contact normal of the whole recording, if the probe moves in space.
     surface : Surface, optional
-        Where one was found; in the penetration of the recording, or along the normal.
+        The surface found, in the penetration of the recording or along the normal.
     window : float, optional
-        Length of the velocity filter, s, where the velocity was worked out.
+        Length of the velocity filter, s, if palpate computed the velocity.
     places : tuple of Place
-        Where the probe travels: one for each segment of the contact.
+        For a travelling probe, the place of each segment of the contact.
     way : callable, optional
-        What makes a contact of the recording by the settings.
+        The function that makes the contact from the recording and the settings.
     """
 
     recording: Recording
@@ -105,22 +105,22 @@ class Prepared:
     way: Callable[[Recording, Preparation], Contact] | None = field(default=None, repr=False)
 
     def again(self) -> Contact:
-        """Make the contact again: the same, to the last bit.
+        """Make the contact again, bit for bit the same.
 
         Raises
         ------
         RecordingError
-            It was made of arrays, not of a recording.
+            The contact was made from arrays, not from a recording.
         """
         if self.way is None:
-            raise RecordingError("a contact of arrays has no recording to be made of again")
+            raise RecordingError("this contact was made from arrays and has no recording")
         return self.way(self.recording, self.settings)
 
 
 def along_penetration(
     recording: Recording, roles: Roles, signals: Signals, settings: Preparation
 ) -> Contact:
-    """Make a contact of a penetration and a force that is a compression."""
+    """Make a contact from a penetration and a compression."""
     time, depth, force, part = signals.time, signals.depth, signals.force, signals.part
     values = {"time": time, "penetration": depth, "force": force, "segment": part}
     own = {} if signals.velocity is None else {"velocity": signals.velocity}
@@ -128,17 +128,17 @@ def along_penetration(
 
 
 def contact_of_arrays(given: Mapping[str, ArrayLike], settings: Preparation) -> Contact:
-    """Make a contact of arrays.
+    """Make a contact from arrays.
 
     Raises
     ------
     InvalidParameterError
-        One is missing, of another type or length, or time does not increase within a segment.
+        An array is missing or has another type or length, or time does not increase in a segment.
     """
     missing = [name for name in ("time", "penetration", "force") if name not in given]
     if missing:
         raise InvalidParameterError(
-            f"{missing[0]} must be given, as an array, or a recording in place of all arrays"
+            f"{missing[0]} is missing: pass it as an array, or pass a recording instead of arrays"
         )
     made, values = dict[str, str](), dict(given)
     for channel, unit in settings.units.items():
@@ -155,20 +155,20 @@ def contact_of_arrays(given: Mapping[str, ArrayLike], settings: Preparation) -> 
 def velocities_of(
     time: Floats, depth: Floats, runs: Sequence[slice], window: float | None
 ) -> tuple[Floats, int]:
-    """The velocity, a run at a time, and how many lost positions were left out of it."""
+    """Compute the velocity of each run, and count the dropouts excluded from it."""
     parts = [velocity_of(time[run], depth[run], window) for run in runs]
     lost = sum(lost_positions(depth[run]) for run in runs)
     return np.concatenate([np.empty(0), *parts]), lost
 
 
 def describe_filter(lost: int) -> str:
-    """Say how a velocity was worked out."""
+    """Describe how the velocity was computed."""
     words = "centred quadratic Savitzky–Golay filter"
-    return words + (f", without {lost} lost position{'s' if lost > 1 else ''}" if lost else "")
+    return words + (f", without {lost} dropout{'s' if lost > 1 else ''}" if lost else "")
 
 
 def velocity_filter(contact: Contact, window: float | None) -> float:
-    """Length of the filter that a velocity is worked out with, s."""
+    """Length of the velocity filter, s."""
     return window_samples(contact.sample_time, window) * contact.sample_time
 
 
@@ -207,23 +207,23 @@ def _prepared(
 
 
 def _correct(values: dict[str, ArrayLike], made: dict[str, str], settings: Preparation) -> None:
-    """Turn signs, and move a surface that was given to 0, in place; a velocity turns too."""
+    """Reverse signs and subtract a given surface position, in place."""
     for channel in settings.flip:
         for turned in (channel, "velocity") if channel == "penetration" else (channel,):
             if turned in values:
                 values[turned] = -np.asarray(values[turned], dtype=float)
-                add(made, turned, "its sign turned")
+                add(made, turned, "sign reversed")
     surface = settings.surface
     if surface and not isinstance(surface, str):
         values["penetration"] = np.asarray(values["penetration"], dtype=float) - surface
-        add(made, "penetration", f"counted from {surface:g} m")
+        add(made, "penetration", f"relative to {surface:g} m")
 
 
 def in_step(contact: Contact, late: float) -> Contact:
-    """Read the force earlier by its delay, s, between samples by a straight line.
+    """Shift the force earlier by its delay, s, by linear interpolation.
 
-    The force, not the penetration: a smoothed penetration is another motion. Samples whose force is
-    then not known, at an end of a segment, are left out.
+    It shifts the force, because interpolation smooths, and a smoothed penetration would change the
+    velocity. It drops the samples at an end of a segment whose force is then unknown.
     """
     if late == 0.0 or not len(contact):
         return contact
@@ -234,19 +234,19 @@ def in_step(contact: Contact, late: float) -> Contact:
         force[part] = np.interp(wanted, time, contact.force[part])
         keep[part] = (wanted >= time[0]) & (wanted <= time[-1])
     made = dict(contact.provenance)
-    add(made, "force", f"read {abs(late) * 1e3:g} ms {'earlier' if late > 0 else 'later'}")
+    add(made, "force", f"shifted {abs(late) * 1e3:g} ms {'earlier' if late > 0 else 'later'}")
     return replace(contact, force=force, provenance=made).taken(keep)
 
 
 def _tared(contact: Contact, done: Prepared) -> tuple[Contact, Prepared]:
-    """Take the zero of the force off: its mean between two times, or what is found."""
+    """Subtract the force offset: its mean between two times or in detected free air."""
     times, source = done.settings.tare, contact.source
     if times is None:
         return contact, done
     if isinstance(times, tuple | list):
         found = baseline_between(contact.time, contact.force, times, source)
     else:
-        with stage(_LOGGER, "times out of contact"):
+        with stage(_LOGGER, "free air"):
             free = free_samples(-contact.penetration, contact.force)
         if free is None:
             raise never_free(source)
@@ -266,7 +266,7 @@ def _surface_found(contact: Contact, done: Prepared) -> tuple[Contact, Prepared]
     with stage(_LOGGER, "surface"):
         found = surface_of(contact.penetration, contact.velocity, contact.force, rule)
     if rule == "estimate" and (found.assumed or abs(found.position) <= SEARCHED):
-        return contact, done  # the estimator finds it from here
+        return contact, done  # the estimator finds the surface itself
     made, findings = dict(contact.provenance), list(contact.findings)
     found.say(made, findings)
     counted = replace(
@@ -279,15 +279,15 @@ def _surface_found(contact: Contact, done: Prepared) -> tuple[Contact, Prepared]
     return counted, replace(done, surface=found)
 
 
-# The contacts of a probe that travels: one at each place.
+# The contacts of a travelling probe, one at each place.
 
 OF_THE_WHOLE = ("episodes", "surface", "orientation")
 
 
 def at_places(contact: Contact) -> Iterator[tuple[Place, Contact]]:
-    """Return each place and the contact there, with its own surface; none where it is one place.
+    """Yield each place and the contact there, with its own surface; nothing for a single place.
 
-    Within an episode the orientation hardly changes: only the whole has to be warned of that.
+    Findings on the whole recording are dropped: within one place the orientation hardly changes.
     """
     places = () if contact.prepared is None else contact.prepared.places
     parts = list(contact.segments())
@@ -295,7 +295,7 @@ def at_places(contact: Contact) -> Iterator[tuple[Place, Contact]]:
     for place in places:
         times = ((place.start <= contact.time[part.start] <= place.stop, part) for part in parts)
         part = next((part for inside, part in times if inside), None)
-        if part is None:  # left out by a window
+        if part is None:  # outside the time window
             continue
         own = replace(
             contact.taken(part),

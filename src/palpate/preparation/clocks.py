@@ -1,4 +1,4 @@
-"""Channels on one clock, in SI: whose time runs forward, what is skipped, and where it breaks."""
+"""Channels on one clock, in SI units: skipped samples, gaps, restarts and interpolation."""
 
 import math
 from collections.abc import Mapping
@@ -17,30 +17,30 @@ from palpate.recordings import Recording
 from palpate.recordings.recording import GRAVITY, UNITS, WEIGHTS, plain_unit, size_of, stated_unit
 from palpate.validation import Floats
 
-# A recorder that was started again begins at an earlier time, and goes on from there; a late
-# message is followed by one that is later than all before it.
+# After a restart of the recorder, time falls back and increases from there. After a single late
+# message, the next one is later than all before.
 RESTART = 10  # samples in a row
 GAP = 10.0  # median steps
-MOST_SKIPPED = 0.02  # of the samples; more calls for care
+MOST_SKIPPED = 0.02  # of the samples; more is a finding with care
 MOST_BACKWARD = 0.1
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Rows:
-    """Which samples are taken, by their time.
+    """Selection of samples by their time.
 
     Attributes
     ----------
     keep : numpy.ndarray of bool, shape (k,)
-        Those with a time that is later than all before it since the last start.
+        Samples whose time is later than all before it since the last start.
     part : numpy.ndarray of int, shape (k,)
-        A number that grows where the label changes, or the recording starts again.
+        A number that increases at each change of the label and each restart.
     restarts : int
-        How often it starts again.
+        Number of restarts.
     first_wrong : int
-        The first sample that is not taken, or with which it starts again; −1 where there is none.
+        The first sample that is skipped or begins a restart; −1 if there is none.
     untimed, repeated, late : int
-        How many have no time, the time of the one before, or an earlier one.
+        Number of samples without a time, with the previous time, or with an earlier time.
     """
 
     keep: NDArray[np.bool_]
@@ -53,7 +53,7 @@ class Rows:
 
     @property
     def skipped(self) -> int:
-        """How many are not taken."""
+        """Number of skipped samples."""
         return self.untimed + self.repeated + self.late
 
 
@@ -63,16 +63,16 @@ def rows_of(
     *,
     largest: float = math.inf,
 ) -> Rows:
-    """Say which samples have a time that increases.
+    """Select the samples whose time increases.
 
     Parameters
     ----------
     time : numpy.ndarray, shape (k,)
-        In any unit; whole numbers stay exact.
+        Times in any unit; integers stay exact.
     label : numpy.ndarray of int, shape (k,), optional
-        Changes where a separate contact begins: time may then be anything.
+        Label of the contact; time may fall where it changes.
     largest : float
-        What is beyond is no time, in the same unit.
+        Largest valid time, in the same unit.
     """
     timed = np.isfinite(time) & (np.abs(time) <= largest)
     t, given = time[timed], np.zeros(time.size, np.int64) if label is None else label
@@ -86,7 +86,7 @@ def rows_of(
         for low, high in pairwise([0, *starts, stop - start]):
             inside = t[start + low : start + high]
             before = np.maximum.accumulate(inside)[:-1]
-            with np.errstate(over="ignore"):  # of absurd times
+            with np.errstate(over="ignore"):  # huge times
                 later = (inside[1:] > before) & (inside[1:] - before >= SHORTEST_STEP)
             keep[start + low + 1 : start + high] = later
             repeated += int(np.count_nonzero(~later & (inside[1:] >= before)))
@@ -101,9 +101,9 @@ def rows_of(
 
 
 def _starts(t: NDArray[np.int64] | Floats) -> list[int]:
-    """Where time falls and goes on from there: the recorder was started again."""
+    """The samples at which the recorder was restarted: time falls and increases from there."""
     falls = np.flatnonzero(t[1:] < t[:-1]) + 1 if t.size else np.empty(0, dtype=np.int64)
-    if falls.size > MOST_BACKWARD * t.size:  # it does not start again, it runs backward
+    if falls.size > MOST_BACKWARD * t.size:  # time runs backward; these are not restarts
         return []
     found: list[int] = []
     last = 0
@@ -117,10 +117,10 @@ def _starts(t: NDArray[np.int64] | Floats) -> list[int]:
 
 
 def gaps(time: Floats, part: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """Say of each sample whether a gap lies before it.
+    """Mask of the samples that follow a gap.
 
-    Longer than ten steps, by the median of the five before it and of the five after it, whichever
-    is larger: where the rate changes there is no gap.
+    A gap is longer than ten times the median of the five steps before it and of the five after it,
+    so that a change of the rate is not a gap.
     """
     steps = np.diff(time)
     inside = part[1:] == part[:-1]
@@ -135,14 +135,14 @@ def gaps(time: Floats, part: NDArray[np.int64]) -> NDArray[np.bool_]:
     return found
 
 
-# The channels that are used, as numbers in SI and on one clock.
+# The channels of a contact as numbers, in SI units on one clock.
 
-#: In SI, beyond which a value is no measurement; units of the arithmetic end there too. Sums of
-#: eighth powers are finite below it: of an infinity LAPACK prints words on standard output.
+#: Largest plausible value in SI units, also of a :class:`Scale`. Sums of eighth powers stay finite
+#: below it: LAPACK prints to standard output when it meets an infinity.
 LARGEST = 1e30
-# s. Times since 1970 are counted from the first instead: floats of them have steps of 0.2 µs.
+# s. Later times, as since 1970, are made relative to the first: their floats have steps of 0.2 µs.
 SINCE_LONG_AGO = 1e8
-# s, three thousand years. Beyond it a millisecond is lost in the digits; a flipped bit leads there.
+# s, three thousand years. A larger float cannot resolve a millisecond, and comes from a bit error.
 LATEST = 1e11
 
 Channels: TypeAlias = dict[str, NDArray[np.generic]]
@@ -151,28 +151,28 @@ Times: TypeAlias = NDArray[np.int64] | Floats
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Signals:
-    """What a contact is made of, on one clock and in SI.
+    """The channels of a contact, in SI units on one clock.
 
     Attributes
     ----------
     time : numpy.ndarray, shape (k,)
-        s, increasing within a part.
+        s, strictly increasing within a part.
     depth : numpy.ndarray, shape (k,) or (k, 3)
         Penetration or position, m.
     force : numpy.ndarray, shape (k,) or (k, 3)
         N.
     part : numpy.ndarray of int, shape (k,)
-        A number that changes where the recording has a gap, or starts again.
+        A number that increases at each gap, restart and change of the segment.
     velocity : numpy.ndarray, shape (k,), optional
         m/s.
     orientation : numpy.ndarray, shape (k, 4), optional
         Quaternion x, y, z, w.
     segment : numpy.ndarray, shape (k,), optional
-        The label of the column.
+        Label in the column of segments.
     made : mapping
-        How each channel was made, in words.
+        How each channel was obtained, as text.
     findings : tuple of Finding
-        What was skipped, or assumed.
+        What was skipped or assumed.
     """
 
     time: Floats
@@ -186,7 +186,7 @@ class Signals:
     findings: tuple[Finding, ...] = ()
 
     def taken(self, keep: NDArray[np.bool_] | NDArray[np.int64]) -> "Signals":
-        """Return some of the samples."""
+        """Return the selected samples."""
         cut = {
             name: getattr(self, name)[keep]
             for name in ("time", "depth", "force", "part", "velocity", "orientation", "segment")
@@ -203,43 +203,43 @@ def signals_of(
     rate: float | None = None,
     strict: bool = False,
 ) -> Signals:
-    """Bring the channels that are used to one clock, and to SI.
+    """Convert the channels of a contact to SI units on one clock.
 
-    Where position and force have clocks of their own, the faster one is interpolated, by straight
-    lines, at the times of the slower one; not over a gap.
+    If position and force have different clocks, the faster one is interpolated linearly at the
+    times of the slower one, but not across gaps.
 
     Parameters
     ----------
     recording : Recording
-        What was recorded.
+        The recording.
     roles : Roles
-        Which channels are used.
+        The channels to use.
     units : mapping, optional
-        The units of ``time``, ``penetration``, ``force`` and ``velocity``, where they are given;
-        else they are those that the recording says, or the names of the channels, or SI.
+        Units of ``time``, ``penetration``, ``force`` and ``velocity``. Default: from the recording,
+        else from the names of the channels, else SI.
     rate : float, optional
-        Samples a second, where the recording has no time.
+        Sample rate, Hz, of a recording without time.
     strict : bool
-        Refuse what is not a number, and time that does not increase.
+        Fail on values that are not numbers and on times that do not increase.
 
     Raises
     ------
     RecordingError
-        There is no time, or it runs backward; a channel holds no numbers; or the clocks of position
-        and force have no time in common.
+        There is no time or it runs backward, a channel holds no numbers, or the clocks of position
+        and force do not overlap.
     """
     return _Taking(recording, units or {}, strict).signals(roles, rate)
 
 
 def measurable(values: Floats) -> Floats:
-    """Values of which those beyond what anyone can measure are NaN."""
+    """The values, with those of implausible size replaced by NaN."""
     beyond = np.abs(values) > LARGEST
     return np.where(beyond, np.nan, values) if beyond.any() else values
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Stream:
-    """Channels on one clock, whose times are in its own unit."""
+    """Channels on one clock, with times in the unit of the clock."""
 
     clock: str | None
     time: Times
@@ -247,13 +247,13 @@ class Stream:
     values: Channels
 
     def seconds(self, time: Times, origin: int | float) -> Floats:
-        """Times in seconds from an origin in their own unit, taken off before digits are lost."""
+        """Times in seconds from an origin, subtracted before conversion to keep the digits."""
         return np.asarray((time - origin) * size_of("time", self.unit), dtype=np.float64)
 
 
 @dataclass(slots=True)
 class _Taking:
-    """Takes the channels of a recording, and says how each was made and what was skipped."""
+    """Converts the channels of a recording, and records how, and what was skipped."""
 
     recording: Recording
     units: Mapping[str, str]
@@ -262,7 +262,7 @@ class _Taking:
     findings: list[Finding] = field(default_factory=list)
 
     def signals(self, roles: Roles, rate: float | None) -> Signals:
-        """Take the channels of some roles."""
+        """Convert the channels of the roles."""
         by_clock: dict[str | None, Channels] = {}
         for role, channel in self._values(roles).items():
             own = self.recording.clocks.get(roles.by_role[role][0])
@@ -275,7 +275,7 @@ class _Taking:
         return self._made(stream.seconds(time, _origin_of(stream)), values, part)
 
     def _values(self, roles: Roles) -> Channels:
-        """Each role's channels as one array, in SI."""
+        """The channels of each role as one array, in SI units."""
         values: Channels = {}
         for role, names in roles.by_role.items():
             if not names or role == "segment":
@@ -292,40 +292,39 @@ class _Taking:
                 in_si = own[0] == next(iter(UNITS[kind]))
                 self.made[kind] = made if in_si else f"{made}, in {own[0]}"
                 if not given and own[0] in WEIGHTS:
-                    words = (
-                        f"{listed} is in {own[0]}, a mass: palpate takes its weight at {GRAVITY}"
-                    )
-                    remedy = "--unit force=N, where it is a force in N"
+                    words = f"{listed} is in {own[0]}, a mass: palpate multiplies it by {GRAVITY}"
+                    remedy = "pass --unit force=N if the values are forces in N"
                     self.findings.append(Finding("units", f"{words} m/s²", remedy))
             values[role] = columns[0] if len(columns) == 1 else np.column_stack(columns)
             known = np.isfinite(np.column_stack(columns)).all(axis=1)
             if role in ("depth", "force") and known.size and not known.any():
-                raise RecordingError(
-                    f"{self.recording.place(names[0])}: no sample holds a number in "
-                    f"[-{LARGEST:g}, {LARGEST:g}]; check its unit, or name another column"
-                )
+                option = "position" if role == "depth" and not roles.is_penetration else kind
+                words = f"no sample has a number in [-{LARGEST:g}, {LARGEST:g}]; check its unit, or"
+                place = self.recording.place(names[0])
+                raise RecordingError(f"{place}: {words} choose another with --{option}")
         if roles.segment is not None:
             values["segment"] = self.recording.channel(roles.segment)
         return values
 
     def _read(self, name: str) -> Floats:
-        """A channel; say how many samples of it hold no number, for no estimator takes them."""
+        """A channel as numbers; report its samples that are not numbers, which are excluded."""
         recording = self.recording
         before = recording.numbers(name, strict=self.strict)
         column = measurable(before)
         if self.strict and column is not before:
             sample = int(np.nanargmax(np.abs(before)))
             raise RecordingError(
-                f"{recording.place(name, sample)}: {before[sample]:g} is no measurement: it is "
-                f"beyond {LARGEST:g}"
+                f"{recording.place(name, sample)}: {before[sample]:g} is beyond {LARGEST:g}; drop "
+                "--strict to exclude such values"
             )
         if count := int(np.count_nonzero(~np.isfinite(column))):
             first = str(recording.channels[name][int(np.argmin(np.isfinite(column)))])
             text = recording.faults[name].text if name in recording.faults else first
             samples = "1 sample" if count == 1 else f"{count} samples"
+            words = f"palpate excluded {samples} of {name!r} without a usable number"
             self._say_rows(
-                f"{name!r} holds no number in {samples}, first {text.strip()[:40]!r}: left out",
-                "look at the recorder; --strict refuses them",
+                f"{words} ({text.strip()[:40]!r})",
+                "check the recorder, or pass --strict to fail instead",
                 many=count > MOST_SKIPPED * column.size,
             )
         return column
@@ -334,17 +333,17 @@ class _Taking:
         self.findings.append(Finding("rows", words, remedy, "with-care" if many else "note"))
 
     def _unit_of(self, name: str, kind: str, usual: str | None = None) -> str:
-        """The unit that the recording or a channel's name states; else the usual one, or SI."""
+        """The unit from the recording or the channel's name; else the usual one, else SI."""
         own = self.recording.units.get(name)
         stated = plain_unit(own) if own else stated_unit(name)
         si = next(iter(UNITS[kind]))
         if stated is None or (kind == "time" and not own and not size_of(kind, stated)):
-            return usual or si  # ``time (UTC)`` names a zone
+            return usual or si  # ``time (UTC)`` states a time zone, not a unit
         if not size_of(kind, stated):
             raise RecordingError(
-                f"{self.recording.place(name)}: the {kind} is in {stated}, and palpate converts "
-                f"{', '.join(UNITS[kind])} only; --unit {kind}={si} states its unit, --unit "
-                f"{kind}=0.0098{si} the size of one count"
+                f"{self.recording.place(name)}: palpate cannot convert the unit {stated} of the "
+                f"{kind} (known: {', '.join(UNITS[kind])}); pass its unit, such as --unit "
+                f"{kind}={si}, or the size of one count, such as --unit {kind}=0.0098{si}"
             )
         return stated
 
@@ -354,12 +353,12 @@ class _Taking:
             if rate is None:
                 raise RecordingError.of(
                     recording.source,
-                    "no channel looks like the time; name it with --time, or say --rate 1000 where "
-                    "the samples are evenly spaced",
+                    "no channel looks like the time; name it with --time, or pass the sample rate, "
+                    "such as --rate 1000 (Hz), if the samples are evenly spaced",
                 )
             return Stream(None, np.arange(next(iter(lengths.values()))) / rate, "s", values)
         time = recording.channel(clock)
-        dated = time.dtype.kind in "mM"  # of pandas, say: whole nanoseconds since 1970
+        dated = time.dtype.kind in "mM"  # for example from pandas: nanoseconds since 1970
         if dated:
             known = ~np.isnat(time)
             whole = time.astype("M8[ns]" if time.dtype.kind == "M" else "m8[ns]").view(np.int64)
@@ -370,43 +369,41 @@ class _Taking:
             listed = ", ".join(f"{role} has {length}" for role, length in lengths.items())
             raise RecordingError.of(
                 recording.source,
-                f"channels of one clock must have the same length: {clock!r} has {len(time)}, "
+                f"channels on one clock must have the same length: {clock!r} has {len(time)}, "
                 f"{listed}; name the right clock with --time",
             )
         unit = "ns" if dated else self.units.get("time") or self._unit_of(clock, "time")
         return Stream(clock, time, unit, values)
 
     def _running(self, stream: Stream, what: str) -> tuple[Times, Channels, NDArray[np.int64]]:
-        """A stream's samples whose time increases, and the part that each is of."""
+        """The samples of a stream whose time increases, and their part numbers."""
         recording, label = self.recording, stream.values.get("segment")
         numbers = None if label is None else numbered(label, label.size)
         rows = rows_of(stream.time, numbers, largest=LATEST / size_of("time", stream.unit))
         if not rows.keep.any():
             there = len(stream.time)
-            reason = "no sample has a time" if there else "there are columns but no samples"
+            reason = "no sample has a valid time" if there else "the recording has no samples"
             raise RecordingError.of(recording.source, reason)
         if self.strict and (rows.skipped or rows.restarts):
             self._refuse(stream, rows.first_wrong)
         if rows.late > 0.5 * rows.keep.size:
             place = recording.place(stream.clock or "time", int(np.argmin(rows.keep)))
-            raise RecordingError(
-                f"{place}: the time runs backward; give the samples in their order"
-            )
+            raise RecordingError(f"{place}: the time runs backward; sort the samples by time")
         if rows.skipped:
             reasons = {
                 "without a time": rows.untimed,
-                "with the time of the one before": rows.repeated,
+                "with the previous time": rows.repeated,
                 "with an earlier time": rows.late,
             }
             listed = ", ".join(f"{count} {words}" for words, count in reasons.items() if count)
             self._say_rows(
-                f"{rows.skipped} of {rows.keep.size} {what} were skipped: {listed}",
-                "look at the recorder's clock; --strict refuses them",
+                f"palpate skipped {rows.skipped} of {rows.keep.size} {what}: {listed}",
+                "check the recorder's clock, or pass --strict to fail instead",
                 many=rows.skipped > MOST_SKIPPED * rows.keep.size,
             )
         if rows.restarts:
             times = "once" if rows.restarts == 1 else f"{rows.restarts} times"
-            words = f"the time starts again {times}: contacts are kept apart there"
+            words = f"the recorder restarted {times}: contacts are separated there"
             self.findings.append(Finding("rows", words))
         if not rows.skipped:
             return stream.time, stream.values, rows.part
@@ -416,38 +413,38 @@ class _Taking:
     def _refuse(self, stream: Stream, sample: int) -> None:
         time, clock = stream.time, stream.clock or "time"
         if stream.clock is not None:
-            self.recording.numbers(stream.clock, strict=True)  # a cell of text says it better
+            self.recording.numbers(stream.clock, strict=True)  # a clearer error for text
         before = time[max(sample - 1, 0)]
-        what = "repeats the time before it" if time[sample] == before else "is hardly later"
+        what = "repeats the previous time" if time[sample] == before else "is hardly later"
         if not np.isfinite(time[sample]):
             what = "is not finite"
         elif sample == 0:
-            what = "is no time"
+            what = "is not a valid time"
         elif time[sample] < before:
             what = f"runs back from {before:g} {stream.unit}"
         raise RecordingError(
-            f"{self.recording.place(clock, sample)}: {time[sample]:g} {stream.unit} {what}; time "
-            "must increase within a segment"
+            f"{self.recording.place(clock, sample)}: {time[sample]:g} {stream.unit} {what}, but "
+            "time must increase within a segment; drop --strict to skip such samples"
         )
 
     def _made(self, time: Floats, values: Channels, part: NDArray[np.int64]) -> Signals:
-        """Signals of values on one clock; gaps part them, and are said."""
+        """Make signals from values on one clock; separate them at gaps and report these."""
         breaks = gaps(time, part)
         if breaks.any():
             longest, count = float(np.diff(time)[breaks[1:]].max()), np.count_nonzero(breaks)
             many = f"{count} gaps in time, the longest" if count > 1 else "a gap in time,"
-            words = f"{many} {longest:.3g} s: contacts are kept apart there"
+            words = f"{many} {longest:.3g} s: contacts are separated there"
             self.findings.append(Finding("rows", words))
         known: dict[str, Any] = {"part": part + np.cumsum(breaks), "made": self.made, **values}
         return Signals(time, **known, findings=tuple(self.findings))
 
     def _interpolated(self, streams: list[Stream]) -> Signals:
-        """The samples of the slowest clock, and what the others were at their times."""
+        """The samples of the slowest clock, with the others interpolated at its times."""
         source, units = self.recording.source, {stream.unit for stream in streams}
         if len(units) > 1:
             listed = ", ".join(sorted(units))
             raise RecordingError(
-                f"{source}: the clocks are in {listed}; give one unit with --unit time=…"
+                f"{source}: the clocks are in {listed}; pass one unit, such as --unit time=s"
             )
         origin = _origin_of(*streams)
         on_time = []
@@ -455,12 +452,12 @@ class _Taking:
             time, values, part = self._running(stream, f"samples of {stream.clock}")
             if part.size and part.max() > 0:
                 raise RecordingError(
-                    f"{self.recording.place(stream.clock or 'time')}: the time starts again, and "
-                    "the clocks cannot be brought together; record anew, or cut the file there"
+                    f"{self.recording.place(stream.clock or 'time')}: the recorder restarted, so "
+                    "palpate cannot match the clocks; record again, or cut the file there"
                 )
             on_time.append((stream.seconds(time, origin), values, stream.clock))
         on_time.sort(key=lambda each: _step(each[0]), reverse=True)
-        # An orientation changes slowly: it sets no clock.
+        # An orientation changes slowly: its clock never sets the rate.
         first = next(k for k, (_, own, _) in enumerate(on_time) if "depth" in own or "force" in own)
         at, values, clock = on_time.pop(first)
         values, keep = dict(values), np.ones(at.size, dtype=bool)
@@ -473,20 +470,20 @@ class _Taking:
                     self.made[kind] += f", interpolated from {name!r} at the times of {clock!r}"
         if not keep.any():
             raise RecordingError(
-                f"{source}: the clocks {clock!r} and {on_time[0][2]!r} have no time in common; "
-                "look at them with palpate info"
+                f"{source}: the clocks {clock!r} and {on_time[0][2]!r} do not overlap; list "
+                f"them with palpate info {source or 'FILE'}"
             )
         if not keep.all():
-            words = f"{np.count_nonzero(~keep)} of {keep.size} samples of {clock} were left out: "
+            words = f"palpate excluded {np.count_nonzero(~keep)} of {keep.size} samples of {clock}"
             self.findings.append(
-                Finding("clock", f"{words}the other clock has no sample near them")
+                Finding("clock", f"{words}: the other clock has no sample near them")
             )
         taken = {role: channel[keep] for role, channel in values.items()}
         return self._made(at[keep], taken, np.zeros(int(keep.sum()), dtype=np.int64))
 
 
 def _origin_of(*streams: Stream) -> int | float:
-    """What times are counted from: the first of all where they are whole, or since 1970; else 0."""
+    """The origin of time: the first time if it is an integer or since 1970, else 0."""
     firsts = [s.time[np.abs(s.time) * size_of("time", s.unit) <= LATEST] for s in streams]
     known = [first.min() for first in firsts if first.size]
     if not known:
@@ -502,7 +499,7 @@ def _step(time: Floats) -> float:
 
 
 def _covered(wanted: Floats, time: Floats) -> NDArray[np.bool_]:
-    """Whether each time lies between two samples of a clock that are no gap apart."""
+    """Whether each time lies between two samples of a clock without a gap between them."""
     after = np.searchsorted(time, wanted)
     inside = (after > 0) & (after < time.size)
     exact = (after < time.size) & (time[np.minimum(after, time.size - 1)] == wanted)
@@ -513,7 +510,7 @@ def _covered(wanted: Floats, time: Floats) -> NDArray[np.bool_]:
 
 def _at(wanted: Floats, time: Floats, values: NDArray[np.generic]) -> NDArray[np.generic]:
     if values.dtype.kind not in "fiu":
-        raise InvalidParameterError("a segment must be on the clock of the position or the force")
+        raise InvalidParameterError("segment must be on the clock of the position or the force")
     if values.ndim == 1:
         return np.interp(wanted, time, values.astype(np.float64))
     return np.column_stack([_at(wanted, time, column) for column in values.T])

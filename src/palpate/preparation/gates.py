@@ -1,4 +1,4 @@
-"""What the data say of a contact: a gate and a scale, its touches, and its noise."""
+"""Quantities found from the data of a contact: gate, scale, touches and noise."""
 
 import math
 from dataclasses import dataclass
@@ -11,7 +11,7 @@ from palpate.contact import Contact, slices_of
 from palpate.settings import ContactGate, Scale
 from palpate.validation import Floats, Plain, number_in
 
-LARGEST = 1e100  # m, m/s or N; beyond it no estimator takes a sample
+LARGEST = 1e100  # m, m/s or N; estimators reject larger samples
 
 
 def choose_gate(
@@ -20,22 +20,22 @@ def choose_gate(
     minimum_penetration: float | None = None,
     minimum_force: float | None = None,
 ) -> ContactGate:
-    """Return the gate of a contact: the thresholds that are given, and the rest by its samples.
+    """Return the gate of a contact: the given thresholds, and the others from its samples.
 
-    That is at ten times the noise, kept between 1 % and 10 % of the largest values. A force near
-    its threshold is taken where noise made it large, which biases: probing near the surface costs a
-    soft material 10 % of K. Where that is more than 3 % of the contact the depth decides instead,
-    where it separates them: contact is then what is deeper than where the force falls short of its
+    The default threshold is ten times the noise, limited to 1 to 10 % of the largest values. Near
+    the threshold the gate accepts forces that noise made large, a bias of 10 % of K for probing
+    near the surface of a soft material. If that concerns more than 3 % of the contact and depth
+    separates these samples, the gate uses a depth instead: that at which the force falls below its
     threshold.
 
     Parameters
     ----------
     contact : Contact
-        What the gate is for.
+        The contact.
     minimum_penetration : float, optional
-        Contact is deeper than this, m, in [0, 1e100].
+        Least penetration in contact, m, in [0, 1e100]. Default: from the data.
     minimum_force : float, optional
-        Contact is made and lost at this force, N, in [0, 1e100].
+        Force at which contact begins and ends, N, in [0, 1e100]. Default: from the data.
     """
     depth, make, lost = _core.gate_of(contact.penetration, contact.velocity, contact.force)
     if minimum_penetration is not None:
@@ -52,9 +52,9 @@ def gate_asked_for(
     *,
     alone: bool = False,
 ) -> ContactGate | None:
-    """Return the gate of thresholds that are asked for; None where none is.
+    """Return the gate for the requested thresholds; None if there are none.
 
-    ``alone`` is for a method that chooses its samples itself: it gets no threshold beside these.
+    ``alone`` is for a method that chooses its samples itself: it gets no other threshold.
     """
     if minimum_penetration is None and minimum_force is None:
         return None
@@ -67,28 +67,28 @@ def gate_asked_for(
 
 
 def suggest_scale(contact: Contact) -> Scale:
-    """Units for the arithmetic: the largest penetration, speed and force of the contact."""
+    """Return scaling units: the largest penetration, speed and force of the contact."""
     x, speed, force = contact.penetration, np.abs(contact.velocity), contact.force
     touching = (x > 0.0) & (force > 0.0) & (x < LARGEST) & (speed < LARGEST) & (force < LARGEST)
     largest = [np.max(each[touching], initial=0.0) for each in (x, speed, force)]
     return Scale(*(float(np.clip(each, 1e-30, 1e30)) if each > 0.0 else 1.0 for each in largest))
 
 
-# The touches of a contact, found and numbered.
+# The touches of a contact.
 
-BREAK = 0.8  # of the force that makes contact, as of the gate that is chosen
+BREAK = 0.8  # force at which contact ends, as a fraction of that at which it begins
 # s. A shorter time out of contact is noise at the surface, or a bounce.
 SHORTEST_LIFT = 0.05
 
 
 @dataclass(frozen=True, slots=True)
 class Touch(Plain):
-    """One time in contact.
+    """One touch.
 
     Attributes
     ----------
     number : int
-        From 1.
+        Number of the touch, from 1.
     start, stop : float
         s.
     peak_force : float
@@ -105,14 +105,14 @@ class Touch(Plain):
 
 
 def touches_of(contact: Contact, gate: ContactGate | None = None) -> list[Touch]:
-    """Find the touches: times in which the force is above that of a gate, lifts of 50 ms apart.
+    """Find the touches: intervals of force above the gate, at least 50 ms apart.
 
     Parameters
     ----------
     contact : Contact
-        Of any number of touches; those of separate segments are separate.
+        The contact. A touch does not extend over segments.
     gate : ContactGate, optional
-        Whose forces make and break contact; chosen from the data unless given.
+        The gate whose forces begin and end a touch. Default: chosen from the data.
     """
     chosen = choose_gate(contact) if gate is None else gate
     limit = max(chosen.break_force or BREAK * chosen.make_force, 0.0)
@@ -139,27 +139,27 @@ def _joined(runs: list[slice], time: list[float]) -> list[tuple[int, int]]:
     return joined
 
 
-# How well a recording can tell where things are.
+# The resolution of a recording.
 
 
 def suggest_surface_deviation(contact: Contact) -> float | None:
-    """How well the surface is known, m: twice the noise of the penetration, its rounding included.
+    """Return the uncertainty of the surface, m: twice the noise and rounding of the penetration.
 
-    None where the penetration has neither.
+    None if the penetration has neither.
     """
     [found] = resolutions_of(contact.penetration[None]).tolist()
     return None if math.isnan(found) else found
 
 
 def resolutions_of(penetration: Floats, *, threads: int = 1) -> Floats:
-    """Twice the noise of each row, its rounding included, m; NaN where it has neither.
+    """Return twice the noise and rounding of each row, m; NaN if it has neither.
 
     Parameters
     ----------
     penetration : numpy.ndarray, shape (k, samples)
         m.
     threads : int
-        That share the rows.
+        Number of threads.
     """
     found = np.empty(len(penetration))
     _core.resolutions(penetration, found, threads)

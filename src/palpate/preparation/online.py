@@ -1,4 +1,4 @@
-"""From what a robot measures to what an estimator takes, in a control loop."""
+"""Preparation of measured samples for an estimator in a control loop."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -25,56 +25,54 @@ from palpate.validation import (
 
 _DEFAULTS = _core.defaults["OnlinePreparation"]
 LONGEST_WINDOW: int = _DEFAULTS["longest_window"]  # samples
-WORDS = "quadratic filter of {samples} samples, given {delay:g} ms late with position and force"
+WORDS = "quadratic filter of {samples} samples; all outputs are {delay:g} ms late"
 
 
 class OnlinePreparation(Configured, _core.OnlinePreparation):
-    """Prepares samples for an estimator as they come: the online twin of :func:`palpate.prepare`.
+    """Prepares samples one by one: the online counterpart of :func:`palpate.prepare`.
 
-    The velocity is the slope of the parabola, by least squares, through the positions of a window,
-    at the window's middle: that of the centred filter which ``prepare`` uses, half a window late.
-    Penetration and force are given as late as the velocity is, as they were measured; so what is
-    given belongs together, and costs an estimate nothing (``docs/online.md``).
+    The velocity is the slope at the middle of a window of the least-squares parabola through its
+    positions: the centred filter of ``prepare``, half a window late. Penetration and force are
+    delayed as much, unfiltered, so that the three match; the delay does not affect the estimate
+    (``docs/online.md``).
 
-    Like ``prepare`` it leaves lost positions out of every window; their samples are not given. To
-    know one takes the two samples after it, which delays everything by those two.
+    Like ``prepare`` it excludes dropouts of the position and returns no sample for them. Detecting
+    one takes the two following samples, which delays all outputs by these two.
 
-    Every call of :meth:`update` gives a sample or, where :attr:`status` is another than
-    ``UPDATED``, None: ``WAITING`` (none is ready yet, or samples come less than half as often as
-    ``sample_time`` says), ``RESTARTED`` (after a gap, the first of a
-    new window), ``REJECTED`` (the position of two samples ago is lost), ``NOT_FINITE``,
-    ``INVALID_STEP`` or ``OUT_OF_RANGE`` (refused: only its time has passed).
+    Each call of :meth:`update` returns a sample if :attr:`status` is ``UPDATED``, else None:
+    ``WAITING`` (no sample is ready yet, or samples arrive at less than half the rate of
+    ``sample_time``), ``RESTARTED`` (the first sample of a new window, after a gap), ``REJECTED``
+    (the position two samples ago is a dropout), ``NOT_FINITE``, ``INVALID_STEP`` or
+    ``OUT_OF_RANGE`` (the sample is discarded; only its time counts).
 
     Parameters
     ----------
     sample_time : float
-        Time between samples, s, in [1e-100, 1e6]; nominally, where ``update`` is given times.
+        Time between samples, s, in [1e-100, 1e6]; nominal if ``update`` receives times.
     velocity_window : float, optional
-        Length of the filter, s, at most 255 samples; 15 samples but at most 15 ms, and at least 5
-        samples, unless given.
+        Length of the filter, s, at most 255 samples. Default: 15 samples, at most 15 ms, at least 5
+        samples.
     surface : float
-        Where the material begins, m, in the position as corrected.
+        Position of the surface, m, after the corrections of sign and direction.
     force_offset : float
-        A known offset of the force, N, that is taken off.
+        Known offset of the force, N, to subtract.
     tare_time : float
-        So long after the first sample, s, nothing is given and nothing may be touched: the mean
-        force of that time is taken off from then on; see :attr:`tare`.
+        Length of the tare after the first sample, s: the probe must not touch anything, and no
+        sample is returned. Its mean force is subtracted afterwards; see :attr:`tare`.
     flip : sequence of str
-        Channels whose sign is turned: ``"force"``, ``"penetration"``, or both.
+        Channels whose sign is reversed: ``"force"``, ``"penetration"``, or both.
     direction : array_like, shape (3,), optional
-        Into the material, of any length but 0. Position and force are vectors then, of which this
-        direction counts: turn a force that is the sensor's on the material, or the material's on
-        the probe, by ``flip``.
+        Direction into the material, of any length but 0. Position and force are then vectors, and
+        palpate projects them on it. Use ``flip`` if compression becomes negative.
     lost_positions : bool
-        Whether lost positions are looked for. Without, everything is given two samples sooner.
+        Whether to detect dropouts of the position. Without, outputs are two samples earlier.
     longest_gap : float, optional
-        A time between samples, s, beyond which a new window begins; the window's length unless
-        given.
+        Time between samples, s, above which a new window begins. Default: length of the window.
 
     Raises
     ------
     InvalidParameterError
-        A setting out of its range.
+        A setting is out of its range.
     """
 
     __slots__ = ("_settings",)
@@ -117,24 +115,24 @@ class OnlinePreparation(Configured, _core.OnlinePreparation):
     def replay(
         self, position: "ArrayLike", force: "ArrayLike", time: "ArrayLike | None" = None
     ) -> Contact:
-        """Take arrays sample by sample, as :meth:`update` would, and return what is given.
+        """Process arrays sample by sample, as :meth:`update` does, and return the outputs.
 
         Parameters
         ----------
         position, force : array_like, shape (k,) or, with a ``direction``, (k, 3)
             m and N.
         time : array_like, shape (k,), optional
-            s; ``sample_time`` apart unless given.
+            s. Default: steps of ``sample_time``.
 
         Returns
         -------
         Contact
-            Its segments end where the window starts anew.
+            A new segment begins with each restart of the window.
 
         Raises
         ------
         InvalidParameterError
-            Arrays of different length, of the wrong type or shape.
+            The arrays differ in length or have the wrong type or shape.
         """
         columns = 1 if self._settings["direction"] is None else 3
         p, f = _rows("position", position, columns), _rows("force", force, columns)
@@ -162,20 +160,20 @@ def _unit_vector(direction: "ArrayLike") -> list[float]:
     length = float(np.linalg.norm(vector))
     if vector.size != 3 or not 1e-100 < length < 1e100:
         raise InvalidParameterError(
-            f"direction must be a vector of 3 numbers, not all zero, not {shown(direction)}"
+            f"direction must be 3 numbers, not all zero, not {shown(direction)}"
         )
     unit: list[float] = (vector / length).tolist()
     return unit
 
 
 def _rows(name: str, values: "ArrayLike", columns: int) -> Floats:
-    """``values`` one row after the other, in one dimension."""
+    """``values`` as one dimension, row by row."""
     if columns == 1:
         return signal(name, values)
     unmasked(name, values)
     array = np.asarray(values)
     if array.ndim != 2 or array.shape[1] != columns:
         raise InvalidParameterError(
-            f"{name} must have shape (k, 3), as there is a direction, not {array.shape}"
+            f"{name} must have shape (k, 3), because direction is set, not {array.shape}"
         )
     return signal(name, array.reshape(-1))

@@ -1,4 +1,4 @@
-"""From a recording, a frame or arrays to a contact."""
+"""Making a contact from a recording, a data frame or arrays."""
 
 import dataclasses
 import logging
@@ -26,7 +26,7 @@ _LOGGER = logging.getLogger(__name__)
 
 
 class Frame(Protocol):
-    """What is needed of a table in memory; those of pandas and polars have it."""
+    """The interface of a data frame that palpate needs; pandas and polars provide it."""
 
     @property
     def columns(self) -> Any:
@@ -65,83 +65,82 @@ def prepare(
     window: tuple[float | None, float | None] | None = None,
     strict: bool = False,
 ) -> Contact:
-    """Make a contact of a recording, a file, a pandas or polars frame, or of arrays.
+    """Make a contact from a recording, a file, a pandas or polars data frame, or arrays.
 
-    A recording of a penetration is taken as it is. One of a position has its force tared where the
-    probe is seen out of contact, both are projected on the contact normal, and the surface is
-    found; a probe that travels is cut into episodes at one place each, which are the segments of
-    the contact. ``provenance``, ``findings`` and ``prepared`` have what is done, found and assumed.
-    Where there is no velocity it is worked out, a segment at a time, by
-    :func:`palpate.preparation.velocity.velocity_of`.
+    palpate uses a penetration as recorded. For a position it subtracts the force offset measured in
+    free air, projects position and force on the contact normal, and finds the surface; it cuts the
+    recording of a travelling probe into one segment per place. If there is no velocity, it computes
+    one per segment by :func:`palpate.preparation.velocity.velocity_of`. ``provenance``,
+    ``findings`` and ``prepared`` of the contact describe what was done, found and assumed.
 
     Parameters
     ----------
-    recording : Recording, path or frame, optional
-        What was recorded. None: the arrays say it.
+    recording : Recording, path or data frame, optional
+        The recording. Default: made from the arrays.
     columns : Columns, optional
-        Names of the recording's channels; what is not named is looked for.
+        Names of the recording's channels. Default: auto-detect.
     time, penetration, force : array_like, shape (k,), optional
-        s, m (positive inside the material) and N (compression positive), in place of a recording.
+        s, m (positive inside the material) and N (compression positive), instead of a recording.
     velocity : array_like, shape (k,), optional
-        m/s, positive while penetrating, beside those arrays.
+        m/s, positive while penetrating, in addition to these arrays.
     segment : array_like, shape (k,), optional
-        A label a sample beside those arrays; where it changes, another contact begins.
+        One label per sample, in addition to these arrays; a new label starts a new contact.
     velocity_window : float, optional
-        Length of the velocity filter, s, where there is no velocity; 15 samples but at most 15 ms
-        unless given.
+        Length of the velocity filter, s, if there is no velocity. Default: 15 samples, at most 15
+        ms, at least 5 samples.
     source : str, optional
-        Where it came from; the recording's own source unless given.
+        Name of the origin. Default: that of the recording.
     provenance : mapping, optional
-        How the arrays were made. What is done here is added, and has the last word.
+        Notes on how the arrays were obtained; notes of palpate under the same key replace them.
     units : mapping, optional
-        Units of channels, such as ``{"penetration": "mm", "force": "mN"}``; unless given they are
-        those that the recording or the channels' names say, else SI.
+        Units of channels, such as ``{"penetration": "mm", "force": "mN"}``. Default: from the
+        recording, else from the names of the channels, else SI.
     flip : sequence of str
-        Channels whose sign is turned: ``"force"``, ``"penetration"``, or both.
+        Channels whose sign is reversed: ``"force"``, ``"penetration"``, or both.
     tare : tuple of float or "find", optional
-        (start, stop), s: the mean force between them is taken off; a time without contact. Or
-        ``"find"``: such times are found, and a drift between them is taken off too. A recording of
-        a position has that done where it can be.
+        (start, stop), s: an interval without contact, whose mean force is subtracted. ``"find"``:
+        detect free air, and subtract its mean force and a significant drift. Default: None for a
+        penetration; for a position as ``"find"``, if there is free air.
     delay : float
-        How late the force is, s; negative where it is early. It is read that much earlier.
+        Delay of the force, s, negative if it is early; the force is shifted earlier by it.
     surface : float or str, optional
-        Where the material begins: m, in the penetration as corrected; or found, by
-        :func:`palpate.preparation.surfaces.surface_of`: ``"threshold"``, ``"baseline"``, ``"fit"``;
-        or ``"estimate"``, which begins so where the surface is not near zero, and leaves the rest
-        to the estimator. Unless given, 0 of a penetration, and ``"fit"`` of a position.
+        Position of the surface, m, in the corrected penetration; or how
+        :func:`palpate.preparation.surfaces.surface_of` finds it: ``"threshold"``, ``"baseline"`` or
+        ``"fit"``; or ``"estimate"``: the estimator finds it, from a first value by ``"fit"`` if
+        zero is far from it. Default: 0 for a penetration, ``"fit"`` for a position.
     normal : str or sequence of float, optional
-        Out of the material, in the position's frame: ``"z"``, ``"-z"`` or three numbers; unless
-        given, the force-weighted mean direction of the force.
+        Direction out of the material, in the frame of the position: ``"z"``, ``"-z"`` or three
+        numbers. Default: the mean direction of the force, weighted by its size.
     force_frame : "tool" or "base", optional
-        A force in the tool's frame is turned by the orientation; unless given, as the recording's
-        frames say, else the force is taken to be in the position's frame.
+        Frame of the force: palpate rotates a force in the tool's frame by the orientation. Default:
+        from the recording, else the frame of the position.
     tool_weight : float, optional
-        N, along −z of the position's frame; taken off.
+        Weight of the tool to subtract, N, along −z of the position's frame.
     rate : float, optional
-        Samples a second, where the recording has no time.
+        Sample rate, Hz, of a recording without time.
     spot : float
-        How far the probe may go across the normal within an episode, m; ``math.inf`` for none.
+        Farthest travel of the probe across the normal within one place, m; ``math.inf`` never cuts.
     window : tuple of float, optional
-        (start, stop), s, either of them None: only these samples.
+        (start, stop), s: use only these samples. Either may be None.
     strict : bool
-        Refuse values that are no number and times that do not increase; else the samples are left
-        out, and ``findings`` say so.
+        Fail on values that are not numbers and on times that do not increase. Default: exclude
+        these samples and report them in ``findings``.
 
     Returns
     -------
     Contact
-        Its ``provenance`` holds the recording's notes and says how each channel was made.
+        Its ``provenance`` has the notes of the recording and how each channel was obtained.
 
     Raises
     ------
     RecordingError
         The recording cannot be read, lacks a channel, holds something other than numbers, has no
-        sample, or its time runs backward.
+        samples, or its time runs backward.
     MissingChannelError
-        The recording has no channel of a name that was asked for, or none that could be it.
+        The recording has no channel of a requested name, or none that could have the role.
     InvalidParameterError
-        Arrays are missing, of another type or of different lengths, or their time does not increase
-        within a segment; or a setting is outside its range.
+        Arrays are missing or differ in type or length, their time does not increase within a
+        segment, or a setting is outside its range.
     """
     asked = {name: value for name, value in locals().items() if name in Preparation.__slots__}
     settings = Preparation(**{**asked, "columns": columns or Columns(), "units": units or {}})
@@ -152,7 +151,7 @@ def prepare(
         contact = contact_of_arrays(given, settings)
     elif given:
         raise InvalidParameterError(
-            f"{next(iter(given))} must not be given beside a recording; name its column in columns"
+            f"pass a recording or arrays, not both: name the channel {next(iter(given))} in columns"
         )
     else:
         contact = prepared_contact(as_recording(recording, strict=strict), settings)
@@ -166,7 +165,7 @@ def prepare(
 
 
 def prepared_contact(recording: Recording, settings: Preparation) -> Contact:
-    """Make a contact of a recording, by settings that :func:`prepare` collects.
+    """Make a contact from a recording with the settings of :func:`prepare`.
 
     Raises
     ------
@@ -175,7 +174,7 @@ def prepared_contact(recording: Recording, settings: Preparation) -> Contact:
     """
     roles = roles_of(recording, settings.columns)
     _log_roles(roles)
-    with np.errstate(all="ignore"):  # a flipped bit makes 1e300 N, which is then no contact
+    with np.errstate(all="ignore"):  # a flipped bit gives 1e300 N, which the gate excludes
         with stage(_LOGGER, "one clock, units and bad rows"):
             signals = signals_of(
                 recording, roles, settings.units, rate=settings.rate, strict=settings.strict
@@ -204,7 +203,7 @@ def prepared_contact(recording: Recording, settings: Preparation) -> Contact:
 
 
 def _log_roles(roles: Roles) -> None:
-    """Say which channels were taken for what."""
+    """Log which channels have which role."""
     times = () if roles.time is None else (roles.time,)
     for role, names in {"time": times, **roles.by_role}.items():
         if role == "depth":
@@ -216,18 +215,18 @@ def _log_roles(roles: Roles) -> None:
 
 
 def _commanded(roles: Roles) -> list[Finding]:
-    """Say that a channel is what was wanted: the robot, and the material, may not have done it."""
+    """Warn of a commanded position or force: the robot may not have followed it."""
     found = []
     for kind, names in (("position", roles.depth), ("force", roles.force)):
         if is_wanted(names[0]):
-            words = f"the {kind} {names[0]!r} is, by its name, what was commanded, not measured"
-            remedy = f"record what the robot did, and name it with --{kind}"
+            words = f"channel {names[0]!r} looks like a commanded {kind}, not a measured one"
+            remedy = f"record the measured {kind} and name its channel with --{kind}"
             found.append(Finding.of_both("with-care", "channels", words, remedy))
     return found
 
 
 def _unused(settings: Preparation, roles: Roles, *, pressing: bool) -> list[Finding]:
-    """Say which settings found nothing to act on."""
+    """Report the settings that had no effect."""
     flat = pressing or len(roles.depth) == 1 or len(roles.force) == 1
     options = {
         "--normal": (settings.normal, pressing or len(roles.depth) == len(roles.force) == 1),
@@ -235,18 +234,18 @@ def _unused(settings: Preparation, roles: Roles, *, pressing: bool) -> list[Find
         "--tool-weight": (settings.tool_weight, flat),
     }
     idle = [name for name, (value, unused) in options.items() if unused and value is not None]
-    words = f"{' and '.join(idle)} did nothing: position and force are not both in space"
-    finding = Finding("options", words, "leave it out, or name three channels of each")
+    words = f"{' and '.join(idle)} had no effect: position and force do not both have three axes"
+    finding = Finding("options", words, f"drop {' and '.join(idle)}")
     return [finding] if idle else []
 
 
 def as_recording(recorded: Recorded, *, strict: bool = False) -> Recording:
-    """Return what was recorded as a :class:`Recording`: a file is opened, a frame taken as it is.
+    """Return a recording, the contents of a file, or a data frame as a :class:`Recording`.
 
     Raises
     ------
     InvalidParameterError
-        It is nothing of the kind.
+        The argument is none of these.
     RecordingError
         The file cannot be read.
     """
@@ -266,26 +265,26 @@ def as_recording(recorded: Recorded, *, strict: bool = False) -> Recording:
 
 def _array(column: Any) -> NDArray[Any]:
     values: NDArray[Any] = np.asanyarray(column)
-    if values.dtype == object and hasattr(column, "isna"):  # what pandas calls NA is no number
+    if values.dtype == object and hasattr(column, "isna"):  # pandas' NA is not a number
         return np.where(column.isna(), np.nan, values)
     return values
 
 
-# Several contacts with one object, as one.
+# Joining several contacts with one object.
 
 
 def joined(contacts: Sequence[Contact]) -> Contact:
-    """Return several contacts with one object as one, in which each is a segment or more.
+    """Join several contacts with one object to one contact, in separate segments.
 
     Parameters
     ----------
     contacts : sequence of Contact
-        In the order in which they are identified; each keeps its own clock.
+        The contacts in order of identification; each keeps its own clock.
 
     Raises
     ------
     InvalidParameterError
-        There is none.
+        The sequence is empty.
     """
     if not contacts:
         raise InvalidParameterError("contacts must hold at least one")
@@ -301,7 +300,7 @@ def joined(contacts: Sequence[Contact]) -> Contact:
         for contact in contacts
         for name, words in contact.provenance.items()
     }
-    # A velocity is worked out in all of them, or in none: its checks ask for one of them.
+    # The first provenance stands for all: palpate computed the velocity of all or of none.
     return replace(
         first,
         **{
@@ -323,6 +322,6 @@ def joined(contacts: Sequence[Contact]) -> Contact:
 
 
 def _widest(deviations: Sequence[float | None]) -> float | None:
-    """The largest; None where one of them is not known."""
+    """The largest deviation; None if one is unknown."""
     known = [each for each in deviations if each is not None]
     return max(known) if len(known) == len(deviations) else None

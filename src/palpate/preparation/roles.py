@@ -1,9 +1,9 @@
-"""Which channel of a recording is the time, the position, the force, by names and units."""
+"""Choosing the channels for time, position and force, by their names and units."""
 
 import re
 from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 
 from palpate.errors import MissingChannelError, RecordingError
 from palpate.recordings import Recording
@@ -13,7 +13,7 @@ from palpate.recordings.recording import UNITS, plain_unit, stated_unit, unit_in
 _INDEX = re.compile(r"^(.*)\[(\d+)\]$")
 _LETTERS = ("xyzw", "xyz")
 _DIGITS = ("0123", "012", "1234", "123")
-# Arrays that hold two: force and torque; position and quaternion.
+# Arrays of two vectors: force and torque, or position and quaternion.
 _PAIRED = {"012345": (3, 6), "123456": (3, 6), "0123456": (3, 7), "1234567": (3, 7)}
 
 
@@ -24,12 +24,12 @@ class Vector:
     Attributes
     ----------
     stem : str
-        What their names share: ``/ft.wrench.force`` of ``/ft.wrench.force.x``, ``f*_N`` of
-        ``fx_N``.
+        The common part of their names: ``/ft.wrench.force`` of ``/ft.wrench.force.x``, ``f*_N``
+        of ``fx_N``.
     components : tuple of str
-        The channels, in the order x, y, z (w), or as they are numbered.
+        The channels, in the order x, y, z (w) or of their numbers.
     second : bool
-        It follows another one in an array of six or seven: a torque, or a quaternion.
+        Whether it is the second vector in an array of six or seven: a torque or a quaternion.
     """
 
     stem: str
@@ -41,11 +41,11 @@ class Vector:
 
 
 def vectors_of(names: Iterable[str]) -> list[Vector]:
-    """Find vectors of three or four components, in the order in which they are first named.
+    """Find vectors of three or four components, in order of first appearance.
 
     ``force.x``, ``force.y``, ``force.z``; ``pos[0]``, ``pos[1]``, ``pos[2]``; ``fx_N``, ``fy_N``,
-    ``fz_N``; ``q0`` to ``q3``, ``F1`` to ``F3``. With a ``.w`` it is a quaternion of four; six or
-    seven that are numbered are two vectors.
+    ``fz_N``; ``q0`` to ``q3``, ``F1`` to ``F3``. A ``.w`` makes it a quaternion; six or seven
+    numbered channels are two vectors.
     """
     families: dict[str, dict[str, str]] = defaultdict(dict)
     for name in names:
@@ -62,7 +62,7 @@ def vectors_of(names: Iterable[str]) -> list[Vector]:
 
 
 def _places(name: str) -> Iterable[tuple[str, str]]:
-    """Each way in which a name could be a component: what it shares with the others, and which."""
+    """Each way to read a name as a component: the common part, and the letter or number."""
     if (indexed := _INDEX.match(name)) is not None:
         yield indexed[1], indexed[2]
         return
@@ -80,7 +80,7 @@ def _vectors(stem: str, places: dict[str, str]) -> Iterable[Vector]:
         if all(place in places for place in order):
             yield Vector(stem, tuple(places[place] for place in order))
             return
-    # As numbers they are all that there is: of ten numbered columns three are no vector.
+    # Numbered channels must be complete: three of ten numbered columns are not a vector.
     for order in (*_DIGITS, *_PAIRED):
         if sorted(places) == list(order):
             components = tuple(places[place] for place in order)
@@ -91,9 +91,9 @@ def _vectors(stem: str, places: dict[str, str]) -> Iterable[Vector]:
             return
 
 
-# What a channel measures, by its unit and by the words of its name.
+# What a channel measures, by its unit and the words of its name.
 
-# What each word says of a channel that has no unit. The last word of a name that is here counts:
+# Words that state what a channel without a unit measures. The last such word of a name counts:
 # "/tool.wrench.torque" is a torque.
 WORDS: dict[str, tuple[str, ...]] = {
     "time": ("time", "t", "stamp", "timestamp", "seconds", "sec"),
@@ -109,7 +109,7 @@ WORDS: dict[str, tuple[str, ...]] = {
     "nothing": ("angular", "acceleration", "accel", "acc", "covariance", "effort", "current"),
 }  # fmt: skip
 _KIND = {word: kind for kind, words in WORDS.items() for word in words}
-#: Words for what was wanted, not measured.
+#: Words for commanded, not measured, channels.
 WANTED = frozenset(
     ("command", "commanded", "cmd", "desired", "des", "target", "setpoint", "reference", "ref")
 )
@@ -125,14 +125,14 @@ _WORD = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|[^\W\d_]+")
 
 
 def kind_of(name: str, unit: str | None = None) -> str | None:
-    """What a channel measures: a key of ``WORDS``, or None where its name does not say.
+    """Return what a channel measures: a key of ``WORDS``, or None if its name does not tell.
 
     Parameters
     ----------
     name : str
-        The channel's, or what the components of a vector share.
+        Name of the channel, or the common part of the components of a vector.
     unit : str, optional
-        As the recording says it; else what the name ends with.
+        Unit in the recording. Default: the unit at the end of the name.
     """
     unit = plain_unit(unit) if unit else stated_unit(name)
     possible = _OF_UNIT.get(unit or "")
@@ -144,38 +144,38 @@ def kind_of(name: str, unit: str | None = None) -> str | None:
 
 
 def is_wanted(name: str) -> bool:
-    """Whether a name says what was commanded, and not what was measured."""
+    """Whether the name suggests a commanded, not a measured, channel."""
     return not WANTED.isdisjoint(split_name(name))
 
 
 def split_name(name: str) -> list[str]:
-    """The words of a name in lower case, its unit left out: ``Fz [mN]`` is fz."""
+    """The words of a name in lower case, without its unit: ``Fz [mN]`` is fz."""
     unit = stated_unit(name)
     if unit is not None:
         name = re.sub(rf"[\[(_/ ]*{re.escape(unit)}[\])\s]*$", "", name)
     return [word.lower() for word in _WORD.findall(name)]
 
 
-# Which channel of a recording is the time, the position, the force, and why.
+# Choosing the channels of a contact, with reasons.
 
 
 @dataclass(frozen=True, slots=True)
 class Columns:
-    """Which channel is which; what is not there under its default name is looked for.
+    """Names of the channels; palpate auto-detects a channel that has no default name.
 
-    A name is that of a channel; of the channels ``x,y,z`` of a vector; or of a topic or group that
-    holds one, such as ``/ft``.
+    A name is that of a channel, of three channels ``x,y,z`` of a vector, or of a topic or group
+    that holds one, such as ``/ft``.
 
     Parameters
     ----------
     time, penetration, force, velocity : str
-        Channels in s, m, N and m/s; a velocity ``"none"`` is worked out, whatever there is.
+        Channels in s, m, N and m/s; with velocity ``"none"`` palpate computes the velocity.
     segment : str
-        A label that changes where a separate contact begins.
+        Channel with a label that changes where a new contact begins.
     position : str, optional
-        The probe's position, m, along one axis or in space, in place of the penetration.
+        Position of the probe, m, along one axis or in space, instead of a penetration.
     orientation : str, optional
-        The probe's, a quaternion x, y, z, w: it turns a wrench in the tool's frame.
+        Orientation of the probe, a quaternion x, y, z, w; it rotates a force in the tool's frame.
     """
 
     time: str = "time_s"
@@ -186,27 +186,31 @@ class Columns:
     position: str | None = None
     orientation: str | None = None
 
+    def __repr__(self) -> str:
+        named = ((each.name, getattr(self, each.name), each.default) for each in fields(self))
+        return f"Columns({', '.join(f'{n}={name!r}' for n, name, usual in named if name != usual)})"
+
 
 @dataclass(frozen=True, slots=True)
 class Roles:
-    """The channels that a contact is made of.
+    """The channels chosen for a contact.
 
     Attributes
     ----------
     depth : tuple of str
-        The penetration or a position, one channel or three.
+        The penetration or position, one channel or three.
     is_penetration : bool
-        It is counted from a surface, into the material.
+        Whether it is a penetration: measured from the surface into the material.
     force : tuple of str
         One channel or three.
     time : str or None
-        The channel of the time of all; None where the channels have clocks of their own, or none.
+        The common time channel; None if the channels have their own clocks, or no time.
     velocity, segment : str or None
-        Where there are such.
+        The channels, if there are any.
     orientation : tuple of str
         Four channels, or none.
     reasons : mapping
-        Why each was taken, in words.
+        Role to the reason for its choice, as text.
     """
 
     depth: tuple[str, ...]
@@ -220,24 +224,24 @@ class Roles:
 
     @property
     def by_role(self) -> dict[str, tuple[str, ...]]:
-        """The channels of each role but the time."""
+        """The channels of each role except the time."""
         single = {"velocity": self.velocity, "segment": self.segment}
         own = {role: () if name is None else (name,) for role, name in single.items()}
         return {"depth": self.depth, "force": self.force, "orientation": self.orientation, **own}
 
 
 def roles_of(recording: Recording, columns: Columns | None = None) -> Roles:
-    """Choose the channels that a contact is made of.
+    """Choose the channels of a contact.
 
-    Those that are named; else those of the default names; else the only ones whose names or units
-    say that they measure it.
+    A channel is chosen by the given name, else by its default name, else because it is the only one
+    whose name or unit fits.
 
     Raises
     ------
     MissingChannelError
-        There is none of a name that was given, or nothing that could be it.
+        No channel has the given name, or none fits.
     RecordingError
-        There are several: the message names them, and the option.
+        Several channels fit: the message names them and the option.
     """
     return _Choosing(recording, Columns() if columns is None else columns).roles()
 
@@ -285,7 +289,7 @@ class _Choosing:
             return ()
         if given := self._given("velocity"):
             return given
-        # Of a position: of which direction, with which sign?
+        # With a position, the direction and sign of a velocity are unknown.
         found = self._candidates("velocity", 1) if is_penetration and len(depth) == 1 else []
         if len(found) != 1:
             return ()
@@ -293,7 +297,7 @@ class _Choosing:
         return found[0]
 
     def _orientation(self, depth: tuple[str, ...]) -> tuple[str, ...]:
-        """What is named; of several, that of the position's own topic or group."""
+        """The named orientation, else that in the position's topic or group, else the only one."""
         if self.columns.orientation is not None:
             return self._named("orientation", self.columns.orientation)
         found = self._candidates("orientation", 4)
@@ -301,7 +305,7 @@ class _Choosing:
         return own[0] if len(own) == 1 else found[0] if len(found) == 1 else ()
 
     def _given(self, role: str) -> tuple[str, ...]:
-        """The channels that are named, or those of the default name; none where it is absent."""
+        """The named channels, or those of the default name if present."""
         name = getattr(self.columns, role)
         if name == getattr(Columns(), role) and name not in self.recording.channels:
             return ()
@@ -310,16 +314,16 @@ class _Choosing:
     def _named(self, role: str, name: str) -> tuple[str, ...]:
         channels = self.recording.channels
         if name in channels:
-            self.reasons[role] = "it has this name"
+            self.reasons[role] = "has this name"
             return (name,)
         parts = tuple(part.strip() for part in name.split(","))
         if len(parts) > 1:
             for part in parts:
                 self.recording.channel(part)
             if len(parts) not in (3, 4):
-                words = f"the {role} {name!r} must be one channel or three, x,y,z"
+                words = f"--{role} {name!r} must name one channel or three, x,y,z"
                 raise RecordingError.of(self.recording.source, words)
-            self.reasons[role] = "they are named"
+            self.reasons[role] = "have these names"
             return parts
         size = 4 if role == "orientation" else 3
         kind = "position" if role == "penetration" else role
@@ -341,18 +345,18 @@ class _Choosing:
         return MissingChannelError(name, list(self.recording.channels), self.recording.source)
 
     def _only(self, role: str, size: int) -> tuple[str, ...]:
-        """The one that could be it; none where there is none; several are refused."""
+        """The only channel or vector that fits, or none; raise if several fit."""
         found = self._candidates(role, size)
         if len(found) > 1:
             listed = ", ".join(" ".join(names) for names in found[:6])
-            words = f"{len(found)} could be the {role}: {listed}{', …' if len(found) > 6 else ''}"
-            raise RecordingError.of(self.recording.source, f"{words}; name one with --{role}")
+            words = f"{len(found)} channels could be the {role}: {listed}{', …' * (len(found) > 6)}"
+            raise RecordingError.of(self.recording.source, f"{words}; choose one with --{role}")
         if found:
             self._because(role, found[0])
         return found[0] if found else ()
 
     def _candidates(self, kind: str, size: int) -> list[tuple[str, ...]]:
-        """Channels, or components of vectors, that measure it; without what was commanded."""
+        """Channels or vectors that measure this quantity; commanded ones only if alone."""
         recording = self.recording
         if size > 1:
             found = [v.components for v in self.vectors if len(v) == size and self._is(v, kind)]
@@ -368,7 +372,7 @@ class _Choosing:
                 and self._kind(name) == kind
             ]
         measured = [names for names in found if not is_wanted(names[0])]
-        if kind == "position":  # of several bodies the tip is what touches
+        if kind == "position":  # of several bodies, the tip touches the material
             tips = [names for names in measured if not TIP.isdisjoint(split_name(names[0]))]
             measured = tips or measured
         if measured and kind == "time":
@@ -381,7 +385,7 @@ class _Choosing:
             return kind == "orientation" and len(vector) == 4
         name = vector.components[0]
         unit = self.recording.units.get(name) or unit_in_name(name)
-        # Of x, y, z the stem says nothing.
+        # The stem of x, y, z is empty; then the component's name decides.
         found = kind_of(vector.stem, unit) or kind_of(name, unit)
         return found == kind and (len(vector) != 4 or kind == "orientation")
 
@@ -395,6 +399,6 @@ class _Choosing:
 
 
 def _group(name: str) -> str:
-    """The topic of a channel of messages; the group of an array."""
+    """The topic of a message channel, or the group of an array."""
     topic, dot, _ = name.partition(".")
     return topic if dot else name.rpartition("/")[0]

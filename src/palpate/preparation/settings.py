@@ -1,4 +1,4 @@
-"""How a contact is made of a recording: every choice of it, and the frames and normals it names."""
+"""Settings of the preparation of a contact, and its frames and normals."""
 
 import dataclasses
 import math
@@ -26,12 +26,12 @@ ForceFrame = Literal["tool", "base"]
 
 @dataclasses.dataclass(frozen=True, kw_only=True, slots=True)
 class Preparation:
-    """How a contact is made of a recording; :func:`palpate.prepare` says what each means.
+    """Settings for making a contact from a recording; see :func:`palpate.prepare` for each.
 
     Raises
     ------
     InvalidParameterError
-        One is outside its range.
+        A setting is outside its range.
     """
 
     columns: Columns = dataclasses.field(default_factory=Columns)
@@ -58,7 +58,7 @@ class Preparation:
         flipped(self.flip)
         if isinstance(self.tare, str) and self.tare != "find":
             raise InvalidParameterError(
-                f"tare must be find, or two times (start, stop) in s, not {shown(self.tare)}"
+                f"tare must be 'find' or two times (start, stop) in s, not {shown(self.tare)}"
             )
         if not (self.tare is None or isinstance(self.tare, str)):
             pair_in("tare", self.tare, -1e12, 1e12)
@@ -67,7 +67,7 @@ class Preparation:
             number_in("surface", self.surface, -1e6, 1e6)
         elif self.surface not in (None, *get_args(SurfaceRule)):
             raise InvalidParameterError(
-                f"surface must be a number of metres, threshold, baseline, fit or estimate, not "
+                "surface must be a number in m, threshold, baseline, fit or estimate, not "
                 f"{shown(self.surface)}"
             )
         if self.normal is not None:
@@ -89,56 +89,56 @@ class Preparation:
 
 def _check_unit(channel: str, unit: Any) -> None:
     if channel not in UNITS:
-        raise InvalidParameterError(f"units must be of {', '.join(UNITS)}, not of {shown(channel)}")
+        raise InvalidParameterError(f"units must name {', '.join(UNITS)}, not {shown(channel)}")
     if not isinstance(unit, str) or not size_of(channel, unit):
         known = list(UNITS[channel])
         raise InvalidParameterError(
-            f"unit of the {channel} must be one of {', '.join(known)}, or a multiple such as "
+            f"unit of the {channel} must be one of {', '.join(known)} or a multiple such as "
             f"0.0098{known[0]}, not {shown(unit)}"
         )
 
 
 def flipped(flip: Sequence[str]) -> set[str]:
-    """Check which channels' signs are turned."""
+    """Check and return the channels whose sign is reversed."""
     names = {flip} if isinstance(flip, str) else set(flip)
     for channel in names:
         if channel not in FLIPPED:
             raise InvalidParameterError(
-                f"flip must name some of {', '.join(FLIPPED)}, not {shown(channel)}"
+                f"flip must name {' or '.join(FLIPPED)}, not {shown(channel)}"
             )
     return names
 
 
-# Forces in the tool's frame, turned into the frame of the position; the tool's own weight.
+# Rotation of forces from the frame of the tool to that of the position; the weight of the tool.
 
-#: Turned by more than this the tool's weight moves by 3 % of it from one axis to another: 0.3 N of
-#: a kilogram, which is a tenth of a soft contact.
+#: A rotation by more than this shifts 3 % of the tool's weight from one axis to another: 0.3 N for
+#: a kilogram, a tenth of a soft contact.
 LARGEST_TURN = math.radians(2.0)
-UNIT_LENGTH = 0.02  # from 1, of a quaternion: printed digits and interpolation stay within
+UNIT_LENGTH = 0.02  # deviation of a quaternion's norm from 1 by rounding and interpolation
 
 
 def turned(force: Floats, orientation: Floats, source: str = "") -> Floats:
-    """Return the forces turned by the orientation of the probe: from its frame into the base's.
+    """Rotate forces by the orientation of the probe, from the tool's frame to the base's.
 
     Parameters
     ----------
     force : numpy.ndarray, shape (k, 3)
-        In the tool's frame.
+        Forces in the tool's frame.
     orientation : numpy.ndarray, shape (k, 4)
         Quaternions x, y, z, w.
 
     Raises
     ------
     RecordingError
-        They are no quaternions: their length is not 1.
+        The orientations are not quaternions: their norm is not 1.
     """
     length = np.linalg.norm(orientation, axis=1)
     wrong = np.abs(length - 1.0) > UNIT_LENGTH
     if wrong.mean() > 0.1:
         raise RecordingError.of(
             source,
-            f"the orientation is no quaternion x, y, z, w: its length is "
-            f"{float(np.nanmedian(length)):.3g}; name the right channels with --orientation",
+            "the orientation is not a quaternion x, y, z, w: its norm is "
+            f"{float(np.nanmedian(length)):.3g}, not 1; choose its channels with --orientation",
         )
     with np.errstate(invalid="ignore", divide="ignore"):
         unit = orientation / length[:, None]
@@ -149,7 +149,7 @@ def turned(force: Floats, orientation: Floats, source: str = "") -> Floats:
 
 
 def largest_turn(orientation: Floats) -> float:
-    """Largest angle between the orientation at any time and a typical one, rad."""
+    """Return the largest angle between the orientation and its value halfway, rad."""
     known = orientation[np.isfinite(orientation).all(axis=1)]
     length = np.linalg.norm(known, axis=1)
     unit = known[length > 0.0] / length[length > 0.0, None]
@@ -163,37 +163,38 @@ def largest_turn(orientation: Floats) -> float:
 def frame_of(
     recording: Recording, roles: Roles, asked: ForceFrame | None, findings: list[Finding]
 ) -> ForceFrame:
-    """Say in which frame the force is: as asked, by the frames that the recording names, or base.
+    """Return the frame of the force: as requested, else from the recording, else base.
 
-    What is assumed is added to the findings.
+    Assumptions are added to the findings.
     """
     if asked is not None:
         return asked
     force, depth = (recording.frames.get(names[0]) for names in (roles.force, roles.depth))
     if force is None or depth is None:
         if roles.orientation:
-            words = "the recording does not say in which frame the force is; it is taken to be the "
-            remedy = "--force-frame tool, where the sensor turns with the tool"
-            findings.append(Finding("force frame", f"{words}position's", remedy))
+            words = "the recording does not state the frame of the force; palpate assumes that of "
+            remedy = "pass --force-frame tool if the sensor rotates with the tool"
+            findings.append(Finding("force frame", f"{words}the position", remedy))
         return "base"
     if force.lstrip("/") == depth.lstrip("/"):
         return "base"
     words = f"the force is in the frame {force!r}, the position in {depth!r}"
     if roles.orientation:
         words += (
-            ": it is turned by the probe's orientation, as if the sensor's axes were the tool's"
+            ": palpate rotates the force by the orientation, assuming that the sensor's axes are "
+            "the tool's"
         )
-        remedy = "--force-frame base, where they are not turned against each other"
+        remedy = "pass --force-frame base if both frames have the same axes"
         findings.append(Finding("force frame", words, remedy))
         return "tool"
-    words += ", and there is no orientation to turn one into the other"
-    remedy = "record the pose, or give the contact normal with --normal"
+    words += ", and there is no orientation to convert one to the other"
+    remedy = "record the pose, or pass the contact normal, such as --normal z"
     findings.append(Finding("force frame", words, remedy, "with-care"))
     return "base"
 
 
 def turn_findings(orientation: Floats, weight: float | None) -> list[Finding]:
-    """Say that the orientation changes, where nothing takes the tool's weight off."""
+    """Warn that the orientation changes while the weight of the tool is not subtracted."""
     angle = largest_turn(orientation)
     if weight is not None or angle <= LARGEST_TURN:
         return []
@@ -201,35 +202,35 @@ def turn_findings(orientation: Floats, weight: float | None) -> list[Finding]:
         Finding.of_both(
             "with-care",
             "orientation",
-            f"the orientation changes by {math.degrees(angle):.0f}°, and with it the part of the "
-            "tool's weight that the sensor feels; no weight is given",
-            "--tool-weight, such as 1.2N; or keep the tool's orientation",
+            f"the orientation changes by {math.degrees(angle):.0f}°, which changes the tool's "
+            "weight along each axis of the sensor, and --tool-weight is missing",
+            "pass the weight of the tool, such as --tool-weight 1.2N, or keep its orientation",
         )
     ]
 
 
-# The contact normal: given, an axis, or found from the forces.
+# The contact normal: given as an axis or a vector, or found from the forces.
 
 AXES = {
     f"{sign}{axis}": float(f"{sign}1") * row
     for axis, row in zip("xyz", np.eye(3), strict=True)
     for sign in ("", "+", "-")
 }
-NOISES = 10.0  # σ of the force's size, above which it has a direction
+NOISES = 10.0  # σ of the norm of the force; the direction of smaller forces is not used
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Normal:
-    """The direction in which the material presses on the probe.
+    """The contact normal: the direction in which the material pushes the probe.
 
     Attributes
     ----------
     vector : numpy.ndarray, shape (3,)
-        Of length 1, out of the material, in the frame of the position.
+        Unit vector out of the material, in the frame of the position.
     spread : float
-        Angle of the forces to it, rad, weighted by their size (rms); 0 where it was given.
+        Angle between forces and normal, rad, rms weighted by force; 0 for a given normal.
     turned : bool
-        The forces are those of the probe on the material: their sign has to be turned.
+        Whether the forces act on the material, so that their sign must be reversed.
     """
 
     vector: Floats
@@ -243,12 +244,12 @@ class Normal:
 
 
 def normal_given(given: str | Sequence[float]) -> Normal:
-    """Return the normal that was given: ``"z"``, ``"-z"``, ``"0.8,0.25,0.54"`` or three numbers.
+    """Parse a given normal: ``"z"``, ``"-z"``, ``"0.8,0.25,0.54"`` or three numbers.
 
     Raises
     ------
     InvalidParameterError
-        It is none of these, or has no length.
+        The value is none of these, or zero.
     """
     if isinstance(given, str) and (axis := AXES.get(given.strip().lower())) is not None:
         return Normal(axis)
@@ -260,33 +261,33 @@ def normal_given(given: str | Sequence[float]) -> Normal:
             raise ValueError
     except (TypeError, ValueError):
         raise InvalidParameterError(
-            f"normal must be x, y, z, -x, -y, -z or three numbers such as 0.8,0.25,0.54, not "
+            "normal must be x, y, z, -x, -y, -z or three numbers such as 0.8,0.25,0.54, not "
             f"{shown(given)}"
         ) from None
     return Normal(vector / length)
 
 
 def normal_found(force: Floats, position: Floats, source: str = "") -> Normal:
-    """Find the contact normal: the mean direction of the forces, weighted by their size.
+    """Find the contact normal: the mean direction of the force, weighted by its size.
 
     n = Σ |F| F / |Σ |F| F|,  spread² = Σ |F|² ∠(F, n)² / Σ |F|²
 
-    Where the force grows as the probe goes *along* n it is the probe's on the material; where it
-    grows against n, as it should, the material's on the probe.
+    A force that grows as the probe moves *against* n acts on the probe, as it should; one that
+    grows as the probe moves *along* n acts on the material.
 
     Parameters
     ----------
     force : numpy.ndarray, shape (k, 3)
-        N, in the frame of the position, tared as well as can be.
+        N, in the frame of the position, tared if possible.
     position : numpy.ndarray, shape (k, 3)
         m.
     source : str
-        For messages.
+        Name of the file for messages.
 
     Raises
     ------
     RecordingError
-        No force is above the noise.
+        No force exceeds the noise, or the forces have no common direction.
     """
     known = np.isfinite(force).all(axis=1) & np.isfinite(position).all(axis=1)
     f, p = force[known], position[known]
@@ -294,11 +295,11 @@ def normal_found(force: Floats, position: Floats, source: str = "") -> Normal:
     noise = math.sqrt(sum(noise_of(component) ** 2 for component in f.T)) if len(f) else 0.0
     firm = size > NOISES * noise
     if not firm.any():
-        raise no_normal(source, "no force stands out of the noise")
+        raise no_normal(source, "no force exceeds the noise")
     total = (f[firm] * size[firm, None]).sum(axis=0)
     length = float(np.linalg.norm(total))
     if not 0.0 < length < math.inf:
-        raise no_normal(source, "the forces point everywhere")
+        raise no_normal(source, "the forces have no common direction")
     n = total / length
     across = np.linalg.norm(np.cross(f[firm], n), axis=1)
     angle = np.arctan2(across, f[firm] @ n)
@@ -310,16 +311,16 @@ def normal_found(force: Floats, position: Floats, source: str = "") -> Normal:
 
 
 def no_normal(source: str, why: str) -> RecordingError:
-    """Return the error of a recording whose contact normal cannot be found."""
-    remedy = "give it with --normal, such as --normal z"
-    return RecordingError.of(source, f"{why}, so that the contact normal cannot be found; {remedy}")
+    """Return the error for a recording whose contact normal cannot be found."""
+    remedy = "pass it, such as --normal z"
+    return RecordingError.of(source, f"{why}, so palpate cannot find the contact normal; {remedy}")
 
 
 def grows(position: Floats, force: Floats) -> bool:
-    """Whether the force grows with the position, from one moment to the next.
+    """Whether the force grows with the position.
 
-    By the changes over five samples, not by the values: a probe that travels over a hill goes up
-    and down without pressing.
+    It compares changes over five samples, not values: a probe that travels over a hill moves up and
+    down without pressing.
     """
     if len(force) < 20:
         steps = np.diff(position), np.diff(force)

@@ -1,4 +1,4 @@
-"""A contact of positions and forces in space: tared, projected on the normal, counted, cut."""
+"""Preparation of a contact from positions and forces in space: tare, normal, surface, places."""
 
 import logging
 import math
@@ -56,7 +56,7 @@ from palpate.validation import Floats
 
 _LOGGER = logging.getLogger(__name__)
 
-FIRM = 0.1  # of the largest force: an episode without as much is free air
+FIRM = 0.1  # of the largest force: an episode with less is free air
 
 
 @dataclass(slots=True, eq=False)
@@ -66,13 +66,13 @@ class AlongNormal:
     Attributes
     ----------
     depth : numpy.ndarray, shape (k,)
-        m, growing into the material, from anywhere.
+        m, increasing into the material, from an arbitrary origin.
     force : numpy.ndarray, shape (k,)
         N, compression positive.
     normal : Normal or None
-        None where both are along one axis already.
+        None if both were already along one axis.
     findings : list of Finding
-        What was assumed.
+        Assumptions.
     """
 
     depth: Floats
@@ -81,14 +81,14 @@ class AlongNormal:
     findings: list[Finding] = field(default_factory=list)
 
 
-#: A time at one place, what of the probe it is, and what that is along its normal.
+#: The signals at one place, the episode, and depth and compression along its normal.
 Piece = tuple[Signals, Stay | None, AlongNormal]
 
 
 def along_normal(
     recording: Recording, roles: Roles, signals: Signals, settings: Preparation
 ) -> Contact:
-    """Make a contact of a position and a force, tared and projected on the contact normal."""
+    """Make a contact from a position and a force, tared and projected on the contact normal."""
     made, findings = dict(signals.made), list[Finding]()
     if "force" in settings.flip:
         signals = replace(signals, force=-signals.force)
@@ -99,14 +99,14 @@ def along_normal(
     signals = signals.taken(between(signals.time, *ends, recording.source))
     signals = _framed(recording, roles, signals, settings, findings)
     if settings.tool_weight is not None and signals.force.ndim == signals.depth.ndim == 2:
-        add(made, "force", f"less the tool's weight of {settings.tool_weight:g} N")
-    with stage(_LOGGER, "zero of the force"):
+        add(made, "force", f"minus the tool's weight of {settings.tool_weight:g} N")
+    with stage(_LOGGER, "force offset"):
         signals, zero, said = tared(signals, settings, recording.source)
     findings += said
     if zero is not None:
         zero.say(made, findings)
     if signals.orientation is not None:
-        add(made, "force", "turned by the orientation")
+        add(made, "force", "rotated by the orientation")
     with stage(_LOGGER, "contact normal"):
         whole = on_normal(signals, settings, recording.source)
     pieces = _pieces(signals, whole, settings)
@@ -137,7 +137,7 @@ def _framed(
     settings: Preparation,
     findings: list[Finding],
 ) -> Signals:
-    """With an orientation only where it turns the force, which is then in the tool's frame."""
+    """The signals, with an orientation only if the force is in the tool's frame."""
     if signals.force.ndim == 1 or signals.depth.ndim == 1:
         return replace(signals, orientation=None)
     findings += saturated(signals.force)
@@ -147,15 +147,15 @@ def _framed(
         findings += turn_findings(orientation, settings.tool_weight)
     if frame == "tool" and orientation is None:
         raise RecordingError(
-            f"{recording.source}: a force in the tool's frame needs the orientation to turn "
-            "it; name its channels with --orientation x,y,z,w"
+            f"{recording.source}: --force-frame tool needs an orientation; name its channels with "
+            "--orientation x,y,z,w"
         )
     return signals if frame == "tool" else replace(signals, orientation=None)
 
 
 @timed("episodes")
 def _pieces(signals: Signals, whole: AlongNormal, settings: Preparation) -> list[Piece]:
-    """The whole; or its episodes, where the probe travels over the material."""
+    """The whole recording, or its episodes if the probe travels over the material."""
     position, force = signals.depth, signals.force
     if position.ndim == 1 or not math.isfinite(settings.spot):
         return [(signals, None, whole)]
@@ -175,8 +175,8 @@ def _pieces(signals: Signals, whole: AlongNormal, settings: Preparation) -> list
 
 
 def _pressed_there(own: Signals, whole: AlongNormal, settings: Preparation) -> AlongNormal:
-    """Depth and compression at one place, with the signs that the whole recording told."""
-    if own.force.ndim == 1:  # its sign is that of the largest of it, there as everywhere
+    """Depth and compression at one place, with the signs found from the whole recording."""
+    if own.force.ndim == 1:  # its own largest values give its sign
         return on_normal(own, settings, "")
     if whole.normal is not None and whole.normal.turned and "force" not in settings.flip:
         own = replace(own, force=-own.force)
@@ -186,31 +186,31 @@ def _pressed_there(own: Signals, whole: AlongNormal, settings: Preparation) -> A
 def _travelled(pieces: list[Piece], signals: Signals) -> list[Finding]:
     left = 1.0 - sum(len(piece[0].time) for piece in pieces) / len(signals.time)
     words, elsewhere, end = (
-        f"the probe travels over the material: {len(pieces)} places, each by itself",
-        "between them, or at none for a second",
-        "; one law of all of them is an average",
+        f"the probe travels over the material: {len(pieces)} places, each prepared separately",
+        "between them, or less than a second at one",
+        "; one law for all of them is an average",
     )
     if len(pieces) == 1:
-        words = "the probe travels over the material, and stays at one place of it for a second"
-        elsewhere, end = "elsewhere, and are left out", ""
+        words = "the probe travels over the material and stays for a second at one place only"
+        elsewhere, end = "elsewhere, and are excluded", ""
     words += f"; {left:.0%} of the samples were {elsewhere}{end}" if left > 0.0 else end
-    return [Finding("episodes", words, "--spot inf, where all of it is one material", "with-care")]
+    return [Finding("episodes", words, "pass --spot inf if it is all one material", "with-care")]
 
 
 @timed("surface and velocity of each place")
 def _joined(
     pieces: list[Piece], settings: Preparation, made: dict[str, str], findings: list[Finding]
 ) -> tuple[Contact, list[Place]]:
-    """The pieces one after another, each from its own surface."""
+    """Join the pieces, each with its own surface."""
     rule: SurfaceRule = settings.surface if isinstance(settings.surface, str) else "fit"
     depths, velocities, labels, places = [], [], [], []
     lost = 0
     for number, (signals, episode, own) in enumerate(pieces):
         runs = list(slices_of(signals.part))
-        # A depth from anywhere has the velocity of one from the surface.
+        # The velocity does not depend on the origin of the depth.
         velocity, left_out = velocities_of(signals.time, own.depth, runs, settings.velocity_window)
         if isinstance(settings.surface, float | int):
-            surface = Surface(float(settings.surface), 0.0, "as it was given")
+            surface = Surface(float(settings.surface), 0.0, "as given")
         else:
             surface = surface_of(own.depth, velocity, own.force, rule)
         depths.append(own.depth - surface.position)
@@ -227,7 +227,7 @@ def _joined(
         add(made, "penetration", f"against the contact normal {normal}")
         add(made, "force", f"along the contact normal {normal}")
     made["velocity"] = describe_filter(lost)
-    # How well the surfaces are known, as the one number that an estimator takes.
+    # An estimator takes one number for the uncertainty of all surfaces.
     known = [place.surface.deviation for place in places if place.surface.deviation]
     one = rule != "estimate" and len(known) == len(places)
     contact = Contact(
@@ -247,39 +247,39 @@ def _say_surface(places: list[Place], made: dict[str, str], findings: list[Findi
     if len(places) == 1:
         places[0].surface.say(made, findings)
         return
-    add(made, "penetration", "at each place along its own normal, from its own surface")
+    add(made, "penetration", "at each place along its own normal, relative to its own surface")
     assumed = sum(place.surface.assumed for place in places)
     if assumed:
-        words = f"at {assumed} of {len(places)} places the probe is never seen out of contact: "
+        words = f"at {assumed} of {len(places)} places the probe is always in contact, so "
         remedy = "lift the probe between places"
         findings.append(Finding("surface", words + ASSUMPTION, remedy, "with-care"))
 
 
-# From a position and a force in space to a depth and a compression along the contact normal.
+# Projection of a position and a force in space on the contact normal.
 
 WEIGHT_DIRECTION = (0.0, 0.0, -1.0)  # in the frame of the position
 INVERSE = (-1.0, -1.0, -1.0, 1.0)  # of a quaternion x, y, z, w
-NOTHING = 1e-3  # of the largest force: no sensor is linear to better
-SMALL_WEIGHT, LARGE_WEIGHT = 0.01, 0.10  # of the largest force, that a weight is off
-ERRORS_OF_WEIGHT, BLOCKS_OF_WEIGHT = 5.0, 8  # standard errors, by the scatter of blocks
+NOTHING = 1e-3  # of the largest force: no sensor is more linear than that
+SMALL_WEIGHT, LARGE_WEIGHT = 0.01, 0.10  # error of the weight, over the largest force
+ERRORS_OF_WEIGHT, BLOCKS_OF_WEIGHT = 5.0, 8  # standard errors, from the scatter of blocks
 
 
 def on_normal(signals: Signals, settings: Preparation, source: str) -> AlongNormal:
     """Project position and force on the contact normal.
 
-    Either may be along one axis already. What is not given is found: the normal by
+    Either may already be along one axis. If not given, the normal is found by
     :func:`~palpate.preparation.settings.normal_found`, or for a force along one axis as the
-    direction in which the probe moves when that grows; signs so that compression is positive, and
-    grows with the depth.
+    direction in which the probe moves when the force grows. Signs are chosen so that compression is
+    positive and grows with the depth.
 
     Parameters
     ----------
     signals : Signals
-        On one clock, the force tared.
+        Signals on one clock, with a tared force.
     settings : Preparation
-        Of which ``normal`` and ``flip`` count.
+        Only ``normal`` and ``flip`` are used.
     source : str
-        For messages.
+        Name of the file for messages.
     """
     position, force = signals.depth, signals.force
     given = None if settings.normal is None else normal_given(settings.normal)
@@ -294,8 +294,8 @@ def on_normal(signals: Signals, settings: Preparation, source: str) -> AlongNorm
     depth = -(position @ normal.vector)
     result = _along_axis(depth, force, normal, settings, turn_depth=False)
     if given is None:
-        words = "the contact normal was taken from the motion in which the force grows"
-        result.findings.append(Finding("direction", words, "--normal, where it is known"))
+        words = "palpate found the contact normal from the motion in which the force grows"
+        result.findings.append(Finding("direction", words, "pass it if known, such as --normal z"))
     return result
 
 
@@ -306,19 +306,18 @@ def _in_space(
     along = force @ found.vector
     if given is None and found.turned:
         along = -along
-        if "force" in settings.flip:  # what was asked for has the last word
+        if "force" in settings.flip:  # a requested sign takes precedence
             found = Normal(-found.vector, found.spread)
         else:
-            words = "the force falls as the probe goes along it: it is that of the probe on the "
-            words += "material, and its sign was turned"
-            findings.append(Finding("direction", words, "--flip-force says so beforehand"))
+            words = "the recorded force acts on the material: palpate reversed its sign"
+            findings.append(Finding("direction", words, "pass --flip-force to confirm"))
     depth = -(position @ found.vector)
     known = np.isfinite(along)
     pulls = _is_negative(along)
     if given is not None and (pulls or not grows(depth[known], along[known])):
-        how = "is mostly negative" if pulls else "falls as the probe goes in"
-        words, remedy = f"along the given normal the force {how}", "--normal with the other sign"
-        remedy += ", or --flip-force"
+        how = "is mostly negative" if pulls else "decreases as the probe goes in"
+        words = f"along the given normal the force {how}"
+        remedy = "reverse the sign of --normal, or pass --flip-force"
         findings.append(Finding.of_both("do-not-trust", "direction", words, remedy))
     findings += misdirected(position, force, found.vector, given=given is not None)
     return AlongNormal(depth, along, found, findings)
@@ -330,7 +329,7 @@ def _is_negative(force: Floats) -> bool:
 
 
 def _by_motion(position: Floats, force: Floats, source: str) -> Normal:
-    """The direction against which the probe moves when the force grows: −Σ ΔF Δp."""
+    """The normal, opposite to the motion in which the force grows: −Σ ΔF Δp."""
     known = np.isfinite(position).all(axis=1) & np.isfinite(force)
     p, f = position[known], np.abs(force[known])
     total = -_products(p, f, min(STRIDE, max(len(f) // 4, 1))).sum(axis=0)
@@ -348,29 +347,29 @@ def _along_axis(
     *,
     turn_depth: bool = True,
 ) -> AlongNormal:
-    """Signs of a position and a force that are along one axis."""
+    """Choose the signs of a position and a force along one axis."""
     findings = []
     if "force" not in settings.flip and _is_negative(force):
         force = -force
-        words = "the force is mostly negative, and its sign was turned: compression is positive"
-        findings.append(Finding("direction", words, "--flip-force says so beforehand"))
+        words = "the force is mostly negative: palpate reversed its sign, compression is positive"
+        findings.append(Finding("direction", words, "pass --flip-force to confirm"))
     both = np.isfinite(force) & np.isfinite(depth)
     asked = "penetration" in settings.flip
     if turn_depth and not asked and not grows(depth[both], force[both]):
         depth = -depth
-        words = "the force grows as the position falls, so that its sign was turned"
-        findings.append(Finding("direction", words, "--flip-penetration says so beforehand"))
+        words = "the force grows as the position decreases: palpate reversed the position's sign"
+        findings.append(Finding("direction", words, "pass --flip-penetration to confirm"))
     return AlongNormal(depth, force, normal, findings)
 
 
 def tared(
     signals: Signals, settings: Preparation, source: str
 ) -> tuple[Signals, Baseline | None, list[Finding]]:
-    """Take off the tool's weight, and what the sensor shows out of contact; turn the force.
+    """Subtract the tool's weight and the force offset in free air, then rotate the force.
 
-    Out of contact is between two times, or where that is found. A sensor with an orientation has
-    its offset in its own axes, in which the weight turns: both are taken off there, before the
-    force is turned into the position's frame.
+    Free air is a given interval, or detected. With an orientation the offset is constant in the
+    axes of the sensor, in which the weight rotates: both are subtracted there, before the force is
+    rotated to the frame of the position.
     """
     force, weight, down = signals.force, settings.tool_weight, None
     if signals.orientation is not None:
@@ -380,8 +379,8 @@ def tared(
     if down is not None:
         force = force - (weight or 0.0) * down
     found = _zero(replace(signals, force=force), settings, source)
-    words = "no time out of contact was found: the zero of the force is the sensor's own"
-    findings = [Finding("tare", words, "record a second in free air, or --tare 0:2")]
+    words = "palpate found no free air and did not tare the force"
+    findings = [Finding("tare", words, "record a second in free air, or pass --tare 0:2")]
     if found is not None:
         signals, findings = replace(signals, force=force - found.zero), []
         if down is not None:
@@ -393,12 +392,12 @@ def tared(
 
 
 def _zero(signals: Signals, settings: Preparation, source: str) -> Baseline | None:
-    """What the sensor shows out of contact, in its own axes; None where that is never seen."""
+    """The force offset in free air, in the sensor's axes; None if there is no free air."""
     tare, force = settings.tare, signals.force
     if isinstance(tare, tuple):
         return baseline_between(signals.time, force, tare, source)
     if signals.orientation is not None:
-        # An offset that turns hides the axis of the contact: twice, the second time without it.
+        # A rotating offset hides the contact axis: iterate once, with the offset subtracted.
         along = force - np.nanmedian(force, axis=0)
         for _ in range(2):
             mask = _free(signals, turned(along, signals.orientation, source))
@@ -416,7 +415,7 @@ def _zero(signals: Signals, settings: Preparation, source: str) -> Baseline | No
 def _weight_left(
     signals: Signals, down: Floats, found: Baseline, weight: float | None, source: str
 ) -> list[Finding]:
-    """Say by how much the weight is off, by the force in free air; refuse one without effect."""
+    """Report the error of the weight, from the force in free air; reject an idle weight."""
     time, force = signals.time, signals.force
     free = found.free & np.isfinite(force).all(axis=1) & np.isfinite(down).all(axis=1)
     moved = down - down[free].mean(axis=0)
@@ -424,42 +423,42 @@ def _weight_left(
     reach = float(np.nanmax(np.linalg.norm(moved, axis=1)))
     if weight and weight * reach <= NOTHING * peak:
         raise RecordingError(
-            f"{source}: --tool-weight {weight:g} N changes nothing: in the frame of the force the "
-            "weight is constant, and the tare removes it with the sensor's offset; leave it out, "
-            "or give --force-frame tool where the sensor turns with the tool"
+            f"{source}: --tool-weight {weight:g}N has no effect: in the frame of the force the "
+            "weight is constant, and the tare removes it; drop it, or pass --force-frame tool if "
+            "the sensor rotates with the tool"
         )
     m, f = moved[free], force[free]
-    if found.drift:  # what of the weight goes with time is in the drift
+    if found.drift:  # the drift contains the part of the weight that is linear in time
         t = time[free] - time[free].mean()
         m = m - np.outer(t, t @ m / (t @ t))
     energy = max(float((m**2).sum()), 1e-300)
     left = float((m * f).sum()) / energy
-    # The scatter of blocks: neighbouring samples of a force correlate.
+    # From the scatter of blocks, because neighbouring samples of a force correlate.
     rest = np.array_split((m * (f - left * m)).sum(axis=1), BLOCKS_OF_WEIGHT)
     error = float(np.linalg.norm([each.sum() for each in rest])) / energy
     off, whole = abs(left) * reach / peak, (weight or 0.0) + left
     if abs(left) <= ERRORS_OF_WEIGHT * error or off <= SMALL_WEIGHT:
         return []
-    words = f"in free air the force turns as a weight of {with_error(whole, error, unit='N')} does"
-    remedy = f"--tool-weight {whole:.3g}N, if the tool can weigh that"
+    words = f"the force in free air fits a tool weight of {with_error(whole, error, unit='N')}"
+    remedy = f"pass --tool-weight {whole:.3g}N if that is plausible"
     if whole < 0.0:
-        remedy = "--flip-force, if the sensor shows the force of the probe on the material"
+        remedy = "pass --flip-force if the sensor measures the force on the material"
     if weight is not None:
-        words += f", not of {weight:g} N"
+        words += f", not {weight:g} N"
     mark: Mark = "do-not-trust" if off > LARGE_WEIGHT else "with-care"
     return [Finding.of_both(mark, "tool weight", words, remedy)]
 
 
 def _free(signals: Signals, along: Floats) -> NDArray[np.bool_] | None:
-    """Samples out of contact: at one end of the way along the normal, where the force is constant.
+    """Samples in free air: at one end of the motion along the normal, where the force is constant.
 
-    At which end follows from nothing that is known yet: the sensor may feel either side's force.
-    The normal is that of ``along``, the force in the frame of the position.
+    It tries both ends, because the sign of the force is not known yet. The normal is that of
+    ``along``, the force in the frame of the position.
     """
     height = signals.depth
     if height.ndim == 2 and along.ndim == 1:
         height = height @ _by_motion(height, along, "").vector
-    elif height.ndim == 2:  # in which a force varies most, whatever its zero is
+    elif height.ndim == 2:  # the direction in which the force varies most, whatever its offset
         known = along[np.isfinite(along).all(axis=1)]
         height = height @ np.linalg.svd(known - known.mean(axis=0), full_matrices=False)[2][0]
     ends = [free_samples(side * height, signals.force) for side in (1.0, -1.0)]
@@ -467,35 +466,35 @@ def _free(signals: Signals, along: Floats) -> NDArray[np.bool_] | None:
     return max(found, key=np.count_nonzero, default=None)
 
 
-# Doubts about forces in space: one that misses the probe's motion, and an axis that is full.
+# Checks of forces in space: agreement with the motion, and saturated axes.
 
-# Turned by 5° a depth is 0.4 % short, and the stiffness of a law with an exponent of 2 is 1 % off;
-# by 30° it is 14 % and 30 %. A tool is aligned with its sensor to better than 3°.
+# An error of 5° shortens the depth by 0.4 % and changes the stiffness of a law with exponent 2 by
+# 1 %; 30° give 14 % and 30 %. A tool is aligned with its sensor to better than 3°.
 LARGE_ANGLE, TOO_LARGE_ANGLE = math.radians(5.0), math.radians(30.0)
-BLOCKS_OF_DIRECTION = 8  # of a recording, whose scatter says how well the direction is known
-ERRORS_OF_DIRECTION = 3.0  # standard errors of it
-STRIDE = 5  # samples over which changes are taken: over fewer they are noise
+BLOCKS_OF_DIRECTION = 8  # blocks whose scatter gives the uncertainty of the direction
+ERRORS_OF_DIRECTION = 3.0  # standard errors of the direction
+STRIDE = 5  # samples over which changes are computed; over fewer, noise dominates
 
 SHORTEST = 5  # samples in a row
-MOVES, STEPS = 8.0, 3.0  # σ and steps that the other axes move meanwhile
+MOVES, STEPS = 8.0, 3.0  # change of the other axes meanwhile: σ and steps of resolution
 SOME, MANY = 0.002, 0.02  # of the recording
 
 
 def misdirected(position: Floats, force: Floats, normal: Floats, *, given: bool) -> list[Finding]:
-    """Say that forces do not point along the motion in which they grow.
+    """Report forces that do not point along the motion in which they grow.
 
-    The motion, −Σ ΔF Δp, owes nothing to the axes of the force: one of them turned or swapped, the
-    tool's taken for the base's, a zero that is off, or friction set the two apart; so does a probe
-    that slides down a slope without friction, of which the normal is right.
+    The motion, −Σ ΔF Δp, does not depend on the axes of the force. The two differ if an axis is
+    reversed or swapped, the frame is wrong, the force is not tared, or there is friction; also if
+    the probe slides down a slope without friction, although the normal is then right.
 
     Parameters
     ----------
     position, force : numpy.ndarray, shape (k, 3)
-        m and N, in one frame as far as is known.
+        m and N, nominally in one frame.
     normal : numpy.ndarray, shape (3,)
-        What both are projected on.
+        The contact normal.
     given : bool
-        It was: then it is enough that the motion or the forces agree with it.
+        Whether the user gave the normal: then it must agree with the motion or with the forces.
     """
     motion, error = _direction(position, force @ normal)
     if motion is None:
@@ -514,15 +513,15 @@ def misdirected(position: Floats, force: Floats, normal: Floats, *, given: bool)
         Finding.of_both(
             "do-not-trust" if angle > TOO_LARGE_ANGLE else "with-care",
             "direction",
-            f"{of} {math.degrees(angle):.0f}° away from the {other}: axes of another frame, turned "
-            "or swapped, a zero that is off, friction, or a slope that the probe slides down",
-            "compare the axes of force and position; --force-frame tool, --tare or --normal",
+            f"{of} {math.degrees(angle):.0f}° away from the {other}: a wrong frame, a reversed or "
+            "swapped axis, a force offset, friction, or a probe that slides down a slope",
+            "compare the axes of force and position, then pass --force-frame tool or --normal z",
         )
     ]
 
 
 def _direction(position: Floats, along: Floats) -> tuple[Floats | None, float]:
-    """The direction in which the probe moves as the force grows, and its standard error, rad."""
+    """The direction of the probe's motion as the force grows, and its standard error, rad."""
     known = np.isfinite(position).all(axis=1) & np.isfinite(along)
     p, f = position[known], along[known]
     if len(f) < 2 * BLOCKS_OF_DIRECTION * STRIDE:
@@ -535,35 +534,35 @@ def _direction(position: Floats, along: Floats) -> tuple[Floats | None, float]:
         return None, math.inf
     direction: Floats = total / length
     across = sums - np.outer(sums @ direction, direction)
-    # The blocks' sums vary about a share of the total; what is across of it adds to nothing.
+    # Across the direction, the sums of the blocks add to zero; their scatter is the error.
     scatter = float((across**2).sum()) * BLOCKS_OF_DIRECTION / (BLOCKS_OF_DIRECTION - 1)
     return direction, math.sqrt(scatter) / length
 
 
 def _products(position: Floats, force: Floats, stride: int) -> Floats:
-    """ΔF Δp over a stride, which point along the motion in which a force grows."""
+    """ΔF Δp over a stride, which points along the motion in which the force grows."""
     return (force[stride:] - force[:-stride])[:, None] * (position[stride:] - position[:-stride])
 
 
 def _angle(one: Floats, other: Floats) -> float:
-    """Between two axes, whichever way they point."""
+    """The angle between two axes, regardless of their signs."""
     across = float(np.linalg.norm(np.cross(one, other)))
     return math.atan2(across, abs(float(one @ other)))
 
 
 def saturated(force: Floats) -> list[Finding]:
-    """Say that an axis of the sensor stands at its largest value while the others go on.
+    """Report axes of the sensor that stay at their largest value while the others change.
 
-    One that never changes is not saturated but not measured, as those of a load cell of one axis.
+    An axis that never changes is not saturated but not measured, as with a load cell of one axis.
 
     Parameters
     ----------
     force : numpy.ndarray, shape (k, 3)
-        N, as the sensor shows it: once turned or tared nothing stands still.
+        Force as recorded, N: a rotation or a tare would hide the constant value.
     """
     moves = [bool(np.isfinite(c).any() and np.nanmin(c) < np.nanmax(c)) for c in force.T]
     axes = " and ".join(axis for axis, moving in zip("xyz", moves, strict=True) if not moving)
-    words = f"the force along {axes} is constant from first to last: it is not measured"
+    words = f"the force along {axes} is constant: the sensor does not measure it"
     found = [Finding("force axes", words)] if axes else []
     beyond = [MOVES * noise_of(column) + STEPS * step_of(column) for column in force.T]
     for k, column in enumerate(force.T):
@@ -579,8 +578,8 @@ def saturated(force: Floats) -> list[Finding]:
             part = count / len(column)
             if part > SOME:
                 words = f"the force along {'xyz'[k]} stays at {edge:.3g} N for {part:.1%} of the "
-                words += "recording while the others change: saturated?"
-                remedy = "press less deep, or take a sensor of a larger range"
+                words += "recording while the others change: it is probably saturated"
+                remedy = "press less deeply, or use a sensor with a larger range"
                 mark: Mark = "do-not-trust" if part > MANY else "with-care"
                 found.append(Finding.of_both(mark, "saturation", words, remedy))
     return found

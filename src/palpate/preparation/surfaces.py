@@ -1,4 +1,4 @@
-"""Where the material begins, and when: free air, its force and drift, the surface, episodes."""
+"""Free air with its force offset and drift, the surface of the material, and episodes."""
 
 import heapq
 import math
@@ -18,33 +18,33 @@ from palpate.force_laws import HuntCrossley
 from palpate.preparation.gates import noise_of
 from palpate.validation import Floats
 
-# The force out of contact: where it is felt, its mean and its drift.
+# The force in free air: its samples, its mean and its drift.
 
 FEWEST_FREE_SAMPLES = 50  # samples out of contact
 BINS = 64  # of the height
-LEAST_FREE = 0.05  # of the height's range: less is no free approach, but a turning point
-# Of the bins: the lowest of them may be lightly in contact, where that grows as a square.
+LEAST_FREE = 0.05  # of the range of heights: less is a turning point, not a free approach
+# Of the free bins: the lowest may be in light contact if the force grows as a square.
 SURE = 0.7
-NOISES_OF_A_BIN = 6.0  # σ of a bin's mean; and what the force may wander by slow drift comes on top
-# Of the force's range. A sensor's zero wanders while it warms up; a contact is more than that.
+NOISES_OF_A_BIN = 6.0  # σ of a bin's mean, in addition to slow drift
+# Slow drift allowed, of the range of the force: a sensor drifts less while it warms up.
 WANDER = 0.01
-DRIFTS = 5.0  # standard errors, beyond which a slope in time is taken off
+DRIFTS = 5.0  # standard errors above which a drift is subtracted
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Baseline:
-    """The force out of contact.
+    """The force offset in free air.
 
     Attributes
     ----------
     free : numpy.ndarray of bool, shape (k,)
-        Samples out of contact.
+        Samples in free air.
     zero : numpy.ndarray, shape (k,) or (k, 3)
-        What the sensor shows without a contact, N, at each sample.
+        Force offset at each sample, N.
     drift : float
-        How far that goes over the recording, N; 0 where it is not significant.
+        Change of the offset over the recording, N; 0 if it is not significant.
     times : str
-        When its mean was taken, in words.
+        When the mean was measured, as text.
     """
 
     free: NDArray[np.bool_]
@@ -54,30 +54,30 @@ class Baseline:
 
     @property
     def mean(self) -> Floats:
-        """Its mean over the samples out of contact, N."""
+        """Mean offset over the samples in free air, N."""
         mean: Floats = np.atleast_1d(self.zero[self.free].mean(axis=0))
         return mean
 
     def say(self, made: dict[str, str], findings: list[Finding]) -> None:
-        """Say that it was taken off the force, and how far it drifts."""
+        """Record that the offset was subtracted, and report its drift."""
         listed = ", ".join(rounded(value, 3) for value in self.mean.tolist())
-        add(made, "force", f"less {listed} N, its mean {self.times}")
+        add(made, "force", f"minus {listed} N, its mean {self.times}")
         if self.drift:
             drift = rounded(self.drift, 3)
-            words = f"the zero of the force drifts by {drift} N, which was taken off"
+            words = f"the force offset drifts by {drift} N: palpate subtracted the drift"
             findings.append(Finding("tare", words, "let the sensor warm up"))
-            add(made, "force", f"and its drift of {drift} N")
+            add(made, "force", f"minus its drift of {drift} N")
 
 
 def add(made: dict[str, str], channel: str, words: str) -> None:
-    """Add to what is said of how a channel was made."""
+    """Add a step to the description of how a channel was obtained."""
     made[channel] = f"{made[channel]}, {words}" if channel in made else words
 
 
 def baseline_between(
     time: Floats, force: Floats, times: tuple[float, float], source: str
 ) -> Baseline:
-    """Return the mean of the force between two times, s.
+    """Return the mean force between two times, s.
 
     Raises
     ------
@@ -89,37 +89,37 @@ def baseline_between(
     free &= np.isfinite(force).reshape(len(free), -1).all(axis=1)
     words = f"from {start:g} s to {stop:g} s"
     if not free.any():
-        between = f"no sample between {start:g} s and {stop:g} s to tare the force with"
+        between = f"there is no sample between {start:g} s and {stop:g} s for --tare"
         raise RecordingError.of(source, between)
     return Baseline(free, np.broadcast_to(force[free].mean(axis=0), force.shape), 0.0, words)
 
 
 def never_free(source: str) -> RecordingError:
-    """Return the error of a force whose zero is nowhere to be found."""
+    """Return the error for a recording without free air."""
     return RecordingError.of(
         source,
-        "the probe is never seen out of contact, so that no zero of the force can be found; give a "
-        "time without contact, --tare 0:2",
+        "palpate found no free air to tare the force; pass an interval without contact, such as "
+        "--tare 0:2",
     )
 
 
 def free_samples(height: Floats, force: Floats) -> NDArray[np.bool_] | None:
-    """Find the samples out of contact: the highest ones, as far down as the force stays as it is.
+    """Find the samples in free air: from the highest down, while the force stays constant.
 
-    The range of heights is cut into bins; from the highest down they are free while the mean force
-    of each stays within the noise of that of those above it.
+    The range of heights is divided into bins. From the highest down, a bin is free if its mean
+    force equals that of the bins above it within the noise.
 
     Parameters
     ----------
     height : numpy.ndarray, shape (k,)
-        m, larger farther from the material.
+        m, increasing away from the material.
     force : numpy.ndarray, shape (k,) or (k, 3)
         N.
 
     Returns
     -------
     numpy.ndarray of bool or None
-        None where the probe is never seen out of contact: 50 samples, over 5 % of the heights.
+        None if there is no free air: at least 50 samples over 5 % of the heights.
     """
     f = force[:, None] if force.ndim == 1 else force
     known = np.isfinite(height) & np.isfinite(f).all(axis=1)
@@ -140,7 +140,7 @@ def free_samples(height: Floats, force: Floats) -> NDArray[np.bool_] | None:
 
 
 def _free_bins(place: NDArray[np.int64], force: Floats) -> int:
-    """How many bins from the highest down are free."""
+    """The number of free bins, from the highest down."""
     noise = np.array([noise_of(component) for component in force.T])
     span = np.ptp(np.percentile(force, [1.0, 99.0], axis=0), axis=0).max()
     count = np.bincount(place, minlength=BINS)
@@ -159,7 +159,7 @@ def _free_bins(place: NDArray[np.int64], force: Floats) -> int:
 
 
 def baseline_of(time: Floats, force: Floats, free: NDArray[np.bool_]) -> Baseline:
-    """Return the mean of the force out of contact; with a slope in time, where that is significant.
+    """Return the mean force in free air, with its drift if that is significant.
 
     Parameters
     ----------
@@ -168,7 +168,7 @@ def baseline_of(time: Floats, force: Floats, free: NDArray[np.bool_]) -> Baselin
     force : numpy.ndarray, shape (k,) or (k, 3)
         N.
     free : numpy.ndarray of bool, shape (k,)
-        Samples out of contact.
+        Samples in free air.
     """
     f = force[:, None] if force.ndim == 1 else force
     free = free & np.isfinite(f).all(axis=1)
@@ -179,44 +179,44 @@ def baseline_of(time: Floats, force: Floats, free: NDArray[np.bool_]) -> Baselin
     centred = t - t.mean()
     energy = float(centred @ centred)
     spread = np.ptp(t) >= 0.5 * np.ptp(time) if t.size else False
-    if energy > 0.0 and spread:  # a short time out of contact says nothing of all the rest
+    if energy > 0.0 and spread:  # a short interval cannot be extrapolated to the recording
         slope = centred @ (rest - mean) / energy
         left = rest - mean - centred[:, None] * slope
         error = np.sqrt(np.maximum((left**2).mean(axis=0), 1e-300) / energy * _inflation(left))
         if np.any(np.abs(slope) > DRIFTS * error):
             zero = zero + (time - t.mean())[:, None] * slope
             drift = float(np.linalg.norm(slope) * np.ptp(time))
-    words = f"over {np.count_nonzero(free)} samples out of contact"
+    words = f"over {np.count_nonzero(free)} samples in free air"
     return Baseline(free, zero[:, 0] if force.ndim == 1 else zero, drift, words)
 
 
 def _inflation(left: Floats) -> Floats:
-    """By how much neighbours that correlate by r widen a mean's variance: (1 + r)/(1 − r)."""
+    """The factor (1 + r)/(1 − r) on a mean's variance if neighbours correlate by r."""
     energy = np.maximum((left**2).sum(axis=0), 1e-300)
     together = np.clip((left[1:] * left[:-1]).sum(axis=0) / energy, 0.0, 0.999)
     inflation: Floats = (1.0 + together) / (1.0 - together)
     return inflation
 
 
-# What a tare leaves of the force's offset.
+# The uncertainty of the offset after a tare.
 
-LEAST_DEVIATION = 1e-6  # of the largest force: no force sensor is better than 1e-5
+LEAST_DEVIATION = 1e-6  # of the largest force: no force sensor is more accurate than 1e-5
 
 
 def deviation_left(force: Floats, free: NDArray[np.bool_]) -> float:
-    """Return the standard deviation of the offset once a mean was taken off, N.
+    """Return the standard deviation of the offset after subtracting a mean, N.
 
     s² = σ²/N (1 + r)/(1 − r) + δ²,  δ = (Δ/π) exp(−2π²σ²/Δ²)
 
-    the error of a mean of noise whose neighbours correlate by r, and what rounding to steps Δ
-    leaves beside it however long it is.
+    The first term is the error of the mean of noise whose neighbours correlate by r; the second is
+    the error from rounding to steps Δ, which no averaging removes.
 
     Parameters
     ----------
     force : numpy.ndarray, shape (k,)
-        All of it, N: its smallest step is that of its resolution.
+        The whole force, N: its smallest step is its resolution.
     free : numpy.ndarray of bool, shape (k,)
-        The samples that the mean is of, at least one.
+        The samples of the mean, at least one.
     """
     known = force[np.isfinite(force)]
     rest = force[free & np.isfinite(force)]
@@ -224,7 +224,7 @@ def deviation_left(force: Floats, free: NDArray[np.bool_]) -> float:
     variance = float(np.mean(rest**2))
     largest = float(np.abs(known).max(initial=0.0))
     if rest.size < 2:
-        return max(largest, 1e-30)  # one sample says nothing of its noise
+        return max(largest, 1e-30)  # one sample does not show the noise
     of_mean = variance / rest.size * float(_inflation(rest))
     left = math.hypot(math.sqrt(of_mean), _rounding(known, variance))
     return max(left, LEAST_DEVIATION * largest, 1e-30)
@@ -235,43 +235,43 @@ def _rounding(force: Floats, variance: float) -> float:
     step = float(steps[steps > 0.0].min(initial=np.inf))
     if not math.isfinite(step):
         return 0.0
-    before = max(variance / step**2 - 1.0 / 12.0, 0.0)  # what rounding itself adds taken off
+    before = max(variance / step**2 - 1.0 / 12.0, 0.0)  # without the variance of the rounding
     return step / math.pi * math.exp(-2.0 * math.pi**2 * before)
 
 
-# Where the material begins: where the force begins; and an assumption where that is not seen.
+# The surface of the material: where the force begins, or an assumption without free air.
 
 SurfaceRule = Literal["threshold", "baseline", "fit", "estimate"]
 NOISES_OF_CONTACT = 6.0  # σ
-# Of the peak force: the light branch, from which the surface is seen. Drag and drift of a sensor
-# are within 3 % of it.
+# Limits of the light branch, which shows the surface, over the peak force. Drag and drift stay
+# below 3 %.
 LIGHTEST, HEAVIEST = 0.03, 0.4
-FEWEST_LIGHT = 8  # samples of it
-FEWEST_FREE = 20  # as many as a search for the surface asks for
+FEWEST_LIGHT = 8  # samples of the light branch
+FEWEST_FREE = 20  # samples in free air for a search of the surface
 MOST_FITTED = 4000  # samples
-# Deviations of the baseline rule: what ends farther off is of another branch than the light one.
+# Standard deviations of the baseline rule; a fit that ends beyond does not fit the light branch.
 FARTHEST = 4.0
-# A flat punch has 1, a sphere 1.5, a cone 2. Far from them the exponent stands for a surface that
-# is elsewhere: the two trade off, and what the light branch alone says is nearer.
+# A flat punch has 1, a sphere 1.5, a cone 2. An exponent far from these compensates for a wrong
+# surface; the light branch alone is then more accurate.
 LEAST_EXPONENT, MOST_EXPONENT = 0.7, 2.6
 ASSUMPTION = (
-    "where the surface lies is an assumption, the shallowest sample; K, B and n are for it, "
-    "stiffness and damping at working depth hold all the same"
+    "the surface position is assumed (the shallowest sample): K, B and n depend on it, stiffness "
+    "and damping at working depth do not"
 )
-GROWTHS = (1.0, 1.5, 2.0)  # of the force's growth: flat punch or foam, sphere, cone
+GROWTHS = (1.0, 1.5, 2.0)  # exponents of the force: flat punch or foam, sphere, cone
 
 
 @dataclass(frozen=True, slots=True)
 class Surface:
-    """Where the material begins.
+    """The surface of the material.
 
     Attributes
     ----------
     position : float
-        m, in the coordinate that grows into the material.
+        m, in the coordinate that increases into the material.
     deviation : float or None
-        Its standard deviation, m; None where it is an assumption.
-    words : str
+        Its standard deviation, m; None if it is assumed.
+    text : str
         How it was found.
     """
 
@@ -281,45 +281,45 @@ class Surface:
 
     @property
     def assumed(self) -> bool:
-        """Whether nothing in the recording shows it."""
+        """Whether the position is an assumption."""
         return self.deviation is None
 
     def say(self, made: dict[str, str], findings: list[Finding]) -> None:
-        """Say that the penetration is counted from it, and that it is assumed, where it is."""
-        words = f"counted from {rounded(self.position, 6)} m, {self.text}"
+        """Record that the penetration is relative to it, and report an assumption."""
+        words = f"relative to {rounded(self.position, 6)} m, {self.text}"
         if self.deviation:
             words += f" (± {rounded(self.deviation, 2)} m)"
         add(made, "penetration", words)
         findings += self.assumption()
 
     def assumption(self) -> list[Finding]:
-        """Say that it is assumed, where it is."""
+        """The finding on an assumed surface; none if it was found."""
         if not self.assumed:
             return []
-        words = f"the probe is never seen out of contact: {ASSUMPTION}"
-        remedy = "record from before the touch, or give --surface"
+        words = f"the recording has no free air, so {ASSUMPTION}"
+        remedy = "record from before the touch, or pass the surface, such as --surface 0.7mm"
         return [Finding("surface", words, remedy, "with-care")]
 
 
 def surface_of(depth: Floats, velocity: Floats, force: Floats, rule: SurfaceRule) -> Surface:
-    """Find where the material begins.
+    """Find the surface of the material.
 
-    *threshold*: where the force passes max(6 σ, 3 % of its peak) on the way in; late by the depth
-    at which the material gives that force. *baseline*: where the light branch, F^(1/n) over the
-    depth, comes down to zero, for n = 1.5; what n = 1 and 2 would say is its deviation. *fit*: from
-    there, by least squares of a Hunt–Crossley law, an offset and the surface together. Where the
-    probe is never out of contact it is the shallowest depth, which is an assumption.
+    *threshold*: where the force exceeds max(6 σ, 3 % of its peak) on the way in; too deep by the
+    depth at which the material gives that force. *baseline*: where a line through the light branch,
+    F^(1/n) over depth, reaches zero for n = 1.5; the results for n = 1 and 2 give its uncertainty.
+    *fit*: from there, by joint least squares of a Hunt–Crossley law, an offset and the surface.
+    Without free air it is the shallowest depth, an assumption.
 
     Parameters
     ----------
     depth : numpy.ndarray, shape (k,)
-        m, growing into the material, from anywhere.
+        m, increasing into the material, from an arbitrary origin.
     velocity : numpy.ndarray, shape (k,)
         m/s, positive while penetrating.
     force : numpy.ndarray, shape (k,)
         N, compression positive, tared.
     rule : str
-        ``"threshold"``, ``"baseline"`` or ``"fit"``; ``"estimate"`` begins as the latter.
+        ``"threshold"``, ``"baseline"``, ``"fit"``, or ``"estimate"``, which is as ``"fit"`` here.
     """
     known = np.isfinite(depth) & np.isfinite(force) & np.isfinite(velocity)
     x, v, f = depth[known], velocity[known], force[known]
@@ -338,12 +338,12 @@ def surface_of(depth: Floats, velocity: Floats, force: Floats, rule: SurfaceRule
 
 
 def _assumed(x: Floats) -> Surface:
-    words = "the shallowest sample: the probe is never seen out of contact"
+    words = "the shallowest sample: there is no free air"
     return Surface(float(x.min()) if x.size else 0.0, None, words)
 
 
 def _crossings(x: Floats, f: Floats, least: float) -> Surface | None:
-    """The median depth at which the force passes a threshold, on the way in."""
+    """The median depth at which the force exceeds a threshold on the way in."""
     over = f >= least
     entered = np.flatnonzero(over[1:] & ~over[:-1] & (x[1:] >= x[:-1]))
     if not entered.size:
@@ -351,16 +351,16 @@ def _crossings(x: Floats, f: Floats, least: float) -> Surface | None:
     fraction = (least - f[entered]) / np.maximum(f[entered + 1] - f[entered], 1e-300)
     at = x[entered] + np.clip(fraction, 0.0, 1.0) * (x[entered + 1] - x[entered])
     position = float(np.median(at))
-    # How far below the surface a force is passed, by F ∝ x^1.5 to the deepest sample.
+    # The depth below the surface of that force, by F ∝ x^1.5 through the deepest sample.
     deepest, peak = float(np.percentile(x, 99.0)), float(np.percentile(f, 99.0))
     part = (least / peak) ** (1.0 / 1.5) if peak > least else 0.0
     late = max(deepest - position, 0.0) * part / max(1.0 - part, 1e-3)
     scatter = float(np.std(at)) / math.sqrt(at.size)
-    return Surface(position, math.hypot(scatter, late), f"where the force passes {least:.2g} N")
+    return Surface(position, math.hypot(scatter, late), f"where the force exceeds {least:.2g} N")
 
 
 def _departure(x: Floats, f: Floats, least: float, peak: float) -> Surface | None:
-    """Where F^(1/n) over the depth comes down to zero."""
+    """The depth at which F^(1/n) over depth reaches zero."""
     light = (f > least) & (f < HEAVIEST * peak)
     if np.count_nonzero(light) < FEWEST_LIGHT:
         return None
@@ -369,18 +369,18 @@ def _departure(x: Floats, f: Floats, least: float, peak: float) -> Surface | Non
     others = [place for place, _ in (found[0], found[2])]
     if not all(math.isfinite(each) for each in (position, error, *others)):
         return None
-    # A rectangle between the two others has the deviation of its width over √12.
+    # The standard deviation of a uniform distribution between the two others.
     model = abs(others[0] - others[1]) / math.sqrt(12.0)
     return Surface(
-        position, math.hypot(error, model), "where the force departs from that out of contact"
+        position, math.hypot(error, model), "where the force departs from that in free air"
     )
 
 
 def _intercept(x: Floats, root: Floats) -> tuple[float, float]:
-    """Depth at which a straight line of the root of the force over depth is zero, and its error."""
+    """The depth at which a line through the root of the force is zero, and its error."""
     centre, mean = float(x.mean()), float(root.mean())
     dx, dr = x - centre, root - mean
-    # Depth over root: the noise of the position is small, but the line is asked for a depth.
+    # Regress the root on depth: the noise of the position is small.
     slope = float(dx @ dr) / max(float(dx @ dx), 1e-300)
     if slope <= 0.0:
         return math.nan, math.nan
@@ -392,12 +392,12 @@ def _intercept(x: Floats, root: Floats) -> tuple[float, float]:
 
 
 def _fitted(x: Floats, v: Floats, f: Floats, start: Surface) -> Surface | None:
-    """Least squares of law, offset and surface; None where it ends far from where it began."""
+    """Least squares of law, offset and surface; None if it ends far from its start."""
     depth = float(np.percentile(x, 99.0)) - start.position
     speed, size = float(np.sqrt(np.mean(v**2))), float(np.percentile(f, 99.0))
     if not (depth > 0.0 and speed > 0.0 and size > 0.0 and start.deviation):
         return None
-    near = x > start.position - depth  # farther out it is free air, of which that is enough
+    near = x > start.position - depth  # more free air is not needed
     kept = slice(None, None, int(np.count_nonzero(near)) // MOST_FITTED + 1)
     samples = np.array([(x[near] - start.position) / depth, v[near] / speed, f[near]])[:, kept]
     found = placed(samples, np.array([(size, 0.0, n, 0.0, 0.0) for n in GROWTHS]))
@@ -406,28 +406,28 @@ def _fitted(x: Floats, v: Floats, f: Floats, start: Surface) -> Surface | None:
     near_start = abs(away) <= FARTHEST * start.deviation and 0.0 < error < depth
     if not near_start or not LEAST_EXPONENT <= found.parameters[2] <= MOST_EXPONENT:
         return None
-    words = "by the least squares of law and surface together"
+    words = "by joint least squares of law and surface"
     return Surface(start.position + away, error, words)
 
 
-# Least squares of a Hunt–Crossley law, an offset and the surface, together.
+# Joint least squares of a Hunt–Crossley law, an offset and the surface.
 
-EXPONENT_RANGE = (0.2, 6.0)  # beyond what any material shows; keeps powers finite
+EXPONENT_RANGE = (0.2, 6.0)  # wider than for any material; keeps powers finite
 SURFACE_RANGE = (-3.0, 0.9)  # working depths
 
 
 def placed(samples: Floats, starts: Floats, *, exponent_fixed: bool = False) -> Fitted:
-    """Least squares of (k, c, n, F₀, d), the lowest of those that the starts lead to.
+    """Least squares of (k, c, n, F₀, d), the best of those from several starts.
 
     Parameters
     ----------
     samples : numpy.ndarray, shape (3, samples)
-        Depth over the working depth, velocity over its rms, and force [N], of contact and free
+        Depth over the working depth, velocity over its rms, and force [N], in contact and free
         approach.
     starts : numpy.ndarray, shape (starts, 5)
-        N, N, 1, N, and depths.
+        Starting values: N, N, 1, N, and working depths.
     exponent_fixed : bool
-        Whether n stays what it is in the starts.
+        Whether n keeps its starting value.
     """
     exponents = (starts[0, 2],) * 2 if exponent_fixed else EXPONENT_RANGE
     found = _core.fit_samples(np.ascontiguousarray(samples), starts, exponents, SURFACE_RANGE)
@@ -443,24 +443,24 @@ def placed(samples: Floats, starts: Floats, *, exponent_fixed: bool = False) -> 
     return Fitted(parameters, residual, jacobian)
 
 
-# Episodes of a probe that travels: times in which it stays at one place of the material.
+# Episodes of a travelling probe: intervals in which it stays at one place on the material.
 
-RADIUS = 2e-3  # m; the recordings of others that were cut by hand were cut so
+RADIUS = 2e-3  # m; as in published recordings that were cut by hand
 SHORTEST = 1.0  # s
 FEWEST_OF_AN_EPISODE = 60  # samples
-STRIDES = 4000  # places at which an episode may begin: of a longer recording every k-th sample
+STRIDES = 4000  # most starts to try; in a longer recording, every k-th sample
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Stay:
-    """A time in which the probe stays at one place.
+    """An interval in which the probe stays at one place.
 
     Attributes
     ----------
     start, stop : int
-        Its samples.
+        Range of its samples.
     place : numpy.ndarray, shape (3,)
-        The median position, m.
+        Median position, m.
     """
 
     start: int
@@ -469,10 +469,10 @@ class Stay:
 
 
 def episodes_of(time: Floats, position: Floats, force: Floats, radius: float) -> list[Stay]:
-    """Cut a recording into episodes, the longest first, and return them in their order.
+    """Divide a recording into episodes, the longest first, and return them in order of time.
 
     In an episode the position stays within ``radius`` of its median, across the contact normal of
-    that episode: the mean direction of its forces, weighted by their size.
+    the episode: the mean direction of its forces, weighted by their size.
 
     Parameters
     ----------
@@ -481,7 +481,7 @@ def episodes_of(time: Floats, position: Floats, force: Floats, radius: float) ->
     position, force : numpy.ndarray, shape (k, 3)
         m, and N in the same frame.
     radius : float
-        m. What is shorter than a second is no episode, nor what has fewer than 60 samples.
+        m. An episode lasts at least a second and has at least 60 samples.
     """
     path = _Path(time, position, force, radius)
     waiting = [(-(stop - start), start, stop) for start, stop in path.longest()]
@@ -502,7 +502,7 @@ def episodes_of(time: Floats, position: Floats, force: Floats, radius: float) ->
 
 
 def _rest(taken: NDArray[np.bool_], start: int, stop: int) -> tuple[int, int] | None:
-    """The longest part of an interval that is not taken yet."""
+    """The longest part of an interval that is still free."""
     free = [run for run in slices_of(taken[start:stop]) if not taken[start + run.start]]
     longest = max(free, key=lambda run: run.stop - run.start, default=None)
     return None if longest is None else (start + longest.start, start + longest.stop)
@@ -515,18 +515,18 @@ class _Path:
         self.weighted = np.concatenate([np.zeros((1, 3)), np.cumsum(weighted, axis=0)])
 
     def long_enough(self, start: int, stop: int) -> bool:
-        """Whether an interval is an episode's length."""
+        """Whether an interval is long enough for an episode."""
         return (
             stop - start >= FEWEST_OF_AN_EPISODE
             and float(self.time[stop - 1] - self.time[start]) >= SHORTEST
         )
 
     def extent(self, start: int, stop: int) -> tuple[Floats, float]:
-        """The median position of an interval, and how far from it the probe goes across n."""
+        """The median position of an interval, and the largest distance from it across n."""
         inside = self.position[start:stop]
         total = self.weighted[stop] - self.weighted[start]
         length = float(np.linalg.norm(total))
-        # The same numbers; looking for NaN by columns takes some times as long.
+        # Faster than nanmedian, and equal without NaN.
         median = np.nanmedian if np.isnan(inside).any() else np.median
         place: Floats = median(inside, axis=0)
         away = inside - place
@@ -553,7 +553,7 @@ class _Path:
         return [each for each in found if self.long_enough(*each)]
 
     def _reach(self, start: int, stop: int, stride: int) -> int:
-        """How far an interval goes on: in steps that double, then halve."""
+        """Extend an interval as far as possible, in steps that double, then halve."""
         size, step = self.time.size, stride
         while stop < size and self._within(start, min(stop + step, size)):
             stop = min(stop + step, size)
@@ -569,9 +569,9 @@ class _Path:
 
 
 def travel(position: Floats, force: Floats) -> float:
-    """How far a probe goes across the contact normal while it is in contact, m.
+    """Return how far a probe moves across the contact normal while in contact, m.
 
-    The radius around its median position; in contact is a force beyond a tenth of the largest.
+    The radius around its median position; contact means a force above a tenth of the largest.
     """
     size = np.linalg.norm(np.nan_to_num(force), axis=1)
     touching = size > 0.1 * float(np.percentile(size, 99.0)) if size.size else size > 0.0

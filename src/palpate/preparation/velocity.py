@@ -1,4 +1,4 @@
-"""Velocity from a recorded position; and the single samples that leave their neighbours."""
+"""Velocity from a recorded position, and detection of spikes."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,20 +10,20 @@ from palpate.validation import Floats, number_in
 
 Indices = NDArray[np.intp]
 
-# Longer than this and the filter flattens the motion of a probe (methods: B within 0.5 % at 15 ms).
+# A longer filter smooths the motion of a probe (docs/methods: B within 0.5 % at 15 ms).
 LONGEST_WINDOW = 15e-3  # s
 MOST_SAMPLES = 15
 FEWEST_SAMPLES = 5
-# Steps that differ by less of a step are even: whole nanoseconds of a 1 kHz clock do by 1e-6, and
-# the velocity by as much of itself.
+# Largest relative difference of equal steps: rounding to nanoseconds gives 1e-6 at 1 kHz, and as
+# much relative error of the velocity.
 EVEN = 2e-6
-AT_ONCE = 1 << 18  # samples in windows that are fitted together, 2 MB an array
+AT_ONCE = 1 << 18  # samples of the windows fitted at once, 2 MB per array
 
 
 def window_samples(sample_time: float, window: float | None = None) -> int:
-    """Odd number of samples in a filter window.
+    """Return the odd number of samples in a filter window, whose length is in s.
 
-    Unless a window [s] is given: 15 samples, but no longer than 15 ms, and never fewer than 5.
+    Default: 15 samples, but at most 15 ms, and at least 5 samples.
     """
     if window is None:
         samples = min(max(int(LONGEST_WINDOW / sample_time), FEWEST_SAMPLES), MOST_SAMPLES)
@@ -34,26 +34,26 @@ def window_samples(sample_time: float, window: float | None = None) -> int:
 
 
 def velocity_of(time: Floats, penetration: Floats, window: float | None = None) -> Floats:
-    """Velocity [m/s] by a centred quadratic Savitzky–Golay filter on a possibly uneven time base.
+    """Velocity [m/s] by a centred quadratic Savitzky–Golay filter, also for uneven time steps.
 
-    At each sample a parabola is fitted, by least squares, to the samples of the window around it;
-    its slope there is the velocity. Near an end the window stays whole and the sample sits off its
-    centre. On an even time base this is the classic filter. A lost position is left out, for it
-    would spoil the velocity of a whole window; its own is between its neighbours'.
+    The velocity of a sample is the slope there of the least-squares parabola through the window
+    around it. Near an end the window keeps its length and the sample is off its centre. With even
+    time steps this is the classic filter. A dropout is excluded, because it would distort the
+    velocity of a whole window; its own velocity is interpolated.
 
     Parameters
     ----------
     time : numpy.ndarray, shape (k,)
         s, strictly increasing.
     penetration : numpy.ndarray, shape (k,)
-        m; samples that are not finite are left out, and have velocity NaN.
+        m. Samples with a non-finite value are ignored and have velocity NaN.
     window : float, optional
-        Length of the filter, s; see :func:`window_samples`.
+        Length of the filter, s. Default: see :func:`window_samples`.
     """
     velocity = np.full(time.shape, np.nan)
     known = np.isfinite(penetration)
     t, x = time[known], penetration[known]
-    with np.errstate(over="ignore", invalid="ignore"):  # of absurd depths: ±1e308 m
+    with np.errstate(over="ignore", invalid="ignore"):  # depths up to ±1e308 m
         if t.size < 3:
             velocity[known] = np.gradient(x, t) if t.size == 2 else 0.0
             return velocity
@@ -65,7 +65,7 @@ def velocity_of(time: Floats, penetration: Floats, window: float | None = None) 
 
 
 def lost_positions(penetration: Floats) -> int:
-    """Count the samples that :func:`velocity_of` leaves out."""
+    """Count the dropouts that :func:`velocity_of` excludes."""
     with np.errstate(over="ignore", invalid="ignore"):
         return int(np.count_nonzero(spiked(penetration[np.isfinite(penetration)])))
 
@@ -73,8 +73,8 @@ def lost_positions(penetration: Floats) -> int:
 def _slope(t: Floats, x: Floats, width: int) -> Floats:
     """Slope at each sample of the parabola through its window.
 
-    On an even clock Σ k x_k / (T Σ k²), which has no part of a curvature; the ends by fits of their
-    own.
+    With even time steps it is Σ k x_k / (T Σ k²), independent of the curvature; the ends are fitted
+    separately.
     """
     steps, half = np.diff(t), width // 2
     step = float(steps.mean())
@@ -90,7 +90,7 @@ def _slope(t: Floats, x: Floats, width: int) -> Floats:
 
 
 def _local_slope(t: Floats, x: Floats, width: int, at: Indices) -> Floats:
-    """Slope at some samples of the parabola through the window of each."""
+    """Slope at selected samples of the parabola through the window of each."""
     first = np.clip(at - width // 2, 0, t.size - width)
     slope = np.empty(at.size)
     step = max(AT_ONCE // width, 1)
@@ -101,7 +101,7 @@ def _local_slope(t: Floats, x: Floats, width: int, at: Indices) -> Floats:
 
 
 def _fitted(t: Floats, x: Floats, inside: Indices, at: Indices) -> Floats:
-    """Slope at some samples of the parabolas through others, by central moments."""
+    """Slope at samples ``at`` of the parabolas through samples ``inside``, by central moments."""
     times = t[inside] - t[at, None]
     unit = np.abs(times).max(axis=1, keepdims=True)
     s = times / unit
@@ -109,26 +109,26 @@ def _fitted(t: Floats, x: Floats, inside: Indices, at: Indices) -> Floats:
     mean = s.mean(axis=1, keepdims=True)
     linear = s - mean
     variance = (linear**2).sum(axis=1, keepdims=True)
-    # The square, made orthogonal to 1 and s; zero where the window has only two distinct times.
+    # The square, orthogonal to 1 and s; zero if the window has only two distinct times.
     square = s**2 - (s**2).mean(axis=1, keepdims=True)
     skew = (square * linear).sum(axis=1, keepdims=True) / variance
     square = square - skew * linear
     energy = (square**2).sum(axis=1)
     slope = (linear * depth).sum(axis=1) / variance[:, 0]
     curvature = (square * depth).sum(axis=1) / np.where(energy > 0.0, energy, 1.0)
-    # At the sample itself, s = 0, the slope of curvature·(s² − skew·s) is −curvature·skew.
+    # At the sample, s = 0, the slope of curvature·(s² − skew·s) is −curvature·skew.
     result: Floats = (slope - curvature * skew[:, 0]) / unit[:, 0]
     return result
 
 
-# Single samples of a channel, and its resolution.
+# Spikes of a channel, and its resolution.
 
 
 def spiked(values: Floats) -> NDArray[np.bool_]:
-    """Say of each sample whether it is a spike.
+    """Mask of the spikes.
 
-    Beyond max(8 σ, 2 %, 1.5 steps) of the median of five, and three times farther from it than its
-    four neighbours lie from each other.
+    A spike differs from the median of five by more than max(8 σ, 2 %, 1.5 steps), and by more than
+    three times the range of its four neighbours.
     """
     found: NDArray[np.bool_] = spikes_of_rows(values[None])[0]
     return found
@@ -137,17 +137,17 @@ def spiked(values: Floats) -> NDArray[np.bool_]:
 def spikes_of_rows(
     values: Floats, *, screened: bool = False, threads: int = 1
 ) -> NDArray[np.bool_]:
-    """Say which samples of each row are spikes, among those that are finite.
+    """Mask of the spikes in each row, among finite samples.
 
     Parameters
     ----------
     values : numpy.ndarray, shape (k, m)
-        A channel, a row a recording.
+        One channel, with one recording per row.
     screened : bool
-        Whether it is enough to look at rows in which a sample leaves its two neighbours as spikes
-        do from white noise.
+        Whether to skip rows in which no sample differs from its two neighbours as a spike in white
+        noise does.
     threads : int
-        That share the rows.
+        Number of threads.
     """
     found = np.zeros(values.shape, dtype=np.uint8)
     _core.mark_spikes(values, screened, found, threads)

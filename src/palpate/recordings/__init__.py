@@ -1,4 +1,4 @@
-"""Recordings made elsewhere, read as they are, and contacts written as recordings."""
+"""Reading recordings from files, and writing contacts as recordings."""
 
 from palpate.recordings.opening import FORMATS as FORMATS
 from palpate.recordings.opening import Format as Format

@@ -1,4 +1,4 @@
-"""Force curves of atomic force microscopes, alone or in maps, by afmformats."""
+"""Force curves of atomic force microscopes, single or in maps, read by afmformats."""
 
 import logging
 import zipfile
@@ -26,7 +26,7 @@ _FAULTS = (
     errors.AFMFileFormatError, MetaDataMissingError,
 )  # fmt: skip
 
-# A calibrated height beside the force, and when it was; the rest of some fifty is the instrument's.
+# The metadata kept as notes; the other fifty or so concern the instrument only.
 _NOTES = (
     "spring constant", "sensitivity", "setpoint", "speed approach", "speed retract",
     "rate approach", "rate retract", "position x", "position y", "grid index x", "grid index y",
@@ -41,24 +41,24 @@ _SEGMENTS = {
     4: "0 approach, 1 and 2 pauses, 3 retract",
 }
 
-# What it says of a failure goes to us as an error, and to nobody else.
+# Silences its log: palpate reports its failures as errors.
 logging.getLogger("afmformats").addHandler(logging.NullHandler())
 
 
 def read(path: Path, request: Request) -> Recording:
-    """Read one force curve: time, heights, force and segment, calibrated by what the file says.
+    """Read one force curve: time, heights, force and segment, with the calibration of the file.
 
     Parameters
     ----------
     path : Path
         The file.
     request : Request
-        What is asked for; ``curve`` where the file holds several.
+        What to read; ``curve`` is required for a file with several curves.
 
     Raises
     ------
     RecordingError
-        The file is damaged or lacks its calibration, or holds several curves and none was chosen.
+        The file is damaged or not calibrated, or holds several curves and none was chosen.
     """
     source = printable(path)
     regular_size(path)
@@ -72,12 +72,12 @@ def read(path: Path, request: Request) -> Recording:
 
 
 def count_curves(path: Path) -> int:
-    """Return how many force curves a map of JPK holds.
+    """Return the number of force curves in a JPK map.
 
     Raises
     ------
     RecordingError
-        It cannot be read.
+        The file cannot be read.
     """
     source = printable(path)
     with _opened(path, source) as reader, _explained(source):
@@ -85,24 +85,24 @@ def count_curves(path: Path) -> int:
 
 
 def read_curves(path: Path, numbers: Sequence[int]) -> Iterator[Recording | RecordingError]:
-    """Read several force curves of a map of JPK, which is opened once.
+    """Read several force curves of a JPK map, opening it once.
 
     Parameters
     ----------
     path : Path
         The file.
     numbers : sequence of int
-        Which, from 0.
+        Indices of the curves, from 0.
 
     Yields
     ------
     Recording or RecordingError
-        One a number; why not, where it cannot be read.
+        For each index, the curve or the error that prevents reading it.
 
     Raises
     ------
     RecordingError
-        Nothing of the file can be read.
+        The file cannot be read at all.
     """
     source = printable(path)
     with _opened(path, source) as reader:
@@ -116,7 +116,7 @@ def read_curves(path: Path, numbers: Sequence[int]) -> Iterator[Recording | Reco
 
 @contextmanager
 def _explained(source: str) -> Iterator[None]:
-    """Say what a fault of the reader means."""
+    """Convert an error of afmformats to a RecordingError."""
     try:
         yield
     except RecordingError:
@@ -124,13 +124,13 @@ def _explained(source: str) -> Iterator[None]:
     except errors.MissingMetaDataError as error:
         missing = ", ".join(map(str, error.meta_keys))
         raise RecordingError(
-            f"{source}: the file lacks its calibration ({missing}); calibrate the cantilever and "
-            "save the curve with it"
+            f"{source}: the file is not calibrated (it lacks: {missing}); calibrate the cantilever "
+            "and save the curve again"
         ) from None
     except _FAULTS as error:
         raise RecordingError(
-            f"{source}: the force curve cannot be read ({first_line(error)}); the file is damaged, "
-            "or its instrument writes what afmformats does not read"
+            f"{source}: the force curve cannot be read ({first_line(error)}); the file is damaged "
+            "or afmformats does not support its instrument"
         ) from None
 
 
@@ -139,14 +139,14 @@ _JPK = (".jpk-force", ".jpk-force-map", ".jpk-qi-data", ".jpk-qi-series")
 
 @contextmanager
 def _opened(path: Path, source: str) -> Iterator[JPKReader]:
-    """Open a file of JPK."""
+    """Open a JPK file."""
     regular_size(path)
     with _explained(source):
         reader = JPKReader(path)
     try:
         yield reader
     finally:
-        if archive := ArchiveCache.open_archives.pop(path, None):  # it may be written anew
+        if archive := ArchiveCache.open_archives.pop(path, None):  # the file may change later
             archive.close()
 
 
@@ -160,13 +160,13 @@ def _curve(reader: JPKReader, source: str, request: Request) -> Recording:
 
 
 def _chosen(count: int, source: str, request: Request) -> int:
-    """Which of so many curves is asked for."""
+    """The index of the requested curve."""
     if not count:
-        raise RecordingError(f"{source}: there is no curve in it; look at what wrote it")
+        raise RecordingError(f"{source}: the file holds no curve; check the program that wrote it")
     number = request.curve or 0
     if (request.curve is None and count > 1) or not 0 <= number < count:
-        what = f"holds {count} curves" if request.curve is None else f"there is no curve {number}"
-        words = f"{what}; choose one with --curve N, from 0 to {count - 1}"
+        why = f"it holds {count} curves" if request.curve is None else f"there is no curve {number}"
+        words = f"{why}; choose one with --curve N, from 0 to {count - 1}"
         raise RecordingError(f"{source}: {words}")
     return number
 
@@ -178,7 +178,7 @@ def _recording(
     source: str,
     request: Request,
 ) -> Recording:
-    """Return the columns of a curve, which has to have a force."""
+    """Return the columns of a curve as a recording."""
     draft = Draft(source, request)
     channels = draft.channels
     for name in names:
@@ -186,8 +186,8 @@ def _recording(
             continue
         try:
             channels[name] = np.asarray(column(name))
-        except errors.AFMFileFormatError:  # a height that this instrument does not measure
-            draft.omit(name, "this file has none")
+        except errors.AFMFileFormatError:  # this instrument does not measure that height
+            draft.omit(name, "not in this file")
         except _FAULTS as error:
             draft.lose(name, f"cannot be read: {first_line(error)}")
     lengths = {name: len(values) for name, values in channels.items()}
@@ -196,7 +196,7 @@ def _recording(
         raise draft.error(f"no column of the curve can be read: {why}")
     least, most = min(lengths.values()), max(lengths.values())
     if least < most:
-        draft.losses.append(f"its columns hold from {least} to {most} samples: cut")
+        draft.losses.append(f"its columns have {least} to {most} samples: all are cut to {least}")
         channels |= {name: values[:least] for name, values in channels.items()}
     draft.notes = _notes(metadata, channels.get("segment"))
     _add_tip(draft, metadata)
@@ -207,9 +207,9 @@ def _recording(
 
 
 def _add_tip(draft: Draft, metadata: Mapping[str, Any]) -> None:
-    """Where the tip is: the height of the cantilever's base and its deflection, z + F/k.
+    """Add the position of the tip, from the height of the cantilever's base: z + F/k.
 
-    The base is no probe. Taken for one, the cantilever's compliance is identified as the sample's.
+    With the base as the probe, the compliance of the cantilever would count as the sample's.
     """
     channels = draft.channels
     stiffness = float(metadata.get("spring constant", np.nan))
@@ -222,7 +222,7 @@ def _add_tip(draft: Draft, metadata: Mapping[str, Any]) -> None:
 
 
 def _notes(metadata: Mapping[str, Any], segment: NDArray[Any] | None) -> dict[str, str]:
-    notes = {"time": "from the length of each segment; an instrument records no time of a sample"}
+    notes = {"time": "from the length of each segment: instruments record no time of samples"}
     for name in _NOTES:
         if name in metadata:
             notes[name] = f"{metadata[name]} {_UNITS.get(name, '')}".strip()

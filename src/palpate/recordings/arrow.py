@@ -1,4 +1,4 @@
-"""Parquet, Feather and Arrow by pyarrow: every column of numbers or text is a channel."""
+"""Parquet, Feather and Arrow, read by pyarrow: each column of numbers or text is a channel."""
 
 import json
 from collections.abc import Callable, Iterator, Mapping
@@ -17,11 +17,11 @@ from palpate.recordings.nested import MOST_COLUMNS, text_of
 from palpate.recordings.opening import LARGEST, Draft, Request, first_line
 from palpate.recordings.recording import Faults, Recording, printable
 
-# What Arrow raises on a damaged file, whichever part of it is met.
+# What pyarrow raises on a damaged file.
 _DAMAGED = (pa.ArrowException, ArithmeticError, OSError, LookupError, TypeError, ValueError)
 _NANOSECONDS = {"s": 1_000_000_000, "ms": 1_000_000, "us": 1_000, "ns": 1}
 _UNITS = (b"unit", b"units", b"Unit", b"Units")
-# Of the file's own description: what is no word to a person.
+# Metadata that is not readable text.
 _NO_NOTES = (b"pandas", b"ARROW:schema", b"ARROW:extension:name", b"geo", b"huggingface")
 _BEGIN = b"ARROW1\0\0"
 
@@ -29,19 +29,19 @@ _BEGIN = b"ARROW1\0\0"
 def read(path: Path, request: Request) -> Recording:
     """Read a Parquet, Feather (version 2) or Arrow file: every column of numbers or text.
 
-    Of an Arrow file whose recorder was stopped the whole batches are read.
+    An incomplete Arrow file is read up to its last complete batch.
 
     Parameters
     ----------
     path : Path
         The file.
     request : Request
-        What is asked for; of Parquet only those columns are read.
+        What to read; from Parquet only these columns are read.
 
     Raises
     ------
     RecordingError
-        The file is none of these, is cut off or too damaged, or has no column that is asked for.
+        The file is none of these, is cut off or too damaged, or has no requested column.
     """
     source = printable(path)
     with path.open("rb") as file:
@@ -50,16 +50,16 @@ def read(path: Path, request: Request) -> Recording:
     try:
         if begin.startswith(b"PAR1"):
             with parquet.ParquetFile(path, page_checksum_verification=True) as table:
-                # What describes a column is not asked for here: pyarrow ends the process where that
-                # is damaged.
+                # Do not access the metadata of columns here: if they are damaged, pyarrow ends the
+                # process.
                 claimed = 8 * table.metadata.num_rows * max(table.metadata.num_columns, 1)
                 if not 0 <= claimed <= LARGEST:
-                    raise ValueError(f"it claims {format_bytes(claimed)} of values")
+                    raise ValueError(f"it states {format_bytes(claimed)} of values")
                 of = lambda name: table.read(columns=[name])  # noqa: E731
                 return _recording(table.schema_arrow, of, draft)
         if begin != _BEGIN:
             raise draft.error(
-                "this is no Parquet, Feather (version 2) or Arrow file; check what wrote it"
+                "this is not a Parquet, Feather (version 2) or Arrow file; check what wrote it"
             )
         with pa.OSFile(str(path)) as file:
             batches = _batches(file, draft.losses)
@@ -68,13 +68,13 @@ def read(path: Path, request: Request) -> Recording:
         raise
     except _DAMAGED as error:
         raise draft.error(
-            f"the file is cut off or damaged ({first_line(error)}); copy it again, or let the "
+            f"the file is cut off or damaged ({first_line(error)}); copy it again or let the "
             "recorder close its file"
         ) from None
 
 
 def _batches(file: pa.NativeFile, losses: list[str]) -> pa.Table:
-    """All batches of an Arrow file; where one is damaged or the directory is gone, those before."""
+    """The batches of an Arrow file, up to the first damaged one."""
     try:
         table = ipc.open_file(file).read_all()
         table.validate(full=True)
@@ -90,7 +90,7 @@ def _batches(file: pa.NativeFile, losses: list[str]) -> pa.Table:
             found.append(batch)
     except _DAMAGED:
         pass
-    losses.append(f"nothing is read after sample {sum(batch.num_rows for batch in found)}")
+    losses.append(f"only the first {sum(batch.num_rows for batch in found)} samples are read")
     return pa.Table.from_batches(found, reader.schema)
 
 
@@ -99,14 +99,14 @@ def _recording(schema: pa.Schema, table_of: Callable[[str], pa.Table], draft: Dr
     wanted = [form for form in schema if request.wants(_name(form.name))]
     if not wanted and len(schema):
         asked, there = ", ".join(request.channels or ()), ", ".join(map(_name, schema.names[:20]))
-        raise draft.error(f"none of the columns {asked}; there are {there}")
+        raise draft.error(f"no column {asked}; available: {there}")
     for k, form in enumerate(wanted):
         unit = next((text_of(form.metadata[u]) for u in _UNITS if u in (form.metadata or {})), None)
         try:
             table = table_of(form.name)
             table.validate(full=True)
             if table.num_columns != 1:
-                raise ValueError("its name is not the only one of its kind")
+                raise ValueError("several columns have its name")
             for name, values in _leaves(_name(form.name), table.column(0)):
                 if not request.wants(name):
                     continue
@@ -122,13 +122,13 @@ def _recording(schema: pa.Schema, table_of: Callable[[str], pa.Table], draft: Dr
         request.report((k + 1) / len(wanted))
     if not draft.channels:
         reasons = [*draft.losses, *draft.omissions, "it has no columns of numbers"]
-        raise draft.error(f"nothing in it can be read: {reasons[0]}")
+        raise draft.error(f"no column can be read: {reasons[0]}")
     draft.notes = _notes(schema.metadata or {})
     return draft.done()
 
 
 def _values(name: str, values: pa.ChunkedArray) -> tuple[NDArray[Any], str | None, Faults | None]:
-    """Numbers or text, the unit that the type itself states, and what is null."""
+    """Numbers or text, the unit that their type states, and the null values."""
     kind, unit = values.type, None
     if pa.types.is_dictionary(kind):
         kind = kind.value_type
@@ -140,7 +140,7 @@ def _values(name: str, values: pa.ChunkedArray) -> tuple[NDArray[Any], str | Non
     elif pa.types.is_decimal(kind):
         values = values.cast(pa.float64())
     elif not (pa.types.is_floating(kind) or pa.types.is_integer(kind) or pa.types.is_boolean(kind)):
-        raise _NoChannelError(f"column {name!r} holds {kind}, and no numbers")
+        raise _NoChannelError(f"column {name!r} holds {kind}, not numbers")
     if not values.null_count:
         return values.to_numpy(), unit, None
     fault = Faults(values.null_count, compute.index(values.is_null(), True).as_py(), "null")
@@ -150,11 +150,11 @@ def _values(name: str, values: pa.ChunkedArray) -> tuple[NDArray[Any], str | Non
 
 
 class _NoChannelError(ValueError):
-    """A column holds no channel: the message says what it holds."""
+    """A column is not a channel: the message says what it holds."""
 
 
 def _leaves(name: str, column: pa.ChunkedArray) -> Iterator[tuple[str, pa.ChunkedArray]]:
-    """The columns of plain values in one of structs or of lists of one length."""
+    """The columns of plain values in a column of structs or of lists of equal length."""
     kind = column.type
     if pa.types.is_struct(kind):
         for inner, part in zip(kind, column.flatten(), strict=True):
@@ -170,13 +170,13 @@ def _leaves(name: str, column: pa.ChunkedArray) -> Iterator[tuple[str, pa.Chunke
     if most is None or least != most:
         raise _NoChannelError(f"column {name!r} holds lists of {least} to {most} values")
     if most > MOST_COLUMNS:
-        raise _NoChannelError(f"column {name!r} holds lists of {most} values, and is no series")
+        raise _NoChannelError(f"column {name!r} holds lists of {most} values, not a time series")
     for k in range(most):
         yield from _leaves(f"{name}[{k}]", compute.list_element(column, k))
 
 
 def _nanoseconds(values: pa.ChunkedArray) -> tuple[pa.ChunkedArray, str]:
-    """Times as whole nanoseconds, or in their own unit where these would not fit."""
+    """Times as integer nanoseconds, or in their own unit if these would overflow."""
     unit = values.type.unit
     whole = pa.int32() if values.type.bit_width == 32 else pa.int64()
     counts = values.cast(whole).cast(pa.int64())
@@ -187,18 +187,18 @@ def _nanoseconds(values: pa.ChunkedArray) -> tuple[pa.ChunkedArray, str]:
 
 
 def _name(column: str) -> str:
-    """The name of a channel; an index of pandas without one has a made-up name."""
+    """The name of a channel; pandas invents a name for an index without one."""
     return "index" if column.startswith("__index_level_") else column
 
 
 def _notes(metadata: Mapping[bytes, bytes]) -> dict[str, str]:
-    """What a file says of itself, as far as that is short."""
+    """The metadata of a file, without long texts."""
     notes = {
         str(text_of(name)): str(text_of(words))
         for name, words in metadata.items()
         if name not in _NO_NOTES and len(words) <= 200
     }
-    try:  # an index of equal steps, which pandas writes as no column
+    try:  # pandas stores an index of equal steps here, not as a column
         [index] = json.loads(metadata[b"pandas"])["index_columns"]
         if index["kind"] == "range" and (index["name"] is not None or index["step"] != 1):
             notes["index"] = f"from {index['start']} in steps of {index['step']}, by pandas"

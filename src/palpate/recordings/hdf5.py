@@ -1,4 +1,4 @@
-"""HDF5: groups of arrays, each on its own clock; and MATLAB of version 7.3, which is HDF5."""
+"""HDF5: groups of arrays, each with its own clock; and MATLAB 7.3, which is HDF5."""
 
 import math
 import re
@@ -24,7 +24,7 @@ from palpate.recordings.nested import (
 from palpate.recordings.opening import FORCE_CURVES, LARGEST, Request, first_line
 from palpate.recordings.recording import Recording, printable
 
-# What HDF5 raises on a damaged file, whichever part of it is met.
+# What h5py raises on a damaged file.
 DAMAGED = (OSError, RuntimeError, KeyError, ValueError, TypeError, AttributeError, OverflowError)
 
 _LONGEST_TEXT = 4096
@@ -43,12 +43,12 @@ def read(path: Path, request: Request) -> Recording:
     path : Path
         The file.
     request : Request
-        What is asked for; only that is read.
+        What to read.
 
     Raises
     ------
     RecordingError
-        The file is no HDF5 or too damaged, or holds no series of numbers.
+        The file is not HDF5, is too damaged, or holds no time series.
     """
     source = printable(path)
     with opened(path, source) as file:
@@ -58,7 +58,7 @@ def read(path: Path, request: Request) -> Recording:
             for name, words in walk.attributes(file):
                 walk.found.note(name, words)
             return walk.found.recording()
-    return FORCE_CURVES.read(path, request)  # the file is closed: afmformats opens it its own way
+    return FORCE_CURVES.read(path, request)  # afmformats opens the file itself
 
 
 @contextmanager
@@ -68,7 +68,7 @@ def opened(path: Path, source: str) -> Iterator[h5py.File]:
     Raises
     ------
     RecordingError
-        It is no HDF5, is cut off, or its frame is damaged.
+        The file is not HDF5, is cut off, or its structure is damaged.
     """
     try:
         file = h5py.File(path, "r", locking=False)
@@ -83,16 +83,16 @@ def _why(error: BaseException) -> str:
     if found := _CUT.search(str(error)):
         here, whole = (format_bytes(int(digits)) for digits in found.groups())
         return (
-            f"the file is cut off: {here} of {whole} are there, and HDF5 cannot read it; copy it "
-            "again, or let the recorder close its file"
+            f"the file is cut off after {here} of {whole}, and HDF5 cannot read it; copy it again "
+            "or let the recorder close its file"
         )
     if "signature not found" in words:
-        return "this is no HDF5 file; check what wrote it, and its suffix"
+        return "this is not an HDF5 file; check its suffix and the program that wrote it"
     return f"the file is damaged and cannot be read ({words}); copy it again"
 
 
 def _is_afm(file: h5py.File) -> bool:
-    """Whether these are force curves as the package afmformats exports them."""
+    """Whether these are force curves exported by the package afmformats."""
     try:
         return text_of(file.attrs.get("software")) == "afmformats" and "0" in file
     except DAMAGED:
@@ -100,14 +100,14 @@ def _is_afm(file: h5py.File) -> bool:
 
 
 class Walk:
-    """What a file holds, group by group, without a number of it being read."""
+    """Lists the arrays of a file, group by group, without reading them."""
 
     def __init__(self, found: Findings) -> None:
         self.found = found
         self._seen: set[Any] = set()
 
     def group(self, group: h5py.Group, path: tuple[str, ...]) -> None:
-        """Take what is in a group, and in those below it."""
+        """Add the arrays of a group and its subgroups."""
         try:
             self._seen.add(h5py.h5o.get_info(group.id).addr)
             names = list(group)
@@ -118,11 +118,11 @@ class Walk:
             self._member(group, path, name)
 
     def _member(self, group: h5py.Group, path: tuple[str, ...], link: str | bytes) -> None:
-        name = text_of(link) or ""  # what is no UTF-8 are bytes
+        name = text_of(link) or ""  # a name that is not UTF-8 is bytes
         whole = "/".join((*path, name))
         try:
             if isinstance(group.get(link, getlink=True), h5py.ExternalLink):
-                self.found.omit(whole, "leads to another file; open that one")
+                self.found.omit(whole, "links to another file; open that file")
                 return
             item = group[link]
             address = h5py.h5o.get_info(item.id).addr
@@ -138,7 +138,7 @@ class Walk:
             self.found.lose(whole, f"cannot be read: {first_line(error)}")
 
     def dataset(self, item: h5py.Dataset, path: tuple[str, ...], name: str) -> None:
-        """Take an array, or say why it is none."""
+        """Add an array, or report why it cannot be a channel."""
         whole = "/".join((*path, name))
         kind, shape = item.dtype.kind, item.shape
         if shape == () and kind in "iufbOS" and item.dtype.itemsize <= _LONGEST_TEXT:
@@ -146,7 +146,7 @@ class Walk:
         elif shape is None or not all(shape) or kind not in "iufbV" or item.dtype.subdtype:
             self.found.omit(whole, _no_numbers(item))
         elif item.external or item.is_virtual:
-            self.found.omit(whole, "is put together from other files; open those")
+            self.found.omit(whole, "is assembled from other files; open those files")
         elif self._fits(item, whole):
             self._notes(item, whole)
             fields = item.dtype.names
@@ -161,7 +161,7 @@ class Walk:
                 self._fields(item, (*path, name))
 
     def _fields(self, item: h5py.Dataset, path: tuple[str, ...]) -> None:
-        """A table whose rows have named fields: a channel each."""
+        """Add each field of a table with named fields as a channel."""
         for field in item.dtype.names:
             kind = item.dtype[field]
             base, inner = kind.subdtype or (kind, ())
@@ -172,25 +172,25 @@ class Walk:
             self.found.add(path, field, (*item.shape, *inner), read, dot=True)
 
     def _fits(self, item: h5py.Dataset, whole: str) -> bool:
-        """Whether the numbers that an array claims are there."""
+        """Whether an array is stored and small enough to read; report missing parts."""
         claimed, stored = item.size * item.dtype.itemsize, item.id.get_storage_size()
         written, pieces = _pieces(item) if stored else (0, 1)
         if not stored:
-            self.found.lose(whole, f"nothing was written of its {item.size} values")
+            self.found.lose(whole, f"none of its {item.size} values was written")
         elif 2 * written < pieces:  # more is missing than is there
-            self.found.lose(whole, f"{written} of its {pieces} pieces were written")
+            self.found.lose(whole, f"only {written} of its {pieces} chunks were written")
         elif claimed > LARGEST:
-            there = f"and the file holds {format_bytes(stored)} of it"
-            self.found.lose(whole, f"claims {format_bytes(claimed)}, {there}")
+            there = f"but the file holds {format_bytes(stored)} of it"
+            self.found.lose(whole, f"states a size of {format_bytes(claimed)}, {there}")
         else:
             if written < pieces:
-                missing = f"{pieces - written} of its {pieces} pieces were never written"
+                missing = f"{pieces - written} of its {pieces} chunks were never written"
                 self.found.lose(whole, f"{missing}; they read as {item.fillvalue}")
             return True
         return False
 
     def _notes(self, item: Any, whole: str) -> None:
-        """Keep the rate and the frame that a group or an array states."""
+        """Keep the sample rate and the frame in the attributes of a group or an array."""
         for name, words in self.attributes(item):
             if name in _FRAMES:
                 self.found.group_frames[whole] = words
@@ -198,7 +198,7 @@ class Walk:
                 self.found.note(f"{whole} {name}", words)
 
     def attributes(self, item: Any) -> Iterator[tuple[str, str]]:
-        """Yield those attributes that are one text or one number."""
+        """Yield the attributes that are one text or one number."""
         try:
             for name in item.attrs:
                 value = item.attrs[name]
@@ -207,12 +207,12 @@ class Walk:
                     words = str(value)
                 if words is not None:
                     yield text_of(name) or "", words
-        except DAMAGED:  # an attribute more or less; the arrays say what is wrong
+        except DAMAGED:  # attributes are optional; reading the arrays reports the damage
             return
 
 
 def _pieces(item: h5py.Dataset) -> tuple[int, int]:
-    """How many pieces of an array were written, and how many there have to be."""
+    """The number of chunks of an array that were written, and the number it needs."""
     if item.chunks is None:
         return 1, 1
     sides = zip(item.shape, item.chunks, strict=True)
@@ -222,20 +222,20 @@ def _pieces(item: h5py.Dataset) -> tuple[int, int]:
 def _no_numbers(item: h5py.Dataset) -> str:
     if item.shape is None or (item.shape and not all(item.shape)):
         return "is empty"
-    kinds = {"O": "text or references", "S": "text", "c": "complex numbers"}
-    return f"holds {kinds.get(item.dtype.kind, 'no plain numbers')}"
+    kinds = {"O": "text or references", "S": "text", "c": "complex values"}
+    return f"holds {kinds.get(item.dtype.kind, 'other values')}, not numbers"
 
 
-# MATLAB's version 7.3: HDF5 with its own attributes, and with every array turned over.
+# MATLAB 7.3: HDF5 with MATLAB's attributes, and with every array transposed.
 
 
 def read_matlab(path: Path, request: Request) -> Recording:
-    """Read a MATLAB file of version 7.3.
+    """Read a MATLAB 7.3 file.
 
     Raises
     ------
     RecordingError
-        It is too damaged, or holds no series of numbers.
+        The file is too damaged, or holds no time series.
     """
     source = printable(path)
     with opened(path, source) as file:
@@ -245,10 +245,10 @@ def read_matlab(path: Path, request: Request) -> Recording:
 
 
 class _Variables(Walk):
-    """What a file holds, by MATLAB's classes."""
+    """Lists the variables of a file by their MATLAB class."""
 
     def group(self, group: h5py.Group, path: tuple[str, ...]) -> None:
-        """Take a struct; sparse matrices look like one, and the objects' own groups too."""
+        """Add a struct; skip sparse matrices and MATLAB's internal groups, which look like one."""
         if path and path[0] in ("#refs#", "#subsystem#"):
             return
         if "MATLAB_sparse" in group.attrs:
@@ -257,7 +257,7 @@ class _Variables(Walk):
             super().group(group, path)
 
     def dataset(self, item: h5py.Dataset, path: tuple[str, ...], name: str) -> None:
-        """Take a variable or a field, by its class."""
+        """Add a variable or a field, by its class."""
         whole = "/".join((*path, name))
         kind = text_of(item.attrs.get("MATLAB_class"))
         if "MATLAB_empty" in item.attrs:
@@ -271,7 +271,7 @@ class _Variables(Walk):
         elif item.dtype.names:
             self.found.omit(whole, no_class("complex"))
         elif item.dtype.kind not in "iufb" or item.external or item.is_virtual:
-            self.found.omit(whole, "is no plain array of numbers")
+            self.found.omit(whole, "is not a plain array of numbers")
         elif item.size == 1:
             self.found.note(whole, item[()].reshape(-1)[0])
         elif self._fits(item, whole):
@@ -280,10 +280,10 @@ class _Variables(Walk):
             self.found.add(path, name, item.shape[::-1], turned, group_unit=unit)
 
     def _structs(self, item: h5py.Dataset, path: tuple[str, ...], name: str) -> None:
-        """A field of an array of structs: references to one value of each."""
+        """Add a field of an array of structs: a reference per struct."""
         whole = "/".join((*path, name))
         if item.size > OBJECTS:
-            self.found.omit(whole, f"holds {item.size} structs, and is no series")
+            self.found.omit(whole, f"holds {item.size} structs, not a time series")
             return
         for k, reference in enumerate(item[()].T.reshape(-1)):
             own = (*path[:-1], f"{path[-1]}[{k}]") if path else (f"{name}[{k}]",)
@@ -304,7 +304,7 @@ def _char(item: h5py.Dataset) -> str | None:
 
 
 def _unit_beside(item: h5py.Dataset) -> str | None:
-    """What a field unit of the same struct says."""
+    """The unit in a field ``unit`` of the same struct."""
     for name in UNIT_FIELDS:
         unit = item.parent.get(name)
         if isinstance(unit, h5py.Dataset) and text_of(unit.attrs.get("MATLAB_class")) == "char":

@@ -1,11 +1,11 @@
-"""MATLAB: variables and structs of arrays, of version 5 and of 7.3.
+"""MATLAB files of version 5 and 7.3: variables and structs of arrays.
 
-Files of version 5 are read here, and no length in them is believed: of a damaged one SciPy, and
-what is built on it, takes memory for what is not there, or ends the process.
+This module reads version 5 itself and checks every length in the file: on a damaged file SciPy may
+allocate far too much memory or end the process.
 
-The layout: a head of 128 bytes, then an element for each variable, a tag (type, length) and its
-data. A variable is a matrix: elements for its flags, sizes, name and numbers; a struct's or cells'
-members are matrices again. Whole variables may be packed with deflate.
+The layout: a header of 128 bytes, then an element for each variable, a tag (type, length) and its
+data. A variable is a matrix: elements for its flags, sizes, name and numbers; the members of a
+struct or cell are matrices again. A whole variable may be compressed with deflate.
 """
 
 import math
@@ -27,11 +27,11 @@ from palpate.recordings.recording import Recording, printable
 Order = Literal["little", "big"]
 
 _MATRIX, _COMPRESSED = 14, 15
-_TYPES = {  # of the numbers in an element
+_TYPES = {  # types of stored numbers
     1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8", 12: "i8", 13: "u8",
     16: "u1", 17: "u2", 18: "u4",
 }  # fmt: skip
-_CLASSES = {  # of the numbers that a variable holds; they may be stored in fewer bytes
+_CLASSES = {  # types of the numbers of a variable, which may be stored in fewer bytes
     6: "f8", 7: "f4", 8: "i1", 9: "u1", 10: "i2", 11: "u2", 12: "i4", 13: "u4", 14: "i8", 15: "u8",
 }  # fmt: skip
 _CELL, _STRUCT, _OBJECT, _CHAR, _SPARSE, _FUNCTION, _OPAQUE = 1, 2, 3, 4, 5, 16, 17
@@ -42,26 +42,26 @@ _DEEPEST = 32
 
 @dataclass(frozen=True, slots=True)
 class Struct:
-    """A struct, or an array of them: the fields of each."""
+    """A struct or an array of structs: the fields of each."""
 
     items: tuple[dict[str, Any], ...]
 
 
 @dataclass(frozen=True, slots=True)
 class Other:
-    """What is no array of numbers: MATLAB's name of its class."""
+    """A value that is not numeric: the name of its MATLAB class."""
 
     kind: str
 
 
-#: Of a matrix: its type, and where its data begin and end.
+#: An element: its type, and where its data begin and end.
 Element = tuple[int, int, int]
-#: What a variable holds.
+#: The value of a variable.
 Value = NDArray[Any] | Struct | Other | str
 
 
 class _WrongError(ValueError):
-    """What an element claims does not fit into it."""
+    """An element is damaged: the message says how."""
 
 
 def read(path: Path, request: Request) -> Recording:
@@ -72,30 +72,30 @@ def read(path: Path, request: Request) -> Recording:
     path : Path
         The file.
     request : Request
-        What is asked for.
+        What to read.
 
     Raises
     ------
     RecordingError
-        The file is of no version that is read, or too damaged, or holds no series of numbers.
+        The file has another version, is too damaged, or holds no time series.
     """
     source = printable(path)
     size = path.stat().st_size
     with path.open("rb") as file:
         begin = file.read(128)
     if begin.startswith((b"MATLAB 7.3", b"\x89HDF")):
-        # It needs h5py, and version 5 does not.
-        hdf5 = needed("palpate.recordings.hdf5", "a file of MATLAB 7.3", "recordings")
+        # Version 7.3 needs h5py; version 5 does not.
+        hdf5 = needed("palpate.recordings.hdf5", "reading a MATLAB 7.3 file", "recordings")
         recording: Recording = hdf5.read_matlab(path, request)
         return recording
     if not begin.startswith(b"MATLAB 5.0"):
         raise RecordingError(
-            f"{source}: this is no MATLAB file of version 5 to 7.3; save it again with "
+            f"{source}: this is not a MATLAB file of version 5 to 7.3; save it again with "
             "save(name, '-v7') or '-v7.3'"
         )
     found = Findings(source, request)
     for name, value in _variables(path, size, found):
-        if name:  # MATLAB keeps what belongs to its objects in one without a name
+        if name:  # MATLAB stores the data of its objects in a variable without a name
             _take(value, (), name, found)
     return found.recording()
 
@@ -103,7 +103,7 @@ def read(path: Path, request: Request) -> Recording:
 def _take(
     value: Value, group: tuple[str, ...], name: str, found: Findings, unit: str | None = None
 ) -> None:
-    """Take a value: numbers, or a struct of them; say why it is neither."""
+    """Add a value: numbers or a struct of numbers; report anything else."""
     whole = "/".join((*group, name))
     if isinstance(value, str):
         found.note(whole, value)
@@ -121,7 +121,7 @@ def _take(
 def _take_structs(value: Struct, group: tuple[str, ...], name: str, found: Findings) -> None:
     if len(value.items) > OBJECTS:
         whole = "/".join((*group, name))
-        found.omit(whole, f"holds {len(value.items)} structs, and is no series")
+        found.omit(whole, f"holds {len(value.items)} structs, not a time series")
         return
     for k, fields in enumerate(value.items):
         own = (*group, name if len(value.items) == 1 else f"{name}[{k}]")
@@ -131,7 +131,7 @@ def _take_structs(value: Struct, group: tuple[str, ...], name: str, found: Findi
 
 
 def _variables(path: Path, size: int, found: Findings) -> Iterator[tuple[str, Value]]:
-    """The variables of a file that are whole; say which are not."""
+    """The complete variables of a file; report the others."""
     with path.open("rb") as file:
         order: Order = "big" if file.read(128)[126:] == b"MI" else "little"
         for number in range(1, size):
@@ -141,14 +141,14 @@ def _variables(path: Path, size: int, found: Findings) -> Iterator[tuple[str, Va
                 return
             kind, length = (int.from_bytes(part, order) for part in (tag[:4], tag[4:]))
             if len(tag) < 8 or kind not in (_MATRIX, _COMPRESSED):
-                found.lose(name, "the file is cut off or damaged here; what follows is not read")
+                found.lose(name, "the file is cut off or damaged here; the rest is not read")
                 return
             there = size - file.tell()
             if length > there:
                 found.lose(
                     name,
-                    f"the file ends in it: {format_bytes(there)} of {format_bytes(length)} "
-                    "are there",
+                    f"the file is cut off here: it holds {format_bytes(there)} of "
+                    f"{format_bytes(length)}",
                 )
                 return
             try:
@@ -158,19 +158,19 @@ def _variables(path: Path, size: int, found: Findings) -> Iterator[tuple[str, Va
 
 
 def _content(file: BinaryIO, tag: bytes, kind: int, length: int) -> bytes:
-    """An element with its tag, unpacked."""
+    """An element with its tag, decompressed."""
     packed = file.read(length)
     if kind == _MATRIX:
         return tag + packed
     unpacker = zlib.decompressobj()
     content = unpacker.decompress(packed, LARGEST)
     if not unpacker.eof:
-        raise _WrongError("its packed data end too early")
+        raise _WrongError("its compressed data are cut off")
     return content
 
 
 class _Matrix:
-    """Reads matrices, each element of which has to lie within the one around it."""
+    """Reads matrices, and checks that each element lies within the enclosing one."""
 
     def __init__(self, content: bytes, order: Order) -> None:
         self.content = content
@@ -180,7 +180,7 @@ class _Matrix:
         """Return the name and the value."""
         kind, start, stop = next(self._elements(0, len(self.content)))
         if kind != _MATRIX:
-            raise _WrongError("it holds no variable")
+            raise _WrongError("it is not a variable")
         return self._matrix(start, stop, 0)
 
     def _int(self, at: int) -> int:
@@ -190,18 +190,18 @@ class _Matrix:
         return self.content[start:stop].partition(b"\0")[0].decode("latin-1")
 
     def _elements(self, at: int, end: int) -> Iterator[Element]:
-        """One element after the other; there has to be each that is asked for."""
+        """Yield the elements in order; raise if the next one is missing."""
         while True:
             if at + 8 > end:
-                raise _WrongError("it ends too early")
+                raise _WrongError("it is cut off")
             kind, length, start = self._int(at), self._int(at + 4), at + 8
-            if small := kind >> 16:  # whose data stand in its tag
+            if small := kind >> 16:  # a small element: its data are in its tag
                 kind, length, start = kind & 0xFFFF, small, at + 4
                 if length > 4:
                     raise _WrongError("the tag of a small element is wrong")
             elif start + length > end:
                 raise _WrongError(
-                    f"it claims {format_bytes(length)} of {format_bytes(end - start)}"
+                    f"it states {format_bytes(length)} but has {format_bytes(end - start)}"
                 )
             yield kind, start, start + length
             padded = length if kind == _MATRIX else -(-length // 8) * 8
@@ -215,7 +215,7 @@ class _Matrix:
         parts = self._elements(at, end)
         flags = self._int(next(parts)[1])
         kind = flags & 0xFF
-        if kind == _OPAQUE:  # three names: the variable's, the system's and that of the class
+        if kind == _OPAQUE:  # the names of the variable, the system and the class
             names = [self._text(start, stop) for _, start, stop in (next(parts) for _ in range(3))]
             return names[0], Other(names[2])
         _, start, stop = next(parts)
@@ -230,7 +230,7 @@ class _Matrix:
         if kind == _STRUCT:
             return name, self._struct(math.prod(sizes), parts, end, depth)
         if kind not in _OTHERS:
-            raise _WrongError(f"it is of a class that MATLAB does not have, {kind}")
+            raise _WrongError(f"its class {kind} does not exist in MATLAB")
         return name, Other(_OTHERS[kind])
 
     def _numbers(self, flags: int, sizes: tuple[int, ...], parts: Iterator[Element]) -> Value:
@@ -238,11 +238,11 @@ class _Matrix:
             return Other("complex")
         kind, start, stop = next(parts)
         if kind not in _TYPES:
-            raise _WrongError(f"its numbers are of a type that MATLAB does not have, {kind}")
+            raise _WrongError(f"the type {kind} of its numbers does not exist in MATLAB")
         form = np.dtype(_TYPES[kind]).newbyteorder(self.order)
         stored = np.frombuffer(self.content, form, (stop - start) // form.itemsize, start)
         if stored.size != math.prod(sizes):
-            raise _WrongError(f"it claims {math.prod(sizes)} values, and {stored.size} are there")
+            raise _WrongError(f"it states {math.prod(sizes)} values but has {stored.size}")
         held = np.dtype(np.bool_) if flags & _LOGICAL else np.dtype(_CLASSES[flags & 0xFF])
         return stored.astype(held, copy=False).reshape(sizes, order="F")
 
@@ -261,7 +261,7 @@ class _Matrix:
             raise _WrongError("the names of its fields are damaged")
         fields = [self._text(k, k + longest) for k in range(start, stop, longest)]
         if count * len(fields) * 8 > end - stop or (not fields and count > 1):
-            raise _WrongError(f"it claims {count} structs of {format_bytes(end - stop)}")
+            raise _WrongError(f"it states {count} structs in {format_bytes(end - stop)}")
         return Struct(
             tuple(
                 {name: self._matrix(*next(parts)[1:], depth + 1)[1] for name in fields}

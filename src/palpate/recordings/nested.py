@@ -1,4 +1,4 @@
-"""Arrays in groups: which channels they are, and which array is the clock of which."""
+"""Arrays in groups: their channels, and which array is the clock of which."""
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
@@ -11,15 +11,15 @@ from palpate.recordings.opening import Draft, first_line, within
 from palpate.recordings.recording import Recording
 from palpate.recordings.times import clock_rank, epoch_unit_of
 
-#: An array with more columns than this is an image or a table of another kind.
+#: An array with more columns than this is an image or another kind of table.
 MOST_COLUMNS = 256
 
-# What the clock of one array alone is called.
+# Names of the clock of a single array.
 _OWN_CLOCKS = ("{}_time", "{}_time_s", "{}_t", "{}_timestamps", "{}_stamps", "time_{}", "t_{}")
 
 _MOST_NOTES = 60
 
-#: Structs in an array of them; more are a table of another kind.
+#: Largest number of structs in an array; more are another kind of table.
 OBJECTS = 256
 
 #: Fields of a struct that state the unit of the others.
@@ -32,23 +32,23 @@ NUMBERS = frozenset(
     )
 )
 
-# What MATLAB's classes that only it can read are to be saved as.
+# How to save the MATLAB classes that only MATLAB can read.
 _CURES = {
     "timeseries": "s = struct('time', ts.Time, 'data', ts.Data)",
-    "timetable": "s = table2struct(timetable2table(tt), 'ToScalar', true), with its times as "
+    "timetable": "s = table2struct(timetable2table(tt), 'ToScalar', true), with the times as "
     "seconds(tt.Time - tt.Time(1))",
     "table": "s = table2struct(t, 'ToScalar', true)",
     "datetime": "s = posixtime(d)",
     "duration": "s = seconds(d)",
 }
 _NO_SERIES = {
-    "cell": "holds cells, and no series of numbers",
-    **dict.fromkeys(("char", "string"), "holds text, and no series of numbers"),
-    "function_handle": "holds a function, and no series of numbers",
+    "cell": "holds cells, not a time series",
+    **dict.fromkeys(("char", "string"), "holds text, not a time series"),
+    "function_handle": "holds a function, not a time series",
     "complex": "holds complex numbers",
-    "sparse": "is a sparse matrix, and no series",
+    "sparse": "is a sparse matrix, not a time series",
 }
-# What a library raises where it meets damage.
+# What the libraries raise on damaged data.
 _FAULTS = (ArithmeticError, LookupError, OSError, RuntimeError, TypeError, ValueError)
 
 
@@ -59,17 +59,17 @@ class Leaf:
     Attributes
     ----------
     group : tuple of str
-        The groups that it is in, from the top.
+        Its groups, from the outermost.
     name : str
         Its own name.
     channel : str
-        Its whole name.
+        Its full name.
     shape : tuple of int
-        One or two lengths; of two none is 1.
+        One or two lengths; if two, neither is 1.
     read : callable
         Returns the numbers, in this shape.
     unit : str, optional
-        As the file says it.
+        Its unit, if the file states it.
     """
 
     group: tuple[str, ...]
@@ -81,19 +81,19 @@ class Leaf:
 
     @property
     def rank(self) -> int | None:
-        """How surely this is a clock, 0 the most; None if it is none."""
+        """How likely this is a clock, 0 the most likely; None if it is not."""
         return clock_rank(self.name) if len(self.shape) == 1 else None
 
 
 @dataclass(slots=True)
 class Findings(Draft):
-    """What is found in a file of groups, before any number of it is read."""
+    """The arrays and notes of a file of groups, listed before any array is read."""
 
     leaves: dict[tuple[tuple[str, ...], str], Leaf] = field(default_factory=dict)
     group_frames: dict[str, str] = field(default_factory=dict)
 
     def note(self, name: str, words: object) -> None:
-        """Keep what the file says of itself, as far as that is short."""
+        """Keep a note of the file, cut after 200 characters."""
         if len(self.notes) < _MOST_NOTES:
             text = " ".join(str(words).split())
             self.notes[name] = text if len(text) <= 200 else f"{text[:199]}…"
@@ -109,29 +109,29 @@ class Findings(Draft):
         group_unit: str | None = None,
         dot: bool = False,
     ) -> None:
-        """Take an array; or say why it can be no channel."""
+        """Add an array, or report why it cannot be a channel."""
         channel = "/".join(group) + ("." if dot else "/") * bool(group) + name
         lengths, sides = tuple(each for each in shape if each != 1), " by ".join(map(str, shape))
         if not all(shape):
             self.omit(channel, "holds no samples")
         elif len(lengths) > 2:
-            self.omit(channel, f"has {len(lengths)} dimensions, {sides}, and is no series")
+            self.omit(channel, f"has {len(lengths)} dimensions, {sides}: not a time series")
         elif len(lengths) == 2 and min(lengths) > MOST_COLUMNS:
-            self.omit(channel, f"is a matrix or an image, {sides}, and is no series")
+            self.omit(channel, f"is a matrix or an image, {sides}: not a time series")
         else:
             lengths = lengths or (1,)
             squeezed = lambda: _plain(read()).reshape(lengths)  # noqa: E731
-            if len(lengths) == 2 or clock_rank(name) is None:  # it is the unit of what is measured
+            if len(lengths) == 2 or clock_rank(name) is None:  # it is not the unit of a clock
                 unit = unit or group_unit
             self.leaves[group, name] = Leaf(group, name, channel, lengths, squeezed, unit)
 
     def recording(self) -> Recording:
-        """Read the channels that are asked for, each with its clock.
+        """Read the requested channels, each with its clock.
 
         Raises
         ------
         RecordingError
-            There is nothing to read, or it is damaged and the request is strict.
+            There is nothing to read, or the file is damaged and the request is strict.
         """
         ranked: dict[tuple[str, ...], list[Leaf]] = {}
         for leaf in self.leaves.values():
@@ -157,7 +157,7 @@ class Findings(Draft):
         return self.done()
 
     def _clock_of(self, leaf: Leaf, ranked: Mapping[tuple[str, ...], list[Leaf]]) -> Leaf | None:
-        """The times of an array: of its own name, else of its group, else of those above."""
+        """The clock of an array: by its name, else in its group, else in a group above."""
         for form in _OWN_CLOCKS:
             own = self.leaves.get((leaf.group, form.format(leaf.name)))
             if own is not None and _fits(own, leaf):
@@ -180,7 +180,7 @@ class Findings(Draft):
             values = _whole_times(values)
             unit = unit or epoch_unit_of(values)
             if unit and not leaf.unit:
-                self.note(leaf.channel, f"taken as {unit} since 1970, by its size")
+                self.note(leaf.channel, f"{unit} since 1970 (assumed from its values)")
         for name, column in _columns(leaf, values, clock):
             if values.ndim == 2 and not self.request.wants(name):
                 continue
@@ -192,16 +192,16 @@ class Findings(Draft):
 
     def _nothing(self) -> str:
         if self.losses:
-            return f"nothing in it can be read: {self.losses[0]}"
+            return f"no array can be read: {self.losses[0]}"
         if self.request.channels is not None and self.leaves:
             names = ", ".join([leaf.channel for leaf in self.leaves.values()][:20])
-            return f"none of the channels {', '.join(self.request.channels)}; there are {names}"
+            return f"no channel {', '.join(self.request.channels)}; available: {names}"
         why = f" ({self.omissions[0]})" if self.omissions else ""
-        return f"there are no arrays of numbers in it{why}; look at what wrote it"
+        return f"the file holds no arrays of numbers{why}; check the program that wrote it"
 
 
 def text_of(value: object) -> str | None:
-    """Return the text that an attribute or a field holds, if it is one."""
+    """Return the text of an attribute or a field; None if it is not text."""
     while isinstance(value, np.ndarray) and value.size == 1:
         value = value.reshape(-1)[0]
     if isinstance(value, bytes):
@@ -216,10 +216,10 @@ def _fits(clock: Leaf, leaf: Leaf) -> bool:
 def _columns(
     leaf: Leaf, values: NDArray[Any], clock: Leaf | None
 ) -> Iterable[tuple[str, NDArray[Any]]]:
-    """An array of one dimension is a channel; of two, one for each column.
+    """The channels of an array: one, or one per column if it has two dimensions.
 
-    Samples go along the side that is as long as the clock; without one along the longer, and in a
-    square along the first.
+    Samples run along the side that is as long as the clock, without a clock along the longer one,
+    and in a square along the first.
     """
     if values.ndim == 1:
         yield leaf.channel, values
@@ -232,7 +232,7 @@ def _columns(
 
 
 def _plain(values: NDArray[Any]) -> NDArray[Any]:
-    """In this machine's order of bytes, as numbers that NumPy computes with."""
+    """The values in native byte order, as numbers that NumPy computes with."""
     values = np.asarray(values)
     if values.dtype.kind == "f" and values.dtype.itemsize > 8:  # long double
         return values.astype(np.float64)
@@ -240,7 +240,7 @@ def _plain(values: NDArray[Any]) -> NDArray[Any]:
 
 
 def _whole_times(values: NDArray[Any]) -> NDArray[Any]:
-    """Whole times with a sign: differences of unsigned ones wrap around."""
+    """Integer times with a sign: differences of unsigned ones wrap around."""
     if values.dtype.kind in "iu":
         fits = values.dtype.itemsize < 8 or values.dtype.kind == "i" or not (values >> 63).any()
         return values.astype(np.int64 if fits else np.float64, copy=False)
@@ -248,18 +248,18 @@ def _whole_times(values: NDArray[Any]) -> NDArray[Any]:
 
 
 def no_class(name: str) -> str:
-    """Say that a class holds no array that can be read, and how to save it."""
+    """Explain why a MATLAB class cannot be read, and how to save it instead."""
     if name in _NO_SERIES:
         return _NO_SERIES[name]
-    cure = _CURES.get(name, "a struct of arrays")
-    return f"is of MATLAB's class {name}, which only MATLAB can read; save {cure} instead"
+    cure = _CURES.get(name, "it as a struct of arrays")
+    return f"has the class {name}, which only MATLAB can read; save {cure} instead"
 
 
 def plain_numbers(values: NDArray[Any]) -> NDArray[Any]:
-    """Return whole numbers of up to 32 bits as floats, which hold them exactly.
+    """Return integers of up to 32 bits as floats, which represent them exactly.
 
-    MATLAB saves whole numbers of class double in as few bytes as hold them, and differences of
-    small or unsigned ones would overflow.
+    MATLAB saves integers of class double in as few bytes as possible, and differences of small or
+    unsigned ones would overflow.
     """
     small = values.dtype.kind == "b" or (values.dtype.kind in "iu" and values.dtype.itemsize < 8)
     return values.astype(np.float64) if small else values

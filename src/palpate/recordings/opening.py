@@ -1,4 +1,4 @@
-"""Recordings opened, by the formats that can be read, and contacts written."""
+"""Opening recordings, by their format, and writing contacts."""
 
 import io
 import logging
@@ -28,19 +28,18 @@ _LOGGER = logging.getLogger(__name__)
 
 @dataclass(frozen=True, slots=True)
 class Request:
-    """What is asked of a reader.
+    """What a reader has to read.
 
     Attributes
     ----------
     channels : tuple of str, optional
-        Read these only: whole names, or what names begin with, such as ``"/ft"``. None: all that
-        hold numbers.
+        Names of channels, or topics or groups, such as ``"/ft"``. Default: all that hold numbers.
     strict : bool
-        Refuse what cannot be read, where else it would be left out and said.
+        Fail on unreadable parts instead of skipping them with a warning.
     curve : int, optional
-        Which curve of a file that holds many, from 0.
+        Index, from 0, of the curve to read in a file with several.
     progress : callable, optional
-        Called now and then with the fraction that has been read, 0 to 1.
+        Called at intervals with the fraction read so far, 0 to 1.
     """
 
     channels: tuple[str, ...] | None = None
@@ -49,33 +48,33 @@ class Request:
     progress: Callable[[float], None] | None = None
 
     def wants(self, name: str) -> bool:
-        """Whether a channel, or any below a topic or a group, is asked for."""
+        """Whether a channel, or any channel of a topic or group, is requested."""
         return self.channels is None or any(
             within(name, wanted) or within(wanted, name) for wanted in self.channels
         )
 
     def report(self, fraction: float) -> None:
-        """Say how much has been read, to whoever asked."""
+        """Report the fraction read so far to ``progress``."""
         if self.progress is not None:
             self.progress(min(max(fraction, 0.0), 1.0))
 
 
 @dataclass(frozen=True, slots=True)
 class Format:
-    """A format of files.
+    """A file format.
 
     Attributes
     ----------
     name : str
-        For a person.
+        Name for messages.
     suffixes : tuple of str
-        What names of its files end with, in lower case.
+        Suffixes of its files, in lower case.
     module : str
-        Its whole name; its ``read(path, request)`` returns a :class:`Recording`.
+        Full name of the module whose ``read(path, request)`` returns a :class:`Recording`.
     marks : tuple of bytes
-        What its files begin with: content comes before the suffix.
+        First bytes of its files; they take precedence over the suffix.
     extra : str, optional
-        Of ``pyproject.toml``, where it takes packages that palpate alone does not need.
+        The extra in ``pyproject.toml`` that installs the packages it needs.
     """
 
     name: str
@@ -85,21 +84,21 @@ class Format:
     extra: str | None = None
 
     def read(self, path: Path, request: Request) -> Recording:
-        """Read a file by its module.
+        """Read a file.
 
         Raises
         ------
         MissingExtraError
-            A package that it takes is not installed.
+            A package that the format needs is not installed.
         """
         recording: Recording = self.reader().read(path, request)
         return recording
 
     def reader(self) -> Any:
-        """Return its module."""
+        """Import and return the module."""
         if self.extra is None:
             return import_module(self.module)
-        return needed(self.module, f"a file of {self.name}", self.extra)
+        return needed(self.module, f"reading a {self.name} file", self.extra)
 
 
 _HERE = "palpate.recordings"
@@ -113,7 +112,7 @@ _MAT = (b"MATLAB 5.0 MAT", b"MATLAB 7.3 MAT")
 TEXT = Format("text", _TEXTS, f"{_HERE}.text")
 FORCE_CURVES = Format("AFM force curve", _CURVES, f"{_HERE}.afm", (b"# afmformats",), "afm")
 
-#: Every format. To add one: a module with ``read``, and its row.
+#: All formats. To add one, write a module with ``read`` and add a row here.
 FORMATS: list[Format] = [
     TEXT,
     Format("MCAP", (".mcap",), _MESSAGES, (b"\x89MCAP0\r\n",), "recordings"),
@@ -129,7 +128,7 @@ FORMATS: list[Format] = [
 ]
 
 
-# From a file to the format that reads it: by its content, else by the suffix of its name.
+# The format of a file: by its first bytes, else by its suffix.
 
 
 def open_recording(
@@ -140,30 +139,30 @@ def open_recording(
     curve: int | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> Recording:
-    """Read a file as it is.
+    """Read the channels of a file, unchanged.
 
     Parameters
     ----------
     path : str or path-like
-        The file; ``-`` is standard input. Its format is known by its content, else by the suffix of
-        its name; what is neither is read as text.
+        The file; ``-`` is standard input. palpate recognises the format by the content, else by the
+        suffix; any other file is read as text.
     channels : sequence of str, optional
-        Read these only: whole names, or a topic or group with all below it, such as ``"/ft"``.
-        Unless given, all that hold numbers.
+        Read only these channels, topics or groups, such as ``"/ft"``. Default: all that hold
+        numbers.
     strict : bool
-        Refuse a file that is damaged, where else what can be read of it is, and
-        ``Recording.losses`` says what could not.
+        Fail if the file is damaged. Default: read what can be read; ``Recording.losses`` lists the
+        rest.
     curve : int, optional
-        Which curve, from 0, of a file that holds many.
+        Index, from 0, of the curve to read in a file with several.
     progress : callable, optional
-        Called now and then with the fraction that has been read.
+        Called at intervals with the fraction read so far.
 
     Raises
     ------
     RecordingError
-        The file cannot be read, or is not of the format that it seems to be.
+        The file cannot be read, or is not in the format that its name or first bytes indicate.
     MissingExtraError
-        The packages that read the format are not installed: the message says how.
+        The packages for the format are not installed: the message says how to install them.
     """
     try:
         file = Path(path)
@@ -171,7 +170,7 @@ def open_recording(
     except TypeError:
         raise InvalidParameterError(f"path must be a path, not {path!r}") from None
     if curve is not None and curve < 0:
-        raise InvalidParameterError(f"curve must be counted from 0, not {curve}")
+        raise InvalidParameterError(f"curve must be an index from 0 on, not {curve}")
     begun = time.perf_counter()
     recording = _read(file, Request(wanted, strict, curve, progress))
     _log(recording, time.perf_counter() - begun)
@@ -181,17 +180,17 @@ def open_recording(
 def _read(file: Path, request: Request) -> Recording:
     standard = str(file) == "-"
     if not standard and not _is(stat.S_ISFIFO, file):
-        if not _is(stat.S_ISDIR, file):  # a bag of ROS 2 is one
+        if not _is(stat.S_ISDIR, file):  # a ROS 2 bag is a folder
             regular_size(file)
         return format_of(file).read(file, request)
     source = "standard input" if standard else printable(file)
-    # The suffix stays, for the format may be known by that only.
+    # Keep the suffix: some formats are recognised only by it.
     with scratch_file(f"recording{file.suffix}") as (copy, content):
         _copy_stream(file, source, content)
         regular_size(copy, source)
         try:
             recording = format_of(copy).read(copy, request)
-        except RecordingError as error:  # the name of a copy would tell a person nothing
+        except RecordingError as error:  # the user does not know the name of the copy
             raise RecordingError(str(error).replace(printable(copy), source)) from None
     return replace(recording, source=source)
 
@@ -199,23 +198,23 @@ def _read(file: Path, request: Request) -> Recording:
 def _is(kind: Callable[[int], bool], path: Path) -> bool:
     try:
         return kind(path.stat().st_mode)
-    except (OSError, ValueError):  # whoever reads it says what is wrong
+    except (OSError, ValueError):  # opening it raises the error
         return False
 
 
 def _copy_stream(file: Path, source: str, content: IO[bytes]) -> None:
-    """Copy what standard input (``-``) or a pipe gives until its end."""
+    """Copy standard input (``-``) or a pipe up to its end."""
     standard = nullcontext(getattr(sys.stdin, "buffer", None))
     try:
         with standard if str(file) == "-" else file.open("rb") as stream:
-            if stream is None or stream.isatty():  # closed, that of a notebook, or a terminal
-                raise RecordingError(f"{source}: nothing can be read from it here; name a file")
+            if stream is None or stream.isatty():  # closed, a notebook's, or a terminal
+                raise RecordingError(f"{source}: no data is piped into it; name a file instead")
             while chunk := stream.read(1 << 20):
                 content.write(chunk)
                 if content.tell() > LARGEST:
                     raise RecordingError(
-                        f"{source}: more than {LARGEST >> 30} GiB came; write it to a file, and "
-                        "name that"
+                        f"{source}: more than {LARGEST >> 30} GiB arrived; write the data to a "
+                        "file and name that file"
                     )
         content.flush()
     except OSError as error:
@@ -223,7 +222,7 @@ def _copy_stream(file: Path, source: str, content: IO[bytes]) -> None:
 
 
 def _log(recording: Recording, seconds: float) -> None:
-    """Say what was read, and how long that took."""
+    """Log what was read, and how long it took."""
     if not _LOGGER.isEnabledFor(logging.INFO):
         return
     sizes = {len(values) for values in recording.channels.values()}
@@ -231,15 +230,15 @@ def _log(recording: Recording, seconds: float) -> None:
     words = f"{len(recording.channels)} channels of {samples} samples"
     _LOGGER.info("read %s: %s, %.4f s", recording.source, words, seconds)
     for name, values in recording.channels.items():
-        unit = recording.units.get(name) or "unit not said"
+        unit = recording.units.get(name) or "unit unknown"
         _LOGGER.debug("channel %s: %s, %d samples, %s", name, values.dtype, len(values), unit)
 
 
 def format_of(path: Path) -> Format:
-    """Return the format of a file; text where it is none that is known."""
+    """Return the format of a file; text if palpate does not recognise it."""
     begin = b""
     if _is(stat.S_ISDIR, path):
-        path = path / "metadata.yaml"  # a bag of ROS 2 is a folder
+        path = path / "metadata.yaml"  # a ROS 2 bag is a folder
     else:
         with path.open("rb") as file:
             begin = file.read(64)
@@ -249,35 +248,35 @@ def format_of(path: Path) -> Format:
     return next(marked, None) or next(named, TEXT)
 
 
-# What every reader asks of a file, and how it says that something is lost.
+# Helpers of all readers: checks of a file, and reports of unreadable parts.
 
-#: What a file, or a part of it, may unpack to or claim, bytes: beyond that no recording goes, and
-#: a damaged size does.
+#: Largest size, in bytes, that a file or a part of it may unpack to or state: recordings are
+#: smaller, and a damaged file may state any size.
 LARGEST = 8 << 30
 
 
 def within(name: str, whole: str) -> bool:
-    """Return whether a channel is that one, or a field or an element of it."""
+    """Whether a name is ``whole``, or a field or an element of it."""
     return name == whole or (name.startswith(whole) and name[len(whole)] in "./[")
 
 
 def regular_size(path: Path, source: str = "") -> int:
-    """Return the size of a file that is read at any place, not from its beginning to its end.
+    """Return the size of a regular file, which a reader can access at any position.
 
     Raises
     ------
     RecordingError
-        It cannot be read, is empty, or is a folder or a device.
+        The file cannot be read, is empty, or is a folder or a device.
     """
     source = source or printable(path)
     try:
         status = path.stat()
         if stat.S_ISDIR(status.st_mode):
-            raise RecordingError(f"{source}: this is a folder; name a file in it")
+            raise RecordingError(f"{source}: this is a folder; name a file in it instead")
         if not stat.S_ISREG(status.st_mode):
             raise RecordingError(
-                f"{source}: this is a device or a socket, which no recording is read from; write "
-                "it to a file"
+                f"{source}: palpate cannot read a recording from a device or socket; write it to "
+                "a file"
             )
         with path.open("rb"):
             pass
@@ -289,9 +288,9 @@ def regular_size(path: Path, source: str = "") -> int:
 
 
 def unreadable(source: str, error: Exception) -> Exception:
-    """Return the error of a file that the system does not let read; any other error as it is.
+    """Return a RecordingError if the system could not read the file, else the error itself.
 
-    A ValueError is the system's only where it is about a zero byte in the name.
+    A ValueError comes from the system only if it is about a zero byte in the name.
     """
     if not isinstance(error, OSError) and "embedded null" not in str(error):
         return error
@@ -300,25 +299,25 @@ def unreadable(source: str, error: Exception) -> Exception:
 
 
 def first_line(error: BaseException) -> str:
-    """Return what a library says of an error, on one line of bounded length."""
+    """Return the first line of a library's error message, at most 160 characters."""
     lines = str(error).strip().splitlines()
     words = " ".join((lines[0] if lines else type(error).__name__).split())
     return words if len(words) <= 160 else f"{words[:159]}…"
 
 
-_USED = "what could be read is used; --strict refuses the file"
+_USED = "palpate uses the rest of the file; pass --strict to fail instead"
 
 
 @dataclass(slots=True)
 class Draft:
-    """What a reader has gathered of a file until it is a recording; that says what each is.
+    """The parts of a :class:`Recording` while a reader collects them.
 
     Attributes
     ----------
     source : str
-        The file's name.
+        The name of the file.
     request : Request
-        What is asked for.
+        What to read.
     """
 
     source: str
@@ -338,11 +337,11 @@ class Draft:
         return RecordingError(f"{self.source}: {words}")
 
     def omit(self, name: str, reason: str) -> None:
-        """Say that something is not read, and why."""
+        """Report that something is skipped, and why."""
         self.omissions.append(f"{name}: {reason}")
 
     def lose(self, name: str, reason: str) -> None:
-        """Say that something cannot be read, and why."""
+        """Report that something cannot be read, and why."""
         self.losses.append(f"{name}: {reason}")
 
     def done(self, rows: Sequence[int] | None = None) -> Recording:
@@ -351,11 +350,11 @@ class Draft:
         Raises
         ------
         RecordingError
-            Something is lost, and the request is strict.
+            Something could not be read and the request is strict.
         """
         if self.request.strict and self.losses:
             more = f" (and {len(self.losses) - 1} more)" if len(self.losses) > 1 else ""
-            rest = "without --strict the rest of the file is read"
+            rest = "drop --strict to use the rest of the file"
             raise self.error(f"{self.losses[0]}{more}; {rest}")
         mappings = ("units", "notes", "clocks", "frames", "types", "faults")
         own: dict[str, Any] = {name: getattr(self, name) for name in mappings}
@@ -364,9 +363,9 @@ class Draft:
         return Recording(self.channels, source=self.source, rows=rows, findings=findings, **own)
 
 
-# Tables of named columns, and contacts, written: Parquet by pyarrow, or CSV.
+# Writing tables and contacts: Parquet by pyarrow, or CSV.
 
-_ROWS = 100_000  # of text that are made at once
+_ROWS = 100_000  # rows of text that are formatted at once
 
 
 def write_columns(
@@ -377,10 +376,10 @@ def write_columns(
     notes: Mapping[str, str] | None = None,
     inputs: Sequence[Path] = (),
 ) -> None:
-    """Write columns of equal length, whole or not at all; every number comes back as it was.
+    """Write columns of equal length, completely or not at all, without rounding.
 
-    :func:`palpate.open_recording` reads it, with units and notes. A unit is in the description of
-    its column in Parquet, and in a note in CSV.
+    :func:`palpate.open_recording` reads the file with its units and notes. Parquet stores a unit in
+    the metadata of its column, CSV in a note.
 
     Parameters
     ----------
@@ -389,16 +388,16 @@ def write_columns(
     path : Path
         Ends in .parquet or .csv.
     units, notes : mapping, optional
-        Units of columns, and what else is to be said.
+        Units of columns, and notes about the table.
     inputs : sequence of Path
-        Files that must not be written over.
+        Files that must not be overwritten.
 
     Raises
     ------
     InvalidParameterError
-        The path has another ending.
+        The path has another suffix.
     MissingExtraError
-        Parquet is asked for, and pyarrow is not installed.
+        The file is Parquet and pyarrow is not installed.
     RecordingError
         The path cannot be written.
     """
@@ -408,7 +407,7 @@ def write_columns(
     elif ending == ".csv":
         write_text(path, _as_csv(columns, units or {}, notes or {}), inputs)
     else:
-        raise InvalidParameterError(f"{path}: a table's name must end in .parquet or .csv")
+        raise InvalidParameterError(f"{path}: the name of a table must end in .parquet or .csv")
 
 
 def has_parquet() -> bool:
@@ -419,9 +418,9 @@ def has_parquet() -> bool:
 def _as_parquet(
     columns: Mapping[str, NDArray[Any]], units: Mapping[str, str], notes: Mapping[str, str]
 ) -> bytes:
-    pa = needed("pyarrow", "Parquet, in place of which .csv may be written,", "recordings")
-    parquet = needed("pyarrow.parquet", "Parquet", "recordings")
-    # Not by pa.array, which imports pandas to ask it whether the values are its own.
+    pa = needed("pyarrow", "writing Parquet (instead of .csv)", "recordings")
+    parquet = needed("pyarrow.parquet", "writing Parquet", "recordings")
+    # pa.array would import pandas to check whether the values are its own.
     arrays = []
     for values in columns.values():
         if values.dtype.kind == "U":
@@ -451,7 +450,7 @@ def _as_csv(
     text = _head({**notes, **({"units": listed} if units else {})}, columns)
     length = len(next(iter(columns.values())))
     for start in range(0, length, _ROWS):
-        # repr: the shortest text that is the same number again.
+        # repr is the shortest text that parses to the same number.
         cells = [
             map(str if values.dtype.kind == "U" else repr, values[start : start + _ROWS].tolist())
             for values in columns.values()
@@ -461,7 +460,7 @@ def _as_csv(
 
 
 def _head(notes: Mapping[str, str], names: Iterable[str]) -> io.StringIO:
-    """Text that begins with notes, and the names of the columns."""
+    """A text buffer that begins with the notes and the names of the columns."""
     text = io.StringIO()
     for name, words in notes.items():
         text.write(f"# {name}: {' '.join(words.split())}\n")
@@ -476,18 +475,18 @@ def write_contact(
     *,
     velocity: bool = False,
 ) -> None:
-    """Write a contact as CSV, whole or not at all, with what is known of it above the header.
+    """Write a contact as CSV, completely or not at all, with its provenance above the header.
 
     Parameters
     ----------
     contact : Contact
-        For instance of :meth:`palpate.lab.Bench.run`. Several segments get a column.
+        For example from :meth:`palpate.lab.Bench.run`. Several segments add a column ``segment``.
     path : str or Path
         The file.
     notes : mapping, optional
-        Further lines for its head, before those of the contact's ``provenance``.
+        Further lines above those of the contact's ``provenance``.
     velocity : bool
-        Write the velocity too. Most rigs record none, and it is worked out when it is needed.
+        Write the velocity too. Default: omit it; palpate computes it when reading the file.
 
     Raises
     ------
@@ -509,7 +508,7 @@ def write_contact(
 def write_formatted(
     columns: Mapping[str, tuple[NDArray[np.float64], str]], path: Path, notes: Mapping[str, str]
 ) -> None:
-    """Write numbers as CSV below notes, each column with a form such as ``"%.9g"``."""
+    """Write notes and numbers as CSV, each column in a format such as ``"%.9g"``."""
     text = _head(notes, columns)
     table = np.column_stack([values for values, _ in columns.values()])
     np.savetxt(text, table, fmt=[form for _, form in columns.values()], delimiter=",")

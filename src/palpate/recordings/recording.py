@@ -1,4 +1,4 @@
-"""A recording: channels as they were recorded; the units and the truth that it may state."""
+"""A recording: channels as they were recorded, with units and a known true law, if stated."""
 
 import json
 import math
@@ -13,25 +13,26 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.errors import InvalidParameterError, MissingChannelError, RecordingError
+from palpate.errors import printable as visible
 from palpate.findings import Finding
 from palpate.force_laws import ForceLaw, law_from
-from palpate.validation import Floats, unmasked
+from palpate.validation import Floats, shown, unmasked
 
-MOST_TEXT = 0.5  # of a channel's values: with more it is no channel of numbers
+MOST_TEXT = 0.5  # largest fraction of text values in a channel of numbers
 
 
 @dataclass(frozen=True, slots=True)
 class Faults:
-    """Cells of a channel of numbers that hold none.
+    """Values of a numeric channel that are not numbers.
 
     Attributes
     ----------
     count : int
         How many.
     sample : int
-        The first one.
+        Index of the first.
     text : str
-        What that holds.
+        Its text.
     """
 
     count: int
@@ -41,45 +42,45 @@ class Faults:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Recording:
-    """Channels as recorded, with their units and their origin; :func:`palpate.prepare` goes on.
+    """Channels as recorded, with units and origin; :func:`palpate.prepare` makes a contact of it.
 
     Parameters
     ----------
     channels : mapping
-        An array of numbers or of text for each name; NaN where a number is not known.
+        Name to array of numbers or text; unknown numbers are NaN.
     units : mapping
-        The unit of each channel, where it is known: ``"s"``, ``"m"``, ``"m/s"``, ``"N"``.
+        Name to unit, if known: ``"s"``, ``"m"``, ``"m/s"``, ``"N"``.
     source : str
-        Where it came from: a file's name.
+        The name of the file.
     notes : mapping
-        What the file says of itself, in words.
+        What the file says about itself, as text.
     rows : sequence of int, optional
-        The row of the file that each sample stands in, for messages; None where there are none.
+        The row of the file for each sample, for messages; None for files without rows.
     clocks : mapping
-        The channel that holds the times of a channel, where that has a clock of its own; channels
-        on one clock have one length. Those that are not named are on the clock of the file, whose
-        channel the names or :func:`palpate.prepare` tell.
+        Name of a channel to name of the channel with its times. Channels on one clock have equal
+        length. Channels not listed are on the clock of the file, which :func:`palpate.prepare`
+        finds by its name or takes from its arguments.
     frames : mapping
-        The coordinate frame that a channel is in, where the file says it.
+        Name to coordinate frame, if the file states it.
     types : mapping
-        The type of a topic or of a group of channels, by what their names begin with:
+        The type of a topic or group of channels, by the beginning of their names:
         ``{"/ft": "geometry_msgs/msg/WrenchStamped"}``.
     faults : mapping
-        Cells of a channel of numbers that hold none, which are NaN.
+        Name of a numeric channel to its values that are not numbers; these are NaN.
     findings : sequence of Finding
-        What of the file could not be read, which calls for care; and, as notes, what was not read
-        because it holds no numbers, or was not asked for.
+        Parts of the file that could not be read (``with-care``); and, as notes, parts skipped
+        because they hold no numbers or were not requested.
 
     Raises
     ------
     InvalidParameterError
-        A channel is no array, or a mask hides some of it.
+        A channel is not an array, or a mask hides some of it.
 
     Notes
     -----
-    A channel has one value a sample. A vector is several channels, whose names end with ``.x``,
-    ``.y``, ``.z`` (and ``.w``), as messages have it, or with ``[0]``, ``[1]``, ``[2]``, as arrays.
-    Times may be whole nanoseconds (unit ``"ns"``): seconds since 1970 in a float are not exact.
+    A channel has one value per sample. A vector is several channels, whose names end with ``.x``,
+    ``.y``, ``.z`` (and ``.w``), as in messages, or with ``[0]``, ``[1]``, ``[2]``, as in arrays.
+    Times may be integer nanoseconds (unit ``"ns"``): a float of seconds since 1970 is not exact.
     """
 
     channels: Mapping[str, NDArray[Any]]
@@ -105,14 +106,21 @@ class Recording:
                 ) from None
         object.__setattr__(self, "channels", channels)
 
+    def __repr__(self) -> str:
+        sizes = {len(np.atleast_1d(values)) for values in self.channels.values()} or {0}
+        samples = " to ".join(map(str, sorted({min(sizes), max(sizes)})))
+        head = f"<Recording {shown(Path(self.source).name, 30)}: {len(self.channels)} channels of"
+        names = visible(", ".join(map(str, self.channels)))
+        return f"{head} {samples} samples\n  {names[:76]}{'…' * (len(names) > 76)}>"
+
     @property
     def losses(self) -> tuple[str, ...]:
-        """What of the file could not be read, in sentences."""
+        """Sentences on the parts of the file that could not be read."""
         return tuple(each.message for each in self.findings if each.severity != "note")
 
     @property
     def omissions(self) -> tuple[str, ...]:
-        """What was not read because it holds no numbers, or was not asked for."""
+        """Sentences on the parts skipped because they hold no numbers or were not requested."""
         return tuple(each.message for each in self.findings if each.severity == "note")
 
     def channel(self, name: str) -> NDArray[Any]:
@@ -135,18 +143,19 @@ class Recording:
         name : str
             The channel.
         strict : bool
-            Refuse a value that is no number; else it is NaN, unless hardly any is one.
+            Fail on a value that is not a number. Otherwise it becomes NaN, unless more than half of
+            the values are not numbers.
 
         Raises
         ------
         MissingChannelError
             There is no channel of this name.
         RecordingError
-            It holds something other than one number a sample: the message says where.
+            The channel does not hold one number per sample: the message says where.
         """
         values = self.channel(name)
         if values.ndim != 1:
-            words = f"one number a sample is needed, and this has the shape {values.shape}"
+            words = f"must have one number per sample, but has the shape {values.shape}"
             raise RecordingError(f"{self.place(name)}: {words}")
         if strict and name in self.faults:
             fault = self.faults[name]
@@ -155,12 +164,10 @@ class Recording:
             return np.ascontiguousarray(values, dtype=np.float64)
         if values.dtype.kind in "OUS":
             return self._numbers_of_text(name, values, strict=strict)
-        raise RecordingError(
-            f"{self.place(name)}: numbers are needed, and this holds {values.dtype}"
-        )
+        raise RecordingError(f"{self.place(name)}: must hold numbers, but holds {values.dtype}")
 
     def place(self, name: str, sample: int | None = None) -> str:
-        """Where a channel, or a sample of it, is found: file, column and row, in words."""
+        """The location of a channel or one of its samples, as text: file, column and row."""
         words = f"{self.source}: " * bool(self.source) + f"column {name!r}"
         if sample is None:
             return words
@@ -182,14 +189,14 @@ def _number_of(value: Any) -> float | None:
 
 
 def number_in_text(text: str) -> float:
-    """Return the number that a cell holds; a ValueError where it holds none."""
-    if "_" in text:  # to Python 1_000 is a number
+    """Return the number in a cell; raises ValueError if there is none."""
+    if "_" in text:  # float() accepts 1_000
         raise ValueError
     return float(text)
 
 
 def printable(path: str | Path) -> str:
-    """Return a path as text that can be encoded: bytes that are no UTF-8 in hexadecimal."""
+    """Return a path as encodable text, with bytes that are not UTF-8 in hexadecimal."""
     return os.fsencode(path).decode("utf-8", "backslashreplace")
 
 
@@ -199,18 +206,18 @@ def _fault(value: Any) -> str:
 
 
 def _shown(value: Any) -> str:
-    """Any value on a line, cut off after some 40 characters."""
+    """Any value on one line, cut after some 40 characters."""
     text = repr(value.strip()[:40] if isinstance(value, str) else value)
     return text if len(text) < 200 else f"{text[:40]}…"
 
 
 def truth_of(notes: Mapping[str, str]) -> ForceLaw | None:
-    """Return the force law of the note ``truth``; None where there is none that can be read.
+    """Return the force law of the note ``truth``; None if it is absent or invalid.
 
     Parameters
     ----------
     notes : mapping
-        What a recording says of itself. ``truth`` is JSON: the law's ``kind`` and parameters.
+        The notes of a recording. ``truth`` is JSON: the ``kind`` and parameters of the law.
     """
     try:
         return law_from(dict(json.loads(notes["truth"])))
@@ -218,11 +225,11 @@ def truth_of(notes: Mapping[str, str]) -> ForceLaw | None:
         return None
 
 
-# Units that a recording may be in, by their size in SI, and as the names of columns say them.
+# Units of recordings: their size in SI, and how names of columns state them.
 
-GRAVITY = 9.80665  # m/s², the standard one, which turns a mass into its weight
+GRAVITY = 9.80665  # m/s², the standard value, which converts a mass to its weight
 
-#: Units of each channel, by their size in SI.
+#: Units of each quantity, with their size in SI.
 UNITS: dict[str, dict[str, float]] = {
     "time": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9, "min": 60.0, "h": 3600.0},
     "penetration": {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "µm": 1e-6, "nm": 1e-9,
@@ -233,27 +240,27 @@ UNITS: dict[str, dict[str, float]] = {
               "daN": 10.0, "dN": 0.1, "cN": 1e-2, "kgf": GRAVITY, "gf": 1e-3 * GRAVITY,
               "lbf": 0.45359237 * GRAVITY, "ozf": 0.45359237 / 16.0 * GRAVITY},
 }  # fmt: skip
-#: Units of mass, by the weight of one, N: what a balance or a load cell shows as a force.
+#: Units of mass, with the weight of one, N: balances and load cells show forces as masses.
 WEIGHTS = {"kg": GRAVITY, "g": 1e-3 * GRAVITY, "mg": 1e-6 * GRAVITY,
            "lb": UNITS["force"]["lbf"], "oz": UNITS["force"]["ozf"]}  # fmt: skip
-#: Units of a torque, by their size in SI; no channel of a contact is one.
+#: Units of torque, with their size in SI; a contact has no torque channel.
 TORQUE_UNITS = {"Nm": 1.0, "N·m": 1.0, "N*m": 1.0, "Ncm": 1e-2, "mNm": 1e-3, "Nmm": 1e-3}
 
 KNOWN = frozenset([*(unit for units in UNITS.values() for unit in units), *TORQUE_UNITS])
-#: What else stands in a row of units.
+#: Other entries of a row of units.
 OTHER_UNITS = frozenset(["-", "–", "1", "%", "deg", "°", "rad", "rad/s", "V", "mV", "A", "mA", "Hz",
                          "°C", "C", "K", "Pa", "kPa", "MPa", "g", "kg", "m/s^2", "m/s²", "counts",
                          "bool", "text", "N/m", "N/mm", "mg", "lb", "oz"])  # fmt: skip
-# At the end of a name these say that it is in no unit of a contact.
+# A name that ends with one of these is in none of the units of a contact.
 _FOREIGN = frozenset(["counts", "MPa", "mpa", "kPa", "kpa", "Pa", "bar", "psi", "V", "mV", "mv",
                       "pct", "percent", "%"])  # fmt: skip
-# ``force_min`` is the least force and ``t_h`` some time: at the end of a name these are no units.
+# ``force_min`` is the least force and ``t_h`` a name: after a name these are not units.
 _BARE = (KNOWN | WEIGHTS.keys() | _FOREIGN) - {"min", "h"}
-# ``pos_in_base`` and ``plug_in`` are no inches.
+# ``pos_in_base`` and ``plug_in`` are not in inches; ``_in`` is a unit only after these words.
 _LENGTHS = frozenset(["deflection", "depth", "disp", "displacement", "extension", "height",
                       "indentation", "penetration", "pos", "position", "stroke", "travel", "x", "y",
                       "z"])  # fmt: skip
-# In brackets these are no units either: ``force_N (column 3)``, ``state[2]``, ``Force (filtered)``.
+# In brackets these are not units: ``force_N (column 3)``, ``state[2]``, ``Force (filtered)``.
 _NO_UNIT = re.compile(
     r"(column )?\d*|[xyzw]|filtered|measured|actual|tared|abs|rel|tool|base|world|sensor|tcp", re.I
 )
@@ -262,7 +269,7 @@ _SPELT = {
     "inches": "in", "mils": "mil", "newton": "N", "newtons": "N", "lbs": "lb", "pounds": "lb",
     "ounces": "oz", "gram": "g", "grams": "g", "gram-force": "gf", "kilogram-force": "kgf",
     "pound-force": "lbf", "metres": "m", "meters": "m", "millimetres": "mm", "millimeters": "mm",
-    # Their case says nothing; that of MN and mN, of Nm and nm, does.
+    # Case does not matter here; in MN and mN, or Nm and nm, it does.
     **{unit.lower(): unit for unit in ("kN", "kgf", "gf", "lbf", "ozf", "kg", "lb", "oz", "mm",
                                        "cm", "in", "mil")},
 }  # fmt: skip
@@ -272,7 +279,7 @@ _SCALED = re.compile(r"\s*(\d+\.?\d*(?:[eE][+-]?\d+)?|\.\d+(?:[eE][+-]?\d+)?)?\s
 
 
 def plain_unit(text: str) -> str:
-    """Return a unit as :data:`UNITS` spells it: no brackets, no spaces, one letter mu."""
+    """Return a unit as :data:`UNITS` spells it: without brackets, with one letter mu."""
     text = text.strip()
     if len(text) > 1 and text[0] + text[-1] in ("[]", "()", "<>"):
         text = text[1:-1].strip()
@@ -281,9 +288,9 @@ def plain_unit(text: str) -> str:
 
 
 def size_of(kind: str, unit: str) -> float:
-    """Return the size of a channel's unit in SI; 0 where it has no such unit.
+    """Return the size in SI of a unit of some quantity; 0 if it is not one.
 
-    Before it may stand a number: ``0.0098N``. A mass counts as its weight.
+    A number may precede the unit: ``0.0098N``. A mass counts as its weight.
     """
     found = _SCALED.fullmatch(unit)
     units = UNITS[kind] | (WEIGHTS if kind == "force" else {})
@@ -294,18 +301,18 @@ def size_of(kind: str, unit: str) -> float:
 
 
 def unit_in_name(name: str) -> str | None:
-    """Return the unit that a column's name ends with: ``force_N``, ``Fx [mN]``, ``t/s``.
+    """Return the unit at the end of a column's name: ``force_N``, ``Fx [mN]``, ``t/s``.
 
-    None where it has none, or none that palpate knows.
+    None if there is none or palpate does not know it.
     """
     unit = stated_unit(name)
     return unit if unit in KNOWN or unit in WEIGHTS else None
 
 
 def stated_unit(name: str) -> str | None:
-    """Return the unit that a column's name ends with, also one that palpate cannot convert.
+    """Return the unit at the end of a column's name, even if palpate cannot convert it.
 
-    In brackets that is whatever stands there; else only what is hardly a word of the name.
+    In brackets any text counts; without them only what is unlikely to be a word of the name.
     """
     while bracketed := _BRACKETED.fullmatch(name):
         unit = plain_unit(bracketed[2] or bracketed[3] or "")

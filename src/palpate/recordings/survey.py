@@ -1,4 +1,4 @@
-"""What a recording holds, in numbers: its clocks, their rates and gaps; its channels' ranges."""
+"""The contents of a recording in numbers: clocks with rates and gaps, channels with ranges."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -12,36 +12,36 @@ from palpate.recordings.times import SECONDS, clock_rank, clock_unit
 from palpate.stages import timed
 from palpate.validation import Floats
 
-#: A step that is so many times the median one is a gap: recorders miss single samples, and jitter.
+#: A gap is a step of so many median steps: recorders miss single samples and jitter.
 GAP = 10.0
 
 
 @dataclass(frozen=True, slots=True)
 class ClockSurvey:
-    """One clock, and what is on it.
+    """One clock and its channels.
 
     Attributes
     ----------
     name : str
-        The channel of the times; empty where there is none, and samples are only counted.
+        The channel with the times; empty for channels without a clock.
     samples : int
-        How many times, or samples.
+        Number of times, or of samples.
     unknown : int
-        Times that are NaN or infinite.
+        Number of times that are NaN or infinite.
     start, stop : float
-        The earliest and the latest, s.
+        The earliest and the latest time, s.
     step : float
-        The median step, s; NaN of fewer than two times.
+        The median step, s; NaN for fewer than two times.
     gaps : int
-        Steps of more than 10 times that.
+        Number of steps of more than 10 median steps.
     largest_gap : float
-        The longest of them, s; 0 without any.
+        The longest gap, s; 0 without gaps.
     repeated : int
-        Times that are that of the sample before.
+        Number of times equal to the previous one.
     backward : int
-        Times that are before that of the sample before.
+        Number of times earlier than the previous one.
     channels : tuple of str
-        What is on this clock.
+        The channels on this clock.
     """
 
     name: str
@@ -58,12 +58,12 @@ class ClockSurvey:
 
     @property
     def rate(self) -> float:
-        """Samples a second by the median step; NaN where that is not known."""
+        """Samples per second, from the median step; NaN if that is unknown."""
         return 1.0 / self.step if self.step > 0.0 else np.nan
 
     @property
     def span(self) -> float:
-        """Time from the earliest to the latest, s."""
+        """Time from the earliest to the latest sample, s."""
         return self.stop - self.start
 
 
@@ -74,19 +74,19 @@ class ChannelSurvey:
     Attributes
     ----------
     name : str
-        As the recording has it.
+        Its name in the recording.
     kind : str
-        What it holds: the type of its numbers, such as ``"float64"``, or ``"text"``.
+        The type of its numbers, such as ``"float64"``, or ``"text"``.
     unit : str
-        As far as the file states one.
+        Its unit, if the file states one.
     frame : str
-        The coordinate frame, as far as the file states one.
+        Its coordinate frame, if the file states one.
     samples : int
-        How many.
+        Number of samples.
     known : int
-        Those that are finite numbers; of text those that are not empty.
+        Number of finite values, or of texts that are not empty.
     minimum, maximum : float
-        Of these, in the channel's unit; NaN of text.
+        The range of the finite values, in the unit of the channel; NaN for text.
     """
 
     name: str
@@ -114,12 +114,12 @@ def survey(recording: Recording) -> Survey:
     Parameters
     ----------
     recording : Recording
-        As :func:`palpate.recordings.open_recording` returns it.
+        From :func:`palpate.recordings.open_recording`.
     """
     members: dict[tuple[str, int], list[str]] = {}
     for name, values in recording.channels.items():
         members.setdefault((clock_of(recording, name), len(values)), []).append(name)
-    # A clock that is on itself, such as the column of the times, counts the channels beside it.
+    # A time column is on its own clock; it does not count as one of the clock's channels.
     clocks = [
         _clock(recording, clock, count, (n for n in names if n != clock))
         for (clock, count), names in members.items()
@@ -129,9 +129,9 @@ def survey(recording: Recording) -> Survey:
 
 
 def clock_of(recording: Recording, name: str) -> str:
-    """Return the channel of the times of a channel; empty where there is none.
+    """Return the channel with the times of a channel; empty if there is none.
 
-    Of a table, whose columns name no clock, it is the column that is called as times are.
+    In a table, whose columns name no clock, it is the column whose name suggests times.
     """
     if clock := recording.clocks.get(name):
         return clock
@@ -145,33 +145,33 @@ def clock_of(recording: Recording, name: str) -> str:
         and len(values) == count
         and values.dtype.kind in "fiu"
         and other not in recording.clocks
-        # Both are in one group, or the times further up.
+        # Both are in one group, or the times are in a group above.
         and name.startswith(other[: max(other.rfind("/"), other.rfind(".")) + 1])
     ]
     return min(ranked)[2] if ranked else ""
 
 
 def seconds(recording: Recording, clock: str) -> Floats:
-    """Return the times of a clock, s, from the first that is known; exact differences.
+    """Return the times of a clock relative to its first finite time, s; differences are exact.
 
     Parameters
     ----------
     recording : Recording
-        What it is in.
+        The recording with the clock.
     clock : str
-        The channel of the times.
+        The channel with the times.
     """
     return _since(recording.channels[clock]) * unit_of_clock(recording, clock)[1]
 
 
 def unit_of_clock(recording: Recording, clock: str) -> tuple[str, float]:
-    """Return the unit of times, and the seconds in one; by its name where the file has no word."""
+    """Return the unit of a clock, from the file or its name, and its length in seconds."""
     unit = recording.units.get(clock) or clock_unit(clock) or "s"
     return unit, SECONDS.get(unit, 1.0)
 
 
 def _since(values: NDArray[Any]) -> Floats:
-    """Times from the first: subtracted before they are rounded to a float."""
+    """Times relative to the first, subtracted before they are rounded to a float."""
     if values.dtype.kind == "u":
         values = values.astype(np.int64)
     known = values[np.isfinite(values)]
@@ -184,7 +184,7 @@ def _clock(recording: Recording, name: str, count: int, channels: Iterable[str])
         return ClockSurvey("", count, on_it)
     values = recording.channels[name]
     _, factor = unit_of_clock(recording, name)
-    times = _since(values)  # in its own unit, in which steps of whole ones are exact
+    times = _since(values)  # in its own unit, in which steps of integers are exact
     finite = np.isfinite(times)
     times = times[finite]
     if not times.size:

@@ -1,4 +1,4 @@
-"""Tables as text: a header line, then a sample a row; read some megabytes at a time."""
+"""Text tables: a header line, then one sample per row; read some megabytes at a time."""
 
 import bz2
 import codecs
@@ -46,20 +46,20 @@ from palpate.recordings.times import (
 CHUNK = 1 << 20
 BLOCK = 4 << 20  # bytes that are parsed at once
 LONGEST_LINE = 4 * BLOCK
-HEAD = 1 << 16  # bytes in which the header is looked for, before all of the first block is
-PROBED = 1000  # lines that say what the columns hold
-# Of these many bytes each cell is an object for a while, some five times its text.
+HEAD = 1 << 16  # bytes searched first for the header, before the whole first block
+PROBED = 1000  # lines from which the kinds of the columns are found
+# Bytes whose cells are Python objects at one time; an object takes some five times its text.
 PIECE = 1 << 19
 LARGE = 5 << 20  # bytes of a file for which pyarrow is worth the time to import it
-MOST_LINES = 50  # of a cell in quotation marks; one mark too many would take all the rest
+MOST_LINES = 50  # of a quoted cell; without a limit one stray mark would swallow all the rest
 WIDE = 8  # columns
-# Whoever is killed while writing leaves what buffers of this size have handed over.
+# A killed writer leaves a file whose size is a multiple of its buffer's.
 BUFFER = 4096
-# A last cell that is shorter than all of so many above it most likely lacks its end.
+# A last cell shorter than all of so many above it is most likely cut off.
 FEW = 20
 TAIL = 1 << 16  # bytes
-# Of a picture or an archive a tenth are control characters, and of noise too; of text none, but for
-# what a bit that flipped makes of a letter.
+# Images, archives and noise are a tenth control characters; text has none, except a letter with a
+# flipped bit.
 MOST_CONTROLS = 0.02
 _CONTROLS = bytes({*range(32), 127} - set(b"\t\n\r\f\x1b"))
 _PACKED: dict[bytes, Callable[[IO[bytes]], Any]] = {
@@ -67,53 +67,52 @@ _PACKED: dict[bytes, Callable[[IO[bytes]], Any]] = {
     b"BZh": bz2.open,
     b"\xfd7zXZ\0": lzma.open,
 }
-# What a block of plain numbers is made of, beside the delimiter: nan and inf too. Of what else
-# these bytes spell, the parsers make no number.
+# Bytes of a block of plain numbers, besides the delimiter; nan and inf too. The parsers reject any
+# other word of these letters.
 _PLAIN = b"0123456789+-.eE nNaAfFiI"
 
 
 def read(path: Path, request: Request) -> Recording:
-    """Read a table of text: CSV, TSV and what is like them, compressed or not.
+    """Read a text table: CSV, TSV and similar, compressed or not.
 
-    The delimiter (comma, semicolon, tab, bar, or spaces), the decimal mark, the encoding and what
-    each column holds are found. Cells that hold no number in a column of numbers are NaN, and
-    counted in ``Recording.faults``; rows that cannot be read are left out, as
-    ``Recording.losses`` says. Columns of the same name are distinguished by their position:
-    ``force_N (column 3)``.
+    palpate detects the delimiter (comma, semicolon, tab, bar or spaces), the decimal mark, the
+    encoding and what each column holds. In a numeric column a cell without a number is NaN and
+    counted in ``Recording.faults``. ``Recording.losses`` lists the rows that palpate could not read
+    and skipped. Columns of the same name get their position: ``force_N (column 3)``.
 
     Parameters
     ----------
     path : Path
         The file.
     request : Request
-        What is asked for.
+        What to read.
 
     Raises
     ------
     RecordingError
-        The file cannot be read, is no text, or has no header; or ``strict`` is asked for and a row
-        cannot be read.
+        The file cannot be read, is not text, or has no header; or a row cannot be read and the
+        request is strict.
     """
     table = _Table(path, request, {})
     kinds = {column.name: kind for column in table.columns if (kind := column.mistaken())}
-    if kinds:  # a column began with words and went on with numbers, or the other way round
+    if kinds:  # a column began with words and continued with numbers, or vice versa
         table = _Table(path, request, kinds)
     return table.recording()
 
 
 class _Text:
-    """The lines of a text, compressed or not and in any encoding, in blocks of UTF-8.
+    """The lines of a text file, compressed or not and in any encoding, in blocks of UTF-8.
 
     Attributes
     ----------
     encoding : str
-        In which it is: ``"windows-1252"`` when the first bytes are met that no UTF-8 has.
+        Its encoding: ``"windows-1252"`` from the first bytes on that are not UTF-8.
     losses : list of str
-        What was not read, in sentences.
+        Sentences on what could not be read.
     fraction : float
-        How much of the file has been read, 0 to 1.
+        Fraction of the file read so far, 0 to 1.
     cut_off : bool
-        Whether the last line, which has come by then, had no end.
+        Whether the last line had no line end; valid after the last block.
     """
 
     def __init__(self, path: Path, source: str) -> None:
@@ -125,7 +124,7 @@ class _Text:
         self.compressed = self.cut_off = False
 
     def blocks(self) -> Iterator[bytes]:
-        r"""Yield whole lines, each with its ``\n``; empty ones at the end are left out."""
+        r"""Yield whole lines, each with its ``\n``, without empty lines at the end."""
         rest = b""
         for chunk in self._in_utf8():
             rest += chunk
@@ -137,8 +136,8 @@ class _Text:
             rest = rest[cut:]
             if len(rest) > LONGEST_LINE:
                 raise RecordingError(
-                    f"{self.source}: a line of more than {LONGEST_LINE >> 20} MiB, or as many "
-                    "empty ones; this is no table"
+                    f"{self.source}: a line, or a run of empty lines, exceeds "
+                    f"{LONGEST_LINE >> 20} MiB; this is not a table"
                 )
         self.cut_off = bool(rest[rest.rfind(b"\n") + 1 :].strip())
         rest += b"\n"
@@ -147,12 +146,12 @@ class _Text:
 
     @staticmethod
     def _filled(lines: bytes, end: int) -> int:
-        """Where the last line ends that holds anything."""
+        """Where the last line that is not blank ends."""
         filled = len(lines[:end].rstrip(b" \t\f\r\n"))
         return lines.find(b"\n", filled) + 1 if filled else 0
 
     def decode(self, block: bytes) -> str:
-        """Return some lines as text; what is no UTF-8 is Windows-1252, or else Latin-1."""
+        """Return lines as text, decoded as UTF-8, else Windows-1252, else Latin-1."""
         if self.encoding == "utf-8":
             try:
                 return block.decode()
@@ -163,29 +162,29 @@ class _Text:
                 return block.decode("cp1252")
             except UnicodeDecodeError:
                 return block.decode("latin-1")
-        return block.decode(errors="replace")  # it was encoded here
+        return block.decode(errors="replace")  # _in_utf8 encoded it
 
     def _in_utf8(self) -> Iterator[bytes]:
         chunks = self._chunks()
         head = next(chunks, b"")
         marks = {codecs.BOM_UTF16_LE: "utf-16-le", codecs.BOM_UTF16_BE: "utf-16-be"}
-        if head[:2] in marks and head[2:4] != b"\0\0":  # with these it is UTF-32
+        if head[:2] in marks and head[2:4] != b"\0\0":  # else it is UTF-32
             self.encoding = marks[head[:2]]
             decoder = codecs.getincrementaldecoder("utf-16")("replace")
             for chunk in itertools.chain([head], chunks, [b""]):
                 yield decoder.decode(chunk, final=not chunk).encode(errors="replace")
             return
-        begin = head[:HEAD].rstrip(b"\0")  # a disk that lost power leaves zeros at the end
+        begin = head[:HEAD].rstrip(b"\0")  # a loss of power leaves zeros at the end
         controls = len(begin) - len(begin.translate(None, _CONTROLS))
         if (head and not begin) or controls > MOST_CONTROLS * len(begin):
             raise RecordingError(
-                f"{self.source}: not a text file in UTF-8, Latin-1 or marked UTF-16, and of no "
-                "other format that is known by its content; expected a table, such as CSV"
+                f"{self.source}: this is neither a text file (UTF-8, Latin-1, or UTF-16 with a "
+                "byte-order mark) nor in another known format; expected a table, such as CSV"
             )
         if b"\r" in begin and b"\n" not in begin:
             raise RecordingError(
-                f"{self.source}: its lines end in carriage returns alone, which are not read; "
-                "convert it: tr '\\r' '\\n'"
+                f"{self.source}: its lines end in carriage returns alone, which palpate does not "
+                "read; convert the file: tr '\\r' '\\n'"
             )
         yield head.removeprefix(codecs.BOM_UTF8)
         yield from chunks
@@ -207,35 +206,35 @@ class _Text:
                 except (EOFError, OSError, zlib.error, lzma.LZMAError) as error:
                     if not made:
                         raise RecordingError(
-                            f"{self.source}: nothing of it can be read ({first_line(error)}); copy "
-                            "the file again"
+                            f"{self.source}: the compressed file cannot be read "
+                            f"({first_line(error)}); copy it again"
                         ) from None
                     self.losses.append(
                         f"the compressed data end early or are damaged, after {made} bytes of text"
                     )
         if made > LARGEST:
-            self.losses.append(f"what follows {made >> 30} GiB of text is not read")
+            self.losses.append(f"palpate reads only the first {made >> 30} GiB of text")
 
 
 class _Column:
-    """A column while it fills; NaN where a cell of numbers holds none.
+    """A column while it fills; a numeric cell without a number is NaN.
 
     Parameters
     ----------
     name : str
-        As the file has it.
+        Its name in the file.
     decimal : str
-        The mark of decimals.
+        The decimal mark.
     kind : str
         What it holds: ``"numbers"``, ``"text"``, ``"vectors"``, ``"dates"``, ``"nanoseconds"``; or
-        ``"nothing"`` that is asked for.
+        ``"nothing"`` if it is not requested.
     width : int
-        Numbers in a cell of vectors.
+        Numbers per cell of vectors.
 
     Attributes
     ----------
     dtype : dtype, optional
-        Of the array that cells can be parsed to at once; None where that takes more.
+        Type of the array into which cells can be parsed at once; None if they cannot.
     """
 
     def __init__(self, name: str, decimal: str, kind: str, width: int = 1) -> None:
@@ -249,13 +248,13 @@ class _Column:
         self._is_number = remembered(lambda cell: parsed_number(cell, decimal) is not None)
 
     def refused(self, cells: Sequence[str]) -> list[int]:
-        """Say which rows cannot stand in the table, for a row without a time does not."""
+        """Indices of the rows to skip, because they have no valid time."""
         if self.kind not in ("dates", "nanoseconds") or plain_iso_times(cells) is not None:
             return []
         return [k for k, cell in enumerate(cells) if self._value(cell) is None]
 
     def extend(self, values: NDArray[Any], wrong: int = 0, blank: int = 0) -> None:
-        """Add some that are parsed, of which so many are no numbers, or nothing at all."""
+        """Add parsed values, of which ``wrong`` are not numbers and ``blank`` are empty."""
         if self.kind != "nothing":
             self.pieces.append(values)
         self.size += len(values)
@@ -263,11 +262,11 @@ class _Column:
         self.filled += len(values) - blank
 
     def take(self, cells: Sequence[str]) -> None:
-        """Add some cells."""
+        """Parse and add cells."""
         if self.kind == "nothing":
             return
         if self.kind == "text":
-            # As objects, for one long cell would widen all; and each label is held but once.
+            # As objects: one long cell would widen all others, and equal labels share memory.
             words = np.array(list(map(sys.intern, cells)), dtype=object)
             wrong = len(cells) - sum(map(self._is_number, cells))
             self.extend(words, wrong, sum(not cell.strip() for cell in cells))
@@ -302,16 +301,16 @@ class _Column:
         return whole_time(cell) if self.kind == "nanoseconds" else parsed_number(cell, self.decimal)
 
     def mistaken(self) -> str | None:
-        """Say what the column should have been taken for, where that has turned out wrong."""
+        """The kind that the column should have had; None if its kind was right."""
         if self.kind == "text":
             return "numbers" if self.filled and 2 * self.good >= self.filled else None
         return "text" if 2 * self.good < self.filled else None
 
     def channels(self) -> dict[str, NDArray[Any]]:
-        """Return what has come of it, once; it is empty then."""
+        """Return the channels of the column, and empty it."""
         if self.kind == "nothing":
             return {}
-        if self.kind == "numbers" and self.size and not self.filled:  # no numbers that were lost
+        if self.kind == "numbers" and self.size and not self.filled:  # all cells are empty
             return {self.name: np.full(self.size, "", dtype=object)}
         empty = np.empty((0, self.width) if self.kind == "vectors" else 0, self.dtype or float)
         whole = np.concatenate(self.pieces or [empty])
@@ -321,14 +320,14 @@ class _Column:
         return {self.name: whole}
 
     def fault(self) -> Faults | None:
-        """Say which cells held no number."""
+        """The cells without a number; None if there are none."""
         if self.wrong is None or not self.filled:
             return None
         return Faults(self.size - self.good, *self.wrong)
 
 
 def _column_for(name: str, cells: Sequence[str], decimal: str, kind: str | None) -> _Column:
-    """An empty column for what its first cells hold, or of a kind that is known."""
+    """An empty column of the given kind, or of the kind that its first cells indicate."""
     filled = [cell for cell in cells if cell.strip()]
     most = 0.5 * len(filled)
     if kind is None and filled:
@@ -347,25 +346,25 @@ def _column_for(name: str, cells: Sequence[str], decimal: str, kind: str | None)
 
 
 class _Table:
-    """A file that is read into columns: its layout, then its rows, block by block.
+    """Reads a file into columns: its layout, then its rows, block by block.
 
     Parameters
     ----------
     path : Path
         The file.
     request : Request
-        What is asked for.
+        What to read.
     kinds : mapping
-        What columns hold, ``"numbers"`` or ``"text"``, where their first rows do not say it.
+        The kind, ``"numbers"`` or ``"text"``, of columns whose first rows mislead.
     """
 
     def __init__(self, path: Path, request: Request, kinds: Mapping[str, str]) -> None:
         self.source = printable(path)
         self.request = request
         self.columns: list[_Column] = []
-        self.lost: dict[str, tuple[int, int]] = {}  # rows, and the first, by what is said of them
+        self.lost: dict[str, tuple[int, str]] = {}  # reason: number of rows, the first row
         self.text = _Text(path, self.source)
-        self.rows: list[Sequence[int]] = []  # of the file, that samples stand in
+        self.rows: list[Sequence[int]] = []  # the row in the file of each sample
         blocks = self.text.blocks()
         first = next(blocks, b"")
         self._begin(first, kinds)
@@ -387,7 +386,7 @@ class _Table:
         head = first[: first.rfind(b"\n", 0, HEAD) + 1]
         lines = self.text.decode(head).split("\n")[:-1]
         layout = layout_of(lines, self.source) if lines else None
-        if layout is None or layout.first >= len(lines) - 1:  # long notes; or nothing below them
+        if layout is None or layout.first >= len(lines) - 1:  # long notes, or no rows below them
             lines = self.text.decode(first).split("\n")[:-1]
             layout = layout_of(lines, self.source)
         self.layout: TextLayout = layout
@@ -398,11 +397,13 @@ class _Table:
             kind = kinds.get(name) if self.request.wants(name) else "nothing"
             self.columns.append(_column_for(name, found, layout.decimal, kind))
 
-    def _lose(self, what: str, row: int) -> None:
-        """Count a row that is left out, of which is said such as "has more cells than …"."""
+    def _lose(self, what: str, row: int, cell: str = "") -> None:
+        """Count a skipped row, with a reason such as "has more cells than the header"."""
+        place = f"row {row}" + f" ({cell[:40]!r})" * bool(cell)
         if self.request.strict:
-            raise RecordingError(f"{self.source}: row {row} {what}")
-        count, first = self.lost.get(what, (0, row))
+            words = f"{self.source}: {place} {what}; drop --strict to skip such rows"
+            raise RecordingError(words)
+        count, first = self.lost.get(what, (0, place))
         self.lost[what] = count + 1, first
 
     def _add(self, block: bytes, row: int) -> None:
@@ -415,7 +416,7 @@ class _Table:
         while block:
             cut = len(block) if len(block) < PIECE else block.rfind(b"\n", 0, PIECE) + 1
             cut = cut or block.find(b"\n") + 1
-            for _ in range(MOST_LINES):  # a cell in quotation marks may go on in the next line
+            for _ in range(MOST_LINES):  # a quoted cell may continue on the next line
                 if block.count(b'"', 0, cut) % 2 == 0:
                     break
                 cut = block.find(b"\n", cut) + 1 or len(block)
@@ -437,7 +438,7 @@ class _Table:
         for column, found in zip(self.columns, columns, strict=True):
             for k in column.refused(found):
                 if keep[k]:
-                    self._lose(f"holds no time in column {column.name!r}", rows[k])
+                    self._lose(f"has no valid time in column {column.name!r}", rows[k], found[k])
                 keep[k] = False
         if not keep.all():
             columns = [list(itertools.compress(found, keep)) for found in columns]
@@ -449,36 +450,36 @@ class _Table:
     def _records(
         self, lines: Sequence[str], row: int, lose: Callable[[str, int], None]
     ) -> Iterator[tuple[int, list[str]]]:
-        """The row in the file and the cells of each record; ``row`` is the first line's."""
+        """The row in the file and the cells of each record; ``row`` is that of the first line."""
         width, delimiter = len(self.layout.header), self.layout.delimiter
         k = 0
         while k < len(lines):
             line, at = lines[k], row + k
             k += 1
             if "\0" in line:
-                lose("holds zero bytes", at)
+                lose("contains zero bytes", at)
                 continue
             if unclosed(line):
                 end = next((j for j in range(k, min(k + MOST_LINES, len(lines)))
                             if unclosed(lines[j])), None)  # fmt: skip
                 line = "" if end is None else "\n".join(lines[k - 1 : end + 1])
-                # Two marks that are too many, far apart, are no cell with the rows between them.
+                # Two stray marks far apart do not make one cell of the rows between them.
                 if end is None or len(cells_of(line, delimiter)) != width:
-                    lose("cannot be read: a quotation begins there and does not end", at)
+                    lose("has a quotation mark that is never closed", at)
                     continue
                 k = end + 1
             cells = cells_of(line, delimiter)
             fitting = cells if len(cells) == width else padded(cells, width)
-            # Of a wide table an all but empty row would be many numbers that no one wrote.
+            # Padding an almost empty row of a wide table would invent many cells.
             if width > WIDE and 2 * len(cells) < width:
-                lose("has less than half of the header's cells", at)
+                lose("has less than half as many cells as the header", at)
             elif fitting is None:
                 lose("has more cells than the header", at)
             else:
                 yield at, fitting
 
     def _parsed_at_once(self, block: bytes) -> list[NDArray[Any]] | None:
-        """The columns of some lines, all plain numbers; None where they are not so plain."""
+        """The columns of lines of plain numbers; None if they hold anything else."""
         dtypes = [column.dtype for column in self.columns]
         if any(dtype is None for dtype in dtypes):
             return None
@@ -501,10 +502,10 @@ class _Table:
             arrays = parse(block, delimiter, dtypes)
         except ValueError:  # pyarrow's own is one
             return None
-        return arrays if len(arrays[0]) == rows else None  # both pass over blank lines
+        return arrays if len(arrays[0]) == rows else None  # both parsers skip blank lines
 
     def _divided_at_once(self, lines: bytes) -> list[list[str]] | None:
-        """The cells of each column; None where a row is not whole, or a cell is quoted."""
+        """The cells of each column; None if a row is incomplete or a cell is quoted."""
         delimiter, width = self.layout.delimiter, len(self.columns)
         if delimiter == SPACES or b'"' in lines or b"\0" in lines or b"\r" in lines:
             return None
@@ -516,25 +517,25 @@ class _Table:
         return [cells[k : rows * width : width] for k in range(width)]
 
     def _is_cut_off(self, line: bytes, row: int, before: bytes) -> bool:
-        """Whether the last line, which has no end, was not written whole; that is said."""
+        """Whether the last line, without a line end, is incomplete; if so, count it as skipped."""
         text = self.text.decode(line)
         cells = list[str]()
-        with suppress(csv.Error):  # an end of line within it
+        with suppress(csv.Error):  # a line end within a cell
             cells = [] if unclosed(text) else cells_of(text[:-1], self.layout.delimiter)
         killed = self.text.size % BUFFER == 0 and not self.text.compressed
         cut = len(cells) < len(self.columns) or killed or bool(self.text.losses)
-        # Its last number may lack digits, which only others of its kind can tell.
+        # Its last number may lack digits; compare its length with those above.
         above = before[-TAIL:].split(b"\n")[1:-1]
         if not cut and len(above) > FEW:
             mark = None if self.layout.delimiter == SPACES else self.layout.delimiter.encode()
             ends = [len((each.rsplit(mark, 1) or [b""])[-1]) for each in above]
             cut = len((line[:-1].rsplit(mark, 1) or [b""])[-1]) < min(ends)
         if cut:
-            self._lose("is cut off, for the file ends within it", row)
+            self._lose("is cut off by the end of the file", row)
         return cut
 
     def recording(self) -> Recording:
-        """Return what has been read."""
+        """Return the recording."""
         draft = Draft(self.source, self.request, notes=dict(self.layout.notes))
         channels, units = draft.channels, draft.units
         for column in self.columns:
@@ -559,21 +560,21 @@ class _Table:
         if self.request.channels and not channels:
             raise MissingChannelError(self.request.channels[0], self.layout.header, self.source)
         draft.losses = [
-            f"row {first} {what}: left out"
+            f"{first} {what}; palpate skipped it"
             if count == 1
-            else f"{count} rows were left out, as each {what}; the first is row {first}"
+            else f"palpate skipped {count} rows, each of which {what}; the first is {first}"
             for what, (count, first) in self.lost.items()
         ]
         draft.losses += self.text.losses
         if ignored := ", ".join(each.name for each in self.columns if each.kind == "nothing"):
-            draft.omit("columns that were not asked for", ignored)
+            draft.omit("columns not requested", ignored)
         if self.text.encoding != "utf-8":
             encoding = self.text.encoding.upper().replace("WINDOWS", "Windows")
             draft.notes["encoding"] = encoding
         rows = _in_one(self.rows)
         recording = draft.done(rows)
         if draft.losses and not len(rows):
-            raise draft.error(f"no row of it can be read: {draft.losses[0]}")
+            raise draft.error(f"no row can be read: {draft.losses[0]}")
         return recording
 
 
@@ -582,12 +583,12 @@ def _without_returns(lines: bytes) -> bytes:
 
 
 def _turned(cells: Sequence[list[str]], width: int) -> list[Sequence[str]]:
-    """The columns of some rows."""
+    """The columns of rows."""
     return list(zip(*cells, strict=True)) if cells else [()] * width
 
 
 def _in_one(rows: Sequence[Sequence[int]]) -> Sequence[int]:
-    """All rows: a range where they are one."""
+    """All row numbers in one sequence; a range if they are consecutive."""
     rows = [each for each in rows if len(each)]
     if not rows:
         return range(0)
@@ -624,7 +625,7 @@ def _by_numpy(block: bytes, delimiter: str, dtypes: Sequence[Any]) -> list[NDArr
 
 @cache
 def _pyarrow_csv() -> Any:
-    """The module, or None where it is not installed."""
+    """The module; None if it is not installed."""
     try:
         return import_module("pyarrow.csv")
     except ImportError:

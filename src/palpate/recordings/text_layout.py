@@ -1,4 +1,4 @@
-"""What stands above the samples of a table: notes, header and units; and how cells are divided."""
+"""The layout of a text table: notes, header, units and delimiter."""
 
 import csv
 import re
@@ -18,9 +18,9 @@ from palpate.recordings.times import iso_nanoseconds
 
 DELIMITERS = ",;\t|"
 SPACES = " "  # as a delimiter: any run of spaces and tabs
-MOST_COLUMNS = 1 << 16  # four times what a spreadsheet holds
+MOST_COLUMNS = 1 << 16  # four times the limit of a spreadsheet
 LONGEST_NAME = 10_000  # characters
-TRIED = 50  # lines that say how cells are divided
+TRIED = 50  # lines from which the delimiter is found
 _BRACKETS = re.compile(r"^\s*(?:np\.)?array\(|,?\s?dtype=[\w.]+|[\[\](){}]")
 MOST_ELEMENTS = 1000
 LONGEST_VECTOR = 40 * MOST_ELEMENTS  # characters
@@ -29,22 +29,22 @@ _DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+(?:[eE][+-]?\d+)?")
 
 @dataclass(frozen=True, slots=True)
 class TextLayout:
-    """How a table is laid out.
+    """The layout of a table.
 
     Attributes
     ----------
     header : list of str
-        Names of the columns, each but once.
+        Unique names of the columns.
     delimiter : str
-        Between cells; a space stands for any run of spaces and tabs.
+        The delimiter of cells; a space means any run of spaces and tabs.
     decimal : str
-        ``"."`` or ``","``.
+        The decimal mark, ``"."`` or ``","``.
     units : dict of str
-        By name of the column: those in a row below the header, or in the name.
+        Column to unit, from the row below the header or from the name.
     notes : dict of str
-        What stands above the header as ``# name: words``, and what was assumed.
+        Lines ``# name: words`` above the header, and assumptions.
     first : int
-        Lines above the first sample.
+        Number of lines above the first sample.
     """
 
     header: list[str]
@@ -56,29 +56,29 @@ class TextLayout:
 
 
 def layout_of(lines: Sequence[str], source: str) -> TextLayout:
-    """Return the layout that the first lines of a file say.
+    """Return the layout of a table, from its first lines.
 
     Raises
     ------
     RecordingError
-        There is no header, and no sample either.
+        There is neither a header nor a sample.
     """
     top, notes, separator = _above(lines)
     body = lines[top:]
     if not body and not notes.keys() - {""}:
         raise RecordingError(f"{source}: the file is empty; expected a header and samples")
     delimiter = separator or _delimiter(body[: TRIED + 1])
-    commented = notes.pop("", None)  # the last line above, which may be the header
+    commented = notes.pop("", None)  # the last comment line, which may be the header
     header, first = _header(body, delimiter, commented, source, top + 1)
     if not body and not header:
-        raise RecordingError(f"{source}: the file holds notes only; expected a header and samples")
+        raise RecordingError(f"{source}: the file has only notes; expected a header and samples")
     if header is None:
         count = len(_cells(body[0], delimiter, source, top + 1))
         header = [f"column {place}" for place in range(1, count + 1)]
-        notes["header"] = "none, so that the columns are numbered"
+        notes["header"] = "none: the columns are numbered"
     if len(header) > MOST_COLUMNS:
         raise RecordingError(
-            f"{source}: a header of {len(header)} columns; at most {MOST_COLUMNS} are read"
+            f"{source}: the header has {len(header)} columns; palpate reads at most {MOST_COLUMNS}"
         )
     names = _told_apart(header)
     decimal = _decimal(body[first : first + TRIED], delimiter)
@@ -93,15 +93,15 @@ def layout_of(lines: Sequence[str], source: str) -> TextLayout:
 
 
 def _above(lines: Sequence[str]) -> tuple[int, dict[str, str], str]:
-    """How many lines stand above the table, what they say, and the delimiter if that is said.
+    """The number of lines above the table, their notes, and the delimiter if they state it.
 
-    The last of them stands under the name ``""`` too, where that is no note.
+    A last line that is not a note is also in the notes, under the name ``""``.
     """
     notes: dict[str, str] = {}
     separator, top = "", 0
     for line in lines:
         words = line.strip()
-        if words[:4].lower() == "sep=" and len(words) <= 5:  # Excel's
+        if words[:4].lower() == "sep=" and len(words) <= 5:  # written by Excel
             separator = line.strip("\r\n")[4:5] or separator
         elif words[:1] in ("#", "%"):
             name, colon, rest = words.lstrip("#% ").partition(": ")
@@ -117,7 +117,7 @@ def _above(lines: Sequence[str]) -> tuple[int, dict[str, str], str]:
 
 
 def _delimiter(lines: Sequence[str]) -> str:
-    """The one that divides the most lines into as many cells as the first; else the header's."""
+    """The delimiter that divides most lines into as many cells as the first; else the header's."""
     full = [line for line in lines if line.strip()]
     if not full:
         return ","
@@ -129,7 +129,7 @@ def _delimiter(lines: Sequence[str]) -> str:
         first, *below = counts[each]
         return first > 0 and (not below or below.count(first) > 0.5 * len(below))
 
-    # Columns that are padded to look well have tabs here and spaces there.
+    # Columns aligned by padding mix tabs and spaces.
     padded = len(set(counts["\t"])) > 1 == len(set(counts[SPACES]))
     if padded and not any(counts[each][0] for each in ",;|"):
         return SPACES
@@ -143,7 +143,7 @@ def _cells(line: str, delimiter: str, source: str, row: int) -> list[str]:
     longest = max(map(len, cells), default=0)
     if longest > LONGEST_NAME:
         raise RecordingError(
-            f"{source}: row {row} is not a header: a name in it has {longest} characters"
+            f"{source}: row {row} is not a header: one of its cells has {longest} characters"
         )
     return cells
 
@@ -151,14 +151,14 @@ def _cells(line: str, delimiter: str, source: str, row: int) -> list[str]:
 def _header(
     body: Sequence[str], delimiter: str, commented: str | None, source: str, row: int
 ) -> tuple[list[str] | None, int]:
-    """The names, and how many lines of the table they take; no names where there are none."""
+    """The names, or None, and how many lines of the table they take."""
     first = _cells(body[0], delimiter, source, row) if body else []
     filled = [cell for cell in first if cell]
-    # A table whose columns are numbered 0, 1, 2 … has a header of numbers, as pandas writes it.
+    # A header of numbers 0, 1, 2 …, as pandas writes for unnamed columns.
     counted = len(filled) > 1 and filled == [str(place) for place in range(len(filled))]
     numbers = bool(filled) and not counted and all(is_number(cell, delimiter) for cell in filled)
     if commented is not None and (numbers or not body):
-        # As rostopic and NumPy write it: "%time,field.x" and "# time, force".
+        # A header as rostopic and NumPy write it: "%time,field.x" and "# time, force".
         line = commented if commented.startswith("%") else commented.lstrip("# ")
         if line.startswith("% "):
             line = line.lstrip("% ")
@@ -170,7 +170,7 @@ def _header(
 
 
 def _units_below(body: Sequence[str], delimiter: str, width: int, decimal: str) -> list[str] | None:
-    """The units in the first row, where it holds such and no number."""
+    """The units in the first row; None if it is not a row of units."""
     if not body:
         return None
     cells = [cell.strip() for cell in cells_of(body[0], delimiter)]
@@ -186,7 +186,7 @@ def _units_below(body: Sequence[str], delimiter: str, width: int, decimal: str) 
 
 
 def _decimal(lines: Sequence[str], delimiter: str) -> str:
-    """The mark of decimals: a comma where more cells are numbers with it than with a point."""
+    """The decimal mark: the one with which more cells are numbers."""
     commas = points = 0
     for line in lines:
         if "," not in line or (delimiter == "," and '"' not in line):
@@ -199,7 +199,7 @@ def _decimal(lines: Sequence[str], delimiter: str) -> str:
 
 
 def _told_apart(names: Sequence[str]) -> list[str]:
-    """Names as they are; those that occur twice, or are empty, with their place."""
+    """The names; repeated and empty ones get their column number."""
     times = Counter(names)
     apart: dict[str, None] = {}
     for place, name in enumerate(names, start=1):
@@ -212,21 +212,21 @@ def _told_apart(names: Sequence[str]) -> list[str]:
 
 
 def cells_of(line: str, delimiter: str) -> list[str]:
-    """Return the cells of a line; a space as a delimiter stands for any run of spaces and tabs."""
+    """Return the cells of a line; the delimiter space means any run of spaces and tabs."""
     if '"' not in line:
         return line.split() if delimiter == " " else line.split(delimiter)
     if delimiter == " ":
         line = line.replace("\t", " ").strip(" ")
     try:
         return next(csv.reader([line], delimiter=delimiter, skipinitialspace=True), [])
-    except csv.Error:  # a cell that is too long for one
+    except csv.Error:  # a cell is too long
         return line.split(delimiter)
 
 
 def parsed_number(cell: str, decimal: str) -> float | None:
-    """Return the number that a cell holds with this mark of decimals; None where it holds none."""
+    """Return the number in a cell, with this decimal mark; None if there is none."""
     if decimal == ",":
-        if "." in cell:  # of thousands: palpate does not guess them away
+        if "." in cell:  # perhaps a thousands separator, which palpate does not support
             return None
         cell = cell.replace(",", ".")
     try:
@@ -236,7 +236,7 @@ def parsed_number(cell: str, decimal: str) -> float | None:
 
 
 def is_number(cell: str, delimiter: str) -> bool:
-    """Whether a cell is a number, a time or a vector, and so no name of a column."""
+    """Whether a cell is a number, a time or a vector, and so not a column name."""
     found = parsed_number(cell, "."), iso_nanoseconds(cell), vector_in(cell, ".")
     if any(each is not None for each in found):
         return True
@@ -244,10 +244,10 @@ def is_number(cell: str, delimiter: str) -> bool:
 
 
 def vector_in(cell: str, decimal: str) -> list[float] | None:
-    """Return the numbers of a cell that holds several, as robots' loggers write them.
+    """Return the numbers of a cell with several, as robot loggers write them.
 
-    ``[0.1, 0.2, 0.3]``, ``(0.1 0.2 0.3)``, ``array([0.1, 0.2])`` or ``0.1 0.2 0.3``; None where it
-    holds something else, or one number without brackets.
+    ``[0.1, 0.2, 0.3]``, ``(0.1 0.2 0.3)``, ``array([0.1, 0.2])`` or ``0.1 0.2 0.3``; None for
+    anything else, and for one number without brackets.
     """
     if len(cell) > LONGEST_VECTOR:
         return None
@@ -261,12 +261,12 @@ def vector_in(cell: str, decimal: str) -> list[float] | None:
 
 
 def unclosed(line: str) -> bool:
-    """Whether a quotation begins in a line and does not end there."""
+    """Whether a quoted cell begins in a line and does not end there."""
     return line.count('"') % 2 == 1
 
 
 def padded(cells: Sequence[str], width: int) -> list[str] | None:
-    """Return cells as many as the header has; None where there are more than that."""
+    """Return the cells, padded to the width of the header; None if there are more."""
     extra = cells[width:]
     if any(map(str.strip, extra)):
         return None

@@ -1,4 +1,4 @@
-"""Times in tables: of the calendar, and whole numbers since 1970."""
+"""Times in tables: calendar dates, and integers since 1970."""
 
 import re
 from collections.abc import Mapping, Sequence
@@ -17,7 +17,7 @@ _ISO = re.compile(
 )
 _PLAIN_ISO = re.compile(r"(?:(?:19|20)\d\d-\d\d-\d\d[T ]\d\d:\d\d:\d\d(?:\.\d{1,9})?\n)+", re.ASCII)
 _TIMELIKE = re.compile(r"(?:^|[^a-z])(?:time|timestamp|stamp|t|epoch|datetime|clock)(?:[^a-z]|$)")
-_WHOLE = re.compile(r"\s*\d{17,19}\s*", re.ASCII)  # what a float does not hold exactly
+_WHOLE = re.compile(r"\s*\d{17,19}\s*", re.ASCII)  # a float cannot represent it exactly
 _SINCE = datetime(1970, 1, 1, tzinfo=UTC)
 # From 1990 to 2100 in seconds; no other unit has numbers in that range.
 EARLIEST, LATEST = 631_152_000, 4_102_444_800
@@ -27,9 +27,9 @@ _LAST = re.compile(r"(.*?)([./_]?)(secs|sec|seconds)$")
 
 
 def iso_nanoseconds(cell: str) -> int | None:
-    """Return the nanoseconds from 1970 to a date with a time; None where a cell is none.
+    """Return the nanoseconds since 1970 of a date with a time; None if the cell is not one.
 
-    Without an offset the time is taken for UTC, for differences of it are what counts.
+    A time without an offset counts as UTC: only differences matter.
     """
     found = _ISO.fullmatch(cell.strip())
     if found is None:
@@ -48,9 +48,9 @@ def iso_nanoseconds(cell: str) -> int | None:
 
 
 def plain_iso_times(cells: Sequence[str]) -> Whole | None:
-    """Return what :func:`iso_nanoseconds` does, of many cells at once.
+    """Convert many cells at once, as :func:`iso_nanoseconds` does.
 
-    None where one is not in UTC, or looks otherwise unlike most.
+    None if a cell is not in UTC or not in the usual form.
     """
     text = "\n".join([*cells, ""]).replace("Z\n", "\n")
     if not cells or _PLAIN_ISO.fullmatch(text) is None:
@@ -62,12 +62,12 @@ def plain_iso_times(cells: Sequence[str]) -> Whole | None:
 
 
 def is_timelike(name: str) -> bool:
-    """Whether a column is one of times, by its name."""
+    """Whether the name of a column suggests times."""
     return _TIMELIKE.search(name.lower()) is not None
 
 
 def whole_time(cell: str) -> int | None:
-    """Return a whole number of up to 64 bits; None where a cell holds none."""
+    """Return an integer of up to 64 bits; None if the cell is not one."""
     try:
         value = int(cell) if "_" not in cell and len(cell) < 40 else None
     except ValueError:
@@ -76,20 +76,20 @@ def whole_time(cell: str) -> int | None:
 
 
 def is_nanoseconds(cell: str) -> bool:
-    """Whether a cell is a time in nanoseconds since 1970, which takes all of 64 bits."""
+    """Whether a cell is a time in nanoseconds since 1970, which needs 64 bits."""
     return _WHOLE.fullmatch(cell) is not None and epoch_unit(int(cell)) == "ns"
 
 
 def epoch_unit(value: float) -> str | None:
-    """Return the unit of a time since 1970, by its size; None where it is none."""
+    """Return the unit of a time since 1970, by its size; None if it is not one."""
     fitting = (u for u, size in EPOCHS.items() if EARLIEST * size <= value <= LATEST * size)
     return next(fitting, None)
 
 
 def epoch_of(values: NDArray[Any]) -> tuple[str, NDArray[Any]] | None:
-    """Return the unit of times since 1970, and the times: as integers where all are whole.
+    """Return the unit of times since 1970, and the times, as integers if all are whole.
 
-    None where they are no such times.
+    None if they are not such times.
     """
     if values.dtype.kind not in "fi" or not np.isfinite(values).any():
         return None
@@ -102,9 +102,9 @@ def epoch_of(values: NDArray[Any]) -> tuple[str, NDArray[Any]] | None:
 
 
 def joined_stamps(channels: Mapping[str, NDArray[Any]]) -> dict[str, Whole]:
-    """Return the stamps that two columns make, of seconds and nanoseconds, by ROS's names for them.
+    """Join pairs of columns with seconds and nanoseconds, as ROS names them.
 
-    ``header.stamp.secs`` and ``header.stamp.nsecs`` make ``header.stamp``, in whole nanoseconds.
+    ``header.stamp.secs`` and ``header.stamp.nsecs`` give ``header.stamp``, in integer nanoseconds.
     """
     found: dict[str, Whole] = {}
     for name, seconds in channels.items():
@@ -128,9 +128,9 @@ def _whole_below(values: NDArray[Any], limit: float) -> bool:
         return bool(((values >= 0) & (values < limit) & (values % 1 == 0)).all())
 
 
-# Times by their names, their units and their size.
+# Recognising times by name, unit and size.
 
-# Names of times, the surest first, each with or without its unit: time, time_s, Time (ms).
+# Names of times, most certain first, with or without a unit: time, time_s, Time (ms).
 _NAMES = ("time", "times", "timestamps?", "stamps?", "t", "ts", "tout", "clock")
 _UNIT = (
     r"([ _]?[(\[]?(?P<unit>s|ms|us|µs|ns|secs?|seconds?|msecs?|usecs?|nsecs?)[)\]]?"
@@ -138,7 +138,7 @@ _UNIT = (
 )
 _PATTERNS = [re.compile(name + _UNIT + "$", re.IGNORECASE) for name in _NAMES]
 
-#: Seconds in each unit that times come in.
+#: Seconds in each unit of time.
 SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9}
 
 _SHORT = {
@@ -150,21 +150,21 @@ _SHORT = {
 
 
 def clock_rank(name: str) -> int | None:
-    """Return how surely a name is that of times, 0 the most; None where it is none.
+    """Return how likely a name is that of a clock, 0 the most likely; None if it is not.
 
-    Of one with groups or fields, such as ``robot/time`` or ``/ft.header.stamp``, the last counts.
+    The last part of a name with groups or fields counts: ``robot/time``, ``/ft.header.stamp``.
     """
     return next((i for i, found in enumerate(_matches(name)) if found), None)
 
 
 def clock_unit(name: str) -> str | None:
-    """Return the unit in the name of times: ``"ms"`` of ``time_ms``."""
+    """Return the unit in the name of a clock: ``"ms"`` of ``time_ms``."""
     found = next(filter(None, _matches(name)), None)
     return _SHORT.get(found["unit"].lower()) if found and found["unit"] else None
 
 
 def epoch_unit_of(values: NDArray[Any]) -> str | None:
-    """Return the unit of times since 1970, by the first; seconds are SI and need no word."""
+    """Return the unit of times since 1970, by the first; None for seconds and other times."""
     known = values[np.isfinite(values)]
     unit = epoch_unit(float(known[0])) if known.size else None
     return None if unit == "s" else unit

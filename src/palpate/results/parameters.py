@@ -57,7 +57,7 @@ def terms_of(result: "Identified") -> str:
 def law_name(result: "Identified") -> str:
     """Return the law that was chosen, or the only one that the method identifies."""
     verdict, kind = result.estimator.verdict(), result.law.kind
-    return _LAWS.get(kind, kind) if verdict is None else str(verdict.candidate)
+    return _LAWS.get(kind, kind) if verdict is None else verdict.candidate.title
 
 
 def parameter_rows(result: "Identified") -> list[ParameterRow]:

@@ -253,12 +253,12 @@ def _fit_rows(result: "Identified", names: Sequence[str]) -> list[tuple[str, str
     if not result.segments:
         value = _folded(map(str, parameter_rows(result)), "  ")
         rows.append((law, value) if len(law) <= 13 else ("law", f"{law}:\n{value}"))
-    if result.law.remembers and not result.segments and (line := dynamic_stiffness_at(result)):
-        rows.append(("oscillation", line))
+    if not result.segments and result.query.frequency is None:
+        rows.append(("oscillation", dynamic_stiffness_at(result)))
     rows.append(("fit", _fit(result)))
-    if truth := _truth(result):
-        rows.append(("truth", truth))
+    rows.append(("truth", _truth(result)))
     rows += [(each.name, "\n".join((each.text, *each.remarks))) for each in follows(result).lines]
+    rows = [(name, words) for name, words in rows if words]
     return [*rows, ("more", f"palpate diagnose {' '.join(names)}, or -v, -o report/")]
 
 
@@ -386,7 +386,7 @@ def which_law(results: "Iterable[Identified]") -> Iterator[ViewSection]:
         return
     rows = [
         (
-            str(each.candidate),
+            each.candidate.title,
             rounded(each.score, 3),
             format_quantity(each.rms_error, "N"),
             str(each.candidate.parameters),
@@ -396,7 +396,7 @@ def which_law(results: "Iterable[Identified]") -> Iterator[ViewSection]:
     ]
     samples = rounded(found.effective_samples, 3), rounded(found.samples, 4)
     score = "{}; effective sample size {} of {}".format(_SCORE, *samples)
-    flags = (Line(f"{found.candidate}: {flag}", tone="soft") for flag in found.flags)
+    flags = (Line(f"{found.candidate.title}: {flag}", tone="soft") for flag in found.flags)
     headings = ["law", ">ΔBIC", ">rms error", ">parameters", "which means"]
     yield ViewSection("Model ranking", [Line(score, tone="soft"), *flags], headings, rows)
 
@@ -557,7 +557,7 @@ def _moves(stiffness: float, damping: float) -> str:
     if math.isnan(stiffness) or math.isnan(damping):
         return "–"
     return ", ".join(
-        f"{value:+.1f} %" if abs(value) < 1000.0 else f"{signed(value, 3)} %"
+        f"{round(value, 1) + 0.0:+.1f} %" if abs(value) < 1000.0 else f"{signed(value, 3)} %"
         for value in (stiffness, damping)
     )
 
@@ -649,7 +649,8 @@ def _samples(result: "Identified") -> str:
 
 def _law_verdict(result: "Identified") -> str:
     found = result.law_verdict
-    return "" if found is None or not found.known else f"Model selection: {found}"
+    known = found is not None and found.known
+    return f"Model selection: {str(found).removeprefix('law: ')}" if known else ""
 
 
 def _correlation(result: "Identified") -> str:

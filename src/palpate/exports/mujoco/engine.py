@@ -381,7 +381,9 @@ def _about(form: str, request: ExportRequest, rows: PairRows) -> list[str]:
     law, motion = request.law, request.motion
     widths = (row.solimp[2] + row.inset for row in rows.rows if row.solimp[0] < row.solimp[1])
     if widest := min(widths, default=0.0):
-        words.append(f"deeper than {length(widest, 3)} the force no longer follows the law")
+        words.append(
+            f"at depths of more than {length(widest, 3)} the force does not follow the law"
+        )
     force, pushed = motion.force_by(law), rows.added_mass(motion.penetration) * motion.acceleration
     heavy = force_error(force + pushed, force, motion.judged)
     if heavy > _HEAVY:

@@ -225,12 +225,7 @@ _NOTICED = 0.1  # s: a change is noticed within some tens of samples
 
 
 class Watch:
-    """State of one run, and the page's text about it.
-
-    Parameters
-    ----------
-    session : Session
-        Names of the shared memory.
+    """State of the run of a session, and the page's text about it.
 
     Attributes
     ----------
@@ -350,15 +345,7 @@ class Watch:
         return {"penetration": depth.tolist(), "force": force.tolist()}
 
     def page(self, served: Mapping[str, Any], *, ended: bool = False) -> dict[str, Any]:
-        """Return the page's text and the present estimate, ready for JSON.
-
-        Parameters
-        ----------
-        served : mapping
-            The server's counts.
-        ended : bool
-            Whether the run has ended.
-        """
+        """Return the page's text, with the server's counts, and the estimate, ready for JSON."""
         now: dict[str, Any] = {}
         row, arrived, force = self.run.reader.now(), math.nan, math.nan
         if len(row):

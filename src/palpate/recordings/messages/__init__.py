@@ -1,6 +1,6 @@
-"""Recordings of messages: bags of ROS 1 and ROS 2, and MCAP.
+"""Recordings of messages: ROS 1 and ROS 2 bags, and MCAP.
 
-A reader of a container hands blocks of raw messages to a :class:`topic.Topic`, which turns them
-into channels: the first message of a topic is walked by its definition, and gives a
-:class:`layout.Layout`; all messages of that layout are then read as arrays.
+The reader of a container passes blocks of raw messages to a :class:`topic.Topic`, which converts
+them to channels. It parses the first message by its definition, which gives a
+:class:`layout.Layout`, and reads all messages with that layout as arrays.
 """

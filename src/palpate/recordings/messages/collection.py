@@ -1,4 +1,4 @@
-"""All topics of a recording, and what is said of them."""
+"""All topics of a recording, with their units, frames and reports."""
 
 from collections.abc import Hashable
 from dataclasses import dataclass, field
@@ -17,10 +17,10 @@ from palpate.recordings.messages.topic import LOG_TIME, BinaryTopic, Found, Topi
 from palpate.recordings.opening import Draft, Request, within
 from palpate.recordings.recording import Recording
 
-NOT_ASKED = "not asked for"
+NOT_ASKED = "not requested"
 _FRAMES = ("header.frame_id", "frame_id", "parent_frame_id")
 
-# Units of the messages whose definition says them: ROS is in SI, by its REP 103.
+# Units of fields by message type: ROS uses SI (REP 103).
 _UNITS = {
     ("Wrench", "force"): "N",
     ("Wrench", "torque"): "N·m",
@@ -42,7 +42,7 @@ _PACKAGES = ("geometry_msgs", "sensor_msgs", "foxglove")
 
 @dataclass(slots=True)
 class Collection(Draft):
-    """Topics, as a reader finds them in a file or in several."""
+    """Collects the topics of one or several files."""
 
     _topics: dict[Hashable, Topic] = field(default_factory=dict)
     _types: dict[str, str] = field(default_factory=dict)
@@ -50,15 +50,15 @@ class Collection(Draft):
     def topic(
         self, name: str, type_name: str, encoding: str, form: str, definition: bytes
     ) -> Topic:
-        """Return the topic that takes the messages of a channel of the file.
+        """Return the topic for the messages of a channel of the file.
 
         Parameters
         ----------
         name, type_name, encoding, form : str
-            As the file says them, the encodings of the messages and of their definition last;
-            channels that have all four in common are one topic.
+            Name and type of the channel, and the encodings of its messages and of their
+            definition. Channels that agree in all four are one topic.
         definition : bytes
-            Of the messages.
+            The definition of the messages.
         """
         name, type_name = one_line(name), normal_name(one_line(type_name))
         key = name, type_name, encoding, form
@@ -77,24 +77,24 @@ class Collection(Draft):
         return topic
 
     def lost(self, sentence: str) -> None:
-        """Say what could not be read; raise RecordingError where nothing may be lost."""
+        """Report an unreadable part; raise RecordingError if the request is strict."""
         if self.request.strict:
-            raise self.error(sentence)
+            raise self.error(f"{sentence}; drop --strict to use the rest of the file")
         if sentence not in self.losses:
             self.losses.append(sentence)
 
     @property
     def messages(self) -> int:
-        """How many messages have been found, read or not."""
+        """The number of messages found, read or not."""
         return sum(topic.messages for topic in self._topics.values())
 
     def recording(self) -> Recording:
-        """Return what has been collected.
+        """Return the recording.
 
         Raises
         ------
         RecordingError
-            It is nothing; or something was asked for that there is not.
+            No topic could be read, or a requested one is missing.
         """
         for topic in self._topics.values():
             self._say(topic)
@@ -120,10 +120,10 @@ class Collection(Draft):
         elif not topic.messages:
             self.omissions.append(f"{what} is empty")
         elif not topic.found:
-            asked = "" if self.request.channels is None else " that were asked for"
+            asked = "" if self.request.channels is None else " that were requested"
             self.omissions.append(f"{what} holds no numbers{asked}")
         if topic.found and topic.skipped:
-            self.omit(topic.name, f"long lists are not read: {_few(topic.skipped)}")
+            self.omit(topic.name, f"palpate skips long lists: {_few(topic.skipped)}")
 
     def _add(self, above: str, found: Found) -> None:
         names = {path: f"{above}.{path}" for path in found.columns}
@@ -143,7 +143,7 @@ class Collection(Draft):
         units = {path: _unit_of(*where) for path, where in found.types.items()}
         frame = next((found.frames[path] for path in _FRAMES if path in found.frames), [])
         if len(frame) > 1:
-            self.omit(above, f"its frame changes ({frame[0]!r}, {frame[1]!r}, …): none is given")
+            self.omit(above, f"its frame changes ({frame[0]!r}, {frame[1]!r}, …) and is ignored")
         for path, name in names.items():
             parts = path.split(".")
             for k in range(1, len(parts)):
@@ -154,9 +154,9 @@ class Collection(Draft):
         self._moving(above, names, found)
 
     def _moving(self, above: str, names: dict[str, str], found: Found) -> None:
-        """The frame that moves: of a transform; of an odometry its velocities are in it."""
+        """Note the child frame of a transform; velocities of an odometry are in it."""
         moving = found.frames.get("child_frame_id", [])
-        if len(moving) != 1 or not moving[0] or above.endswith("]"):  # tf has it in the name
+        if len(moving) != 1 or not moving[0] or above.endswith("]"):  # tf: it is in the name
             return
         self.notes[f"{above}.child_frame_id"] = moving[0]
         if found.types.get("twist") == ("nav_msgs/msg/Odometry", "twist"):
@@ -168,11 +168,11 @@ class Collection(Draft):
             if not any(within(name, wanted) for name in names):
                 there = sorted({topic.name for topic in self._topics.values()})
                 why = [each for each in self.omissions if each.startswith(f"{wanted} ")]
-                reason = f"no numbers are read of {wanted!r}" + "".join(f" ({w})" for w in why[:1])
-                raise self.error(f"{reason}; there are the topics {_few(there)}")
+                reason = f"{wanted!r} has no readable numbers" + "".join(f" ({w})" for w in why[:1])
+                raise self.error(f"{reason}; available topics: {_few(there)}")
         if not names:
-            words = ". ".join(["numbers that can be read", *[*self.losses, *self.omissions][:2]])
-            remedy = "record a topic of forces and one of positions"
+            words = ". ".join(["readable numbers", *[*self.losses, *self.omissions][:2]])
+            remedy = "record a topic with the force and one with the position"
             raise self.error(f"no topic has {words}; {remedy}")
 
 
@@ -183,7 +183,7 @@ def _few(names: set[str] | list[str]) -> str:
 
 
 def _unit_of(type_name: str, field: str) -> str | None:
-    """The unit of a field of a type of messages; None where the type does not say it."""
+    """The unit of a field of a message type; None if the type does not define it."""
     package, _, rest = type_name.replace(".", "/").partition("/")
     if package not in _PACKAGES:
         return None
@@ -193,12 +193,12 @@ def _unit_of(type_name: str, field: str) -> str | None:
 def _topic_of(
     message_encoding: str, schema_encoding: str, type_name: str, schema: bytes, request: Request
 ) -> Topic:
-    """Return a topic that reads messages of this kind, by the encodings of them and their schema.
+    """Return a topic that reads messages with these encodings.
 
     Raises
     ------
     UndecodableError
-        They cannot be read.
+        palpate cannot read them.
     """
     if message_encoding == "json":
         return JsonTopic(request)
@@ -208,12 +208,11 @@ def _topic_of(
         return ProtobufTopic(type_name, schema, request)
     if message_encoding not in ("cdr", "ros1"):
         raise UndecodableError(
-            f"messages in {message_encoding[:30]!r} are not read, only in CDR, ROS 1, JSON or "
-            "protobuf"
+            f"palpate reads messages in CDR, ROS 1, JSON or protobuf, not {message_encoding[:30]!r}"
         )
     ros1 = message_encoding == "ros1"
     if schema_encoding not in ("ros1msg", "ros2msg", "ros2idl", "omgidl", ""):
-        raise UndecodableError(f"definitions in {schema_encoding[:30]!r} are not read")
+        raise UndecodableError(f"palpate cannot read definitions in {schema_encoding[:30]!r}")
     form = "ros1msg" if ros1 else schema_encoding or "ros2msg"
     form = "ros2idl" if form == "omgidl" else form
     fields = message_fields(type_name, form, schema.decode("utf-8", "replace"))

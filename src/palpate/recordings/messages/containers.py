@@ -1,7 +1,7 @@
-"""Bags of ROS 1 and ROS 2 by the package rosbags, and MCAP by the package mcap.
+"""ROS 1 and ROS 2 bags, read by the package rosbags, and MCAP, read by the package mcap.
 
-A reader hands blocks of raw messages to the :class:`~palpate.recordings.messages.topic.Topic` of
-each channel, which decodes many at a time.
+A reader passes blocks of raw messages to the :class:`~palpate.recordings.messages.topic.Topic` of
+each channel, which decodes many at once.
 """
 
 import re
@@ -34,31 +34,30 @@ from palpate.writing import scratch_file
 
 METADATA = "metadata.yaml"
 _MAGIC = b"\x89MCAP0\r\n"
-_WINDOW = 1 << 18  # bytes of an MCAP file that are read at a time; a chunk may be longer
-_BATCH = 8 << 20  # bytes of messages from rosbags that are held until they are decoded
+_WINDOW = 1 << 18  # bytes of an MCAP file read at a time; a chunk may be longer
+_BATCH = 8 << 20  # bytes of messages from rosbags collected before they are decoded
 _LONGEST_NOTE = 300  # characters
 _LENGTH = struct.Struct("<Q").unpack_from
-_BEFORE = 9  # bytes of an MCAP record that say its kind and length
-# What stands in a message of MCAP before its data.
-# Kind, length, channel, number, log time, publish time.
+_BEFORE = 9  # bytes of kind and length at the start of an MCAP record
+# The header of an MCAP message: kind, length, channel, number, log time, publish time.
 _HEAD = np.dtype("u1, <i8, <u2, <u4, <i8, <u8")
 
 
 def read(path: Path, request: Request) -> Recording:
-    """Read a bag of ROS 1 or 2, or an MCAP file: every topic whose messages hold numbers.
+    """Read a ROS 1 or 2 bag or an MCAP file: every topic whose messages hold numbers.
 
     Parameters
     ----------
     path : Path
-        The file; of a bag of ROS 2 also its folder, or the metadata in that.
+        The file; for a ROS 2 bag also its folder or the metadata in it.
     request : Request
-        What is asked for.
+        What to read.
 
     Raises
     ------
     RecordingError
-        It cannot be read, was not closed (bags of ROS 1 and SQLite), or holds no numbers; or,
-        where strict, is damaged.
+        The file cannot be read, was not closed (ROS 1 and SQLite bags), or holds no numbers; or it
+        is damaged and the request is strict.
     """
     collection = Collection(printable(path), request)
     folder = path.parent if path.name == METADATA else path
@@ -80,14 +79,14 @@ def _read_folder(folder: Path, collection: Collection) -> None:
             collection.lost(f"one of its files cannot be read: {error}")
     if expected is not None and collection.messages < expected:
         collection.lost(
-            f"{METADATA} counts {expected} messages, of which {collection.messages} were found"
+            f"{METADATA} lists {expected} messages, but only {collection.messages} were found"
         )
 
 
 def _files(folder: Path, collection: Collection) -> tuple[list[Path], int | None]:
-    """The files of a bag of ROS 2, in their order, and how many messages it says that they hold."""
+    """The files of a ROS 2 bag in order, and the number of messages in its metadata."""
     there = [each for each in folder.iterdir() if re.search(r"\.(db3|mcap)(\.zstd)?$", each.name)]
-    # Whatever is there packed and unpacked is read once.
+    # Read a file once that exists both compressed and uncompressed.
     there = [each for each in there if each.with_suffix("") not in there]
     there.sort(key=lambda each: [int(n) for n in re.findall(r"\d+", each.name.split(".")[0])[-1:]])
     if (folder / METADATA).is_file():
@@ -98,7 +97,7 @@ def _files(folder: Path, collection: Collection) -> tuple[list[Path], int | None
             expected = int(about["message_count"])
             distribution = about.get("ros_distro")
         except (OSError, ValueError, YAMLError, LookupError, TypeError, AttributeError):
-            collection.lost(f"{METADATA} cannot be understood: the files beside it are read")
+            collection.lost(f"{METADATA} is invalid: palpate reads all files in its folder")
             return there, None
         if distribution:
             collection.notes["ROS distribution"] = one_line(str(distribution))
@@ -106,15 +105,15 @@ def _files(folder: Path, collection: Collection) -> tuple[list[Path], int | None
         files = [by_name.pop(name.removesuffix(".zstd"), folder / name) for name in names]
         if by_name:
             others = ", ".join(sorted(by_name)[:5])
-            collection.omit("not of this bag by its metadata", others)
+            collection.omit(f"not listed in {METADATA}", others)
         return files, expected
     if not there:
-        raise collection.error("the folder holds no bag of ROS 2; give the file of a recording")
+        raise collection.error("the folder holds no ROS 2 bag; name a recording file instead")
     if any(".db3" in each.name for each in there):
         raise collection.error(
             f"the recorder did not close the bag: {METADATA} is missing; {_reindex(folder)}"
         )
-    collection.lost(f"{METADATA} is missing, as where the recorder was killed")
+    collection.lost(f"{METADATA} is missing; the recorder was probably killed")
     return there, None
 
 
@@ -126,7 +125,7 @@ def _read_file(path: Path, collection: Collection, part: tuple[float, float]) ->
         reader = next((each for mark, each in _READERS.items() if begin.startswith(mark)), None)
         if reader is None:
             raise RecordingError(
-                f"{printable(path)}: it begins as no bag and no MCAP file does; check what wrote it"
+                f"{printable(path)}: this is not a bag or an MCAP file; check what wrote it"
             )
         for fraction in reader(plain, collection):
             collection.request.report(part[0] + (part[1] - part[0]) * fraction)
@@ -134,7 +133,7 @@ def _read_file(path: Path, collection: Collection, part: tuple[float, float]) ->
 
 @contextmanager
 def _unpacked(path: Path, collection: Collection) -> Iterator[Path]:
-    """A file as it is, or the copy that a packed one unpacks to."""
+    """The file, or an uncompressed copy of a compressed one."""
     if not path.name.endswith(".zstd"):
         yield path
         return
@@ -142,7 +141,7 @@ def _unpacked(path: Path, collection: Collection) -> Iterator[Path]:
         try:
             zstandard.ZstdDecompressor().copy_stream(file, copy)
         except zstandard.ZstdError as error:
-            collection.lost(f"{one_line(path.name)} does not unpack to its end: {error}")
+            collection.lost(f"{one_line(path.name)} cannot be fully decompressed: {error}")
         copy.flush()
         yield plain
 
@@ -155,9 +154,9 @@ def _read_ros1(path: Path, collection: Collection) -> Iterator[float]:
     bag = Rosbag1(path)
     try:
         bag.open()
-    except Exception as error:  # of a damaged file rosbags raises whatever it comes upon
+    except Exception as error:  # rosbags may raise anything on a damaged file
         raise collection.error(
-            f"the recorder did not close the bag, or it is damaged ({first_line(error)}); close it "
+            f"the bag was not closed by its recorder or is damaged ({first_line(error)}); close it "
             f"with: rosbag reindex {printable(path)}"
         ) from None
     with closing(bag):
@@ -170,7 +169,7 @@ def _read_sqlite(path: Path, collection: Collection) -> Iterator[float]:
     logs = [path.with_name(path.name + end) for end in ("-wal", "-journal")]
     if any(log.is_file() and log.stat().st_size for log in logs):
         raise collection.error(f"the recorder did not close the bag; {_reindex(path.parent)}")
-    # rosbags makes a URI of the path, in which ?, # and % would mean something else.
+    # rosbags converts the path to a URI, in which ?, # and % have other meanings.
     bag = Sqlite3Reader(Path(quote(str(path.absolute()))))
     try:
         bag.open()
@@ -199,7 +198,7 @@ def _from_rosbags(
     total: int,
     collection: Collection,
 ) -> Iterator[float]:
-    """Collect the messages of each connection until they are worth an array."""
+    """Pass the messages of each connection to its topic, in batches."""
     topics = {}
     waiting: dict[int, tuple[list[bytes], list[int]]] = {}
     for each in connections:
@@ -227,7 +226,7 @@ def _from_rosbags(
             yield found / max(total, found)
     flush()
     if found != total:
-        collection.lost(f"it counts {total} messages, of which {found} were read")
+        collection.lost(f"the bag lists {total} messages, but only {found} were read")
 
 
 def _until_damaged(
@@ -240,14 +239,14 @@ def _until_damaged(
                 yield connection, time, data
             else:
                 bad += 1
-    except Exception as error:  # of a damaged file rosbags raises whatever it comes upon
-        collection.lost(f"it is damaged, and read no further: {first_line(error)}")
+    except Exception as error:  # rosbags may raise anything on a damaged file
+        collection.lost(f"the bag is damaged; palpate reads it up to there: {first_line(error)}")
     if bad:
-        collection.lost(f"{bad} rows are no messages")
+        collection.lost(f"{bad} rows of the bag are not messages")
 
 
 class _Mcap:
-    """An MCAP file, read record by record up to its end, or to where it is damaged."""
+    """Reads an MCAP file record by record, up to its end or to a damaged record."""
 
     def __init__(self, path: Path, collection: Collection) -> None:
         self.path = path
@@ -255,8 +254,8 @@ class _Mcap:
         self.schemas: dict[int, mcap.Schema] = {}
         self.topics: dict[int, Topic] = {}
         self.messages = 0
-        self.unknown = 0  # messages of channels that were not announced
-        self.claimed: int | None = None  # messages, by the file's own count
+        self.unknown = 0  # messages of channels without a channel record
+        self.claimed: int | None = None  # the number of messages that the file states
         self.ended = False
 
     def read(self) -> Iterator[float]:
@@ -280,22 +279,22 @@ class _Mcap:
                 yield position / size
         if not self.ended:
             self._lost(
-                f"it ends before its end, as where the recorder was killed, or is damaged at byte "
-                f"{position}: the {self.messages} messages before are used"
+                f"the file is cut off (the recorder was probably killed) or damaged at byte "
+                f"{position}: palpate uses the {self.messages} messages before it"
             )
         if self.unknown:
-            self._lost(f"{self.unknown} messages are of channels that it does not describe")
+            self._lost(f"{self.unknown} messages are on channels that the file does not describe")
         if self.claimed is not None and self.claimed != self.messages:
-            self._lost(f"it counts {self.claimed} messages, of which {self.messages} were read")
+            self._lost(f"it lists {self.claimed} messages, but {self.messages} were read")
 
     def _take(self, data: bytes, starts: list[int], end: int) -> None:
-        """Take whole records in their order."""
+        """Process complete records in order."""
         view, begins = np.frombuffer(data, np.uint8), np.array(starts, np.int64)
         sizes = np.diff(begins, append=end)
         is_message = (view[begins] == Opcode.MESSAGE) & (sizes >= _HEAD.itemsize)
         first = 0
         for k in np.flatnonzero(~is_message).tolist():
-            # What the messages are is said before them; chunks may stand among loose ones.
+            # A schema or channel precedes its messages; chunks may lie between single messages.
             self._messages(view, begins[first:k], sizes[first:k])
             self._other(data[starts[k]], data[starts[k] + _BEFORE : starts[k] + sizes[k]])
             first = k + 1
@@ -321,8 +320,8 @@ class _Mcap:
             return
         try:
             record = _KINDS[kind].read(ReadDataStream(BytesIO(data)))
-        except Exception as error:  # of a damaged record mcap raises whatever it comes upon
-            self._lost(f"a record of the kind {kind} is lost: {first_line(error)}")
+        except Exception as error:  # mcap may raise anything on a damaged record
+            self._lost(f"a record of kind {kind} cannot be read: {first_line(error)}")
             return
         if isinstance(record, mcap.Chunk):
             self._chunk(record)
@@ -344,18 +343,18 @@ class _Mcap:
             data = get_chunk_data_stream(chunk, validate_crc=True)[0].read(chunk.uncompressed_size)
             starts, end = _whole_records(data)
             if end != chunk.uncompressed_size:
-                raise ValueError("it holds less than it claims")
-        except Exception as error:  # whatever mcap and the packages that unpack come upon
+                raise ValueError("it is shorter than stated")
+        except Exception as error:  # mcap and the decompressors may raise anything
             first, last = chunk.message_start_time / 1e9, chunk.message_end_time / 1e9
             self._lost(
-                f"a chunk of {last - first:.3g} s from {first:.3f} s on is lost: "
+                f"a chunk of {last - first:.3g} s from {first:.3f} s on cannot be read: "
                 f"{first_line(error)}"
             )
         else:
             self._take(data, starts, end)
 
     def _channel(self, channel: mcap.Channel) -> None:
-        if channel.id in self.topics:  # again, in another chunk or in the summary
+        if channel.id in self.topics:  # repeated in another chunk or in the summary
             return
         schema = self.schemas.get(channel.schema_id) or mcap.Schema(0, b"", "", "")
         self.topics[channel.id] = self.collection.topic(
@@ -371,10 +370,10 @@ class _Mcap:
 
 
 def _whole_records(data: bytes) -> tuple[list[int], int]:
-    """Where the whole records of a block of MCAP begin, one after another, and where they end."""
+    """The starts of the complete records of a block of MCAP, and the end of the last."""
     starts: list[int] = []
     at, last = 0, len(data) - _BEFORE
-    while at <= last and data[at]:  # no record is of the kind 0, as a hole in a file has it
+    while at <= last and data[at]:  # a hole in a file is zeros; no record has the kind 0
         after = at + _BEFORE + _LENGTH(data, at + 1)[0]
         if after > len(data):
             break
@@ -383,7 +382,7 @@ def _whole_records(data: bytes) -> tuple[list[int], int]:
     return starts, at
 
 
-#: Records of MCAP that say something, beside messages.
+#: The MCAP records that palpate reads, besides messages.
 _KINDS: dict[int, Any] = {
     Opcode.CHUNK: mcap.Chunk,
     Opcode.SCHEMA: mcap.Schema,

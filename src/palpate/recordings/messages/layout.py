@@ -1,10 +1,9 @@
-"""What messages of ROS consist of, and where in them each number stands.
+"""The structure of ROS messages, and the position of each number in them.
 
-The definition of a type gives a tree of numbers, texts, lists and groups; by that one message is
-walked, which gives its layout. All messages that have the length of the first, and its bytes
-wherever a byte says how the message goes on (the kind of encoding, counts of lists, lengths of
-strings, names), have their numbers in the same places. So they are one matrix of bytes, and a field
-is some of its columns.
+The definition of a type gives a tree of numbers, texts, lists and groups. Parsing one message with
+it gives the layout. All messages of equal length whose structural bytes (encoding, counts of lists,
+lengths of strings, names) equal those of the first have their numbers at the same positions. They
+form one matrix of bytes, in which a field is some of the columns.
 """
 
 import re
@@ -22,28 +21,28 @@ from rosbags.typesys import get_typestore as typestore
 
 from palpate.errors import PalpateError
 
-# Lists of more elements than this are no vector, matrix or set of joints, but a scan or an image.
+# A list of more elements is a scan or an image, not a vector, a matrix or a set of joints.
 LONGEST_LIST = 64
 
-#: A group of two numbers that is a time, seconds first, and the name by which all formats know it.
+#: Names of the groups of two numbers, seconds first, that are a time or a duration.
 TIME = "builtin_interfaces/msg/Time"
 DURATION = "builtin_interfaces/msg/Duration"
 TRANSFORM = "geometry_msgs/msg/TransformStamped"
 
 
 class UndecodableError(PalpateError):
-    """A message, or a definition of messages, that cannot be understood: the message says why."""
+    """A ROS message or its definition cannot be decoded: the error message says why."""
 
 
 @dataclass(frozen=True, slots=True)
 class Number:
-    """A number of fixed size; its dtype as NumPy writes it, without the order of bytes: ``f8``."""
+    """A number of fixed size, with its NumPy dtype without the byte order: ``f8``."""
 
     dtype: str
 
     @property
     def size(self) -> int:
-        """How many bytes it takes."""
+        """Its size in bytes."""
         return int(self.dtype[1:])
 
 
@@ -54,7 +53,7 @@ class Text:
 
 @dataclass(frozen=True, slots=True)
 class Many:
-    """A list; of a fixed length, unless that is None."""
+    """A list, of fixed length unless ``length`` is None."""
 
     element: "Field"
     length: int | None
@@ -67,7 +66,7 @@ class Group:
     Attributes
     ----------
     smallest : int
-        The fewest bytes that it can take, without padding.
+        Its smallest possible size in bytes, without padding.
     """
 
     name: str
@@ -79,7 +78,7 @@ Field: TypeAlias = Number | Text | Many | Group
 
 
 def smallest(field: Field) -> int:
-    """Return the fewest bytes that a field can take, without padding."""
+    """Return the smallest possible size of a field in bytes, without padding."""
     if isinstance(field, Number):
         return field.size
     if isinstance(field, Group):
@@ -90,18 +89,18 @@ def smallest(field: Field) -> int:
 
 
 def normal_name(type_name: str) -> str:
-    """Return the name of a type as ROS 2 writes it: ``geometry_msgs/msg/Wrench``."""
+    """Return the name of a type in ROS 2 form: ``geometry_msgs/msg/Wrench``."""
     package, slash, rest = type_name.partition("/")
     return f"{package}/msg/{rest}" if slash and "/" not in rest else type_name
 
 
 def one_line(text: str) -> str:
-    """Return a name from a file so that it can be shown: one line, printable, not endless."""
+    """Return a name from a file as one printable line of at most 200 characters."""
     shown = "".join(each if each.isprintable() else "?" for each in text[:200])
     return shown if len(text) <= 200 else shown + "…"
 
 
-# From the definition of a message, as bags and MCAP files carry it, to its tree of fields.
+# Parsing the definition of a message, as bags and MCAP files contain it, to a tree of fields.
 
 _DTYPES = {
     "bool": "b1", "byte": "u1", "char": "u1", "octet": "u1",
@@ -127,16 +126,16 @@ def message_fields(type_name: str, encoding: str, text: str) -> Group:
     Parameters
     ----------
     type_name : str
-        For instance ``geometry_msgs/msg/Wrench``, or ``geometry_msgs/Wrench``.
+        For example ``geometry_msgs/msg/Wrench`` or ``geometry_msgs/Wrench``.
     encoding : str
-        How the definition is written: ``"ros1msg"``, ``"ros2msg"`` or ``"ros2idl"``.
+        Language of the definition: ``"ros1msg"``, ``"ros2msg"`` or ``"ros2idl"``.
     text : str
-        The definition; where it is blank, that of the type in ROS itself.
+        The definition. If blank, ROS's own definition of the type.
 
     Raises
     ------
     UndecodableError
-        It cannot be understood, or there is none.
+        The definition is invalid or missing.
     """
     name = normal_name(type_name)
     ros1 = encoding == "ros1msg"
@@ -147,17 +146,17 @@ def message_fields(type_name: str, encoding: str, text: str) -> Group:
         if text.strip():
             known |= _parsed(name, encoding, text)
         elif name not in known:
-            raise UndecodableError("the file does not hold the definition of its type")
+            raise UndecodableError("the file lacks the definition of its type")
         return _Builder(known, ros1).group(name)
     except (RecursionError, TypesysError, ValueError, LookupError, AssertionError) as error:
         words = " ".join(str(error).split())[:80]
-        raise UndecodableError(f"its definition cannot be understood: {words}") from None
+        raise UndecodableError(f"its definition is invalid: {words}") from None
 
 
 def _parsed(name: str, encoding: str, text: str) -> Definitions:
     if encoding != "ros2idl":
         return get_types_from_msg(text, name)
-    # Each definition of a file that holds several stands below a line that names it.
+    # In a text with several definitions a line with its name precedes each.
     parts = re.split(r"^=+\s*\nIDL:[^\n]*\n", text, flags=re.MULTILINE)
     found: dict[str, tuple[Any, Any]] = {}
     for part in parts:
@@ -172,7 +171,7 @@ def _standard(ros1: bool) -> Definitions:
 
 
 class _Builder:
-    """Trees of the types of one definition; a type that is used twice is built once."""
+    """Builds the trees of the types in one definition, each type once."""
 
     def __init__(self, known: Definitions, ros1: bool) -> None:
         self.known = known
@@ -190,7 +189,7 @@ class _Builder:
                 raise UndecodableError(f"the definition of {name[:80]} is missing")
             fields = [(each, self._field(what)) for each, what in self.known[name][1]]
         if not fields and not self.ros1:
-            fields = [("", Number("u1"))]  # ROS 2 sends a byte in place of nothing
+            fields = [("", Number("u1"))]  # ROS 2 sends one byte for an empty message
         size = sum(smallest(field) for _, field in fields)
         self.built[name] = Group(name, tuple(fields), size)
         return self.built[name]
@@ -203,7 +202,7 @@ class _Builder:
             if value[0] == "string":
                 return Text()
             if value[0] not in _DTYPES:
-                raise UndecodableError(f"it holds a field of the type {value[0]}")
+                raise UndecodableError(f"palpate cannot read its field of type {value[0]}")
             if self.ros1 and value[0] in ("byte", "char"):
                 return Number("i1" if value[0] == "byte" else "u1")
             return Number(_DTYPES[value[0]])
@@ -219,17 +218,17 @@ Matrix: TypeAlias = NDArray[np.uint8]
 
 @dataclass(frozen=True, slots=True)
 class NumberAt:
-    """A number of fixed size; its dtype as NumPy writes it: ``<f8``."""
+    """The position of a number in a message, with its NumPy dtype: ``<f8``."""
 
     offset: int
     dtype: str
 
     def read(self, messages: Matrix) -> NDArray[Any]:
-        """Return it of every message, in the order of bytes of this machine."""
+        """Return the number in each message, in native byte order."""
         dtype = np.dtype(self.dtype)
         rows, width = messages.shape
         column = np.ndarray((rows,), dtype, messages, self.offset, (width,))
-        if dtype.kind == "b":  # any byte but 0 is true, and NumPy takes only 1 for it
+        if dtype.kind == "b":  # any byte but 0 means true, but NumPy expects 1
             truths: NDArray[np.bool_] = column.view(np.uint8) != 0
             return truths
         found: NDArray[Any] = column.astype(dtype.newbyteorder("="))
@@ -238,36 +237,36 @@ class NumberAt:
 
 @dataclass(frozen=True, slots=True)
 class TimeAt:
-    """A time or a duration of two numbers, as whole nanoseconds."""
+    """The position of a time or duration of two numbers, read as integer nanoseconds."""
 
     seconds: NumberAt
     nanoseconds: NumberAt
 
     def read(self, messages: Matrix) -> NDArray[Any]:
-        """Return it of every message."""
+        """Return the time in each message."""
         seconds = self.seconds.read(messages).astype(np.int64)
         return seconds * 1_000_000_000 + self.nanoseconds.read(messages).astype(np.int64)
 
 
-#: A number of a message.
+#: The position of a number or time in a message.
 MessageNumber: TypeAlias = NumberAt | TimeAt
 
 
 @dataclass(frozen=True, slots=True)
 class Entity:
-    """What has rows of its own: a topic, or one transform of a message that holds several.
+    """A set of channels with common rows: a topic, or one transform of a list of transforms.
 
     Attributes
     ----------
     name : str
-        What follows the topic's name: nothing, or ``[parent>child]``.
+        Suffix of the topic's name: empty, or ``[parent>child]``.
     leaves : dict
-        A :class:`MessageNumber` for each path below it: ``wrench.force.x``.
+        Path, such as ``wrench.force.x``, to its :class:`MessageNumber`.
     types : dict
-        The type of message that a path begins in, with the field: ``("geometry_msgs/msg/Wrench",
-        "force")`` for ``wrench.force``.
+        Path to message type and field: ``wrench.force`` to ``("geometry_msgs/msg/Wrench",
+        "force")``.
     frames : dict
-        The coordinate frame that a path such as ``header.frame_id`` holds.
+        Path, such as ``header.frame_id``, to the name of a coordinate frame.
     """
 
     name: str = ""
@@ -278,18 +277,18 @@ class Entity:
 
 @dataclass(slots=True)
 class Layout:
-    """Where the numbers of a message are.
+    """The positions of the numbers in a message.
 
     Attributes
     ----------
     length : int
-        Of the message, in bytes.
+        Length of the message in bytes.
     checks : list
-        What every message of this layout holds: first byte, and the bytes.
+        Position and value of the bytes that all messages of this layout have in common.
     entities : list of Entity
-        What it gives.
+        The channels of the message.
     skipped : dict
-        Fields that are left out because they are long: path and number of bytes.
+        Path and number of bytes of the fields skipped because they are long.
     """
 
     length: int
@@ -298,7 +297,7 @@ class Layout:
     skipped: dict[str, int] = field(default_factory=dict)
 
     def check(self, data: bytes | memoryview, start: int, stop: int) -> None:
-        """Ask for the bytes of a message to be the same in every other."""
+        """Require every message of this layout to have the same bytes here."""
         want = np.frombuffer(data, np.uint8)[start:stop]
         if self.checks and self.checks[-1][0] + len(self.checks[-1][1]) == start:
             start, before = self.checks.pop()
@@ -306,7 +305,7 @@ class Layout:
         self.checks.append((start, want.copy()))
 
     def matches(self, messages: Matrix) -> NDArray[np.bool_]:
-        """Which messages, all of its length, are of this layout."""
+        """Mask of the messages, all of equal length, that have this layout."""
         same = np.ones(len(messages), bool)
         for start, want in self.checks:
             same &= (messages[:, start : start + len(want)] == want).all(axis=1)
@@ -315,16 +314,16 @@ class Layout:
 
 @dataclass(frozen=True, slots=True)
 class Block:
-    """Messages of one topic, in a block of bytes.
+    """Messages of one topic in one array of bytes.
 
     Attributes
     ----------
     data : ndarray
         The bytes.
     starts, lengths : ndarray
-        Of each message, in bytes.
+        Start and length of each message, in bytes.
     times : ndarray
-        When each was logged, in nanoseconds.
+        Log time of each message, ns.
     """
 
     data: Bytes
@@ -338,76 +337,75 @@ class Block:
 
     @classmethod
     def joined(cls, messages: Sequence[bytes], times: Sequence[int]) -> "Block":
-        """Return messages that lie apart as a block."""
+        """Return separate messages as one block."""
         lengths = np.fromiter(map(len, messages), np.int64, len(messages))
         data = np.frombuffer(b"".join(messages), np.uint8)
         return cls(data, np.cumsum(lengths) - lengths, lengths, np.array(times, np.int64))
 
 
 def gather(data: Bytes, starts: NDArray[np.int64], length: int) -> Matrix:
-    """Return messages of one length, a row each, that begin anywhere in a block of bytes."""
+    """Return messages of equal length, at any positions in a block, as rows of a matrix."""
     if length == 0 or not len(starts):
         return np.empty((len(starts), length), np.uint8)
     windows = np.ndarray((len(data) - length + 1,), f"V{length}", data, 0, (1,))
     return windows[starts].view(np.uint8).reshape(-1, length)
 
 
-# One message of ROS 1 or of ROS 2, walked by its definition: where its numbers stand.
+# Parsing one ROS 1 or ROS 2 message by its definition, to find its layout.
 
-# A message of more parts than this is a map or a plan; walking one takes some 0.1 s.
+# A message of more parts is a map or a plan; parsing one takes some 0.1 s.
 MOST_PARTS = 100_000
 
 FRAMES = ("frame_id", "child_frame_id")
-_NAMES = ("name", "names", "joint_names")  # of what the lists beside them hold
+_NAMES = ("name", "names", "joint_names")  # names for the elements of the other lists
 _LONGEST_NAME = 200  # bytes
 
 
-# By the second byte of a message in CDR: the order of bytes, and the largest alignment.
+# The byte order and largest alignment of a CDR message, by its second byte.
 _CDR = {0x00: (">", 8), 0x01: ("<", 8), 0x06: (">", 4), 0x07: ("<", 4)}
 
 
 def walk_ros1(message: bytes, fields: Group) -> Layout:
-    """Return the layout of a message of ROS 1; UndecodableError where it is not of its type."""
-    return _Walk(message, 0, "<", 1).walk(fields)  # which packs
+    """Return the layout of a ROS 1 message; raise UndecodableError if it is not of this type."""
+    return _Walk(message, 0, "<", 1).walk(fields)  # ROS 1 does not align
 
 
 def walk_cdr(message: bytes, fields: Group) -> Layout:
-    """Return the layout of a message of ROS 2; UndecodableError where it is not of its type."""
+    """Return the layout of a ROS 2 message; raise UndecodableError if it is not of this type."""
     if len(message) < 4:
-        raise UndecodableError(f"a message of {len(message)} bytes has no head")
+        raise UndecodableError(f"a message of {len(message)} bytes has no header")
     if message[0] != 0 or message[1] not in _CDR:
-        raise UndecodableError(f"the encoding {message[:2].hex()} is not read, only plain CDR")
+        raise UndecodableError(f"its encoding {message[:2].hex()} is not plain CDR")
     return _Walk(message, 4, *_CDR[message[1]]).walk(fields)
 
 
 def leaves_of_empty(fields: Group) -> dict[str, MessageNumber]:
-    """Return the numbers of a message of ROS 2 in which every list and text is empty."""
+    """Return the numbers of a ROS 2 message in which every list and text is empty."""
     walk = _Walk(bytes(8 * fields.smallest + 64), 4, "<", 8)
     walk.group(fields, "")
     return walk.entity.leaves
 
 
 class _Walk:
-    """A message being walked; from ``begin`` on, where its first field is, CDR aligns."""
+    """Parses a message; CDR aligns fields relative to the first one, at ``begin``."""
 
     def __init__(self, message: bytes, begin: int, order: str, alignment: int) -> None:
         self.message, self.order, self.alignment = message, order, alignment
         self.begin = self.position = begin
         self.left = MOST_PARTS
         self.layout = Layout(len(message))
-        self.layout.check(message, 0, min(2, begin))  # padding may differ
+        self.layout.check(message, 0, min(2, begin))  # the padding bits after it may differ
         self.entity = Entity()
-        self.quiet = 0  # inside of a long list nothing is noted
+        self.quiet = 0  # > 0 inside a long list, which is not recorded
 
     def walk(self, fields: Group) -> Layout:
         self.layout.entities.append(self.entity)
         self.group(fields, "")
-        # Some middlewares pad a message to whole words of 4 bytes.
+        # Some middlewares pad a message to a multiple of 4 bytes.
         padding = len(self.message) - self.position
         if padding < 0 or padding > (3 if self.begin else 0):
             raise UndecodableError(
-                f"a message of {len(self.message)} bytes does not fit its type, which takes "
-                f"{self.position}"
+                f"a message has {len(self.message)} bytes, but its type needs {self.position}"
             )
         return self.layout
 
@@ -486,7 +484,7 @@ class _Walk:
         self.entity = above
 
     def _names(self, many: Many) -> list[str]:
-        """The names in a list, all different; none where they would say nothing."""
+        """The names in a list; none if one is empty or repeated."""
         count = self._count(many)
         if count > LONGEST_LIST or self.quiet:
             for _ in range(count):
@@ -496,17 +494,17 @@ class _Walk:
         return names if len(set(names)) == count and all(names) else []
 
     def _count(self, many: Many) -> int:
-        """How many elements a list has: no more than can be in what is left of the message."""
+        """The number of elements of a list; raise if the rest of the message is too short."""
         if many.length is not None:
             return many.length
         count = self._size()
         room = len(self.message) - self.position
         if count * max(1, smallest(many.element)) > room:
-            raise UndecodableError(f"a list claims {count} elements in {room} bytes")
+            raise UndecodableError(f"a list states {count} elements in {room} bytes")
         return count
 
     def _size(self) -> int:
-        """A count or a length, which has to be the same in all messages of the layout."""
+        """A count or a length, which must be equal in all messages of the layout."""
         at = self._take(4)
         self.layout.check(self.message, at, at + 4)
         size: int = struct.unpack_from(self.order + "I", self.message, at)[0]
@@ -520,7 +518,7 @@ class _Walk:
         return begin, self.position
 
     def _text(self) -> str:
-        """A text that names something, which has to be the same in all messages of the layout."""
+        """A name, which must be equal in all messages of the layout."""
         begin, end = self._skip_text()
         if end - begin > _LONGEST_NAME:
             raise UndecodableError(f"a name is {end - begin} bytes long")
@@ -529,7 +527,7 @@ class _Walk:
         return one_line(text)
 
     def _take(self, size: int, count: int = 1) -> int:
-        """Move past numbers of a size; return where they begin."""
+        """Advance past numbers of a size; return the position of the first."""
         step = min(size, self.alignment)
         at = self.position + (self.begin - self.position) % step
         self.position = at + size * count
@@ -539,7 +537,7 @@ class _Walk:
     def _inside(self) -> None:
         if self.position > len(self.message):
             raise UndecodableError(
-                f"a message of {len(self.message)} bytes ends before what its type says"
+                f"a message of {len(self.message)} bytes is too short for its type"
             )
 
 

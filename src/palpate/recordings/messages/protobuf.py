@@ -1,4 +1,4 @@
-"""Messages that are decoded one by one: in JSON by the standard library, and in protobuf."""
+"""Messages decoded one by one: JSON and protobuf."""
 
 import json
 from collections import defaultdict
@@ -26,7 +26,7 @@ class JsonTopic(ObjectTopic):
     Parameters
     ----------
     request : Request
-        What is asked for.
+        What to read.
     """
 
     def __init__(self, request: Request) -> None:
@@ -34,17 +34,17 @@ class JsonTopic(ObjectTopic):
         self._wanted: dict[str, bool] = {}
 
     def decoded(self, message: bytes) -> Any:
-        """Return a message as an object; raise UndecodableError where it is none."""
+        """Return a message as an object; raise UndecodableError if it is invalid."""
         try:
             found = json.loads(message, parse_int=_whole)
         except (ValueError, RecursionError) as error:
-            raise UndecodableError(f"it is no JSON: {first_line(error)[:60]}") from None
+            raise UndecodableError(f"it is not JSON: {first_line(error)[:60]}") from None
         if not isinstance(found, dict):
-            raise UndecodableError(f"a JSON object was expected, not {type(found).__name__}")
+            raise UndecodableError(f"it must be a JSON object, not {type(found).__name__}")
         return found
 
     def take_objects(self, messages: list[Any], times: Starts) -> None:
-        """Read decoded messages; and when each was logged."""
+        """Read decoded messages with their log times, ns."""
         values: dict[str, list[Any]] = defaultdict(list)
         rows: dict[str, list[int]] = defaultdict(list)
         found = self.found.get("", Found())
@@ -61,7 +61,7 @@ class JsonTopic(ObjectTopic):
     def _numbers(
         self, value: Any, path: str, found: Found, depth: int
     ) -> Iterator[tuple[str, int | float | bool]]:
-        """Every number in a value, with its path."""
+        """All numbers in a value, with their paths."""
         if isinstance(value, int | float):
             yield path, value
         elif isinstance(value, dict):
@@ -84,7 +84,7 @@ class JsonTopic(ObjectTopic):
 
 
 def _time(value: dict[str, Any]) -> int | None:
-    """The nanoseconds of an object of seconds and nanoseconds; None where it is something else."""
+    """The time in ns of an object of seconds and nanoseconds; None for any other object."""
     if len(value) != 2:
         return None
     seconds = next((value[name] for name in _SECONDS if name in value), None)
@@ -103,12 +103,12 @@ def _column(numbers: list[Any]) -> NDArray[Any]:
 
 
 def _whole(digits: str) -> int | float:
-    """A whole number; beyond 64 bits as a float."""
+    """An integer; a float if it exceeds 64 bits."""
     number = int(digits)
     return number if -_LARGEST <= number < _LARGEST else float(digits)
 
 
-# Messages of protobuf, decoded by its own package; each field of many messages is a column.
+# Protobuf messages, decoded by its own package; a field of many messages is a column.
 
 _Kind = descriptor_pb2.FieldDescriptorProto
 _DTYPES = {
@@ -128,16 +128,16 @@ class ProtobufTopic(ObjectTopic):
     Parameters
     ----------
     type_name : str
-        For instance ``foxglove.PoseInFrame``.
+        For example ``foxglove.PoseInFrame``.
     schema : bytes
-        A FileDescriptorSet with the type and all that it holds.
+        A FileDescriptorSet with the type and all types that it uses.
     request : Request
-        What is asked for.
+        What to read.
 
     Raises
     ------
     UndecodableError
-        The schema is none, or the type is not in it.
+        The schema is invalid or lacks the type.
     """
 
     def __init__(self, type_name: str, schema: bytes, request: Request) -> None:
@@ -147,22 +147,22 @@ class ProtobufTopic(ObjectTopic):
             pool = descriptor_pool.DescriptorPool()
             self._class = message_factory.GetMessages(files, pool=pool)[type_name]
         except DecodeError:
-            raise UndecodableError("its schema is no protobuf descriptor") from None
+            raise UndecodableError("its schema is not a protobuf descriptor") from None
         except KeyError:
-            raise UndecodableError("its schema does not hold its type") from None
+            raise UndecodableError("its schema lacks its type") from None
         except TypeError as error:
             words = " ".join(str(error).split())[:80]
-            raise UndecodableError(f"its schema cannot be understood: {words}") from None
+            raise UndecodableError(f"its schema is invalid: {words}") from None
 
     def decoded(self, message: bytes) -> Any:
-        """Return a message as an object; raise UndecodableError where it is none."""
+        """Return a message as an object; raise UndecodableError if it is invalid."""
         try:
             return self._class.FromString(message)
         except DecodeError as error:
             raise UndecodableError(f"{error}"[:100]) from None
 
     def take_objects(self, messages: list[Any], times: Starts) -> None:
-        """Read decoded messages; and when each was logged."""
+        """Read decoded messages with their log times, ns."""
         if not self.found and self.request.channels is None and _is_long(messages[0]):
             self.omitted = "most of it is in long lists"
             return
@@ -187,7 +187,7 @@ class ProtobufTopic(ObjectTopic):
     def _columns(
         self, messages: Sequence[Any], rows: Starts, path: str, found: Found, without: Any = None
     ) -> Iterator[tuple[str, Starts, NDArray[Any]]]:
-        """Each number of some messages: its path, which rows have it, and the values."""
+        """Each number of some messages: its path, the rows that have it, and the values."""
         kind = messages[0].DESCRIPTOR
         for field in kind.fields:
             below = f"{path}.{field.name}" if path else field.name
@@ -207,7 +207,7 @@ class ProtobufTopic(ObjectTopic):
                     found.types[f"{below}[{k}]"] = kind.full_name, field.name
                     yield from self._values(field, items, rows[some], f"{below}[{k}]", found)
                 continue
-            if field.has_presence and not field.has_default_value:  # what is unknown is left out
+            if field.has_presence and not field.has_default_value:  # absent fields give no value
                 there = [message.HasField(field.name) for message in messages]
                 values = [value for value, is_there in zip(values, there, strict=True) if is_there]
                 here = rows[np.array(there)]
@@ -233,14 +233,14 @@ class ProtobufTopic(ObjectTopic):
 
 
 def _is_list(field: Any) -> bool:
-    """Whether a field is repeated; what it is asked for is called otherwise in each version."""
+    """Whether a field is repeated, in any version of protobuf."""
     # A map has no order, and no element by number.
     entry = field.message_type is not None and field.message_type.GetOptions().map_entry
     return bool(field.default_value == [] and not entry)
 
 
 def _is_long(message: Any) -> bool:
-    """Whether most of a message is an image, or the like."""
+    """Whether most of a message is an image or similar."""
     found = [
         value
         for field, value in message.ListFields()

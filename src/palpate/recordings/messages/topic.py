@@ -1,4 +1,4 @@
-"""A topic: blocks of its messages in, channels out."""
+"""Topics: convert blocks of messages to channels."""
 
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Sequence
@@ -22,16 +22,14 @@ from palpate.recordings.messages.layout import (
 from palpate.recordings.opening import Request
 from palpate.recordings.recording import Faults
 
-# A topic whose messages cannot be walked is given up after so many: some 0.1 s, of which a file can
-# hold many.
+# palpate gives up on a topic after so many undecodable messages: some 0.1 s per topic.
 PATIENCE = 1000
-# Layouts that are kept to compare messages with.
+# Largest number of layouts kept for comparison.
 MOST_LAYOUTS = 256
-_BATCH = 4096  # messages that are held as Python's objects at once, some 1 kB each
+_BATCH = 4096  # messages held as Python objects at once, some 1 kB each
 
-_ZSTD = b"\x28\xb5\x2f\xfd"  # what a packed message begins with
-#: Below an entity, the column of the times at which messages were logged. Fields of messages have
-#: no space in their names.
+_ZSTD = b"\x28\xb5\x2f\xfd"  # first bytes of a compressed message
+#: The column of log times. No field of a message has a space in its name.
 LOG_TIME = "log time"
 STAMPS = ("header.stamp", "timestamp", "stamp")
 
@@ -40,21 +38,21 @@ _Rows: TypeAlias = slice | NDArray[np.int64]
 
 
 def stamp_of(paths: Iterable[str]) -> str | None:
-    """Return which of the paths of an entity says when it was measured; None where none does."""
+    """Return the path of the time of measurement; None if there is none."""
     there = set(paths)
     return next((path for path in STAMPS if path in there), None)
 
 
 @dataclass(slots=True)
 class Found:
-    """What has been found of a topic, or of one transform of it.
+    """The data of a topic, or of one transform of it.
 
     Attributes
     ----------
     count : int
-        Of its rows.
+        Number of rows.
     columns : dict
-        Pieces of each column: in which rows they stand, and the numbers.
+        Pieces of each column: their rows and the numbers.
     """
 
     count: int = 0
@@ -66,12 +64,12 @@ class Found:
     frames: dict[str, list[str]] = field(default_factory=lambda: defaultdict(list))
 
     def meet_frame(self, path: str, frame: str) -> None:
-        """Note the frame that a field names: two are enough to know that it changes."""
+        """Note the frame in a field, up to two: these show that it changes."""
         if len(self.frames[path]) < 2 and frame not in self.frames[path]:
             self.frames[path].append(frame)
 
     def finish(self, path: str) -> tuple[NDArray[Any], Faults | None]:
-        """Return a column, which is empty then; a row without the field is NaN, and a fault."""
+        """Return and clear a column; a row without the field is NaN and counted as a fault."""
         pieces = self.columns.pop(path)
         dtype = np.result_type(*(column.dtype for _, column in pieces))
         missing = self.count - sum(len(column) for _, column in pieces)
@@ -85,10 +83,10 @@ class Found:
         if not missing:
             return values, None
         first = int(np.argmax(absent))
-        return values, Faults(missing, first, "nothing: the message has no such field")
+        return values, Faults(missing, first, "a message without this field")
 
 
-#: A number of some messages: its path, the rows that have it, and the values.
+#: A column of numbers: its path, the rows that have it, and the values.
 PathColumn: TypeAlias = tuple[str, _Rows, NDArray[Any]]
 _Part: TypeAlias = tuple[Starts, Layout, Matrix]
 
@@ -99,18 +97,18 @@ class Topic:
     Parameters
     ----------
     request : Request
-        What is asked for.
+        What to read.
 
     Attributes
     ----------
     name, type_name : str
-        As the file says them.
+        Name and type in the file.
     found : dict
-        What has been found, by what follows the topic's name: nothing, or ``[parent>child]``.
+        The data, by the suffix of the topic's name: empty, or ``[parent>child]``.
     messages, undecodable : int
-        How many there were; how many could not be decoded.
+        Number of messages; number of those that could not be decoded.
     omitted : str
-        Why nothing of it is read.
+        Why the topic is skipped; empty if it is read.
     """
 
     def __init__(self, request: Request) -> None:
@@ -124,27 +122,27 @@ class Topic:
         self.skipped: set[str] = set()
 
     def add(self, block: Block) -> None:
-        """Take messages."""
+        """Count messages and read them."""
         self.messages += len(block.starts)
         if not self.omitted and len(block.starts):
             self.take(block)
 
     def take(self, block: Block) -> None:
-        """Read messages; a topic that is omitted has no way to."""
+        """Read messages; subclasses implement this."""
 
     def fail(self, reason: str, count: int = 1) -> None:
-        """Count messages that could not be decoded, and give up where none of many could."""
+        """Count undecodable messages; give up after many if none could be decoded."""
         self.undecodable += count
         self.reason = self.reason or reason
         if self.undecodable >= PATIENCE and not self.found:
             self.omitted = reason
 
     def wants(self, name: str, path: str) -> bool:
-        """Whether a number of an entity is kept: it is asked for, or when it was measured."""
+        """Whether a column is requested, or is the time of measurement."""
         return path in STAMPS or self.request.wants(f"{self.name}{name}.{path}")
 
     def keep(self, name: str, found: Found, columns: Sequence[PathColumn], times: Starts) -> None:
-        """Add some messages of an entity, unless nothing but their stamp was asked for."""
+        """Add columns of some messages, unless they hold nothing but the time stamp."""
         paths = {path for path, _, _ in columns}
         if paths <= {stamp_of(paths)}:
             return
@@ -156,14 +154,14 @@ class Topic:
 
 
 class ObjectTopic(Topic):
-    """A topic whose messages a package decodes to Python's objects, one by one."""
+    """A topic whose messages a package decodes to Python objects, one by one."""
 
     def decoded(self, message: bytes) -> Any:
-        """Return a message as an object; raise UndecodableError where it is none."""
+        """Return a message as an object; raise UndecodableError if it is invalid."""
         raise NotImplementedError
 
     def take_objects(self, messages: list[Any], times: Starts) -> None:
-        """Read decoded messages; and when each was logged."""
+        """Read decoded messages with their log times, ns."""
         raise NotImplementedError
 
     def take(self, block: Block) -> None:
@@ -189,9 +187,9 @@ class BinaryTopic(Topic):
     walk : callable
         Returns the layout of a message, or raises UndecodableError.
     request : Request
-        What is asked for.
+        What to read.
     cdr : bool
-        Whether they are in CDR, whose first byte is 0: so it shows where they are compressed.
+        Whether they are in CDR. Its first byte is 0, unless the messages are compressed.
     """
 
     def __init__(self, walk: Walk, request: Request, *, cdr: bool = False) -> None:
@@ -202,7 +200,7 @@ class BinaryTopic(Topic):
 
     def take(self, block: Block) -> None:
         """Read messages."""
-        if self._cdr and block.message(0).startswith(_ZSTD):  # as ROS 2 may pack each
+        if self._cdr and block.message(0).startswith(_ZSTD):  # ROS 2 can compress each message
             block = self._unpacked(block)
         if len(block.starts):
             parts = self._parts(block)
@@ -215,13 +213,13 @@ class BinaryTopic(Topic):
             try:
                 messages.append(zstandard.decompress(block.message(k)))
             except zstandard.ZstdError as error:
-                self.fail(f"it does not unpack: {error}")
+                self.fail(f"it cannot be decompressed: {error}")
                 continue
             times.append(time)
         return Block.joined(messages, times)
 
     def _parts(self, block: Block) -> list[_Part]:
-        """Messages by their layout: which of the block; the layout; the bytes."""
+        """Messages grouped by layout: their indices, the layout, the bytes."""
         parts: list[_Part] = []
         for length in np.unique(block.lengths).tolist():
             self._match(block, np.flatnonzero(block.lengths == length), length, parts)
@@ -229,7 +227,7 @@ class BinaryTopic(Topic):
 
     def _match(self, block: Block, which: Starts, length: int, parts: list[_Part]) -> None:
         known = self._layouts.setdefault(length, [])
-        # The first is walked before an image is copied, which is then left out.
+        # Parse the first message before copying, so that images are skipped without a copy.
         if not known and not self._new_layout(block.message(int(which[0])), known):
             which = which[1:]
         if self.omitted:
@@ -253,7 +251,7 @@ class BinaryTopic(Topic):
                 which, matrix = which[~same], matrix[~same]
 
     def _new_layout(self, message: bytes, known: list[Layout]) -> bool:
-        """Walk a message, and keep its layout; whether it could be."""
+        """Parse a message and keep its layout; return whether that succeeded."""
         try:
             layout = self._walk(message)
         except UndecodableError as error:
@@ -266,7 +264,7 @@ class BinaryTopic(Topic):
         return True
 
     def _choose(self, layout: Layout) -> None:
-        """Leave out what is not asked for, and what is long."""
+        """Drop columns that are not requested, and topics that consist of long lists."""
         named = self.request.channels is not None
         long = sum(layout.skipped.values())
         if not self.found and not named and long > layout.length / 2:
@@ -291,7 +289,7 @@ class BinaryTopic(Topic):
         for name, pieces in by_name.items():
             found = self.found.get(name, Found())
             which = [part[0] for part, _ in pieces]
-            # Messages of several layouts stay in the order in which they stand in the file.
+            # Messages of several layouts keep their order in the file.
             order = np.argsort(np.concatenate(which), kind="stable")
             row_of = np.empty(len(order), np.int64)
             row_of[order] = found.count + np.arange(len(order))

@@ -64,7 +64,7 @@ export class Controls {
         return element("label", {}, `${label} `, list);
       }
       const box = element("input", { type: "number", name, step: "any", min: "0", value: value ?? "" });
-      if (name === "forgetting_factor") Object.assign(box, { max: "1", placeholder: "method's own" });
+      if (name === "forgetting_factor") Object.assign(box, { max: "1", placeholder: "default" });
       return element("label", {}, `${label} `, box);
     }));
   }
