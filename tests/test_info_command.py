@@ -75,7 +75,7 @@ def test_a_strip_chart_has_a_strip_for_each_channel_that_varies(run, printed, tm
     content = path.read_bytes()
     assert printed("info", path, "--figure", chart, "--dark").endswith(f"figure: {chart}\n")
     ElementTree.parse(chart)
-    for words in ("a.parquet: 2 of 4 channels, those that vary", "since the first of time_s [s]"):
+    for words in ("a.parquet: 2 of 4 channels vary", "since the first time_s [s]"):
         assert words in chart.read_text()
     drawn_over = tmp_path / "b.svg"
     drawn_over.hardlink_to(path)

@@ -81,9 +81,9 @@ def test_the_page_is_whole_and_fetches_nothing(report):
     assert not re.search(r"#[0-9a-f]{6}\b", body, re.IGNORECASE)
 
 
-def test_the_verdict_stands_first_and_the_numbers_before_the_figure(report):
+def test_the_verdict_stands_first_then_the_picture_then_the_tables(report):
     words = Reading(report).words
-    order = ("trust", "2000.7 ± 0.6 N/m", "correlation", "residual", "palpate identify")
+    order = ("trust", "2000.7 ± 0.6 N/m", "force–penetration loop", "correlation", "palpate identify")
     places = [words.index(each) for each in order]
     assert places == sorted(places)
     assert re.search(r"truth 2000, [+-]\d\.\d σ", words)
@@ -117,7 +117,7 @@ def test_every_section_of_a_result_is_said_in_the_same_words_wherever_it_is_show
                 assert " ".join(words.split()) in each
 
 
-def test_each_stretch_between_changes_is_a_row_and_the_fit_is_said_of_their_own_laws():
+def test_each_segment_between_changes_is_a_row_and_the_fit_names_their_own_laws():
     result = palpate.identify(changed(0.3)).by_segment()
     [section] = view.parts(result)
     assert len(section.rows) == 2

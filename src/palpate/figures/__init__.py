@@ -1,14 +1,16 @@
-"""Figures of an identification, and how every figure looks. Needs the extra ``figures``.
+"""Figures of an identification, and the style of all figures. Needs the extra ``figures``.
 
-What else is drawn stands beside what it shows: :mod:`palpate.design.figures`,
-:mod:`palpate.fleet.figures` and :mod:`palpate.lab.figures`.
+Other figures are in :mod:`palpate.design.figures`, :mod:`palpate.fleet.figures` and
+:mod:`palpate.lab.figures`.
 """
 
 from importlib import import_module
 
+from palpate.figures.identified import PLACES_CAPTION as PLACES_CAPTION
 from palpate.figures.identified import draw as draw
 from palpate.figures.identified import draw_comparison as draw_comparison
 from palpate.figures.identified import draw_oscillations as draw_oscillations
+from palpate.figures.identified import draw_places as draw_places
 from palpate.figures.panels import draw_residuals as draw_residuals
 from palpate.figures.style import check_figure as check_figure
 from palpate.figures.style import save as save
