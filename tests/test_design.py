@@ -354,7 +354,7 @@ def test_a_file_says_what_it_holds_above_its_header(printed, tmp_path):
         (["--rate", "100"], "--rate needs a file for the motion: add -o FILE"),
         (["-o", "a.csv", "--rate", "0"], "--rate must be in"),
         (["-o", "/dev/stdout", "--json"], "cannot both write to standard output"),
-        (["-o", "a.svg", "--figure", "a.svg"], "two outputs would be this file"),
+        (["-o", "a.svg", "--figure", "a.svg"], "two outputs name this file"),
         (["-o", "a.csv", "--amplitudes", "0", "--frequencies", "1"], "the probe is held"),
         (["--width", "88mm"], "pass --figure"),
     ],
