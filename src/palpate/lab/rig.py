@@ -260,7 +260,7 @@ class Sensors:
         """Describe the sensors in a line."""
         return (
             f"force noise {self.force_noise:g} N rms, in steps of {self.force_resolution:g} N, "
-            f"unknown bias of {self.force_bias:g} N rms; one sample every {self.sample_time:g} s"
+            f"unknown bias of {self.force_bias:g} N rms; a sample every {self.sample_time:g} s"
         )
 
 

@@ -356,7 +356,7 @@ def _remarks(measured: Quantity, predicted: Quantity) -> list[str]:
         remarks.append("the dissipated energy is not distinguishable from 0")
     elif measured.value < 0.0:
         remarks.append(
-            "the material returns more energy than is put in: the force is late, or the surface moves"
+            "the material returns more energy than it takes: the force is late or the surface moves"
         )
     errors = (measured.standard_error, predicted.standard_error)
     known = [error for error in errors if math.isfinite(error)]
