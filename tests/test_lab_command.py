@@ -45,7 +45,7 @@ def test_what_an_oscillation_feels_is_shown_beside_the_truth_of_what_remembers(r
     run("lab", "tissue", "--probe", "ideal", "-o", file, "--seconds", 4)
     out = " ".join(run("identify", file, "--method", "viscoelastic", "-v")[1].split())
     felt = re.search(
-        r"feels ([\d.]+) ± .+ N/m \(truth ([\d.]+).+ and ([\d.]+) ± .+ \(truth ([\d.]+)", out
+        r"mm: ([\d.]+) ± .+ N/m \(truth ([\d.]+).+ and ([\d.]+) ± .+ \(truth ([\d.]+)", out
     )
     stiffness, real, damping, exact = map(float, felt.groups())
     # 2 s of motion: seen, 0.05 % and 1 %.

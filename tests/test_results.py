@@ -129,15 +129,15 @@ def test_a_trace_that_is_read_is_not_written_over(refused, saved):
     "spoil, words",
     [
         (lambda folder: (folder / "result.json").unlink(), "No such file"),
-        (lambda folder: (folder / "result.json").write_text("{"), "no JSON"),
+        (lambda folder: (folder / "result.json").write_text("{"), "not JSON"),
         (lambda folder: (folder / "result.json").write_text("[1]"), "no schema_version"),
-        (lambda folder: change(folder, schema_version=99), "as schema 99, and this one reads 2"),
+        (lambda folder: change(folder, schema_version=99), "with schema 99, but this one reads up to 2"),
         (lambda folder: change(folder, results=[]), "damaged"),
         (lambda folder: change(folder, findings=[{"wrong": 1}]), "damaged"),
         (lambda folder: change(folder, trace="trace.hdf5"), "trace.hdf5"),
         (lambda folder: change(folder, trace="../ball.csv"), "../ball.csv"),
         (lambda folder: change(folder, provenance=3), "damaged"),
-        (lambda folder: lose(folder, "verdict", "overall"), "no verdict of palpate"),
+        (lambda folder: lose(folder, "verdict", "overall"), "is not a verdict of palpate"),
         (lambda folder: lose(folder, "working_depths", 0, "force"), "damaged"),
         (lambda folder: next(folder.glob("trace.*")).write_bytes(b""), "trace."),
         (lambda folder: next(folder.glob("trace.*")).write_text("a,b\n1,2\n"), "trace."),
@@ -178,7 +178,9 @@ def test_the_trace_of_another_run_is_refused(ball, tmp_path, monkeypatch, undraw
         assert same(palpate.load_result(tmp_path / folder).contact.force, each.contact.force)
     [trace] = (tmp_path / "other").glob("trace.*")
     shutil.copy(trace, tmp_path / "one")
-    with pytest.raises(RecordingError, match=rf"result\.json: {trace.name} beside it is another"):
+    with pytest.raises(
+        RecordingError, match=rf"result\.json: {trace.name} has changed or is from another run"
+    ):
         palpate.load_result(tmp_path / "one")
 
 

@@ -80,7 +80,7 @@ def _explained(fit: Fit, name: str, amount: float) -> tuple[str, str]:
             "use the damping at the working depth only",
         ),
         "damping with depth": (
-            "the damping grows with depth, which this law leaves out",
+            "the damping grows with depth, but not in this law",
             "run again with --method variable-projection, whose damping grows with depth",
         ),
         "shape": (
@@ -183,10 +183,7 @@ def delay_sensitivity(fit: Fit) -> str:
         return words
     if fit.laws.verdict.candidate.damping != "half-space":
         return words
-    equivalent = (
-        "a half-space's damper and a force that is early are alike, and no check parts them"
-    )
-    return f"{words}: {equivalent}"
+    return f"{words}; no check can distinguish half-space damping from a force that is early"
 
 
 def _by_delay(fit: Fit, shift: int) -> Floats:

@@ -1,4 +1,4 @@
-"""The parameters of an identified law in words, and beside the truth that a recording states."""
+"""The parameters of an identified law as text, and compared with the truth of a recording."""
 
 import math
 from collections.abc import Iterator
@@ -115,7 +115,7 @@ def _bound(law: ForceLaw, k: int, words: str) -> ParameterRow:
     return ParameterRow(k, law.names()[k], law.symbols[k], "", words)
 
 
-# The truth that a recording states, beside what was identified.
+# The truth that a recording states, compared with the identified law.
 
 # Of the logarithms of a spectrum's ends: 5 % of a time move M by less than 1 %.
 _SAME_TIME = 0.05
@@ -161,7 +161,7 @@ def _same_memory(law: GeneralisedHuntCrossley, truth: GeneralisedHuntCrossley) -
 
 
 def oscillation_against_truth(result: "Identified") -> str:
-    """Say what a small oscillation feels, and the truth of it; empty where nothing remembers."""
+    """Describe the dynamic stiffness next to its truth; empty if no law relaxes."""
     truth = truth_of(result.contact.provenance)
     if truth is None or not (truth.remembers or result.law.remembers):
         return ""
@@ -176,10 +176,10 @@ def oscillation_against_truth(result: "Identified") -> str:
         for found, (value, unit) in zip((felt.stiffness, felt.damping), exact, strict=True)
     )
     same = comparable(result.law, truth) == set(result.law.names())
-    other = "" if same else "the file's law is another; "
+    other = "" if same else "the file states another law; "
     return (
-        f"{other}an oscillation of {rounded(felt.frequency, 3)} rad/s about "
-        f"{rounded(1e3 * felt.depth, 3)} mm feels {' and '.join(words)}"
+        f"{other}dynamic stiffness and damping at {rounded(felt.frequency, 3)} rad/s and "
+        f"{rounded(1e3 * felt.depth, 3)} mm: {' and '.join(words)}"
     )
 
 

@@ -1,4 +1,4 @@
-"""A result on disk and back: options as TOML, numbers as JSON, the trace as columns.
+"""Save and load a result: options as TOML, numbers as JSON, the trace as columns.
 
 ``docs/results.md`` says what each field of ``result.json`` means, which ``--json`` prints too.
 """
@@ -68,7 +68,7 @@ def _value(value: Any) -> str:
 
 
 def how_made(contact: Contact, files: Sequence[Path]) -> list[str]:
-    """Of which files a contact was made, and how, a line each: for comments."""
+    """The files of a contact and how it was prepared, a line each, for comments."""
     made = contact.provenance
     if len(files) > 1:  # the first one's stands there without its name too
         made = {name: words for name, words in made.items() if " of " in name} or made
@@ -90,7 +90,7 @@ FILE_NAMES = {
 
 
 def trace_columns(result: "Identified") -> tuple[dict[str, NDArray[Any]], dict[str, str]]:
-    """Return the contact, what was predicted of it, and the law after each sample; and units.
+    """Return contact, predictions and the law after each sample as columns, and their units.
 
     Columns by name, of equal length: ``time``, ``penetration``, ``velocity``, ``force``,
     ``segment``, ``predicted_force`` (a priori), ``fitted_force`` (by the final law), ``status`` and
@@ -121,26 +121,26 @@ Column = TypeVar("Column")
 
 
 def in_file(columns: Mapping[str, Column]) -> dict[str, Column]:
-    """The same by the names that columns have in a file."""
+    """The same columns by their names in a file."""
     return {FILE_NAMES.get(name, name): column for name, column in columns.items()}
 
 
 def contact_and_trace(
     recording: Recording, law: type[ForceLaw], whole: Mapping[str, Any]
 ) -> tuple[Contact, Trace]:
-    """Return what :func:`trace_columns` made columns of, read from a file, and what was known.
+    """Return contact and trace from columns of :func:`trace_columns` read from a file.
 
     Raises
     ------
     RecordingError
-        A column is not there, or holds what it cannot.
+        A column is missing or holds invalid values.
     """
     time, penetration, velocity, force = map(recording.numbers, FILE_NAMES.values())
     names = law.names()
     texts = recording.channels.get("status", np.empty(0, dtype=str)).astype(str)
     known = {str(name): value for value, name in enumerate(_names())}
     if not set(texts.tolist()) <= set(known):
-        raise RecordingError(f"{recording.source}: column 'status' names what is no status")
+        raise RecordingError(f"{recording.source}: column 'status' holds an unknown status")
     parameters = np.column_stack([recording.numbers(name) for name in names])
     errors = np.column_stack([recording.numbers(f"{name}_standard_error") for name in names])
     after = np.flatnonzero(np.isfinite(parameters).all(axis=1))  # as every estimate is
@@ -154,7 +154,7 @@ def contact_and_trace(
         None if len(after) == len(time) else after,
     )
     if len(trace) != len(time):
-        raise RecordingError(f"{recording.source}: there is no column 'status'")
+        raise RecordingError(f"{recording.source}: column 'status' is missing")
     contact = Contact(
         time,
         penetration=penetration,
@@ -181,7 +181,7 @@ SCHEMA_VERSION = 2
 
 
 def described(files: Sequence[Path], results: "Sequence[Identified]") -> dict[str, Any]:
-    """Return what files gave, by one method or by several.
+    """Return the results of files, by one method or several, as plain numbers and text.
 
     Parameters
     ----------
@@ -213,7 +213,7 @@ def described(files: Sequence[Path], results: "Sequence[Identified]") -> dict[st
 
 
 def of_one(result: "Identified") -> dict[str, Any]:
-    """Return what one method gave; what is not defined is None."""
+    """Return the result of one method; undefined values are None."""
     law, estimate, trace = result.law, result.estimate, result.trace
     beside: dict[str, float] = {}
     for name in ("offset", "surface"):
@@ -242,7 +242,7 @@ def of_one(result: "Identified") -> dict[str, Any]:
 
 
 def _episodes(result: "Identified") -> list[dict[str, Any]]:
-    """Each stretch by its own law; or as the change was found, with the verdict on it alone."""
+    """Each segment with its own law and verdict; or as the search for changes found it."""
     if result.segments:
         return [_episode(stretch) for stretch in result.segments]
     return [
@@ -268,7 +268,7 @@ def _episode(stretch: "Identified") -> dict[str, Any]:
 
 
 def derived(result: "Identified") -> dict[str, Any]:
-    """Return what follows from a law as plain numbers and words, a key each."""
+    """Return the derived quantities as plain numbers and text."""
     modulus = {}
     if result.query.tip is not None:
         modulus = {"elastic_modulus": result.elastic_modulus().as_dict()}
@@ -292,7 +292,7 @@ TRACES = ("trace.parquet", "trace.csv")  # the second where there is no pyarrow
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SavedResult:
-    """What :meth:`Identification.save` or ``palpate identify -o`` wrote.
+    """A result that :meth:`Identification.save` or ``palpate identify -o`` wrote.
 
     Attributes
     ----------
@@ -338,7 +338,7 @@ class SavedResult:
 
 
 def load_result(path: str | Path) -> SavedResult:
-    """Read back what ``palpate identify -o`` or :meth:`Identification.save` wrote.
+    """Load a result of ``palpate identify -o`` or :meth:`Identification.save`.
 
     Parameters
     ----------
@@ -354,20 +354,20 @@ def load_result(path: str | Path) -> SavedResult:
     named = Path(path)
     if named.suffix != ".json" and named.is_file():
         raise RecordingError(
-            f"{named}: this is a recording, not a result; run palpate identify {named} -o FOLDER, "
-            "and give that folder"
+            f"{named}: this is a recording, not a result; run palpate identify {named} -o FOLDER "
+            "and pass that folder"
         )
     file = named if named.suffix == ".json" and not named.is_dir() else named / RESULT
     whole = _described(file)
     try:
         [found], name = whole["results"], whole["trace"]
         if name not in TRACES:
-            raise ValueError(f"no trace of palpate is called {name!r}")
+            raise ValueError(f"{name!r} is not a trace of palpate")
         law = law_from(found["law"])
         recording = open_recording(file.parent / name)
         if whole.get("trace_digest", digest := digest_of(file.parent / name)) != digest:
             raise RecordingError(
-                f"{file}: {name} beside it is another run's, or was changed; save the result again"
+                f"{file}: {name} has changed or is from another run; save the result again"
             )
         contact, trace = contact_and_trace(recording, FORCE_LAWS[law.kind], whole)
         errors, laws = found["standard_errors"], found.get("law_verdict")
@@ -396,7 +396,7 @@ def load_result(path: str | Path) -> SavedResult:
 
 
 def digest_of(trace: Path) -> dict[str, Any]:
-    """Return what tells one trace from another: the length of the file and its SHA-256."""
+    """Return length and SHA-256 of a trace's file, which identify it."""
     with trace.open("rb") as file:
         found = hashlib.file_digest(file, "sha256").hexdigest()
         return {"bytes": file.tell(), "sha256": found}
@@ -411,30 +411,30 @@ def _described(file: Path) -> dict[str, Any]:
             "a result"
         ) from None
     except (ValueError, RecursionError):
-        raise RecordingError(f"{file}: no JSON; it is cut off, or no result of palpate") from None
+        raise RecordingError(f"{file}: not JSON: cut off, or not a result of palpate") from None
     version = whole.get("schema_version") if isinstance(whole, dict) else None
     if version is None:
-        raise RecordingError(f"{file}: no result of palpate: it has no schema_version")
+        raise RecordingError(f"{file}: not a result of palpate: it has no schema_version")
     if version not in (1, SCHEMA_VERSION):
         raise RecordingError(
-            f"{file}: written by palpate {whole.get('palpate_version', 'of another version')} as "
-            f"schema {version}, and this one reads {SCHEMA_VERSION}; install that version, or "
+            f"{file}: written by palpate {whole.get('palpate_version', 'of another version')} with "
+            f"schema {version}, but this one reads up to {SCHEMA_VERSION}; install that version or "
             "identify again"
         )
     if "trace" not in whole:
         raise RecordingError(
-            f"{file}: printed by --json, which has no samples; palpate identify FILE -o FOLDER "
-            "writes a result that can be read back"
+            f"{file}: printed by --json, without samples; palpate identify FILE -o FOLDER writes a "
+            "result that can be loaded"
         )
     return dict(whole)
 
 
 def _verdict(words: Mapping[str, Any]) -> Verdict:
-    """The verdict; a mark that is none would pass for trust."""
+    """The verdict; an unknown mark would pass for trust, so it is an error."""
     verdict = Verdict(**words)
     for mark in verdict.as_dict().values():
         if mark not in MARKS:
-            raise ValueError(f"no verdict of palpate is {mark!r}")
+            raise ValueError(f"{mark!r} is not a verdict of palpate")
     return verdict
 
 

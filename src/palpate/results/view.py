@@ -397,8 +397,9 @@ def which_law(results: "Iterable[Identified]") -> Iterator[ViewSection]:
     samples = rounded(found.effective_samples, 3), rounded(found.samples, 4)
     score = "{}; effective sample size {} of {}".format(_SCORE, *samples)
     flags = (Line(f"{found.candidate.title}: {flag}", tone="soft") for flag in found.flags)
-    headings = ["law", ">ΔBIC", ">rms error", ">parameters", "which means"]
-    yield ViewSection("Model ranking", [Line(score, tone="soft"), *flags], headings, rows)
+    headings = ["law", ">ΔBIC", ">rms error", ">p", "which means"]
+    shown = [Line(score, tone="soft"), *flags]
+    yield ViewSection("Model ranking", shown, headings, rows, prose=0)
 
 
 def follows(result: "Identified", *, whole: bool = False) -> ViewSection:
