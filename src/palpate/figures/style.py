@@ -71,9 +71,7 @@ def width_of(words: str, size: float) -> float:
 def _width_in(fonts: tuple[str, ...], words: str, size: float) -> float:
     """Return the width of a line in these fonts."""
     with warnings.catch_warnings():
-        warnings.filterwarnings(
-            "ignore", "Glyph .* missing from"
-        )  # it has a width too
+        warnings.filterwarnings("ignore", "Glyph .* missing from")  # it has a width too
         found = text_to_path.get_text_width_height_descent(words, FontProperties(size=size), False)
     return float(found[0])
 
