@@ -1,13 +1,12 @@
-// The answer to one least-squares problem, from its sums:
+// The solution of one least-squares problem from its sums:
 //
 //   min over (k, c, F₀, n) of Σ (F − k ξⁿ − c ξⁿ w − F₀)²,   ξ = x/x_r, w = v/V,
 //
 // with no logarithm, no condition 10 and no starting values. For a fixed n the law is linear in
-// (k, c, F₀), so what is left is a function J(n) of one variable. See docs/variable-projection.md.
+// (k, c, F₀), so a function J(n) of one variable remains. See docs/variable-projection.md.
 //
-// It stands beside the fit of whole curves (batch_fit/curve_fit.hpp), which goes through the
-// samples again and again: an answer after every sample leaves no time for that, 0.3 µs, nor
-// memory.
+// The fit of whole curves (batch_fit/curve_fit.hpp) iterates over the samples instead: an estimate
+// after every sample, within 0.3 µs, has neither the time nor the memory for that.
 #pragma once
 
 #include <algorithm>
@@ -26,7 +25,7 @@ namespace palpate::detail {
 // The minimum of J(n), once (k, c, F₀) are projected out: a grid for its valleys, then Newton's
 // method on dJ/dn in the two lowest.
 //
-// Where Newton's method starts, and the weights of the priors on the way.
+// The start of Newton's method, and the weights of the priors.
 struct SearchStart {
   double n;
   double variance;         // σ² for the weight of the priors
@@ -62,7 +61,7 @@ inline double vertex(const PowerSums& sums, const GridCosts& cost, std::size_t n
 
 inline Valleys valleys(const PowerSums& sums, const GridCosts& cost,
                        const SearchStart& weights) noexcept {
-  // The lowest node is in a valley, whatever the comparisons below make of equal costs.
+  // The lowest node is in a valley, also with equal costs.
   std::array<std::size_t, Valleys::most> node{lowest(cost)};
   Valleys found{{}, 1};
   for (std::size_t j = 0; j < cost.size(); ++j) {
@@ -89,8 +88,8 @@ inline Valleys search_grid(const ProjectionProblem& problem) noexcept {
   SearchStart start{};
   start.variance = problem.prior_variance(cost[best] - fraction * total * total);
   start.offset_fraction = problem.offset_fraction(start.variance);
-  // While the noise was unknown the prior of the offset had no weight; with it the minimum may be
-  // at quite another node.
+  // Without the noise the prior of the offset has no weight; with it the minimum may be at a very
+  // different node.
   if (start.offset_fraction != fraction) cost = grid_costs(sums, start.offset_fraction);
   for (std::size_t j = 0; j < cost.size(); ++j) {
     cost[j] += problem.exponent_penalty(sums.exponent(j), start.variance);
@@ -106,7 +105,7 @@ struct Curve {
   double half_curvature;
 };
 
-// dJ/dn = θᵀA'θ − 2b'ᵀθ: θ minimises, so its own change does not count.
+// dJ/dn = θᵀA'θ − 2b'ᵀθ: θ minimises J, so its own change does not contribute.
 inline Curve curve_at(const ProjectionProblem& problem, const ProjectionPoint& point,
                       const SearchStart& start, double damping_weight) noexcept {
   const double prior = problem.settings.prior_dissipation;
@@ -132,7 +131,7 @@ inline Curve curve_at(const ProjectionProblem& problem, const ProjectionPoint& p
   return {quadratic - 2.0 * (k * d[pf] + c * d[pwf]), std::max(h - projected, 0.0)};
 }
 
-// Not inlined: a replay would hold it a dozen times, and take three times as long to compile.
+// Not inlined: a replay would contain it a dozen times, and take three times as long to compile.
 [[gnu::noinline]] inline ProjectionPoint refine(const ProjectionProblem& problem,
                                                 const SearchStart& start) noexcept {
   const PowerSums& sums = problem.sums;
@@ -168,7 +167,7 @@ inline Curve curve_at(const ProjectionProblem& problem, const ProjectionPoint& p
 
 class ProjectionFit {
  public:
-  // Both are only looked at, and have to outlive this.
+  // References: both must outlive this object.
   ProjectionFit(const PowerSums& sums, const ProjectionSettings& settings) noexcept
       : settings_(settings), sums_(sums) {}
 

@@ -1,5 +1,5 @@
-// A candidate and what there is to fit it by: J of an exponent and of what is second, the linear
-// part projected out.
+// A candidate law and its least-squares problem: J of the exponent and of a second nonlinear
+// parameter, with the linear part projected out.
 #pragma once
 
 #include <algorithm>
@@ -15,10 +15,10 @@
 
 namespace palpate::viscoelastic {
 
-// What is known beside the samples, in scaled units.
+// Prior information, in scaled units.
 struct Priors {
-  double variance = 0.0;  // σ² of the force, by which they weigh
-  double exponent = 0.0;  // where it is known; 0 where it is looked for
+  double variance = 0.0;  // σ² of the force, for their weight
+  double exponent = 0.0;  // known n; 0: estimated
   double centre = 1.3;    // n ~ N(1.3, 1), between a spring and a cone
   double deviation = 1.0;
   detail::OffsetPrior air{0.0, 0.0};  // F₀ ~ N(mean, deviation²); 0: nothing is known
@@ -32,8 +32,8 @@ struct Priors {
   }
 };
 
-// The linear part, F₀, k, c, m, in the order of elimination: what explains least is last, so that
-// it is left out where it says what others do.
+// The linear part, F₀, k, c, m, in the order of elimination: the least important is last, so that
+// it is excluded if it is collinear with the others.
 enum Part : std::size_t { offset, stiffness, damping, memory, parts };
 
 // The least-squares problem A p = b of a candidate at one exponent; of A the lower triangle.
@@ -88,7 +88,7 @@ template <class Sums>
   return s;
 }
 
-// Which of the parts are fitted, a bit each.
+// The fitted parts, one bit each.
 using PartSet = std::uint32_t;
 
 constexpr PartSet bit(Part part) noexcept { return PartSet{1} << part; }
@@ -104,11 +104,11 @@ constexpr PartSet parts_of(const Candidate& law, bool with_offset) noexcept {
 
 struct Linear {
   Vector<parts> value{};
-  double gain = 0.0;   // bᵀA⁻¹b: by so much Σ F² is reduced
-  PartSet fitted = 0;  // parts that have a sound pivot
+  double gain = 0.0;   // bᵀA⁻¹b: the reduction of Σ F²
+  PartSet fitted = 0;  // parts with a valid pivot
 };
 
-// A = L D Lᵀ of the fitted parts; a part whose pivot is rounding is left out: its row and its
+// A = L D Lᵀ of the fitted parts; a part whose pivot is rounding error is excluded: its row and
 // column are empty.
 class Factored {
  public:

@@ -1,4 +1,4 @@
-// All that a viscoelastic estimator keeps of its samples: the states of the branches, and the sums.
+// The state of a viscoelastic estimator: the states of the branches, and the sums.
 //
 // A branch relaxes, ġ = d(ξⁿ)/dt − g/τ, for every exponent of the grid and a ladder of relaxation
 // times: exact for ξⁿ linear between samples, whatever the time step.
@@ -17,23 +17,22 @@ namespace palpate::viscoelastic {
 
 // The laws that compete: F = k ξⁿ + c ξᵖ w + m Σ wᵢ gᵢ + F₀,  ġᵢ = d(ξⁿ)/dt − gᵢ/τᵢ,  Σ wᵢ = 1.
 
-// Where the damper acts: not at all, with the spring (p = n: Hunt & Crossley), or as a body on a
-// Kelvin–Voigt half-space (p = n − 1).
+// The damping form: none, p = n (Hunt & Crossley), or p = n − 1 (Kelvin–Voigt half-space).
 enum class Damping : std::uint8_t { none, hunt_crossley, half_space };
 
-// How the weights wᵢ go with the relaxation times.
+// The weights wᵢ as a function of the relaxation times.
 enum class Memory : std::uint8_t { none, flat, single, power_law };
 
 struct Candidate {
   Damping damping;
   Memory memory;
-  bool linear = false;  // n = 1 is not looked for: with p = n − 1 the Kelvin–Voigt law
+  bool linear = false;  // n is fixed at 1: with p = n − 1 the Kelvin–Voigt law
 
-  // Whether a relaxation time or the spectrum's exponent is looked for beside n.
+  // Whether a relaxation time or the spectrum's exponent is estimated together with n.
   constexpr bool searches_memory() const noexcept {
     return memory == Memory::single || memory == Memory::power_law;
   }
-  // Fitted numbers, F₀ among them.
+  // Number of fitted parameters, including F₀.
   constexpr double parameters() const noexcept {
     return 2.0 + (linear ? 0.0 : 1.0) + (damping == Damping::none ? 0.0 : 1.0) +
            (memory == Memory::none ? 0.0 : 1.0) + (searches_memory() ? 1.0 : 0.0);
@@ -41,7 +40,7 @@ struct Candidate {
   constexpr bool operator==(const Candidate&) const noexcept = default;
 };
 
-// The everyday ones first: what the small bank can tell apart.
+// The common laws first: those that the small bank can distinguish.
 inline constexpr std::array<Candidate, 11> candidates{{
     {Damping::half_space, Memory::none, true},
     {Damping::hunt_crossley, Memory::none},
@@ -114,14 +113,14 @@ class Ladder {
   std::array<double, Count> lost_{};
 };
 
-// The state of all branches. It is what penetration made it, whatever the force said: it is carried
+// The state of all branches. It depends on the penetration only, not on the force, and continues
 // through loss of contact, where ξⁿ counts as 0.
 template <class Times>
 class Branches {
  public:
   explicit Branches(double sample_time) noexcept : times_(sample_time) {}
 
-  // To a depth, 0 for none, after so much time.
+  // Advances to a depth (0 out of contact) by a time.
   void advance(double depth, double dt) noexcept {
     const auto step = times_.over(dt);
     if (depth == depth_) return decay(step);
@@ -137,7 +136,7 @@ class Branches {
     }
   }
 
-  // Relaxed, at this depth.
+  // Fully relaxed at this depth.
   void rest(double depth) noexcept {
     states_ = {};
     depth_ = depth;
@@ -148,8 +147,7 @@ class Branches {
   double depth() const noexcept { return depth_; }
 
  private:
-  // What decays would end in subnormal numbers, on which processors are slow: below 1e-76 it is
-  // rounded away.
+  // Decaying values below 1e-76 are set to zero: subnormal numbers would be slow.
   void decay(const typename Times::Step& step) noexcept {
     for (std::size_t i = 0; i < Times::count; ++i) {
       for (double& state : states_[i]) state = (state * step.kept[i] + 1e-60) - 1e-60;
@@ -230,7 +228,7 @@ void scale_rows(std::array<NodeRow, Rows>& rows, double factor) noexcept {
   }
 }
 
-// The everyday tier: six times, four apart, and their mean alone.
+// The sums of the common laws: six times, a factor of four apart, and only their mean.
 class FlatSums {
  public:
   using Times = Ladder<6, 2>;
@@ -265,7 +263,7 @@ class FlatSums {
   NodeRow square_{};
 };
 
-// The full tier: twelve times, two apart, and all pairs of them.
+// The sums of all laws: twelve times, a factor of two apart, and all their pairs.
 class PairSums {
  public:
   using Times = Ladder<12, 1>;
