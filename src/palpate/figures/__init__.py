@@ -6,11 +6,9 @@ Other figures are in :mod:`palpate.design.figures`, :mod:`palpate.fleet.figures`
 
 from importlib import import_module
 
-from palpate.figures.identified import PLACES_CAPTION as PLACES_CAPTION
 from palpate.figures.identified import draw as draw
 from palpate.figures.identified import draw_comparison as draw_comparison
 from palpate.figures.identified import draw_oscillations as draw_oscillations
-from palpate.figures.identified import draw_places as draw_places
 from palpate.figures.panels import draw_residuals as draw_residuals
 from palpate.figures.style import check_figure as check_figure
 from palpate.figures.style import save as save

@@ -112,11 +112,9 @@ def draw(identification: Identified, *, dark: bool = False, width: float | None 
             draw_condition(check[0], result, course, look)
         elif check:
             draw_error(check[0], result, look)
-        if any(part.place is not None for part in result.segments):
-            verdicts = next(answer(result, ())).lines[0].text
-        else:
-            verdicts = verdict_of(result)
-        title = [verdicts, fit_of(result)]
+        travels = any(part.place is not None for part in result.segments)
+        counts = next(answer(result, ())).lines[0].text if travels else verdict_of(result)
+        title = [counts, fit_of(result)]
         if look.narrow:
             stack(panels[2:])
             figure.align_ylabels(panels)
@@ -173,48 +171,25 @@ PLACES_CAPTION = (
 )
 
 
-def draw_places(
-    identification: Identified, *, dark: bool = False, width: float | None = None
-) -> "Figure":
-    """Draw the stiffness of each place over its position, and next to it the standard error.
-
-    Parameters
-    ----------
-    identification : Identification
-        As :meth:`palpate.Identification.by_place` returns it.
-    dark : bool
-        Draw for a dark background. Default: False.
-    width : float, optional
-        Printed width, m, in [0.06, 0.4]. Default: 11 inches.
-
-    Raises
-    ------
-    InvalidParameterError
-        The identification has no places, or the width is outside its range.
-    MissingExtraError
-        matplotlib is not installed.
-    """
-    look = look_of(dark=dark, width=width)
-    places = [part.place for part in identification.segments if part.place is not None]
-    if not places:
-        raise InvalidParameterError("the identification has no places: call by_place() first")
-    positions = np.array([place.position for place in places])
+def draw_places(result: Identified) -> "Figure":
+    """Draw the stiffness of each place over its position, and next to it the standard error."""
+    places = [part.place for part in result.segments if part.place is not None]
+    positions = 1e3 * np.array([place.position for place in places])
     normals = [place.normal.vector for place in places if place.normal is not None]
     # The map is seen along the axis closest to the normals, else along the one of least spread.
     seen_along = -np.mean(np.abs(normals), axis=0) if normals else np.ptp(positions, axis=0)
     across = np.delete(np.arange(3), np.argmin(seen_along))
-    found = [part.diagnosis for part in identification.segments]
-    marks = np.array([each.verdict.overall for each in found])
-    values = [each.working_depth.stiffness for each in found]
-    shown = (
-        ("Stiffness at working depth", "viridis", [each.value for each in values]),
-        ("Its standard error", "cividis", [each.whole_error for each in values]),
-    )
-    with drawing(look, 9.5 if look.narrow else 4.8) as figure:
-        panels = figure.subplots(*((2, 1) if look.narrow else (1, 2)))
-        for axes, (title, colours, each) in zip(panels, shown, strict=True):
+    marks = np.array([part.diagnosis.verdict.overall for part in result.segments])
+    values = [part.diagnosis.working_depth.stiffness for part in result.segments]
+    look = look_of(dark=False, width=None)
+    with drawing(look, 4.8) as figure:
+        left, right = figure.subplots(1, 2)
+        for axes, title, colours, numbers in (
+            (left, "Stiffness at working depth", "viridis", [each.value for each in values]),
+            (right, "Its standard error", "cividis", [each.whole_error for each in values]),
+        ):
             axes.set(xlabel=f"{'xyz'[across[0]]} [mm]", ylabel=f"{'xyz'[across[1]]} [mm]")
-            _draw_places(axes, 1e3 * positions[:, across], np.array(each), marks, colours, look)
+            _draw_places(axes, positions[:, across], np.array(numbers), marks, colours, look)
             head(axes, title)
     return figure
 
@@ -225,20 +200,14 @@ def _draw_places(
     known, ink = np.isfinite(values), look.theme.ink
     low, high = np.percentile(values[known], _COLOUR_SPAN) if known.any() else (0.0, 1.0)
     unit = scale_of(float(high), "N/m")
-    sizes: dict[str, Any] = {
-        "s": look.points(50.0),
-        "edgecolors": ink,
-        "linewidths": 0.6,
-        "cmap": colours,
-    }
-    sizes |= {"cmap": colours, "vmin": unit.factor * low, "vmax": unit.factor * high}
-    hollow: dict[str, Any] = {"markerfacecolor": "none", "linestyle": "none", "color": ink}
-    for mark, marker in _MARKERS.items():
-        if (marks == mark).any():
-            there = (marks == mark) & known
-            x, y = places[there].T
-            dots = axes.scatter(x, y, c=unit.factor * values[there], marker=marker, **sizes)
-            axes.plot([], [], marker, label=mark.replace("-", " "), **hollow)
+    k = unit.factor
+    options: dict[str, Any] = {"cmap": colours, "vmin": k * low, "vmax": k * high, "s": 50.0}
+    for mark in np.unique(marks):
+        there, marker = (marks == mark) & known, _MARKERS[mark]
+        x, y = places[there].T
+        dots = axes.scatter(x, y, c=k * values[there], marker=marker, ec=ink, lw=0.6, **options)
+        label = mark.replace("-", " ")
+        axes.scatter([], [], marker=marker, label=label, facecolor="none", edgecolor=ink)
     axes.set_aspect("equal", adjustable="datalim")
     axes.figure.colorbar(dots, ax=axes, extend="both").set_label(f"[{unit.unit}]")
 

@@ -184,15 +184,16 @@ def _which_law(result: Identified, others: Sequence[Identified]) -> Iterator[str
 
 
 def _figures(result: Identified, travels: bool) -> Iterator[str]:
-    from palpate import figures
+    from palpate.figures import draw, identified
 
     if travels:
-        yield from drawing("map", lambda: figures.draw_places(result), figures.PLACES_CAPTION)
+        caption = identified.PLACES_CAPTION
+        yield from drawing("map", lambda: identified.draw_places(result), caption)
     words = (
         "Measured and predicted force, the force–penetration loop, and the parameters of the "
         "contact model during the estimation, with their error bands."
     )
-    yield from drawing("figure", lambda: figures.draw(result), words)
+    yield from drawing("figure", lambda: draw(result), words)
 
 
 def _residuals(result: Identified) -> Iterator[str]:
