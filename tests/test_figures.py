@@ -20,6 +20,7 @@ from palpate import ESTIMATORS, InvalidParameterError, RecordingError, figures, 
 from palpate.design import Motion, design
 from palpate.figures import style
 from palpate.figures.style import DARK, LIGHT
+from palpate.findings import spoken
 from palpate.identification.identified import rank
 
 CONTACT = contact_of(tapping(MATERIALS["ball"], noise=0.02, seed=1), source="folder/probe.csv")
@@ -134,7 +135,7 @@ def test_a_figure_leads_with_stiffness_and_damping_at_working_depth(method):
     in_a_column = titles_of(figures.draw(result, width=COLUMN))
     assert any("Speed limit" in title for title in in_a_column) == needed
     verdict, name, depth = figure.get_suptitle().split("\n")
-    assert verdict.startswith(result.diagnosis.verdict.overall)
+    assert verdict.startswith(spoken(result.diagnosis.verdict.overall))
     assert name.startswith("probe.csv: ")
     assert "stiffness" in depth
     assert all(axes.get_xlabel() and axes.get_ylabel() for axes in figure.axes)

@@ -189,7 +189,7 @@ def test_a_contact_that_says_nothing_has_no_error_bars():
     depth = np.full(400, 5e-3)
     contact = palpate.Contact(time, penetration=depth, velocity=0.0 * time, force=0.0 * time + 2.0)
     shown = palpate.identify(contact)._repr_html_()
-    assert "do-not-trust" in shown
+    assert "do not trust" in shown
     assert "± unknown" in shown
     assert Reading(shown).open == []
 

@@ -23,6 +23,11 @@ def worst(*marks: Mark) -> Mark:
     return MARKS[max(map(MARKS.index, marks), default=0)]
 
 
+def spoken(mark: str) -> str:
+    """Return a mark as text: *with care*."""
+    return mark.replace("-", " ")
+
+
 @dataclass(frozen=True, slots=True)
 class Finding(Plain):
     """One message about a recording, its preparation or its identification.

@@ -21,6 +21,7 @@ from rich.text import Text
 
 from palpate.cli.options import OUTPUT
 from palpate.errors import printable
+from palpate.findings import spoken
 
 if TYPE_CHECKING:
     from palpate.identifying import Identification
@@ -272,7 +273,7 @@ def _cell(cell: "str | Marked") -> Cell:
 def _format_line(line: "Line") -> Text:
     words = Text(f"{line.name}: " if line.name else "")
     if line.mark:
-        words.append(line.mark.replace("-", " "), f"bold {_STYLES[line.mark]}")
-        words.append(": " if line.text[:1].islower() else " " if line.text[:1] == "(" else ". ")
+        words.append(spoken(line.mark), f"bold {_STYLES[line.mark]}")
+        words.append(": " if line.text[:1].islower() else ". ")
     words.append("; ".join((line.text, *line.remarks)))
     return words.append(f" ({line.remedy})", "dim") if line.remedy else words

@@ -40,6 +40,7 @@ from palpate.figures.style import (
     set_titles,
     stack,
 )
+from palpate.findings import spoken
 from palpate.identification.identified import Identified, rank
 from palpate.quantities.derived import SmallOscillation, band_of
 from palpate.results.parameters import law_name, parameter_rows
@@ -478,7 +479,7 @@ def _compared(
     draw_residual_rows(rows, ordered, look)
     for row, (axes, result) in enumerate(zip(rows, ordered, strict=True)):
         fit = f"{result.fit_rmse_percent:.2g}{JOINED}%{JOINED}rms"
-        head(axes, f"{row + 1}. {result.method}: {result.diagnosis.verdict.overall}, {fit}")
+        head(axes, f"{row + 1}. {result.method}: {spoken(result.diagnosis.verdict.overall)}, {fit}")
     stack(rows)
     if not narrow:
         for row, (axes, result) in enumerate(zip(panels[:, 1], ordered, strict=True)):

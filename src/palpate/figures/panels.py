@@ -32,6 +32,7 @@ from palpate.figures.style import (
     set_titles,
     shown,
 )
+from palpate.findings import spoken
 from palpate.identification.identified import Identified
 from palpate.results.parameters import OFFERED, ParameterRow, parameter_rows
 from palpate.results.view import depth_of
@@ -72,7 +73,7 @@ def name_of(result: Identified) -> str:
 
 def verdict_of(result: Identified) -> str:
     """Return the verdict and its reason."""
-    return f"{result.diagnosis.verdict.overall}: {result.diagnosis.reason}"
+    return f"{spoken(result.diagnosis.verdict.overall)}: {result.diagnosis.reason}"
 
 
 def fit_of(result: Identified) -> str:

@@ -7,6 +7,7 @@ from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from palpate.findings import spoken
 from palpate.results.colours import DARK, LIGHT
 
 if TYPE_CHECKING:
@@ -72,7 +73,7 @@ def document(title: str, style: str, parts: Iterable[str]) -> str:
 def badge(mark: str, words: str = "") -> str:
     """Return a verdict as HTML, with its sign and colour."""
     sign = f'<span aria-hidden="true">{SIGNS[mark]}</span>'
-    return f'<span class="badge {_CLASSES[mark]}">{sign} {escape(words or mark)}</span>'
+    return f'<span class="badge {_CLASSES[mark]}">{sign} {escape(words or spoken(mark))}</span>'
 
 
 def definitions(pairs: Mapping[str, str]) -> Iterator[str]:

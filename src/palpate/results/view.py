@@ -18,7 +18,7 @@ from palpate.diagnosis import Quantity
 from palpate.diagnosis.fit import DEEP
 from palpate.digits import format_quantity, interval, rounded, with_error
 from palpate.errors import InvalidParameterError
-from palpate.findings import MARKS
+from palpate.findings import MARKS, spoken
 from palpate.identification.identified import rank
 from palpate.preparation.gates import touches_of
 from palpate.quantities.derived import band_of, in_hertz
@@ -50,7 +50,7 @@ class Marked(NamedTuple):
 
 
 def _marked(mark: str) -> Marked:
-    return Marked(mark.replace("-", " "), mark)
+    return Marked(spoken(mark), mark)
 
 
 #: Of a table; it may have several lines.
@@ -191,10 +191,7 @@ def verdict(result: "Identified") -> ViewSection:
 
 def _verdict(result: "Identified", name: str = "") -> Line:
     found = result.diagnosis
-    marks = found.verdict
-    words = f"(stiffness: {marks.stiffness}, damping: {marks.damping}): {found.reason}"
-    words = words.replace("with-care", "with care").replace("do-not-trust", "do not trust")
-    return Line(words, name, marks.overall, remedy=found.remedy)
+    return Line(found.reason, name, found.verdict.overall, remedy=found.remedy)
 
 
 def _lead(result: "Identified", name: str) -> Iterator[Line]:
@@ -210,9 +207,7 @@ def _lead(result: "Identified", name: str) -> Iterator[Line]:
 def _verdicts_of(places: "Sequence[Identified]", name: str) -> Iterator[Line]:
     """How many places have each verdict, and the next step for the worst."""
     marks = [part.diagnosis.verdict.overall for part in places]
-    counts = ", ".join(
-        f"{marks.count(mark)} {mark.replace('-', ' ')}" for mark in MARKS if mark in marks
-    )
+    counts = ", ".join(f"{marks.count(mark)} {spoken(mark)}" for mark in MARKS if mark in marks)
     yield Line(f"{len(places)} places: {counts}.", name)
     if remedy := next((part.diagnosis.remedy for part in by_verdict(places)), None):
         yield Line(_sentence(remedy), "next step, for the worst place")
