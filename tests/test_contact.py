@@ -28,10 +28,10 @@ def test_the_repr_of_a_recording_a_contact_and_columns_fits_a_screen():
     many = channels | {f"joint_{k}.position": np.zeros(10**4) for k in range(900)}
     texts = {
         repr(Recording(channels, source="runs/probe.csv")): (
-            "<Recording 'probe.csv': 2 channels of 600 samples\n  time_s, fz\\x1b[31m>"
+            "<Recording 'probe.csv': 2 channels, 600 samples\n  time_s, fz\\x1b[31m>"
         ),
-        repr(Recording(many, source=source)): "902 channels of 600 to 10000 samples",
-        repr(Recording({})): "<Recording '': 0 channels of 0 samples",
+        repr(Recording(many, source=source)): "902 channels, 600 to 10000 samples",
+        repr(Recording({})): "<Recording '': 0 channels, 0 samples",
         repr(contact(source="runs/probe.csv")): "<Contact 'probe.csv': 500 samples from 0 s to",
         repr(contact(source=source, segment=np.arange(500) // 2)): "250 segments>",
         repr(Columns()): "Columns()",

@@ -130,9 +130,9 @@ def test_a_figure_leads_with_stiffness_and_damping_at_working_depth(method):
     assert all(title.startswith(head) for head, title in zip(heads, others, strict=False))
     assert others[-2].startswith("Residual, measured − final law")
     needed = method == "single-stage"
-    assert others[-1].startswith("Condition 10" if needed else "Prediction error")
+    assert others[-1].startswith("Speed limit" if needed else "One-step prediction error")
     in_a_column = titles_of(figures.draw(result, width=COLUMN))
-    assert any("Condition 10" in title for title in in_a_column) == needed
+    assert any("Speed limit" in title for title in in_a_column) == needed
     verdict, name, depth = figure.get_suptitle().split("\n")
     assert verdict.startswith(result.diagnosis.verdict.overall)
     assert name.startswith("probe.csv: ")
@@ -179,11 +179,11 @@ def test_stiffness_over_time_ends_at_the_result_and_its_band_at_the_error_bar():
     assert band_and_height(axes)[0] < 4.0 * result.standard_errors[0] / 5.0
 
 
-def test_each_stretch_has_a_box_of_its_own():
+def test_each_segment_has_a_box_of_its_own():
     result = of_a_change()
     assert len(result.segments) == 2
     stiffness = figures.draw(result).axes[2]
-    assert stiffness.get_title(loc="left").endswith("of each stretch")
+    assert stiffness.get_title(loc="left").endswith("of each segment")
     [boxes] = stiffness.patches
     corners = boxes.get_path().vertices.reshape(2, 5, 2)
     for part, box in zip(result.segments, corners, strict=True):
@@ -392,5 +392,5 @@ def test_a_figure_that_was_there_survives_one_that_cannot_be_drawn(tmp_path):
 
 
 def test_a_comparison_of_nothing_is_refused():
-    with pytest.raises(InvalidParameterError, match="results must hold at least one"):
+    with pytest.raises(InvalidParameterError, match="results is empty: pass at least one"):
         figures.draw_comparison({})

@@ -83,11 +83,13 @@ def test_a_frame_with_text_in_a_cell_is_refused_by_column_and_sample(frame):
     force = ["1.5"] * 600
     assert (prepare(frame({**TABLE, "force_N": force})).force == 1.5).all()
     force[7] = "n/a"
-    with pytest.raises(RecordingError, match=r"^column 'force_N', sample 7: 'n/a' is not a number"):
+    with pytest.raises(
+        RecordingError, match=r"^column 'force_N', sample 7: 'n/a' is not a number; drop --strict"
+    ):
         prepare(frame({**TABLE, "force_N": force}), strict=True)
     lenient = prepare(frame({**TABLE, "force_N": force}))
     assert np.flatnonzero(np.isnan(lenient.force)).tolist() == [7]
-    words = "excluded 1 sample of 'force_N' without a usable number ('n/a')"
+    words = "excluded 1 sample of 'force_N' without a usable number: 'n/a'"
     assert words in lenient.findings[0].message
 
 

@@ -10,8 +10,11 @@ import numpy as np
 import pytest
 from faults import changed
 from matplotlib.figure import Figure
+from probing import BALL, SPONGE, Motion, tapping
+from robots import ORIGIN, Hand, hand, table_of
 
 import palpate
+from palpate.figures import identified as drawn
 from palpate.identification import identified
 from palpate.reports.identification import Circumstances, page
 from palpate.results import view
@@ -81,9 +84,15 @@ def test_the_page_is_whole_and_fetches_nothing(report):
     assert not re.search(r"#[0-9a-f]{6}\b", body, re.IGNORECASE)
 
 
-def test_the_verdict_stands_first_and_the_numbers_before_the_figure(report):
+def test_the_verdict_stands_first_then_the_picture_then_the_tables(report):
     words = Reading(report).words
-    order = ("trust", "2000.7 ± 0.6 N/m", "correlation", "residual", "palpate identify")
+    order = (
+        "trust",
+        "2000.7 ± 0.6 N/m",
+        "force–penetration loop",
+        "correlation",
+        "palpate identify",
+    )
     places = [words.index(each) for each in order]
     assert places == sorted(places)
     assert re.search(r"truth 2000, [+-]\d\.\d σ", words)
@@ -117,13 +126,62 @@ def test_every_section_of_a_result_is_said_in_the_same_words_wherever_it_is_show
                 assert " ".join(words.split()) in each
 
 
-def test_each_stretch_between_changes_is_a_row_and_the_fit_is_said_of_their_own_laws():
+def test_each_segment_between_changes_is_a_row_and_the_fit_names_their_own_laws():
     result = palpate.identify(changed(0.3)).by_segment()
     [section] = view.parts(result)
     assert len(section.rows) == 2
     words = result.summary()
     assert "change detector" in words
     assert "fit (each part by its own law)" in words
+
+
+@pytest.fixture(scope="module")
+def places():
+    """A ball, and a sponge 30 mm away."""
+    lifted = Motion(np.full(400, -5e-3), np.zeros(400))
+    parts = [(BALL, 0.0, tapping(4.0)), (BALL, 0.015, lifted), (SPONGE, 0.03, tapping(4.0))]
+    felt = [
+        hand(law=law, motion=motion, origin=ORIGIN + far * np.array([0.6, 0.8, 0.0]), seed=k)
+        for k, (law, far, motion) in enumerate(parts)
+    ]
+    position, force = (np.vstack([getattr(f, n) for f in felt]) for n in ("position", "force"))
+    recorded = table_of(Hand(1e-3 * np.arange(len(position)), position, force, lifted))
+    return palpate.identify(palpate.prepare(recorded)).by_place()
+
+
+def test_the_report_of_a_probe_that_travels_begins_with_its_verdicts_and_its_map(places):
+    text = page(places, HERE)
+    words = Reading(text).words
+    counts = next(view.answer(places, ())).lines[0].text
+    order = (counts, drawn.PLACES_CAPTION, "force–penetration loop", "Identified values")
+    found = [words.index(each) for each in order]
+    assert found == sorted(found)
+    assert 'id="map-drawing"' in text
+    assert 'class="tiles"' not in text  # values of all places as one material mean nothing
+
+
+def test_the_map_shows_the_stiffness_its_error_and_the_verdict_of_each_place(places):
+    figure = drawn.draw_places(places)
+    panels = [axes for axes in figure.axes if axes.get_title(loc="left")]
+    along_normal = np.argmax(np.abs(places.segments[0].place.normal.vector))
+    across = np.delete(np.arange(3), along_normal)
+    kinds = {part.diagnosis.verdict.overall.replace("-", " ") for part in places.segments}
+    bars = figure.axes[2:]
+    for axes, bar, name in zip(panels, bars, ("value", "whole_error"), strict=True):
+        shown = {
+            (*np.round(at, 9), round(float(value), 6))
+            for dots in axes.collections
+            if dots.get_array() is not None  # the legend's
+            for at, value in zip(dots.get_offsets(), dots.get_array(), strict=True)
+        }
+        stiffnesses = [part.diagnosis.working_depth.stiffness for part in places.segments]
+        scale = {"[mN/m]": 1e3, "[N/m]": 1.0, "[kN/m]": 1e-3}[bar.get_ylabel()]
+        assert shown == {
+            (*np.round(1e3 * part.place.position[across], 9), round(scale * getattr(each, name), 6))
+            for part, each in zip(places.segments, stiffnesses, strict=True)
+        }
+        assert {each.get_text() for each in axes.get_legend().get_texts()} == kinds
+        assert axes.get_xlabel() == f"{'xyz'[across[0]]} [mm]"
 
 
 def test_a_contact_that_says_nothing_has_no_error_bars():

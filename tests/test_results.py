@@ -131,7 +131,10 @@ def test_a_trace_that_is_read_is_not_written_over(refused, saved):
         (lambda folder: (folder / "result.json").unlink(), "No such file"),
         (lambda folder: (folder / "result.json").write_text("{"), "not JSON"),
         (lambda folder: (folder / "result.json").write_text("[1]"), "no schema_version"),
-        (lambda folder: change(folder, schema_version=99), "with schema 99, but this one reads up to 2"),
+        (
+            lambda folder: change(folder, schema_version=99),
+            "with schema 99, but this one reads up to 2",
+        ),
         (lambda folder: change(folder, results=[]), "damaged"),
         (lambda folder: change(folder, findings=[{"wrong": 1}]), "damaged"),
         (lambda folder: change(folder, trace="trace.hdf5"), "trace.hdf5"),

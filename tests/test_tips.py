@@ -281,7 +281,10 @@ def test_the_rebound_is_slower_than_one_over_the_dissipation_unless_the_law_make
 @pytest.mark.parametrize(
     "call, words",
     [
-        (lambda: restitution([1.0, math.nan], 1.0), "dissipation must be finite, not nan .value 1."),
+        (
+            lambda: restitution([1.0, math.nan], 1.0),
+            "dissipation must be finite, not nan .value 1.",
+        ),
         (lambda: restitution(1.0, -2.0), "speed must be at least 0 and finite, not -2"),
         (lambda: restitution("soft", 1.0), "dissipation must be a number"),
         (lambda: restitution([1.0, 2.0], [1.0, 2.0, 3.0]), "shapes that broadcast together"),

@@ -92,7 +92,7 @@ class ConstantForgetting:
 
 @dataclass(frozen=True, slots=True)
 class FadingForgetting(_Numbers):
-    """Forgetting that fades during a contact: λ(t) = 1 − (1 − λ₀) e^(−α t), section V-A-3.
+    """Forgetting that fades from contact onset: λ(t) = 1 − (1 − λ₀) e^(−α t), section V-A-3.
 
     Parameters
     ----------
@@ -197,8 +197,8 @@ class OutlierRejection:
     Dropouts and velocity spikes are detected by x − x_p − ½(v + v_p) T; force spikes by F − F_p;
     saturation by five or more equal forces at the top while the predicted force changes. x_p, v_p,
     F_p is the last accepted sample, T the time since then. Each quantity is compared with its own
-    running median in contact and with its previous value. Force steps within a tenth of the median
-    force and motions within 1.2 times the median speed are never outliers.
+    running median in contact and with its previous deviation. Force steps within a tenth of the
+    median force and motions within 1.2 times the median speed are never outliers.
 
     At most 3 forces or 20 motions are rejected in a row: what lasts longer is another material or
     place and is accepted, so a :class:`ChangeDetector` sees it that much later.

@@ -50,3 +50,37 @@ def test_a_report_is_readable(reports, opened, name, drawings, look, dark):
         assert page.evaluate(SMALLEST_LETTERS) >= 8.0
         words = page.inner_text("body")
         assert words.index("stiffness at") < words.index("correlation")
+
+
+def test_the_picture_is_on_the_first_screen_of_a_desk(reports, opened):
+    with opened((reports / "changed" / "report.html").as_uri(), "h1") as page:
+        page.set_viewport_size({"width": 1280, "height": 800})
+        at = page.locator(".drawing").first.bounding_box()
+        assert at["y"] < 200
+        assert at["x"] + at["width"] <= 1280
+        verdict = page.locator(".verdict").first.bounding_box()
+        assert verdict["y"] + verdict["height"] < 800
+
+
+@pytest.mark.parametrize("dark", [False, True])
+def test_a_table_that_is_cut_off_on_a_phone_has_a_shadow_at_the_cut_until_its_end(
+    reports, opened, dark
+):
+    """The last column of pixels of the table differs from its paper only where more follows."""
+    with opened((reports / "changed" / "report.html").as_uri(), "h1", width=390, dark=dark) as page:
+        assert (
+            page.locator("figcaption")
+            .first.evaluate("each => getComputedStyle(each, '::before').content")
+            .startswith('"Scroll the figure')
+        )
+        cut = "each => each.scrollWidth > each.clientWidth + 20"
+        wide = next(each for each in page.locator(".wide").all() if each.evaluate(cut))
+        shadow = wide.screenshot()
+        wide.evaluate("each => { each.style.setProperty('--shade', 'transparent'); }")
+        assert wide.screenshot() != shadow
+        wide.evaluate("each => { each.scrollLeft = each.scrollWidth; }")
+        box = wide.bounding_box()
+        edge = {**box, "x": box["x"] + box["width"] - 8, "width": 8}
+        plain = page.screenshot(clip=edge)
+        wide.evaluate("each => { each.style.removeProperty('--shade'); }")
+        assert page.screenshot(clip=edge) == plain  # nothing follows at the end

@@ -91,7 +91,7 @@ class ReadingOptions:
     reject_outliers: Annotated[bool, _PREPARED] = True
     "Exclude dropouts, spikes and saturated samples."
     surface: Annotated[_Surface | str | None, _signed("DEPTH")] = None
-    "Surface: a penetration (0.7mm), threshold, baseline, fit or estimate (of a position: fit)."
+    "Surface: a depth (0.7mm), threshold, baseline, fit or estimate (default: 0; position: fit)."
     exponent: Annotated[float | None, _PREPARED] = None
     "Fix the exponent of the law, known from the shape of the tip, such as 1.5 for a sphere."
     normal: Annotated[_Axis | str | None, _signed("DIRECTION")] = None

@@ -1,7 +1,7 @@
-"""Figures of an identification, and how every figure looks. Needs the extra ``figures``.
+"""Figures of an identification, and the style of all figures. Needs the extra ``figures``.
 
-What else is drawn stands beside what it shows: :mod:`palpate.design.figures`,
-:mod:`palpate.fleet.figures` and :mod:`palpate.lab.figures`.
+Other figures are in :mod:`palpate.design.figures`, :mod:`palpate.fleet.figures` and
+:mod:`palpate.lab.figures`.
 """
 
 from importlib import import_module

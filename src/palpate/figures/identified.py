@@ -1,12 +1,13 @@
-"""The figures of identifications: of one, of its dynamic stiffness, and of several methods."""
+"""Figures of one identification, its map, its dynamic stiffness, and of several methods."""
 
 import math
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from itertools import pairwise
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from palpate.diagnosis import Quantity
 from palpate.digits import rounded
@@ -42,42 +43,42 @@ from palpate.figures.style import (
 from palpate.identification.identified import Identified, rank
 from palpate.quantities.derived import SmallOscillation, band_of
 from palpate.results.parameters import law_name, parameter_rows
-from palpate.results.view import felt
+from palpate.results.view import answer, felt
 from palpate.stages import timed
+from palpate.validation import Floats
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure, SubFigure
 
 
-# Parameters beside one another.
+# Parameter panels in a row.
 _IN_A_ROW = 4
 
 
 @timed("figure")
 def draw(identification: Identified, *, dark: bool = False, width: float | None = None) -> "Figure":
-    """Draw what was identified: force, stiffness and damping at working depth, and the parameters.
+    """Draw force, stiffness and damping at working depth, and the parameters of the contact model.
 
-    Force over time and over penetration; stiffness and damping at working depth and each parameter
-    over time, with their error bars; and what the final law leaves of the force. The speed beside
-    condition 10 stands there for a method that it concerns; the a-priori error for the others. In a
-    journal's column (a width below 0.14 m) the panels stand one below the other, and the parameters
-    in the title.
+    The panels show force over time and over penetration; stiffness and damping at working depth
+    and each parameter over time, with error bars; and the residual of the final law. The last
+    panel compares the speed with its limit for the single-stage method; for other methods it shows
+    the one-step prediction error. Below a width of 0.14 m (one journal column) the panels stand
+    one below the other, and the title lists the parameters.
 
     Parameters
     ----------
     identification : Identification
-        As :func:`palpate.identify` returns it.
+        As returned by :func:`palpate.identify`.
     dark : bool
-        For a dark background.
+        Draw for a dark background. Default: False.
     width : float, optional
-        Of the figure as it is printed, m, in [0.06, 0.4]; a page of 11 inches unless given. Letters
-        have 7 points at least.
+        Printed width, m, in [0.06, 0.4]. Default: 11 inches. Letters have at least 7 points.
 
     Raises
     ------
     InvalidParameterError
-        The width is out of its range.
+        The width is outside its range.
     MissingExtraError
         matplotlib is not installed.
     """
@@ -87,7 +88,7 @@ def draw(identification: Identified, *, dark: bool = False, width: float | None 
         rendered, heights = [], [1.1, 1.3, 1.0, 1.0, 1.0, *([1.0] * condition)]
         height = 1.7 * sum(heights) + 1.8
     else:
-        # Of a law that was chosen those that were looked for: others have no course.
+        # Parameters that a selected model keeps fixed have no course over time.
         every = not result.estimator.chooses_law
         rendered = [row for row in parameter_rows(result) if every or row.estimated]
         heights = [1.25, 0.95, *([0.85] * math.ceil(len(rendered) / _IN_A_ROW)), 0.85]
@@ -111,7 +112,9 @@ def draw(identification: Identified, *, dark: bool = False, width: float | None 
             draw_condition(check[0], result, course, look)
         elif check:
             draw_error(check[0], result, look)
-        title = [verdict_of(result), fit_of(result)]
+        travels = any(part.place is not None for part in result.segments)
+        counts = next(answer(result, ())).lines[0].text if travels else verdict_of(result)
+        title = [counts, fit_of(result)]
         if look.narrow:
             stack(panels[2:])
             figure.align_ylabels(panels)
@@ -123,7 +126,7 @@ def draw(identification: Identified, *, dark: bool = False, width: float | None 
 
 
 def _on_a_page(figure: "Figure", heights: list[float], parameters: int) -> "list[Axes]":
-    """Force and loop, stiffness and damping, the parameters in rows, and two more."""
+    """Return panels for force and loop, stiffness and damping, the parameters, and two more."""
     rows = len(heights) - 3
     length = math.ceil(parameters / rows)
     counts = [min(length, parameters - start) for start in range(0, parameters, length)]
@@ -140,51 +143,105 @@ def _on_a_page(figure: "Figure", heights: list[float], parameters: int) -> "list
 
 def _caption(result: Identified) -> str:
     white = result.estimator.minimises is not None
-    taken = ", which takes the noise for white" if white else ""
+    taken = ", which assumes white noise" if white else ""
     if result.segments:
-        kind = "place" if result.segments[0].place is not None else "stretch"
-        last = f"Boxes: the result of each {kind}, ±2 s.e. with what the findings would move"
+        kind = "place" if result.segments[0].place is not None else "segment"
+        last = f"Boxes: result of each {kind}, ±2 standard errors (statistical and systematic)"
     else:
         last = (
-            "At the right: the result, ±2 s.e.; of stiffness and damping at working depth thick "
-            "by noise, thin with what the findings would move"
+            "At the right: result, ±2 standard errors; of stiffness and damping at working depth: "
+            "thick statistical, thin with systematic"
         )
     return (
-        f"Lines and bands: what was known by then, ±2 s.e. by the recursion{taken}. {last}. "
-        "Residual: median, band from the 10th to the 90th percentile; dotted: that of noise alone."
+        f"Lines and bands: estimate up to that time, ±2 standard errors of the recursion{taken}. "
+        f"{last}. Residual: median, band from 10th to 90th percentile; dotted: band of noise alone."
     )
+
+
+# The map of a probe that travels.
+
+# Shapes tell the verdicts apart; colour, which shows the value, could not.
+_MARKERS = {"trust": "o", "with-care": "s", "do-not-trust": "X"}
+# Percentiles that the colours span, so that one outlier does not hide the other differences.
+_COLOUR_SPAN = (2.0, 98.0)
+PLACES_CAPTION = (
+    "Stiffness of each place at its own working depth, over position in the frame of the "
+    "recording, and its standard error (statistical and systematic). The shape of a marker "
+    "shows the verdict."
+)
+
+
+def draw_places(result: Identified) -> "Figure":
+    """Draw the stiffness of each place over its position, and next to it the standard error."""
+    places = [part.place for part in result.segments if part.place is not None]
+    positions = 1e3 * np.array([place.position for place in places])
+    normals = [place.normal.vector for place in places if place.normal is not None]
+    # The map is seen along the axis closest to the normals, else along the one of least spread.
+    seen_along = -np.mean(np.abs(normals), axis=0) if normals else np.ptp(positions, axis=0)
+    across = np.delete(np.arange(3), np.argmin(seen_along))
+    marks = np.array([part.diagnosis.verdict.overall for part in result.segments])
+    values = [part.diagnosis.working_depth.stiffness for part in result.segments]
+    look = look_of(dark=False, width=None)
+    with drawing(look, 4.8) as figure:
+        left, right = figure.subplots(1, 2)
+        for axes, title, colours, numbers in (
+            (left, "Stiffness at working depth", "viridis", [each.value for each in values]),
+            (right, "Its standard error", "cividis", [each.whole_error for each in values]),
+        ):
+            axes.set(xlabel=f"{'xyz'[across[0]]} [mm]", ylabel=f"{'xyz'[across[1]]} [mm]")
+            _draw_places(axes, positions[:, across], np.array(numbers), marks, colours, look)
+            head(axes, title)
+    return figure
+
+
+def _draw_places(
+    axes: "Axes", places: Floats, values: Floats, marks: NDArray[Any], colours: str, look: Look
+) -> None:
+    known, ink = np.isfinite(values), look.theme.ink
+    low, high = np.percentile(values[known], _COLOUR_SPAN) if known.any() else (0.0, 1.0)
+    unit = scale_of(float(high), "N/m")
+    k = unit.factor
+    options: dict[str, Any] = {"cmap": colours, "vmin": k * low, "vmax": k * high, "s": 50.0}
+    for mark in np.unique(marks):
+        there, marker = (marks == mark) & known, _MARKERS[mark]
+        x, y = places[there].T
+        dots = axes.scatter(x, y, c=k * values[there], marker=marker, ec=ink, lw=0.6, **options)
+        label = mark.replace("-", " ")
+        axes.scatter([], [], marker=marker, label=label, facecolor="none", edgecolor=ink)
+    axes.set_aspect("equal", adjustable="datalim")
+    axes.figure.colorbar(dots, ax=axes, extend="both").set_label(f"[{unit.unit}]")
 
 
 # Dynamic stiffness and damping over the frequencies that a motion contained.
 
-# Of a line over a band that is a factor of four wide.
+# Number of points of a line over a band that is a factor of four wide.
 _FREQUENCIES = 25
 _STYLES = ("-", "--", "-.", ":")
 OSCILLATION_CAPTION = (
-    "What a small oscillation feels at working depth, over the frequencies that the motion "
-    "contained; dark band: ±2 s.e. by noise, light: with what the findings would move. That "
-    "another law holds is in neither."
+    "Stiffness and damping of a small oscillation at working depth, over the frequencies of the "
+    "motion. Dark band: ±2 statistical standard errors, light: with systematic. Neither includes "
+    "the error of a wrong contact model."
 )
 
 
 def draw_oscillations(
     results: Sequence[Identified], *, dark: bool = False, width: float | None = None
 ) -> "Figure":
-    """Draw K′ and B′ over the frequencies of the motion, a line for each law.
+    """Draw K′ and B′ over the frequencies of the motion, one line per contact model.
 
     Parameters
     ----------
     results : sequence of Identification
-        Of one contact.
+        Results of one contact.
     dark : bool
-        For a dark background.
+        Draw for a dark background. Default: False.
     width : float, optional
-        Of the figure as it is printed, m, in [0.06, 0.4]; a page unless given.
+        Printed width, m, in [0.06, 0.4]. Default: 11 inches.
 
     Raises
     ------
     InvalidParameterError
-        Nothing moved, so there is no frequency; or the width is out of its range.
+        The probe did not move in any contact, or the width is outside its range.
     MissingExtraError
         matplotlib is not installed.
     """
@@ -192,7 +249,7 @@ def draw_oscillations(
     courses = [(result, _course(result)) for result in results]
     courses = [(result, course) for result, course in courses if course]
     if not courses:
-        raise InvalidParameterError("results must hold one whose probe moved, not none")
+        raise InvalidParameterError("no probe moved: dynamic stiffness needs motion")
     with drawing(look, 7.0 if look.narrow else 3.6) as figure:
         stiffness, damping = np.ravel(figure.subplots(*((2, 1) if look.narrow else (1, 2))))
         _draw(stiffness, courses, ("stiffness", "K′", "N/m"), look)
@@ -207,7 +264,7 @@ def draw_oscillations(
 
 
 def _course(result: Identified) -> list[SmallOscillation]:
-    """What is felt over the band of the motion; nothing of a probe that was held still."""
+    """Return dynamic stiffness over the band of the motion; empty for a probe at rest."""
     with suppress(InvalidParameterError):
         low, high = band_of(result)
         inside = np.geomspace(low, high, _FREQUENCIES)[1:-1].tolist() if low > 0.0 else []
@@ -243,7 +300,7 @@ def _draw(
 
 
 def _mark_frequencies(axes: "Axes", rendered: Sequence[float]) -> None:
-    """Ticks at the ends of the band and its middle: a decade has none within a factor of four."""
+    """Set ticks at the ends and the middle of the band, where decades may have none."""
     from matplotlib.ticker import FixedLocator, NullLocator
 
     low, high = min(rendered) / (2.0 * math.pi), max(rendered) / (2.0 * math.pi)
@@ -260,9 +317,9 @@ def _label(result: Identified) -> str:
 
 # Stiffness and damping at working depth by several methods, as dots with their error bars.
 
-# What is so much larger or smaller than the first value, over its size, is an arrow at the edge.
+# Values whose difference from the first exceeds this multiple of it become an arrow at the edge.
 _MOST_APART = 1.0
-# Depths that differ by less are the same: three digits are written.
+# Depths that differ by a smaller ratio are equal in the three digits of the title.
 _SAME_DEPTH = 0.01
 
 
@@ -273,7 +330,7 @@ def draw_values(
     names: Sequence[str],
     look: Look,
 ) -> None:
-    """Two panels beside one another, a row for each result."""
+    """Draw stiffness and damping in two panels, one row per result."""
     there = [result.diagnosis.working_depth for result in results]
     at = _format_depths([each.depth for each in there])
     both = [felt(result) for result in results]
@@ -286,7 +343,7 @@ def draw_values(
 
 
 def _format_depths(depths: Sequence[float]) -> str:
-    """The depth that all values are for; methods that take other samples may differ in it."""
+    """Describe the depth of the values; it may differ between methods that use other samples."""
     scale = scale_of(depths[0], "m")
     low, high = (scale.factor * depth for depth in (min(depths), max(depths)))
     if high <= (1.0 + _SAME_DEPTH) * low:
@@ -319,7 +376,7 @@ def _draw_dots(
 def _draw_arrow(
     axes: "Axes", row: int, value: float, limits: tuple[float, float], colour: str, look: Look
 ) -> None:
-    """A value that is beyond the panel."""
+    """Draw an arrow for a value beyond the panel."""
     right = value > limits[1] or not value < limits[0]
     inset = 0.04 * (limits[1] - limits[0])
     place = limits[1] - inset if right else limits[0] + inset
@@ -336,7 +393,7 @@ def _draw_arrow(
 
 
 def _limits(finals: list[Final]) -> tuple[float, float]:
-    """Around the best method's value, as far as the others are, but not endlessly."""
+    """Return limits around the best method's value that include most other values."""
     best = finals[0]
     most = max(_MOST_APART * abs(best.value), 2.2 * best.whole_error, 1e-300)
     ends = [best.value - 2.2 * best.whole_error, best.value + 2.2 * best.whole_error]
@@ -349,15 +406,15 @@ def _limits(finals: list[Final]) -> tuple[float, float]:
     return min(ends) - 0.08 * spread, max(ends) + 0.08 * spread
 
 
-# The figure of several identifications of one contact: a row for each method, the best first.
+# The figure of several identifications of one contact: one row per method, the best first.
 
-# Of a loop, of which there is one for each method.
+# Points of each loop.
 _LOOP_POINTS = 400
 COMPARED_CAPTION = (
-    "Methods in the order of their rank. Stiffness and damping at working depth: ±2 s.e., thick "
-    "by noise, thin with what the findings would move, and of a law that remembers K′ and B′ at "
-    "the motion's own frequency; an arrow: beyond the panel. Residual, measured − final law, to "
-    "one scale: median, band from the 10th to the 90th percentile; dotted: that of noise alone."
+    "Methods by rank. Stiffness and damping at working depth: ±2 standard errors, thick "
+    "statistical, thin with systematic; of viscoelastic models K′ and B′ at the frequency of the "
+    "motion; arrow: outside the panel. Residual, measured − final law, on one scale: median, "
+    "band from the 10th to the 90th percentile; dotted: band of noise alone."
 )
 
 
@@ -365,34 +422,34 @@ COMPARED_CAPTION = (
 def draw_comparison(
     results: Mapping[str, Identified], *, dark: bool = False, width: float | None = None
 ) -> "Figure":
-    """Draw several identifications of one contact, a row for each, the best first.
+    """Draw several identifications of one contact, one row per method, the best first.
 
-    Stiffness and damping at working depth with their error bars, and for each method what its final
-    law leaves of the force, and on a page the force over penetration: each on axes of its own.
+    The panels show stiffness and damping at working depth with error bars and the residual of each
+    method; a figure as wide as a page also shows force over penetration.
 
     Parameters
     ----------
     results : mapping
-        As :func:`palpate.compare` returns it.
+        As returned by :func:`palpate.compare`.
     dark : bool
-        For a dark background.
+        Draw for a dark background. Default: False.
     width : float, optional
-        Of the figure as it is printed, m, in [0.06, 0.4]; a page of 11 inches unless given.
+        Printed width, m, in [0.06, 0.4]. Default: 11 inches.
 
     Raises
     ------
     InvalidParameterError
-        There is nothing to draw, or the width is out of its range.
+        ``results`` is empty, or the width is outside its range.
     MissingExtraError
         matplotlib is not installed.
     """
     if not results:
-        raise InvalidParameterError("results must hold at least one identification, not none")
+        raise InvalidParameterError("results is empty: pass at least one identification")
     look = look_of(dark=dark, width=width)
     ranking = rank(results)
     ordered = [results[name] for name in ranking.order]
     best = ranking.recommended
-    words = "no method is to be trusted" if best is None else f"recommended: {best}"
+    words = "recommended: none" if best is None else f"recommended: {best}"
     count, narrow = len(ordered), look.narrow
     heights = (0.9 + 0.19 * count, 1.15 * count + 0.3) if narrow else (2.3, 1.3 * count + 0.3)
     with drawing(look, sum(heights) + (1.8 if narrow else 1.1)) as figure:
@@ -405,7 +462,7 @@ def draw_comparison(
 def _compared(
     above: "SubFigure", below: "SubFigure", ordered: list[Identified], look: Look
 ) -> None:
-    """Values above, residuals below; on a page force and loops beside them."""
+    """Draw values above and residuals below; on a page also force and loops."""
     count, narrow = len(ordered), look.narrow
     names = [f"{row + 1}" for row in range(count)]
     if narrow:
@@ -426,5 +483,5 @@ def _compared(
     if not narrow:
         for row, (axes, result) in enumerate(zip(panels[:, 1], ordered, strict=True)):
             draw_loop(axes, result, look, colour=look.colour(row), points=_LOOP_POINTS)
-        head(panels[0, 1], "Measured (grey) and by the final law", legend=False)
+        head(panels[0, 1], "Measured (grey) and final law", legend=False)
         stack(list(panels[:, 1]))

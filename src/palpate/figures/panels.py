@@ -1,4 +1,4 @@
-"""Panels of what was identified: parameters over time, forces, residuals, and their titles."""
+"""Panels of an identification: parameters over time, forces, residuals, and their titles."""
 
 import math
 from collections.abc import Iterable, Sequence
@@ -46,7 +46,7 @@ JOINED = "\N{NO-BREAK SPACE}"
 
 
 def parameters_of(result: Identified) -> str:
-    """The law's parameters and their standard errors; not the spectrum that it was offered."""
+    """Describe the law's parameters with standard errors, without a preset spectrum."""
     rows = [row for row in parameter_rows(result) if row.name != OFFERED]
     return ", ".join(str(row).replace(" ", JOINED) for row in rows)
 
@@ -55,50 +55,50 @@ _UNITS = {"force": "N", "stiffness": "N/m", "damping": "N·s/m"}
 
 
 def at_depth(result: Identified, names: Iterable[str] = _UNITS) -> str:
-    """Force, stiffness and damping at working depth, or those of these names."""
+    """Describe force, stiffness and damping at working depth, or those in ``names``."""
     there, words = result.diagnosis.working_depth, []
     for name in names:
         found: Quantity = getattr(there, name)
         words.append(f"{name} {found.format(_UNITS[name]).replace(' ', JOINED)}")
-    relaxed = ", once relaxed" if result.law.remembers else ""
+    relaxed = ", relaxed" if result.law.remembers else ""
     return f"at {depth_of(there.depth)}{relaxed}: {', '.join(words)}"
 
 
 def name_of(result: Identified) -> str:
-    """Name of the recording's file; what no font has, such as a byte that is not UTF-8, is �."""
+    """Return the recording's file name; unprintable characters become �."""
     name = Path(result.contact.source).name
     return "".join(sign if sign.isprintable() else "\N{REPLACEMENT CHARACTER}" for sign in name)
 
 
 def verdict_of(result: Identified) -> str:
-    """Verdict and its reason."""
+    """Return the verdict and its reason."""
     return f"{result.diagnosis.verdict.overall}: {result.diagnosis.reason}"
 
 
 def fit_of(result: Identified) -> str:
-    """File, method and how well the law fits."""
+    """Describe file, method and fit."""
     name = name_of(result)
-    fitted = "the stretches' own laws fit" if result.segments else "final law fits"
-    fit = f"{result.method}, {fitted} to {result.fit_rmse_percent:.2g}{JOINED}%"
+    fitted = "fit, one law per segment" if result.segments else "fit of the final law"
+    fit = f"{result.method}, {fitted}: {result.fit_rmse_percent:.2g}{JOINED}%{JOINED}rms"
     return f"{name}: {fit}" if name else fit
 
 
-# What an estimator knew as it went along, with its error bars.
+# The estimate over time, with its error bars.
 
-# So many times a replay is stopped to look at the covariance, which a trace does not hold.
+# Number of stops of a replay to read the covariance, which a trace does not contain.
 _STOPS = 200
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Course:
-    """The law, its stiffness and damping at one depth, and their errors, at some of the samples.
+    """The estimated law over time, with stiffness and damping at one depth and their errors.
 
     Attributes
     ----------
     samples : numpy.ndarray of int, shape (k,)
-        After which they were known.
+        Samples after which the estimate was read.
     parameters, errors : numpy.ndarray, shape (k, p)
-        Of the law, SI, and their standard errors.
+        Parameters of the law and their standard errors, SI.
     stiffness, stiffness_error : numpy.ndarray, shape (k,)
         ∂F/∂x, N/m, and its standard error; NaN before the first contact.
     damping, damping_error : numpy.ndarray, shape (k,)
@@ -115,14 +115,14 @@ class Course:
 
 
 def course_of(result: Identified, depth: float) -> Course:
-    """Replay a contact, and stop at times to look at what is known.
+    """Replay a contact and read the estimate at times.
 
     Parameters
     ----------
     result : Identification
-        Its contact is replayed by its estimator, as it was when it had learned nothing.
+        Its contact is replayed by a fresh copy of its estimator.
     depth : float
-        Where, m, > 0.
+        Penetration for stiffness and damping, m, > 0.
     """
     contact, estimator = result.contact, result.estimator.replace()
     steps = contact.time_steps
@@ -148,47 +148,47 @@ def course_of(result: Identified, depth: float) -> Course:
 
 
 def _known(estimate: Estimate, depth: float) -> list[float]:
-    """Stiffness, its error, damping, its error; NaN for what overflows."""
+    """Return stiffness, its error, damping and its error; NaN where they overflow."""
     try:
         values, errors = estimate.with_errors(lambda law: law.at_rest(depth)[1:])
-    except ValueError:  # of parameters that are not finite there is no law
+    except ValueError:  # parameters that are not finite make no law
         return [np.nan] * 4
     return np.column_stack([values, errors]).reshape(-1).tolist()
 
 
-# What the final law leaves of the force, over time, depth and speed.
+# The residual of the final law over time, depth and speed.
 
 Against = Literal["time", "depth", "velocity"]
 AGAINST: tuple[Against, ...] = ("time", "depth", "velocity")
-# Of several residuals those so many times as large as the first one's leave their panel.
+# Residuals larger than this multiple of the first one's are cut off at their panel.
 _MOST_REACH = 5.0
 CAPTION = (
-    "Residual: measured − final law. Line: its median; band: from its 10th to its 90th "
-    "percentile; dotted: the same band of the sensors' noise alone, at working depth."
+    "Residual: measured − final law. Line: median; band: 10th to 90th percentile; dotted: the "
+    "same band of sensor noise alone, at working depth."
 )
 
 
 def draw_residuals(
     identification: Identified, *, dark: bool = False, width: float | None = None
 ) -> "Figure":
-    """Draw what the final law leaves of the force, over time, depth and velocity.
+    """Draw the residual of the final law over time, depth and velocity.
 
-    Where it stays between the dotted lines, noise is all that is left; a wave or a slope is
-    structure that the law does not have.
+    A residual between the dotted lines is noise; a wave or a slope shows an effect that the law
+    does not contain.
 
     Parameters
     ----------
     identification : Identification
-        As :func:`palpate.identify` returns it.
+        As returned by :func:`palpate.identify`.
     dark : bool
-        For a dark background.
+        Draw for a dark background. Default: False.
     width : float, optional
-        Of the figure as it is printed, m, in [0.06, 0.4]; a page unless given.
+        Printed width, m, in [0.06, 0.4]. Default: 11 inches.
 
     Raises
     ------
     InvalidParameterError
-        The width is out of its range.
+        The width is outside its range.
     MissingExtraError
         matplotlib is not installed.
     """
@@ -205,24 +205,24 @@ def draw_residuals(
         low = min(axes.get_ylim()[0] for axes in panels)
         for axes in panels:
             axes.set_ylim(low, -low)
-        laws = "laws of each part leave" if identification.segments else "final law leaves"
-        fit = f"the {laws} {identification.fit_rmse_percent:.2g} % of the force"
+        laws = "one law per segment" if identification.segments else "final law"
+        fit = f"residual of the fit, {laws}: {identification.fit_rmse_percent:.2g} % rms"
         name = name_of(identification)
         set_titles(figure, look, [f"{name}: {fit}" if name else fit], CAPTION)
     return figure
 
 
 def draw_residual(axes: "Axes", result: Identified, look: Look) -> None:
-    """One panel of the residual over time, with the band of noise alone."""
+    """Draw the residual over time in one panel, with the band of noise alone."""
     draw_residual_rows([axes], [result], look)
-    law = "law of each part" if result.segments else "final law"
+    law = "law of each segment" if result.segments else "final law"
     head(axes, f"Residual, measured − {law}: {result.fit_rmse_percent:.2g} % rms")
 
 
 def draw_residual_rows(rows: "Sequence[Axes]", results: Sequence[Identified], look: Look) -> None:
-    """The residual of each of several identifications over time, to one scale.
+    """Draw the residuals of several identifications over time, on one scale.
 
-    That is at most so large that the first of them, the best, is still to be seen.
+    The scale is limited so that the residual of the first, the best, stays visible.
     """
     noise = _noise_band(results[0])
     seen = [_scatter(result, "time") for result in results]
@@ -237,9 +237,9 @@ def draw_residual_rows(rows: "Sequence[Axes]", results: Sequence[Identified], lo
 
 
 def _noise_band(result: Identified) -> float:
-    """Half of the band that noise alone would have, N.
+    """Return half the width of the band of noise alone, N.
 
-    Of a sample's force √(σ² + S²σ_x² + C²σ_v²), at working depth.
+    From the noise of a sample's force, √(σ² + S²σ_x² + C²σ_v²), at working depth.
     """
     data, there = result.data or Data(result.contact), result.diagnosis.working_depth
     by_position = there.stiffness.value * data.penetration_noise
@@ -257,7 +257,7 @@ def _draw(
 ) -> None:
     k = unit.factor
     axes.fill_between(seen.place, k * seen.low, k * seen.high, color=colour, alpha=0.3, lw=0)
-    few = np.isfinite(seen.middle).sum() < 4  # of one point there is no line
+    few = np.isfinite(seen.middle).sum() < 4  # one point makes no line
     axes.plot(seen.place, k * seen.middle, "o-" if few else "-", color=colour, markersize=3.0)
     for level in (-noise, noise) if noise > 0.0 else ():
         axes.axhline(k * level, color=look.theme.ink, linestyle=":", linewidth=look.points(0.9))
@@ -267,7 +267,7 @@ def _draw(
 
 
 def _scatter(result: Identified, against: Against) -> tuple[str, Scatter]:
-    """What the abscissa is called, and where the residual lies over it."""
+    """Return the label of the abscissa and the residual over it."""
     contact, taken = result.contact, result.trace.taken
     with np.errstate(all="ignore"):  # absurd samples overflow
         residual = contact.force - result.fitted_force
@@ -287,26 +287,26 @@ def _scaled(values: Floats, scale: AxisScale) -> Floats:
         return scale.factor * values
 
 
-# Panels of what was identified: each quantity over time, its band, and the result at the end.
+# Panels of quantities over time, with their bands and the result at the end.
 
-# A panel shows at least this part of a value: what is known better has ticks too long to read.
+# Least span of a panel relative to the value: the ticks of a smaller one are too long to read.
 _LEAST_SPAN = 1e-5
-# A bar of what findings would move is seen whole up to so many times what else is in its panel.
+# A bar with systematic error is shown whole up to this multiple of the rest of its panel.
 _MOST_MOVED = 10.0
 
 
 @dataclass(frozen=True, slots=True)
 class Final:
-    """What a quantity came to.
+    """Final value of a quantity.
 
     Attributes
     ----------
     value : float
         The result.
     error : float
-        Its standard error, or the repeatable part of it.
+        Statistical standard error.
     whole_error : float
-        With what the findings would move; the same where there is no more.
+        Total standard error, with the systematic part if there is one.
     """
 
     value: float
@@ -315,7 +315,7 @@ class Final:
 
     @classmethod
     def of(cls, quantity: Quantity) -> "Final":
-        """Of a quantity at the working depth."""
+        """Return the final value of a quantity at the working depth."""
         error = quantity.standard_error if np.isfinite(quantity.standard_error) else 0.0
         return cls(quantity.value, error, float(np.hypot(error, quantity.systematic)))
 
@@ -323,7 +323,7 @@ class Final:
 def draw_parameter(
     axes: "Axes", result: Identified, course: Course, row: ParameterRow, look: Look
 ) -> None:
-    """One parameter over time, with a band of two standard errors, and the result."""
+    """Draw one parameter over time, with a band of ±2 standard errors, and the result."""
     index = row.index
     error = float(result.standard_errors[index])
     final = Final(float(result.law.parameters[index]), error, error)
@@ -333,7 +333,7 @@ def draw_parameter(
     head(axes, f"{row.name.replace('_', ' ').capitalize()} {row.symbol}: {words}")
 
 
-#: Units, and what an axis says.
+# Units and axis labels.
 _AT_DEPTH = {"stiffness": ("N/m", "dF/dx"), "damping": ("N·s/m", "dF/dv")}
 
 
@@ -344,7 +344,7 @@ def draw_at_depth(
     quantity: Literal["stiffness", "damping"],
     look: Look,
 ) -> None:
-    """Stiffness or damping at working depth over time, and what the diagnosis says of it."""
+    """Draw stiffness or damping at working depth over time, and the diagnosed result."""
     known = getattr(course, quantity), getattr(course, f"{quantity}_error")
     parts = (result, *result.segments)
     quantities = [getattr(part.diagnosis.working_depth, quantity) for part in parts]
@@ -356,9 +356,9 @@ def draw_at_depth(
     name = f"Relaxed {quantity}" if result.law.remembers else quantity.capitalize()
     at = f"{name} at {length.factor * depth:.3g} {length.unit}"
     if result.segments:
-        _draw_stretches(axes, result, finals[1:], scale, look)
-        kind = "place" if result.segments[0].place is not None else "stretch"
-        head(axes, f"{name} of each {kind}" if kind == "place" else f"{at}, of each stretch")
+        _draw_segments(axes, result, finals[1:], scale, look)
+        kind = "place" if result.segments[0].place is not None else "segment"
+        head(axes, f"{name} of each {kind}" if kind == "place" else f"{at}, of each segment")
         return
     head(axes, f"{at}: {quantities[0].format(unit).replace(' ', JOINED)}")
 
@@ -373,13 +373,13 @@ def _draw_line(
     symbol: str,
     look: Look,
 ) -> AxisScale:
-    """A quantity after some samples, its band of ±2 s.e., and the result with its error bar."""
+    """Draw a quantity over time, its band of ±2 standard errors, and the result."""
     time, label = clock(result.contact)
     values, errors = known
     limits = _limits(values, errors, final)
     scale = scale_as_written(max(abs(limits[0]), abs(limits[1])), unit)
     k, colour, ink = scale.factor, look.theme.lines[0], look.theme.ink
-    # What leaves the panel is cut: coordinates of 1e200 make no line.
+    # Limit values far outside the panel: coordinates of 1e200 make no line.
     far = 10.0 * (limits[1] - limits[0])
     within = (limits[0] - far, limits[1] + far)
     with np.errstate(invalid="ignore", over="ignore"):
@@ -388,7 +388,7 @@ def _draw_line(
         ]
     seen = (lines[1] >= limits[0]) & (lines[1] <= limits[1])
     seen |= np.append(seen[1:], False) | np.insert(seen[:-1], 0, False)
-    lines[1] = np.where(seen, lines[1], np.nan)  # a start that leaves the panel again and again
+    lines[1] = np.where(seen, lines[1], np.nan)  # a start that often leaves the panel
     gaps = np.flatnonzero(np.diff(result.contact.segment[samples])) + 1
     gaps = gaps if gaps.size <= MOST_GAPS else gaps[:0]
     x, low, middle, high = (np.insert(each, gaps, np.nan) for each in (time[samples], *lines))
@@ -404,7 +404,7 @@ def _draw_line(
 
 
 def _draw_final(axes: "Axes", time: Floats, final: Final, factor: float, look: Look) -> None:
-    """The result at the right, as a dot, with ±2 s.e.; thin, with what the findings would move."""
+    """Draw the result at the right with ±2 standard errors; thin, with the systematic part."""
     right = float(time.max() + 0.03 * (np.ptp(time) or 1.0))
     for error, width, cap in ((final.error, 2.2, 0.0), (final.whole_error, 0.9, 2.5)):
         dot = look.dot(3.5, width, cap)
@@ -412,10 +412,10 @@ def _draw_final(axes: "Axes", time: Floats, final: Final, factor: float, look: L
         axes.errorbar(right, factor * final.value, yerr=bar, color=look.theme.ink, **dot)
 
 
-def _draw_stretches(
+def _draw_segments(
     axes: "Axes", result: Identified, finals: list[Final], scale: AxisScale, look: Look
 ) -> None:
-    """The result of each stretch from its start to its end, with a box of ±2 s.e."""
+    """Draw the result of each segment over its time, with a box of ±2 standard errors."""
     from matplotlib.patches import PathPatch
     from matplotlib.path import Path
 
@@ -430,21 +430,21 @@ def _draw_stretches(
         corners += [(start, low), (stop, low), (stop, high), (start, high), (start, low)]
         middles += [(start, k * final.value), (stop, k * final.value), (np.nan, np.nan)]
         ends += [low, high]
-    # One path for all: of each of a hundred places its own would make a heavy file.
+    # One path for all boxes: one per place would make a large file.
     codes = [Path.MOVETO, *[Path.LINETO] * 3, Path.CLOSEPOLY] * len(finals)
     boxes = PathPatch(Path(corners, codes), color=colour, alpha=0.35, linewidth=0.0, zorder=2.5)
     axes.add_patch(boxes)
     axes.plot(*np.transpose(middles), color=colour, linewidth=look.points(2.0), zorder=2.6)
-    # Of many places a few that went wrong would flatten all others.
+    # Among many places, a few outliers would flatten all others.
     low, high = np.percentile(ends, (5.0, 95.0) if len(ends) > 20 else (0.0, 100.0))
     span = (high - low) or abs(high) or 1.0
     axes.set_ylim(low - 0.15 * span, high + 0.15 * span)
 
 
 def _limits(values: Floats, errors: Floats, final: Final) -> tuple[float, float]:
-    """What a panel shows: the result, and the band since the start-up is over.
+    """Return limits that show the result and the band after start-up.
 
-    What the findings would move may be so much that its bar leaves the panel: the title has it.
+    A large systematic error may extend beyond the panel; the title states it.
     """
     known = np.isfinite(values) & np.isfinite(errors)
     late = np.flatnonzero(known)
@@ -464,14 +464,14 @@ def _limits(values: Floats, errors: Floats, final: Final) -> tuple[float, float]
     return middle - 0.6 * spread, middle + 0.6 * spread
 
 
-# Panels that show force: over time, over penetration, and what a prediction missed.
+# Panels of force: over time, over penetration, and the prediction error.
 
-# More crosses than this at samples that were left out make a heavy file.
+# Most crosses at excluded samples: more make a large file.
 _MOST_CROSSES = 200
 
 
 def draw_force(axes: "Axes", result: Identified, look: Look) -> None:
-    """Force over time, measured and predicted a priori, and the samples that were left out."""
+    """Draw measured and one-step predicted force over time, and the excluded samples."""
     contact, theme = result.contact, look.theme
     time, label = clock(contact)
     keep = shown(contact)
@@ -488,18 +488,18 @@ def draw_force(axes: "Axes", result: Identified, look: Look) -> None:
         unit.factor * broken(inside, contact, keep),
         color=theme.lines[0],
         linewidth=look.points(1.0),
-        label="predicted (a priori)",
+        label="one-step prediction",
     )
-    left_out = few(np.flatnonzero(result.trace.rejected), _MOST_CROSSES)
-    if left_out.size:
+    excluded = few(np.flatnonzero(result.trace.rejected), _MOST_CROSSES)
+    if excluded.size:
         axes.plot(
-            time[left_out],
-            unit.factor * np.clip(contact.force[left_out], low, high),
+            time[excluded],
+            unit.factor * np.clip(contact.force[excluded], low, high),
             color=theme.ink,
             linestyle="none",
             marker="x",
             markersize=look.points(4.0),
-            label="left out",
+            label="excluded",
         )
     axes.set_ylim(unit.factor * low, unit.factor * high)
     axes.set(xlabel=label, ylabel=unit.label("force"))
@@ -514,14 +514,14 @@ def draw_loop(
     colour: str | None = None,
     points: int = MOST_POINTS,
 ) -> None:
-    """Force over penetration, measured and by the final law, without what was left out."""
+    """Draw force over penetration, measured and by the final law, without excluded samples."""
     contact, theme = result.contact, look.theme
     keep = shown(contact, points)
     keep = keep[~result.trace.rejected[keep]]
     deepest = largest(np.maximum(contact.penetration[result.trace.taken], 0.0)) or 1.0
     low, high = _force_range(result, outliers=False)
     depth, force = scale_of(deepest, "m"), scale_of(max(abs(low), abs(high)), "N")
-    with np.errstate(over="ignore"):  # of an absurd sample out of contact
+    with np.errstate(over="ignore"):  # of an extreme sample out of contact
         x = np.clip(depth.factor * contact.penetration[keep], -1e4, 1e4)
     axes.plot(
         x,
@@ -536,7 +536,7 @@ def draw_loop(
         force.factor * broken(inside, contact, keep),
         color=colour or theme.lines[0],
         linewidth=look.points(0.9),
-        label="law of each part" if result.segments else "final law",
+        label="law of each segment" if result.segments else "final law",
     )
     axes.set_xlim(-0.1 * depth.factor * deepest, 1.05 * depth.factor * deepest)
     axes.set_ylim(force.factor * low, force.factor * high)
@@ -544,18 +544,18 @@ def draw_loop(
 
 
 def _force_range(result: Identified, *, outliers: bool) -> tuple[float, float]:
-    """Forces that a panel shows, N: those in contact, most of those out of it, maybe outliers.
+    """Return the force range of a panel, N: samples in contact, most others, and any outliers.
 
-    An outlier further away than twice the range is at the panel's edge: it would flatten all else.
+    An outlier beyond twice the range is drawn at the edge: it would flatten the rest.
     """
     force, trace = result.contact.force, result.trace
     known = np.isfinite(force)
     ends = [*np.percentile(force[known], (1.0, 99.0)), *_ends(force[known & trace.taken])]
     low, high = min(ends), max(ends)
     span = (high - low) or abs(high) or 1.0
-    left_out = force[known & trace.rejected & outliers]
-    left_out = np.clip(left_out, low - 2.0 * span, high + 2.0 * span)
-    low, high = min([low, *_ends(left_out)]), max([high, *_ends(left_out)])
+    excluded = force[known & trace.rejected & outliers]
+    excluded = np.clip(excluded, low - 2.0 * span, high + 2.0 * span)
+    low, high = min([low, *_ends(excluded)]), max([high, *_ends(excluded)])
     return low - 0.06 * (high - low or span), high + 0.06 * (high - low or span)
 
 
@@ -564,24 +564,24 @@ def _ends(values: Floats) -> tuple[float, ...]:
 
 
 def _error_reach(result: Identified) -> float:
-    """How large a prediction error is but for the first of each start, N."""
+    """Return the size of the prediction error, N, without the first one after each start."""
     taken = result.trace.taken
     error = np.abs(result.contact.force - result.trace.predicted_force)[taken]
     known = error[np.isfinite(error)]
-    # The first error of each start is as large as the force; the scale shows what comes after.
+    # The first error after each start is as large as the force; the scale fits the later ones.
     reach = 1.3 * float(np.percentile(known, 99.0)) if known.size else 0.0
     force = largest(result.contact.force[taken])
     return max(min(reach, force), 1e-12 * force, 1e-300)
 
 
 def draw_error(axes: "Axes", result: Identified, look: Look) -> None:
-    """A-priori force error over time."""
+    """Draw the one-step prediction error of the force over time."""
     contact = result.contact
     time, label = clock(contact)
     keep = shown(contact)
     limit = _error_reach(result)
     unit = scale_of(limit, "N")
-    with np.errstate(over="ignore", invalid="ignore"):  # of absurd samples
+    with np.errstate(over="ignore", invalid="ignore"):  # of extreme samples
         missed = contact.force - result.trace.predicted_force
         error = np.where(result.trace.taken, missed, np.nan)
         values = unit.factor * np.clip(broken(error, contact, keep), -9.0 * limit, 9.0 * limit)
@@ -591,14 +591,14 @@ def draw_error(axes: "Axes", result: Identified, look: Look) -> None:
     axes.axhline(0.0, color=look.theme.ink, linewidth=look.points(0.6))
     rmse = result.prediction_rmse_percent
     part = f": {rmse:.2g} % rms after 0.2 s" if math.isfinite(rmse) else ""
-    head(axes, f"Prediction error (a priori){part}")
+    head(axes, f"One-step prediction error{part}")
 
 
 def draw_condition(axes: "Axes", result: Identified, course: Course, look: Look) -> None:
-    """The speed beside what condition 10 allows by the estimates of the moment."""
+    """Draw the speed and its limit for the single-stage method, 0.1 K/B, as estimated so far."""
     contact = result.contact
     time, label = clock(contact)
-    keep = shown(contact)[::2]  # neither line is as quick as the noise
+    keep = shown(contact)[::2]  # both lines are smooth
     speed = np.where(result.trace.taken, np.abs(contact.velocity), np.nan)
     stiffness, damping = np.abs(course.parameters[:, :2].T)
     limit = np.full(len(contact), np.nan)
@@ -617,4 +617,7 @@ def draw_condition(axes: "Axes", result: Identified, course: Course, look: Look)
         axes.plot(time[at], shown_values, color=colour, label=words)
     axes.set_ylim(0.0, unit.factor * top)
     axes.set(xlabel=label, ylabel=unit.label("speed"))
-    head(axes, f"Condition 10, |v| < 0.1 K/B: broken in {result.violated_fraction:.1%} of contact")
+    head(
+        axes,
+        f"Speed limit |v| < 0.1 K/B: violated in {result.violated_fraction:.1%} of contact",
+    )

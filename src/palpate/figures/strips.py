@@ -1,4 +1,4 @@
-"""A strip chart of a recording: each channel over its own time, one below the other."""
+"""Strip chart of a recording: each channel over its own clock, one below the other."""
 
 import math
 from pathlib import Path
@@ -16,24 +16,24 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-#: More strips than this no page shows; the title says how many there are.
+#: Most strips on a page; the title states how many channels there are.
 MOST_STRIPS = 24
 
-# Pairs of a least and a greatest value along a strip: more than a page has dots.
+# Pairs of minimum and maximum along a strip: more than a page has dots.
 _PIECES = 800
 
 
 def draw_strips(recording: Recording, surveyed: Survey, *, dark: bool = False) -> "Figure":
-    """Draw each channel of numbers that varies, over the time of its clock.
+    """Draw each numeric channel that varies over the time of its clock.
 
     Parameters
     ----------
     recording : Recording
-        What is drawn.
+        The recording to draw.
     surveyed : Survey
-        Of it, by :func:`palpate.recordings.survey.survey`.
+        As returned by :func:`palpate.recordings.survey.survey`.
     dark : bool
-        For a dark background.
+        Draw for a dark background. Default: False.
 
     Raises
     ------
@@ -65,8 +65,8 @@ def _title(recording: Recording, varying: int, shown: int, channels: int) -> str
     name = Path(recording.source).name or "recording"
     name = "".join(sign if sign.isprintable() else "\N{REPLACEMENT CHARACTER}" for sign in name)
     if shown < varying:
-        return f"{name}: the first {shown} of {varying} channels that vary"
-    return f"{name}: {shown} of {channels} channels, those that vary"
+        return f"{name}: first {shown} of {varying} varying channels"
+    return f"{name}: {shown} of {channels} channels vary"
 
 
 def _draw_strip(
@@ -84,16 +84,16 @@ def _draw_strip(
 
 
 def _label_time(axes: "Axes", clock: ClockSurvey, *, last: bool) -> None:
-    """Ticks on each strip, words below the last that is on a clock."""
+    """Label the ticks and the axis of the last strip of a clock only."""
     axes.tick_params(labelbottom=last)
     if last and clock.name:
-        axes.set_xlabel(f"time since the first of {clock.name} [s]", parse_math=False)
+        axes.set_xlabel(f"time since the first {clock.name} [s]", parse_math=False)
     elif last:
         axes.set_xlabel("sample")
 
 
 def _thinned(time: Floats, values: Floats, gap: float) -> tuple[Floats, Floats]:
-    """The least and the greatest value of each piece, so that no spike is lost; broken at gaps."""
+    """Return minimum and maximum of each piece, which keeps spikes; NaN breaks at gaps."""
     if len(values) > 4 * _PIECES:
         edges = np.linspace(0, len(values), _PIECES + 1).astype(np.intp)
         width = -(-len(values) // _PIECES)

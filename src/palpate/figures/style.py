@@ -1,4 +1,4 @@
-"""How figures look, how large they are, and how they are written."""
+"""Style, size and file formats of figures."""
 
 import functools
 import io
@@ -34,16 +34,16 @@ except ImportError:
 
 
 def wrapped(words: str, width: float, size: float, lines: int) -> str:
-    """Break a sentence into lines of at most a width; what is left over becomes ….
+    """Break a sentence into lines of limited width; text beyond the last line becomes ….
 
     Parameters
     ----------
     words : str
         A sentence.
     width, size : float
-        Of a line and of the letters, points.
+        Width of a line and size of the letters, points.
     lines : int
-        At most so many.
+        Maximum number of lines.
     """
     rows = [""]
     for word in words.split(" "):  # not at a no-break space, as split() would
@@ -62,22 +62,22 @@ def wrapped(words: str, width: float, size: float, lines: int) -> str:
 
 
 def width_of(words: str, size: float) -> float:
-    """Width of a line in letters of a size, points."""
+    """Return the width of a line of text, points, for a letter size in points."""
     fonts = matplotlib.rcParams["font.family"], matplotlib.rcParams["font.sans-serif"]
     return _width_in((*fonts[0], *fonts[1]), words, size)
 
 
 @functools.lru_cache(4096)  # a page's figures share most of their words
 def _width_in(fonts: tuple[str, ...], words: str, size: float) -> float:
-    """Width of a line in the fonts that matplotlib is set to."""
+    """Return the width of a line in these fonts."""
     with warnings.catch_warnings():
-        warnings.filterwarnings("ignore", "Glyph .* missing from")  # it has some width
+        warnings.filterwarnings("ignore", "Glyph .* missing from")  # it has a width too
         found = text_to_path.get_text_width_height_descent(words, FontProperties(size=size), False)
     return float(found[0])
 
 
 def _broken(word: str, width: float, size: float) -> list[str]:
-    """A word, such as the name of a file, that is wider than a line, in pieces."""
+    """Split a word that is wider than a line, such as a file name, into pieces."""
     pieces = [""]
     for letter in word:
         if pieces[-1] and width_of(pieces[-1] + letter, size) > width:
@@ -86,28 +86,28 @@ def _broken(word: str, width: float, size: float) -> list[str]:
     return pieces
 
 
-# How wide a figure is printed, and how large its letters are then.
+# Printed width of a figure, and the resulting letter size.
 
 INCH = 25.4e-3
-#: Limits of a width, m: below, five ticks of an axis touch; above, no paper is as wide.
+#: Limits of the width, m: below, five ticks of an axis touch; no paper is wider.
 NARROWEST, WIDEST = 60e-3, 400e-3
-# A journal's column is 84 to 90 mm wide, its page 170 to 190 mm: narrower than this, panels stand
-# one below the other.
+# A journal's column is 84 to 90 mm wide, its page 170 to 190 mm. In narrower figures than this, the
+# panels stand one below the other.
 _ONE_COLUMN = 140e-3
-# Letters of a page, and the smallest that journals print, in points.
+# Letters of a figure as wide as a page, and the smallest that journals print, points.
 _LARGEST, _SMALLEST = 9.5, 7.0
 
 
 @dataclass(frozen=True, slots=True)
 class Look:
-    """Colours and width of a figure, and what follows from the width.
+    """Colours and width of a figure, and sizes that depend on the width.
 
     Parameters
     ----------
     theme : Theme
         Colours.
     width : float
-        As it is printed, m; a page unless given.
+        Printed width, m. Default: 11 inches.
     """
 
     theme: Theme
@@ -115,45 +115,45 @@ class Look:
 
     @property
     def inches(self) -> float:
-        """The width, in."""
+        """Width, inches."""
         return self.width / INCH
 
     @property
     def font(self) -> float:
-        """Size of the letters, points: those of a page, scaled, but never too small to read."""
+        """Letter size, points: scales with the width within a readable range."""
         return min(max(_LARGEST * self.inches / 11.0, _SMALLEST), _LARGEST)
 
     @property
     def scale(self) -> float:
-        """Size of letters, lines and heights over that of a page."""
+        """Ratio of letters, lines and heights to those at full width."""
         return self.font / _LARGEST
 
     @property
     def narrow(self) -> bool:
-        """Whether panels stand one below the other."""
+        """Whether the panels stand one below the other."""
         return self.width < _ONE_COLUMN
 
     def points(self, size: float) -> float:
-        """Width of a line, or size of a marker, that has so many points on a page."""
+        """Return a line width or marker size, scaled from points at full width."""
         return size * self.scale
 
     def dot(self, marker: float, line: float, cap: float) -> dict[str, Any]:
-        """What ``errorbar`` takes for a dot and its bar, of such sizes in points on a page."""
+        """Return ``errorbar`` options for a dot and its bar; sizes in points at full width."""
         sizes = {"markersize": marker, "elinewidth": line, "capsize": cap}
         return {"fmt": "o", **{name: self.points(size) for name, size in sizes.items()}}
 
     def colour(self, row: int) -> str:
-        """Colour of a line among others; there are so many that few begin again."""
+        """Return the colour of a line by its index; colours repeat after the last."""
         return self.theme.lines[row % len(self.theme.lines)]
 
 
 def look_of(*, dark: bool, width: float | None) -> Look:
-    """Return the look that a caller asks for; a page unless a width, m, is given.
+    """Return the look for a theme and a width, m (default: 11 inches).
 
     Raises
     ------
     InvalidParameterError
-        The width is out of its range.
+        The width is outside its range.
     """
     theme = DARK if dark else LIGHT
     return (
@@ -164,21 +164,21 @@ def look_of(*, dark: bool, width: float | None) -> Look:
 def set_titles(
     figure: Figure, look: Look, title: list[str], caption: str = "", *, lines: int = 2
 ) -> None:
-    """Write a title, each of its sentences from a line of its own on, and a caption below."""
+    """Write a title, each sentence on a new line, and a caption below."""
     large, small = 1.1 * look.font, 0.93 * look.font
-    # Letters on a grid of pixels are up to 4 % wider than those of the font.
+    # Rasterised letters are up to 4 % wider than those of the font.
     width = 0.96 * (72.0 * look.inches - 2.0 * look.font)
     words = "\n".join(wrapped(each, width, large, lines) for each in title if each)
     figure.suptitle(words, fontsize=large, parse_math=False)  # a file's name may hold a $
     if caption:
         figure.supxlabel(wrapped(caption, width, small, 9), fontsize=small)
-    # A tick that comes up at the right end when panels have their width has room for its number.
+    # Leaves room for the number of a tick at the right end.
     margin = look.font / (72.0 * look.inches)
     figure.set_layout_engine("constrained", rect=(0.0, 0.0, 1.0 - margin, 1.0))
 
 
 def head(axes: Axes, title: str, *, legend: bool = True) -> None:
-    """Write the title of a panel, and its legend between title and panel, where no data are."""
+    """Write the title of a panel, with its legend between title and panel."""
     handles, labels = axes.get_legend_handles_labels() if legend else ([], [])
     _write_numbers_out(axes)
     size = float(axes.title.get_fontsize())
@@ -201,15 +201,15 @@ def head(axes: Axes, title: str, *, legend: bool = True) -> None:
             handletextpad=0.5,
             columnspacing=1.2,
         )
-    # 1.4 letters a row of the legend: the 1.16 of a line of DejaVu Sans and what is between.
+    # 1.4 letter heights per legend row: 1.16 of a line of DejaVu Sans, and the spacing.
     pad = 0.4 * size + 1.4 * rows * size
     words = wrapped(title, room, size, 3)
-    # Where it stands: matplotlib would measure all ticks to find that it is above none.
+    # y=1.0 saves matplotlib from measuring all ticks to place the title above them.
     axes.set_title(words, loc="left", pad=pad, y=1.0, fontsize=size, parse_math=False)
 
 
 def _write_numbers_out(axes: Axes) -> None:
-    """Let ticks have no power of ten beside the axis: the unit has it, where one is needed."""
+    """Write ticks without a common power of ten; the unit contains it where needed."""
     for axis in (axes.xaxis, axes.yaxis):
         formatter = axis.get_major_formatter()
         if isinstance(formatter, ScalarFormatter):
@@ -217,7 +217,7 @@ def _write_numbers_out(axes: Axes) -> None:
 
 
 def stack(panels: Sequence[Axes]) -> None:
-    """Let panels one below the other have one abscissa, with its numbers below the last."""
+    """Give stacked panels one common abscissa, labelled below the last."""
     low = min(axes.get_xlim()[0] for axes in panels)
     high = max(axes.get_xlim()[1] for axes in panels)
     for axes in panels:
@@ -228,7 +228,7 @@ def stack(panels: Sequence[Axes]) -> None:
 
 
 def _room(axes: Axes, size: float) -> float:
-    """Width of a panel, points: its part of the figure, without ticks and label of its axis."""
+    """Return the width of a panel, points, without the ticks and label of its axis."""
     place, figure = axes.get_subplotspec(), axes.figure
     part = 1.0
     if place is not None:
@@ -239,7 +239,7 @@ def _room(axes: Axes, size: float) -> float:
 
 
 def _legend_width(labels: list[str], columns: int, size: float) -> float:
-    """Width of a legend, points: 3.2 letters a column for a handle and what is between."""
+    """Return the width of a legend, points: 3.2 letters per column for handle and spacing."""
     widest = [
         max(width_of(label, size) for label in labels[i::columns])
         for i in range(columns)
@@ -248,9 +248,9 @@ def _legend_width(labels: list[str], columns: int, size: float) -> float:
     return sum(widest) + 3.2 * size * len(widest)
 
 
-# How figures look, and how they are written.
+# Style and file formats.
 
-# Endings of figures. Without a date or random names, the same result gives the same file.
+# File endings. Without dates or random names, the same result gives the same file.
 _FORMATS: dict[str, dict[str, None] | None] = {
     ".svg": {"Date": None},
     ".pdf": {"CreationDate": None},
@@ -258,13 +258,13 @@ _FORMATS: dict[str, dict[str, None] | None] = {
 }
 
 
-# Matplotlib brings the first, so that a figure is laid out alike everywhere. Who opens an SVG
-# without it sees one of the others: the second has the same widths, the rest are narrower.
+# Matplotlib includes the first, so figures have the same layout everywhere. An SVG viewer without
+# it uses one of the others: the second has the same widths, the rest are narrower.
 _FONTS = ["DejaVu Sans", "Verdana", "Helvetica", "Arial"]
 
 
-# Text stays text, in SVG and in PDF, where type 42 can be searched and edited. Names within a file
-# are not random. Journals ask for 300 dots an inch; matplotlib's own settings may name others.
+# Text stays text in SVG and PDF (type 42 can be searched and edited). Ids within a file are not
+# random. Journals require 300 dots per inch; matplotlib's own settings may state another value.
 _WRITTEN: dict[Any, Any] = {
     "font.sans-serif": _FONTS,
     "svg.fonttype": "none",
@@ -277,7 +277,7 @@ _DECIMALS = re.compile(rb"(\.\d\d)\d+")
 
 @contextmanager
 def style(look: Look) -> Iterator[type[Figure]]:
-    """Matplotlib's settings for one figure, put back afterwards."""
+    """Apply matplotlib settings for one figure, and restore the previous ones afterwards."""
     theme, scale = look.theme, look.scale
     inked = ("axes.edgecolor", "axes.labelcolor", "text.color", "xtick.color", "ytick.color")
     settings: dict[Any, Any] = {
@@ -304,51 +304,51 @@ def style(look: Look) -> Iterator[type[Figure]]:
 
 @contextmanager
 def drawing(look: Look, height: float) -> Iterator[Figure]:
-    """A figure of a look, so many inches high on a page, in matplotlib's settings for it."""
+    """Create a figure of a look within its settings; height in inches at full width."""
     with style(look) as new_figure:
         yield new_figure(figsize=(look.inches, height * look.scale), layout="constrained")
 
 
 def save(figure: Figure, path: str | Path, inputs: Sequence[Path] = ()) -> None:
-    """Write a figure whole or not at all; the ending of ``path`` chooses the format.
+    """Write a figure atomically; the ending of ``path`` selects the format.
 
     Parameters
     ----------
     figure : matplotlib.figure.Figure
-        For instance of :func:`palpate.figures.draw`.
+        For example from :func:`palpate.figures.draw`.
     path : str or Path
-        Ends in .svg, .pdf or .png.
+        File name that ends in .svg, .pdf or .png.
     inputs : sequence of Path
-        Files that must not be written over, such as the recording that is drawn.
+        Files that must not be overwritten, such as the recording.
 
     Raises
     ------
     RecordingError
-        The path cannot be written, or has another ending.
+        The path is not writable or has another ending.
     """
     path = Path(path)
     write_bytes(path, _as_bytes(figure, _format_of(path)), inputs)
 
 
 def check_figure(path: Path, inputs: Sequence[Path] = ()) -> None:
-    """Say now, before work is done, that a figure could not be drawn or written.
+    """Check before any work that a figure can be written.
 
     Raises
     ------
     RecordingError
-        As :func:`save`, or the figure would replace one of the ``inputs``.
+        As for :func:`save`, or the figure would replace one of the ``inputs``.
     """
     _format_of(path)
     check_writable(path, inputs)
 
 
 def as_svg(figure: Figure) -> str:
-    """Return a figure as SVG, the same as :func:`save` writes."""
+    """Return a figure as the SVG that :func:`save` writes."""
     return _as_bytes(figure, ".svg").decode("utf-8")
 
 
 def recoloured(svg: str) -> str:
-    """Return an SVG drawn for a light background in the colours for a dark one."""
+    """Return a light-theme SVG with the colours of the dark theme."""
     dark = dict(zip(LIGHT.variables().values(), DARK.variables().values(), strict=True))
     return re.sub(r"#[0-9a-f]{6}\b", lambda colour: dark.get(colour[0], colour[0]), svg)
 
@@ -356,7 +356,7 @@ def recoloured(svg: str) -> str:
 def _as_bytes(figure: Figure, ending: str) -> bytes:
     rendered = io.BytesIO()
     with matplotlib.rc_context(_WRITTEN), warnings.catch_warnings():
-        # A name in a script that the font lacks is drawn as boxes, and axes to 1e308 overflow.
+        # Glyphs that the font lacks are drawn as boxes; axes up to 1e308 overflow.
         warnings.filterwarnings("ignore", "Glyph .* missing from")
         warnings.filterwarnings("ignore", "overflow encountered", RuntimeWarning)
         dots = matplotlib.rcParams["savefig.dpi"]
@@ -374,9 +374,9 @@ def _as_bytes(figure: Figure, ending: str) -> bytes:
 
 
 def _svg_of(figure: Figure, dots: float) -> bytes:
-    """An SVG, drawn once: ``savefig`` draws a figure first to lay it out, and then again.
+    """Return an SVG, drawn once; ``savefig`` would draw the figure twice.
 
-    Paths to a hundredth of a point, which nobody sees: matplotlib writes a millionth.
+    Paths are rounded to 0.01 points, which is invisible; matplotlib writes 1e-6.
     """
     rendered, shown, before = io.BytesIO(), figure.canvas, figure.dpi
     try:
@@ -396,7 +396,7 @@ def _format_of(path: Path) -> str:
     return ending
 
 
-# Units with the prefix that makes their numbers readable.
+# Unit prefixes for readable numbers.
 
 _PREFIXES = {9: "G", 6: "M", 3: "k", 0: "", -3: "m", -6: "µ", -9: "n", -12: "p", -15: "f"}
 _POWERS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
@@ -404,21 +404,21 @@ _POWERS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 @dataclass(frozen=True, slots=True)
 class AxisScale:
-    """What SI values are multiplied by to be drawn, and the unit of what is drawn.
+    """Factor from SI values to drawn values, and the unit of the drawn values.
 
     Parameters
     ----------
     factor : float
-        Drawn value over SI value.
+        Ratio of drawn value to SI value.
     unit : str
-        Of the drawn value.
+        Unit of the drawn value.
     """
 
     factor: float
     unit: str
 
     def label(self, name: str) -> str:
-        """Return what an axis is called."""
+        """Return an axis label with the unit."""
         return f"{name} [{self.unit}]" if self.unit else name
 
 
@@ -428,15 +428,15 @@ def scale_of(largest: float, unit: str) -> AxisScale:
     Parameters
     ----------
     largest : float
-        Size of the largest value, in the SI unit.
+        Largest absolute value, SI.
     unit : str
-        N, m, m/s or what begins with N; another unit, and none, stay as they are.
+        SI unit. Units other than m, m/s and those that begin with N stay unchanged.
     """
     if not (math.isfinite(largest) and largest > 0.0) or unit[:1] not in ("N", "m"):
         return AxisScale(1.0, unit)
     power = 3 * math.floor(math.log10(largest * (1.0 + 1e-9)) / 3.0)
     if unit.startswith("m"):
-        power = min(power, 0)  # nobody counts penetration in kilometres
+        power = min(power, 0)  # no kilometres of penetration
     if power in _PREFIXES:
         return AxisScale(10.0**-power, _PREFIXES[power] + unit)
     if abs(power) > 300:  # its inverse would not be finite
@@ -445,7 +445,7 @@ def scale_of(largest: float, unit: str) -> AxisScale:
 
 
 def scale_as_written(value: float, unit: str) -> AxisScale:
-    """Choose the power of ten that :func:`palpate.digits.with_error` writes a value with."""
+    """Choose the power of ten with which :func:`palpate.digits.with_error` writes a value."""
     power = math.floor(math.log10(abs(value))) if math.isfinite(value) and value else 0
     if power in PLAIN or abs(power) > 300:
         return AxisScale(1.0, unit)
@@ -453,59 +453,59 @@ def scale_as_written(value: float, unit: str) -> AxisScale:
 
 
 def largest(values: Floats) -> float:
-    """Size of the largest value that is finite; 0 without any."""
+    """Return the largest finite absolute value; 0 without any."""
     size = np.abs(values)
     return float(np.max(size, where=np.isfinite(size), initial=0.0))
 
 
-# A figure that a notebook shows by itself: only those of pyplot are shown else.
+# Notebooks show only figures of pyplot by themselves; this class is shown too.
 
 
 class Drawn(Figure):
-    """matplotlib's figure, in a notebook too."""
+    """matplotlib's figure with an SVG view for notebooks."""
 
     def _repr_svg_(self) -> str:
         svg = as_svg(self)
-        # As wide as the cell at most.
+        # At most as wide as the cell.
         return svg[svg.index("<svg") :].replace(
             "<svg", '<svg style="max-width:100%;height:auto"', 1
         )
 
 
-# Fewer points that look the same: a line of all samples makes a heavy file.
+# Fewer points with the same look: a line of all samples makes a large file.
 
-#: More points than this on a line nobody sees.
+#: Most points of a line; more are not visible.
 MOST_POINTS = 1000
-# Of a band: a piece holds so many samples at least, and there are at most so many of them.
+# Least samples per piece of a band, and most pieces.
 _FEWEST = 8
 _PIECES = 150
 _BINS = 50
-#: Where contact is lost more often than this no line is broken: each piece is a path of its own.
+#: Lines are not broken at more gaps than this, because each piece is a path in the file.
 MOST_GAPS = 60
-#: Percentiles that a band of samples spans, and how many deviations of a normal one that is.
+#: Percentiles that a band of samples spans, and its half width in standard deviations if normal.
 BAND = (10.0, 90.0)
 BAND_DEVIATIONS = 1.2816
 
 
 def clock(contact: Contact) -> tuple[Floats, str]:
-    """Time to draw against; segments whose clocks overlap are put one behind the other."""
+    """Return the time axis and its label; segments with overlapping clocks are concatenated."""
     if np.all(np.diff(contact.time) > 0.0):
         return contact.time, "time [s]"
-    return np.cumsum(contact.time_steps), "time, contacts joined [s]"
+    return np.cumsum(contact.time_steps), "time, contacts concatenated [s]"
 
 
 def shown(contact: Contact, most: int = MOST_POINTS) -> NDArray[np.intp]:
-    """Which samples to draw."""
+    """Return the indices of the samples to draw."""
     return few(np.arange(len(contact)), most)
 
 
 def few(index: NDArray[np.intp], most: int) -> NDArray[np.intp]:
-    """Return at most so many of some samples, evenly."""
+    """Return at most ``most`` of some samples, evenly spaced."""
     return index[:: max(-(-index.size // most), 1)]
 
 
 def broken(values: Floats, contact: Contact, keep: NDArray[np.intp]) -> Floats:
-    """The values to draw, with a gap where another contact begins."""
+    """Return the values to draw, with NaN where another contact begins."""
     rendered = np.array(values[keep], dtype=np.float64)
     rendered[1:][np.diff(contact.segment[keep]) != 0] = np.nan
     return rendered
@@ -513,12 +513,12 @@ def broken(values: Floats, contact: Contact, keep: NDArray[np.intp]) -> Floats:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Scatter:
-    """Where samples lie: the median of each piece of them, and between which most are.
+    """Distribution of samples along an axis: median and percentiles of consecutive pieces.
 
     Attributes
     ----------
     place, low, middle, high : numpy.ndarray
-        Median abscissa and percentiles of the ordinate, a piece each; NaN where a line breaks.
+        Median abscissa, and percentiles of the ordinate, per piece; NaN where a line breaks.
     """
 
     place: Floats
@@ -528,7 +528,7 @@ class Scatter:
 
 
 def in_order(time: Floats, values: Floats, contact: Contact, keep: NDArray[np.bool_]) -> Scatter:
-    """Scatter of samples over time, broken where another contact begins or none is."""
+    """Return the scatter of samples over time, broken between contacts."""
     index = np.flatnonzero(keep & np.isfinite(values))
     each = max(-(-index.size // _PIECES), _FEWEST)
     jump = (np.diff(index) > each) | (np.diff(contact.segment[index]) != 0)
@@ -537,14 +537,14 @@ def in_order(time: Floats, values: Floats, contact: Contact, keep: NDArray[np.bo
         runs = [index]
     rows = []
     for run in runs:
-        pieces = min(max(run.size // each, 2), run.size)  # of one piece there is no line
+        pieces = min(max(run.size // each, 2), run.size)  # one piece makes no line
         rows += [_row(time[p], values[p]) for p in np.array_split(run, max(pieces, 1)) if p.size]
         rows.append([np.nan] * 4)
     return Scatter(*np.array(rows).T)
 
 
 def over(place: Floats, values: Floats, keep: NDArray[np.bool_]) -> Scatter:
-    """Scatter of samples over another quantity, such as depth."""
+    """Return the scatter of samples over another quantity, such as depth."""
     known = keep & np.isfinite(place) & np.isfinite(values)
     x, y = place[known], values[known]
     if not x.size:

@@ -323,7 +323,7 @@ class _Taking:
             samples = "1 sample" if count == 1 else f"{count} samples"
             words = f"palpate excluded {samples} of {name!r} without a usable number"
             self._say_rows(
-                f"{words} ({text.strip()[:40]!r})",
+                f"{words}: {text.strip()[:40]!r}",
                 "check the recorder, or pass --strict to fail instead",
                 many=count > MOST_SKIPPED * column.size,
             )

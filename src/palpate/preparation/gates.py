@@ -22,11 +22,10 @@ def choose_gate(
 ) -> ContactGate:
     """Return the gate of a contact: the given thresholds, and the others from its samples.
 
-    The default threshold is ten times the noise, limited to 1 to 10 % of the largest values. Near
-    the threshold the gate accepts forces that noise made large, a bias of 10 % of K for probing
-    near the surface of a soft material. If that concerns more than 3 % of the contact and depth
-    separates these samples, the gate uses a depth instead: that at which the force falls below its
-    threshold.
+    The default threshold is ten times the noise, within 1 to 10 % of the largest values. Near it
+    the gate accepts forces that noise made large, a bias of 10 % of K for probing near the surface
+    of a soft material. If that concerns more than 3 % of the contact and depth separates these
+    samples, the gate uses the depth at which the force falls below its threshold instead.
 
     Parameters
     ----------

@@ -180,10 +180,7 @@ def frame_of(
         return "base"
     words = f"the force is in the frame {force!r}, the position in {depth!r}"
     if roles.orientation:
-        words += (
-            ": palpate rotates the force by the orientation, assuming that the sensor's axes are "
-            "the tool's"
-        )
+        words += ": palpate rotates it by the orientation, assuming it is in the tool's axes"
         remedy = "pass --force-frame base if both frames have the same axes"
         findings.append(Finding("force frame", words, remedy))
         return "tool"

@@ -405,7 +405,7 @@ class Passivity(Plain):
         Mean recorded force where the law's is negative, N; NaN if it never is.
     measured_fraction : float
         Fraction of the samples below the surface at which the recorded force is more than five
-        standard deviations of its noise below 0: adhesion, or a wrong zero of the force.
+        standard deviations of its noise below 0: adhesion, or a wrong force offset.
     limit : float
         Velocity at which the law's force at working depth is 0, −F/C, m/s; for a Hunt–Crossley law
         −K/B at any depth. The force is negative on faster withdrawals. NaN without damping.

@@ -109,7 +109,7 @@ class Recording:
     def __repr__(self) -> str:
         sizes = {len(np.atleast_1d(values)) for values in self.channels.values()} or {0}
         samples = " to ".join(map(str, sorted({min(sizes), max(sizes)})))
-        head = f"<Recording {shown(Path(self.source).name, 30)}: {len(self.channels)} channels of"
+        head = f"<Recording {shown(Path(self.source).name, 30)}: {len(self.channels)} channels,"
         names = visible(", ".join(map(str, self.channels)))
         return f"{head} {samples} samples\n  {names[:76]}{'…' * (len(names) > 76)}>"
 
@@ -143,8 +143,7 @@ class Recording:
         name : str
             The channel.
         strict : bool
-            Fail on a value that is not a number. Otherwise it becomes NaN, unless more than half of
-            the values are not numbers.
+            Fail on a value that is not a number; else it becomes NaN, unless most values are text.
 
         Raises
         ------
@@ -159,7 +158,8 @@ class Recording:
             raise RecordingError(f"{self.place(name)}: {words}")
         if strict and name in self.faults:
             fault = self.faults[name]
-            raise RecordingError(f"{self.place(name, fault.sample)}: {_fault(fault.text)}")
+            words = f"{_fault(fault.text)}; drop --strict to exclude such values"
+            raise RecordingError(f"{self.place(name, fault.sample)}: {words}")
         if values.dtype.kind in "fiub":
             return np.ascontiguousarray(values, dtype=np.float64)
         if values.dtype.kind in "OUS":
@@ -177,7 +177,9 @@ class Recording:
         found = [_number_of(value) for value in values]
         wrong = [sample for sample, number in enumerate(found) if number is None]
         if wrong and (strict or len(wrong) > MOST_TEXT * values.size):
-            raise RecordingError(f"{self.place(name, wrong[0])}: {_fault(values[wrong[0]])}")
+            remedy = "drop --strict to exclude such values" if strict else "choose another channel"
+            words = f"{_fault(values[wrong[0]])}; {remedy}"
+            raise RecordingError(f"{self.place(name, wrong[0])}: {words}")
         return np.array([np.nan if number is None else number for number in found])
 
 

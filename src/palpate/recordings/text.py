@@ -401,8 +401,7 @@ class _Table:
         """Count a skipped row, with a reason such as "has more cells than the header"."""
         place = f"row {row}" + f" ({cell[:40]!r})" * bool(cell)
         if self.request.strict:
-            words = f"{self.source}: {place} {what}; drop --strict to skip such rows"
-            raise RecordingError(words)
+            raise RecordingError(f"{self.source}: {place} {what}; drop --strict to skip such rows")
         count, first = self.lost.get(what, (0, place))
         self.lost[what] = count + 1, first
 

@@ -1,1 +1,1 @@
-"""Pages for a browser: one HTML file each, which needs nothing beside it."""
+"""Reports as self-contained HTML pages."""

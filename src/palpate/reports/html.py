@@ -1,4 +1,4 @@
-"""What every page is made of: its look, its pieces, and the figures that stand in it."""
+"""Building blocks of HTML pages: style, tables, verdict badges, and inline figures."""
 
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 _HOME = Path(__file__).parent
-#: Of every page, and what the report of an identification has beside that.
+#: CSS of every page, and additional CSS of the identification report.
 STYLE, REPORT_STYLE = (
     (_HOME / f"{name}.css").read_text(encoding="utf-8") for name in ("page", "report")
 )
@@ -25,31 +25,31 @@ _LIGHT, _DARK = (
     " ".join(f"{name}: {colour};" for name, colour in theme.variables().items())
     for theme in (LIGHT, DARK)
 )
-#: Colours of drawings, light and dark: one of each drawing serves both.
+#: CSS variables for the colours of figures, so that one SVG serves the light and dark theme.
 DRAWINGS = f":root {{ {_LIGHT} }}\n@media (prefers-color-scheme: dark) {{ :root {{ {_DARK} }} }}\n"
 
 
-# The pieces that a page is put together from.
+# The parts of a page.
 
-#: What stands before each verdict, so that no reader needs the colour.
+#: Sign of each verdict, so that it can be read without colour.
 SIGNS = {"trust": "✓", "with-care": "◐", "do-not-trust": "✗", "note": "·"}
-#: In the head of every page: that palpate wrote it, and may replace it.
+#: Marks a page as written by palpate, which may therefore replace it.
 GENERATOR = '<meta name="generator" content="palpate">'
 _TONES = {"warning": "note"}
 _CLASSES = {"trust": "yes", "with-care": "partly", "do-not-trust": "no", "note": "open"}
 
 
 def document(title: str, style: str, parts: Iterable[str]) -> str:
-    """Return a whole page.
+    """Return a complete HTML document.
 
     Parameters
     ----------
     title : str
-        For the browser's tab.
+        Title in the browser's tab.
     style : str
         CSS.
     parts : iterable of str
-        HTML, one behind the other.
+        HTML of the body, joined by newlines.
     """
     body = "\n".join(parts)
     return f"""<!DOCTYPE html>
@@ -70,13 +70,13 @@ def document(title: str, style: str, parts: Iterable[str]) -> str:
 
 
 def badge(mark: str, words: str = "") -> str:
-    """Return a verdict with its sign, in its colour."""
+    """Return a verdict as HTML, with its sign and colour."""
     sign = f'<span aria-hidden="true">{SIGNS[mark]}</span>'
     return f'<span class="badge {_CLASSES[mark]}">{sign} {escape(words or mark)}</span>'
 
 
 def definitions(pairs: Mapping[str, str]) -> Iterator[str]:
-    """Names and what they are, a line each."""
+    """Yield a list of names with their values, one line each."""
     yield '<dl class="made">'
     for name, value in pairs.items():
         yield f"<div><dt>{escape(name)}</dt><dd>{escape(value)}</dd></div>"
@@ -84,7 +84,7 @@ def definitions(pairs: Mapping[str, str]) -> Iterator[str]:
 
 
 def table_start(title: str, header: Sequence[str]) -> Iterator[str]:
-    """Open a table that scrolls by itself where the page is too narrow."""
+    """Yield the start of a table that scrolls sideways on a narrow page."""
     yield f'<div class="wide" role="region" tabindex="0" aria-label="{escape(title)}">'
     yield f"<table><caption>{escape(title)}</caption>"
     heads = "".join(f'<th scope="col">{escape(name)}</th>' for name in header)
@@ -92,21 +92,21 @@ def table_start(title: str, header: Sequence[str]) -> Iterator[str]:
 
 
 def table_end() -> Iterator[str]:
-    """Close it."""
+    """Yield the end of a table."""
     yield "</tbody></table></div>"
 
 
 def table(title: str, header: Sequence[str], rows: Iterable[Iterable[str]]) -> Iterator[str]:
-    """Return a whole table, the first cell of each row its heading.
+    """Yield a complete table; the first cell of each row is its heading.
 
     Parameters
     ----------
     title : str
-        Above it.
+        Caption above the table.
     header : sequence of str
-        Of the columns.
+        Column headings.
     rows : iterable of sequence of str
-        HTML, a cell each: words are escaped by who makes them.
+        Cells as HTML; the caller escapes text.
     """
     yield from table_start(title, header)
     for first, *others in rows:
@@ -115,12 +115,12 @@ def table(title: str, header: Sequence[str], rows: Iterable[Iterable[str]]) -> I
 
 
 def cells(contents: Iterable[str]) -> str:
-    """Cells of HTML."""
+    """Return table cells; each content is HTML."""
     return "".join(f"<td>{cell}</td>" for cell in contents)
 
 
 def composed(sections: "Iterable[ViewSection]") -> Iterator[str]:
-    """Each section's table, then its lines: those that have names in a table of their own."""
+    """Yield each section's table, then its lines; named lines become a second table."""
     for each in sections:
         headings, rows = each.table()
         if rows:
@@ -158,7 +158,7 @@ def _line(line: "Line") -> str:
 
 
 def section(name: str, title: str, parts: Iterable[str]) -> Iterator[str]:
-    """A section; none where it would be empty."""
+    """Yield a section with a heading; nothing if it has no content."""
     inside = list(parts)
     if inside:
         yield f'<section id="{name}"><h2>{escape(title)}</h2>'
@@ -166,22 +166,22 @@ def section(name: str, title: str, parts: Iterable[str]) -> Iterator[str]:
         yield "</section>"
 
 
-# Figures that stand in a page itself, and take its colours.
+# Inline figures that follow the colour theme of the page.
 
 
 def drawing(name: str, draw: Callable[[], "Figure"], caption: str) -> Iterator[str]:
-    """A figure and its caption; where the page is too narrow it scrolls by itself.
+    """Yield a figure with its caption; it scrolls sideways on a narrow page.
 
     Parameters
     ----------
     name : str
-        Of the figure within the page, in letters: drawings must not share names.
+        Name in letters, unique within the page.
     draw : callable
-        Gives the figure.
+        Returns the figure.
     caption : str
-        Below it, and what a screen reader says.
+        Caption, also the text for screen readers.
     """
-    from palpate.figures.style import as_svg  # a notebook's card has no figure
+    from palpate.figures.style import as_svg  # not needed for a notebook card
 
     inside = inline(as_svg(draw()), f"{name}-drawing", caption)
     yield f'<figure><div class="drawing" role="region" tabindex="0" aria-label="{name}">{inside}'
@@ -189,20 +189,20 @@ def drawing(name: str, draw: Callable[[], "Figure"], caption: str) -> Iterator[s
 
 
 def inline(svg: str, name: str, caption: str) -> str:
-    """Return an SVG for a page's body: names of its own, colours that follow the theme.
+    """Return an SVG for the body of a page, with unique ids and colours that follow the theme.
 
     Parameters
     ----------
     svg : str
-        Drawn for a light background.
+        SVG drawn for a light background.
     name : str
-        Of the figure within the page, in letters and digits: drawings must not share names.
+        Name in letters and digits, unique within the page.
     caption : str
-        What a screen reader says.
+        Text for screen readers.
     """
     svg = svg[svg.index("<svg") : svg.rindex("</svg>") + len("</svg>")]
     svg = re.sub(r"<metadata>.*?</metadata>", "", svg, flags=re.DOTALL)
-    # Its size is the page's matter, and its styles would be those of every other drawing too.
+    # The page sets the size; styles are limited to this SVG, else they would affect the others.
     head, rest = svg.split(">", 1)
     head = re.sub(r' (width|height)="[^"]*"', "", head)
     svg = f'{head} id="{name}" role="img" aria-label="{escape(caption)}">{rest}'

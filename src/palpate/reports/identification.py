@@ -1,4 +1,4 @@
-"""The report of an identification, what a notebook shows of it, and the folder of a result."""
+"""Identification report, notebook card, and result folder."""
 
 import json
 import math
@@ -33,12 +33,12 @@ from palpate.results.saved import (
 from palpate.stages import timed
 from palpate.writing import check_own, check_writable, make_folder, write_text
 
-# A notebook has its own colours, and may be dark: only what both can carry.
+# Colours that are readable in light and in dark notebooks.
 _COLOURS = {"trust": "#009e73", "with-care": "#d08a00", "do-not-trust": "#d55e00"}
 
 
 def card(result: Identified) -> str:
-    """Return the verdict, the numbers at working depth and the law, as HTML."""
+    """Return verdict, values at working depth and contact model as HTML."""
     sections = view.verdict(result), view.depths(result), view.law(result)
     colour = _COLOURS[result.diagnosis.verdict.overall]
     name = escape(Path(result.contact.source).name or "contact")
@@ -46,25 +46,25 @@ def card(result: Identified) -> str:
     return f'<div style="border-left:5px solid {colour};padding-left:0.8em">{name}{inside}</div>'
 
 
-# The report of an identification: one page that says what was found, and how far to trust it.
+# The report of an identification: one page.
 
 
 @dataclass(frozen=True, slots=True)
 class Circumstances:
-    """What a report says of how it came about.
+    """How a report was made.
 
     Attributes
     ----------
     made : str
-        When, in words.
+        Date and time.
     command : str
-        That does it again.
+        Command that reproduces the result.
     options : str
-        Of that command, as TOML.
+        Options of that command, as TOML.
     files : tuple of str
-        Names of what lies beside the page.
+        Names of the other files in the folder.
     versions : mapping
-        Of the packages that took part.
+        Package versions by name.
     """
 
     made: str
@@ -79,16 +79,16 @@ def page(
     circumstances: Circumstances,
     compared: Mapping[str, Identified] | None = None,
 ) -> str:
-    """Return the page.
+    """Return the report page as HTML.
 
     Parameters
     ----------
     result : Identification
-        What it is about.
+        The result to report.
     circumstances : Circumstances
-        How it came about.
+        How the report was made.
     compared : mapping, optional
-        As :func:`palpate.compare` returns it, for a table of all methods.
+        As returned by :func:`palpate.compare`. Default: no table of other methods.
 
     Raises
     ------
@@ -100,32 +100,45 @@ def page(
     numbers = [view.depths(result, whole=True), view.law(result, whole=True)]
     follows, findings = view.follows(result, whole=True), view.findings(result)
     prepared = [view.preparation([result], whole=True)]
-    prepared.append(view.ViewSection("How each channel was made", [], ("channel", ""), [*made]))
+    prepared.append(view.ViewSection("Source of each channel", [], ("channel", ""), [*made]))
     methods = view.of_comparison(others, ranked=False) if others else ()
+    # Of a probe that travels the verdict of each place counts, not that of all places as one.
+    travels = any(part.place is not None for part in result.segments)
+    whole = [view.verdict(result)]
     parts = [
-        "<header>",
+        '<main><div class="first"><header>',
         f"<h1>{escape(name)}</h1>",
-        *html.composed([view.verdict(result)]),
-        *_tiles(result),
+        *(_verdicts_of_places(result) if travels else html.composed(whole)),
+        *([] if travels else _tiles(result)),
         "</header>",
-        "<main>",
-        *html.section("numbers", "What was identified", html.composed(numbers)),
-        *html.section("law", "Which law it is", _which_law(result, others)),
-        *html.section("following", "What follows from the law", html.composed([follows])),
-        *html.section("figure", "Figure", _figure(result)),
-        *html.section("residuals", "What the law leaves", _residuals(result)),
+        *html.section("figure", "Measurement and model", _figures(result, travels)),
+        "</div>",
+        *html.section("numbers", "Identified values", html.composed(whole * travels + numbers)),
+        *html.section("law", "Model selection", _which_law(result, others)),
+        *html.section("following", "Derived quantities", html.composed([follows])),
+        *html.section("residuals", "Residuals", _residuals(result)),
         *html.section("findings", "Findings", html.composed([findings])),
-        *html.section("parts", "Stretches and places", html.composed(view.parts(result))),
-        *html.section("comparison", "Other laws and methods", html.composed(methods)),
-        *html.section("contact", "How the contact was prepared", html.composed(prepared)),
-        *html.section("again", "To do it again", _again(circumstances)),
+        *html.section("parts", "Segments and places", html.composed(view.parts(result))),
+        *html.section("comparison", "Other models and methods", html.composed(methods)),
+        *html.section("contact", "Data preparation", html.composed(prepared)),
+        *html.section("again", "How to reproduce this result", _again(circumstances)),
         "</main>",
     ]
-    return html.document(f"{name}: what was identified", STYLE + DRAWINGS + REPORT_STYLE, parts)
+    return html.document(f"{name}: identification", STYLE + DRAWINGS + REPORT_STYLE, parts)
+
+
+def _verdicts_of_places(result: Identified) -> Iterator[str]:
+    """How many places have each verdict, and the next step."""
+    counts, *steps = next(view.answer(result, ())).lines
+    yield f"<p><strong>{escape(counts.text)}</strong></p>"
+    yield from (
+        f"<p><strong>{escape(each.name.capitalize())}:</strong> {escape(each.text)}</p>"
+        for each in steps
+    )
 
 
 def _tiles(result: Identified) -> Iterator[str]:
-    """Stiffness, damping and force at the working depth, large."""
+    """Stiffness, damping and force at the working depth, in large letters."""
     there, marks = result.diagnosis.working_depth, result.diagnosis.verdict
     relaxed = "relaxed " if result.law.remembers else ""
     at = f"at {view.depth_of(there.depth)}"
@@ -145,7 +158,7 @@ def _tiles(result: Identified) -> Iterator[str]:
 
 
 def _which_law(result: Identified, others: Sequence[Identified]) -> Iterator[str]:
-    """Which law it is, and K′ and B′ by it, beside those of the method that chooses a law."""
+    """Yield the model ranking, and K′ and B′ of the model and of the selected one."""
     found = list(html.composed(view.which_law([result])))
     yield from found
     chosen = (
@@ -155,36 +168,39 @@ def _which_law(result: Identified, others: Sequence[Identified]) -> Iterator[str
     )
     shown = [result, *chosen]
     if not found or not any(each.law.remembers for each in shown):
-        return  # the same at any frequency
+        return  # K′ and B′ do not depend on the frequency
     try:
         low, high = (f"{each / (2.0 * math.pi):.3g}" for each in band_of(result))
         result.dynamic_stiffness()
-    except InvalidParameterError:  # of a probe that was held still
+    except InvalidParameterError:  # the probe did not move
         return
     words = (
-        "K′ and B′: the stiffness and the damping that a small oscillation feels at working depth, "
-        f"from {low} to {high} Hz, which this motion contained. Laws of any kind have them in "
-        "common."
+        "K′ and B′: stiffness and damping of a small oscillation at working depth, over the "
+        f"frequencies of this motion, {low} to {high} Hz. They are comparable between all models."
     )
     from palpate import figures
 
     yield from drawing("oscillations", lambda: figures.draw_oscillations(shown), words)
 
 
-def _figure(result: Identified) -> Iterator[str]:
-    words = (
-        "Force measured and predicted, the force–penetration loop, and the law's parameters as "
-        "they were estimated, with their error bands."
-    )
-    from palpate import figures
+def _figures(result: Identified, travels: bool) -> Iterator[str]:
+    from palpate.figures import draw, identified
 
-    yield from drawing("figure", lambda: figures.draw(result), words)
+    if travels:
+        caption = identified.PLACES_CAPTION
+        yield from drawing("map", lambda: identified.draw_places(result), caption)
+    words = (
+        "Measured and predicted force, the force–penetration loop, and the parameters of the "
+        "contact model during the estimation, with their error bands."
+    )
+    yield from drawing("figure", lambda: draw(result), words)
 
 
 def _residuals(result: Identified) -> Iterator[str]:
     words = (
-        "Measured less final law, over time, depth and velocity: the median, and the band that "
-        "holds most of it. Dotted: the noise of the sensors. Beyond them the law lacks something."
+        "Measured force minus that of the final law, over time, depth and velocity: median and "
+        "band from the 10th to the 90th percentile. Dotted: sensor noise. A median outside the "
+        "dotted lines shows an effect that the model does not contain."
     )
     from palpate import figures
 
@@ -197,12 +213,12 @@ def _again(circumstances: Circumstances) -> Iterator[str]:
         yield f"<pre><code>{escape(circumstances.options.strip())}</code></pre>"
     if circumstances.files:
         links = ", ".join(f'<a href="{escape(n)}">{escape(n)}</a>' for n in circumstances.files)
-        yield f"<p>Beside this page: {links}.</p>"
+        yield f"<p>Files in this folder: {links}.</p>"
     versions = ", ".join(f"{name} {number}" for name, number in circumstances.versions.items())
     yield from html.definitions({"made": circumstances.made, "versions": versions})
 
 
-# A result on disk: report, numbers, trace and options, each file whole or not at all.
+# The result folder: report, numbers, trace and options. Each file is written atomically.
 
 REPORT, OPTIONS = "report.html", "run.toml"
 _PACKAGES = ("numpy", "matplotlib", "pyarrow")
@@ -210,22 +226,22 @@ _PACKAGES = ("numpy", "matplotlib", "pyarrow")
 
 @dataclass(frozen=True, slots=True)
 class Destination:
-    """A folder for a result, of which was checked that it can be written to.
+    """A folder for a result, checked to be writable.
 
     Parameters
     ----------
     folder : Path
-        It is made, with those above it, where it is not there.
+        Created, with its parents, if it does not exist.
     inputs : sequence of Path
-        Files that must not be written over.
+        Files that must not be overwritten.
 
     Raises
     ------
     RecordingError
-        The folder cannot be made or written to, or one of the files would replace an input or a
-        file that is none of palpate's.
+        The folder cannot be created or written, or one of the files would replace an input or a
+        file that palpate did not write.
     MissingExtraError
-        matplotlib, which the report needs, is not installed.
+        matplotlib is not installed; the report needs it.
     """
 
     folder: Path
@@ -246,7 +262,7 @@ class Destination:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Of the files, in the order in which they are written: the result's own is the last."""
+        """File names in the order of writing; the result itself is the last."""
         return (REPORT, self.trace, OPTIONS, RESULT)
 
     @timed("report")
@@ -262,11 +278,11 @@ class Destination:
         Parameters
         ----------
         result : Identification
-            What was identified.
+            The result to save.
         options : mapping, optional
-            Of the command line that repeats it; the method unless given.
+            Command-line options that reproduce it. Default: the method only.
         compared : mapping, optional
-            Every method on the same contact, for the report.
+            Results of all methods on the same contact, for the report. Default: none.
         """
         files = list(self.inputs)
         given = {"method": result.method} if options is None else options
@@ -299,7 +315,7 @@ class Destination:
 
 
 def _has_a_result(folder: Path) -> bool:
-    """Whether palpate wrote a result there, or the page of one before it was interrupted."""
+    """Return whether palpate wrote a result there, or only its report before an interruption."""
     marks = {RESULT: '"palpate_version"', REPORT: GENERATOR}
     there = {name: mark for name, mark in marks.items() if (folder / name).is_file()}
     return any(mark.encode() in (folder / name).read_bytes() for name, mark in there.items())

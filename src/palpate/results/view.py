@@ -748,7 +748,7 @@ def _passivity(result: "Identified") -> Line:
         return Line(words, "passivity")
     remark = (
         f"the recorded force is negative in {rounded(100.0 * found.measured_fraction, 2)} % of the "
-        "contact: adhesion, a wrong zero of the force, or a wrong surface"
+        "contact: adhesion, a wrong force offset, or a wrong surface"
     )
     return Line(words, "passivity", remarks=(remark,))
 
