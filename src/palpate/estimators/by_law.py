@@ -77,11 +77,6 @@ class LeastSquaresOfLaw(PythonEstimator):
         the prior, as in :class:`VariableProjection`.
     gate, outlier_rejection, sample_time, scale
         As in :class:`SingleStageRLS`.
-
-    Raises
-    ------
-    InvalidParameterError
-        A setting is outside its range.
     """
 
     minimises: ClassVar[Literal["force", "logarithm"] | None] = "force"

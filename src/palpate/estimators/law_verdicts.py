@@ -392,15 +392,7 @@ def _open_memory(evidence: Evidence, estimate: Estimate) -> Iterator[Finding]:
 
 
 def verdict_of(evidence: Evidence, estimate: Estimate) -> LawVerdict:
-    """Return the verdict on the law.
-
-    Parameters
-    ----------
-    evidence : Evidence
-        From :meth:`ViscoelasticContact.evidence`.
-    estimate : Estimate
-        The estimate at the same time.
-    """
+    """Return the verdict, from an estimator's evidence and its estimate at the same time."""
     ranked = sorted(evidence.rows, key=lambda row: row[1])
     least = ranked[0][1] if ranked else 0.0
     model_ranking = tuple(

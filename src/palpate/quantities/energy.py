@@ -297,10 +297,8 @@ def energy_of(
 
     Parameters
     ----------
-    path : Path
-        The motion, and the force without the sensor's offset.
-    loops : Loops
-        Loops of that path.
+    path, loops : Path, Loops
+        The motion with the force without the sensor's offset, and its loops.
     law : ForceLaw
         The identified law.
     damping : Quantity
