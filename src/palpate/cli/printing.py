@@ -21,7 +21,6 @@ from rich.text import Text
 
 from palpate.cli.options import OUTPUT
 from palpate.errors import printable
-from palpate.findings import spoken
 
 if TYPE_CHECKING:
     from palpate.identifying import Identification
@@ -271,6 +270,8 @@ def _cell(cell: "str | Marked") -> Cell:
 
 
 def _format_line(line: "Line") -> Text:
+    from palpate.findings import spoken  # here: it imports NumPy, which help does without
+
     words = Text(f"{line.name}: " if line.name else "")
     if line.mark:
         words.append(spoken(line.mark), f"bold {_STYLES[line.mark]}")

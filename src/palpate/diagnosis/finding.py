@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from palpate.digits import format_quantity, with_error
+from palpate.errors import OldName
 from palpate.estimators import ContactEstimator, LawVerdict
 from palpate.estimators.law_verdicts import EVERYDAY, verdict_of
 from palpate.findings import Finding, Mark
@@ -48,6 +49,8 @@ class Quantity(Plain):
     value: float
     standard_error: float
     systematic: float
+
+    words = OldName("format")
 
     @property
     def whole_error(self) -> float:

@@ -380,7 +380,7 @@ def tared(
         force = force - (weight or 0.0) * down
     found = _zero(replace(signals, force=force), settings, source)
     words = "palpate found no free air and did not tare the force"
-    findings = [Finding("tare", words, "record a second in free air, or pass --tare 0:2")]
+    findings = [Finding("tare", words, "record a second in free air")]
     if found is not None:
         signals, findings = replace(signals, force=force - found.zero), []
         if down is not None:

@@ -8,6 +8,7 @@ import itertools
 import math
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 from textwrap import wrap
 from typing import TYPE_CHECKING, NamedTuple, TypeAlias
@@ -35,6 +36,7 @@ from palpate.results.parameters import (
 )
 
 if TYPE_CHECKING:
+    from palpate.estimators.estimate import Estimate
     from palpate.identification.identified import Identified
     from palpate.quantities.restitution import Restitution
 
@@ -112,11 +114,11 @@ def answer(result: "Identified", names: Sequence[str]) -> Iterator[ViewSection]:
     name = Path(result.contact.source).name or "contact"
     places = [part for part in result.segments if part.place is not None]
     yield ViewSection("Verdict", [*(_verdicts_of(places, name) if places else _lead(result, name))])
-    if places:
-        yield _worst(places)
-    else:
+    if not places:
         yield depths(result)
-        yield from parts(result)
+    # The worst three places, or every segment between changes.
+    shown = by_verdict(places)[:3] or list(result.segments)
+    yield from parts(replace(result, segments=tuple(shown)))
     yield ViewSection("", headings=("", ""), rows=_fit_rows(result, names), prose=1)
 
 
@@ -208,7 +210,7 @@ def _verdicts_of(places: "Sequence[Identified]", name: str) -> Iterator[Line]:
     """How many places have each verdict, and the next step for the worst."""
     marks = [part.diagnosis.verdict.overall for part in places]
     counts = ", ".join(f"{marks.count(mark)} {spoken(mark)}" for mark in MARKS if mark in marks)
-    yield Line(f"{len(places)} places: {counts}.", name)
+    yield Line(f"{len(places)} places: {counts}; below the worst three.", name)
     if remedy := next((part.diagnosis.remedy for part in by_verdict(places)), None):
         yield Line(_sentence(remedy), "next step, for the worst place")
 
@@ -223,18 +225,6 @@ def by_verdict(places: "Iterable[Identified]") -> "list[Identified]":
         return -MARKS.index(found.verdict.overall), -(error if error >= 0.0 else math.inf)
 
     return sorted(places, key=badness)
-
-
-def _worst(places: "Sequence[Identified]") -> ViewSection:
-    rows: list[list[Cell]] = []
-    for part in by_verdict(places)[:3]:
-        found, time, place = part.diagnosis, part.contact.time, part.place
-        at = "" if place is None else ", ".join(f"{1e3 * each:.1f}" for each in place.position)
-        both = number(found.working_depth.stiffness), number(found.working_depth.damping)
-        mark = found.verdict.overall
-        rows.append([f"{time[0]:.1f}–{time[-1]:.1f}", at, *both, _marked(mark)])
-    headings = ["time\ns", ">at x, y, z\nmm", *_NUMBERS, "worst places"]
-    return ViewSection("Worst places", (), headings, rows)
 
 
 def _sentence(words: str) -> str:
@@ -273,11 +263,7 @@ def _fit(result: "Identified") -> str:
         f"{percent(result.fit_rmse_percent)} rms, {estimate.samples} samples, {touches} "
         f"contact{'s' * (touches != 1)}"
     ]
-    if estimate.offset_standard_error > 0.0:
-        parts.append(f"offset {with_error(estimate.offset, estimate.offset_standard_error)} N")
-    if estimate.surface_standard_error > 0.0:
-        error = 1e3 * estimate.surface_standard_error
-        parts.append(f"surface at {with_error(1e3 * estimate.surface, error)} mm")
+    parts += _estimated(estimate)
     if rejected := int(np.count_nonzero(result.trace.rejected)):
         parts.append(f"{rejected} outlier{'s' * (rejected > 1)} excluded")
     if result.method != "variable-projection" and not result.estimator.chooses_law:
@@ -366,8 +352,9 @@ def law(result: "Identified", *, whole: bool = False) -> ViewSection:
             value, error = result.law.parameters[row.index], result.standard_errors[row.index]
             rows[-1].append(interval(float(value), float(error)) if row.estimated else "–")
             rows[-1].append(row.name.replace("_", " "))
-    lines = [_correlation(result), *_estimated_with_law(result), _law_verdict(result)]
-    shown = [Line(each) for each in [*lines, _quality(result)] if each]
+    lines = [_correlation(result), *_estimated(result.estimate), oscillation_against_truth(result)]
+    lines += [_law_verdict(result), _quality(result)]
+    shown = [Line(each) for each in lines if each]
     title = f"Contact model: {law_name(result)}, by {result.method}"
     return ViewSection(title, shown, headings + ["95 % interval", "parameter"] * whole, rows)
 
@@ -420,7 +407,8 @@ def follows(result: "Identified", *, whole: bool = False) -> ViewSection:
         lines += [_modulus(part, when, whole=whole) for when, part in parts]
     if result.noticed is not None:  # when a control loop would have known of the changes
         times = ", ".join(f"{rounded(time, 4)} s" for time in result.changes.tolist())
-        words = f"the online change detector raises an alarm at {times or 'no time'}"
+        alarms = f"an alarm at {times}" if times else "no alarm"
+        words = f"the online change detector raises {alarms}"
         lines.append(Line(words, "online"))
     if whole:
         for finding in result.diagnosis.findings:  # an assumption, and no fault of the stiffness
@@ -661,16 +649,16 @@ def _correlation(result: "Identified") -> str:
     return f"correlation {', '.join(words)}" if words else ""
 
 
-def _estimated_with_law(result: "Identified") -> list[str]:
-    """Offset and surface that were estimated too; the dynamic stiffness next to the truth."""
-    estimate, words = result.estimate, []
+def _estimated(estimate: "Estimate") -> list[str]:
+    """Offset and surface, if they were estimated together with the law."""
+    words = []
     if estimate.offset_standard_error > 0.0:
         offset = with_error(estimate.offset, estimate.offset_standard_error, unit="N")
-        words.append(f"force offset {offset}")
+        words.append(f"offset {offset}")
     if estimate.surface_standard_error > 0.0:
         error = 1e3 * estimate.surface_standard_error
         words.append(f"surface at {with_error(1e3 * estimate.surface, error, unit='mm')}")
-    return [*words, oscillation_against_truth(result)]
+    return words
 
 
 # Derived quantities.
