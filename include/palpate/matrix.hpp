@@ -24,6 +24,14 @@ constexpr Matrix<Size> diagonal(const Vector<Size>& values) noexcept {
 
 namespace detail {
 
+// √(a² + b²), the deviation of a sum, also where a square overflows. std::hypot would tie a wheel to
+// glibc 2.35, and is right to the last bit, which no deviation needs.
+inline double combined(double a, double b) noexcept {
+  const double large = std::max(std::abs(a), std::abs(b));
+  if (!(large > 0.0) || std::isinf(large)) return large;
+  return large * std::sqrt((a / large) * (a / large) + (b / large) * (b / large));
+}
+
 template <std::size_t Size>
 constexpr double dot(const Vector<Size>& a, const Vector<Size>& b) noexcept {
   double sum = a[0] * b[0];

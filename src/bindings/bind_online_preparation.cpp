@@ -76,13 +76,17 @@ time : float, optional
 using bindings::number_of;
 
 bool number_of(PyObject* object, std::array<double, 3>& vector) noexcept {
-  PyObject* sequence =
-      PySequence_Fast(object, "with a direction, position and force must be vectors");
-  if (!sequence) return false;
-  bool good = PySequence_Fast_GET_SIZE(sequence) == 3;
+  PyObject* sequence = PySequence_Tuple(object);
+  if (!sequence) {
+    if (PyErr_ExceptionMatches(PyExc_TypeError)) {
+      PyErr_SetString(PyExc_TypeError, "with a direction, position and force must be vectors");
+    }
+    return false;
+  }
+  bool good = PyTuple_Size(sequence) == 3;
   if (!good) PyErr_SetString(PyExc_TypeError, "a vector must have 3 numbers");
   for (std::size_t i = 0; good && i < 3; ++i) {
-    good = number_of(PySequence_Fast_GET_ITEM(sequence, static_cast<Py_ssize_t>(i)), vector[i]);
+    good = number_of(PyTuple_GetItem(sequence, static_cast<Py_ssize_t>(i)), vector[i]);
   }
   Py_DECREF(sequence);
   return good;

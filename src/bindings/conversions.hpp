@@ -137,10 +137,6 @@ bool place_arguments(PyObject* const* args, Py_ssize_t positional, PyObject* nam
 
 // False, with a Python error set, if it is not a number.
 inline bool number_of(PyObject* object, double& number) noexcept {
-  if (PyFloat_CheckExact(object)) [[likely]] {
-    number = PyFloat_AS_DOUBLE(object);
-    return true;
-  }
   number = PyFloat_AsDouble(object);
   return number != -1.0 || !PyErr_Occurred();
 }

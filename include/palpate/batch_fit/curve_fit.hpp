@@ -239,7 +239,7 @@ class CurveFitter {
     if (!gain.sound) return false;
     const double error = std::sqrt(gain.offset_variance);
     const double away =
-        std::abs(alone.at[3] + gain.by[3]) / std::hypot(error, model_.settings.offset_deviation);
+        std::abs(alone.at[3] + gain.by[3]) / combined(error, model_.settings.offset_deviation);
     return away < plain_offset;
   }
 
@@ -253,7 +253,7 @@ class CurveFitter {
       const CurveMinimum open = lowest_minima(wide, firm).best;
       const CurveCost cost(wide, firm);
       const double error = std::sqrt(CurveDescent(cost).gain(open.state).offset_variance);
-      const double away = std::abs(open.at[3]) / std::hypot(error, s.offset_deviation);
+      const double away = std::abs(open.at[3]) / combined(error, s.offset_deviation);
       tare_refuted_ = tare_refuted_ || (!of_air_ && away > suspect_offset);
       if (away > largest_offset) {
         s.offset_deviation = 0.0;

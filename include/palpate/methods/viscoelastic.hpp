@@ -185,7 +185,7 @@ class ViscoelasticMethod {
     priors.exponent = s.exponent;
     priors.offset = s.offset ? 1 : 0;
     if (s.offset_deviation > 0.0) {
-      priors.air = {0.0, std::hypot(s.offset_deviation, s.surface_deviation)};
+      priors.air = {0.0, detail::combined(s.offset_deviation, s.surface_deviation)};
     }
     return priors;
   }

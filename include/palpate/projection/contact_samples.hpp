@@ -226,12 +226,12 @@ inline Tare measured_offset(bool offset, double declared, double surface_deviati
   if (offset && air.known()) {
     const OffsetPrior said = air.prior(step);
     result.refuted =
-        told && std::abs(said.mean) > suspect_offset * std::hypot(declared, said.deviation);
+        told && std::abs(said.mean) > suspect_offset * combined(declared, said.deviation);
     result.of_air = !(told && !result.refuted && declared < said.deviation);
     if (result.of_air) result.prior = said;
   }
   double& deviation = result.prior.deviation;
-  if (deviation > 0.0) deviation = std::hypot(deviation, surface_deviation);
+  if (deviation > 0.0) deviation = combined(deviation, surface_deviation);
   return result;
 }
 

@@ -192,7 +192,7 @@ class ContactSolver {
   // Departure of a nearly free offset from a prior.
   static double deviations(const ProjectionSolution& open, const OffsetPrior& prior) noexcept {
     const double error = std::sqrt(dot(open.root[3], open.root[3]));
-    return std::abs(open.offset - prior.mean) / std::hypot(error, prior.deviation);
+    return std::abs(open.offset - prior.mean) / combined(error, prior.deviation);
   }
 
   // Excess of the light samples over the noise of the firm ones, in standard deviations.

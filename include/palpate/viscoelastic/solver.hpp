@@ -241,7 +241,7 @@ class Solver {
     const double variance =
         priors_.variance * noise_.widening() * factored.inverse()[offset][offset];
     const double away = factored.solve(normal.b).value[offset] - priors_.air.mean;
-    const double deviation = std::hypot(std::sqrt(variance), priors_.air.deviation);
+    const double deviation = detail::combined(std::sqrt(variance), priors_.air.deviation);
     constexpr double largest = 5.0;
     if (!(std::abs(away) > largest * deviation)) return;
     priors_.air = {0.0, 0.0};

@@ -152,7 +152,7 @@ def ask_for_realtime() -> list[str]:
         libc = ctypes.CDLL(None, use_errno=True)
         if libc.mlockall(_ALL_MEMORY) != 0:
             raise OSError(ctypes.get_errno(), os.strerror(ctypes.get_errno()))
-    except (OSError, AttributeError) as error:
+    except (OSError, AttributeError, TypeError) as error:  # Windows has no library without a name
         refused.append(f"memory is not locked: {_reason(error)}: set memlock in limits.conf")
     return refused
 
