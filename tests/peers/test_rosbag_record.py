@@ -103,7 +103,7 @@ def test_what_a_killed_recorder_leaves_is_refused_and_read_once_it_is_reindexed(
         os.killpg(process.pid, signal.SIGKILL)
         process.wait(20)
     path = tmp_path / "probe.bag.active"
-    with pytest.raises(RecordingError, match="did not close the bag") as caught:
+    with pytest.raises(RecordingError, match="was not closed by its recorder") as caught:
         open_recording(path)
     cure = str(caught.value).rpartition("with: ")[2]
     subprocess.run(cure.split(), env=ros, check=True, timeout=60, stdout=subprocess.DEVNULL)
