@@ -24,8 +24,8 @@ constexpr Matrix<Size> diagonal(const Vector<Size>& values) noexcept {
 
 namespace detail {
 
-// √(a² + b²), the deviation of a sum, also where a square overflows. std::hypot would tie a wheel to
-// glibc 2.35, and is right to the last bit, which no deviation needs.
+// √(a² + b²), the deviation of a sum, also where a square overflows. std::hypot would tie a wheel
+// to glibc 2.35, and is right to the last bit, which no deviation needs.
 inline double combined(double a, double b) noexcept {
   const double large = std::max(std::abs(a), std::abs(b));
   if (!(large > 0.0) || std::isinf(large)) return large;

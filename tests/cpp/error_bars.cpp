@@ -105,3 +105,11 @@ TEST("Student's quantile is that of the tables") {
   CHECK_NEAR(1.959964 * detail::widened_quantile(10.0), 2.228, 0.003);
   CHECK_NEAR(1.959964 * detail::widened_quantile(1e6), 1.96, 1e-3);
 }
+
+TEST("two deviations combine where their squares overflow, vanish or are infinite") {
+  CHECK(detail::combined(3.0, -4.0) == 5.0);
+  CHECK_NEAR(detail::combined(3e200, 4e200) / 5e200, 1.0, 1e-15);
+  CHECK_NEAR(detail::combined(3e-200, 4e-200) / 5e-200, 1.0, 1e-15);
+  CHECK(detail::combined(0.0, 0.0) == 0.0);
+  CHECK(std::isinf(detail::combined(1.0, -std::numeric_limits<double>::infinity())));
+}
