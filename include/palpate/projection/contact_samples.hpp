@@ -13,6 +13,7 @@
 #include <cstdint>
 #include <numbers>
 
+#include "palpate/matrix.hpp"
 #include "palpate/sample.hpp"
 
 namespace palpate::detail {
