@@ -200,7 +200,7 @@ def identify(
     arrays = {"time": time, "penetration": penetration, "force": force, "velocity": velocity}
     given = {name: values for name, values in arrays.items() if values is not None}
     if not isinstance(source, Contact) or given:
-        source = prepare(source, **given)  # type: ignore[arg-type]
+        source = prepare(source, **given)  # type: ignore[arg-type]  # it refuses a contact with arrays
     return Identification.of(Data(source), estimator, trace=traced)
 
 
