@@ -274,7 +274,8 @@ def test_the_preparation_can_be_run_again_identically():
         for name in ("time", "penetration", "velocity", "force", "segment"):
             np.testing.assert_array_equal(getattr(again, name), getattr(contact, name))
         assert again.provenance == contact.provenance
-        assert again.findings == contact.findings
+        # By their text: from Python 3.13 on a NaN makes two equal dataclasses differ.
+        assert repr(again.findings) == repr(contact.findings)
         settings = contact.prepared.settings
         assert {name: getattr(settings, name) for name in more} == more
 
