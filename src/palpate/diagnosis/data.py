@@ -16,7 +16,13 @@ from palpate.diagnosis.finding import Laws
 from palpate.digits import format_quantity, rounded
 from palpate.findings import Finding
 from palpate.preparation.gates import noise_of
-from palpate.preparation.velocity import largest_of, spiked, step_of, window_samples
+from palpate.preparation.velocity import (
+    largest_of,
+    slope_weights,
+    spiked,
+    step_of,
+    window_samples,
+)
 from palpate.validation import Floats
 
 
@@ -39,8 +45,11 @@ class Data:
         self.force = contact.force[self.known]
         self.segment = contact.segment[self.known]
         self.sample_time = contact.sample_time
+        own = contact.provenance.get("velocity", "")
         #: Whether the velocity was worked out from the penetration, and not recorded.
-        self.differentiated = contact.provenance.get("velocity", "").startswith("centred")
+        self.differentiated = own.startswith("centred")
+        #: Degree of the polynomial of which it is the slope.
+        self.degree = 4 if own.startswith("centred quartic") else 2
         #: By how they were compared: methods of one contact share them.
         self.laws: dict[str, Laws] = {}
 
@@ -68,21 +77,25 @@ class Data:
 
     @cached_property
     def velocity_noise(self) -> float:
-        """Standard deviation of the velocity's noise, m/s.
-
-        The slope of a parabola over W samples Δt apart has σ_v² = 12 σ_x²/(W (W² − 1) Δt²).
-        """
+        """Standard deviation of the velocity's noise, m/s: σ_v² = Σ w² σ_x²/Δt² of the filter."""
         if not self.differentiated:
             return noise_of(self.velocity)
-        width = window_samples(self.sample_time)
-        spread = width * (width**2 - 1.0)
-        return float(self.penetration_noise * np.sqrt(12.0 / spread) / self.sample_time)
+        weights = slope_weights(self.filter_samples, self.degree)
+        return float(self.penetration_noise * np.linalg.norm(weights) / self.sample_time)
+
+    @property
+    def filter_samples(self) -> int:
+        """Samples in the window of the velocity's filter."""
+        prepared = self.contact.prepared
+        length = prepared.window if prepared is not None else None
+        if not length:
+            return window_samples(self.sample_time)
+        return max(round(length / self.sample_time), 3) | 1
 
     @property
     def wider_window(self) -> str:
         """Next step where a differentiated velocity is noisy: twice the filter's window."""
-        prepared = self.contact.prepared
-        window = (prepared.window if prepared is not None else None) or 15e-3
+        window = self.filter_samples * self.sample_time
         return f"run again with --velocity-window {2.0 * window:.2g}"
 
     @cached_property

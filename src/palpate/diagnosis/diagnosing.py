@@ -39,6 +39,7 @@ from palpate.digits import rounded
 from palpate.estimators.estimate import Estimate, Trace
 from palpate.estimators.law_verdicts import ONE_WAY
 from palpate.findings import MARKS, SEVERITIES, Finding, Mark, worst
+from palpate.preparation.velocity import filter_gain
 from palpate.stages import timed
 
 SHORTEST = 5  # samples
@@ -265,9 +266,9 @@ def _moved_by_velocity(fit: Fit, judged: Judged, found: list[Finding]) -> Judged
     parts = [f.moves_damping_percent for f in found if f.check.startswith("velocity")]
     moves = np.abs(parts) / 100.0
     least = max(judged.damping, float(moves.max(where=np.isfinite(moves), initial=0.0)))
-    prepared = fit.data.contact.prepared
-    if prepared is not None and prepared.window is not None and fit.period > 0.0:
-        lost = (math.pi * prepared.window / fit.period) ** 2 / 10.0
+    if fit.data.differentiated and fit.period > 0.0:
+        turn = 2.0 * math.pi * fit.data.sample_time / fit.period
+        lost = 1.0 - filter_gain(fit.data.filter_samples, fit.data.degree, turn)
         moved = lost * abs(fit.damping(fit.solution.law))
         if moved > OFF * standard_errors(fit)[2]:
             least = max(least, moved / fit.sizes[1])

@@ -5,6 +5,7 @@ from numpy.typing import NDArray
 
 import palpate._core as _core
 from palpate._core import largest_of as largest_of
+from palpate._core import noise_of
 from palpate._core import step_of as step_of
 from palpate.validation import Floats, number_in
 
@@ -18,6 +19,8 @@ FEWEST_SAMPLES = 5
 # much relative error of the velocity.
 EVEN = 2e-6
 AT_ONCE = 1 << 18  # samples of the windows fitted at once, 2 MB per array
+# Of the velocity: a parabola that loses less changes the damping by less than most error bars.
+LOST = 0.005
 
 
 def window_samples(sample_time: float, window: float | None = None) -> int:
@@ -33,13 +36,44 @@ def window_samples(sample_time: float, window: float | None = None) -> int:
     return samples | 1
 
 
+def slope_weights(samples: int, degree: int) -> Floats:
+    """Weights of the slope at the middle of a window of even steps, of a polynomial, per step.
+
+    Σ k x_k/S₂ for degree 2, and Σ (S₆ k − S₄ k³) x_k/(S₂ S₆ − S₄²) for degree 4, with S_p = Σ k^p.
+    """
+    k = np.arange(-(samples // 2), samples // 2 + 1.0)
+    second, fourth, sixth = (float(np.sum(k**power)) for power in (2, 4, 6))
+    if degree == 2:
+        return k / second
+    weights: Floats = (sixth * k - fourth * k**3) / (second * sixth - fourth**2)
+    return weights
+
+
+def filter_gain(samples: int, degree: int, turn: float) -> float:
+    """Fraction of a sine's velocity that the filter keeps; ``turn`` is its phase per sample."""
+    k = np.arange(-(samples // 2), samples // 2 + 1.0)
+    return float(slope_weights(samples, degree) @ np.sin(turn * k)) / turn if turn > 0.0 else 1.0
+
+
 def velocity_of(time: Floats, penetration: Floats, window: float | None = None) -> Floats:
-    """Velocity [m/s] by a centred quadratic Savitzky–Golay filter, also for uneven time steps.
+    """Velocity [m/s] by a centred Savitzky–Golay filter, also for uneven time steps.
+
+    See :func:`velocity_and_degree`.
+    """
+    return velocity_and_degree(time, penetration, window)[0]
+
+
+def velocity_and_degree(
+    time: Floats, penetration: Floats, window: float | None = None
+) -> tuple[Floats, int]:
+    """Velocity [m/s] by a centred Savitzky–Golay filter, and the degree of its polynomial.
 
     The velocity of a sample is the slope there of the least-squares parabola through the window
     around it. Near an end the window keeps its length and the sample is off its centre. With even
-    time steps this is the classic filter. A dropout is excluded, because it would distort the
-    velocity of a whole window; its own velocity is interpolated.
+    time steps this is the classic filter; where the motion is so fast that the parabola loses more
+    of the velocity than noise would add to the slope of a quartic, it is that slope. A dropout is
+    excluded, because it would distort the velocity of a whole window; its own velocity is
+    interpolated.
 
     Parameters
     ----------
@@ -56,12 +90,12 @@ def velocity_of(time: Floats, penetration: Floats, window: float | None = None) 
     with np.errstate(over="ignore", invalid="ignore"):  # depths up to ±1e308 m
         if t.size < 3:
             velocity[known] = np.gradient(x, t) if t.size == 2 else 0.0
-            return velocity
+            return velocity, 2
         kept = ~spiked(x)
         width = min(window_samples(float(np.median(np.diff(t))), window), int(kept.sum()))
-        slope = _slope(t[kept], x[kept], width)
+        slope, degree = _slope(t[kept], x[kept], width)
         velocity[known] = slope if kept.all() else np.interp(t, t[kept], slope)
-    return velocity
+    return velocity, degree
 
 
 def lost_positions(penetration: Floats) -> int:
@@ -70,23 +104,30 @@ def lost_positions(penetration: Floats) -> int:
         return int(np.count_nonzero(spiked(penetration[np.isfinite(penetration)])))
 
 
-def _slope(t: Floats, x: Floats, width: int) -> Floats:
-    """Slope at each sample of the parabola through its window.
+def _slope(t: Floats, x: Floats, width: int) -> tuple[Floats, int]:
+    """Slope at each sample of the polynomial through its window, and the degree.
 
-    With even time steps it is Σ k x_k / (T Σ k²), independent of the curvature; the ends are fitted
-    separately.
+    With even time steps it is a convolution; the ends are parabolas, fitted separately.
     """
     steps, half = np.diff(t), width // 2
     step = float(steps.mean())
     if not (width % 2 and np.abs(steps - step).max() <= EVEN * step):
-        return _local_slope(t, x, width, np.arange(t.size))
-    weights = np.arange(-half, half + 1.0)
-    slope = np.empty(t.size)
-    inner = np.convolve(x, weights[::-1], "valid")
-    slope[half : t.size - half] = inner / (step * (weights @ weights))
+        return _local_slope(t, x, width, np.arange(t.size)), 2
+    slope, degree = np.empty(t.size), 2
+    inner = np.convolve(x, slope_weights(width, 2)[::-1], "valid") / step
+    if width >= FEWEST_SAMPLES:
+        weights = slope_weights(width, 4)
+        finer = np.convolve(x, weights[::-1], "valid") / step
+        # White noise of the two slopes' difference is orthogonal to that of the first.
+        energy = float(inner @ inner)
+        lost = float(inner @ (finer - inner))
+        noise = noise_of(x) ** 2 * float(weights @ weights) / step**2 * inner.size
+        if lost > LOST * energy and lost > noise:
+            inner, degree = finer, 4
+    slope[half : t.size - half] = inner
     ends = np.r_[:half, t.size - half : t.size]
     slope[ends] = _local_slope(t, x, width, ends)
-    return slope
+    return slope, degree
 
 
 def _local_slope(t: Floats, x: Floats, width: int, at: Indices) -> Floats:
