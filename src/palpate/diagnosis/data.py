@@ -238,12 +238,24 @@ SOME, MANY = 1e-3, 2e-2  # of the samples
 # Of the rms of the velocity: below it the probe turns, and friction jumps from side to side within
 # a sample (on the robot at up to 0.26). Spikes come at any speed, so they are counted above it.
 SLOW = 1.0 / 3.0
+# Of the largest force, and of its noise: heavier tails than a Gaussian's are no spikes.
+LARGE, FAR = 0.05, 16.0
 FEWEST_FAST = 0.2  # of the samples; with fewer all are counted
+
+
+def _leaps(data: Data, at: NDArray[np.intp]) -> Floats:
+    """How far samples of the force are from the mean of their neighbours, N."""
+    before, after = np.maximum(at - 1, 0), np.minimum(at + 1, len(data) - 1)
+    leaps: Floats = np.abs(data.force[at] - 0.5 * (data.force[before] + data.force[after]))
+    return leaps
 
 
 def spikes(data: Data) -> Finding | None:
     """More than 0.1 % of the samples are spikes; of the force only where the probe moves."""
     force, penetration = spiked(data.force), spiked(data.penetration)
+    force[force] = _leaps(data, np.flatnonzero(force)) > max(
+        LARGE * data.peak_force, FAR * data.force_noise
+    )
     speed = np.abs(data.velocity)
     fast = speed > SLOW * np.sqrt(np.mean(speed**2))
     if np.mean(fast) < FEWEST_FAST:

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from palpate.diagnosis.finding import TASK_SPEED, remedy_of_memory
 from palpate.diagnosis.fit import (
+    MISFIT,
     AugmentedFit,
     Band,
     Fit,
@@ -118,14 +119,16 @@ def cause_of(
         parameter -= float(change[2]) * math.log(fit.units.depth)
     moves = moves or (lambda it: it.moves(change))
     found = result.z, result.gain, parameter
-    return MisfitHypothesis(name, *found, sentence, remedy, moves, *moves(fit))
+    after = fit.ratio * math.sqrt(max(1.0 - result.gain, 0.0))
+    settled = name != "shape" or after < MISFIT
+    return MisfitHypothesis(name, *found, sentence, remedy, moves, *moves(fit), settled)
 
 
 # Delay: the force late, or early, against the penetration.
 
 LONGEST = 25e-3  # s; beyond that a recording is out of step, not late
-LEAST = 0.3  # samples; less is the sampling itself
 MOST_ROWS = 700  # on which whole shifts are tried
+OFF_AXIS, SOFT_MOUNT = 10.0, 0.05  # degrees; part of the stiffness
 ROUGHLY = 1e-3  # of the energy, to which a shift is tried: one sample more changes it by more
 
 
@@ -151,7 +154,7 @@ def delay(fit: Fit) -> list[MisfitHypothesis]:
         change = np.zeros_like(fine.change)
         change[: len(before.law.symbols)] = moved.law.parameters - before.law.parameters
         result = AugmentedFit(change, late, fine.z, max(fit.gain(moved.energy), fine.gain))
-    if abs(shift) >= reach or abs(late) < LEAST * step:
+    if abs(shift) >= reach:
         return []
     error = abs(fine.amount) / max(fine.z, 1e-300)
     sentence = (
@@ -184,6 +187,25 @@ def delay_sensitivity(fit: Fit) -> str:
     if fit.laws.verdict.candidate.damping != "half-space":
         return words
     return f"{words}; no check can distinguish half-space damping from a force that is early"
+
+
+def unseen(fit: Fit) -> str:
+    """Describe what no recording can show, and what it would cost.
+
+    At θ to the normal both x and F are their projections: S = ∂F/∂x keeps cosᵖ⁺¹ θ and C cosᵖ⁺² θ,
+    with p = x S/F, which is n of a power law. A mount of stiffness k in series leaves S k/(S + k).
+    """
+    law, part = fit.solution.law, math.cos(math.radians(OFF_AXIS))
+    stiffness, force = fit.stiffness(law), fit.force_at_depth(law)
+    power = fit.depth * stiffness / force if force else 1.0
+    lost = (1.0 - part ** (power + 1.0), 1.0 - part ** (power + 2.0))
+    soft = format_quantity(abs(stiffness) * (1.0 / SOFT_MOUNT - 1.0), "N/m")
+    return (
+        f"no recording can show an oblique probe, a wrong scale or a soft mount: {OFF_AXIS:.0f}° off "
+        f"the surface normal make the stiffness {lost[0]:.1%} and the damping {lost[1]:.1%} too "
+        f"small, 1 % of scale changes them by 1 %, and a mount softer than {soft} makes the "
+        f"stiffness over {SOFT_MOUNT:.0%} too small"
+    )
 
 
 def _by_delay(fit: Fit, shift: int) -> Floats:

@@ -12,12 +12,13 @@ import numpy as np
 
 from palpate.diagnosis.change import Changes, changes
 from palpate.diagnosis.data import VELOCITY_NONE, Data, beat_of
-from palpate.diagnosis.delay import columns, delay, delay_sensitivity, memory
+from palpate.diagnosis.delay import columns, delay, delay_sensitivity, memory, unseen
 from palpate.diagnosis.finding import Diagnosis, Episode, Laws, Quantity, Verdict, WorkingDepth
 from palpate.diagnosis.fit import FEWEST_ROWS, Fit, MisfitHypothesis, Search
 from palpate.diagnosis.marks import (
     OFF,
     Judged,
+    air,
     better_law,
     excitation,
     extrapolation,
@@ -26,9 +27,9 @@ from palpate.diagnosis.marks import (
     marks_of,
     method,
     misfit,
+    misfit_moves,
     nothing_known,
     offset,
-    ratio,
     sign,
     standard_errors,
     surface,
@@ -158,7 +159,7 @@ def velocity_noise(fit: Fit) -> Finding | None:
 _LOGGER = logging.getLogger(__name__)
 
 #: Each looks at the fit as a whole.
-CHECKS = (flat, method, excitation, one_way, offset, velocity_noise, misfit, extrapolation)
+CHECKS = (flat, method, excitation, one_way, offset, air, velocity_noise, misfit, extrapolation)
 #: Each looks for causes beside the fit.
 SEARCHES: tuple[Search, ...] = (columns, memory, delay, surface)
 
@@ -220,7 +221,7 @@ def _diagnosed(
         _LOGGER.debug("search for %s: %.4f s", search.__name__, time.perf_counter() - begun)
     if changed is not None:
         causes.append(changed.cause)
-    judged = judge(causes, ratio(fit), unexplained(fit))
+    judged = judge(causes, fit.ratio, unexplained(fit))
     if not any(finding.check == "change" for finding in judged.findings):
         changed = None
     if changed is None:  # of two materials one law is none
@@ -232,7 +233,7 @@ def _diagnosed(
         if finding is not None and not (finding.check == "offset" and named_surface):
             found.append(finding)
     found += _notes(fit)
-    judged = _moved_by_velocity(fit, judged, found)
+    judged = _with_least_parts(fit, judged, found)
     depths = tuple(working_depth(fit.at_depth(depth), judged) for depth in (fit.depth, *others))
     found += sign(fit, depths[0], found)
     episodes = () if changed is None else _episodes(fit, changed)
@@ -257,22 +258,29 @@ def _with_better_law(fit: Fit, judged: Judged) -> Judged:
     return replace(judged, findings=findings, counted=(*judged.counted, (cause, 1.0)))
 
 
-def _moved_by_velocity(fit: Fit, judged: Judged, found: list[Finding]) -> Judged:
-    """With the error of the damping that a wrong or filtered velocity causes.
+#: Checks whose findings say how far they move the numbers; none of them is a column of the fit.
+OWN_MOVES = ("velocity noise", "velocity column", "free air")
+
+
+def _with_least_parts(fit: Fit, judged: Judged, found: list[Finding]) -> Judged:
+    """With the least systematic parts: by misfit, velocity and free air.
 
     At a frequency ω the slope of the parabola through a window of T keeps 1 − (ωT/2)²/10 of the
     velocity, and the damping becomes as much larger: 0.1 % at 2 Hz by the usual 15 ms.
     """
-    parts = [f.moves_damping_percent for f in found if f.check.startswith("velocity")]
-    moves = np.abs(parts) / 100.0
-    least = max(judged.damping, float(moves.max(where=np.isfinite(moves), initial=0.0)))
+    parts = [judged.least, misfit_moves(fit)]
+    for finding in found:
+        if finding.check in OWN_MOVES:
+            moves = finding.moves_stiffness_percent, finding.moves_damping_percent
+            parts.append(tuple(abs(by) / 100.0 if math.isfinite(by) else 0.0 for by in moves))
     if fit.data.differentiated and fit.period > 0.0:
         turn = 2.0 * math.pi * fit.data.sample_time / fit.period
         lost = 1.0 - filter_gain(fit.data.filter_samples, fit.data.degree, turn)
         moved = lost * abs(fit.damping(fit.solution.law))
         if moved > OFF * standard_errors(fit)[2]:
-            least = max(least, moved / fit.sizes[1])
-    return replace(judged, damping=least)
+            parts.append((0.0, moved / fit.sizes[1]))
+    stiffness, damping = np.max(parts, axis=0).tolist()
+    return replace(judged, least=(stiffness, damping))
 
 
 def _whole(
@@ -302,6 +310,7 @@ def _nothing_to_check(fit: Fit) -> Finding:
 def _notes(fit: Fit) -> list[Finding]:
     notes = [
         Finding("skew", delay_sensitivity(fit)),
+        Finding("unseen", unseen(fit)),
         Finding(
             "peak force",
             f"the largest force is {rounded(fit.data.peak_force, 3)} N, the largest penetration "

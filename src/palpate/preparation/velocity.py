@@ -1,5 +1,7 @@
 """Velocity from a recorded position, and detection of spikes."""
 
+from functools import cache
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -37,15 +39,19 @@ def window_samples(sample_time: float, window: float | None = None) -> int:
 
 
 def slope_weights(samples: int, degree: int) -> Floats:
-    """Weights of the slope at the middle of a window of even steps, of a polynomial, per step.
+    """Weights of the slope at the middle of a window of even steps, of a polynomial, per step."""
+    middle: Floats = _slopes_in(samples, degree)[samples // 2]
+    return middle
 
-    Σ k x_k/S₂ for degree 2, and Σ (S₆ k − S₄ k³) x_k/(S₂ S₆ − S₄²) for degree 4, with S_p = Σ k^p.
-    """
+
+@cache
+def _slopes_in(samples: int, degree: int) -> Floats:
+    """Weights of the slope at each sample of a window, a row each; the middle one is odd."""
     k = np.arange(-(samples // 2), samples // 2 + 1.0)
-    second, fourth, sixth = (float(np.sum(k**power)) for power in (2, 4, 6))
-    if degree == 2:
-        return k / second
-    weights: Floats = (sixth * k - fourth * k**3) / (second * sixth - fourth**2)
+    powers = np.arange(degree + 1)
+    derivative = powers * k[:, None] ** np.maximum(powers - 1, 0)
+    weights: Floats = derivative @ np.linalg.pinv(k[:, None] ** powers)
+    weights[samples // 2] = 0.5 * (weights[samples // 2] - weights[samples // 2, ::-1])
     return weights
 
 
@@ -113,8 +119,8 @@ def _slope(t: Floats, x: Floats, width: int) -> tuple[Floats, int]:
     step = float(steps.mean())
     if not (width % 2 and np.abs(steps - step).max() <= EVEN * step):
         return _local_slope(t, x, width, np.arange(t.size)), 2
-    slope, degree = np.empty(t.size), 2
-    inner = np.convolve(x, slope_weights(width, 2)[::-1], "valid") / step
+    slope, weights = np.empty(t.size), np.arange(-half, half + 1.0)
+    inner = np.convolve(x, weights[::-1], "valid") / (step * (weights @ weights))
     if width >= FEWEST_SAMPLES:
         weights = slope_weights(width, 4)
         finer = np.convolve(x, weights[::-1], "valid") / step
@@ -123,11 +129,15 @@ def _slope(t: Floats, x: Floats, width: int) -> tuple[Floats, int]:
         lost = float(inner @ (finer - inner))
         noise = noise_of(x) ** 2 * float(weights @ weights) / step**2 * inner.size
         if lost > LOST * energy and lost > noise:
-            inner, degree = finer, 4
+            slopes = _slopes_in(width, 4) / step
+            slope[:half] = slopes[:half] @ x[:width]
+            slope[half : t.size - half] = finer
+            slope[t.size - half :] = slopes[half + 1 :] @ x[t.size - width :]
+            return slope, 4
     slope[half : t.size - half] = inner
     ends = np.r_[:half, t.size - half : t.size]
     slope[ends] = _local_slope(t, x, width, ends)
-    return slope, degree
+    return slope, 2
 
 
 def _local_slope(t: Floats, x: Floats, width: int, at: Indices) -> Floats:
