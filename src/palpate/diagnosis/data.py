@@ -87,7 +87,7 @@ class Data:
     def filter_samples(self) -> int:
         """Samples in the window of the velocity's filter."""
         prepared = self.contact.prepared
-        length = prepared.window if prepared is not None else None
+        length: float | None = prepared.window if prepared is not None else None
         if not length:
             return window_samples(self.sample_time)
         return max(round(length / self.sample_time), 3) | 1

@@ -201,10 +201,10 @@ def unseen(fit: Fit) -> str:
     lost = (1.0 - part ** (power + 1.0), 1.0 - part ** (power + 2.0))
     soft = format_quantity(abs(stiffness) * (1.0 / SOFT_MOUNT - 1.0), "N/m")
     return (
-        f"no recording can show an oblique probe, a wrong scale or a soft mount: {OFF_AXIS:.0f}° off "
-        f"the surface normal make the stiffness {lost[0]:.1%} and the damping {lost[1]:.1%} too "
-        f"small, 1 % of scale changes them by 1 %, and a mount softer than {soft} makes the "
-        f"stiffness over {SOFT_MOUNT:.0%} too small"
+        "no recording can show an oblique probe, a wrong scale or a soft mount: "
+        f"{OFF_AXIS:.0f}° off the surface normal make the stiffness {lost[0]:.1%} and the damping "
+        f"{lost[1]:.1%} too small, 1 % of scale changes them by 1 %, and a mount softer than "
+        f"{soft} makes the stiffness over {SOFT_MOUNT:.0%} too small"
     )
 
 

@@ -272,7 +272,8 @@ def _with_least_parts(fit: Fit, judged: Judged, found: list[Finding]) -> Judged:
     for finding in found:
         if finding.check in OWN_MOVES:
             moves = finding.moves_stiffness_percent, finding.moves_damping_percent
-            parts.append(tuple(abs(by) / 100.0 if math.isfinite(by) else 0.0 for by in moves))
+            by_stiffness, by_damping = np.abs(np.nan_to_num(moves, posinf=0.0)).tolist()
+            parts.append((by_stiffness / 100.0, by_damping / 100.0))
     if fit.data.differentiated and fit.period > 0.0:
         turn = 2.0 * math.pi * fit.data.sample_time / fit.period
         lost = 1.0 - filter_gain(fit.data.filter_samples, fit.data.degree, turn)

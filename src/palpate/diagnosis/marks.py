@@ -62,11 +62,9 @@ class Judged:
 
     def systematic(self, fit: Fit) -> tuple[float, float]:
         """Systematic parts of stiffness and damping at the fit's working depth, of their size."""
-        moved = [self.least]
-        moved += [
-            tuple(weight * abs(by) for by in each.moves(fit)) for each, weight in self.counted
-        ]
-        stiffness, damping = np.max(moved, axis=0).tolist()
+        moved = np.array([self.least, *(each.moves(fit) for each, _ in self.counted)])
+        weights = np.array([1.0, *(weight for _, weight in self.counted)])
+        stiffness, damping = np.max(weights[:, None] * np.abs(moved), axis=0).tolist()
         return stiffness, damping
 
 
@@ -300,8 +298,8 @@ def _described(
     remedy = "run again with --surface estimate"
     if not fit.finds_surface:
         remedy = "run again with --method variable-projection --surface estimate"
-    found = z, gain, parameter, sentence, remedy
-    return MisfitHypothesis("surface", *found, moves, *by, settled)
+    words = sentence, remedy
+    return MisfitHypothesis("surface", z, gain, parameter, *words, moves, *by, settled)
 
 
 def _samples(fit: Fit) -> Floats:
@@ -371,10 +369,10 @@ def misfit(fit: Fit) -> Finding | None:
     if fit.laws is not None and fit.laws.own and not fit.laws.of_all:
         remedy = MORE_LAWS
     by_stiffness, by_damping = misfit_moves(fit)
-    marks: list[Mark] = ["do-not-trust", "do-not-trust"]
-    if left <= TOO_MUCH_UNEXPLAINED:
-        marks[0] = "with-care" if by_stiffness > STOP_STIFFNESS else "trust"
-        marks[1] = "with-care" if by_damping > STOP_DAMPING else "trust"
+    stiffness: Mark = "with-care" if by_stiffness > STOP_STIFFNESS else "trust"
+    damping: Mark = "with-care" if by_damping > STOP_DAMPING else "trust"
+    if left > TOO_MUCH_UNEXPLAINED:
+        stiffness = damping = "do-not-trust"
     return Finding(
         "misfit",
         f"the law leaves {part} of the force unexplained ({rounded(times, 2)} times the noise), "
@@ -383,7 +381,8 @@ def misfit(fit: Fit) -> Finding | None:
         remedy,
         "with-care",
         times,
-        *marks,
+        stiffness,
+        damping,
     )
 
 
