@@ -240,6 +240,7 @@ SOME, MANY = 1e-3, 2e-2  # of the samples
 SLOW = 1.0 / 3.0
 # Of the largest force, and of its noise: heavier tails than a Gaussian's are no spikes.
 LARGE, FAR = 0.05, 16.0
+FEWEST_SPIKES = 3.0
 FEWEST_FAST = 0.2  # of the samples; with fewer all are counted
 
 
@@ -263,7 +264,7 @@ def spikes(data: Data) -> Finding | None:
     fractions = {"force": float(np.mean(force[fast])), "penetration": float(np.mean(penetration))}
     name = max(fractions, key=fractions.__getitem__)
     part = fractions[name]
-    if part <= SOME:
+    if part <= SOME or part * len(data) < FEWEST_SPIKES:
         return None
     return Finding.of_both(
         "do-not-trust" if part > MANY else "with-care",

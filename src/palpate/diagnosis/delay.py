@@ -22,6 +22,9 @@ from palpate.diagnosis.fit import (
 from palpate.digits import format_quantity, rounded, with_error
 from palpate.validation import Floats
 
+# Of the sensor's gain: a curve that bends more is the material's.
+MOST_CURVED = 0.3
+
 
 def columns(fit: Fit) -> list[MisfitHypothesis]:
     """Add one column at a time to the law's own, and fit."""
@@ -47,11 +50,14 @@ def columns(fit: Fit) -> list[MisfitHypothesis]:
         # ∂²F/∂n², or where the exponent is fixed ∂F/∂n: xⁿ is the tip's as far as that is known.
         "shape": spring * (logarithm if fit.fixed else logarithm**2),
         "square speed": spring * speed * np.abs(speed),
+        "sensor gain": law.force(x, fit.v) ** 2 / (fit.force_at_depth(law) or 1.0),
         "inertia": rate[samples],  # times the mass that moves beyond the sensor it is a force
     }
     causes = []
     for name, column in zip(values, fit.band.mean(np.array([*values.values()]).T).T, strict=True):
         found = augmented_fit(fit, column)
+        if name == "sensor gain" and found is not None and abs(found.amount) > MOST_CURVED:
+            continue
         if found is not None:
             causes.append(cause_of(fit, name, found, *_explained(fit, name, found.amount)))
     return causes
@@ -94,6 +100,10 @@ def _explained(fit: Fit, name: str, amount: float) -> tuple[str, str]:
             "the damping force is not proportional to the speed",
             TASK_SPEED,
         ),
+        "sensor gain": (
+            f"the force sensor's gain changes by {abs(amount):.0%} up to the force at working depth",
+            "calibrate the force sensor at several forces",
+        ),
         "inertia": (
             f"a mass of {rounded(amount, 2)} kg moves between the force sensor and the material"
             if amount > 0.0
@@ -119,8 +129,7 @@ def cause_of(
         parameter -= float(change[2]) * math.log(fit.units.depth)
     moves = moves or (lambda it: it.moves(change))
     found = result.z, result.gain, parameter
-    after = fit.ratio * math.sqrt(max(1.0 - result.gain, 0.0))
-    settled = name != "shape" or after < MISFIT
+    settled = name != "shape" or fit.ratio * math.sqrt(max(1.0 - result.gain, 0.0)) < MISFIT
     return MisfitHypothesis(name, *found, sentence, remedy, moves, *moves(fit), settled)
 
 

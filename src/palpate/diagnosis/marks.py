@@ -11,7 +11,6 @@ from palpate.diagnosis.finding import MORE_LAWS, REMEDY, Laws, Quantity, Working
 from palpate.diagnosis.fit import (
     FEWEST_FREE,
     FEWEST_ROWS,
-    MISFIT,
     SIGNIFICANT,
     Fit,
     MisfitHypothesis,
@@ -362,7 +361,7 @@ def misfit_moves(fit: Fit) -> tuple[float, float]:
 def misfit(fit: Fit) -> Finding | None:
     """The law leaves more than 5 % of the force, or three times the noise."""
     left, times = unexplained(fit), fit.ratio
-    if left <= UNEXPLAINED and times <= MISFIT:
+    if left <= UNEXPLAINED and not fit.misfits:
         return None
     part = rounded(left, 2) if left < 0.01 else f"{left:.0%}"
     remedy = REMEDY if fit.laws is None or better_law(fit) is not None else deeper_half(fit)
