@@ -101,7 +101,7 @@ def _explained(fit: Fit, name: str, amount: float) -> tuple[str, str]:
             TASK_SPEED,
         ),
         "sensor gain": (
-            f"the force sensor's gain changes by {abs(amount):.0%} up to the force at working depth",
+            f"the force sensor's gain changes by {abs(amount):.0%} up to the working force",
             "calibrate the force sensor at several forces",
         ),
         "inertia": (

@@ -235,7 +235,8 @@ def _diagnosed(
     found += _notes(fit)
     judged = _with_least_parts(fit, judged, found)
     depths = tuple(working_depth(fit.at_depth(depth), judged) for depth in (fit.depth, *others))
-    found += sign(fit, depths[0], found)
+    detected = replace(judged, undetected=(0.0, 0.0))
+    found += sign(fit, working_depth(fit, detected), found)
     episodes = () if changed is None else _episodes(fit, changed)
     said = {finding.message for finding in found}
     found += [n for n in notes if n.message not in said and not (episodes and n.severity == "note")]

@@ -53,17 +53,20 @@ class Judged:
         The causes that may have changed stiffness and damping, each with its weight.
     least : tuple of float
         Least systematic parts of stiffness and damping, of their size.
+    undetected : tuple of float
+        What causes that are not significant may add to them; no mark follows from that.
     """
 
     findings: list[Finding]
     counted: tuple[tuple[MisfitHypothesis, float], ...] = ()
     least: tuple[float, float] = (0.0, 0.0)
+    undetected: tuple[float, float] = (0.0, 0.0)
 
     def systematic(self, fit: Fit) -> tuple[float, float]:
         """Systematic parts of stiffness and damping at the fit's working depth, of their size."""
-        moved = np.array([self.least, *(each.moves(fit) for each, _ in self.counted)])
-        weights = np.array([1.0, *(weight for _, weight in self.counted)])
-        stiffness, damping = np.max(weights[:, None] * np.abs(moved), axis=0).tolist()
+        moved = [weight * np.abs(each.moves(fit)) for each, weight in self.counted]
+        both = np.array([self.least, self.undetected, *moved])
+        stiffness, damping = both.max(axis=0).tolist()
         return stiffness, damping
 
 
@@ -82,7 +85,7 @@ def judge(causes: list[MisfitHypothesis], ratio: float, unexplained: float) -> J
     significant = [cause for cause in causes if cause.z > SIGNIFICANT]
     significant.sort(key=attrgetter("gain"), reverse=True)
     if not significant:
-        return Judged([], (), undetected(causes))
+        return Judged([], undetected=undetected(causes))
     named = _named(significant, unexplained)
     rivals = [c for c in significant if c is not named and not _explained_by(named, c)]
     findings = [_finding(_in_doubt(named, rivals), 1.0, ratio, leading=True)]
@@ -96,7 +99,7 @@ def judge(causes: list[MisfitHypothesis], ratio: float, unexplained: float) -> J
             continue
         relative = rival.gain / highest
         counted.append((rival, 1.0 if relative > ALIKE else 0.5 * relative))
-    return Judged(findings, tuple(counted), undetected(causes))
+    return Judged(findings, tuple(counted), undetected=undetected(causes))
 
 
 def undetected(causes: list[MisfitHypothesis]) -> tuple[float, float]:

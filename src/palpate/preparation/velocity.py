@@ -62,24 +62,12 @@ def filter_gain(samples: int, degree: int, turn: float) -> float:
 
 
 def velocity_of(time: Floats, penetration: Floats, window: float | None = None) -> Floats:
-    """Velocity [m/s] by a centred Savitzky–Golay filter, also for uneven time steps.
-
-    See :func:`velocity_and_degree`.
-    """
-    return velocity_and_degree(time, penetration, window)[0]
-
-
-def velocity_and_degree(
-    time: Floats, penetration: Floats, window: float | None = None
-) -> tuple[Floats, int]:
-    """Velocity [m/s] by a centred Savitzky–Golay filter, and the degree of its polynomial.
+    """Velocity [m/s] by a centred quadratic Savitzky–Golay filter, also for uneven time steps.
 
     The velocity of a sample is the slope there of the least-squares parabola through the window
     around it. Near an end the window keeps its length and the sample is off its centre. With even
-    time steps this is the classic filter; where the motion is so fast that the parabola loses more
-    of the velocity than noise would add to the slope of a quartic, it is that slope. A dropout is
-    excluded, because it would distort the velocity of a whole window; its own velocity is
-    interpolated.
+    time steps this is the classic filter. A dropout is excluded, because it would distort the
+    velocity of a whole window; its own velocity is interpolated.
 
     Parameters
     ----------
@@ -90,6 +78,24 @@ def velocity_and_degree(
     window : float, optional
         Length of the filter, s. Default: see :func:`window_samples`.
     """
+    return _filtered(time, penetration, window, finer=False)[0]
+
+
+def velocity_and_degree(
+    time: Floats, penetration: Floats, window: float | None = None
+) -> tuple[Floats, int]:
+    """Velocity as :func:`velocity_of`, and the degree of the polynomial of which it is the slope.
+
+    Where the default window is so long against the motion that the parabola loses more of the
+    velocity than noise would add to the slope of a quartic, it is that slope, of degree 4. A window
+    that is passed is that of parabolas.
+    """
+    return _filtered(time, penetration, window, finer=window is None)
+
+
+def _filtered(
+    time: Floats, penetration: Floats, window: float | None, *, finer: bool
+) -> tuple[Floats, int]:
     velocity = np.full(time.shape, np.nan)
     known = np.isfinite(penetration)
     t, x = time[known], penetration[known]
@@ -99,7 +105,7 @@ def velocity_and_degree(
             return velocity, 2
         kept = ~spiked(x)
         width = min(window_samples(float(np.median(np.diff(t))), window), int(kept.sum()))
-        slope, degree = _slope(t[kept], x[kept], width)
+        slope, degree = _slope(t[kept], x[kept], width, finer=finer)
         velocity[known] = slope if kept.all() else np.interp(t, t[kept], slope)
     return velocity, degree
 
@@ -110,7 +116,7 @@ def lost_positions(penetration: Floats) -> int:
         return int(np.count_nonzero(spiked(penetration[np.isfinite(penetration)])))
 
 
-def _slope(t: Floats, x: Floats, width: int) -> tuple[Floats, int]:
+def _slope(t: Floats, x: Floats, width: int, *, finer: bool) -> tuple[Floats, int]:
     """Slope at each sample of the polynomial through its window, and the degree.
 
     With even time steps it is a convolution; the ends are parabolas, fitted separately.
@@ -121,17 +127,15 @@ def _slope(t: Floats, x: Floats, width: int) -> tuple[Floats, int]:
         return _local_slope(t, x, width, np.arange(t.size)), 2
     slope, weights = np.empty(t.size), np.arange(-half, half + 1.0)
     inner = np.convolve(x, weights[::-1], "valid") / (step * (weights @ weights))
-    if width >= FEWEST_SAMPLES:
-        weights = slope_weights(width, 4)
-        finer = np.convolve(x, weights[::-1], "valid") / step
+    if finer and width >= FEWEST_SAMPLES:
+        slopes = _slopes_in(width, 4) / step
+        quartic = np.convolve(x, slopes[half, ::-1], "valid")
         # White noise of the two slopes' difference is orthogonal to that of the first.
-        energy = float(inner @ inner)
-        lost = float(inner @ (finer - inner))
-        noise = noise_of(x) ** 2 * float(weights @ weights) / step**2 * inner.size
-        if lost > LOST * energy and lost > noise:
-            slopes = _slopes_in(width, 4) / step
+        lost = float(inner @ (quartic - inner))
+        noise = noise_of(x) ** 2 * float(slopes[half] @ slopes[half]) * inner.size
+        if lost > max(LOST * float(inner @ inner), noise):
             slope[:half] = slopes[:half] @ x[:width]
-            slope[half : t.size - half] = finer
+            slope[half : t.size - half] = quartic
             slope[t.size - half :] = slopes[half + 1 :] @ x[t.size - width :]
             return slope, 4
     slope[half : t.size - half] = inner
