@@ -10,9 +10,10 @@ from operator import attrgetter
 
 import numpy as np
 
+from palpate.diagnosis.adhesion import adhesion_or_memory
 from palpate.diagnosis.change import Changes, changes
 from palpate.diagnosis.data import VELOCITY_NONE, Data, beat_of
-from palpate.diagnosis.delay import columns, delay, delay_sensitivity, memory
+from palpate.diagnosis.delay import columns, delay, delay_sensitivity
 from palpate.diagnosis.finding import Diagnosis, Episode, Laws, Quantity, Verdict, WorkingDepth
 from palpate.diagnosis.fit import FEWEST_ROWS, Fit, MisfitHypothesis, Search
 from palpate.diagnosis.marks import (
@@ -159,7 +160,7 @@ _LOGGER = logging.getLogger(__name__)
 #: Each looks at the fit as a whole.
 CHECKS = (flat, method, excitation, one_way, offset, velocity_noise, misfit, extrapolation)
 #: Each looks for causes beside the fit.
-SEARCHES: tuple[Search, ...] = (columns, memory, delay, surface)
+SEARCHES: tuple[Search, ...] = (columns, adhesion_or_memory, delay, surface)
 
 
 @timed("diagnosis")
@@ -242,10 +243,9 @@ def _diagnosed(
 
 def _with_better_law(fit: Fit, judged: Judged) -> Judged:
     """With the law that model selection prefers, and how far it changes the result."""
-    cause = better_law(fit)
-    if cause is None:
+    cause, checks = better_law(fit), [finding.check for finding in judged.findings]
+    if cause is None or checks[:1] == ["adhesion"]:  # which laws with memory fit some of
         return judged
-    checks = [finding.check for finding in judged.findings]
     if "delay" in checks:  # which looks like another damper, or like memory
         cause = replace(cause, remedy=f"{cause.remedy}, unless the force is known to be late")
     found = finding_of(cause, "note", *marks_of(cause))
