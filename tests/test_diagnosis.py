@@ -58,6 +58,43 @@ def test_a_cause_is_found_by_its_check(name):
     assert name in grave(CAUSES[name])
 
 
+def touches(force_of):
+    """Touches at 1 Hz through the surface to 8 mm, of a force by time, penetration and velocity."""
+    x = np.where(TIME < 0.5, -3e-3, 2.5e-3 - 5.5e-3 * np.cos(2.0 * np.pi * (TIME - 0.5)))
+    v = np.gradient(x, TIME)
+    return contact(TIME, x, faults.noisy(force_of(x, v)))
+
+
+def neck(x, v):
+    """Until 0.5 mm above the surface the material holds a probe that withdraws, less when deep."""
+    return np.where((v < 0.0) & (x > -0.5e-3), 0.5 * np.exp(-np.maximum(x, 0.0) / 2e-3), 0.0)
+
+
+def adhesive(x, v):
+    """Force of Johnson, Kendall and Roberts's form, −√x, in both directions."""
+    return 20.0 * np.sqrt(np.maximum(x, 0.0))
+
+
+@pytest.mark.parametrize("pull", [neck, adhesive])
+def test_a_material_that_pulls_is_called_adhesive_and_not_relaxing(pull):
+    found = palpate.diagnose(touches(lambda x, v: faults.pushed(x, v) - pull(x, v)))
+    assert found.reason.startswith("adhesion: near the surface the material pulls the probe with")
+    assert "--min-penetration" in found.remedy
+    assert not any("relax" in finding.message for finding in found.findings)
+    stiffness, truth = found.working_depth.stiffness, LAW.stiffness_at(found.working_depth.depth)
+    depth = found.working_depth.depth
+    truth -= (pull(depth + 1e-6, 1.0) - pull(depth - 1e-6, 1.0)) / 2e-6
+    assert abs(stiffness.value - truth) < 2.0 * stiffness.whole_error
+
+
+def test_friction_of_the_probe_or_what_pulls_on_it_in_air_is_no_adhesion():
+    rubbed = touches(lambda x, v: faults.pushed(x, v) + 0.3 * np.tanh(1e3 * v))
+    tied = touches(lambda x, v: faults.pushed(x, v) - 40.0 * x)
+    light = touches(lambda x, v: faults.pushed(x, v))
+    for found in map(palpate.diagnose, (rubbed, tied, light)):
+        assert "adhesion" not in [finding.check for finding in found.findings]
+
+
 RANDOM, COARSE = np.random.default_rng(5), 0.1 * FORCE.max()
 # Stamped on arrival: late by up to nine tenths of a step.
 STAMPS = np.maximum.accumulate(TIME + 0.9 * STEP * np.random.default_rng(3).random(TIME.size))

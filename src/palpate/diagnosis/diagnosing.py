@@ -10,9 +10,10 @@ from operator import attrgetter
 
 import numpy as np
 
+from palpate.diagnosis.adhesion import adhesion_or_memory
 from palpate.diagnosis.change import Changes, changes
 from palpate.diagnosis.data import VELOCITY_NONE, Data, beat_of
-from palpate.diagnosis.delay import columns, delay, delay_sensitivity, memory, unseen
+from palpate.diagnosis.delay import columns, delay, delay_sensitivity, unseen
 from palpate.diagnosis.finding import Diagnosis, Episode, Laws, Quantity, Verdict, WorkingDepth
 from palpate.diagnosis.fit import FEWEST_ROWS, Fit, MisfitHypothesis, Search
 from palpate.diagnosis.marks import (
@@ -36,6 +37,7 @@ from palpate.diagnosis.marks import (
     unexplained,
     working_depth,
 )
+from palpate.diagnosis.one_time import one_relaxation_time
 from palpate.digits import rounded
 from palpate.estimators.estimate import Estimate, Trace
 from palpate.estimators.law_verdicts import ONE_WAY
@@ -161,7 +163,7 @@ _LOGGER = logging.getLogger(__name__)
 #: Each looks at the fit as a whole.
 CHECKS = (flat, method, excitation, one_way, offset, air, velocity_noise, misfit, extrapolation)
 #: Each looks for causes beside the fit.
-SEARCHES: tuple[Search, ...] = (columns, memory, delay, surface)
+SEARCHES: tuple[Search, ...] = (columns, adhesion_or_memory, delay, surface)
 
 
 @timed("diagnosis")
@@ -224,8 +226,7 @@ def _diagnosed(
     judged = judge(causes, fit.ratio, unexplained(fit))
     if not any(finding.check == "change" for finding in judged.findings):
         changed = None
-    if changed is None:  # of two materials one law is none
-        judged = _with_better_law(fit, judged)
+    judged = _with_better_law(fit, judged, changed)
     named_surface = bool(judged.findings) and judged.findings[0].check == "surface"
     found += judged.findings
     for check in CHECKS:
@@ -243,15 +244,25 @@ def _diagnosed(
     return _whole(found, depths, episodes, fit.laws)
 
 
-def _with_better_law(fit: Fit, judged: Judged) -> Judged:
-    """With the law that model selection prefers, and how far it changes the result."""
-    cause = better_law(fit)
-    if cause is None:
+def _with_better_law(fit: Fit, judged: Judged, changed: Changes | None) -> Judged:
+    """With the law that model selection prefers, and how far it changes the result.
+
+    Of two materials one law is none; but of one that relaxes the changes explain less.
+    """
+    cause = one_relaxation_time(fit)
+    if changed is None:
+        cause = cause or better_law(fit)
+    elif cause is not None and cause.gain <= changed.cause.gain:
         return judged
     checks = [finding.check for finding in judged.findings]
+    if cause is None or checks[:1] == ["adhesion"]:  # which laws with memory fit some of
+        return judged
     if "delay" in checks:  # which looks like another damper, or like memory
         cause = replace(cause, remedy=f"{cause.remedy}, unless the force is known to be late")
-    found = finding_of(cause, "note", *marks_of(cause))
+    marks = list(marks_of(cause))
+    if fit.laws is not None and fit.laws.own:  # which need not predict better: at most care
+        marks = [min(mark, "with-care", key=MARKS.index) for mark in marks]
+    found = finding_of(cause, "note", *marks)
     # The cause that explains most comes first; of relaxation, its own finding.
     first = cause.gain > max((each.gain for each, _ in judged.counted), default=0.0)
     place = 0 if first and checks[:1] not in (["memory"], ["surface"]) else 1

@@ -227,12 +227,15 @@ class Laws:
         Whether it is the identification's own law.
     longest : float
         The longest relaxation time that was looked for, s.
+    one_time : Laws, optional
+        Those with one relaxation time, by the same samples, where that was not offered.
     """
 
     law: GeneralisedHuntCrossley
     verdict: LawVerdict
     own: bool = False
     longest: float = 0.0
+    one_time: "Laws | None" = None
 
     @property
     def of_all(self) -> bool:
@@ -240,11 +243,13 @@ class Laws:
         return len(self.verdict.model_ranking) > EVERYDAY
 
     @classmethod
-    def of(cls, estimator: ContactEstimator, *, own: bool = False) -> "Laws":
+    def of(
+        cls, estimator: ContactEstimator, *, own: bool = False, one_time: "Laws | None" = None
+    ) -> "Laws":
         """Of an estimator that has learned the samples."""
         evidence, estimate = estimator.evidence(), estimator.estimate()
         verdict = verdict_of(evidence, estimate)
-        return cls(estimate.law, verdict, own, _LONGEST * evidence.step)
+        return cls(estimate.law, verdict, own, _LONGEST * evidence.step, one_time)
 
 
 def remedy_of_memory(laws: Laws | None, time: float) -> str:

@@ -288,7 +288,7 @@ def laws_beside(data: Data, estimator: ContactEstimator, chosen: Sequence[str]) 
         Its settings that were chosen from the data, for its own method.
     """
     if estimator.chooses_law:
-        return Laws.of(estimator, own=True)
+        return Laws.of(estimator, own=True, one_time=_with_one_time(data, estimator))
     estimate = estimator.estimate()
     if estimate.law.candidate is None:
         return None
@@ -297,6 +297,19 @@ def laws_beside(data: Data, estimator: ContactEstimator, chosen: Sequence[str]) 
     key = repr([sorted(given.items()), estimate.surface])
     if key not in data.laws:
         data.laws[key] = _compared(data, given, estimate.surface)
+    return data.laws[key]
+
+
+@timed("laws")
+def _with_one_time(data: Data, estimator: ContactEstimator) -> Laws | None:
+    """Laws with one relaxation time, by the samples of one that chose among the common laws."""
+    if estimator.settings["memory"] != "auto":
+        return None
+    bank = estimator.replace(memory="single")
+    key = repr(bank.settings)
+    if key not in data.laws:
+        replayed(data.contact, bank, trace=False)
+        data.laws[key] = Laws.of(bank)
     return data.laws[key]
 
 
