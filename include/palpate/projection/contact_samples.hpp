@@ -13,6 +13,7 @@
 #include <cstdint>
 #include <numbers>
 
+#include "palpate/error_widening.hpp"
 #include "palpate/matrix.hpp"
 #include "palpate/sample.hpp"
 
@@ -169,6 +170,7 @@ class FreeAir {
     squares_ += away * rest;
     products_ += last_ * rest;
     last_ = rest;
+    levels_.add({1.0}, rest, forgetting_factor);
   }
 
   void forget(double factor) noexcept {
@@ -180,12 +182,21 @@ class FreeAir {
   bool known() const noexcept { return weight_ >= static_cast<double>(fewest); }
   double mean() const noexcept { return known() ? mean_ : 0.0; }
 
-  // s² = σ²/N (1 + r)/(1 − r) + δ²: the variance of the mean of noise with the neighbour
-  // correlation r, and the remaining error of rounding to steps Δ, δ = (Δ/π) exp(−2π²σ²/Δ²).
+  // Variance of the mean over that of white noise: the noise of the longest blocks, where neighbours
+  // correlate (r > 4/√N); else 1.
+  double inflation() const noexcept {
+    if (!known() || !(correlation() * std::sqrt(weight_) > 4.0)) return 1.0;
+    const LevelNoise noise(levels_, squares_ / weight_, {1.0, true});
+    return noise.measured > 0 ? noise.ratio[noise.used] : neighbours();
+  }
+
+  // s² = f σ²/N + δ²: the variance of the mean of noise with the inflation f, or with the neighbour
+  // correlation r, (1 + r)/(1 − r), if larger; and the remaining error of rounding to steps Δ,
+  // δ = (Δ/π) exp(−2π²σ²/Δ²).
   OffsetPrior prior(double step) const noexcept {
     const double variance = std::max(squares_, 0.0) / weight_;
-    const double correlation = squares_ > 0.0 ? std::clamp(products_ / squares_, 0.0, 0.999) : 0.0;
-    const double of_mean = variance / weight_ * (1.0 + correlation) / (1.0 - correlation);
+    const double wide = inflation();
+    const double of_mean = variance / weight_ * (wide > 1.0 ? wide : neighbours());
     constexpr double pi = std::numbers::pi;
     double rounding = 0.0;
     if (step > 0.0) {
@@ -197,6 +208,12 @@ class FreeAir {
   }
 
  private:
+  double correlation() const noexcept {
+    return squares_ > 0.0 ? std::clamp(products_ / squares_, 0.0, 0.999) : 0.0;
+  }
+  double neighbours() const noexcept { return (1.0 + correlation()) / (1.0 - correlation()); }
+
+  HaarLevels<1, float> levels_;
   double weight_ = 0.0;
   double mean_ = 0.0;
   double squares_ = 0.0;   // Σ (F − mean)²

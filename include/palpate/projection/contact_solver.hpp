@@ -119,6 +119,13 @@ class ContactSolver {
 
   double weight() const noexcept { return sure_.weight() + light_.weight(); }
 
+  // The noise of the slowest residuals in contact over that of white noise. What both it and free
+  // air show is the force sensor's.
+  void set_inflation(double of_contact) noexcept {
+    if (settings_.offset) inflation_ = std::min(of_contact, air_.inflation());
+  }
+  double inflation() const noexcept { return inflation_; }
+
   double highest_exponent() const noexcept { return sure_.sums().highest(); }
 
   // The prior is an old estimate with these deviations. The sensor's offset has not changed.
@@ -148,7 +155,9 @@ class ContactSolver {
   [[gnu::noinline]] ProjectionSolution solve() const noexcept {
     const Tare tare = offset_prior();
     PowerSums sums = firm();
-    ProjectionSolution best = fitted(sums, tare.prior);
+    // Of correlated noise f samples count as one, so beside them the prior weighs f times as much.
+    const OffsetPrior weighed{tare.prior.mean, tare.prior.deviation / std::sqrt(inflation_)};
+    ProjectionSolution best = fitted(sums, weighed);
     best.tare_refuted = tare.refuted;
     if (settings_.offset && tare.prior.deviation > 0.0) {
       const OffsetPrior wide{tare.prior.mean, 0.0};
@@ -165,7 +174,7 @@ class ContactSolver {
     sums.include(light_.sums(), light_.factor());
     ProjectionSolution joined = fitted(sums, {best.prior_mean, best.prior_deviation});
     joined.tare_refuted = best.tare_refuted;
-    best.lost_above = excess(best, joined) > largest_excess;
+    best.lost_above = excess(best, joined) > largest_excess * std::sqrt(inflation_);
     return best.lost_above ? best : joined;
   }
 
@@ -190,8 +199,8 @@ class ContactSolver {
   }
 
   // Departure of a nearly free offset from a prior.
-  static double deviations(const ProjectionSolution& open, const OffsetPrior& prior) noexcept {
-    const double error = std::sqrt(dot(open.root[3], open.root[3]));
+  double deviations(const ProjectionSolution& open, const OffsetPrior& prior) const noexcept {
+    const double error = std::sqrt(inflation_ * dot(open.root[3], open.root[3]));
     return std::abs(open.offset - prior.mean) / combined(error, prior.deviation);
   }
 
@@ -289,6 +298,7 @@ class ContactSolver {
   Bank light_;
   double unusable_ = 0.0;     // light samples where the law's force is negative
   double kept_offset_ = 0.0;  // deviation from the estimate before a restart; 0 before one
+  double inflation_ = 1.0;    // f
   ContactSamples recent_;
   FreeAir air_;
   bool chooses_ = true;

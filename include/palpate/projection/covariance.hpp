@@ -367,7 +367,8 @@ inline void say_identifiable(ProjectionSolution& p, const std::array<bool, 5>& g
                                                        const Vector<4>& prior_fractions,
                                                        const ProjectionSolution& p,
                                                        double log_penetration,
-                                                       bool of_all_samples = false) noexcept {
+                                                       bool of_all_samples = false,
+                                                       double offset_inflation = 1.0) noexcept {
   std::array<Vector<4>, 3> rows{};
   for (std::size_t j = 0; j < 4; ++j) {
     rows[0][j] = p.root[0][j] - p.k * log_penetration * p.root[2][j];
@@ -375,7 +376,8 @@ inline void say_identifiable(ProjectionSolution& p, const std::array<bool, 5>& g
     rows[2][j] = p.root[2][j];
   }
   const Matrix<4> root =
-      ErrorWidening<4, 3>(levels, prior_fractions, p.root_variance, of_all_samples).root(rows);
+      ErrorWidening<4, 3>(levels, prior_fractions, p.root_variance, of_all_samples)
+          .root(rows, offset_inflation);
   Matrix<5> widening{};
   double widest = 1.0;
   for (std::size_t i = 0; i < 4; ++i) {
