@@ -80,6 +80,12 @@ class ContactSamples {
     for (std::size_t age = 0; age < side; ++age) ago(age).weight *= factor;
   }
 
+  // Where neighbours correlate: σ of noise whose mean over N ≤ 8 samples has the variance f σ²/N.
+  // Differences of neighbours do not show it, and light samples would be those of negative noise.
+  void set_correlated(double deviation, double inflation) noexcept {
+    correlated_ = deviation * std::sqrt(std::min(inflation, static_cast<double>(side)));
+  }
+
   // Forgets the samples, but not the noise.
   void clear() noexcept { entries_ = {}; }
 
@@ -107,7 +113,7 @@ class ContactSamples {
     if (!(them.count > 0.0)) return true;
     const double excess = them.sum - them.count * zero;
     // |ΔF| of white noise has a median of 0.6745 √2 σ.
-    const double deviations = (3.0 / 0.954) * step_;
+    const double deviations = 3.0 * std::max(step_ / 0.954, correlated_);
     return excess > 0.0 && excess * excess > deviations * deviations * them.count;
   }
 
@@ -126,7 +132,8 @@ class ContactSamples {
 
   std::array<Entry, 2 * side + 2> entries_{};
   std::size_t newest_ = 0;
-  double step_ = 0.0;  // median |ΔF|
+  double step_ = 0.0;        // median |ΔF|
+  double correlated_ = 0.0;  // σ √f of correlated noise
   double least_step_ = 0.0;
   double pace_ = 0.0;             // steps are by one part in so many
   std::array<double, 2> move_{};  // down, up
@@ -179,6 +186,8 @@ class FreeAir {
     products_ *= factor;
   }
 
+  double deviation() const noexcept { return std::sqrt(std::max(squares_, 0.0) / weight_); }
+
   bool known() const noexcept { return weight_ >= static_cast<double>(fewest); }
   double mean() const noexcept { return known() ? mean_ : 0.0; }
 
@@ -187,7 +196,9 @@ class FreeAir {
   double inflation() const noexcept {
     if (!known() || !(correlation() * std::sqrt(weight_) > 4.0)) return 1.0;
     const LevelNoise noise(levels_, squares_ / weight_, {1.0, true});
-    return noise.measured > 0 ? noise.ratio[noise.used] : neighbours();
+    if (noise.measured == 0) return neighbours();
+    const double quantile = widened_quantile(2.0 / noise.scatter);
+    return std::max(quantile * quantile * noise.ratio[noise.used], 1.0);
   }
 
   // s² = f σ²/N + δ²: the variance of the mean of noise with the inflation f, or with the neighbour

@@ -122,7 +122,9 @@ class ContactSolver {
   // The noise of the slowest residuals in contact over that of white noise. What both it and free
   // air show is the force sensor's.
   void set_inflation(double of_contact) noexcept {
-    if (settings_.offset) inflation_ = std::min(of_contact, air_.inflation());
+    const double of_air = air_.inflation();
+    if (settings_.offset) inflation_ = std::min(of_contact * of_contact, of_air);
+    if (of_air > 1.0) recent_.set_correlated(air_.deviation(), of_air);
   }
   double inflation() const noexcept { return inflation_; }
 
