@@ -15,7 +15,7 @@ MOST_STEPS = 25
 # Rows without shared windows, three periods of the motion, up to which blocks are too few to show
 # how long noise is correlated.
 FEW_ROWS = 64
-POLES = 1.0 - 0.5 ** np.arange(0.0, 8.1, 0.5)
+POLES = 1.0 - 0.5 ** np.arange(0.0, 4.1, 0.25)
 
 
 def long_run_covariance(
