@@ -267,14 +267,7 @@ class VariableProjectionMethod {
     if (static_cast<double>(samples_since_widening_) > 0.1 * solver_.weight()) {
       samples_since_widening_ = 0;
       const Vector<4> prior = solver_.prior_fractions(last_solution_);
-      double inflation = 1.0;
-      if constexpr (requires { solver_.set_inflation(1.0); }) {
-        inflation = solver_.inflation();  // of the prior in the last solution
-        const detail::LevelNoise noise(levels_, last_solution_.root_variance, {order + 1.0});
-        solver_.set_inflation(noise.measured > 0 ? noise.ratio[noise.used] : 1.0);
-      }
-      widening_ = detail::projection_widening(levels_, prior, last_solution_, log_penetration_,
-                                              false, inflation);
+      widening_ = detail::projection_widening(levels_, prior, last_solution_, log_penetration_);
     }
   }
 

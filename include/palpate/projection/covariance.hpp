@@ -89,7 +89,8 @@ struct ProjectionSolution : ScaledLaw {
   bool lost_above;             // contact is lost above the surface: light samples are excluded
   bool tare_refuted;           // F₀ is beyond the prior that a tare gave
   double prior_mean;           // of the prior of F₀ that was used …
-  double prior_deviation;      // … and its deviation
+  double prior_deviation;      // … and its deviation, by which it was weighed:
+  double inflation = 1.0;      // Var over its square, and samples that count as one in contact
 };
 
 // A quotient's denominator never is zero with this added, and no sum of squares feels it.
@@ -367,8 +368,7 @@ inline void say_identifiable(ProjectionSolution& p, const std::array<bool, 5>& g
                                                        const Vector<4>& prior_fractions,
                                                        const ProjectionSolution& p,
                                                        double log_penetration,
-                                                       bool of_all_samples = false,
-                                                       double offset_inflation = 1.0) noexcept {
+                                                       bool of_all_samples = false) noexcept {
   std::array<Vector<4>, 3> rows{};
   for (std::size_t j = 0; j < 4; ++j) {
     rows[0][j] = p.root[0][j] - p.k * log_penetration * p.root[2][j];
@@ -377,7 +377,7 @@ inline void say_identifiable(ProjectionSolution& p, const std::array<bool, 5>& g
   }
   const Matrix<4> root =
       ErrorWidening<4, 3>(levels, prior_fractions, p.root_variance, of_all_samples)
-          .root(rows, offset_inflation);
+          .root(rows, p.inflation);
   Matrix<5> widening{};
   double widest = 1.0;
   for (std::size_t i = 0; i < 4; ++i) {
