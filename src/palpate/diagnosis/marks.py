@@ -492,10 +492,17 @@ def extrapolation(fit: Fit) -> Finding | None:
 
 
 def standard_errors(fit: Fit) -> Floats:
-    """Of force, stiffness and damping at the working depth, SI, shape (3,)."""
-    names = len(fit.solution.law.symbols)
-    spread = fit.gradients @ fit.covariance[:names, :names] @ fit.gradients.T
-    errors: Floats = np.sqrt(np.maximum(np.diag(spread), 0.0))
+    """Of force, stiffness and damping at the working depth, SI, shape (3,).
+
+    The covariance takes the noise to be the same at all depths. Where it is larger where it matters
+    (White 1980), as in proportion to force, Σ u² e² exceeds Σ u² ⟨e²⟩ by the influences u.
+    """
+    names, residual = len(fit.solution.law.symbols), fit.solution.residual
+    variances = np.diag(fit.gradients @ fit.covariance[:names, :names] @ fit.gradients.T)
+    influences = (fit.gradients @ fit.solution.inverse[:names]) ** 2
+    pooled = influences.sum(axis=1) * np.mean(residual**2)
+    uneven = influences @ residual**2 / np.maximum(pooled, np.finfo(float).tiny)
+    errors: Floats = np.sqrt(np.maximum(variances, 0.0) * np.maximum(uneven, 1.0))
     return errors
 
 
