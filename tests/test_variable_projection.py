@@ -23,6 +23,7 @@ from scipy.stats import binom
 
 from palpate import (
     ConstantForgetting,
+    ContactGate,
     HuntCrossley,
     Scale,
     VariableProjection,
@@ -83,6 +84,20 @@ def test_the_global_search_is_not_lost_when_the_first_samples_mislead() -> None:
     assert estimator.estimate().law.exponent == pytest.approx(
         offline(motion, force, PVC, offset=True).exponent, rel=1e-3
     )
+
+
+def test_the_global_search_is_not_lost_when_the_last_samples_outweigh_the_others() -> None:
+    law, time = HuntCrossley(2e4, 1e5, 2.0), np.arange(560) * 0.5e-3
+    x = 0.5e-3 + 0.2e-3 * np.sin(40.0 * time)
+    x[-5:] = np.linspace(0.5e-3, 5e-3, 5)  # the last solution before these is of the others
+    v = np.gradient(x, time)
+    force = law.force(x, v) + white(x.size, 2, 0.01)
+    answers = []
+    for exponents in ((0.3, 3.6), (1.5, 3.0)):
+        estimator = VariableProjection(exponent_range=exponents, gate=ContactGate(1e-4, 1e-4, 1e-4))
+        estimator.replay(x, v, force, np.full(x.size, 0.5e-3))
+        answers.append(estimator.estimate().law.exponent)
+    assert answers == pytest.approx([2.0, 2.0], abs=0.02)
 
 
 def test_the_offset_is_recovered_and_does_not_bias_the_law() -> None:

@@ -1,18 +1,21 @@
 """Identify a whole contact, with one estimator or with all of them side by side."""
 
 from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from palpate.contact import Contact
 from palpate.diagnosis import Data, Diagnosis
 from palpate.errors import InvalidParameterError
-from palpate.estimators import ESTIMATORS, ContactEstimator
+from palpate.estimators import ESTIMATORS, ContactEstimator, VariableProjection
 from palpate.estimators.by_law import estimator_by_law
 from palpate.estimators.contact_estimator import Rejection, known_exponent
 from palpate.estimators.estimate import Traced, checked_trace
+from palpate.findings import Finding
 from palpate.identification.identified import Identified
 from palpate.preparation.gates import choose_gate
+from palpate.preparation.load_transfer import without_load_transfer
 from palpate.preparation.preparing import Recorded, prepare
 from palpate.results import view
 from palpate.settings import ContactGate
@@ -56,6 +59,9 @@ class Identification(Identified):
         The impact and the tip of the derived quantities, by :meth:`with_query`.
     traced : int, float, "full" or False
         How much of a trace was requested; the same for segments and places.
+    bounded : Estimate, optional
+        The estimate under the weak prior of :class:`VariableProjection`, where the motion leaves
+        the estimator's own open; it is then the :attr:`estimate`.
     """
 
     segments: tuple["Identification", ...]
@@ -201,7 +207,32 @@ def identify(
     given = {name: values for name, values in arrays.items() if values is not None}
     if not isinstance(source, Contact) or given:
         source = prepare(source, **given)  # type: ignore[arg-type]  # it refuses a contact with arrays
-    return Identification.of(Data(source), estimator, trace=traced)
+    data = Data(_one_place(source, estimator))
+    return _trusted_law(Identification.of(data, estimator, trace=traced))
+
+
+def _one_place(contact: Contact, estimator: ContactEstimator | str | None) -> Contact:
+    """The contact without load transfer, unless every sample is to be kept."""
+    given = estimator.settings if isinstance(estimator, ContactEstimator) else {}
+    return contact if given.get("outlier_rejection") is False else without_load_transfer(contact)
+
+
+def _trusted_law(found: Identification) -> Identification:
+    """Hunt–Crossley in place of a selected law that the diagnosis does not trust."""
+    if not found.estimator.chooses_law or found.diagnosis.verdict.overall != "do-not-trust":
+        return found
+    names = {"gate", "outlier_rejection", "exponent"}.difference(found.chosen)
+    given = {name: found.estimator.settings[name] for name in names}
+    assert found.data is not None
+    assert found.law_verdict is not None
+    plain = Identification.of(found.data, VariableProjection(**given), trace=found.traced)
+    finding = Finding(
+        "law",
+        f"model selection prefers {found.law_verdict.candidate.title}, but that fit is not to be "
+        f"trusted ({found.diagnosis.reason}): the answer is that of the Hunt–Crossley law",
+        severity="with-care",
+    )
+    return replace(plain, findings=(*plain.findings, finding))
 
 
 def diagnose(
@@ -266,6 +297,7 @@ def compare(
     """
     traced = checked_trace(trace)
     contact = source if isinstance(source, Contact) else prepare(source)
+    contact = contact if outlier_rejection is False else without_load_transfer(contact)
     chosen = choose_gate(contact) if gate is None else gate
     data = (known and known.data) or Data(contact)  # checked once for all methods
     results = {}

@@ -253,8 +253,13 @@ class VariableProjectionMethod {
            std::min(1.0 + solver_.weight() / 64.0, 64.0);
   }
 
+  // An exponent that moved this far since the last solution has left its basin: the samples after a
+  // slow approach, for instance, outweigh all before them.
   Solution solve() const noexcept {
-    return due() ? solver_.solve() : solver_.solve_near(last_solution_);
+    constexpr double basin = 0.1;
+    if (due()) return solver_.solve();
+    const Solution near = solver_.solve_near(last_solution_);
+    return std::abs(near.n - last_solution_.n) < basin ? near : solver_.solve();
   }
 
   // Renews, if due, the solution for prediction errors, from which solving starts.

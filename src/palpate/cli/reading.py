@@ -89,11 +89,13 @@ class ReadingOptions:
     delay: Annotated[str | None, _signed("DURATION")] = None
     "Delay of the force behind the position, such as 5ms; negative if it is early."
     reject_outliers: Annotated[bool, _PREPARED] = True
-    "Exclude dropouts, spikes and saturated samples."
+    "Exclude dropouts, spikes, saturated samples and touches from where another place is loaded."
     surface: Annotated[_Surface | str | None, _signed("DEPTH")] = None
     "Surface: a depth (0.7mm), threshold, baseline, fit or estimate (default: 0; position: fit)."
     exponent: Annotated[float | None, _PREPARED] = None
     "Fix the exponent of the law, known from the shape of the tip, such as 1.5 for a sphere."
+    weak_prior: Annotated[bool, _PREPARED] = True
+    "Keep B >= 0 and n from 1 to 2 where a motion one way leaves them open."
     normal: Annotated[_Axis | str | None, _signed("DIRECTION")] = None
     "Contact normal, out of the material: x, y, z, -x, -y, -z or three numbers (default: found)."
     force_frame: Annotated[Literal["tool", "base"] | None, _PREPARED] = None
@@ -198,6 +200,8 @@ class ReadingOptions:
                 )
         if self.exponent is not None:
             settings["exponent"] = kept_exponent(self.exponent, kind)
+        if not self.weak_prior and "weak_prior" in kind().settings:
+            settings["weak_prior"] = False
         return settings
 
     def compared(self, contact: "Contact", **watched: Any) -> "dict[str, Identification]":

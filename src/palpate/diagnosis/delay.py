@@ -66,7 +66,7 @@ def columns(fit: Fit) -> list[MisfitHypothesis]:
 def _explained(fit: Fit, name: str, amount: float) -> tuple[str, str]:
     """What so much of a column means, and the next step."""
     part = abs(amount) / max(abs(fit.force_at_depth(fit.solution.law)), 1e-300)
-    half = rounded(0.5 * float(fit.data.time[0] + fit.data.time[-1]), 3)
+    half = rounded(float(np.median(fit.data.time)), 3)
     return {
         "gain drift": (
             f"the material {'hardens' if amount > 0.0 else 'softens'} by {abs(amount):.1%} during "

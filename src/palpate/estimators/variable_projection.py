@@ -70,6 +70,9 @@ class VariableProjection(CompiledEstimator, _core.VariableProjection):
         stiffness F/x of the ``scale``, which must be near the largest values. Default: 0; in
         :func:`identify` twice the noise and rounding of the penetration, because the zero of an
         encoder lies anywhere within its step.
+    weak_prior : bool
+        In :func:`identify`, where the probe moves one way at nearly one speed, which leaves n and B
+        open: the least squares with B ≥ 0 and n from 1 to 2, reported. Default: True.
     gate : ContactGate, optional
         Which samples are contact. With a ``make_force`` of 0 (the default) the estimator selects
         them among those deeper than ``minimum_penetration``, by the force of a sample's neighbours;
@@ -107,11 +110,13 @@ class VariableProjection(CompiledEstimator, _core.VariableProjection):
         surface: Literal["estimate"] | None = None,
         surface_range: tuple[float, float] | None = None,
         surface_deviation: float | None = None,
+        weak_prior: bool = True,
         gate: ContactGate | None = None,
         sample_time: float = SAMPLE_TIME,
         scale: Scale | None = None,
     ) -> None:
         self._settings: dict[str, Any] = arguments(locals())
+        instance("weak_prior", weak_prior, bool)
         loop = loop_settings(self._settings, PROBING)
         unit = (scale or PROBING).penetration
         least, most = _DEFAULTS["surface_range"]

@@ -26,7 +26,7 @@ from palpate.diagnosis import (
 )
 from palpate.diagnosis.diagnosing import outliers
 from palpate.diagnosis.fit import DEEP
-from palpate.diagnosis.marks import BETTER
+from palpate.diagnosis.marks import BETTER, STOP_STIFFNESS, mark_of
 from palpate.digits import rounded, with_error
 from palpate.errors import OldName, RecordingError
 from palpate.estimators import ContactEstimator, LawVerdict, ViscoelasticContact
@@ -39,6 +39,7 @@ from palpate.estimators.estimate import (
     rmse_percent,
     violated_fraction,
 )
+from palpate.estimators.weak_prior import EXPONENTS, constrained
 from palpate.findings import MARKS, Finding
 from palpate.force_laws import force_over_breaks
 from palpate.identification.replaying import (
@@ -186,6 +187,23 @@ def findings_of(contact: Contact, trace: Trace, estimator: ContactEstimator) -> 
             yield Finding("rows", f"{count} samples rejected: {words}")
 
 
+def prior_finding(own: Estimate, bounded: Estimate, depth: float) -> Finding:
+    """Describe that the answer is under the weak prior, and what the least squares gives."""
+    before, after = own.law.stiffness_at(depth), bounded.law.stiffness_at(depth)
+    moved = after / before - 1.0 if before else math.inf
+    low, high = EXPONENTS
+    return Finding(
+        "weak prior",
+        f"the probe moves one way at nearly one speed, which leaves n and B open: the answer is "
+        f"the least squares with B ≥ 0 and n from {low:g} to {high:g}; without this prior n is "
+        f"{own.law.exponent:.2f} and B {'negative' if own.law.damping < 0.0 else 'positive'}",
+        "press and release, at several speeds; without the prior: --no-weak-prior",
+        stiffness=mark_of(abs(moved), STOP_STIFFNESS),
+        damping="do-not-trust",
+        moves_stiffness_percent=100.0 * moved,
+    )
+
+
 # What a whole contact gave.
 
 _LOGGER = logging.getLogger(__name__)
@@ -212,6 +230,8 @@ class Identified:
     chosen: tuple[str, ...] = ()
     query: QueryOptions = field(default_factory=QueryOptions)
     traced: Traced = 2000
+    #: The estimate under a weak prior, where the motion leaves the estimator's own open.
+    bounded: Estimate | None = None
 
     stretches, wanted = OldName("segments"), OldName("query")
     by_stretch, wanting = OldName("by_segment"), OldName("with_query")
@@ -255,7 +275,19 @@ class Identified:
             raise RecordingError(why_nothing(data, result.gate))
         if fresh.settings.get("surface") == "estimate":
             check_approach(contact, written, result.estimate.surface)
-        return result
+        return result._under_prior() if fresh.settings.get("weak_prior") else result
+
+    def _under_prior(self) -> Self:
+        """Return it with the estimate under the weak prior, if its own is outside of that."""
+        own = self.estimator.estimate()
+        changing = self.estimator.settings.keys() & {"forgetting", "change_detector", "surface"}
+        if own.fixed or any(self.estimator.settings[name] is not None for name in changing):
+            return self
+        bounded = constrained(self.contact, self.trace, own)
+        if bounded is None or not self.depths:
+            return self
+        found = prior_finding(own, bounded, self.depths[0])
+        return replace(self, bounded=bounded, findings=(*self.findings, found))
 
     @cached_property
     def diagnosis(self) -> Diagnosis:
@@ -442,8 +474,8 @@ class Identified:
 
     @property
     def estimate(self) -> Estimate:
-        """What the estimator knew at the end."""
-        return self.estimator.estimate()
+        """What the estimator knew at the end; under the weak prior, where that applies."""
+        return self.estimator.estimate() if self.bounded is None else self.bounded
 
     @property
     def law(self) -> Any:
@@ -482,6 +514,8 @@ class Identified:
         since their last restart. Where the preparation found the surface, with what the parameters
         are elsewhere when that is off by its deviation.
         """
+        if self.bounded is not None:
+            return self.bounded.covariance
         return joint_covariance(self.contact, self.trace, self.estimator)
 
     @property

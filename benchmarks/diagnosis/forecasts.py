@@ -1,0 +1,210 @@
+"""``python -m benchmarks.diagnosis.forecasts``: others' recordings, one half from the other.
+
+Contact samples are those of the notes beside each recording: penetration and force above their
+thresholds, the window of time, the mask; the velocity is by the notes too. The first half of them,
+in time, is identified, by itself ("contact") or with all that was recorded until then ("whole").
+The law predicts the force of the second half from penetration and velocity; the rms error is over
+that of plain least squares of K xⁿ + B xⁿ v + F₀ on the first half's contact samples.
+
+The second table identifies both halves ("whole") and compares their stiffness at one depth, the
+median of the contact. Halves agree if they are within 5 % of each other.
+"""
+
+import math
+import sys
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import least_squares
+
+from benchmarks.diagnosis.tables import _table
+from benchmarks.law_recordings import folder_of_recordings, read
+from palpate import Contact, RecordingError, identify
+from palpate.validation import Floats
+
+EXPONENTS, STARTS = (0.3, 3.6), (0.5, 1.2, 2.0, 3.0)
+ALIKE = 0.05  # of the stiffness: less is no lie
+BARS = 3.0
+LAWS = {"identify": None, "auto": "auto"}
+
+
+@dataclass(frozen=True)
+class Recording:
+    """A recording and its contact samples, in order."""
+
+    name: str
+    contact: Contact
+    good: NDArray[np.intp]
+
+    @classmethod
+    def of(cls, path: Path) -> "Recording":
+        """Read a recording and its notes."""
+        found = read(path)
+        time = np.cumsum(np.where(found.steps > 0.0, found.steps, found.sample_time))
+        channels = {name: getattr(found, name) for name in ("penetration", "velocity", "force")}
+        contact = Contact(time=time, **channels, segment=np.cumsum(found.breaks))
+        return cls(path.stem, contact, np.flatnonzero(found.good))
+
+    @property
+    def split(self) -> int:
+        """The first sample of the second half."""
+        return int(self.good[self.good.size // 2])
+
+    def part(self, samples: NDArray[np.intp]) -> Contact:
+        """The contact of some samples."""
+        chosen = np.zeros(len(self.contact), dtype=bool)
+        chosen[samples] = True
+        return self.contact.taken(chosen)
+
+
+def offline(x: Floats, v: Floats, force: Floats) -> "Offline":
+    """Least squares of Hunt–Crossley's law and an offset, the best of several starts."""
+    units = float(x.max()), float(np.abs(v).max()), float(np.abs(force).max())
+
+    def residuals(p: Floats) -> Floats:
+        return Offline(p, units).force(x, v) / units[2] - force / units[2]
+
+    (low, high), wide = EXPONENTS, np.inf
+    bounds = ([-wide, -wide, low, -wide], [wide, wide, high, wide])
+    found = [least_squares(residuals, [1.0, 0.1, n, 0.0], bounds=bounds) for n in STARTS]
+    return Offline(min(found, key=lambda each: float(each.cost)).x, units)
+
+
+@dataclass(frozen=True)
+class Offline:
+    """The law of a plain least squares."""
+
+    numbers: Floats
+    units: tuple[float, float, float]
+
+    def force(self, x: Floats, v: Floats) -> Floats:
+        """N."""
+        k, c, n, offset = self.numbers
+        deep, fast, strong = self.units
+        return np.asarray(strong * ((x / deep) ** n * (k + c * v / fast) + offset))
+
+
+def forecasts(recording: Recording, way: str) -> dict[str, tuple[float, float, str]]:
+    """Error over plain least squares, per cent of the force, and verdict, by the law asked for."""
+    contact, good = recording.contact, recording.good
+    first, second = good[: good.size // 2], good[good.size // 2 :]
+    x, v, force = contact.penetration, contact.velocity, contact.force
+    size = float(np.sqrt(np.mean(force[second] ** 2)))
+
+    def error(predicted: Floats) -> float:
+        return float(np.sqrt(np.mean((force[second] - predicted) ** 2)))
+
+    plain = error(offline(x[first], v[first], force[first]).force(x[second], v[second]))
+    rows = {"plain": (1.0, 100.0 * plain / size, "")}
+    known = first if way == "contact" else np.arange(recording.split)
+    along = good if way == "contact" else np.arange(len(contact))
+    for name, law in LAWS.items():
+        found = identify(recording.part(known), law=law, trace=False)
+        predicted = found.predicted_force(recording.part(along))[np.searchsorted(along, second)]
+        verdict = found.diagnosis.verdict.overall
+        rows[name] = error(predicted) / plain, 100.0 * error(predicted) / size, verdict
+    return rows
+
+
+@dataclass(frozen=True)
+class Halves:
+    """Stiffness of both halves at one depth: values, total errors, marks."""
+
+    values: tuple[float, float]
+    errors: tuple[float, float]
+    marks: tuple[str, str]
+
+    @property
+    def apart(self) -> float:
+        """Relative difference."""
+        return abs(self.values[1] - self.values[0]) / abs(np.mean(self.values))
+
+    @property
+    def bars(self) -> float:
+        """Difference in total errors."""
+        return abs(self.values[1] - self.values[0]) / max(math.hypot(*self.errors), 1e-300)
+
+
+def halves(recording: Recording, law: str | None) -> Halves | None:
+    """Identify both halves; None where one of them has no contact."""
+    borders = [0, recording.split, len(recording.contact)]
+    depth = float(np.median(recording.contact.penetration[recording.good]))
+    parts = [np.arange(*each) for each in pairwise(borders)]
+    try:
+        found = [identify(recording.part(p), law=law, trace=False).at_depth(depth) for p in parts]
+    except RecordingError:
+        return None
+    diagnoses = [each.diagnosis for each in found]
+    of = [each.working_depth.stiffness for each in diagnoses]
+    return Halves(
+        (of[0].value, of[1].value),
+        (of[0].whole_error, of[1].whole_error),
+        (diagnoses[0].verdict.stiffness, diagnoses[1].verdict.stiffness),
+    )
+
+
+def _mean(ratios: list[float]) -> float:
+    return float(np.exp(np.mean(np.log(ratios))))
+
+
+def forecast_page(recordings: list[Recording]) -> list[str]:
+    """The first table."""
+    lines, summary = [], []
+    for way in ("contact", "whole"):
+        rows = [forecasts(each, way) for each in recordings]
+        for recording, row in zip(recordings, rows, strict=True):
+            cells = [f"{row['plain'][1]:.1f}"]
+            for name in LAWS:
+                ratio, part, verdict = row[name]
+                cells += [f"{ratio:.2f}", f"{part:.1f}", verdict]
+            lines.append([recording.name, way, *cells])
+        for name in LAWS:
+            bad = [r for r in rows if r[name][1] > 100.0 and r[name][2] != "do-not-trust"]
+            mean = _mean([row[name][0] for row in rows])
+            summary.append([way, name, f"{mean:.3f}", len(bad)])
+    heads = ["recording", "way", "plain, %"]
+    for name in LAWS:
+        heads += [f"{name} / plain", "%", "verdict"]
+    short = ["way", "law", "geometric mean", "errors > 100 % without *do not trust*"]
+    return [*_table(heads, lines), "", *_table(short, summary)]
+
+
+def halves_page(recordings: list[Recording]) -> list[str]:
+    """The second table."""
+    lines, summary = [], []
+    for name, law in LAWS.items():
+        trusted = held = agree = kept = 0
+        for recording in recordings:
+            found = halves(recording, law)
+            if found is None:
+                lines.append([recording.name, name, "–", "–", "–", "–"])
+                continue
+            alike, marks = found.apart <= ALIKE, found.marks.count("trust")
+            trusted, held = trusted + marks, held + marks * (found.bars <= BARS)
+            agree, kept = agree + 2 * alike, kept + marks * alike
+            both = [f"{v:.4g} ± {e:.2g}" for v, e in zip(found.values, found.errors, strict=True)]
+            words = f"{100.0 * found.apart:.1f} %, {found.bars:.2g} bars"
+            lines.append([recording.name, name, *both, words, ", ".join(found.marks)])
+        summary.append([name, f"{held} of {trusted}", f"{kept} of {agree}"])
+    heads = ("recording", "law", "S of the first half, N/m", "second", "apart", "marks")
+    short = ("law", f"marks of *trust* that hold within {BARS:g} bars", "kept where halves agree")
+    return [*_table(heads, lines), "", *_table(short, summary)]
+
+
+def main() -> None:
+    """Print the tables; ``forecasts`` or ``halves`` as an argument prints one."""
+    folder = folder_of_recordings()
+    if folder is None:
+        sys.exit("no recordings in PALPATE_DATA or ../shared/data")
+    paths = [path.with_suffix(".csv") for path in sorted(folder.glob("*.json"))]
+    recordings = [Recording.of(path) for path in paths if path.exists()]
+    pages = {"forecasts": forecast_page, "halves": halves_page}
+    for name in sys.argv[1:] or pages:
+        print("\n".join(pages[name](recordings)), end="\n\n")
+
+
+if __name__ == "__main__":
+    main()
