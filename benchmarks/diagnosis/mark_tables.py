@@ -1,0 +1,189 @@
+"""Tables of the marks of stiffness and damping."""
+
+from collections import defaultdict
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from benchmarks.diagnosis.marks import QUANTITIES, bar, lies
+from benchmarks.diagnosis.tables import part, table
+
+Row = dict[str, Any]
+Rows = list[Row]
+COVERED = ("K", "B", "n", "S", "C")
+
+
+def mark_page(rows: Rows) -> list[str]:
+    """Tables of the banks that were run."""
+    of = _grouped(rows, "bank")
+    lines: list[str] = []
+    banks = [bank for bank in ("good", "hard") if of[bank]]
+    if banks:
+        lines += ["", "### Marks beside lies", "", *_marks([(b, of[b]) for b in banks])]
+    if of["clean"]:
+        lines += ["", "### Recordings without a fault", "", *_clean(of["clean"])]
+        lines += ["", "### Coverage of 95 % bars", "", *_coverage(of["clean"])]
+    for bank in banks:
+        lines += ["", f"### By fault, bank *{bank}*", "", *_by_fault(of[bank])]
+    return lines
+
+
+def _marks(banks: list[tuple[str, Rows]]) -> list[str]:
+    lines = []
+    for bank, rows in banks:
+        faulty = [row for row in rows if row["kind"] != "none"]
+        shown = [row for row in faulty if row["shown"]]
+        wrong = [(row, name) for row in shown for name in QUANTITIES if lies(row, name)]
+        wrong_runs = [row for row in shown if any(lies(row, name) for name in QUANTITIES)]
+        none = [row for row in rows if row["kind"] == "none"]
+        hidden = [row for row in faulty if not row["shown"]]
+        lines.append(
+            [
+                bank,
+                len(shown),
+                len(wrong_runs),
+                part(_count(wrong_runs, _trusted), len(wrong_runs)),
+                len(wrong),
+                part(sum(row[name] == "trust" for row, name in wrong), len(wrong)),
+                *(_width(shown, name) for name in QUANTITIES),
+                _hidden(hidden),
+                part(_count(none, lambda row: not _trusted(row)), len(none)),
+            ]
+        )
+    headings = (
+        "bank",
+        "runs that a file can show",
+        "with a lie",
+        "… overall *trust*",
+        "lies of S, C",
+        "… marked *trust*",
+        "bars of S, median",
+        "of C",
+        "lies no file can show",
+        "no fault: not *trust*",
+    )
+    return table(headings, lines)
+
+
+def _trusted(row: Row) -> bool:
+    return bool(row["overall"] == "trust")
+
+
+def _count(rows: Rows, counted: Callable[[Row], bool]) -> int:
+    return sum(counted(row) for row in rows)
+
+
+def _hidden(rows: Rows) -> str:
+    return part(_count(rows, lambda row: any(lies(row, name) for name in QUANTITIES)), len(rows))
+
+
+def _width(rows: Rows, name: str) -> str:
+    widths = [bar(row, name) for row in rows if row["overall"] != "refused"]
+    return f"{100.0 * np.nanmedian(widths):.2g} %" if widths else "–"
+
+
+def _clean(rows: Rows) -> list[str]:
+    lines = []
+    for kind, group in _grouped(rows, "kind").items():
+        found = [row for row in group if row["overall"] != "refused"]
+        lines.append(
+            [
+                kind,
+                len(group),
+                len(group) - len(found),
+                part(_count(found, lambda row: not _trusted(row)), len(found)),
+                *(
+                    part(_count(found, lambda row, name=name: row[name] != "trust"), len(found))  # type: ignore[misc]
+                    for name in QUANTITIES
+                ),
+                *(_width(found, name) for name in QUANTITIES),
+                _named(found),
+            ]
+        )
+    headings = ("noise", "runs", "refused", "not *trust*", "S not *trust*", "C not *trust*")
+    return table((*headings, "bars of S, median", "of C", "first finding"), lines)
+
+
+def _named(rows: Rows) -> str:
+    counts: dict[str, int] = defaultdict(int)
+    for row in rows:
+        if row["named"]:
+            counts[row["named"][0]] += 1
+    first = sorted(counts.items(), key=lambda item: -item[1])[:3]
+    return ", ".join(f"{name} {count}" for name, count in first) or "–"
+
+
+def _coverage(rows: Rows) -> list[str]:
+    lines, cells = [], []
+    for (kind, motion), group in _grouped(rows, "kind", "motion").items():
+        for length, part_ in _grouped(group, "length").items():
+            held = _held(part_)
+            cells += [
+                (share, f"{name}, {kind}, {motion}, {length}") for name, share in held.items()
+            ]
+    for (kind, motion), group in _grouped(rows, "kind", "motion").items():
+        held = _held(group)
+        lines.append(
+            [f"{kind}, {motion}", len(group), *(f"{100 * held[name]:.0f}" for name in held)]
+        )
+    shares = [share for share, _ in cells]
+    pooled = [
+        (share, f"{name}, {kind}, {motion}")
+        for (kind, motion), group in _grouped(rows, "kind", "motion").items()
+        for name, share in _held(group).items()
+    ]
+    least, where = min(pooled)
+    smallest, there = min(cells)
+    words = (
+        f"Share of runs with the truth within 1.96 bars, %. On average {100 * np.mean(shares):.1f}; "
+        f"least of the cells below {100 * least:.0f} % ({where}); "
+        f"least of one length {100 * smallest:.0f} % ({there})."
+    )
+    return [words, "", *table(("noise, motion", "runs", *COVERED), lines)]
+
+
+def _held(rows: Rows) -> dict[str, float]:
+    """Return the share of runs in which the truth is within 1.96 bars, by quantity."""
+    found = [row for row in rows if row["overall"] != "refused"]
+    off = [
+        [*np.abs(row["deviations"]), *(abs(row["errors"][q]) / bar(row, q) for q in QUANTITIES)]
+        for row in found
+    ]
+    return dict(zip(COVERED, np.mean(np.array(off) <= 1.96, axis=0).tolist(), strict=True))
+
+
+def _by_fault(rows: Rows) -> list[str]:
+    lines = []
+    for (kind, severity), group in _grouped(rows, "kind", "severity").items():
+        wrong = [(row, name) for row in group for name in QUANTITIES if lies(row, name)]
+        found = [row for row in group if row["overall"] != "refused"]
+        lines.append(
+            [
+                f"{kind} {severity}".strip() + ("" if group[0]["shown"] else " (no file can show)"),
+                len(group),
+                *(_count(group, lambda row, name=name: lies(row, name)) for name in QUANTITIES),  # type: ignore[misc]
+                _count(group, lambda row: _trusted(row) and any(lies(row, q) for q in QUANTITIES)),
+                sum(row[name] == "trust" for row, name in wrong),
+                *(
+                    f"{100.0 * np.median([abs(row['errors'][name]) for row in found]):.2g}, "
+                    f"{_width(found, name)}"
+                    if found
+                    else "–"
+                    for name in QUANTITIES
+                ),
+                part(_count(found, lambda row: not _trusted(row)), len(found)),
+                _named(found),
+            ]
+        )
+    headings = ("fault", "runs", "lies of S", "of C", "silent", "marked *trust*")
+    more = ("S off, bar (median)", "C off, bar", "not *trust*", "first finding")
+    return table((*headings, *more), lines)
+
+
+def _grouped(rows: Rows, *names: str) -> dict[Any, Rows]:
+    groups: dict[Any, Rows] = defaultdict(list)
+    for row in rows:
+        key = tuple(row[name] for name in names)
+        groups[key if len(names) > 1 else key[0]].append(row)
+    return groups
