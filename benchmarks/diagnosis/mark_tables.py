@@ -136,7 +136,7 @@ def _coverage(rows: Rows) -> list[str]:
     least, where = min(pooled)
     smallest, there = min(cells)
     words = (
-        f"Share of runs with the truth within 1.96 bars, %. On average {100 * np.mean(shares):.1f}; "
+        f"Runs with the truth within 1.96 bars, %. On average {100.0 * np.mean(shares):.1f}; "
         f"least of the cells below {100 * least:.0f} % ({where}); "
         f"least of one length {100 * smallest:.0f} % ({there})."
     )

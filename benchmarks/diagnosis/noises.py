@@ -78,6 +78,8 @@ def clean(seed: int, kind: str, motion: str, length: str) -> Trial:
     random = generator(seed, f"{kind}/{motion}/{length}")
     faster = 6.0 if kind == "6 × faster" else 1.0
     least = 500.0 if kind in ("6 × faster", "low-pass 200 Hz", "low-pass 100 Hz") else 100.0
+    if kind == "6 × faster" and motion == "multi-sine":
+        least = 1000.0  # 28 samples a period of the fastest sine
     rates = tuple(rate for rate in RATES if rate >= least)
     seconds = random.uniform(*LENGTHS[length])
     share = np.exp(random.uniform(np.log(5e-4), np.log(1e-2)))
