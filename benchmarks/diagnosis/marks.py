@@ -10,8 +10,7 @@ import numpy as np
 from benchmarks.diagnosis.material_faults import MATERIAL_FAULTS
 from benchmarks.diagnosis.noises import LENGTHS, MOTION, NOISES, clean
 from benchmarks.diagnosis.sensor_faults import SENSOR_FAULTS
-from benchmarks.diagnosis.trials import Trial, good, hard
-from benchmarks.diagnosis.unseen import Unseen
+from benchmarks.diagnosis.trials import Trial, Unseen, good, hard
 from palpate import PalpateError, identify
 
 UNSEEN: list[Unseen] = [Unseen("none", ""), *SENSOR_FAULTS, *MATERIAL_FAULTS]
@@ -65,14 +64,16 @@ def unseen(job: tuple[str, int, int]) -> list[dict[str, Any]]:
         "shown": fault.shown,
         "rate": made.rate,
         "noise": made.noise / made.peak,
-        "seconds_long": float(made.time[-1]),
+        "motion": made.motion,
+        "length": float(made.time[-1]),
         "seed": seed,
     }
-    if fault.before is not None:
-        fault.before(made)
+    if not fault.sampled:
+        fault.damage(made)
+        head["shows"] = made.shows()
     made.sample()
-    if fault.after is not None:
-        fault.after(made)
+    if fault.sampled:
+        fault.damage(made)
     return [{**head, **asdict(marked(made))}]
 
 
@@ -108,9 +109,8 @@ def marked(made: Trial) -> Marked:
         said.errors[name] = (quantity.value - true) / abs(true)
         said.statistical[name] = quantity.standard_error / abs(true)
         said.systematic[name] = quantity.systematic / abs(true)
-    given, true, bars = result.law.parameters, made.law.parameters, result.estimate.standard_errors
-    off = (np.asarray(given) - np.asarray(true)) / np.asarray(bars)
-    said.deviations = tuple(float(each) for each in off)
+    off = np.subtract(result.law.parameters, made.law.parameters)
+    said.deviations = tuple((off / result.estimate.standard_errors).tolist())
     return said
 
 

@@ -10,7 +10,8 @@ from palpate.validation import Floats
 
 Noise = Callable[[Trial, int], Floats]  # of a trial and a number of samples, N
 MOTION = ("touches", "press", "multi-sine")
-LENGTHS = {"0.5–1.5 s": (0.5, 1.5), "1.5–6 s": (1.5, 6.0), "6–20 s": (6.0, 20.0)}
+SHORT = "0.5–1.5 s"
+LENGTHS = {SHORT: (0.5, 1.5), "1.5–6 s": (1.5, 6.0), "6–20 s": (6.0, 20.0)}
 
 
 def _white(trial: Trial, count: int) -> Floats:
@@ -77,9 +78,9 @@ def clean(seed: int, kind: str, motion: str, length: str) -> Trial:
     """Return a recording without a fault."""
     random = generator(seed, f"{kind}/{motion}/{length}")
     faster = 6.0 if kind == "6 × faster" else 1.0
-    least = 500.0 if kind in ("6 × faster", "low-pass 200 Hz", "low-pass 100 Hz") else 100.0
-    if kind == "6 × faster" and motion == "multi-sine":
-        least = 1000.0  # 28 samples a period of the fastest sine
+    least = 250.0 if length == SHORT else 100.0  # else there are too few samples to check a law
+    if kind in ("6 × faster", "low-pass 200 Hz", "low-pass 100 Hz"):
+        least = 1000.0 if (kind, motion) == ("6 × faster", "multi-sine") else 500.0
     rates = tuple(rate for rate in RATES if rate >= least)
     seconds = random.uniform(*LENGTHS[length])
     share = np.exp(random.uniform(np.log(5e-4), np.log(1e-2)))

@@ -5,7 +5,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy.ndimage import gaussian_filter1d
+from scipy.ndimage import gaussian_filter1d, uniform_filter1d
+from scipy.optimize import least_squares
 
 from palpate import Contact, HuntCrossley, prepare
 from palpate.validation import Floats
@@ -35,6 +36,7 @@ class Trial:
         Samples per second of the recording.
     noise : float
         Standard deviation of the force's noise, N.
+    motion : str
     truth : callable
         Stiffness and damping at a depth.
     recorded_velocity : numpy.ndarray, optional
@@ -49,6 +51,7 @@ class Trial:
     random: np.random.Generator
     rate: float
     noise: float
+    motion: str
     position: Floats = field(init=False)
     truth: Truth = field(init=False)
     recorded_velocity: Floats | None = None
@@ -131,7 +134,36 @@ class Trial:
     def scale(self, gain: Floats) -> None:
         """Let the material harden or soften; the truth is its last state."""
         self.force, last = self.force * gain, float(gain[-1])
-        self.truth = lambda depth: tuple(last * each for each in self.of_the_law(depth))  # type: ignore[return-value]
+
+        def truth(depth: float) -> tuple[float, float]:
+            stiffness, damping = self.of_the_law(depth)
+            return last * stiffness, last * damping
+
+        self.truth = truth
+
+    def shows(self) -> float:
+        """How far the fault is from every law: its residual over the noise, √Σ(r/σ)².
+
+        The law fits the samples without noise, with free K, B, n, offset and surface. No test can
+        see what is below 4 or so; one that knows the fault's shape sees the rest.
+        """
+        every = round(1.0 / (self.rate * self.step))
+        smooth = uniform_filter1d(self.position, max(1, round(4e-3 / self.step)))
+        x = self.position[::every]
+        v = np.gradient(smooth, self.time)[::every] / self.speed
+        force = self.force[::every] / self.peak
+        size = self.deepest
+
+        def residual(guess: Floats) -> Floats:
+            k, c, n, offset, surface = guess
+            inside = x / size - surface
+            power = np.where(inside > 0.0, np.maximum(inside, 1e-9) ** n, 0.0)
+            return np.asarray(power * (k + c * v) + offset - force)
+
+        k, b, n = self.law.parameters
+        start = [1.0, b / k * self.speed, n, 0.0, 0.0]
+        left = 2.0 * least_squares(residual, start, x_scale=[1.0, 0.1, 1.0, 0.1, 0.1]).cost
+        return float(np.sqrt(left)) * self.peak / self.noise
 
     def sample(self, noise: Floats | None = None) -> None:
         """Take samples of the fine grid, with noise on force and position."""
@@ -154,6 +186,50 @@ class Trial:
             force=self.force,
             velocity=self.recorded_velocity,
         )
+
+
+@dataclass(frozen=True)
+class Unseen:
+    """A fault of one severity, which ``faults.py`` does not have.
+
+    Attributes
+    ----------
+    kind, severity : str
+        Which fault, and how much, as text.
+    damage : callable
+        Its effect.
+    sampled : bool
+        Whether it acts on the samples with their noise, not on the fine grid.
+    shown : bool
+        Whether a file can show it: not if another material of the same law gives the same file.
+    """
+
+    kind: str
+    severity: str
+    damage: Callable[[Trial], None] = lambda trial: None
+    sampled: bool = False
+    shown: bool = True
+
+
+def severities(
+    kind: str,
+    damage: Callable[[Trial, float], None],
+    *sizes: float,
+    unit: str = "%",
+    sampled: bool = False,
+    shown: bool = True,
+) -> list[Unseen]:
+    """One fault in several sizes; per cent are parts of one."""
+    return [
+        Unseen(
+            kind,
+            f"{100.0 * size if unit == '%' else size:g} {unit}".replace(" °", "°"),
+            lambda trial, size=size: damage(trial, size),  # type: ignore[misc]
+            sampled,
+            shown,
+        )
+        for size in sizes
+    ]
 
 
 def good(seed: int, key: str) -> Trial:
@@ -221,7 +297,7 @@ def pressed(
     stiffness = peak / x.max() ** exponent
     law = HuntCrossley(stiffness, stiffness * lag * exponent / depth, exponent)
     force = np.where(inside, law.force(np.maximum(x, 0.0), v), 0.0)
-    return Trial(time, x, v, force, law, random, rate, noise * peak)
+    return Trial(time, x, v, force, law, random, rate, noise * peak, motion)
 
 
 def _rise(part: Floats) -> Floats:
