@@ -390,7 +390,7 @@ SENSOR_FAULTS: list[Unseen] = [
     *severities("coarse position", coarse_position, 0.005, 0.02),
     *severities("series spring", series_spring, 0.06, 0.2, shown=False),
     *severities("damped mount", damped_mount, 0.06, 0.2, shown=False),
-    *severities("loose mount", loose_mount, 0.06, 0.2),
+    *severities("loose mount", loose_mount, 0.06, 0.2, shown=False),
     *severities("off axis", off_axis, 10.0, 20.0, unit="°", shown=False),
     *severities("force scale", force_scale, 0.02, 0.06, shown=False),
     *severities("position scale", position_scale, 0.02, 0.06, shown=False),
