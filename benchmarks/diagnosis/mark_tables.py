@@ -26,8 +26,8 @@ def mark_page(rows: Rows) -> list[str]:
     if of["clean"]:
         lines += ["", "### Recordings without a fault", "", *_clean(of["clean"])]
         lines += ["", "### Coverage of 95 % bars", "", *_coverage(of["clean"])]
-    for bank in banks:
-        lines += ["", f"### By fault, bank *{bank}*", "", *_by_fault(of[bank])]
+    if banks:
+        lines += ["", "### Lies by fault", "", *_by_fault({bank: of[bank] for bank in banks})]
     return lines
 
 
@@ -182,32 +182,30 @@ def _held(rows: Rows) -> dict[str, float]:
     return dict(zip(COVERED, np.mean(np.array(off) <= 1.96, axis=0).tolist(), strict=True))
 
 
-def _by_fault(rows: Rows) -> list[str]:
+def _by_fault(banks: dict[str, Rows]) -> list[str]:
+    """Of each bank: lies of S and of C, those marked *trust*, and runs that stay silent."""
+    kinds = {bank: _grouped(rows, "kind") for bank, rows in banks.items()}
     lines = []
-    for (kind, severity), group in _grouped(rows, "kind", "severity").items():
-        wrong = [(row, name) for row in group for name in QUANTITIES if lies(row, name)]
-        found = [row for row in group if row["overall"] != "refused"]
-        lines.append(
-            [
-                f"{kind} {severity}".strip() + ("" if group[0]["shown"] else " (no file can show)"),
-                len(group),
-                *(_count(group, lambda row, name=name: lies(row, name)) for name in QUANTITIES),  # type: ignore[misc]
-                _count(group, lambda row: _trusted(row) and _lie(row)),
-                sum(row[name] == "trust" for row, name in wrong),
-                *(
-                    f"{100.0 * np.median([abs(row['errors'][name]) for row in found]):.2g}, "
-                    f"{_width(found, name)}"
-                    if found
-                    else "–"
-                    for name in QUANTITIES
-                ),
-                part(_count(found, lambda row: not _trusted(row)), len(found)),
-                _named(found),
+    for kind, group in next(iter(kinds.values())).items():
+        sizes = ", ".join(dict.fromkeys(row["severity"] for row in group))
+        hidden = "" if group[0]["shown"] else "; no file can show"
+        cells: list[object] = [kind if kind == "none" else f"{kind} ({sizes}{hidden})"]
+        for bank in banks:
+            rows = kinds[bank][kind]
+            wrong = {name: [row for row in rows if lies(row, name)] for name in QUANTITIES}
+            trusted = sum(row[name] == "trust" for name, told in wrong.items() for row in told)
+            cells += [
+                len(rows),
+                ", ".join(str(len(told)) for told in wrong.values()),
+                trusted,
+                _count(rows, lambda row: _trusted(row) and _lie(row)),
+                f"{100.0 * np.mean([not _trusted(row) for row in rows]):.0f} %",
             ]
-        )
-    headings = ("fault", "runs", "lies of S", "of C", "silent", "marked *trust*")
-    more = ("S off, bar (median)", "C off, bar", "not *trust*", "first finding")
-    return table((*headings, *more), lines)
+        lines.append([*cells, _named(group)])
+    headings = ["fault"]
+    for bank in banks:
+        headings += [f"{bank}: runs", "lies of S, C", "marked *trust*", "silent", "not *trust*"]
+    return table([*headings, "first finding"], lines)
 
 
 def _grouped(rows: Rows, *names: str) -> dict[Any, Rows]:

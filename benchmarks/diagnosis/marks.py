@@ -13,7 +13,8 @@ from benchmarks.diagnosis.sensor_faults import SENSOR_FAULTS
 from benchmarks.diagnosis.trials import Trial, Unseen, good, hard
 from palpate import PalpateError, identify
 
-UNSEEN: list[Unseen] = [Unseen("none", ""), *SENSOR_FAULTS, *MATERIAL_FAULTS]
+NONE = [Unseen("none", str(k)) for k in range(5)]
+UNSEEN: list[Unseen] = [*NONE, *SENSOR_FAULTS, *MATERIAL_FAULTS]
 BANKS = {"good": good, "hard": hard}
 #: A lie is off by more than so many bars, both parts, and by more than this fraction.
 BARS, LEAST = 3.0, {"stiffness": 0.05, "damping": 0.10}
