@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.diagnosis.marks import QUANTITIES, bar, lies
+from benchmarks.diagnosis.marks import QUANTITIES, bar, lies, wrong
 from benchmarks.diagnosis.tables import part, table
 
 Row = dict[str, Any]
@@ -50,19 +50,22 @@ def _marks(banks: dict[str, Rows]) -> list[str]:
     for bank, rows in banks.items():
         faulty = [row for row in rows if row["kind"] != "none"]
         shown = [row for row in faulty if row["shown"]]
-        wrong = [(row, name) for row in shown for name in QUANTITIES if lies(row, name)]
-        wrong_runs = [row for row in shown if _lie(row)]
-        trusted = [row for row, name in wrong if row[name] == "trust"]
         hidden = [row for row in faulty if not row["shown"]]
         none = [row for row in rows if row["kind"] == "none"]
+        pairs = [(row, name) for row in shown for name in QUANTITIES]
+        off = [pair for pair in pairs if wrong(*pair, pair[0]["statistical"].get(pair[1], 0.0))]
+        lying = [(row, name) for row, name in off if lies(row, name)]
+        lying_runs = [row for row in shown if _lie(row)]
+        trusted = [row for row, name in lying if row[name] == "trust"]
         lines.append(
             [
                 bank,
                 len(shown),
-                len(wrong_runs),
-                part(_count(wrong_runs, _trusted), len(wrong_runs)),
-                len(wrong),
-                part(len(trusted), len(wrong)),
+                len(lying_runs),
+                part(_count(lying_runs, _trusted), len(lying_runs)),
+                len(lying),
+                part(len(trusted), len(lying)),
+                part(len(trusted), len(off)),
                 _count(trusted, lambda row: row.get("shows", np.inf) < UNSEEABLE),
                 *(_width(shown, name) for name in QUANTITIES),
                 *(_share_trusted(shown, name) for name in QUANTITIES),
@@ -77,6 +80,7 @@ def _marks(banks: dict[str, Rows]) -> list[str]:
         "… overall *trust*",
         "lies of S, C",
         "… marked *trust*",
+        "… of all beyond 3 statistical bars",
         "… below any test",
         "bars of S, median",
         "of C",
@@ -192,11 +196,11 @@ def _by_fault(banks: dict[str, Rows]) -> list[str]:
         cells: list[object] = [kind if kind == "none" else f"{kind} ({sizes}{hidden})"]
         for bank in banks:
             rows = kinds[bank][kind]
-            wrong = {name: [row for row in rows if lies(row, name)] for name in QUANTITIES}
-            trusted = sum(row[name] == "trust" for name, told in wrong.items() for row in told)
+            lying = {name: [row for row in rows if lies(row, name)] for name in QUANTITIES}
+            trusted = sum(row[name] == "trust" for name, told in lying.items() for row in told)
             cells += [
                 len(rows),
-                ", ".join(str(len(told)) for told in wrong.values()),
+                ", ".join(str(len(told)) for told in lying.values()),
                 trusted,
                 _count(rows, lambda row: _trusted(row) and _lie(row)),
                 f"{100.0 * np.mean([not _trusted(row) for row in rows]):.0f} %",

@@ -117,15 +117,18 @@ def marked(made: Trial) -> Marked:
 
 def bar(row: dict[str, Any], name: str) -> float:
     """Both parts together, over the truth."""
-    return math.hypot(row["statistical"][name], row["systematic"][name])
+    return math.hypot(row["statistical"].get(name, 0.0), row["systematic"].get(name, 0.0))
+
+
+def wrong(row: dict[str, Any], name: str, error: float) -> bool:
+    """Whether a quantity is off by more than three times an error, and by more than a little."""
+    off = abs(row["errors"].get(name, 0.0))  # nothing is wrong in a refusal
+    return bool(off > LEAST[name]) and not off <= BARS * error
 
 
 def lies(row: dict[str, Any], name: str) -> bool:
-    """Whether a quantity is off by more than its bars explain, and by more than a little."""
-    if row["overall"] == "refused":
-        return False
-    off = abs(row["errors"][name])
-    return bool(off > LEAST[name]) and not off <= BARS * bar(row, name)
+    """Whether a quantity is wrong by both parts of its bar together."""
+    return wrong(row, name, bar(row, name))
 
 
 def clean_keys() -> list[tuple[str, str, str]]:
