@@ -34,7 +34,7 @@ class Marked:
     statistical, systematic : dict
         The bars, over the size of the truth.
     deviations : tuple of float
-        Of K, B and n, in the standard errors of the estimate; only of recordings without a fault.
+        Of K, B and n without the fault, in the standard errors of the estimate.
     named : tuple of str
         Checks of the findings above a note, the most severe first.
     seconds : float
