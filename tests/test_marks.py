@@ -144,7 +144,7 @@ def test_a_wrong_surface_leaves_the_marks_only_where_the_force_is_then_explained
 
 
 def test_what_no_recording_can_show_is_told_from_the_law():
-    """10° off axis keeps cos²·⁴ of the stiffness of a law with n = 1.4, and cos³·⁴ of the damping."""
+    """10° off axis keeps cos²·⁴ of the stiffness of a law with n = 1.4, cos³·⁴ of the damping."""
     notes = {each.check: each for each in palpate.diagnose(faults.clean()).findings}
     lost = [f"{100.0 * (1.0 - math.cos(math.radians(10.0)) ** (1.4 + k)):.1f} %" for k in (1, 2)]
     assert all(part.replace(" ", "") in notes["unseen"].message for part in lost)

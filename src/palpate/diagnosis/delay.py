@@ -38,7 +38,6 @@ def columns(fit: Fit) -> list[MisfitHypothesis]:
     spring = spring / (float(np.median(spring)) or 1.0)  # ξⁿ of a power law
     slope = slope / (float(np.median(slope)) or 1.0)  # ξⁿ⁻¹ of a power law
     logarithm = np.log(np.maximum(depth, 1e-12))
-    rate = np.gradient(data.velocity, np.maximum(np.gradient(data.time).cumsum(), data.time))
     values = {
         "gain drift": law.force(x, fit.v) * time,
         "offset drift": time,
@@ -51,7 +50,7 @@ def columns(fit: Fit) -> list[MisfitHypothesis]:
         "shape": spring * (logarithm if fit.fixed else logarithm**2),
         "square speed": spring * speed * np.abs(speed),
         "sensor gain": law.force(x, fit.v) ** 2 / (fit.force_at_depth(law) or 1.0),
-        "inertia": rate[samples],  # times the mass that moves beyond the sensor it is a force
+        "inertia": fit.acceleration,  # times the mass that moves beyond the sensor it is a force
     }
     causes = []
     for name, column in zip(values, fit.band.mean(np.array([*values.values()]).T).T, strict=True):

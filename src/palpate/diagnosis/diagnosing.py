@@ -290,7 +290,8 @@ def _with_least_parts(fit: Fit, judged: Judged, found: list[Finding]) -> Judged:
     """With the least systematic parts: by misfit, velocity and free air.
 
     At a frequency ω the slope of the parabola through a window of T keeps 1 − (ωT/2)²/10 of the
-    velocity, and the damping becomes as much larger: 0.1 % at 2 Hz by the usual 15 ms.
+    velocity, and the damping becomes as much larger: 0.1 % at 2 Hz by the usual 15 ms. What counts
+    is ω² = ⟨a²⟩/⟨v²⟩.
     """
     parts = [judged.least, misfit_moves(fit)]
     for finding in found:
@@ -298,8 +299,10 @@ def _with_least_parts(fit: Fit, judged: Judged, found: list[Finding]) -> Judged:
             moves = finding.moves_stiffness_percent, finding.moves_damping_percent
             by_stiffness, by_damping = np.abs(np.nan_to_num(moves, posinf=0.0)).tolist()
             parts.append((by_stiffness / 100.0, by_damping / 100.0))
-    if fit.data.differentiated and fit.period > 0.0:
-        turn = 2.0 * math.pi * fit.data.sample_time / fit.period
+    if fit.data.differentiated and np.any(fit.v):
+        speed = fit.band.mean(fit.v) * fit.units.speed
+        ratio = np.linalg.norm(fit.band.mean(fit.acceleration)) / np.linalg.norm(speed)
+        turn = min(float(ratio) * fit.data.sample_time, math.pi)
         lost = 1.0 - filter_gain(fit.data.filter_samples, fit.data.degree, turn)
         moved = lost * abs(fit.damping(fit.solution.law))
         if moved > OFF * standard_errors(fit)[2]:

@@ -484,6 +484,13 @@ class Fit:
         rms = math.sqrt(self.solution.energy / max(len(self.band), 1))
         return rms / self.floor if self.floor > 0.0 else math.inf
 
+    @cached_property
+    def acceleration(self) -> Floats:
+        """At the band's samples, m/s²."""
+        time = np.maximum(np.gradient(self.data.time).cumsum(), self.data.time)
+        rate: Floats = np.gradient(self.data.velocity, time)
+        return rate[self.band.samples]
+
     @property
     def misfits(self) -> bool:
         """Whether the residual is more than noise."""

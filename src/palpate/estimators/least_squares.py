@@ -60,7 +60,9 @@ def robust_covariance(
     every = len(shared) + 1
     if not others and 2 * len(size) < len(residual[::every]) <= FEW_ROWS:
         known = np.maximum(np.diag(covariance), np.finfo(float).tiny)
-        wider = float(np.mean(_in_likeliest_noise(unit[::every], residual[::every]) / size**2 / known))
+        wider = float(
+            np.mean(_in_likeliest_noise(unit[::every], residual[::every]) / size**2 / known)
+        )
         if 1.0 < wider < np.inf:
             covariance *= wider
     return covariance
