@@ -235,7 +235,7 @@ def _diagnosed(
         _LOGGER.debug("search for %s: %.4f s", search.__name__, time.perf_counter() - begun)
     if changed is not None:
         causes.append(changed.cause)
-    judged = judge(causes, fit.ratio, unexplained(fit))
+    judged = judge(causes, unexplained(fit), near_noise=fit.near_noise)
     if not any(finding.check == "change" for finding in judged.findings):
         changed = None
     judged = _with_better_law(fit, judged, changed)

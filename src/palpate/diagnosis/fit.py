@@ -74,6 +74,8 @@ FEWEST_ROWS = 60  # below that there is no saying how the residual is correlated
 # Times the noise; clean recordings have 0.67 to 1.5. Without free air slow noise is not known: in
 # AR(1) noise of 0.98 the residual of a good law is then up to 8 times what is.
 MISFIT, MISFIT_UNKNOWN = 3.0, 10.0
+NOISE_LIKE = 1.5  # times the noise
+SLOW = 2.0  # windows; over more, free air's own share of the noise is uncertain
 FOURTH = 70.0  # 1 + 16 + 36 + 16 + 1, the variance of a fourth difference of white noise
 FEWEST_FREE = 50  # samples above the surface; with fewer an error of the surface does not show
 
@@ -478,6 +480,16 @@ class Fit:
         differences = np.diff(force, 4)[whole]
         return float(np.sqrt(np.mean(differences**2) / FOURTH)) if differences.size else 0.0
 
+    @cached_property
+    def correlated(self) -> float:
+        """Rows of the band over which noise is correlated, by free air.
+
+        Of AR(1) noise the variance over that of its fourth differences is 0.9 correlation times.
+        """
+        above = self._above_band
+        slow = (self.floor / above) ** 2 if self.air.noise and above > 0.0 else 1.0
+        return (1.0 + len(self.band.shared)) * max(slow, 1.0)
+
     @property
     def ratio(self) -> float:
         """Residual of the band over its noise floor; 1 where the law holds to the noise."""
@@ -490,6 +502,12 @@ class Fit:
         time = np.maximum(np.gradient(self.data.time).cumsum(), self.data.time)
         rate: Floats = np.gradient(self.data.velocity, time)
         return rate[self.band.samples]
+
+    @property
+    def near_noise(self) -> bool:
+        """Whether the residual is so near noise that a cause that moves little is but a note."""
+        slow = self.correlated > SLOW * (1.0 + len(self.band.shared))
+        return self.ratio < (MISFIT if slow else NOISE_LIKE)
 
     @property
     def misfits(self) -> bool:
@@ -678,6 +696,10 @@ def augmented_fit(fit: Fit, column: Floats) -> AugmentedFit | None:
     others = jacobian.shape[1]
     error = math.sqrt(robust_covariance(left[:, None], after, fit.band.shared, others)[0, 0])
     z, gain = abs(amount) / max(error, 1e-300), fit.gain(float(after @ after))
+    if z > SIGNIFICANT and fit.floor > 0.0:
+        # In slow noise a short residual does not show how long it is correlated; free air does.
+        known = math.sqrt(max(gain, 0.0) * fit.solution.energy / fit.correlated) / fit.floor
+        z = min(z, known)
     return AugmentedFit(-amount * own, amount, *((z, gain) if math.isfinite(z) else (0.0, 0.0)))
 
 

@@ -11,6 +11,7 @@ from palpate.diagnosis.finding import MORE_LAWS, REMEDY, Laws, Quantity, Working
 from palpate.diagnosis.fit import (
     FEWEST_FREE,
     FEWEST_ROWS,
+    NOISE_LIKE,
     SIGNIFICANT,
     Fit,
     MisfitHypothesis,
@@ -31,7 +32,6 @@ from palpate.validation import Floats
 CARE = 0.05
 STOP_STIFFNESS, STOP_DAMPING = 0.20, 0.50
 STOP_CHANGE = 0.15
-NOISE_LIKE = 1.5  # misfit over the noise floor, below which a small cause is but a note
 # The surface is named before a cause that removes so little more, in a fit that is no worse: looked
 # up on recordings, not calibrated.
 NEAR, MOST_UNEXPLAINED = 0.25, 0.15
@@ -71,17 +71,17 @@ class Judged:
         return stiffness, damping
 
 
-def judge(causes: list[MisfitHypothesis], ratio: float, unexplained: float) -> Judged:
+def judge(causes: list[MisfitHypothesis], unexplained: float, *, near_noise: bool) -> Judged:
     """Name one of the significant causes, and weigh all of them.
 
     Parameters
     ----------
     causes : list of MisfitHypothesis
         All that were tried.
-    ratio : float
-        Misfit over the noise floor.
     unexplained : float
         Fraction of the force that the law leaves.
+    near_noise : bool
+        Whether what it leaves is little more than noise.
     """
     significant = [cause for cause in causes if cause.z > SIGNIFICANT]
     significant.sort(key=attrgetter("gain"), reverse=True)
@@ -89,14 +89,14 @@ def judge(causes: list[MisfitHypothesis], ratio: float, unexplained: float) -> J
         return Judged([], undetected=undetected(causes))
     named = _named(significant, unexplained)
     rivals = [c for c in significant if c is not named and not _explained_by(named, c)]
-    findings = [_finding(_in_doubt(named, rivals), 1.0, ratio, leading=True)]
+    findings = [_finding(_in_doubt(named, rivals), 1.0, leading=True, near_noise=near_noise)]
     highest = max(named.gain, 1e-9)
     for rival in rivals:
         weight = 0.5 if rival.gain > 0.5 * highest else 0.25
-        findings.append(_finding(rival, weight, ratio, leading=False))
-    counted = [(named, 1.0)] if not (named.small and ratio < NOISE_LIKE) else []
+        findings.append(_finding(rival, weight, leading=False, near_noise=near_noise))
+    counted = [(named, 1.0)] if not (named.small and near_noise) else []
     for rival in rivals:
-        if rival.name == "offset drift" or (rival.small and ratio < NOISE_LIKE):
+        if rival.name == "offset drift" or (rival.small and near_noise):
             continue
         relative = rival.gain / highest
         counted.append((rival, 1.0 if relative > ALIKE else 0.5 * relative))
@@ -158,7 +158,7 @@ def _in_doubt(named: MisfitHypothesis, rivals: list[MisfitHypothesis]) -> Misfit
     return replace(named, sentence=f"{named.sentence}, or {second.sentence}")
 
 
-def _finding(cause: MisfitHypothesis, weight: float, ratio: float, *, leading: bool) -> Finding:
+def _finding(cause: MisfitHypothesis, weight: float, *, leading: bool, near_noise: bool) -> Finding:
     stiffness, damping = marks_of(cause, weight)
     if cause.name == "change" and abs(cause.stiffness) > STOP_CHANGE:
         stiffness = damping = "do-not-trust"
@@ -168,7 +168,7 @@ def _finding(cause: MisfitHypothesis, weight: float, ratio: float, *, leading: b
         )
     elif not cause.settled:
         stiffness, damping = worst(stiffness, "with-care"), worst(damping, "with-care")
-    if cause.small and ratio < NOISE_LIKE:
+    if cause.small and near_noise:
         return finding_of(cause, "note", "trust", "trust")
     return finding_of(cause, "with-care" if leading else "note", stiffness, damping)
 
