@@ -210,11 +210,12 @@ inline double widened_quantile(double freedom) noexcept {
   return 1.0 + r * (1.210365 + r * (1.440077 + r * 1.304029));
 }
 
-// The number of fitted parameters, and whether the residuals are one-step prediction errors, of a
-// fit to earlier samples only.
+// The number of fitted parameters, whether the residuals are one-step prediction errors, of a fit
+// to earlier samples only, and how many pairs of blocks measure a level.
 struct Fitted {
   double parameters;
   bool all_samples = false;
+  double fewest_pairs = 8.0;  // they measure a variance to 50 %
 };
 
 // d_k/σ² of each level and, last, of blocks without a partner, relative to white noise, ≥ 1.
@@ -229,9 +230,7 @@ struct LevelNoise {
   LevelNoise(const HaarLevels<Size, Number>& levels, double variance, const Fitted& fitted,
              const Each* white = nullptr) noexcept
       : used(levels.used()) {
-    // Eight pairs measure a variance to 50 %.
-    constexpr double fewest_pairs = 8.0;
-    for (; measured < used && levels[measured].older_pairs >= fewest_pairs; ++measured) {
+    for (; measured < used && levels[measured].older_pairs >= fitted.fewest_pairs; ++measured) {
       const HaarLevel<Size, Number>& level = levels[measured];
       pairs[measured] = level.older_pairs;
       // A fit of p parameters absorbs p/2m of the residuals, a fit to earlier samples only half of

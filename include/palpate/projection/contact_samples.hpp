@@ -83,7 +83,8 @@ class ContactSamples {
   // Where neighbours correlate: σ² of noise whose mean over N ≤ 8 samples has the variance f σ²/N.
   // Differences of neighbours do not show it, and light samples would be those of negative noise.
   void set_correlated(double variance, double inflation) noexcept {
-    correlated_ = std::sqrt(variance * std::min(inflation, static_cast<double>(side)));
+    const double most = static_cast<double>(side);
+    correlated_ = inflation > 1.0 ? std::sqrt(variance * std::min(inflation, most)) : 0.0;
   }
 
   // Forgets the samples, but not the noise.
@@ -159,18 +160,20 @@ class FreeAir {
   static constexpr double clearance = 0.02;
   static constexpr std::uint32_t fewest = 10;
 
-  void add(double penetration, double force, double forgetting_factor) noexcept {
+  // Whether the inflation was renewed.
+  bool add(double penetration, double force, double forgetting_factor) noexcept {
     if (!(penetration < -clearance)) {
       run_ = 0;
-      return;
+      return false;
     }
     if (run_ < fewest) {
       ++run_;
       last_ = 0.0;
-      return;
+      return false;
     }
     forget(forgetting_factor);
     weight_ += 1.0;
+    force_ = force;
     const double away = force - mean_;
     mean_ += away / weight_;
     const double rest = force - mean_;
@@ -178,7 +181,11 @@ class FreeAir {
     products_ += last_ * rest;
     last_ = rest;
     levels_.add({1.0}, rest, forgetting_factor);
-    if (++samples_ % 16 == 0) inflation_ = measured_inflation();
+    // A sixteenth more samples changes it by a fraction of its error.
+    if (static_cast<double>(++samples_) < 16.0 + weight_ / 16.0) return false;
+    samples_ = 0;
+    inflation_ = measured_inflation();
+    return true;
   }
 
   void forget(double factor) noexcept {
@@ -207,8 +214,17 @@ class FreeAir {
     constexpr double pi = std::numbers::pi;
     double rounding = 0.0;
     if (step > 0.0) {
-      const double before = std::max(variance / (step * step) - 1.0 / 12.0, 0.0);
+      const double squared = variance / (step * step);
+      const double before = std::max(squared - 1.0 / 12.0, 0.0);
       rounding = step / pi * std::exp(-2.0 * pi * pi * before);
+      // Of two levels alone the upper one's share p is known, and no noise: the mean is anywhere
+      // from p, without noise ½, to what is measured.
+      const double from_level = (force_ - mean_) / step;
+      const double share = from_level - std::floor(from_level);
+      constexpr double others = 0.005;  // what further levels add to p (1 − p) at σ = Δ/3
+      if (squared < share * (1.0 - share) + others) {
+        rounding = std::max(rounding, step * std::abs(share - 0.5) / std::numbers::sqrt3);
+      }
     }
     constexpr double least = 1e-6;  // of the unit: no force sensor is better than 1e-5
     return {mean_, std::max(std::sqrt(of_mean + rounding * rounding), least)};
@@ -222,7 +238,8 @@ class FreeAir {
 
   double measured_inflation() const noexcept {
     if (!(correlation() * std::sqrt(weight_) > 4.0)) return 1.0;
-    const LevelNoise noise(levels_, variance(), {1.0, true});
+    // Of many samples 32 pairs of blocks and more: eight tell a variance to a half only.
+    const LevelNoise noise(levels_, variance(), {1.0, true, std::max(8.0, weight_ / 512.0)});
     if (noise.measured < 3) return neighbours();  // no growth is known
     const double quantile = widened_quantile(2.0 / noise.scatter);
     return std::max(quantile * quantile * noise.ratio[noise.used], 1.0);
@@ -234,9 +251,10 @@ class FreeAir {
   double squares_ = 0.0;   // Σ (F − mean)²
   double products_ = 0.0;  // the same of neighbours
   double last_ = 0.0;
+  double force_ = 0.0;  // the latest, one of the levels of a coarse sensor
   double inflation_ = 1.0;
   std::uint32_t run_ = 0;
-  std::uint32_t samples_ = 0;
+  std::uint32_t samples_ = 0;  // since it was renewed
 };
 
 // Departure of a fit's offset from its prior, in standard deviations: above the first the tare is

@@ -99,8 +99,9 @@ class ContactSolver {
   void free(const Sample& sample, double forgetting_factor) noexcept {
     if (!chooses_) return;
     recent_.push(sample, Role::free, false);
-    air_.add(sample.penetration, sample.force, forgetting_factor);
-    if (air_.inflation() > 1.0) recent_.set_correlated(air_.variance(), air_.inflation());
+    if (air_.add(sample.penetration, sample.force, forgetting_factor)) {
+      recent_.set_correlated(air_.variance(), air_.inflation());
+    }
     finish_pending();
   }
 
