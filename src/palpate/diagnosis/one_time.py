@@ -11,6 +11,10 @@ from palpate.digits import rounded
 from palpate.estimators.law_verdicts import STRONG
 from palpate.validation import Floats
 
+# Of K′ or B′. In the noise of a robot's encoder and amplifier one more number finds something: on
+# clean runs it is preferred in one of six, and moves B′ by 1 %.
+SMALL = 0.02
+
 
 def one_relaxation_time(fit: Fit) -> MisfitHypothesis | None:
     """The law with one relaxation time that the samples of ``--law auto`` strongly prefer, if any.
@@ -33,7 +37,7 @@ def one_relaxation_time(fit: Fit) -> MisfitHypothesis | None:
     score = size * gained - 2.0 * more * math.log(size)
     felt = _felt(laws, fit.depth, omega)
     parts = (_felt(other, fit.depth, omega) - felt) / np.abs(felt)
-    if not (score >= STRONG and np.isfinite(parts).all()):
+    if not (score >= STRONG and SMALL <= np.abs(parts).max() < np.inf):
         return None
 
     def moves(fit: Fit) -> tuple[float, float]:
