@@ -12,7 +12,6 @@ from benchmarks.accuracy.campaign import Campaign
 from benchmarks.accuracy.probing import Floats
 from benchmarks.accuracy.table import Group, Limit, Line
 from palpate import (
-    Contact,
     ContactGate,
     Identification,
     RecordingError,
@@ -112,13 +111,13 @@ def _compared(item: tuple[Path, bool]) -> Fit | str:
         return str(error).split(";")[0].removeprefix(f"{file}: ")
     estimate = result.estimate
     exponent = f"{estimate.parameters[2]:.3f} ± {estimate.standard_errors[2]:.3f}"
-    offline = _offline(contact, result)
+    offline = _offline(result)
     return Fit(result.fit_rmse_percent, offline, exponent, estimate.flags)
 
 
-def _offline(contact: Contact, result: Identification) -> float:
+def _offline(result: Identification) -> float:
     """RMSE% of the best of several starts."""
-    taken = result.trace.taken
+    contact, taken = result.contact, result.trace.taken
     x, v, f = contact.penetration[taken], contact.velocity[taken], contact.force[taken]
     depth, speed, force = np.log(x / x.max()), v / np.abs(v).max(), f / f.max()
 

@@ -12,6 +12,7 @@ from palpate.estimators import ESTIMATORS, ContactEstimator, VariableProjection
 from palpate.estimators.by_law import estimator_by_law
 from palpate.estimators.contact_estimator import Rejection, known_exponent
 from palpate.estimators.estimate import Traced, checked_trace
+from palpate.estimators.law_verdicts import Candidate
 from palpate.findings import Finding
 from palpate.identification.identified import Identified
 from palpate.preparation.gates import choose_gate
@@ -178,7 +179,8 @@ def identify(
         ``"hunt-crossley"`` (the default), ``"kelvin-voigt"``, ``"half-space"``; with a relaxation:
         ``"flat"``, ``"single"``, ``"power-law"``; or both, ``"half-space+single"``.
         :class:`ViscoelasticContact` defines them; :attr:`Identification.law_verdict` has the
-        evidence.
+        evidence. Where the diagnosis of the selected law is *do not trust*, the answer is that of
+        the Hunt–Crossley law, by variable projection, and a finding says so.
     trace : int, float, "full" or False
         Which estimates along the way :attr:`Identification.trace` holds. An int: at most so many,
         evenly spread up to the last sample. A float: one every so many seconds, in [1e-9, 1e9];
@@ -212,7 +214,7 @@ def identify(
 
 
 def _one_place(contact: Contact, estimator: ContactEstimator | str | None) -> Contact:
-    """The contact without load transfer, unless every sample is to be kept."""
+    """Leave out load transfer, unless every sample is to be kept."""
     given = estimator.settings if isinstance(estimator, ContactEstimator) else {}
     return contact if given.get("outlier_rejection") is False else without_load_transfer(contact)
 
@@ -221,16 +223,22 @@ def _trusted_law(found: Identification) -> Identification:
     """Hunt–Crossley in place of a selected law that the diagnosis does not trust."""
     if not found.estimator.chooses_law or found.diagnosis.verdict.overall != "do-not-trust":
         return found
+    verdict, own = found.law_verdict, Candidate("hunt-crossley", "none")
+    competed = verdict is not None and any(e.candidate == own for e in verdict.model_ranking[1:])
+    if verdict is None or not (competed or verdict.candidate == own):
+        return found  # another law was asked for
     names = {"gate", "outlier_rejection", "exponent"}.difference(found.chosen)
     given = {name: found.estimator.settings[name] for name in names}
     assert found.data is not None
-    assert found.law_verdict is not None
     plain = Identification.of(found.data, VariableProjection(**given), trace=found.traced)
+    if verdict.candidate == own:
+        return plain
     finding = Finding(
         "law",
-        f"model selection prefers {found.law_verdict.candidate.title}, but that fit is not to be "
-        f"trusted ({found.diagnosis.reason}): the answer is that of the Hunt–Crossley law",
-        severity="with-care",
+        f"model selection prefers {verdict.candidate.title}, but the diagnosis does not trust that "
+        "fit: the answer is that of the Hunt–Crossley law",
+        stiffness="with-care",
+        damping="with-care",
     )
     return replace(plain, findings=(*plain.findings, finding))
 

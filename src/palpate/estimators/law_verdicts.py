@@ -372,6 +372,7 @@ def _open_memory(evidence: Evidence, estimate: Estimate) -> Iterator[Finding]:
             "negative relaxed stiffness: the samples do not identify the relaxed material; K′ and "
             "B′ at the motion's frequency remain valid",
             "start out of contact, press, then hold",
+            stiffness="do-not-trust",
         )
     # The law's longest relaxation time: its only one, or the end of its spectrum.
     if evidence.begun and law.parameters[7] > _FORGOTTEN:

@@ -32,8 +32,8 @@ def without_load_transfer(contact: Contact) -> Contact:
     if not count:
         return contact
     least = RISE_OF_LARGEST * float(np.percentile(force[inside], 99.0))
-    # Touches, and runs of withdrawal in them, have a number each.
-    touches = list(slices_of(np.where(inside, contact.segment, -1)))
+    # A touch lasts until the probe is out of the material.
+    touches = list(slices_of(np.where(inside | (depth > 0.0), contact.segment, -1)))
     runs = np.where(inside & (contact.velocity < 0.0), contact.segment, -1)
     starts = np.array([0, *(np.flatnonzero(np.diff(runs)) + 1)])
     highest, first = np.maximum.reduceat(force, starts), force[starts]
@@ -49,7 +49,7 @@ def without_load_transfer(contact: Contact) -> Contact:
         out[start : touch.stop] = True
         parts += 1
     lost = int(np.count_nonzero(out))
-    of = sum(touch.stop - touch.start >= SHORTEST for touch in touches if inside[touch.start])
+    of = sum(np.count_nonzero(inside[touch]) >= SHORTEST for touch in touches)
     if (
         parts < max(FEWEST, 0.5 * of)
         or not LEAST_PART * count < lost <= (1.0 - FEWEST_LEFT) * count

@@ -1,0 +1,139 @@
+"""A weak prior, load transfer, the fallback of a selected law, and thirds that are held out."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from cases import Floats
+
+from palpate import Contact, ContactGate, HuntCrossley, VariableProjection, compare, identify
+from palpate.findings import Finding
+from palpate.identifying import Identification
+
+LAW = HuntCrossley(2e6, 4e5, 2.0)  # 50 N at 5 mm
+GATE = ContactGate(1e-5, 1e-3, 1e-3)
+
+
+def finding(result: Identification, check: str) -> list[Finding]:
+    return [each for each in result.diagnosis.findings if each.check == check]
+
+
+def contact_of(time: Floats, x: Floats, force: Floats, noise: float = 0.02) -> Contact:
+    """A contact with noise on the force, and none of it above the surface."""
+    random = np.random.default_rng(5).standard_normal(time.size)
+    pressed = np.where(x > 0.0, force, 0.0) + noise * random
+    return Contact(time=time, penetration=x, velocity=np.gradient(x, time), force=pressed)
+
+
+def press(law: HuntCrossley = LAW, skin: float = 0.0, *, release: bool = False) -> Contact:
+    """At 10 mm/s, from 1 mm above to 5 mm; with a stiffer part below 4 mm that the law has not."""
+    time = np.arange(1200 if release else 600) * 1e-3
+    x = -1e-3 + 10e-3 * np.minimum(time, 1.2 - time)
+    x = x + 1e-5 * np.sin(30.0 * time)
+    v = np.gradient(x, time)
+    depth = np.maximum(x, 0.0)
+    return contact_of(time, x, law.force(depth, v) + skin * np.maximum(depth - 3e-3, 0.0) ** 2)
+
+
+def test_where_one_press_leaves_n_and_b_open_they_stay_in_the_box_of_the_prior() -> None:
+    contact = press(skin=1e7)
+    bounded, free = identify(contact), identify(contact, VariableProjection(weak_prior=False))
+    assert not (1.0 <= free.law.exponent <= 2.0 and free.law.damping >= 0.0)
+    assert 1.0 <= bounded.law.exponent <= 2.0
+    assert bounded.law.damping >= 0.0
+    assert np.isfinite(bounded.standard_errors).all()
+    [said] = finding(bounded, "weak prior")
+    assert "n from 1 to 2" in said.message
+    assert not finding(bounded, "method")
+    assert bounded.diagnosis.verdict.damping == "do-not-trust"
+    # The release tells which is nearer.
+    both = press(skin=1e7, release=True)
+    after = slice(600, None)
+    errors = [
+        np.sqrt(np.mean((both.force - each.predicted_force(both))[after] ** 2))
+        for each in (bounded, free)
+    ]
+    assert errors[0] < errors[1]
+
+
+@pytest.mark.parametrize(
+    "contact",
+    [press(HuntCrossley(2e7, 4e6, 2.4)), press(skin=1e7, release=True)],
+    ids=["one way, and the law holds", "both ways"],
+)
+def test_the_prior_is_not_used_where_the_samples_determine_n_and_b(contact: Contact) -> None:
+    result = identify(contact)
+    assert result.bounded is None
+    assert not finding(result, "weak prior")
+
+
+def touches(rises: float, count: int = 3) -> Contact:
+    """Half sines of 4 mm from 2 mm above; on the way out the force rises by this part."""
+    time = np.arange(count * 800) * 1e-3
+    phase = np.mod(time, 0.8) / 0.8
+    x = -2e-3 + 6e-3 * np.sin(np.pi * phase)
+    v = np.gradient(x, time)
+    depth = np.maximum(x, 0.0)
+    force = LAW.force(depth, v)
+    out = (phase > 0.5) & (x > 0.0)
+    other = LAW.force(4e-3, 0.0) * (1.0 + rises * (phase - 0.5) / 0.1)
+    return contact_of(time, x, np.where(out & (phase < 0.75) & (rises > 0.0), other, force))
+
+
+def test_touches_end_where_the_force_rises_while_the_probe_withdraws() -> None:
+    contact = touches(0.3)
+    result = identify(contact)
+    [said] = finding(result, "load transfer")
+    assert said.message.startswith("in 3 touches")
+    assert said.severity == "with-care"
+    assert (result.contact.velocity[result.trace.taken] > -1e-3).all()
+    assert result.law.force(3e-3, 0.01) == pytest.approx(LAW.force(3e-3, 0.01), rel=0.02)
+    assert compare(contact)["single-stage"].contact.force.size == result.contact.force.size
+    kept = identify(contact, VariableProjection(outlier_rejection=False))
+    assert len(kept.contact) == len(contact)
+
+
+@pytest.mark.parametrize(
+    "contact", [touches(0.0), touches(0.3, count=1)], ids=["the law", "where another begins"]
+)
+def test_a_touch_that_the_law_describes_or_one_change_is_no_load_transfer(contact: Contact) -> None:
+    assert identify(contact).contact is contact
+
+
+def swinging(softens: float = 0.0, last: float = 1.0) -> Contact:
+    """Ten seconds at 1.5 Hz between 2 and 6 mm; K and B fall by this part, and change at last."""
+    time = np.arange(5000) * 2e-3
+    x = 4e-3 + 2e-3 * np.sin(2.0 * np.pi * 1.5 * time) + 0.5e-3 * np.sin(4.0 * time)
+    v = np.gradient(x, time)
+    factor = (1.0 - softens * time / 10.0) * np.where(time > 6.7, last, 1.0)
+    return contact_of(time, x, LAW.force(x, v) * factor)
+
+
+def test_a_recent_part_that_predicts_better_is_offered() -> None:
+    [said] = finding(identify(swinging(softens=0.2)), "forecast")
+    assert said.severity == "note"
+    assert said.remedy is not None
+    start = float(said.remedy.partition("--start ")[2])
+    assert start == pytest.approx(6.67, abs=0.05)
+    assert not finding(identify(swinging()), "forecast")
+
+
+@pytest.mark.parametrize("last, mark", [(1.6, "with-care"), (0.4, "do-not-trust")])
+def test_a_last_third_that_the_others_do_not_predict_is_not_trusted(last: float, mark: str) -> None:
+    diagnosis = identify(swinging(last=last)).diagnosis
+    [said] = [each for each in diagnosis.findings if each.check == "forecast"]
+    assert (said.stiffness, said.damping) == (mark, mark)
+
+
+def test_a_selected_law_that_is_not_to_be_trusted_gives_way_to_hunt_crossley() -> None:
+    contact = press()
+    wild = 0.8 * LAW.force(4e-3, 0.0) * np.sign(np.sin(500.0 * contact.penetration.cumsum()))
+    contact = replace(contact, force=np.where(contact.penetration > 0.0, contact.force + wild, 0.0))
+    plain, chosen = identify(contact), identify(contact, law="auto")
+    assert plain.diagnosis.verdict.overall == "do-not-trust"
+    assert chosen.method == "variable-projection"
+    assert chosen.law == plain.law
+    said = [each for each in finding(chosen, "law") if "does not trust" in each.message]
+    assert len(said) == (str(chosen.law_verdict.candidate) != "Hunt–Crossley")
+    asked = identify(contact, law="half-space+single")
+    assert asked.method == "viscoelastic"
