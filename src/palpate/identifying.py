@@ -221,15 +221,18 @@ def _one_place(contact: Contact, estimator: ContactEstimator | str | None) -> Co
 
 def _trusted_law(found: Identification) -> Identification:
     """Hunt–Crossley in place of a selected law that the diagnosis does not trust."""
-    if not found.estimator.chooses_law or found.diagnosis.verdict.overall != "do-not-trust":
+    assert found.data is not None
+    if not found.estimator.chooses_law:
         return found
+    stops = [each for each in found.diagnosis.findings if each.severity == "do-not-trust"]
+    if all(each in found.data.findings for each in stops):
+        return found  # the recording is wrong, whatever the law
     verdict, own = found.law_verdict, Candidate("hunt-crossley", "none")
     competed = verdict is not None and any(e.candidate == own for e in verdict.model_ranking[1:])
     if verdict is None or not (competed or verdict.candidate == own):
         return found  # another law was asked for
     names = {"gate", "outlier_rejection", "exponent"}.difference(found.chosen)
     given = {name: found.estimator.settings[name] for name in names}
-    assert found.data is not None
     plain = Identification.of(found.data, VariableProjection(**given), trace=found.traced)
     if verdict.candidate == own:
         return plain

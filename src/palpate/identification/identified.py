@@ -404,7 +404,10 @@ class Identified:
 
     def with_query(self, query: QueryOptions) -> Self:
         """Return the same with derived numbers for an impact and a tip."""
-        return replace(self, query=query)
+        other = replace(self, query=query)
+        if "diagnosis" in vars(self):  # which no query changes
+            vars(other)["diagnosis"] = self.diagnosis
+        return other
 
     def by_segment(self) -> Self:
         """Return a copy with ``segments``: each segment between changes identified separately.
