@@ -42,11 +42,11 @@ def forecast(fit: Fit) -> Finding | None:
     in_order = bool((fit.time[:last] < fit.time[last]).all())
     if not (cycles and in_order and recent < FADES * whole):
         return None
+    parts = (f"{rounded(100.0 * error / size, 2)} %" for error in (recent, whole))
     return Finding(
         "forecast",
-        "the material or a sensor changes slowly: the last third of the recording is predicted to "
-        f"{rounded(100.0 * recent / size, 2)} % of the force by the third before it, to "
-        f"{rounded(100.0 * whole / size, 2)} % by all before it",
+        "the force settles, or the material or a sensor changes slowly: the third before the last "
+        "predicts that to {} of the force, all before it to {}".format(*parts),
         "to predict what comes next, identify the latest part alone: "
         f"--start {rounded(float(fit.time[last]), 4)}",
     )

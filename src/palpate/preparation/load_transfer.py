@@ -14,6 +14,9 @@ from palpate.preparation.gates import choose_gate
 RISE, RISE_OF_LARGEST, WITHDRAWN = 1.05, 0.05, 0.95
 FEWEST = 2  # touches, and half of them: where one material ends and another begins is no such part
 SHORTEST = 20  # samples in a touch that counts
+# Samples, or a tenth of the rise: all of it within, or half of the force, is the border of another
+# material. Heels rise by at most 0.7 of it and 0.3 of the force, borders by 0.75 and 1 or more.
+SUDDEN = 5
 LEAST_PART = 0.05  # of the contact; less changes no result
 FEWEST_LEFT = 0.1  # of the contact
 
@@ -44,6 +47,11 @@ def without_load_transfer(contact: Contact) -> Contact:
         start, stop = int(starts[k]), int(np.append(starts, len(contact))[k + 1])
         peak = start + int(np.argmax(force[start:stop]))
         if out[start] or not depth[peak] < WITHDRAWN * depth[start]:
+            continue
+        part = force[start : peak + 1]
+        width = max(part.size // 10, SUDDEN)
+        jump = np.max(part[width:] - part[:-width], initial=0.0)
+        if jump > min(0.9 * (part[-1] - part[0]), 0.5 * part[0]):
             continue
         touch = next(each for each in touches if each.start <= start < each.stop)
         out[start : touch.stop] = True
