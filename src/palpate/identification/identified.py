@@ -404,7 +404,10 @@ class Identified:
 
     def with_query(self, query: QueryOptions) -> Self:
         """Return the same with derived numbers for an impact and a tip."""
-        return replace(self, query=query)
+        found = replace(self, query=query)
+        if "diagnosis" in vars(self):  # which does not depend on them
+            vars(found)["diagnosis"] = self.diagnosis
+        return found
 
     def by_segment(self) -> Self:
         """Return a copy with ``segments``: each segment between changes identified separately.
