@@ -17,8 +17,7 @@ SHORTEST = 20  # samples in a touch that counts
 # Samples, or a tenth of the rise: all of it within, or half of the force, is the border of another
 # material. Heels rise by at most 0.7 of it and 0.3 of the force, borders by 0.75 and 1 or more.
 SUDDEN = 5
-LEAST_PART = 0.05  # of the contact; less changes no result
-FEWEST_LEFT = 0.1  # of the contact
+LEAST_PART, MOST_PART = 0.05, 0.9  # of the contact: less changes no result, more leaves none
 
 
 def without_load_transfer(contact: Contact) -> Contact:
@@ -56,22 +55,17 @@ def without_load_transfer(contact: Contact) -> Contact:
         touch = next(each for each in touches if each.start <= start < each.stop)
         out[start : touch.stop] = True
         parts += 1
-    lost = int(np.count_nonzero(out))
+    share = np.count_nonzero(out) / count
     of = sum(np.count_nonzero(inside[touch]) >= SHORTEST for touch in touches)
-    if (
-        parts < max(FEWEST, 0.5 * of)
-        or not LEAST_PART * count < lost <= (1.0 - FEWEST_LEFT) * count
-    ):
+    if parts < max(FEWEST, 0.5 * of) or not LEAST_PART < share < MOST_PART:
         return contact
     kept = np.flatnonzero(~out)
-    apart = np.diff(kept, prepend=kept[0] - 1) > 1
-    segment = contact.segment[kept] + np.cumsum(apart)
+    segment = contact.segment[kept] + np.cumsum(np.diff(kept, prepend=kept[0] - 1) > 1)
     found = Finding(
         "load transfer",
-        f"in {parts} touch{'es' * (parts > 1)} the force rises while the probe withdraws, so that "
-        f"another place carries the load: the rest, {lost / count:.0%} of the contact, is left out",
+        f"in {parts} touches the force rises while the probe withdraws, so that another place "
+        f"carries the load: the rest of them, {share:.0%} of the contact, is left out",
         "if it is the material's own force, run again with --no-reject-outliers",
         "with-care",
     )
-    rest = replace(contact.taken(~out), segment=segment)
-    return replace(rest, findings=(*contact.findings, found))
+    return replace(contact.taken(~out), segment=segment, findings=(*contact.findings, found))
