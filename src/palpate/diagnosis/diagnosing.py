@@ -17,7 +17,7 @@ from palpate.diagnosis.data import VELOCITY_NONE, Data, beat_of
 from palpate.diagnosis.delay import columns, delay, delay_sensitivity, unseen
 from palpate.diagnosis.finding import Diagnosis, Episode, Laws, Quantity, Verdict, WorkingDepth
 from palpate.diagnosis.fit import FEWEST_ROWS, Fit, MisfitHypothesis, Search
-from palpate.diagnosis.forecast import forecast
+from palpate.diagnosis.forecast import ahead
 from palpate.diagnosis.marks import (
     OFF,
     Judged,
@@ -162,6 +162,7 @@ def velocity_noise(fit: Fit) -> Finding | None:
 _LOGGER = logging.getLogger(__name__)
 
 #: Each looks at the fit as a whole.
+<<<<<<< HEAD
 CHECKS = (
     flat,
     method,
@@ -174,6 +175,9 @@ CHECKS = (
     forecast,
     extrapolation,
 )
+=======
+CHECKS = (flat, method, excitation, one_way, offset, velocity_noise, misfit, ahead, extrapolation)
+>>>>>>> rreal
 #: Each looks for causes beside the fit.
 SEARCHES: tuple[Search, ...] = (columns, adhesion_or_memory, delay, surface)
 
