@@ -67,14 +67,14 @@ def test_the_prior_is_not_used_where_the_samples_determine_n_and_b(contact: Cont
     assert not finding(result, "weak prior")
 
 
-def touches(rises: float, count: int = 3) -> Contact:
-    """Half sines of 4 mm from 2 mm above; on the way out the force rises by this part."""
+def touches(rises: float, count: int = 3, harder: float = 1.0) -> Contact:
+    """Half sines of 4 mm from 2 mm above; on the way out the force rises by this part, or jumps."""
     time = np.arange(count * 800) * 1e-3
     phase = np.mod(time, 0.8) / 0.8
     x = -2e-3 + 6e-3 * np.sin(np.pi * phase)
     v = np.gradient(x, time)
     depth = np.maximum(x, 0.0)
-    force = LAW.force(depth, v)
+    force = LAW.force(depth, v) * np.where(phase > 0.6, harder, 1.0)
     out = (phase > 0.5) & (x > 0.0)
     other = LAW.force(4e-3, 0.0) * (1.0 + rises * (phase - 0.5) / 0.1)
     return contact_of(time, x, np.where(out & (phase < 0.75) & (rises > 0.0), other, force))
@@ -94,9 +94,11 @@ def test_touches_end_where_the_force_rises_while_the_probe_withdraws() -> None:
 
 
 @pytest.mark.parametrize(
-    "contact", [touches(0.0), touches(0.3, count=1)], ids=["the law", "where another begins"]
+    "contact",
+    [touches(0.0), touches(0.3, count=1), touches(0.0, harder=1.6)],
+    ids=["the law", "once", "borders of a material"],
 )
-def test_a_touch_that_the_law_describes_or_one_change_is_no_load_transfer(contact: Contact) -> None:
+def test_touches_of_the_law_and_changes_of_the_material_are_kept(contact: Contact) -> None:
     assert identify(contact).contact is contact
 
 

@@ -209,30 +209,36 @@ def identify(
     given = {name: values for name, values in arrays.items() if values is not None}
     if not isinstance(source, Contact) or given:
         source = prepare(source, **given)  # type: ignore[arg-type]  # it refuses a contact with arrays
-    data = Data(_one_place(source, estimator))
+    every = isinstance(estimator, ContactEstimator) and (
+        estimator.settings.get("outlier_rejection") is False
+    )
+    data = Data(source if every else without_load_transfer(source))
     return _trusted_law(Identification.of(data, estimator, trace=traced))
-
-
-def _one_place(contact: Contact, estimator: ContactEstimator | str | None) -> Contact:
-    """Leave out load transfer, unless every sample is to be kept."""
-    given = estimator.settings if isinstance(estimator, ContactEstimator) else {}
-    return contact if given.get("outlier_rejection") is False else without_load_transfer(contact)
 
 
 def _trusted_law(found: Identification) -> Identification:
     """Hunt–Crossley in place of a selected law that the diagnosis does not trust."""
-    if not found.estimator.chooses_law or found.diagnosis.verdict.overall != "do-not-trust":
+    assert found.data is not None
+    if not found.estimator.chooses_law:
         return found
+    stops = [each for each in found.diagnosis.findings if each.severity == "do-not-trust"]
+    if all(each in found.data.findings for each in stops):
+        return found  # the recording is wrong, whatever the law
     verdict, own = found.law_verdict, Candidate("hunt-crossley", "none")
-    competed = verdict is not None and any(e.candidate == own for e in verdict.model_ranking[1:])
-    if verdict is None or not (competed or verdict.candidate == own):
+    if verdict is None or found.data is None:
+        return found
+    if all(each.candidate != own for each in verdict.model_ranking):
         return found  # another law was asked for
     names = {"gate", "outlier_rejection", "exponent"}.difference(found.chosen)
+<<<<<<< HEAD
     given = {name: found.estimator.settings[name] for name in names}
-    assert found.data is not None
     plain = Identification.of(found.data, VariableProjection(**given), trace=found.traced)
+=======
+    plain = VariableProjection(**{name: found.estimator.settings[name] for name in names})
+    answer = Identification.of(found.data, plain, trace=found.traced)
+>>>>>>> rreal
     if verdict.candidate == own:
-        return plain
+        return answer
     finding = Finding(
         "law",
         f"model selection prefers {verdict.candidate.title}, but the diagnosis does not trust that "
@@ -240,7 +246,7 @@ def _trusted_law(found: Identification) -> Identification:
         stiffness="with-care",
         damping="with-care",
     )
-    return replace(plain, findings=(*plain.findings, finding))
+    return replace(answer, findings=(*answer.findings, finding))
 
 
 def diagnose(

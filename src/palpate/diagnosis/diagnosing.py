@@ -12,11 +12,12 @@ import numpy as np
 
 from palpate.diagnosis.adhesion import adhesion_or_memory
 from palpate.diagnosis.change import Changes, changes
+from palpate.diagnosis.chosen_law import at_most_care, held_out, one_relaxation_time
 from palpate.diagnosis.data import VELOCITY_NONE, Data, beat_of
 from palpate.diagnosis.delay import columns, delay, delay_sensitivity, unseen
 from palpate.diagnosis.finding import Diagnosis, Episode, Laws, Quantity, Verdict, WorkingDepth
 from palpate.diagnosis.fit import FEWEST_ROWS, Fit, MisfitHypothesis, Search
-from palpate.diagnosis.forecast import forecast
+from palpate.diagnosis.forecast import ahead
 from palpate.diagnosis.marks import (
     OFF,
     Judged,
@@ -38,7 +39,6 @@ from palpate.diagnosis.marks import (
     unexplained,
     working_depth,
 )
-from palpate.diagnosis.one_time import one_relaxation_time
 from palpate.digits import rounded
 from palpate.estimators.estimate import Estimate, Trace
 from palpate.estimators.law_verdicts import ONE_WAY
@@ -162,6 +162,7 @@ def velocity_noise(fit: Fit) -> Finding | None:
 _LOGGER = logging.getLogger(__name__)
 
 #: Each looks at the fit as a whole.
+<<<<<<< HEAD
 CHECKS = (
     flat,
     method,
@@ -174,6 +175,9 @@ CHECKS = (
     forecast,
     extrapolation,
 )
+=======
+CHECKS = (flat, method, excitation, one_way, offset, velocity_noise, misfit, ahead, extrapolation)
+>>>>>>> rreal
 #: Each looks for causes beside the fit.
 SEARCHES: tuple[Search, ...] = (columns, adhesion_or_memory, delay, surface)
 
@@ -239,6 +243,9 @@ def _diagnosed(
     if not any(finding.check == "change" for finding in judged.findings):
         changed = None
     judged = _with_better_law(fit, judged, changed)
+    if changed is None and (held := held_out(fit)) is not None:
+        counted = (*judged.counted, (held[0], 1.0))
+        judged = replace(judged, findings=[*judged.findings, held[1]], counted=counted)
     named_surface = bool(judged.findings) and judged.findings[0].check == "surface"
     found += judged.findings
     for check in CHECKS:
@@ -271,10 +278,8 @@ def _with_better_law(fit: Fit, judged: Judged, changed: Changes | None) -> Judge
         return judged
     if "delay" in checks:  # which looks like another damper, or like memory
         cause = replace(cause, remedy=f"{cause.remedy}, unless the force is known to be late")
-    marks = list(marks_of(cause))
-    if fit.laws is not None and fit.laws.own:  # which need not predict better: at most care
-        marks = [min(mark, "with-care", key=MARKS.index) for mark in marks]
-    found = finding_of(cause, "note", *marks)
+    chosen = fit.laws is not None and fit.laws.own
+    found = at_most_care(cause) if chosen else finding_of(cause, "note", *marks_of(cause))
     # The cause that explains most comes first; of relaxation, its own finding.
     first = cause.gain > max((each.gain for each, _ in judged.counted), default=0.0)
     place = 0 if first and checks[:1] not in (["memory"], ["surface"]) else 1

@@ -229,6 +229,11 @@ class Laws:
         The longest relaxation time that was looked for, s.
     one_time : Laws, optional
         Those with one relaxation time, by the same samples, where that was not offered.
+    before : Laws, optional
+        The same by the first two thirds of the contact.
+    missed, surprise : float
+        Rms error of the force that :attr:`before` predicts for the last third, of its rms force,
+        and over the rms error in its own samples.
     """
 
     law: GeneralisedHuntCrossley
@@ -236,6 +241,9 @@ class Laws:
     own: bool = False
     longest: float = 0.0
     one_time: "Laws | None" = None
+    before: "Laws | None" = None
+    missed: float = 0.0
+    surprise: float = 0.0
 
     @property
     def of_all(self) -> bool:
@@ -243,13 +251,11 @@ class Laws:
         return len(self.verdict.model_ranking) > EVERYDAY
 
     @classmethod
-    def of(
-        cls, estimator: ContactEstimator, *, own: bool = False, one_time: "Laws | None" = None
-    ) -> "Laws":
+    def of(cls, estimator: ContactEstimator, *, own: bool = False) -> "Laws":
         """Of an estimator that has learned the samples."""
         evidence, estimate = estimator.evidence(), estimator.estimate()
         verdict = verdict_of(evidence, estimate)
-        return cls(estimate.law, verdict, own, _LONGEST * evidence.step, one_time)
+        return cls(estimate.law, verdict, own, _LONGEST * evidence.step)
 
 
 def remedy_of_memory(laws: Laws | None, time: float) -> str:

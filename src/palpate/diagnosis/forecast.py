@@ -16,7 +16,7 @@ FADES = 0.8  # of the error by all rows before
 CYCLES = 6.0  # periods of the motion: a ramp and its hold are no change of the material
 
 
-def forecast(fit: Fit) -> Finding | None:
+def ahead(fit: Fit) -> Finding | None:
     """The law of the first two thirds does not predict the last, or less well than the second does.
 
     By one linear step from the law of all rows, of which every third shares no window with others.
@@ -39,14 +39,13 @@ def forecast(fit: Fit) -> Finding | None:
         )
     recent, _ = _held_out(fit, slice(third, last, 3))
     cycles = fit.time[-1] - fit.time[0] > CYCLES * fit.period > 0.0
-    in_order = bool((fit.time[:last] < fit.time[last]).all())
-    if not (cycles and in_order and recent < FADES * whole):
+    if not (cycles and recent < FADES * whole and (fit.time[:last] < fit.time[last]).all()):
         return None
+    parts = (f"{rounded(100.0 * error / size, 2)} %" for error in (recent, whole))
     return Finding(
         "forecast",
-        "the material or a sensor changes slowly: the last third of the recording is predicted to "
-        f"{rounded(100.0 * recent / size, 2)} % of the force by the third before it, to "
-        f"{rounded(100.0 * whole / size, 2)} % by all before it",
+        "the force settles, or the material or a sensor changes slowly: the third before the last "
+        "predicts that to {} of the force, all before it to {}".format(*parts),
         "to predict what comes next, identify the latest part alone: "
         f"--start {rounded(float(fit.time[last]), 4)}",
     )

@@ -221,7 +221,7 @@ def better_law(fit: Fit) -> MisfitHypothesis | None:
     changes = [f"{name} {round(100 * by):+d} %" for name, by in zip(_BOTH, moves(fit), strict=True)]
     sentence = (
         f"model selection clearly prefers {best.candidate.title} (ΔBIC {rounded(own.score, 3)}): "
-        f"{', '.join(changes)} at working depth"
+        f"{', '.join(changes)}"
     )
     remedy = REMEDY
     if any(each.check == RELAXATION_STIFFNESS for each in laws.verdict.findings):

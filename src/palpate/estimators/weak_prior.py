@@ -14,7 +14,7 @@ from palpate._core import EstimateValue, noise_of
 from palpate.contact import Contact
 from palpate.estimators.estimate import Estimate, Trace
 from palpate.estimators.law_verdicts import ONE_WAY
-from palpate.estimators.least_squares import Fitted, least_squares, robust_covariance
+from palpate.estimators.least_squares import least_squares, robust_covariance
 from palpate.force_laws import HuntCrossley
 from palpate.validation import Floats
 
@@ -22,7 +22,6 @@ EXPONENTS = (1.0, 2.0)
 # Times the noise that the least squares leaves in means over a fortieth of the samples: below it
 # the shape of the law determines n, as in a simulation.
 MISFIT, BLOCKS = 3.0, 40
-FEWEST_FREE = 10  # samples above the surface, which inform the offset
 
 
 class ConstrainedEstimate(Estimate):
@@ -32,7 +31,7 @@ class ConstrainedEstimate(Estimate):
 
 
 def constrained(contact: Contact, trace: Trace, estimate: Estimate) -> ConstrainedEstimate | None:
-    """Return the least squares in the box; None where the samples determine n and B, or agree.
+    """Return the least squares in the box, with the offset as it is; None where that is not needed.
 
     Parameters
     ----------
@@ -45,47 +44,31 @@ def constrained(contact: Contact, trace: Trace, estimate: Estimate) -> Constrain
     """
     law, taken = estimate.law, trace.taken
     low, high = EXPONENTS
-    if low <= law.exponent <= high and law.damping >= 0.0:
-        return None
     x = contact.penetration[taken] - estimate.surface
-    v, force = contact.velocity[taken], contact.force[taken]
-    if not abs(float(v.mean())) > ONE_WAY * math.sqrt(float(np.mean(v**2))):
+    v, force = contact.velocity[taken], contact.force[taken] - estimate.offset
+    one_way = abs(float(v.mean())) > ONE_WAY * math.sqrt(float(np.mean(v**2)))
+    if not one_way or (low <= law.exponent <= high and law.damping >= 0.0):
         return None
-    left = force - law.force(x, v) - estimate.offset
     width = max(x.size // BLOCKS, 1)
-    means = left[: left.size // width * width].reshape(-1, width).mean(axis=1)
-    if not math.sqrt(width * float(np.mean(means**2))) > MISFIT * noise_of(force):
+    left = (force - law.force(x, v))[: x.size // width * width].reshape(-1, width).mean(axis=1)
+    if not math.sqrt(width * float(np.mean(left**2))) > MISFIT * noise_of(force):
         return None
-    free = contact.force[contact.penetration < estimate.surface]
-    free = free[np.isfinite(free)] if estimate.offset_standard_error > 0.0 else free[:0]
-    # One row for free air, which weighs no more than the contact.
-    weight = math.sqrt(min(free.size, x.size)) if free.size >= FEWEST_FREE else 0.0
-    zero = weight * float(free.mean()) if weight else 0.0
     deep, fast = float(x.max()), float(np.abs(v).max())
-    depth, log, speed = x / deep, np.log(x / deep), v / fast
-    unit = float(estimate.offset_standard_error > 0.0)
+    local = HuntCrossley(float(force.max()), 0.0, float(np.clip(law.exponent, low, high)))
 
     def model(p: Floats) -> tuple[Floats, Floats]:
-        power = depth ** p[2]
-        whole = power * (p[0] + p[1] * speed)
-        columns = np.column_stack([power, power * speed, whole * log, np.full_like(x, unit)])
-        residual = np.append(force - whole - p[3], zero - weight * p[3])
-        return residual, np.vstack([columns, [0.0, 0.0, 0.0, weight]])
+        predicted, slopes = local.force_and_gradient(p, x / deep, v / fast)
+        return force - predicted, slopes
 
-    best: Fitted | None = None
-    bounds = np.array([-np.inf, 0.0, low, -np.inf]), np.array([np.inf, np.inf, high, np.inf])
-    for n in (low, 0.5 * (low + high), high):
-        start = np.array([float(force.max()), 0.0, n, estimate.offset])
-        found = least_squares(model, start, bounds)
-        if best is None or np.sum(found.residual**2) < np.sum(best.residual**2):
-            best = found
-    assert best is not None
-    k, c, n, offset = best.parameters.tolist()
-    parameters = np.array([k / deep**n, c / (fast * deep**n), n])
-    # From (k, c, n, F₀) to (K, B, n, F₀): K = k/x_rⁿ, B = c/(V x_rⁿ).
-    to_si = np.diag([deep**-n, deep**-n / fast, 1.0, 1.0])
-    to_si[:2, 2] = -parameters[:2] * math.log(deep)
-    joint = to_si @ robust_covariance(best.jacobian, best.residual) @ to_si.T
-    counts = estimate.status, estimate.samples, 1.0, 0, estimate.restarts, estimate.rejected
-    value = EstimateValue(parameters, joint.reshape(-1), *counts, offset=offset)
-    return ConstrainedEstimate(value, HuntCrossley, estimate.fixed)
+    bounds = np.array([-np.inf, 0.0, low]), np.array([np.inf, np.inf, high])
+    found = least_squares(model, local.parameters, bounds)
+    law = HuntCrossley(*found.parameters).scaled(1.0 / deep, 1.0 / fast)
+    # From local units to SI: K = k/x_rⁿ, B = c/(V x_rⁿ).
+    to_si = np.diag([deep**-law.exponent, deep**-law.exponent / fast, 1.0])
+    to_si[:2, 2] = -law.parameters[:2] * math.log(deep)
+    joint = np.zeros((4, 4))
+    joint[:3, :3] = to_si @ robust_covariance(found.jacobian, found.residual) @ to_si.T
+    joint[3, 3] = estimate.offset_standard_error**2
+    counts = estimate.status, estimate.samples, 1.0, 0, 0, estimate.rejected
+    value = EstimateValue(law.parameters, joint.reshape(-1), *counts, offset=estimate.offset)
+    return ConstrainedEstimate(value, HuntCrossley)

@@ -41,13 +41,13 @@ from palpate.estimators.estimate import (
 )
 from palpate.estimators.weak_prior import EXPONENTS, constrained
 from palpate.findings import MARKS, Finding
-from palpate.force_laws import force_over_breaks
 from palpate.identification.replaying import (
     defaults_from_data,
     estimator_of,
     joint_covariance,
     laws_beside,
     placed,
+    predicted_force,
     replayed,
 )
 from palpate.preparation.along_penetration import Place, at_places
@@ -189,14 +189,13 @@ def findings_of(contact: Contact, trace: Trace, estimator: ContactEstimator) -> 
 
 def prior_finding(own: Estimate, bounded: Estimate, depth: float) -> Finding:
     """Describe that the answer is under the weak prior, and what the least squares gives."""
-    before, after = own.law.stiffness_at(depth), bounded.law.stiffness_at(depth)
-    moved = after / before - 1.0 if before else math.inf
-    low, high = EXPONENTS
+    moved = bounded.law.stiffness_at(depth) / own.law.stiffness_at(depth) - 1.0
+    sign = "negative" if own.law.damping < 0.0 else "positive"
     return Finding(
         "weak prior",
-        f"the probe moves one way at nearly one speed, which leaves n and B open: the answer is "
-        f"the least squares with B ≥ 0 and n from {low:g} to {high:g}; without this prior n is "
-        f"{own.law.exponent:.2f} and B {'negative' if own.law.damping < 0.0 else 'positive'}",
+        "the probe moves one way at nearly one speed, which leaves n and B open: the answer is the "
+        f"least squares with B ≥ 0 and n from {EXPONENTS[0]:g} to {EXPONENTS[1]:g}; without this "
+        f"prior n is {own.law.exponent:.2f} and B {sign}",
         "press and release, at several speeds; without the prior: --no-weak-prior",
         stiffness=mark_of(abs(moved), STOP_STIFFNESS),
         damping="do-not-trust",
@@ -279,12 +278,12 @@ class Identified:
 
     def _under_prior(self) -> Self:
         """Return it with the estimate under the weak prior, if its own is outside of that."""
-        own = self.estimator.estimate()
-        changing = self.estimator.settings.keys() & {"forgetting", "change_detector", "surface"}
-        if own.fixed or any(self.estimator.settings[name] is not None for name in changing):
+        own, settings = self.estimator.estimate(), self.estimator.settings
+        given = ("exponent", "forgetting", "change_detector", "surface")
+        if not self.depths or any(settings[name] is not None for name in given):
             return self
         bounded = constrained(self.contact, self.trace, own)
-        if bounded is None or not self.depths:
+        if bounded is None:
             return self
         found = prior_finding(own, bounded, self.depths[0])
         return replace(self, bounded=bounded, findings=(*self.findings, found))
@@ -404,7 +403,17 @@ class Identified:
 
     def with_query(self, query: QueryOptions) -> Self:
         """Return the same with derived numbers for an impact and a tip."""
-        return replace(self, query=query)
+<<<<<<< HEAD
+        other = replace(self, query=query)
+        if "diagnosis" in vars(self):  # which no query changes
+            vars(other)["diagnosis"] = self.diagnosis
+        return other
+=======
+        found = replace(self, query=query)
+        if "diagnosis" in vars(self):  # which does not depend on them
+            vars(found)["diagnosis"] = self.diagnosis
+        return found
+>>>>>>> rreal
 
     def by_segment(self) -> Self:
         """Return a copy with ``segments``: each segment between changes identified separately.
@@ -563,11 +572,7 @@ class Identified:
 
     def predicted_force(self, contact: Contact) -> Floats:
         """Force by the final law, and offset, at every sample of a contact, N."""
-        estimate = self.estimate
-        depth = contact.penetration - estimate.surface
-        starts = [part.start for part in contact.segments()]
-        force = force_over_breaks(estimate.law, depth, contact.velocity, contact.time_steps, starts)
-        return force + estimate.offset
+        return predicted_force(self.estimate, contact)
 
     @property
     def violated_fraction(self) -> float:

@@ -14,8 +14,10 @@ from palpate.preparation.gates import choose_gate
 RISE, RISE_OF_LARGEST, WITHDRAWN = 1.05, 0.05, 0.95
 FEWEST = 2  # touches, and half of them: where one material ends and another begins is no such part
 SHORTEST = 20  # samples in a touch that counts
-LEAST_PART = 0.05  # of the contact; less changes no result
-FEWEST_LEFT = 0.1  # of the contact
+# Samples, or a tenth of the rise: all of it within, or half of the force, is the border of another
+# material. Heels rise by at most 0.7 of it and 0.3 of the force, borders by 0.75 and 1 or more.
+SUDDEN = 5
+LEAST_PART, MOST_PART = 0.05, 0.9  # of the contact: less changes no result, more leaves none
 
 
 def without_load_transfer(contact: Contact) -> Contact:
@@ -45,25 +47,25 @@ def without_load_transfer(contact: Contact) -> Contact:
         peak = start + int(np.argmax(force[start:stop]))
         if out[start] or not depth[peak] < WITHDRAWN * depth[start]:
             continue
+        part = force[start : peak + 1]
+        width = max(part.size // 10, SUDDEN)
+        jump = np.max(part[width:] - part[:-width], initial=0.0)
+        if jump > min(0.9 * (part[-1] - part[0]), 0.5 * part[0]):
+            continue
         touch = next(each for each in touches if each.start <= start < each.stop)
         out[start : touch.stop] = True
         parts += 1
-    lost = int(np.count_nonzero(out))
+    share = np.count_nonzero(out) / count
     of = sum(np.count_nonzero(inside[touch]) >= SHORTEST for touch in touches)
-    if (
-        parts < max(FEWEST, 0.5 * of)
-        or not LEAST_PART * count < lost <= (1.0 - FEWEST_LEFT) * count
-    ):
+    if parts < max(FEWEST, 0.5 * of) or not LEAST_PART < share < MOST_PART:
         return contact
     kept = np.flatnonzero(~out)
-    apart = np.diff(kept, prepend=kept[0] - 1) > 1
-    segment = contact.segment[kept] + np.cumsum(apart)
+    segment = contact.segment[kept] + np.cumsum(np.diff(kept, prepend=kept[0] - 1) > 1)
     found = Finding(
         "load transfer",
-        f"in {parts} touch{'es' * (parts > 1)} the force rises while the probe withdraws, so that "
-        f"another place carries the load: the rest, {lost / count:.0%} of the contact, is left out",
+        f"in {parts} touches the force rises while the probe withdraws, so that another place "
+        f"carries the load: the rest of them, {share:.0%} of the contact, is left out",
         "if it is the material's own force, run again with --no-reject-outliers",
         "with-care",
     )
-    rest = replace(contact.taken(~out), segment=segment)
-    return replace(rest, findings=(*contact.findings, found))
+    return replace(contact.taken(~out), segment=segment, findings=(*contact.findings, found))
