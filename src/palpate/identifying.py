@@ -225,18 +225,11 @@ def _trusted_law(found: Identification) -> Identification:
     if all(each in found.data.findings for each in stops):
         return found  # the recording is wrong, whatever the law
     verdict, own = found.law_verdict, Candidate("hunt-crossley", "none")
-    if verdict is None or found.data is None:
-        return found
-    if all(each.candidate != own for each in verdict.model_ranking):
+    if verdict is None or all(each.candidate != own for each in verdict.model_ranking):
         return found  # another law was asked for
     names = {"gate", "outlier_rejection", "exponent"}.difference(found.chosen)
-<<<<<<< HEAD
-    given = {name: found.estimator.settings[name] for name in names}
-    plain = Identification.of(found.data, VariableProjection(**given), trace=found.traced)
-=======
     plain = VariableProjection(**{name: found.estimator.settings[name] for name in names})
     answer = Identification.of(found.data, plain, trace=found.traced)
->>>>>>> rreal
     if verdict.candidate == own:
         return answer
     finding = Finding(

@@ -162,7 +162,6 @@ def velocity_noise(fit: Fit) -> Finding | None:
 _LOGGER = logging.getLogger(__name__)
 
 #: Each looks at the fit as a whole.
-<<<<<<< HEAD
 CHECKS = (
     flat,
     method,
@@ -172,12 +171,9 @@ CHECKS = (
     air,
     velocity_noise,
     misfit,
-    forecast,
+    ahead,
     extrapolation,
 )
-=======
-CHECKS = (flat, method, excitation, one_way, offset, velocity_noise, misfit, ahead, extrapolation)
->>>>>>> rreal
 #: Each looks for causes beside the fit.
 SEARCHES: tuple[Search, ...] = (columns, adhesion_or_memory, delay, surface)
 
