@@ -49,6 +49,18 @@ def test_the_answer_is_scipys_minimum_of_the_stated_cost(name: str) -> None:
     assert (excess(curves, 24, **UNKNOWN) < 1e-4).all()
 
 
+def quickening(time: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """One way, faster with depth."""
+    return 1.3 * time**1.5 - 0.3, time**0.5
+
+
+@pytest.mark.parametrize("offset", [True, False])
+def test_short_one_way_curves_end_in_the_better_of_their_valleys(offset: bool) -> None:
+    # J has one at stiffness below 0, beside that of the other exponent.
+    curves = random_curves(quickening, 50, samples=40, seed=0)
+    assert (excess(curves, 5, offset=offset) < 1e-2).all()
+
+
 def test_a_fixed_exponent_gives_scipys_minimum_too() -> None:
     curves = random_curves(approach_and_retract, 5, surface=True, exponents=(1.5, 1.5), seed=13)
     assert (excess(curves, 24, exponent=1.5, **UNKNOWN) < 1e-4).all()

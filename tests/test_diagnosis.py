@@ -30,7 +30,8 @@ def test_a_clean_recording_is_trusted():
     there = found.working_depth
     assert there.stiffness.value == pytest.approx(faults.LAW.stiffness_at(there.depth), rel=5e-3)
     assert there.damping.value == pytest.approx(faults.LAW.damping_at(there.depth), rel=5e-2)
-    assert (there.stiffness.systematic, there.damping.systematic) == (0.0, 0.0)
+    assert there.stiffness.systematic == 0.0
+    assert there.damping.systematic < 2e-3 * there.damping.value  # what the filter takes off
     assert 0.0 < there.stiffness.standard_error < 5e-3 * there.stiffness.value
 
 
@@ -56,6 +57,43 @@ CAUSES = {
 @pytest.mark.parametrize("name", CAUSES)
 def test_a_cause_is_found_by_its_check(name):
     assert name in grave(CAUSES[name])
+
+
+def touches(force_of):
+    """Touches at 1 Hz through the surface to 8 mm, of a force by time, penetration and velocity."""
+    x = np.where(TIME < 0.5, -3e-3, 2.5e-3 - 5.5e-3 * np.cos(2.0 * np.pi * (TIME - 0.5)))
+    v = np.gradient(x, TIME)
+    return contact(TIME, x, faults.noisy(force_of(x, v)))
+
+
+def neck(x, v):
+    """Until 0.5 mm above the surface the material holds a probe that withdraws, less when deep."""
+    return np.where((v < 0.0) & (x > -0.5e-3), 0.5 * np.exp(-np.maximum(x, 0.0) / 2e-3), 0.0)
+
+
+def adhesive(x, v):
+    """Force of Johnson, Kendall and Roberts's form, −√x, in both directions."""
+    return 20.0 * np.sqrt(np.maximum(x, 0.0))
+
+
+@pytest.mark.parametrize("pull", [neck, adhesive])
+def test_a_material_that_pulls_is_called_adhesive_and_not_relaxing(pull):
+    found = palpate.diagnose(touches(lambda x, v: faults.pushed(x, v) - pull(x, v)))
+    assert found.reason.startswith("adhesion: near the surface the material pulls the probe with")
+    assert "--min-penetration" in found.remedy
+    assert not any("relax" in finding.message for finding in found.findings)
+    stiffness, truth = found.working_depth.stiffness, LAW.stiffness_at(found.working_depth.depth)
+    depth = found.working_depth.depth
+    truth -= (pull(depth + 1e-6, 1.0) - pull(depth - 1e-6, 1.0)) / 2e-6
+    assert abs(stiffness.value - truth) < 2.0 * stiffness.whole_error
+
+
+def test_friction_of_the_probe_or_what_pulls_on_it_in_air_is_no_adhesion():
+    rubbed = touches(lambda x, v: faults.pushed(x, v) + 0.3 * np.tanh(1e3 * v))
+    tied = touches(lambda x, v: faults.pushed(x, v) - 40.0 * x)
+    light = touches(lambda x, v: faults.pushed(x, v))
+    for found in map(palpate.diagnose, (rubbed, tied, light)):
+        assert "adhesion" not in [finding.check for finding in found.findings]
 
 
 RANDOM, COARSE = np.random.default_rng(5), 0.1 * FORCE.max()
@@ -282,7 +320,7 @@ def test_error_bars_grow_with_the_residuals_correlation():
 @pytest.mark.parametrize("rows", [40, 600])
 def test_error_bars_of_overlapping_windows_are_those_of_their_samples(rows):
     """Windows that share two thirds scatter √3 times as far as as many that share nothing."""
-    random, slopes, errors, unaware = np.random.default_rng(2), [], [], []
+    random, slopes, errors = np.random.default_rng(2), [], []
     x = np.sin(np.arange(rows) / 30.0)[:, None]
     shared = [np.full(rows - lag, 1.0 - lag / 3.0) for lag in (1, 2)]
     for _ in range(200):
@@ -290,9 +328,9 @@ def test_error_bars_of_overlapping_windows_are_those_of_their_samples(rows):
         slopes.append(float(x[:, 0] @ noise / (x**2).sum()))
         residual = noise - slopes[-1] * x[:, 0]
         errors.append(robust_covariance(x, residual, shared)[0, 0])
-        unaware.append(robust_covariance(x, residual)[0, 0])
-    assert np.mean(np.square(slopes)) == pytest.approx(np.median(errors), rel=0.25)
-    assert rows > 40 or np.median(errors) > 2.0 * np.median(unaware)  # no levels tell of it yet
+    # Of 13 independent rows, slow noise that the fit may have taken up is allowed for.
+    wide = 1.25 if rows > 40 else 1.6
+    assert 0.75 < np.median(errors) / np.mean(np.square(slopes)) < wide
 
 
 def test_a_delay_is_sought_within_each_segment():

@@ -102,6 +102,35 @@ def test_what_the_better_law_moves_is_in_the_bars():
         assert quantity.systematic > max(quantity.standard_error, 0.5 * abs(quantity.value - truth))
 
 
+def test_one_relaxation_time_costs_the_damping_by_the_common_laws_its_trust():
+    name = "Hunt–Crossley with one relaxation time"
+    chosen, every = identified(name, "auto"), identified(name, "any")
+    [named] = findings_of(chosen, "law")
+    assert named.message.startswith(f"{name} describes the force better (ΔBIC ")
+    assert named.remedy == "run again with --law any, which offers more laws"
+    felt, whole = chosen.dynamic_stiffness(), every.dynamic_stiffness()
+    exact = LAWS[name].dynamic_stiffness(felt.depth, felt.frequency).imag / felt.frequency
+    assert chosen.diagnosis.verdict.damping != "trust"
+    assert abs(felt.damping.value - exact) < 2.0 * felt.damping.whole_error
+    assert whole.damping.value == pytest.approx(exact, rel=0.02)
+    assert (str(every.law_verdict.candidate), every.diagnosis.verdict.overall) == (name, "trust")
+    assert findings_of(every, "law") == []
+
+
+def test_a_law_that_does_not_predict_the_last_third_is_not_trusted():
+    softer = faults.recorded(faults.FORCE * (1.0 - 0.3 * faults.TIME / faults.TIME[-1]))
+    found = identify(softer, law="auto", trace=False)
+    [held] = findings_of(found, "held-out force")
+    assert held.message.startswith("the law of the first two thirds of the contact predicts the ")
+    assert held.remedy.startswith("identify the recent part alone: --start 4.")
+    assert held.stiffness == "with-care"
+    there = found.diagnosis.working_depth
+    truth = 0.7 * faults.LAW.stiffness_at(there.depth)
+    assert abs(there.stiffness.value - truth) < 3.0 * there.stiffness.whole_error
+    for name in ("Hunt–Crossley with a flat spectrum", "half-space"):
+        assert findings_of(identified(name, "auto"), "held-out force") == []
+
+
 def laws_of(best, *others, own=False):
     law = GeneralisedHuntCrossley(1.0, 1.0, 1.0, 1.0)
     model_ranking = tuple(

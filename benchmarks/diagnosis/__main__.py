@@ -9,6 +9,7 @@ from cyclopts import App
 from benchmarks.accuracy import report
 from benchmarks.diagnosis import tables
 from benchmarks.diagnosis.jobs import done, jobs_of
+from benchmarks.diagnosis.mark_tables import mark_page
 from palpate.writing import check_writable, write_text
 
 app = App(name="python -m benchmarks.diagnosis", help_format="plaintext")
@@ -20,6 +21,7 @@ def diagnosis(
     seeds: int = 30,
     robot_seeds: int = 5,
     first: int = 500,
+    banks: str = "known,good,hard,clean",
     workers: int = 2,
     store: Path = Path("build/diagnosis.jsonl"),
     markdown: Path | None = None,
@@ -36,6 +38,10 @@ def diagnosis(
         Runs of the robot for each of three materials.
     first
         The first seed.
+    banks
+        Which of *known* (faults that the diagnosis looks for; the robot; the recordings of
+        ``PALPATE_DATA``), *good* and *hard* (faults that it does not; good recordings, and noisy,
+        slow or short ones), and *clean* (noise of many kinds).
     workers
         Processes.
     store
@@ -47,11 +53,15 @@ def diagnosis(
     if markdown is not None:
         check_writable(markdown)
     store.parent.mkdir(parents=True, exist_ok=True)
-    jobs = jobs_of(range(first, first + seeds), range(first, first + robot_seeds))
+    names = banks.split(",")
+    if unknown := set(names) - {"known", "good", "hard", "clean"}:
+        sys.exit(f"--banks has {', '.join(sorted(unknown))}: use known, good, hard and clean")
+    jobs = jobs_of(range(first, first + seeds), range(first, first + robot_seeds), names)
     rows = done(store, jobs, workers)
     facts = report.circumstances(seeds)
     command = " ".join(["python -m benchmarks.diagnosis", *sys.argv[1:]])
-    text = tables.page(rows, f"`{command}`. {report.words(facts)}")
+    pages = [tables.page(rows, f"`{command}`. {report.words(facts)}"), *mark_page(rows), ""]
+    text = "\n".join(pages)
     print(text)
     if markdown is not None:
         kept = markdown.read_text().partition(tables.MARK)[0]

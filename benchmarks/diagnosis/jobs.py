@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.diagnosis.faults import FAULTS, Fault
+from benchmarks.diagnosis.marks import BANKS, UNSEEN, clean_keys, unseen, without_fault
 from benchmarks.diagnosis.outcome import Outcome, outcome
 from benchmarks.diagnosis.recordings import verdict_of
 from benchmarks.diagnosis.repeats import factors, repeats_of
@@ -21,8 +22,37 @@ Rows = list[dict[str, Any]]
 Jobs = dict[str, tuple[Callable[[Any], Rows], Any]]
 
 
-def jobs_of(ideal: range, robot: range) -> Jobs:
-    """Return every job by its key in the store."""
+def jobs_of(seeds: range, robot: range, banks: Iterable[str]) -> Jobs:
+    """Return every job of the banks by its key in the store."""
+    jobs: Jobs = {}
+    for bank in banks:
+        if bank in BANKS:
+            jobs |= _of_unseen(bank, seeds)
+        elif bank == "clean":
+            jobs |= _of_clean(seeds)
+        else:
+            jobs |= _of_known(seeds, robot)
+    return jobs
+
+
+def _of_unseen(bank: str, seeds: range) -> Jobs:
+    return {
+        f"{bank}/{fault.kind}/{fault.severity}/{seed}": (unseen, (bank, place, seed))
+        for seed in seeds
+        for place, fault in enumerate(UNSEEN)
+    }
+
+
+def _of_clean(seeds: range) -> Jobs:
+    return {
+        f"clean/{'/'.join(key)}/{seed}": (without_fault, (*key, seed))
+        for seed in seeds
+        for key in clean_keys()
+    }
+
+
+def _of_known(ideal: range, robot: range) -> Jobs:
+    """The faults that the diagnosis looks for, and real recordings."""
     jobs: Jobs = {}
     for seed in ideal:
         for place, fault in enumerate(FAULTS):

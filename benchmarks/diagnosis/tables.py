@@ -16,10 +16,12 @@ def page(rows: Rows, words: str) -> str:
     of: dict[str, Rows] = defaultdict(list)
     for row in rows:
         of[row["bank"]].append(row)
-    parts = [words, "", "### Silent lies", "", *_lies(of)]
-    headings = ("figure", "ideal probe", "robot", "limit")
-    parts += ["", "### Rates and errors", "", *_table(headings, rates(rows))]
-    parts += ["", "### By fault, ideal probe", "", *_faults(of["ideal"])]
+    parts = [words]
+    if of["ideal"]:
+        parts += ["", "### Silent lies", "", *_lies(of)]
+        headings = ("figure", "ideal probe", "robot", "limit")
+        parts += ["", "### Rates and errors", "", *table(headings, rates(rows))]
+        parts += ["", "### By fault, ideal probe", "", *_faults(of["ideal"])]
     if of["robot"]:
         parts += ["", "### By fault, robot", "", *_faults(of["robot"])]
     if of["pair"]:
@@ -31,13 +33,13 @@ def page(rows: Rows, words: str) -> str:
     return "\n".join([*parts, ""])
 
 
-def _table(headings: Sequence[str], rows: Sequence[Sequence[object]]) -> list[str]:
+def table(headings: Sequence[str], rows: Sequence[Sequence[object]]) -> list[str]:
     marks = ["---", *["--:"] * (len(headings) - 1)]
     cells = [[str(cell).replace("|", "\\|") for cell in row] for row in rows]
     return [f"| {' | '.join(row)} |" for row in (headings, marks, *cells)]
 
 
-def _part(count: int, of: int) -> str:
+def part(count: int, of: int) -> str:
     return f"{count} of {of} ({100.0 * count / of:.1f} %)" if of else "–"
 
 
@@ -51,12 +53,12 @@ def _lies(of: dict[str, Rows]) -> list[str]:
             wrong = [row for row in faulty if row[name]]
             unflagged = sum(not row["flagged"] for row in wrong)
             silent = sum(row["overall"] == "trust" for row in wrong)
-            cells += [len(wrong), _part(unflagged, len(wrong)), _part(silent, len(wrong))]
-        cells.append(_part(sum(row["overall"] != "trust" for row in clean), len(clean)))
+            cells += [len(wrong), part(unflagged, len(wrong)), part(silent, len(wrong))]
+        cells.append(part(sum(row["overall"] != "trust" for row in clean), len(clean)))
         lines.append(cells)
     headings = ("bank", "faulty", "lies in S, C", "without a flag", "verdict *trust*")
     more = ("lies in K, B, n", "without a flag", "verdict *trust*", "clean not *trust*")
-    return _table((*headings, *more), lines)
+    return table((*headings, *more), lines)
 
 
 def _faults(rows: Rows) -> list[str]:
@@ -82,7 +84,7 @@ def _faults(rows: Rows) -> list[str]:
             ]
         )
     headings = ("fault", "runs", "not *trust*", "listed", "silent lies", "first finding")
-    return _table(headings, lines)
+    return table(headings, lines)
 
 
 def _pairs(rows: Rows) -> list[str]:
@@ -90,14 +92,14 @@ def _pairs(rows: Rows) -> list[str]:
     verdicts = {(row["material"], row["motion"]): row["overall"] for row in rows}
     materials = list(dict.fromkeys(row["material"] for row in rows))
     right = sum((row["overall"] == "trust") == (row["material"] in DESCRIBED) for row in rows)
-    table = _table(
+    grid = table(
         ("material", *motions), [[m, *(verdicts[m, each] for each in motions)] for m in materials]
     )
     words = (
         f"{right} of {len(rows)} right: {', '.join(DESCRIBED)} follow Hunt–Crossley and should "
         "be trusted, the others should not."
     )
-    return [words, "", *table]
+    return [words, "", *grid]
 
 
 def _recordings(rows: Rows) -> list[str]:
@@ -107,7 +109,7 @@ def _recordings(rows: Rows) -> list[str]:
         bars = [f"± {a:.2g} ± {b:.2g} %" for a, b in _pairs_of(errors)] if errors else ["–", "–"]
         marks = [row.get("stiffness", "–"), row.get("damping", "–")]
         lines.append([row["name"], row["overall"], *marks, *bars, row["reason"]])
-    return _table(
+    return table(
         ("recording", "verdict", "S", "C", "S, statistical and systematic", "C", "reason"), lines
     )
 
@@ -131,4 +133,4 @@ def _repeats(rows: Rows) -> list[str]:
         for quantity in ("S", "C")
         for what in (" scatters, %", ", statistical", " and systematic")
     ]
-    return [words, "", *_table(("recording", "repeats", "depth", *headings), lines)]
+    return [words, "", *table(("recording", "repeats", "depth", *headings), lines)]

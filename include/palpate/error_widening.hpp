@@ -210,11 +210,12 @@ inline double widened_quantile(double freedom) noexcept {
   return 1.0 + r * (1.210365 + r * (1.440077 + r * 1.304029));
 }
 
-// The number of fitted parameters, and whether the residuals are one-step prediction errors, of a
-// fit to earlier samples only.
+// The number of fitted parameters, whether the residuals are one-step prediction errors, of a fit
+// to earlier samples only, and how many pairs of blocks measure a level.
 struct Fitted {
   double parameters;
   bool all_samples = false;
+  double fewest_pairs = 8.0;  // they measure a variance to 50 %
 };
 
 // d_k/σ² of each level and, last, of blocks without a partner, relative to white noise, ≥ 1.
@@ -229,9 +230,7 @@ struct LevelNoise {
   LevelNoise(const HaarLevels<Size, Number>& levels, double variance, const Fitted& fitted,
              const Each* white = nullptr) noexcept
       : used(levels.used()) {
-    // Eight pairs measure a variance to 50 %.
-    constexpr double fewest_pairs = 8.0;
-    for (; measured < used && levels[measured].older_pairs >= fewest_pairs; ++measured) {
+    for (; measured < used && levels[measured].older_pairs >= fitted.fewest_pairs; ++measured) {
       const HaarLevel<Size, Number>& level = levels[measured];
       pairs[measured] = level.older_pairs;
       // A fit of p parameters absorbs p/2m of the residuals, a fit to earlier samples only half of
@@ -314,14 +313,16 @@ class ErrorWidening {
         noise_(levels, variance, {static_cast<double>(Size), of_all_samples}),
         root_(inverse_root(prior)) {}
 
-  // The lower triangle W; the unit matrix while there are too few samples.
-  [[gnu::noinline]] Matrix<Size> root(const std::array<Vector<Size>, Rows>& rows) const noexcept {
+  // The lower triangle W; the unit matrix while there are too few samples. `of_prior` is the factor
+  // on the variance of the last parameter's prior, from the one that its weight stands for.
+  [[gnu::noinline]] Matrix<Size> root(const std::array<Vector<Size>, Rows>& rows,
+                                      double of_prior = 1.0) const noexcept {
     Matrix<Size> unit{};
     for (std::size_t i = 0; i < Size; ++i) unit[i][i] = 1.0;
     if (noise_.measured == 0) return unit;
     double freedom = LevelNoise::most_freedom;
     for (const Vector<Size>& row : rows) freedom = std::min(freedom, degrees(multiply(root_, row)));
-    const Matrix<Size> widened = cholesky(whitened(widened_quantile(freedom)));
+    const Matrix<Size> widened = cholesky(whitened(widened_quantile(freedom), of_prior));
     for (std::size_t i = 0; i < Size; ++i) {
       if (!(widened[i][i] >= 0.5 && widened[i][i] <= LevelNoise::largest)) return unit;
     }
@@ -337,10 +338,11 @@ class ErrorWidening {
     return result;
   }
 
-  // 1 + Rᵀ Σ (q² d_k/σ² − 1) D_k R, with R the root in the slopes of the levels: the information
-  // of priors does not change with either.
-  Matrix<Size> whitened(double quantile) const noexcept {
+  // 1 + Rᵀ [Σ (q² d_k/σ² − 1) D_k + (f − 1) P] R, with R the root in the slopes of the levels: the
+  // information P of priors changes with neither, but that of the last may stand for more.
+  Matrix<Size> whitened(double quantile, double of_prior) const noexcept {
     Matrix<Size> excess{};
+    excess[Size - 1][Size - 1] = (of_prior - 1.0) * last_prior_;
     for (std::size_t k = 0; k <= noise_.used; ++k) {
       add(excess, part(k), quantile * quantile * noise_.ratio[k] - 1.0);
     }
@@ -360,13 +362,14 @@ class ErrorWidening {
 
   // From a unit diagonal, so that nothing overflows. A pivot lost to rounding has no information
   // from the samples, and no noise.
-  Matrix<Size> inverse_root(const Vector<Size>& prior) const noexcept {
+  Matrix<Size> inverse_root(const Vector<Size>& prior) noexcept {
     Matrix<Size> m = rest_;
     for (std::size_t k = 0; k < noise_.used; ++k) add(m, part(k), 1.0);
     mirror(m);
     Vector<Size> unit{}, kept{};
     for (std::size_t i = 0; i < Size; ++i) {
-      m[i][i] += prior[i] * m[i][i];
+      last_prior_ = prior[i] * m[i][i];
+      m[i][i] += last_prior_;
       unit[i] = m[i][i] > 0.0 ? 1.0 / std::sqrt(m[i][i]) : 0.0;
       kept[i] = std::max(prior[i] / (1.0 + prior[i]), 1e-30);
     }
@@ -407,6 +410,7 @@ class ErrorWidening {
   const HaarLevels<Size, Number>& levels_;
   Matrix<Size> rest_;
   LevelNoise noise_;
+  double last_prior_ = 0.0;  // its information
   Matrix<Size> root_;
 };
 

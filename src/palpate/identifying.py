@@ -218,12 +218,14 @@ def identify(
 
 def _trusted_law(found: Identification) -> Identification:
     """Hunt–Crossley in place of a selected law that the diagnosis does not trust."""
-    if not found.estimator.chooses_law or found.diagnosis.verdict.overall != "do-not-trust":
+    assert found.data is not None
+    if not found.estimator.chooses_law:
         return found
+    stops = [each for each in found.diagnosis.findings if each.severity == "do-not-trust"]
+    if all(each in found.data.findings for each in stops):
+        return found  # the recording is wrong, whatever the law
     verdict, own = found.law_verdict, Candidate("hunt-crossley", "none")
-    if verdict is None or found.data is None:
-        return found
-    if all(each.candidate != own for each in verdict.model_ranking):
+    if verdict is None or all(each.candidate != own for each in verdict.model_ranking):
         return found  # another law was asked for
     names = {"gate", "outlier_rejection", "exponent"}.difference(found.chosen)
     plain = VariableProjection(**{name: found.estimator.settings[name] for name in names})

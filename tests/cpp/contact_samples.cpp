@@ -80,9 +80,54 @@ TEST("free air is not known better than coarse steps and correlation let it be")
   }
   const double white = 0.05 / 100.0;
   CHECK(std::abs(fine.prior(1e-9).deviation / white - 1.0) < 0.1);
-  // (Δ/π) exp(−2π²σ²/Δ²) is 1.7 mN; √((1 + r)/(1 − r)) at 0.9 is 4.4.
+  // (Δ/π) exp(−2π²σ²/Δ²) is 1.7 mN; √((1 + r)/(1 − r)) at 0.9 is 4.4. A few blocks tell it to a
+  // third, which Student's quantile allows for.
   CHECK(std::abs(coarse.prior(0.125).deviation / 1.8e-3 - 1.0) < 0.2);
-  CHECK(std::abs(slow.prior(1e-9).deviation / (4.36 * white) - 1.0) < 0.15);
+  CHECK(fine.inflation() == 1.0);
+  CHECK(slow.prior(1e-9).deviation > 0.85 * 4.36 * white);
+  CHECK(slow.prior(1e-9).deviation < 1.6 * 4.36 * white);
+}
+
+TEST("noise of a low-pass filter is not taken for one that decays as its neighbours do") {
+  detail::FreeAir air;
+  RandomNumbers random(6);
+  // Poles 0.9 twice: r = 2φ/(1 + φ²) = 0.994, of which (1 + r)/(1 − r) is 361. At rest the spectrum
+  // is (1 − φ²)³/((1 + φ²)(1 − φ)⁴) = 37.9 times that of white noise.
+  double first = 0.0, second = 0.0;
+  for (int k = 0; k < 20010; ++k) {
+    first = 0.9 * first + normal(random);
+    second = 0.9 * second + first;
+    air.add(-1.0, second, 1.0);
+  }
+  CHECK(air.inflation() > 0.4 * 37.9 && air.inflation() < 2.5 * 37.9);
+}
+
+TEST("two levels alone leave a coarse sensor's mean as open as their shares do") {
+  const double step = 0.125;
+  detail::FreeAir air;
+  RandomNumbers random(8);
+  // σ = Δ/5 at 0.4 Δ: a third of the samples on the upper level, 0.09 Δ off, and the variance of
+  // noise three times as large, which would hide that.
+  for (int k = 0; k < 10010; ++k) {
+    air.add(-1.0, step * (7.0 + std::round(0.4 + 0.2 * normal(random))), 1.0);
+  }
+  const double off = air.mean() - 7.4 * step;
+  CHECK(std::abs(off) > 0.05 * step);
+  CHECK(air.prior(step).deviation > 0.5 * std::abs(off));
+  CHECK(air.prior(step).deviation < 0.2 * step);
+}
+
+TEST("in correlated noise neighbours have to show more than its deviation") {
+  ContactSamples recent;
+  RandomNumbers random(9);
+  for (int k = 0; k < 40; ++k)
+    recent.push({1e-3, 0.0, 0.1 + 0.01 * normal(random)}, Role::sure, false);
+  CHECK(recent.pressed(8, 0.0));
+  recent.set_correlated(0.05 * 0.05, 100.0);  // three of 0.05 from neighbours that are as one
+  CHECK(!recent.pressed(8, 0.0));
+  CHECK(recent.pressed(8, -0.1));
+  recent.set_correlated(0.05 * 0.05, 1.0);
+  CHECK(recent.pressed(8, 0.0));
 }
 
 TEST("withdrawn samples change nothing in the end") {

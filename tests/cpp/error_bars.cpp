@@ -79,6 +79,12 @@ TEST("what a prior knows is not widened") {
   CHECK(known[0][0] > 5.0);
 }
 
+TEST("a prior that stands for less than its weight widens what it knows") {
+  const HaarLevels<2> levels = correlated(0.0, 20000);
+  const ErrorWidening<2, 1> widening(levels, {0.0, 1e6}, 1.0);
+  CHECK_NEAR(widening.root({{{0.0, 1.0}}}, 9.0)[1][1], 3.0, 1e-3);
+}
+
 TEST("few samples widen nothing") {
   const Matrix<2> none = widening(correlated(0.98, 20));
   CHECK(none[0][0] == 1.0 && none[1][0] == 0.0 && none[1][1] == 1.0);

@@ -86,7 +86,7 @@ void fuzz(Estimator estimator, std::uint64_t seed, int count) {
 
 static_assert(std::is_trivially_copyable_v<ViscoelasticContact>);
 static_assert(std::is_trivially_copyable_v<FullViscoelasticContact>);
-static_assert(sizeof(ViscoelasticContact) <= 4000);
+static_assert(sizeof(ViscoelasticContact) <= 4608);
 static_assert(sizeof(FullViscoelasticContact) <= 20000);
 
 TEST(

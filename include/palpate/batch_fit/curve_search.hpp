@@ -183,7 +183,7 @@ inline CurveMinima lowest_minima(const CurveModel& model, const CurveData& data)
   const CurveCost coarse(model, means.data()), cost(model, data);
   const CurveStarts starts =
       known ? known_surface_starts(means, coarse) : unknown_surface_starts(means, coarse);
-  std::array<CurveMinimum, CurveStarts::most + 2> found;
+  std::array<CurveMinimum, CurveStarts::most + 4> found;
   std::size_t count = 0, deepest = 0;
   const CurveDescent quick(coarse);
   const auto look = [&](const CurvePoint& start) noexcept {
@@ -192,14 +192,30 @@ inline CurveMinima lowest_minima(const CurveModel& model, const CurveData& data)
     ++count;
   };
   for (std::size_t i = 0; i < starts.count; ++i) look(starts.starts[i]);
-  if (!known && !model.priors().exponent_known()) {
+  const CurvePoint least = found[deepest].at;
+  const auto& [k, c, n, offset, surface] = least;
+  const bool beyond = k < 0.0 || std::abs(c) > 0.5 * k;
+  if (!model.priors().exponent_known() && (!known || beyond)) {
+    std::array<CurvePoint, 4> others{};
+    std::size_t more = 0;
+    const auto add = [&](double stiffness, double damping, double exponent) noexcept {
+      others[more++] = {stiffness, damping, exponent, offset, surface};
+    };
     // At v = a − b x, as of a probe that slows down while it goes in, xⁿ⁺¹ does in place of xⁿ: the
     // grid does not see the valleys of both.
-    const CurvePoint least = found[deepest].at;
-    for (const double away : {-1.0, 1.0}) {
-      CurvePoint other = least;
-      other[2] += away;
-      look(quick.with_linear_part(coarse.at(quick.bounded(other))));
+    if (!known) {
+      add(k, c, n - 1.0);
+      add(k, c, n + 1.0);
+    }
+    // Nor those beyond the ridge at k = 0: of a larger n and c ≥ 0, and of k < 0 with a large c.
+    if (beyond && (k < 0.0 || c < 0.0)) {
+      add(std::abs(k), 0.0, n + 1.0);
+      if (k < 0.0) add(-k, -k, n + 0.4);
+    } else if (beyond) {
+      add(-k, 1.5 * k, n - 1.0);
+    }
+    for (std::size_t i = 0; i < more; ++i) {
+      look(quick.with_linear_part(coarse.at(quick.bounded(others[i]))));
     }
   }
   const double lowest = found[deepest].cost, variance = found[deepest].state.variance;

@@ -13,6 +13,7 @@
 #include <cstdint>
 #include <numbers>
 
+#include "palpate/error_widening.hpp"
 #include "palpate/matrix.hpp"
 #include "palpate/sample.hpp"
 
@@ -79,6 +80,13 @@ class ContactSamples {
     for (std::size_t age = 0; age < side; ++age) ago(age).weight *= factor;
   }
 
+  // Where neighbours correlate: σ² of noise whose mean over N ≤ 8 samples has the variance f σ²/N.
+  // Differences of neighbours do not show it, and light samples would be those of negative noise.
+  void set_correlated(double variance, double inflation) noexcept {
+    const double most = static_cast<double>(side);
+    correlated_ = inflation > 1.0 ? std::sqrt(variance * std::min(inflation, most)) : 0.0;
+  }
+
   // Forgets the samples, but not the noise.
   void clear() noexcept { entries_ = {}; }
 
@@ -106,7 +114,7 @@ class ContactSamples {
     if (!(them.count > 0.0)) return true;
     const double excess = them.sum - them.count * zero;
     // |ΔF| of white noise has a median of 0.6745 √2 σ.
-    const double deviations = (3.0 / 0.954) * step_;
+    const double deviations = 3.0 * std::max(step_ / 0.954, correlated_);
     return excess > 0.0 && excess * excess > deviations * deviations * them.count;
   }
 
@@ -125,7 +133,8 @@ class ContactSamples {
 
   std::array<Entry, 2 * side + 2> entries_{};
   std::size_t newest_ = 0;
-  double step_ = 0.0;  // median |ΔF|
+  double step_ = 0.0;        // median |ΔF|
+  double correlated_ = 0.0;  // σ √f of correlated noise
   double least_step_ = 0.0;
   double pace_ = 0.0;             // steps are by one part in so many
   std::array<double, 2> move_{};  // down, up
@@ -151,24 +160,32 @@ class FreeAir {
   static constexpr double clearance = 0.02;
   static constexpr std::uint32_t fewest = 10;
 
-  void add(double penetration, double force, double forgetting_factor) noexcept {
+  // Whether the inflation was renewed.
+  bool add(double penetration, double force, double forgetting_factor) noexcept {
     if (!(penetration < -clearance)) {
       run_ = 0;
-      return;
+      return false;
     }
     if (run_ < fewest) {
       ++run_;
       last_ = 0.0;
-      return;
+      return false;
     }
     forget(forgetting_factor);
     weight_ += 1.0;
+    force_ = force;
     const double away = force - mean_;
     mean_ += away / weight_;
     const double rest = force - mean_;
     squares_ += away * rest;
     products_ += last_ * rest;
     last_ = rest;
+    levels_.add({1.0}, rest, forgetting_factor);
+    // A sixteenth more samples changes it by a fraction of its error.
+    if (static_cast<double>(++samples_) < 16.0 + weight_ / 16.0) return false;
+    samples_ = 0;
+    inflation_ = measured_inflation();
+    return true;
   }
 
   void forget(double factor) noexcept {
@@ -180,29 +197,64 @@ class FreeAir {
   bool known() const noexcept { return weight_ >= static_cast<double>(fewest); }
   double mean() const noexcept { return known() ? mean_ : 0.0; }
 
-  // s² = σ²/N (1 + r)/(1 − r) + δ²: the variance of the mean of noise with the neighbour
-  // correlation r, and the remaining error of rounding to steps Δ, δ = (Δ/π) exp(−2π²σ²/Δ²).
+  double variance() const noexcept {
+    return weight_ > 0.0 ? std::max(squares_, 0.0) / weight_ : 0.0;
+  }
+
+  // Variance of the mean over that of white noise: that of the longest blocks, where neighbours
+  // correlate (r > 4/√N); else 1.
+  double inflation() const noexcept { return inflation_; }
+
+  // s² = f σ²/N + δ²: the variance of the mean of noise with the inflation f, or with the neighbour
+  // correlation r, (1 + r)/(1 − r), if larger; and the remaining error of rounding to steps Δ,
+  // δ = (Δ/π) exp(−2π²σ²/Δ²).
   OffsetPrior prior(double step) const noexcept {
-    const double variance = std::max(squares_, 0.0) / weight_;
-    const double correlation = squares_ > 0.0 ? std::clamp(products_ / squares_, 0.0, 0.999) : 0.0;
-    const double of_mean = variance / weight_ * (1.0 + correlation) / (1.0 - correlation);
+    const double variance = this->variance();
+    const double of_mean = variance / weight_ * (inflation_ > 1.0 ? inflation_ : neighbours());
     constexpr double pi = std::numbers::pi;
     double rounding = 0.0;
     if (step > 0.0) {
-      const double before = std::max(variance / (step * step) - 1.0 / 12.0, 0.0);
+      const double squared = variance / (step * step);
+      const double before = std::max(squared - 1.0 / 12.0, 0.0);
       rounding = step / pi * std::exp(-2.0 * pi * pi * before);
+      // Of two levels alone the upper one's share p is known, and no noise: the mean is anywhere
+      // from p, without noise ½, to what is measured.
+      const double from_level = (force_ - mean_) / step;
+      const double share = from_level - std::floor(from_level);
+      constexpr double others = 0.005;  // what further levels add to p (1 − p) at σ = Δ/3
+      if (squared < share * (1.0 - share) + others) {
+        rounding = std::max(rounding, step * std::abs(share - 0.5) / std::numbers::sqrt3);
+      }
     }
     constexpr double least = 1e-6;  // of the unit: no force sensor is better than 1e-5
     return {mean_, std::max(std::sqrt(of_mean + rounding * rounding), least)};
   }
 
  private:
+  double correlation() const noexcept {
+    return squares_ > 0.0 ? std::clamp(products_ / squares_, 0.0, 0.999) : 0.0;
+  }
+  double neighbours() const noexcept { return (1.0 + correlation()) / (1.0 - correlation()); }
+
+  double measured_inflation() const noexcept {
+    if (!(correlation() * std::sqrt(weight_) > 4.0)) return 1.0;
+    // Of many samples 32 pairs of blocks and more: eight tell a variance to a half only.
+    const LevelNoise noise(levels_, variance(), {1.0, true, std::max(8.0, weight_ / 512.0)});
+    if (noise.measured < 3) return neighbours();  // no growth is known
+    const double quantile = widened_quantile(2.0 / noise.scatter);
+    return std::max(quantile * quantile * noise.ratio[noise.used], 1.0);
+  }
+
+  HaarLevels<1, float> levels_;
   double weight_ = 0.0;
   double mean_ = 0.0;
   double squares_ = 0.0;   // Σ (F − mean)²
   double products_ = 0.0;  // the same of neighbours
   double last_ = 0.0;
+  double force_ = 0.0;  // the latest, one of the levels of a coarse sensor
+  double inflation_ = 1.0;
   std::uint32_t run_ = 0;
+  std::uint32_t samples_ = 0;  // since it was renewed
 };
 
 // Departure of a fit's offset from its prior, in standard deviations: above the first the tare is

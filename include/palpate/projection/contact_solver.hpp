@@ -99,7 +99,9 @@ class ContactSolver {
   void free(const Sample& sample, double forgetting_factor) noexcept {
     if (!chooses_) return;
     recent_.push(sample, Role::free, false);
-    air_.add(sample.penetration, sample.force, forgetting_factor);
+    if (air_.add(sample.penetration, sample.force, forgetting_factor)) {
+      recent_.set_correlated(air_.variance(), air_.inflation());
+    }
     finish_pending();
   }
 
@@ -148,13 +150,15 @@ class ContactSolver {
   [[gnu::noinline]] ProjectionSolution solve() const noexcept {
     const Tare tare = offset_prior();
     PowerSums sums = firm();
-    ProjectionSolution best = fitted(sums, tare.prior);
+    ProjectionSolution best = fitted(sums, {tare.prior.mean, 0.0});
+    const double slow = best.inflation = inflation(best.noise_variance);
     best.tare_refuted = tare.refuted;
     if (settings_.offset && tare.prior.deviation > 0.0) {
-      const OffsetPrior wide{tare.prior.mean, 0.0};
-      const ProjectionSolution open = fitted(sums, wide);
-      const double away = deviations(open, tare.prior);
-      if (away > largest_offset) best = open;
+      const double away = deviations(best, tare.prior);
+      // Beside samples of which f count as one, a prior weighs f times as much.
+      const OffsetPrior weighed{tare.prior.mean, tare.prior.deviation / std::sqrt(slow)};
+      if (!(away > largest_offset)) best = fitted(sums, weighed);
+      best.inflation = slow;
       best.tare_refuted = tare.refuted || (!tare.of_air && away > suspect_offset);
     }
     if (!(light_.weight() > 0.0)) return best;
@@ -165,7 +169,8 @@ class ContactSolver {
     sums.include(light_.sums(), light_.factor());
     ProjectionSolution joined = fitted(sums, {best.prior_mean, best.prior_deviation});
     joined.tare_refuted = best.tare_refuted;
-    best.lost_above = excess(best, joined) > largest_excess;
+    joined.inflation = slow;
+    best.lost_above = excess(best, joined) > largest_excess * std::sqrt(slow);
     return best.lost_above ? best : joined;
   }
 
@@ -189,9 +194,16 @@ class ContactSolver {
     return looser ? Tare{{0.0, kept_offset_}, true, tare.refuted} : tare;
   }
 
+  // Variance of the slow noise that free air shows over that of the residual in contact: it takes f
+  // samples to tell as much as one in white noise. Misfit of the law is none of it.
+  double inflation(double variance) const noexcept {
+    return std::max(air_.inflation() * std::min(air_.variance() / std::max(variance, tiny), 1.0),
+                    1.0);
+  }
+
   // Departure of a nearly free offset from a prior.
   static double deviations(const ProjectionSolution& open, const OffsetPrior& prior) noexcept {
-    const double error = std::sqrt(dot(open.root[3], open.root[3]));
+    const double error = std::sqrt(open.inflation * dot(open.root[3], open.root[3]));
     return std::abs(open.offset - prior.mean) / combined(error, prior.deviation);
   }
 
@@ -247,6 +259,7 @@ class ContactSolver {
     r.tare_refuted = choice.tare_refuted;
     r.prior_mean = choice.prior_mean;
     r.prior_deviation = choice.prior_deviation;
+    r.inflation = choice.inflation;
     r.offset += choice.prior_mean;
     return r;
   }

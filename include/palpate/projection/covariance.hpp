@@ -89,7 +89,8 @@ struct ProjectionSolution : ScaledLaw {
   bool lost_above;             // contact is lost above the surface: light samples are excluded
   bool tare_refuted;           // F₀ is beyond the prior that a tare gave
   double prior_mean;           // of the prior of F₀ that was used …
-  double prior_deviation;      // … and its deviation
+  double prior_deviation;      // … and its deviation, by which it was weighed:
+  double inflation = 1.0;      // Var over its square, and samples that count as one in contact
 };
 
 // A quotient's denominator never is zero with this added, and no sum of squares feels it.
@@ -375,7 +376,8 @@ inline void say_identifiable(ProjectionSolution& p, const std::array<bool, 5>& g
     rows[2][j] = p.root[2][j];
   }
   const Matrix<4> root =
-      ErrorWidening<4, 3>(levels, prior_fractions, p.root_variance, of_all_samples).root(rows);
+      ErrorWidening<4, 3>(levels, prior_fractions, p.root_variance, of_all_samples)
+          .root(rows, p.inflation);
   Matrix<5> widening{};
   double widest = 1.0;
   for (std::size_t i = 0; i < 4; ++i) {

@@ -200,15 +200,18 @@ def _sharpened(fit: Fit, cut: Cut) -> Cut:
 
 
 def _without_slivers(fit: Fit, cut: Cut) -> Cut:
-    """Drop borders nearer than half a period: a filtered velocity smears a change over some rows,
-    which no law describes, and which are no material.
+    """Drop borders nearer than half a period to another or to an end.
+
+    A filtered velocity smears a change over some rows, which no law describes, and which are no
+    material; nor are the few rows at an end where it sees but half of its window.
     """
     while True:
-        times = fit.time[cut.borders]
-        if not np.any(np.diff(times) < 0.5 * fit.period):
+        lengths = np.diff(fit.time[[0, *cut.borders, -1]])
+        if not cut.borders or lengths.min() >= 0.5 * fit.period:
             return cut
-        near = int(np.argmin(np.diff(times)))
-        kept = [[b for k, b in enumerate(cut.borders) if k != drop] for drop in (near, near + 1)]
+        near = int(np.argmin(lengths))
+        drops = {max(near - 1, 0), min(near, len(cut.borders) - 1)}
+        kept = [[b for k, b in enumerate(cut.borders) if k != drop] for drop in drops]
         cut = min((_fitted(fit, each, cut.exponent) for each in kept), key=_ENERGY)
 
 

@@ -16,7 +16,13 @@ from palpate.diagnosis.finding import Laws
 from palpate.digits import format_quantity, rounded
 from palpate.findings import Finding
 from palpate.preparation.gates import noise_of
-from palpate.preparation.velocity import largest_of, spiked, step_of, window_samples
+from palpate.preparation.velocity import (
+    largest_of,
+    slope_weights,
+    spiked,
+    step_of,
+    window_samples,
+)
 from palpate.validation import Floats
 
 
@@ -39,8 +45,11 @@ class Data:
         self.force = contact.force[self.known]
         self.segment = contact.segment[self.known]
         self.sample_time = contact.sample_time
+        own = contact.provenance.get("velocity", "")
         #: Whether the velocity was worked out from the penetration, and not recorded.
-        self.differentiated = contact.provenance.get("velocity", "").startswith("centred")
+        self.differentiated = own.startswith("centred")
+        #: Degree of the polynomial of which it is the slope.
+        self.degree = 4 if own.startswith("centred quartic") else 2
         #: By how they were compared: methods of one contact share them.
         self.laws: dict[str, Laws] = {}
 
@@ -68,21 +77,25 @@ class Data:
 
     @cached_property
     def velocity_noise(self) -> float:
-        """Standard deviation of the velocity's noise, m/s.
-
-        The slope of a parabola over W samples Δt apart has σ_v² = 12 σ_x²/(W (W² − 1) Δt²).
-        """
+        """Standard deviation of the velocity's noise, m/s: σ_v² = Σ w² σ_x²/Δt² of the filter."""
         if not self.differentiated:
             return noise_of(self.velocity)
-        width = window_samples(self.sample_time)
-        spread = width * (width**2 - 1.0)
-        return float(self.penetration_noise * np.sqrt(12.0 / spread) / self.sample_time)
+        weights = slope_weights(self.filter_samples, self.degree)
+        return float(self.penetration_noise * np.linalg.norm(weights) / self.sample_time)
+
+    @property
+    def filter_samples(self) -> int:
+        """Samples in the window of the velocity's filter."""
+        prepared = self.contact.prepared
+        length: float | None = prepared.window if prepared is not None else None
+        if not length:
+            return window_samples(self.sample_time)
+        return max(round(length / self.sample_time), 3) | 1
 
     @property
     def wider_window(self) -> str:
         """Next step where a differentiated velocity is noisy: twice the filter's window."""
-        prepared = self.contact.prepared
-        window = (prepared.window if prepared is not None else None) or 15e-3
+        window = self.filter_samples * self.sample_time
         return f"run again with --velocity-window {2.0 * window:.2g}"
 
     @cached_property
@@ -225,12 +238,25 @@ SOME, MANY = 1e-3, 2e-2  # of the samples
 # Of the rms of the velocity: below it the probe turns, and friction jumps from side to side within
 # a sample (on the robot at up to 0.26). Spikes come at any speed, so they are counted above it.
 SLOW = 1.0 / 3.0
+# Of the largest force, and of its noise: heavier tails than a Gaussian's are no spikes.
+LARGE, FAR = 0.05, 16.0
+FEWEST_SPIKES = 3.0
 FEWEST_FAST = 0.2  # of the samples; with fewer all are counted
+
+
+def _leaps(data: Data, at: NDArray[np.intp]) -> Floats:
+    """How far samples of the force are from the mean of their neighbours, N."""
+    before, after = np.maximum(at - 1, 0), np.minimum(at + 1, len(data) - 1)
+    leaps: Floats = np.abs(data.force[at] - 0.5 * (data.force[before] + data.force[after]))
+    return leaps
 
 
 def spikes(data: Data) -> Finding | None:
     """More than 0.1 % of the samples are spikes; of the force only where the probe moves."""
     force, penetration = spiked(data.force), spiked(data.penetration)
+    force[force] = _leaps(data, np.flatnonzero(force)) > max(
+        LARGE * data.peak_force, FAR * data.force_noise
+    )
     speed = np.abs(data.velocity)
     fast = speed > SLOW * np.sqrt(np.mean(speed**2))
     if np.mean(fast) < FEWEST_FAST:
@@ -238,7 +264,7 @@ def spikes(data: Data) -> Finding | None:
     fractions = {"force": float(np.mean(force[fast])), "penetration": float(np.mean(penetration))}
     name = max(fractions, key=fractions.__getitem__)
     part = fractions[name]
-    if part <= SOME:
+    if part <= SOME or part * len(data) < FEWEST_SPIKES:
         return None
     return Finding.of_both(
         "do-not-trust" if part > MANY else "with-care",

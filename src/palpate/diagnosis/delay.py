@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from palpate.diagnosis.finding import TASK_SPEED, remedy_of_memory
 from palpate.diagnosis.fit import (
+    MISFIT,
     AugmentedFit,
     Band,
     Fit,
@@ -20,6 +21,9 @@ from palpate.diagnosis.fit import (
 )
 from palpate.digits import format_quantity, rounded, with_error
 from palpate.validation import Floats
+
+# Of the sensor's gain: a curve that bends more is the material's.
+MOST_CURVED = 0.3
 
 
 def columns(fit: Fit) -> list[MisfitHypothesis]:
@@ -34,7 +38,6 @@ def columns(fit: Fit) -> list[MisfitHypothesis]:
     spring = spring / (float(np.median(spring)) or 1.0)  # ξⁿ of a power law
     slope = slope / (float(np.median(slope)) or 1.0)  # ξⁿ⁻¹ of a power law
     logarithm = np.log(np.maximum(depth, 1e-12))
-    rate = np.gradient(data.velocity, np.maximum(np.gradient(data.time).cumsum(), data.time))
     values = {
         "gain drift": law.force(x, fit.v) * time,
         "offset drift": time,
@@ -46,11 +49,14 @@ def columns(fit: Fit) -> list[MisfitHypothesis]:
         # ∂²F/∂n², or where the exponent is fixed ∂F/∂n: xⁿ is the tip's as far as that is known.
         "shape": spring * (logarithm if fit.fixed else logarithm**2),
         "square speed": spring * speed * np.abs(speed),
-        "inertia": rate[samples],  # times the mass that moves beyond the sensor it is a force
+        "sensor gain": law.force(x, fit.v) ** 2 / (fit.force_at_depth(law) or 1.0),
+        "inertia": fit.acceleration,  # times the mass that moves beyond the sensor it is a force
     }
     causes = []
     for name, column in zip(values, fit.band.mean(np.array([*values.values()]).T).T, strict=True):
         found = augmented_fit(fit, column)
+        if name == "sensor gain" and found is not None and abs(found.amount) > MOST_CURVED:
+            continue
         if found is not None:
             causes.append(cause_of(fit, name, found, *_explained(fit, name, found.amount)))
     return causes
@@ -93,6 +99,10 @@ def _explained(fit: Fit, name: str, amount: float) -> tuple[str, str]:
             "the damping force is not proportional to the speed",
             TASK_SPEED,
         ),
+        "sensor gain": (
+            f"the force sensor's gain changes by {abs(amount):.0%} up to the working force",
+            "calibrate the force sensor at several forces",
+        ),
         "inertia": (
             f"a mass of {rounded(amount, 2)} kg moves between the force sensor and the material"
             if amount > 0.0
@@ -118,14 +128,15 @@ def cause_of(
         parameter -= float(change[2]) * math.log(fit.units.depth)
     moves = moves or (lambda it: it.moves(change))
     found = result.z, result.gain, parameter
-    return MisfitHypothesis(name, *found, sentence, remedy, moves, *moves(fit))
+    settled = name != "shape" or fit.ratio * math.sqrt(max(1.0 - result.gain, 0.0)) < MISFIT
+    return MisfitHypothesis(name, *found, sentence, remedy, moves, *moves(fit), settled)
 
 
 # Delay: the force late, or early, against the penetration.
 
 LONGEST = 25e-3  # s; beyond that a recording is out of step, not late
-LEAST = 0.3  # samples; less is the sampling itself
 MOST_ROWS = 700  # on which whole shifts are tried
+OFF_AXIS, SOFT_MOUNT = 10.0, 0.05  # degrees; part of the stiffness
 ROUGHLY = 1e-3  # of the energy, to which a shift is tried: one sample more changes it by more
 
 
@@ -151,7 +162,7 @@ def delay(fit: Fit) -> list[MisfitHypothesis]:
         change = np.zeros_like(fine.change)
         change[: len(before.law.symbols)] = moved.law.parameters - before.law.parameters
         result = AugmentedFit(change, late, fine.z, max(fit.gain(moved.energy), fine.gain))
-    if abs(shift) >= reach or abs(late) < LEAST * step:
+    if abs(shift) >= reach:
         return []
     error = abs(fine.amount) / max(fine.z, 1e-300)
     sentence = (
@@ -184,6 +195,25 @@ def delay_sensitivity(fit: Fit) -> str:
     if fit.laws.verdict.candidate.damping != "half-space":
         return words
     return f"{words}; no check can distinguish half-space damping from a force that is early"
+
+
+def unseen(fit: Fit) -> str:
+    """Describe what no recording can show, and what it would cost.
+
+    At θ to the normal both x and F are their projections: S = ∂F/∂x keeps cosᵖ⁺¹ θ and C cosᵖ⁺² θ,
+    with p = x S/F, which is n of a power law. A mount of stiffness k in series leaves S k/(S + k).
+    """
+    law, part = fit.solution.law, math.cos(math.radians(OFF_AXIS))
+    stiffness, force = fit.stiffness(law), fit.force_at_depth(law)
+    power = fit.depth * stiffness / force if force else 1.0
+    lost = (1.0 - part ** (power + 1.0), 1.0 - part ** (power + 2.0))
+    soft = format_quantity(abs(stiffness) * (1.0 / SOFT_MOUNT - 1.0), "N/m")
+    return (
+        "no recording can show an oblique probe, a wrong scale or a soft mount: "
+        f"{OFF_AXIS:.0f}° off the surface normal make the stiffness {lost[0]:.1%} and the damping "
+        f"{lost[1]:.1%} too small, 1 % of scale changes them by 1 %, and a mount softer than "
+        f"{soft} makes the stiffness over {SOFT_MOUNT:.0%} too small"
+    )
 
 
 def _by_delay(fit: Fit, shift: int) -> Floats:

@@ -10,15 +10,18 @@ from operator import attrgetter
 
 import numpy as np
 
+from palpate.diagnosis.adhesion import adhesion_or_memory
 from palpate.diagnosis.change import Changes, changes
+from palpate.diagnosis.chosen_law import at_most_care, held_out, one_relaxation_time
 from palpate.diagnosis.data import VELOCITY_NONE, Data, beat_of
-from palpate.diagnosis.delay import columns, delay, delay_sensitivity, memory
+from palpate.diagnosis.delay import columns, delay, delay_sensitivity, unseen
 from palpate.diagnosis.finding import Diagnosis, Episode, Laws, Quantity, Verdict, WorkingDepth
 from palpate.diagnosis.fit import FEWEST_ROWS, Fit, MisfitHypothesis, Search
 from palpate.diagnosis.forecast import ahead
 from palpate.diagnosis.marks import (
     OFF,
     Judged,
+    air,
     better_law,
     excitation,
     extrapolation,
@@ -27,9 +30,9 @@ from palpate.diagnosis.marks import (
     marks_of,
     method,
     misfit,
+    misfit_moves,
     nothing_known,
     offset,
-    ratio,
     sign,
     standard_errors,
     surface,
@@ -40,6 +43,7 @@ from palpate.digits import rounded
 from palpate.estimators.estimate import Estimate, Trace
 from palpate.estimators.law_verdicts import ONE_WAY
 from palpate.findings import MARKS, SEVERITIES, Finding, Mark, worst
+from palpate.preparation.velocity import filter_gain
 from palpate.stages import timed
 
 SHORTEST = 5  # samples
@@ -158,9 +162,20 @@ def velocity_noise(fit: Fit) -> Finding | None:
 _LOGGER = logging.getLogger(__name__)
 
 #: Each looks at the fit as a whole.
-CHECKS = (flat, method, excitation, one_way, offset, velocity_noise, misfit, ahead, extrapolation)
+CHECKS = (
+    flat,
+    method,
+    excitation,
+    one_way,
+    offset,
+    air,
+    velocity_noise,
+    misfit,
+    ahead,
+    extrapolation,
+)
 #: Each looks for causes beside the fit.
-SEARCHES: tuple[Search, ...] = (columns, memory, delay, surface)
+SEARCHES: tuple[Search, ...] = (columns, adhesion_or_memory, delay, surface)
 
 
 @timed("diagnosis")
@@ -220,11 +235,13 @@ def _diagnosed(
         _LOGGER.debug("search for %s: %.4f s", search.__name__, time.perf_counter() - begun)
     if changed is not None:
         causes.append(changed.cause)
-    judged = judge(causes, ratio(fit), unexplained(fit))
+    judged = judge(causes, unexplained(fit), near_noise=fit.near_noise)
     if not any(finding.check == "change" for finding in judged.findings):
         changed = None
-    if changed is None:  # of two materials one law is none
-        judged = _with_better_law(fit, judged)
+    judged = _with_better_law(fit, judged, changed)
+    if changed is None and (held := held_out(fit)) is not None:
+        counted = (*judged.counted, (held[0], 1.0))
+        judged = replace(judged, findings=[*judged.findings, held[1]], counted=counted)
     named_surface = bool(judged.findings) and judged.findings[0].check == "surface"
     found += judged.findings
     for check in CHECKS:
@@ -232,24 +249,33 @@ def _diagnosed(
         if finding is not None and not (finding.check == "offset" and named_surface):
             found.append(finding)
     found += _notes(fit)
-    judged = _moved_by_velocity(fit, judged, found)
+    judged = _with_least_parts(fit, judged, found)
     depths = tuple(working_depth(fit.at_depth(depth), judged) for depth in (fit.depth, *others))
-    found += sign(fit, depths[0], found)
+    detected = replace(judged, undetected=(0.0, 0.0))
+    found += sign(fit, working_depth(fit, detected), found)
     episodes = () if changed is None else _episodes(fit, changed)
     said = {finding.message for finding in found}
     found += [n for n in notes if n.message not in said and not (episodes and n.severity == "note")]
     return _whole(found, depths, episodes, fit.laws)
 
 
-def _with_better_law(fit: Fit, judged: Judged) -> Judged:
-    """With the law that model selection prefers, and how far it changes the result."""
-    cause = better_law(fit)
-    if cause is None:
+def _with_better_law(fit: Fit, judged: Judged, changed: Changes | None) -> Judged:
+    """With the law that model selection prefers, and how far it changes the result.
+
+    Of two materials one law is none; but of one that relaxes the changes explain less.
+    """
+    cause = one_relaxation_time(fit)
+    if changed is None:
+        cause = cause or better_law(fit)
+    elif cause is not None and cause.gain <= changed.cause.gain:
         return judged
     checks = [finding.check for finding in judged.findings]
+    if cause is None or checks[:1] == ["adhesion"]:  # which laws with memory fit some of
+        return judged
     if "delay" in checks:  # which looks like another damper, or like memory
         cause = replace(cause, remedy=f"{cause.remedy}, unless the force is known to be late")
-    found = finding_of(cause, "note", *marks_of(cause))
+    chosen = fit.laws is not None and fit.laws.own
+    found = at_most_care(cause) if chosen else finding_of(cause, "note", *marks_of(cause))
     # The cause that explains most comes first; of relaxation, its own finding.
     first = cause.gain > max((each.gain for each, _ in judged.counted), default=0.0)
     place = 0 if first and checks[:1] not in (["memory"], ["surface"]) else 1
@@ -257,22 +283,33 @@ def _with_better_law(fit: Fit, judged: Judged) -> Judged:
     return replace(judged, findings=findings, counted=(*judged.counted, (cause, 1.0)))
 
 
-def _moved_by_velocity(fit: Fit, judged: Judged, found: list[Finding]) -> Judged:
-    """With the error of the damping that a wrong or filtered velocity causes.
+#: Checks whose findings say how far they move the numbers; none of them is a column of the fit.
+OWN_MOVES = ("velocity noise", "velocity column", "free air")
+
+
+def _with_least_parts(fit: Fit, judged: Judged, found: list[Finding]) -> Judged:
+    """With the least systematic parts: by misfit, velocity and free air.
 
     At a frequency ω the slope of the parabola through a window of T keeps 1 − (ωT/2)²/10 of the
-    velocity, and the damping becomes as much larger: 0.1 % at 2 Hz by the usual 15 ms.
+    velocity, and the damping becomes as much larger: 0.1 % at 2 Hz by the usual 15 ms. What counts
+    is ω² = ⟨a²⟩/⟨v²⟩.
     """
-    parts = [f.moves_damping_percent for f in found if f.check.startswith("velocity")]
-    moves = np.abs(parts) / 100.0
-    least = max(judged.damping, float(moves.max(where=np.isfinite(moves), initial=0.0)))
-    prepared = fit.data.contact.prepared
-    if prepared is not None and prepared.window is not None and fit.period > 0.0:
-        lost = (math.pi * prepared.window / fit.period) ** 2 / 10.0
+    parts = [judged.least, misfit_moves(fit)]
+    for finding in found:
+        if finding.check in OWN_MOVES:
+            moves = finding.moves_stiffness_percent, finding.moves_damping_percent
+            by_stiffness, by_damping = np.abs(np.nan_to_num(moves, posinf=0.0)).tolist()
+            parts.append((by_stiffness / 100.0, by_damping / 100.0))
+    if fit.data.differentiated and np.any(fit.v):
+        speed = fit.band.mean(fit.v) * fit.units.speed
+        ratio = np.linalg.norm(fit.band.mean(fit.acceleration)) / np.linalg.norm(speed)
+        turn = min(float(ratio) * fit.data.sample_time, math.pi)
+        lost = 1.0 - filter_gain(fit.data.filter_samples, fit.data.degree, turn)
         moved = lost * abs(fit.damping(fit.solution.law))
         if moved > OFF * standard_errors(fit)[2]:
-            least = max(least, moved / fit.sizes[1])
-    return replace(judged, damping=least)
+            parts.append((0.0, moved / fit.sizes[1]))
+    stiffness, damping = np.max(parts, axis=0).tolist()
+    return replace(judged, least=(stiffness, damping))
 
 
 def _whole(
@@ -302,6 +339,7 @@ def _nothing_to_check(fit: Fit) -> Finding:
 def _notes(fit: Fit) -> list[Finding]:
     notes = [
         Finding("skew", delay_sensitivity(fit)),
+        Finding("unseen", unseen(fit)),
         Finding(
             "peak force",
             f"the largest force is {rounded(fit.data.peak_force, 3)} N, the largest penetration "

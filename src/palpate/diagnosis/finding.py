@@ -227,12 +227,23 @@ class Laws:
         Whether it is the identification's own law.
     longest : float
         The longest relaxation time that was looked for, s.
+    one_time : Laws, optional
+        Those with one relaxation time, by the same samples, where that was not offered.
+    before : Laws, optional
+        The same by the first two thirds of the contact.
+    missed, surprise : float
+        Rms error of the force that :attr:`before` predicts for the last third, of its rms force,
+        and over the rms error in its own samples.
     """
 
     law: GeneralisedHuntCrossley
     verdict: LawVerdict
     own: bool = False
     longest: float = 0.0
+    one_time: "Laws | None" = None
+    before: "Laws | None" = None
+    missed: float = 0.0
+    surprise: float = 0.0
 
     @property
     def of_all(self) -> bool:

@@ -71,6 +71,12 @@ def equivalent_hunt_crossley(
 MOST_ROWS = 4000
 WINDOWS_A_PERIOD = 20
 FEWEST_ROWS = 60  # below that there is no saying how the residual is correlated
+# Times the noise; clean recordings have 0.67 to 1.5. Without free air slow noise is not known: in
+# AR(1) noise of 0.98 the residual of a good law is then up to 8 times what is.
+MISFIT, MISFIT_UNKNOWN = 3.0, 10.0
+NOISE_LIKE = 1.5  # times the noise
+SLOW = 2.0  # windows; over more, free air's own share of the noise is uncertain
+FOURTH = 70.0  # 1 + 16 + 36 + 16 + 1, the variance of a fourth difference of white noise
 FEWEST_FREE = 50  # samples above the surface; with fewer an error of the surface does not show
 
 
@@ -147,6 +153,15 @@ def band_of(
     """
     count = int(np.count_nonzero(inside))
     width = int(np.clip(period / WINDOWS_A_PERIOD / sample_time, 1, max(count // 40, 1)))
+    return _windows(inside, segment, period, width)
+
+
+def _windows(
+    inside: NDArray[np.bool_], segment: NDArray[np.int64], period: float, width: int
+) -> Band:
+    """Windows of so many samples that are wholly inside, each a third of it after the last."""
+    if len(inside) < width:
+        return Band(np.empty(0, np.intp), np.empty((width, 0), np.intp), period)
     broken = np.concatenate([[0], np.cumsum((~inside[1:]) | (np.diff(segment) != 0))])
     starts = np.arange(len(inside) - width + 1)
     whole = inside[starts] & (broken[starts + width - 1] == broken[starts])
@@ -441,12 +456,142 @@ class Fit:
 
     @cached_property
     def floor(self) -> float:
-        """What noise leaves of a row of the band, N: of a sample's √(σ² + S²σ_x² + C²σ_v²)."""
+        """What noise leaves of a row of the band, N.
+
+        White noise is that of a sample, √(σ² + S²σ_x² + C²σ_v²), in contact, where it may grow with
+        the force. Of slow noise the force in free air tells, or without free air what the residual
+        shows above the band of the motion.
+        """
         x = np.maximum(self.x, 1e-12)
         slope = self.solution.law.penetration_gradient(x, self.v) / self.units.depth
         by_x = np.mean(slope**2) * self.data.penetration_noise**2
         by_v = (self.damping(self.solution.law) * self.data.velocity_noise) ** 2
-        return math.sqrt(self.data.force_noise**2 + by_x + by_v) / math.sqrt(self.band.width)
+        force = max(self.data.force_noise, self._noise_in_contact)
+        white = math.sqrt(force**2 + by_x + by_v) / math.sqrt(self.band.width)
+        above = self._above_band
+        slow = min(self.air.noise, MOST_SLOW * max(white, above)) if self.air.noise else above
+        return max(white, slow)
+
+    @property
+    def _noise_in_contact(self) -> float:
+        """Rms of the force's white noise in contact, N, by fourth differences."""
+        inside, force = self.inside, self.data.force
+        whole = inside[:-4] & inside[1:-3] & inside[2:-2] & inside[3:-1] & inside[4:]
+        differences = np.diff(force, 4)[whole]
+        return float(np.sqrt(np.mean(differences**2) / FOURTH)) if differences.size else 0.0
+
+    @cached_property
+    def correlated(self) -> float:
+        """Rows of the band over which noise is correlated, by free air.
+
+        Of AR(1) noise the variance over that of its fourth differences is 0.9 correlation times.
+        """
+        above = self._above_band
+        slow = (self.floor / above) ** 2 if self.air.noise and above > 0.0 else 1.0
+        return (1.0 + len(self.band.shared)) * max(slow, 1.0)
+
+    @property
+    def ratio(self) -> float:
+        """Residual of the band over its noise floor; 1 where the law holds to the noise."""
+        rms = math.sqrt(self.solution.energy / max(len(self.band), 1))
+        return rms / self.floor if self.floor > 0.0 else math.inf
+
+    @cached_property
+    def acceleration(self) -> Floats:
+        """At the band's samples, m/s²."""
+        time = np.maximum(np.gradient(self.data.time).cumsum(), self.data.time)
+        rate: Floats = np.gradient(self.data.velocity, time)
+        return rate[self.band.samples]
+
+    @property
+    def near_noise(self) -> bool:
+        """Whether the residual is so near noise that a cause that moves little is but a note."""
+        slow = self.correlated > SLOW * (1.0 + len(self.band.shared))
+        return self.ratio < (MISFIT if slow else NOISE_LIKE)
+
+    @property
+    def misfits(self) -> bool:
+        """Whether the residual is more than noise."""
+        known = self.air.windows >= WINDOWS_A_PERIOD
+        return self.ratio > (MISFIT if known else MISFIT_UNKNOWN)
+
+    @cached_property
+    def air(self) -> "FreeAir":
+        """The force in free air, in windows as long as the band's."""
+        free = np.flatnonzero(self.free)
+        if free.size < FEWEST_FREE:
+            return FreeAir()
+        # The uppermost are left out: they touch where the surface is higher than is said.
+        above = self.penetration <= np.percentile(self.penetration[free], LOWEST_FREE)
+        windows = _windows(self.free & above, self.data.segment, self.period, self.band.width)
+        return _free_air(self, windows)
+
+    @property
+    def _above_band(self) -> float:
+        """Noise of a row by fourth differences of the residual, from window to window, N."""
+        starts = self.band.samples[self.band.windows[0]]
+        step = int(np.median(np.diff(starts))) if len(starts) > 1 else 0
+        lag = -(-self.band.width // step) if step else 1
+        if len(starts) < 4 * lag + FEWEST_ROWS or not 0 < step <= 2 * self.band.width:
+            return 0.0
+        whole = starts[4 * lag :] - starts[: -4 * lag] == 4 * lag * step
+        differences = self.solution.residual
+        for _ in range(4):
+            differences = differences[lag:] - differences[:-lag]
+        differences = differences[whole]
+        return float(np.sqrt(np.mean(differences**2) / FOURTH)) if differences.size else 0.0
+
+
+# Free air: what the sensor reads where nothing is touched.
+
+LOWEST_FREE = 75.0  # percent of the samples above the surface
+FEWEST_WINDOWS = 3  # of a stretch, beside one another
+# Times quicker noise: more is no noise, but a force that begins above the surface.
+MOST_SLOW = 10.0
+
+
+@dataclass(frozen=True, slots=True)
+class FreeAir:
+    """Force in free air beside a constant of each stretch: noise, and what moves with the probe.
+
+    Attributes
+    ----------
+    noise : float
+        Rms of a window's mean, N.
+    windows : float
+        How many there are beside one another.
+    slopes, errors : tuple of float
+        ∂F/∂x [N/m] and ∂F/∂v [N·s/m] in free air, and their standard errors.
+    """
+
+    noise: float = 0.0
+    windows: float = 0.0
+    slopes: tuple[float, float] = (0.0, 0.0)
+    errors: tuple[float, float] = (math.inf, math.inf)
+
+
+def _free_air(fit: Fit, band: Band) -> FreeAir:
+    starts = band.samples[band.windows[0]]
+    step = max(band.width // 3, 1)
+    stretch = np.cumsum(np.diff(starts, prepend=starts[:1]) > max(band.width, 2 * step))
+    count = np.bincount(stretch) * step / band.width  # windows beside one another
+    long = (count >= FEWEST_WINDOWS)[stretch]
+    if not long.any():
+        return FreeAir()
+    at, data = band.samples, fit.data
+    rows = band.mean(np.column_stack([data.force[at], data.penetration[at], data.velocity[at]]))
+    means = np.array([np.bincount(stretch, column) for column in rows.T])
+    rows = (rows - (means / np.bincount(stretch)).T[stretch])[long]
+    force, motion = rows[:, 0], rows[:, 1:]
+    counted = count[count >= FEWEST_WINDOWS]
+    left = 1.0 - counted.size / float(counted.sum())  # their own means take the rest
+    slopes, *_ = np.linalg.lstsq(motion, force, rcond=1e-9)
+    residual = force - motion @ slopes
+    noise = math.sqrt(float(residual @ residual) / len(residual) / left)
+    if counted.size < 2:  # on one approach slow noise and drift look like a slope
+        return FreeAir(noise, float(counted.sum()))
+    errors = np.sqrt(np.maximum(np.diag(robust_covariance(motion, residual)), 0.0))
+    return FreeAir(noise, float(counted.sum()), tuple(slopes.tolist()), tuple(errors.tolist()))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -500,6 +645,8 @@ class MisfitHypothesis:
     moves: "Moves"
     stiffness: float
     damping: float
+    #: Whether it explains the force to the noise, so that its influence is all there is.
+    settled: bool = True
 
     @property
     def family(self) -> str:
@@ -549,6 +696,10 @@ def augmented_fit(fit: Fit, column: Floats) -> AugmentedFit | None:
     others = jacobian.shape[1]
     error = math.sqrt(robust_covariance(left[:, None], after, fit.band.shared, others)[0, 0])
     z, gain = abs(amount) / max(error, 1e-300), fit.gain(float(after @ after))
+    if z > SIGNIFICANT and fit.floor > 0.0:
+        # In slow noise a short residual does not show how long it is correlated; free air does.
+        known = math.sqrt(max(gain, 0.0) * fit.solution.energy / fit.correlated) / fit.floor
+        z = min(z, known)
     return AugmentedFit(-amount * own, amount, *((z, gain) if math.isfinite(z) else (0.0, 0.0)))
 
 

@@ -11,6 +11,7 @@ from palpate.diagnosis.finding import MORE_LAWS, REMEDY, Laws, Quantity, Working
 from palpate.diagnosis.fit import (
     FEWEST_FREE,
     FEWEST_ROWS,
+    NOISE_LIKE,
     SIGNIFICANT,
     Fit,
     MisfitHypothesis,
@@ -31,12 +32,14 @@ from palpate.validation import Floats
 CARE = 0.05
 STOP_STIFFNESS, STOP_DAMPING = 0.20, 0.50
 STOP_CHANGE = 0.15
-NOISE_LIKE = 1.5  # misfit over the noise floor, below which a small cause is but a note
 # The surface is named before a cause that removes so little more, in a fit that is no worse: looked
 # up on recordings, not calibrated.
 NEAR, MOST_UNEXPLAINED = 0.25, 0.15
 ALIKE = 0.7  # of the named cause's gain: such a rival's influence counts in full
 SURE = 0.6  # (1 − g₁)/(1 − g₂) below which a cause is named by itself
+UNDETECTED = ("friction", "delay")
+UNDETECTED_ERRORS = 2.0
+MATTERS = 0.02  # of a number
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,54 +52,70 @@ class Judged:
         One for each significant cause, the named one first.
     counted : tuple of (MisfitHypothesis, float)
         The causes that may have changed stiffness and damping, each with its weight.
-    damping : float
-        Least systematic part of the damping, of its size.
+    least : tuple of float
+        Least systematic parts of stiffness and damping, of their size.
+    undetected : tuple of float
+        What causes that are not significant may add to them; no mark follows from that.
     """
 
     findings: list[Finding]
     counted: tuple[tuple[MisfitHypothesis, float], ...] = ()
-    damping: float = 0.0
+    least: tuple[float, float] = (0.0, 0.0)
+    undetected: tuple[float, float] = (0.0, 0.0)
 
     def systematic(self, fit: Fit) -> tuple[float, float]:
         """Systematic parts of stiffness and damping at the fit's working depth, of their size."""
-        stiffness, damping = 0.0, self.damping
-        for cause, weight in self.counted:
-            by_stiffness, by_damping = cause.moves(fit)
-            stiffness = max(weight * abs(by_stiffness), stiffness)
-            damping = max(weight * abs(by_damping), damping)
+        moved = [weight * np.abs(each.moves(fit)) for each, weight in self.counted]
+        both = np.array([self.least, self.undetected, *moved])
+        stiffness, damping = both.max(axis=0).tolist()
         return stiffness, damping
 
 
-def judge(causes: list[MisfitHypothesis], ratio: float, unexplained: float) -> Judged:
+def judge(causes: list[MisfitHypothesis], unexplained: float, *, near_noise: bool) -> Judged:
     """Name one of the significant causes, and weigh all of them.
 
     Parameters
     ----------
     causes : list of MisfitHypothesis
         All that were tried.
-    ratio : float
-        Misfit over the noise floor.
     unexplained : float
         Fraction of the force that the law leaves.
+    near_noise : bool
+        Whether what it leaves is little more than noise.
     """
     significant = [cause for cause in causes if cause.z > SIGNIFICANT]
     significant.sort(key=attrgetter("gain"), reverse=True)
     if not significant:
-        return Judged([])
+        return Judged([], undetected=undetected(causes))
     named = _named(significant, unexplained)
     rivals = [c for c in significant if c is not named and not _explained_by(named, c)]
-    findings = [_finding(_in_doubt(named, rivals), 1.0, ratio, leading=True)]
+    findings = [_finding(_in_doubt(named, rivals), 1.0, leading=True, near_noise=near_noise)]
     highest = max(named.gain, 1e-9)
     for rival in rivals:
         weight = 0.5 if rival.gain > 0.5 * highest else 0.25
-        findings.append(_finding(rival, weight, ratio, leading=False))
-    counted = [(named, 1.0)] if not (named.small and ratio < NOISE_LIKE) else []
+        findings.append(_finding(rival, weight, leading=False, near_noise=near_noise))
+    counted = [(named, 1.0)] if not (named.small and near_noise) else []
     for rival in rivals:
-        if rival.name == "offset drift" or (rival.small and ratio < NOISE_LIKE):
+        if rival.name == "offset drift" or (rival.small and near_noise):
             continue
         relative = rival.gain / highest
         counted.append((rival, 1.0 if relative > ALIKE else 0.5 * relative))
-    return Judged(findings, tuple(counted))
+    return Judged(findings, tuple(counted), undetected=undetected(causes))
+
+
+def undetected(causes: list[MisfitHypothesis]) -> tuple[float, float]:
+    """How far friction or a skew that is not significant may move stiffness and damping.
+
+    No recording is without some. As far as it seems to, or by two standard errors of that; not
+    where both are so little that they matter to nobody.
+    """
+    moved = [(0.0, 0.0)]
+    for cause in causes:
+        if cause.name in UNDETECTED and 0.0 < cause.z <= SIGNIFICANT:
+            wide = max(1.0, UNDETECTED_ERRORS / cause.z)
+            moved.append((wide * abs(cause.stiffness), wide * abs(cause.damping)))
+    stiffness, damping = np.max(moved, axis=0).tolist()
+    return stiffness * (stiffness > MATTERS), damping * (damping > MATTERS)
 
 
 def _named(significant: list[MisfitHypothesis], unexplained: float) -> MisfitHypothesis:
@@ -139,7 +158,7 @@ def _in_doubt(named: MisfitHypothesis, rivals: list[MisfitHypothesis]) -> Misfit
     return replace(named, sentence=f"{named.sentence}, or {second.sentence}")
 
 
-def _finding(cause: MisfitHypothesis, weight: float, ratio: float, *, leading: bool) -> Finding:
+def _finding(cause: MisfitHypothesis, weight: float, *, leading: bool, near_noise: bool) -> Finding:
     stiffness, damping = marks_of(cause, weight)
     if cause.name == "change" and abs(cause.stiffness) > STOP_CHANGE:
         stiffness = damping = "do-not-trust"
@@ -147,7 +166,9 @@ def _finding(cause: MisfitHypothesis, weight: float, ratio: float, *, leading: b
         stiffness, damping = (
             "with-care" if mark == "do-not-trust" else mark for mark in (stiffness, damping)
         )
-    if cause.small and ratio < NOISE_LIKE:
+    elif not cause.settled:
+        stiffness, damping = worst(stiffness, "with-care"), worst(damping, "with-care")
+    if cause.small and near_noise:
         return finding_of(cause, "note", "trust", "trust")
     return finding_of(cause, "with-care" if leading else "note", stiffness, damping)
 
@@ -200,7 +221,7 @@ def better_law(fit: Fit) -> MisfitHypothesis | None:
     changes = [f"{name} {round(100 * by):+d} %" for name, by in zip(_BOTH, moves(fit), strict=True)]
     sentence = (
         f"model selection clearly prefers {best.candidate.title} (ΔBIC {rounded(own.score, 3)}): "
-        f"{', '.join(changes)} at working depth"
+        f"{', '.join(changes)}"
     )
     remedy = REMEDY
     if any(each.check == RELAXATION_STIFFNESS for each in laws.verdict.findings):
@@ -247,11 +268,14 @@ def surface(fit: Fit) -> list[MisfitHypothesis]:
     # Of the band's residual, by a fit below this surface.
     motion = MovedSamples(np.maximum(fit.x - depth, 1e-9), fit.v, fit.band, fit.force)
     law, zero = HuntCrossley(*after.parameters[:3]), float(after.parameters[3])
-    gain = max(fit.gain(fit.solve(law, zero, motion).energy), 0.0)
-    return [_described(fit, after.parameters, error, gain)]
+    energy = fit.solve(law, zero, motion).energy
+    settled = math.sqrt(energy / len(fit.band)) < NOISE_LIKE * fit.floor
+    return [_described(fit, after.parameters, error, max(fit.gain(energy), 0.0), settled)]
 
 
-def _described(fit: Fit, found: Floats, error: float, gain: float) -> MisfitHypothesis:
+def _described(
+    fit: Fit, found: Floats, error: float, gain: float, settled: bool
+) -> MisfitHypothesis:
     k, c, n, _, depth = found.tolist()
     before, reference = fit.solution.law, fit.reference
 
@@ -265,14 +289,20 @@ def _described(fit: Fit, found: Floats, error: float, gain: float) -> MisfitHypo
     sentence = (
         f"the surface is {format_quantity(abs(depth) * reference, 'm')} ± "
         f"{format_quantity(error * reference, 'm')} {way}: with it K changes by {after[0]:+.0%} "
-        f"and B by {after[1]:+.0%}, stiffness and damping at working depth hardly at all"
+        f"and B by {after[1]:+.0%}"
     )
+    by = moves(fit)
+    if settled and max(map(abs, by)) < CARE:
+        sentence += ", stiffness and damping at working depth hardly at all"
+    elif not settled:
+        sentence += ", but the force is still not explained to the noise"
     parameter = abs((n - before.parameters[2]) * math.log(reference)) + n * abs(depth)
     z = abs(depth) / max(error, 1e-300)
     remedy = "run again with --surface estimate"
     if not fit.finds_surface:
         remedy = "run again with --method variable-projection --surface estimate"
-    return MisfitHypothesis("surface", z, gain, parameter, sentence, remedy, moves, *moves(fit))
+    words = sentence, remedy
+    return MisfitHypothesis("surface", z, gain, parameter, *words, moves, *by, settled)
 
 
 def _samples(fit: Fit) -> Floats:
@@ -289,18 +319,11 @@ def _samples(fit: Fit) -> Floats:
 # Misfit, offset, excitation and the method's own error: checks of the fit as a whole.
 
 UNEXPLAINED, TOO_MUCH_UNEXPLAINED = 0.05, 0.30  # of the force
-RATIO = 3.0  # times the noise; clean recordings have 0.67 to 1.13
 OFFSET_Z, OFFSET_PART = 5.0, 0.01
 FEWEST_SAMPLES = 60
 # Standard errors, relative, that are too wide to build on.
 WIDE_STIFFNESS, WIDEST_STIFFNESS, WIDE_DAMPING = 0.10, 0.25, 0.20
 METHOD_Z = 5.0  # a method that is off by more, but by no more than calls for care, gets a note
-
-
-def ratio(fit: Fit) -> float:
-    """Residual of the band over its noise floor; 1 where the law holds to the noise."""
-    rms = math.sqrt(fit.solution.energy / max(len(fit.band), 1))
-    return rms / fit.floor if fit.floor > 0.0 else math.inf
 
 
 def unexplained(fit: Fit) -> float:
@@ -310,24 +333,93 @@ def unexplained(fit: Fit) -> float:
     return math.sqrt(max(square, 0.0)) / spread if spread > 0.0 else 0.0
 
 
+def misfit_moves(fit: Fit) -> tuple[float, float]:
+    """How far stiffness and damping may be off where the law leaves more than noise, of their size.
+
+    rms of what is left, over rms of what one size of the number adds to the force, beside the other
+    number and a constant: a misfit of which all were of that number's form.
+    """
+    law, x = fit.solution.law, np.maximum(fit.x, 1e-12)
+    rest = np.zeros_like(x)
+    spring = law.force(x, rest)
+    damper = law.force(x, fit.v) - spring
+    if law.power_law:  # also where it has no damping
+        damper = spring * fit.v
+    columns = fit.band.mean(np.column_stack([spring, damper, rest + 1.0]))
+    at = fit.force_at_depth(law), fit.stiffness(law), fit.damping(law)
+    # Columns of one size of the number each.
+    one = [fit.sizes[0] / at[1], fit.sizes[1] * fit.units.speed / at[0]]
+    if not law.power_law:
+        one[1] = fit.sizes[1] / at[2] if at[2] else math.inf
+    energy = fit.solution.energy - 2.0 * len(fit.band) * fit.floor**2
+    moved = []
+    for k, scale in enumerate(one):
+        others = np.delete(columns, k, axis=1)
+        found, *_ = np.linalg.lstsq(others, columns[:, k], rcond=None)
+        alone = columns[:, k] - others @ found
+        size = float(alone @ alone) * scale**2
+        moved.append(math.sqrt(max(energy, 0.0) / size) if size > 0.0 else math.inf)
+    return moved[0], moved[1]
+
+
 def misfit(fit: Fit) -> Finding | None:
     """The law leaves more than 5 % of the force, or three times the noise."""
-    left, times = unexplained(fit), ratio(fit)
-    if left <= UNEXPLAINED and times <= RATIO:
+    left, times = unexplained(fit), fit.ratio
+    if left <= UNEXPLAINED and not fit.misfits:
         return None
     part = rounded(left, 2) if left < 0.01 else f"{left:.0%}"
     remedy = REMEDY if fit.laws is None or better_law(fit) is not None else deeper_half(fit)
     if fit.laws is not None and fit.laws.own and not fit.laws.of_all:
         remedy = MORE_LAWS
-    mark: Mark = "do-not-trust" if left > TOO_MUCH_UNEXPLAINED else "trust"
+    by_stiffness, by_damping = misfit_moves(fit)
+    stiffness: Mark = "with-care" if by_stiffness > STOP_STIFFNESS else "trust"
+    damping: Mark = "with-care" if by_damping > STOP_DAMPING else "trust"
+    if left > TOO_MUCH_UNEXPLAINED:
+        stiffness = damping = "do-not-trust"
     return Finding(
         "misfit",
-        f"the law leaves {part} of the force unexplained ({rounded(times, 2)} times the noise)",
+        f"the law leaves {part} of the force unexplained ({rounded(times, 2)} times the noise), "
+        f"which can move stiffness by {_percent(by_stiffness)} and damping by "
+        f"{_percent(by_damping)}",
         remedy,
         "with-care",
         times,
-        mark,
-        mark,
+        stiffness,
+        damping,
+    )
+
+
+def _percent(part: float) -> str:
+    return f"{part:.0%}" if 0.01 <= part < 2.0 else "under 1 %" if part < 2.0 else "over 200 %"
+
+
+#: Standard errors, and part of the number, above which a slope in free air is one.
+AIR_Z, AIR_PART = 6.0, 0.01
+
+
+def air(fit: Fit) -> Finding | None:
+    """The force in free air follows the probe's position or velocity.
+
+    What moves with the probe there moves with it in contact: its slope adds to the stiffness, its
+    drag to the damping.
+    """
+    slopes, errors = np.array(fit.air.slopes), np.array(fit.air.errors)
+    moved = np.where(np.abs(slopes) > AIR_Z * errors, slopes / fit.sizes, 0.0)
+    moved = np.where(np.abs(moved) > AIR_PART, moved, 0.0)
+    if not moved.any():
+        return None
+    parts = zip(("stiffness", "damping"), moved.tolist(), strict=True)
+    much = " and ".join(f"{name} by {_percent(abs(by))}" for name, by in parts if by)
+    return Finding(
+        "free air",
+        f"the force changes with the motion in free air: a cable, a guide or a mass that moves "
+        f"with the probe changes {much}",
+        "route the cable so that it does not pull, and subtract the force measured in free air",
+        "with-care",
+        float(np.max(np.abs(slopes) / errors)),
+        mark_of(abs(moved[0]), STOP_STIFFNESS),
+        mark_of(abs(moved[1]), STOP_DAMPING),
+        *(100.0 * moved).tolist(),
     )
 
 
@@ -401,10 +493,17 @@ def extrapolation(fit: Fit) -> Finding | None:
 
 
 def standard_errors(fit: Fit) -> Floats:
-    """Of force, stiffness and damping at the working depth, SI, shape (3,)."""
-    names = len(fit.solution.law.symbols)
-    spread = fit.gradients @ fit.covariance[:names, :names] @ fit.gradients.T
-    errors: Floats = np.sqrt(np.maximum(np.diag(spread), 0.0))
+    """Of force, stiffness and damping at the working depth, SI, shape (3,).
+
+    The covariance takes the noise to be the same at all depths. Where it is larger where it matters
+    (White 1980), as in proportion to force, Σ u² e² exceeds Σ u² ⟨e²⟩ by the influences u.
+    """
+    names, residual = len(fit.solution.law.symbols), fit.solution.residual
+    variances = np.diag(fit.gradients @ fit.covariance[:names, :names] @ fit.gradients.T)
+    influences = (fit.gradients @ fit.solution.inverse[:names]) ** 2
+    pooled = influences.sum(axis=1) * np.mean(residual**2)
+    uneven = influences @ residual**2 / np.maximum(pooled, np.finfo(float).tiny)
+    errors: Floats = np.sqrt(np.maximum(variances, 0.0) * np.maximum(uneven, 1.0))
     return errors
 
 

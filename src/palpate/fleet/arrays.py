@@ -46,7 +46,7 @@ from palpate.identification.identified import (
 from palpate.identification.replaying import estimator_of
 from palpate.preparation.gates import choose_gate, resolutions_of
 from palpate.preparation.preparing import Recorded, prepare
-from palpate.preparation.velocity import spikes_of_rows, velocity_of
+from palpate.preparation.velocity import spikes_of_rows, velocity_and_degree
 from palpate.recordings.recording import Recording, printable
 from palpate.validation import Floats, number_in, real_array, whole_in
 
@@ -95,7 +95,9 @@ class Curves:
         if self.velocity is not None:
             return self
         with np.errstate(divide="ignore", invalid="ignore"):  # repeated times
-            rows = [velocity_of(self.clock(k), x) for k, x in enumerate(self.penetration)]
+            rows = [
+                velocity_and_degree(self.clock(k), x)[0] for k, x in enumerate(self.penetration)
+            ]
         velocity = np.array(rows).reshape(self.penetration.shape)
         return replace(self, velocity=velocity)
 

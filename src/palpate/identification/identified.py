@@ -41,13 +41,13 @@ from palpate.estimators.estimate import (
 )
 from palpate.estimators.weak_prior import EXPONENTS, constrained
 from palpate.findings import MARKS, Finding
-from palpate.force_laws import force_over_breaks
 from palpate.identification.replaying import (
     defaults_from_data,
     estimator_of,
     joint_covariance,
     laws_beside,
     placed,
+    predicted_force,
     replayed,
 )
 from palpate.preparation.along_penetration import Place, at_places
@@ -403,10 +403,10 @@ class Identified:
 
     def with_query(self, query: QueryOptions) -> Self:
         """Return the same with derived numbers for an impact and a tip."""
-        found = replace(self, query=query)
-        if "diagnosis" in vars(self):  # which does not depend on them
-            vars(found)["diagnosis"] = self.diagnosis
-        return found
+        other = replace(self, query=query)
+        if "diagnosis" in vars(self):  # which no query changes
+            vars(other)["diagnosis"] = self.diagnosis
+        return other
 
     def by_segment(self) -> Self:
         """Return a copy with ``segments``: each segment between changes identified separately.
@@ -565,11 +565,7 @@ class Identified:
 
     def predicted_force(self, contact: Contact) -> Floats:
         """Force by the final law, and offset, at every sample of a contact, N."""
-        estimate = self.estimate
-        depth = contact.penetration - estimate.surface
-        starts = [part.start for part in contact.segments()]
-        force = force_over_breaks(estimate.law, depth, contact.velocity, contact.time_steps, starts)
-        return force + estimate.offset
+        return predicted_force(self.estimate, contact)
 
     @property
     def violated_fraction(self) -> float:

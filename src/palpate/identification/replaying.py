@@ -21,10 +21,10 @@ from palpate.estimators import (
     ViscoelasticContact,
     estimator_named,
 )
-from palpate.estimators.estimate import Trace, Traced, thinned
+from palpate.estimators.estimate import Estimate, Trace, Traced, thinned
 from palpate.estimators.law_verdicts import CANDIDATES
 from palpate.estimators.least_squares import long_run_covariance
-from palpate.force_laws import ForceLaw
+from palpate.force_laws import ForceLaw, force_over_breaks
 from palpate.preparation.gates import choose_gate, suggest_scale, suggest_surface_deviation
 from palpate.settings import OutlierRejection
 from palpate.stages import timed
@@ -269,7 +269,10 @@ def _costs(bank: ContactEstimator, effective: float) -> tuple[float, float]:
     return costs[0], costs[1]
 
 
-# The common laws on the samples that another method identified, to see whether one is better.
+# The common laws on the samples that another method identified, to see whether one is better; and
+# what speaks against the law that a method has chosen.
+
+FEWEST_HELD_OUT = 60  # samples in contact
 
 
 def laws_beside(data: Data, estimator: ContactEstimator, chosen: Sequence[str]) -> Laws | None:
@@ -288,7 +291,12 @@ def laws_beside(data: Data, estimator: ContactEstimator, chosen: Sequence[str]) 
         Its settings that were chosen from the data, for its own method.
     """
     if estimator.chooses_law:
-        return Laws.of(estimator, own=True)
+        key = repr(["own", estimator.settings])
+        if key not in data.laws:
+            own = Laws.of(estimator, own=True)
+            data.laws[key] = replace(own, one_time=_one_time(data, estimator))
+            data.laws[key] = _held_out(data, estimator, data.laws[key])
+        return data.laws[key]
     estimate = estimator.estimate()
     if estimate.law.candidate is None:
         return None
@@ -298,6 +306,43 @@ def laws_beside(data: Data, estimator: ContactEstimator, chosen: Sequence[str]) 
     if key not in data.laws:
         data.laws[key] = _compared(data, given, estimate.surface)
     return data.laws[key]
+
+
+@timed("laws")
+def _one_time(data: Data, estimator: ContactEstimator) -> Laws | None:
+    """Laws with one relaxation time, by the samples of one that chose among the common laws."""
+    if estimator.settings["memory"] != "auto":
+        return None
+    bank = estimator.replace(memory="single")
+    replayed(data.contact, bank, trace=False)
+    return Laws.of(bank)
+
+
+@timed("laws")
+def _held_out(data: Data, estimator: ContactEstimator, own: Laws) -> Laws:
+    """With the law by the first two thirds of the contact, and how it predicts the last."""
+    contact, bank = data.contact, estimator.replace()
+    inside = np.flatnonzero(data.known & (contact.penetration > 0.0))
+    early, late = np.split(inside, [inside.size - inside.size // 3])
+    if late.size < FEWEST_HELD_OUT:
+        return own
+    replayed(contact.taken(slice(late[0])), bank, trace=False)
+    estimate = bank.estimate()
+    left = contact.force - predicted_force(estimate, contact)
+    with np.errstate(all="ignore"):
+        own_error, error, size = (
+            float(np.sqrt(np.mean(values**2)))
+            for values in (left[early], left[late], contact.force[late] - estimate.offset)
+        )
+        return replace(own, before=Laws.of(bank), missed=error / size, surprise=error / own_error)
+
+
+def predicted_force(estimate: Estimate, contact: Contact) -> Floats:
+    """Force by an estimate's law, and offset, at every sample of a contact, N."""
+    depth = contact.penetration - estimate.surface
+    starts = [part.start for part in contact.segments()]
+    force = force_over_breaks(estimate.law, depth, contact.velocity, contact.time_steps, starts)
+    return force + estimate.offset
 
 
 @timed("laws")

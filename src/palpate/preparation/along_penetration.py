@@ -23,7 +23,7 @@ from palpate.preparation.surfaces import (
     never_free,
     surface_of,
 )
-from palpate.preparation.velocity import lost_positions, velocity_of, window_samples
+from palpate.preparation.velocity import lost_positions, velocity_and_degree, window_samples
 from palpate.recordings import Recording
 from palpate.recordings.recording import UNITS, size_of
 from palpate.stages import stage, timed
@@ -154,16 +154,17 @@ def contact_of_arrays(given: Mapping[str, ArrayLike], settings: Preparation) -> 
 @timed("velocity by the filter")
 def velocities_of(
     time: Floats, depth: Floats, runs: Sequence[slice], window: float | None
-) -> tuple[Floats, int]:
-    """Compute the velocity of each run, and count the dropouts excluded from it."""
-    parts = [velocity_of(time[run], depth[run], window) for run in runs]
+) -> tuple[Floats, int, int]:
+    """Compute the velocity of each run; its filter's degree; and count the dropouts excluded."""
+    parts = [velocity_and_degree(time[run], depth[run], window) for run in runs]
     lost = sum(lost_positions(depth[run]) for run in runs)
-    return np.concatenate([np.empty(0), *parts]), lost
+    degree = max((degree for _, degree in parts), default=2)
+    return np.concatenate([np.empty(0), *(part for part, _ in parts)]), degree, lost
 
 
-def describe_filter(lost: int) -> str:
+def describe_filter(degree: int, lost: int) -> str:
     """Describe how the velocity was computed."""
-    words = "centred quadratic Savitzky–Golay filter"
+    words = f"centred {'quadratic' if degree == 2 else 'quartic'} Savitzky–Golay filter"
     return words + (f", without {lost} dropout{'s' if lost > 1 else ''}" if lost else "")
 
 
@@ -195,8 +196,8 @@ def _prepared(
     if "velocity" not in values:
         length = velocity_filter(contact, settings.velocity_window)
         runs, window = list(contact.segments()), settings.velocity_window
-        velocity, lost = velocities_of(time, penetration, runs, window)
-        words = {**contact.provenance, "velocity": describe_filter(lost)}
+        velocity, degree, lost = velocities_of(time, penetration, runs, window)
+        words = {**contact.provenance, "velocity": describe_filter(degree, lost)}
         contact = replace(contact, velocity=velocity, provenance=words)
     done = Prepared(recording or Recording({}), settings, window=length)
     contact, done = _tared(contact, done)

@@ -204,11 +204,11 @@ def _joined(
     """Join the pieces, each with its own surface."""
     rule: SurfaceRule = settings.surface if isinstance(settings.surface, str) else "fit"
     depths, velocities, labels, places = [], [], [], []
-    lost = 0
+    degree, lost = 2, 0
     for number, (signals, episode, own) in enumerate(pieces):
         runs = list(slices_of(signals.part))
         # The velocity does not depend on the origin of the depth.
-        velocity, left_out = velocities_of(signals.time, own.depth, runs, settings.velocity_window)
+        velocity, *used = velocities_of(signals.time, own.depth, runs, settings.velocity_window)
         if isinstance(settings.surface, float | int):
             surface = Surface(float(settings.surface), 0.0, "as given")
         else:
@@ -220,13 +220,13 @@ def _joined(
         position = position if episode is None else episode.place
         times = float(signals.time[0]), float(signals.time[-1])
         places.append(Place(*times, position, own.normal, surface))
-        lost += left_out
+        degree, lost = max(degree, used[0]), lost + used[1]
     _say_surface(places, made, findings)
     normal = pieces[0][2].normal
     if normal is not None and len(pieces) == 1:
         add(made, "penetration", f"against the contact normal {normal}")
         add(made, "force", f"along the contact normal {normal}")
-    made["velocity"] = describe_filter(lost)
+    made["velocity"] = describe_filter(degree, lost)
     # An estimator takes one number for the uncertainty of all surfaces.
     known = [place.surface.deviation for place in places if place.surface.deviation]
     one = rule != "estimate" and len(known) == len(places)

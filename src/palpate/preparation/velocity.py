@@ -1,10 +1,13 @@
 """Velocity from a recorded position, and detection of spikes."""
 
+from functools import cache
+
 import numpy as np
 from numpy.typing import NDArray
 
 import palpate._core as _core
 from palpate._core import largest_of as largest_of
+from palpate._core import noise_of
 from palpate._core import step_of as step_of
 from palpate.validation import Floats, number_in
 
@@ -18,6 +21,8 @@ FEWEST_SAMPLES = 5
 # much relative error of the velocity.
 EVEN = 2e-6
 AT_ONCE = 1 << 18  # samples of the windows fitted at once, 2 MB per array
+# Of the velocity: a parabola that loses less changes the damping by less than most error bars.
+LOST = 0.005
 
 
 def window_samples(sample_time: float, window: float | None = None) -> int:
@@ -31,6 +36,29 @@ def window_samples(sample_time: float, window: float | None = None) -> int:
         length = number_in("velocity_window", window, 0.0, 1e6, open_low=True)
         samples = max(round(length / sample_time), 3)
     return samples | 1
+
+
+def slope_weights(samples: int, degree: int) -> Floats:
+    """Weights of the slope at the middle of a window of even steps, of a polynomial, per step."""
+    middle: Floats = _slopes_in(samples, degree)[samples // 2]
+    return middle
+
+
+@cache
+def _slopes_in(samples: int, degree: int) -> Floats:
+    """Weights of the slope at each sample of a window, a row each; the middle one is odd."""
+    k = np.arange(-(samples // 2), samples // 2 + 1.0)
+    powers = np.arange(degree + 1)
+    derivative = powers * k[:, None] ** np.maximum(powers - 1, 0)
+    weights: Floats = derivative @ np.linalg.pinv(k[:, None] ** powers)
+    weights[samples // 2] = 0.5 * (weights[samples // 2] - weights[samples // 2, ::-1])
+    return weights
+
+
+def filter_gain(samples: int, degree: int, turn: float) -> float:
+    """Fraction of a sine's velocity that the filter keeps; ``turn`` is its phase per sample."""
+    k = np.arange(-(samples // 2), samples // 2 + 1.0)
+    return float(slope_weights(samples, degree) @ np.sin(turn * k)) / turn if turn > 0.0 else 1.0
 
 
 def velocity_of(time: Floats, penetration: Floats, window: float | None = None) -> Floats:
@@ -50,18 +78,36 @@ def velocity_of(time: Floats, penetration: Floats, window: float | None = None) 
     window : float, optional
         Length of the filter, s. Default: see :func:`window_samples`.
     """
+    return _filtered(time, penetration, window, finer=False)[0]
+
+
+def velocity_and_degree(
+    time: Floats, penetration: Floats, window: float | None = None
+) -> tuple[Floats, int]:
+    """Velocity as :func:`velocity_of`, and the degree of the polynomial of which it is the slope.
+
+    Where the default window is so long against the motion that the parabola loses more of the
+    velocity than noise would add to the slope of a quartic, it is that slope, of degree 4. A window
+    that is passed is that of parabolas.
+    """
+    return _filtered(time, penetration, window, finer=window is None)
+
+
+def _filtered(
+    time: Floats, penetration: Floats, window: float | None, *, finer: bool
+) -> tuple[Floats, int]:
     velocity = np.full(time.shape, np.nan)
     known = np.isfinite(penetration)
     t, x = time[known], penetration[known]
     with np.errstate(over="ignore", invalid="ignore"):  # depths up to ±1e308 m
         if t.size < 3:
             velocity[known] = np.gradient(x, t) if t.size == 2 else 0.0
-            return velocity
+            return velocity, 2
         kept = ~spiked(x)
         width = min(window_samples(float(np.median(np.diff(t))), window), int(kept.sum()))
-        slope = _slope(t[kept], x[kept], width)
+        slope, degree = _slope(t[kept], x[kept], width, finer=finer)
         velocity[known] = slope if kept.all() else np.interp(t, t[kept], slope)
-    return velocity
+    return velocity, degree
 
 
 def lost_positions(penetration: Floats) -> int:
@@ -70,23 +116,32 @@ def lost_positions(penetration: Floats) -> int:
         return int(np.count_nonzero(spiked(penetration[np.isfinite(penetration)])))
 
 
-def _slope(t: Floats, x: Floats, width: int) -> Floats:
-    """Slope at each sample of the parabola through its window.
+def _slope(t: Floats, x: Floats, width: int, *, finer: bool) -> tuple[Floats, int]:
+    """Slope at each sample of the polynomial through its window, and the degree.
 
-    With even time steps it is Σ k x_k / (T Σ k²), independent of the curvature; the ends are fitted
-    separately.
+    With even time steps it is a convolution; the ends are parabolas, fitted separately.
     """
     steps, half = np.diff(t), width // 2
     step = float(steps.mean())
     if not (width % 2 and np.abs(steps - step).max() <= EVEN * step):
-        return _local_slope(t, x, width, np.arange(t.size))
-    weights = np.arange(-half, half + 1.0)
-    slope = np.empty(t.size)
-    inner = np.convolve(x, weights[::-1], "valid")
-    slope[half : t.size - half] = inner / (step * (weights @ weights))
+        return _local_slope(t, x, width, np.arange(t.size)), 2
+    slope, weights = np.empty(t.size), np.arange(-half, half + 1.0)
+    inner = np.convolve(x, weights[::-1], "valid") / (step * (weights @ weights))
+    if finer and width >= FEWEST_SAMPLES:
+        slopes = _slopes_in(width, 4) / step
+        quartic = np.convolve(x, slopes[half, ::-1], "valid")
+        # White noise of the two slopes' difference is orthogonal to that of the first.
+        lost = float(inner @ (quartic - inner))
+        noise = noise_of(x) ** 2 * float(slopes[half] @ slopes[half]) * inner.size
+        if lost > max(LOST * float(inner @ inner), noise):
+            slope[:half] = slopes[:half] @ x[:width]
+            slope[half : t.size - half] = quartic
+            slope[t.size - half :] = slopes[half + 1 :] @ x[t.size - width :]
+            return slope, 4
+    slope[half : t.size - half] = inner
     ends = np.r_[:half, t.size - half : t.size]
     slope[ends] = _local_slope(t, x, width, ends)
-    return slope
+    return slope, 2
 
 
 def _local_slope(t: Floats, x: Floats, width: int, at: Indices) -> Floats:

@@ -1,0 +1,227 @@
+"""Materials that are not Hunt–Crossley; the truth is their own response."""
+
+import numpy as np
+from scipy.signal import hilbert, lfilter
+
+from benchmarks.diagnosis.trials import Trial, Unseen, severities
+from palpate.validation import Floats
+
+# ---- without memory
+
+
+def growing_exponent(t: Trial, part: float) -> None:
+    """The exponent grows with depth: a thin layer on a stiff ground."""
+    k, b, n = t.law.parameters
+    deepest = t.deepest
+
+    def response(x: Floats, v: Floats) -> Floats:
+        power = k * np.where(x > 0.0, x, 1.0) ** n * (x > 0.0)
+        steeper = (np.maximum(x, 1e-9) / deepest) ** (part * x / deepest)
+        return np.asarray(power * steeper * (1.0 + b / k * v))
+
+    t.respond(response)
+
+
+def second_layer(t: Trial, part: float) -> None:
+    """A harder layer is reached at half the depth."""
+    middle, rise = 0.5 * t.deepest, part * t.peak / (0.5 * t.deepest) ** t.law.exponent
+
+    def response(x: Floats, v: Floats) -> Floats:
+        beyond = np.maximum(x - middle, 0.0)
+        return np.asarray(t.law.force(x, v) + rise * beyond**t.law.exponent)
+
+    t.respond(response)
+
+
+def thin_sample(t: Trial, part: float) -> None:
+    """The ground stiffens a sample of finite thickness."""
+    deepest = t.deepest
+
+    def response(x: Floats, v: Floats) -> Floats:
+        ratio = part * np.sqrt(x / deepest)
+        return np.asarray(t.law.force(x, v) * (1.0 + 1.13 * ratio + 1.28 * ratio**2))
+
+    t.respond(response)
+
+
+def exponential(t: Trial, part: float) -> None:
+    """F = A (exp(x/l) − 1), l a part of the depth, with the law's damping."""
+    length, peak = t.deepest / part, t.peak
+    ratio = t.law.parameters[1] / t.law.parameters[0]
+
+    def response(x: Floats, v: Floats) -> Floats:
+        rest = peak * np.expm1(x / length) / np.expm1(part)
+        return np.asarray(rest * (1.0 + ratio * v))
+
+    t.respond(response)
+
+
+def constant_damper(t: Trial, part: float) -> None:
+    """A part of the damping does not depend on the depth."""
+    typical = t.law.damping_at(0.5 * t.deepest)
+    t.respond(lambda x, v: np.asarray(t.law.force(x, v) + part * typical * v))
+
+
+def root_damper(t: Trial, part: float) -> None:
+    """A part of the damping grows with the root of the depth."""
+    typical, middle = t.law.damping_at(0.5 * t.deepest), 0.5 * t.deepest
+    t.respond(lambda x, v: np.asarray(t.law.force(x, v) + part * typical * np.sqrt(x / middle) * v))
+
+
+def adhesion(t: Trial, part: float) -> None:
+    """A pull like that of JKR, which grows with the root of the depth."""
+    pull, deepest = part * t.peak, t.deepest
+    t.respond(
+        lambda x, v: np.asarray(t.law.force(x, v) - pull * np.sqrt((x + 0.05 * deepest) / deepest))
+    )
+
+
+# ---- with the direction or the past
+
+
+def neck(t: Trial, part: float) -> None:
+    """Liquid pulls on withdrawal, to a tenth of the depth above the surface."""
+    wet, reach = 0.0, 0.1 * t.deepest
+    pull = np.zeros(t.time.size)
+    for k, x in enumerate(t.penetration.tolist()):
+        wet = 1.0 if x > 0.0 else wet if x > -reach else 0.0
+        pull[k] = wet * min(1.0, 1.0 + x / reach)
+    t.force = t.force - part * t.peak * pull
+
+
+def sticky(t: Trial, part: float) -> None:
+    """The material pulls while the probe goes out."""
+    out = 0.5 - 0.5 * np.tanh(5.0 * t.velocity / t.speed)
+    t.add(-part * t.peak * out * t.touching)
+
+
+def plastic(t: Trial, part: float) -> None:
+    """The surface stays behind, by a part of the deepest so far; the truth is the last."""
+    set_ = part * np.maximum.accumulate(np.maximum(t.penetration, 0.0))
+    x = t.penetration - set_
+    t.force = np.where(x > 0.0, t.law.force(np.maximum(x, 0.0), t.velocity), 0.0)
+    t.truth = lambda depth: t.of_the_law(depth - float(set_[-1]))
+
+
+def slow_recovery(t: Trial, part: float) -> None:
+    """The surface follows the probe, and returns within half a second."""
+    behind, at, keep = np.zeros(t.time.size), 0.0, float(np.exp(-t.step / 0.5))
+    for k, x in enumerate(t.penetration.tolist()):
+        at = max(keep * at, part * x)
+        behind[k] = at
+    x = t.penetration - behind
+    force = np.where(x > 0.0, t.law.force(np.maximum(x, 0.0), t.velocity), 0.0)
+    t.add(force - t.force)
+
+
+def tilted(t: Trial, part: float) -> None:
+    """The surface comes nearer, by a part of the depth."""
+    _other_surface(t, part * t.deepest * t.time / t.time[-1])
+
+
+def another_place(t: Trial, part: float) -> None:
+    """Midway the probe changes to a place where the surface is higher."""
+    _other_surface(t, part * t.deepest * (t.time > 0.5 * t.time[-1]))
+
+
+def _other_surface(t: Trial, nearer: Floats) -> None:
+    """The truth is that of the mean surface."""
+    x = t.penetration + nearer
+    t.force = np.where(x > 0.0, t.law.force(np.maximum(x, 0.0), t.velocity), 0.0)
+    mean = float(nearer.mean())
+    t.truth = lambda depth: t.of_the_law(depth + mean)
+
+
+def mullins(t: Trial, part: float) -> None:
+    """Each press softens the material, the first ones most."""
+    presses = np.cumsum(np.diff(t.touching, prepend=0.0) > 0.0)
+    t.scale(1.0 - part * (1.0 - np.exp(-np.maximum(presses - 1.0, 0.0) / 2.0)))
+
+
+def healing(t: Trial, part: float) -> None:
+    """The material hardens after each press, and rests soft."""
+    keep = float(np.exp(-t.step / 0.7))
+    worked = lfilter([1.0 - keep], [1.0, -keep], t.spring / t.peak)
+    t.add(-part * t.spring * worked)
+
+
+def root_of_speed(t: Trial, part: float) -> None:
+    """A part of the damping goes with the root of the speed."""
+    _speed_power(t, part, 0.5)
+
+
+def faster_than_speed(t: Trial, part: float) -> None:
+    """A part of the damping goes with the power 1.5 of the speed."""
+    _speed_power(t, part, 1.5)
+
+
+def _speed_power(t: Trial, part: float, power: float) -> None:
+    ratio = np.maximum(np.abs(t.velocity) / t.speed, 1e-9) ** (power - 1.0)
+    t.add(part * (t.force - t.spring) * (ratio - 1.0))
+
+
+def structural(t: Trial, part: float) -> None:
+    """A loss that is the same at every frequency."""
+    spring = t.spring - t.spring.mean()
+    t.add(-part * np.imag(hilbert(spring)) * t.touching)
+
+
+def _branches(t: Trial, part: float, *spectrum: tuple[float, float]) -> None:
+    """Relaxing branches beside the spring: their times, s, and shares of the part."""
+    extra = np.zeros(t.time.size)
+    for tau, share in spectrum:
+        keep = float(np.exp(-t.step / tau))
+        extra += share * lfilter([keep, -keep], [1.0, -keep], t.spring - t.spring[0])
+    t.add(part * extra)
+
+
+def fast_relaxation(t: Trial, part: float) -> None:
+    """A branch of 20 ms."""
+    _branches(t, part, (0.02, 1.0))
+
+
+def slow_relaxation(t: Trial, part: float) -> None:
+    """A branch of 3 s."""
+    _branches(t, part, (3.0, 1.0))
+
+
+def two_relaxations(t: Trial, part: float) -> None:
+    """Branches of 50 ms and 1 s."""
+    _branches(t, part, (0.05, 0.5), (1.0, 0.5))
+
+
+def power_law(t: Trial, part: float) -> None:
+    """Branches from 10 ms to 10 s, all of one size."""
+    _branches(t, part, *((0.01 * 4.0**k, 1.0 / 6.0) for k in range(6)))
+
+
+def poroelastic(t: Trial, part: float) -> None:
+    """The modes of a diffusion."""
+    _branches(t, part, *((d, 0.8 * d) for d in (1.0 / (2.0 * k + 1.0) ** 2 for k in range(5))))
+
+
+MATERIAL_FAULTS: list[Unseen] = [
+    *severities("exponent grows", growing_exponent, 0.2, 0.5),
+    *severities("second layer", second_layer, 0.2, 1.0),
+    *severities("thin sample", thin_sample, 0.2, 0.6),
+    *severities("exponential law", exponential, 1.0, 3.0),
+    *severities("constant damper", constant_damper, 0.3, 1.0),
+    *severities("damper of √x", root_damper, 0.3, 1.0),
+    *severities("adhesion", adhesion, 0.03, 0.1),
+    *severities("liquid neck", neck, 0.03, 0.1),
+    *severities("pull on withdrawal", sticky, 0.01, 0.04),
+    *severities("plastic set", plastic, 0.05, 0.15),
+    *severities("slow recovery", slow_recovery, 0.05, 0.15),
+    *severities("tilted surface", tilted, 0.05, 0.15),
+    *severities("another place", another_place, 0.03, 0.1),
+    *severities("Mullins", mullins, 0.1, 0.3),
+    *severities("softens under work", healing, 0.1, 0.3),
+    *severities("damping ∝ √v", root_of_speed, 0.5, 1.0),
+    *severities("damping ∝ v^1.5", faster_than_speed, 0.5, 1.0),
+    *severities("structural damping", structural, 0.03, 0.1),
+    *severities("relaxation, 20 ms", fast_relaxation, 0.1, 0.4),
+    *severities("relaxation, 3 s", slow_relaxation, 0.1, 0.4),
+    *severities("relaxation, two times", two_relaxations, 0.1, 0.4),
+    *severities("power-law relaxation", power_law, 0.15, 0.5),
+    *severities("poroelastic relaxation", poroelastic, 0.1, 0.4),
+]

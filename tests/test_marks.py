@@ -1,0 +1,201 @@
+"""Marks and systematic parts: what misfit, undetected causes, free air and filters add to a bar."""
+
+import math
+
+import faults
+import numpy as np
+import pytest
+from scipy.signal import butter, lfilter
+
+import palpate
+from palpate.preparation.velocity import filter_gain, velocity_and_degree, velocity_of
+
+LAW = faults.LAW
+Floats = np.ndarray
+
+
+def touches(rate: float = 500.0, seconds: float = 6.0) -> tuple[Floats, Floats, Floats]:
+    """Time, penetration and velocity of touches through the surface, 1.3 a second, 8 mm deep."""
+    time = np.arange(round(rate * seconds)) / rate
+    turn = 2.0 * math.pi * 1.3
+    x = 2e-3 - 6e-3 * np.cos(turn * time) + 0.6e-3 * np.sin(2.7 * turn * time)
+    v = turn * (6e-3 * np.sin(turn * time) + 2.7 * 0.6e-3 * np.cos(2.7 * turn * time))
+    return time, x, v
+
+
+def found(time: Floats, x: Floats, force: Floats, **options) -> palpate.diagnosis.Diagnosis:
+    contact = palpate.prepare(time=time, penetration=x, force=force, **options)
+    return palpate.identify(contact).diagnosis
+
+
+def in_bars(diagnosis, *, bars: float = 3.0) -> None:
+    there = diagnosis.working_depth
+    truth = LAW.stiffness_at(there.depth), LAW.damping_at(there.depth)
+    for quantity, true in zip((there.stiffness, there.damping), truth, strict=True):
+        assert abs(quantity.value - true) < bars * quantity.whole_error
+
+
+def slow(kind: str, count: int, rate: float) -> Floats:
+    """Noise of unit variance that a sensor's filter has passed."""
+    random = np.random.default_rng(7).standard_normal(count + 3000)
+    if kind == "AR(1) 0.95":
+        return lfilter([math.sqrt(1.0 - 0.95**2)], [1.0, -0.95], random)[3000:]
+    b, a = butter(2, float(kind.split()[1]) / (0.5 * rate))
+    passed = lfilter(b, a, random)[3000:]
+    return passed / passed.std()
+
+
+@pytest.mark.parametrize("kind", ["AR(1) 0.95", "low-pass 20 Hz", "low-pass 100 Hz"])
+def test_a_sensor_that_filters_its_noise_is_trusted(kind):
+    time, x, v = touches()
+    force = faults.pushed(x, v)
+    noise = 0.004 * force.max() * slow(kind, force.size, 500.0)
+    diagnosis = found(time, x, force + noise)
+    assert diagnosis.verdict.overall == "trust"
+    in_bars(diagnosis)
+
+
+def test_noise_in_proportion_to_the_force_is_trusted():
+    time, x, v = touches()
+    noise = np.random.default_rng(3).standard_normal(time.size)
+    diagnosis = found(time, x, faults.pushed(x, v) * (1.0 + 0.01 * noise))
+    assert diagnosis.verdict.overall == "trust"
+    in_bars(diagnosis)
+
+
+def test_heavy_tails_are_no_spikes():
+    time, x, v = touches()
+    force = faults.pushed(x, v)
+    noise = 0.005 * force.max() * np.random.default_rng(4).standard_t(3, force.size) / math.sqrt(3)
+    assert found(time, x, force + noise).verdict.overall == "trust"
+
+
+def play(x: Floats, width: float) -> Floats:
+    """What follows x with a play of a width to each side."""
+    followed, at = np.empty_like(x), x[0]
+    for k, value in enumerate(x):
+        at = min(max(at, value - width), value + width)
+        followed[k] = at
+    return followed
+
+
+@pytest.mark.parametrize("part", [0.01, 0.03])
+def test_a_misfit_is_in_the_bars(part):
+    """Hysteresis of the sensor, which no column describes."""
+    time, x, v = touches()
+    force = play(faults.pushed(x, v), part * 20.0)
+    diagnosis = found(time, x, force + 0.02 * np.random.default_rng(5).standard_normal(force.size))
+    there = diagnosis.working_depth
+    assert diagnosis.verdict.overall != "trust"
+    assert there.damping.systematic > 5.0 * there.damping.standard_error
+    in_bars(diagnosis)
+
+
+def test_bars_of_a_clean_recording_have_no_part_of_a_misfit():
+    there = palpate.diagnose(faults.clean(1)).working_depth
+    assert there.stiffness.systematic < there.stiffness.standard_error
+    assert there.damping.systematic < 0.02 * there.damping.value
+
+
+def test_friction_that_is_not_detected_is_in_the_bar_of_the_damping():
+    """A short, noisy press at 50 Hz: friction of 2 % moves the damping, and is not significant."""
+    time = np.arange(150) / 50.0
+    turn = 2.0 * math.pi / 3.0
+    x = -1e-3 + 4.5e-3 * (1.0 - np.cos(turn * time))
+    v = 4.5e-3 * turn * np.sin(turn * time)
+    force = faults.pushed(x, v)
+    force = force + 0.02 * force.max() * np.tanh(v / 1e-4) * (x > 0.0)
+    force = force + 0.015 * force.max() * np.random.default_rng(2).standard_normal(force.size)
+    diagnosis = found(time, x, force)
+    assert not any(f.check == "friction" and f.z > 4.5 for f in diagnosis.findings)
+    damping = diagnosis.working_depth.damping
+    assert damping.systematic > damping.standard_error
+    in_bars(diagnosis)
+
+
+def test_a_cable_that_pulls_in_free_air_is_found_and_in_the_stiffness():
+    time, x, v = touches()
+    force = faults.pushed(x, v) + 150.0 * x
+    diagnosis = found(time, x, force + 0.02 * np.random.default_rng(6).standard_normal(force.size))
+    assert "free air" in [finding.check for finding in diagnosis.findings]
+    stiffness = diagnosis.working_depth.stiffness
+    assert stiffness.systematic == pytest.approx(150.0, rel=0.2)
+    in_bars(diagnosis)
+
+
+@pytest.mark.parametrize("bend", [0.1, 0.25])
+def test_a_sensor_with_a_curved_gain_is_found_and_in_the_bars(bend):
+    time, x, v = touches()
+    force = faults.pushed(x, v)
+    force = force * (1.0 + bend * force / force.max())
+    diagnosis = found(time, x, force + 0.02 * np.random.default_rng(8).standard_normal(force.size))
+    assert diagnosis.verdict.stiffness != "trust"
+    assert "sensor gain" in [finding.check for finding in diagnosis.findings]
+    in_bars(diagnosis)
+
+
+def test_a_wrong_surface_leaves_the_marks_only_where_the_force_is_then_explained():
+    apart = faults.surface_off(0.5e-3)
+    surface = palpate.diagnose(apart).findings[0]
+    assert (surface.check, surface.stiffness) == ("surface", "trust")
+    assert "hardly at all" in surface.message
+    bent = faults.recorded(faults.FORCE - 0.9 * np.maximum(faults.FORCE / 10.0 - 0.6, 0.0))
+    assert not any("hardly at all" in each.message for each in palpate.diagnose(bent).findings)
+
+
+def test_what_no_recording_can_show_is_told_from_the_law():
+    """10° off axis keeps cos²·⁴ of the stiffness of a law with n = 1.4, cos³·⁴ of the damping."""
+    notes = {each.check: each for each in palpate.diagnose(faults.clean()).findings}
+    lost = [f"{100.0 * (1.0 - math.cos(math.radians(10.0)) ** (1.4 + k)):.1f} %" for k in (1, 2)]
+    assert all(part.replace(" ", "") in notes["unseen"].message for part in lost)
+    assert notes["unseen"].severity == "note"
+
+
+# The velocity filter at low rates.
+
+
+@pytest.mark.parametrize("rate, hertz", [(125.0, 4.1), (1000.0, 12.0)])
+def test_a_fast_motion_keeps_its_velocity(rate, hertz):
+    time = np.arange(round(4.0 * rate)) / rate
+    turn = 2.0 * math.pi * hertz
+    x = 4e-3 * np.sin(turn * time) + 1e-6 * np.random.default_rng(9).standard_normal(time.size)
+    velocity, degree = velocity_and_degree(time, x)
+    true = 4e-3 * turn * np.cos(turn * time)
+    kept = float(velocity @ true / (true @ true))
+    assert degree == 4
+    assert kept == pytest.approx(1.0, abs=2e-3)
+    assert float(velocity_of(time, x) @ true / (true @ true)) < 0.985
+
+
+def test_a_slow_or_noisy_motion_keeps_the_parabola():
+    time = np.arange(4000) / 1000.0
+    noise = np.random.default_rng(10).standard_normal(time.size)
+    for x in (
+        4e-3 * np.sin(2.0 * math.pi * time),
+        1e-4 * np.sin(50.0 * time) + 2e-5 * noise,
+    ):
+        velocity, degree = velocity_and_degree(time, x)
+        assert degree == 2
+        assert np.array_equal(velocity, velocity_of(time, x))
+    fast = 4e-3 * np.sin(2.0 * math.pi * 12.0 * time)
+    assert velocity_and_degree(time, fast, 15e-3)[1] == 2  # the window was chosen
+
+
+@pytest.mark.parametrize("samples, degree", [(5, 2), (15, 2), (5, 4), (15, 4)])
+def test_the_gain_of_a_filter_is_what_it_keeps_of_a_sine(samples, degree):
+    k = np.arange(-(samples // 2), samples // 2 + 1)
+    turn = 0.3
+    fit = np.polynomial.Polynomial.fit(k, np.sin(turn * k), degree).deriv()(0.0)
+    assert filter_gain(samples, degree, turn) == pytest.approx(fit / turn, rel=1e-9)
+
+
+def test_a_clean_fast_motion_is_trusted_and_its_damping_is_right():
+    time = np.arange(2000) / 500.0
+    turn = 2.0 * math.pi * 8.0
+    x = 4e-3 - 6e-3 * np.cos(turn * time)
+    v = 6e-3 * turn * np.sin(turn * time)
+    force = faults.pushed(x, v) + 0.05 * np.random.default_rng(11).standard_normal(time.size)
+    diagnosis = found(time, x, force)
+    assert diagnosis.verdict.overall == "trust"
+    damping = diagnosis.working_depth.damping
+    assert damping.value == pytest.approx(LAW.damping_at(diagnosis.working_depth.depth), rel=0.02)
