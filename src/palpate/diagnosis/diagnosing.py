@@ -225,7 +225,7 @@ def _diagnosed(
     if not any(finding.check == "change" for finding in judged.findings):
         changed = None
     judged = _with_better_law(fit, judged, changed)
-    if changed is None and (held := held_out(fit)) is not None:
+    if (held := held_out(fit)) is not None:
         counted = (*judged.counted, (held[0], 1.0))
         judged = replace(judged, findings=[*judged.findings, held[1]], counted=counted)
     named_surface = bool(judged.findings) and judged.findings[0].check == "surface"
