@@ -261,9 +261,10 @@ def _with_better_law(fit: Fit, judged: Judged, changed: Changes | None) -> Judge
         cause = replace(cause, remedy=f"{cause.remedy}, unless the force is known to be late")
     chosen = fit.laws is not None and fit.laws.own
     found = at_most_care(cause) if chosen else finding_of(cause, "note", *marks_of(cause))
-    # The cause that explains most comes first; of relaxation, its own finding.
+    # The cause that explains most comes first; of relaxation, its own finding. What a law leaves of
+    # another kind of relaxation looks like either.
     first = cause.gain > max((each.gain for each, _ in judged.counted), default=0.0)
-    place = 0 if first and checks[:1] not in (["memory"], ["surface"]) else 1
+    place = 0 if first and (chosen or checks[:1] not in (["memory"], ["surface"])) else 1
     findings = [*judged.findings[:place], found, *judged.findings[place:]]
     return replace(judged, findings=findings, counted=(*judged.counted, (cause, 1.0)))
 
