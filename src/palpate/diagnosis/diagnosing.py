@@ -247,13 +247,11 @@ def _diagnosed(
 def _with_better_law(fit: Fit, judged: Judged, changed: Changes | None) -> Judged:
     """With the law that model selection prefers, and how far it changes the result.
 
-    Of two materials one law is none; but of one that relaxes the changes explain less.
+    Of two materials one law is none; but changes fit some of what relaxes.
     """
     cause = one_relaxation_time(fit)
-    if changed is None:
-        cause = cause or better_law(fit)
-    elif cause is not None and cause.gain <= changed.cause.gain:
-        return judged
+    if cause is None and changed is None:
+        cause = better_law(fit)
     checks = [finding.check for finding in judged.findings]
     if cause is None or checks[:1] == ["adhesion"]:  # which laws with memory fit some of
         return judged
