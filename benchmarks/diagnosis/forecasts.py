@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
-from benchmarks.diagnosis.tables import _table
+from benchmarks.diagnosis.tables import table
 from benchmarks.law_recordings import folder_of_recordings, read
 from palpate import Contact, RecordingError, identify
 from palpate.validation import Floats
@@ -169,7 +169,7 @@ def forecast_page(recordings: list[Recording]) -> list[str]:
     for name in LAWS:
         heads += [f"{name} / plain", "%", "verdict"]
     short = ["way", "law", "geometric mean", "errors > 100 % without *do not trust*"]
-    return [*_table(heads, lines), "", *_table(short, summary)]
+    return [*table(heads, lines), "", *table(short, summary)]
 
 
 def halves_page(recordings: list[Recording]) -> list[str]:
@@ -191,7 +191,7 @@ def halves_page(recordings: list[Recording]) -> list[str]:
         summary.append([name, f"{held} of {trusted}", f"{kept} of {agree}"])
     heads = ("recording", "law", "S of the first half, N/m", "second", "apart", "marks")
     short = ("law", f"marks of *trust* that hold within {BARS:g} bars", "kept where halves agree")
-    return [*_table(heads, lines), "", *_table(short, summary)]
+    return [*table(heads, lines), "", *table(short, summary)]
 
 
 def main() -> None:
