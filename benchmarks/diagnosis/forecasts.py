@@ -120,7 +120,7 @@ class Halves:
     @property
     def apart(self) -> float:
         """Relative difference."""
-        return abs(self.values[1] - self.values[0]) / abs(np.mean(self.values))
+        return float(abs(self.values[1] - self.values[0]) / abs(np.mean(self.values)))
 
     @property
     def bars(self) -> float:

@@ -1,6 +1,7 @@
 """One recording with one fault: whether the result was wrong, and whether palpate warned."""
 
 import math
+import re
 from dataclasses import dataclass
 
 import numpy as np
@@ -106,9 +107,10 @@ def judged(made: Probing, result: Identification, fault: Fault) -> Outcome:
 
 
 def _delay(found: Diagnosis) -> float:
-    """Return the delay in the remedy ``--delay 5ms, …``, s."""
-    words = [f.remedy for f in found.findings if f.check == "delay" and f.severity != "note"]
-    return 1e-3 * float(words[0].split()[1].removesuffix("ms,")) if words and words[0] else math.nan
+    """Return the delay in the remedy ``… --delay 5ms …``, s."""
+    grave = [f for f in found.findings if f.check == "delay" and f.severity != "note"]
+    number = re.search(r"--delay (\S+)ms", (grave[0].remedy or "") if grave else "")
+    return 1e-3 * float(number[1]) if number else math.nan
 
 
 def printed_errors(result: Identification, depth: float) -> tuple[float, float]:
