@@ -23,6 +23,7 @@ from probing import (
     three_sines,
     white,
 )
+from scipy.signal import butter, lfilter
 
 from palpate import (
     ChangeDetector,
@@ -145,6 +146,56 @@ def test_a_change_of_the_damping_alone_is_found(material: HuntCrossley) -> None:
         assert alarms(estimator, motion, clean + white(len(motion), seed))[0] >= 6000
 
 
+@pytest.mark.parametrize("material", [BALL, PVC, SPONGE])
+def test_an_exponent_3_percent_higher_at_the_same_force_is_found(material: HuntCrossley) -> None:
+    motion = three_sines(9.0)
+    factor = 10e-3 ** (-0.03 * material.exponent)
+    other = HuntCrossley(
+        factor * material.stiffness, factor * material.damping, 1.03 * material.exponent
+    )
+    clean = switched(material, other, motion, 6000)
+    for seed in range(3):
+        found = alarms(
+            VariableProjection(change_detector=ChangeDetector()),
+            motion,
+            clean + white(len(motion), seed),
+        )
+        assert found[0] >= 6000
+
+
+def bursts(samples: int, rng: np.random.Generator) -> Floats:
+    """White noise with bursts of four deviations, 50 to 100 ms long and 5 s apart."""
+    noise = rng.normal(0.0, NOISE, samples)
+    for start in range(2000, samples, 5000):
+        noise[start : start + int(rng.integers(50, 100))] *= 4.0
+    return noise
+
+
+def slow(samples: int, rng: np.random.Generator) -> Floats:
+    """Noise through a second-order low-pass of 8 Hz."""
+    noise = lfilter(*butter(2, 8.0, fs=1e3), rng.normal(0.0, 1.0, samples))
+    return NOISE / noise.std() * noise
+
+
+@pytest.mark.parametrize("noise", [bursts, slow])
+@pytest.mark.parametrize("material", [BALL, PVC, SPONGE])
+def test_bursts_of_noise_and_noise_as_slow_as_the_motion_are_no_changes(material, noise) -> None:
+    motion = three_sines(60.0)
+    clean = material.force(motion.x, motion.v)
+    for seed in range(2):
+        force = clean + noise(len(motion), np.random.default_rng(seed))
+        assert not alarms(VariableProjection(change_detector=ChangeDetector()), motion, force).size
+
+
+def test_a_change_is_found_within_ten_milliseconds_between_bursts() -> None:
+    motion = three_sines(30.0)
+    clean = switched(PVC, replace(PVC, stiffness=1.05 * PVC.stiffness), motion, 28_500)
+    for seed in range(3):
+        force = clean + bursts(len(motion), np.random.default_rng(seed))
+        found = alarms(VariableProjection(change_detector=ChangeDetector()), motion, force)
+        assert 28_500 <= found[0] <= 28_600
+
+
 def test_what_was_not_identifiable_stays_flagged_after_a_restart_and_a_false_alarm() -> None:
     # Depth and speed hardly vary, and the force jumps: nothing more is known of the exponent.
     hardly = Motion(10e-3 + 1e-3 * (three_sines(5.0).x - 10e-3), 1e-3 * three_sines(5.0).v)
@@ -166,8 +217,8 @@ def test_what_was_not_identifiable_stays_flagged_after_a_restart_and_a_false_ala
 @pytest.mark.parametrize(
     "before, after, settled, limit",
     [
-        # Four deviations of its prior; without it half a unit off.
-        (PVC, INCLUSION, 60, 0.08),
+        # Four and a half deviations of its prior; without it half a unit off.
+        (PVC, INCLUSION, 60, 0.09),
         (BALL, PVC, 600, 0.05),
         (PVC, BALL, 600, 0.05),
     ],
@@ -210,7 +261,8 @@ def test_trace_identification_and_estimate_tell_the_same_changes() -> None:
     force = clean + white(len(motion), 4)
     contact = replace(contact_of(motion, force), time=5.0 + motion.time)
     result = identify(contact, VariableProjection(change_detector=ChangeDetector()))
-    assert result.changes == pytest.approx([8.0, 11.0], abs=1e-3 * A_FEW_MS)
+    # `identify` rejects the first three samples after a change as outliers.
+    assert result.changes == pytest.approx([8.0, 11.0], abs=1e-3 * (3 + A_FEW_MS))
     assert np.array_equal(result.changes, contact.time[result.trace.status == Status.RESTARTED])
     assert result.estimate.restarts == 2
     assert result.as_dict()["changes"] == result.changes.tolist()

@@ -7,13 +7,15 @@
 //   scores of blocks of white errors, for changes too small to show in single errors, such as of
 //   the damping alone.
 //
-// Each test alarms only above its earlier peaks, and only at depths and speeds of an earlier
-// stroke, so that a wrong law raises the threshold instead of causing alarms. change_tests.hpp has
-// them.
+// An alarm of a sum counts once a change of the law explains the errors since its start: bursts of
+// noise add up as well. Each test alarms only above its earlier peaks, and only at depths and
+// speeds of an earlier stroke, so that a wrong law raises the threshold instead of causing alarms.
+// change_tests.hpp has them.
 #pragma once
 
 #include <algorithm>
 #include <array>
+#include <bit>
 #include <cstddef>
 #include <cstdint>
 
@@ -54,7 +56,7 @@ class ChangeDetector {
   // Samples that an alarm can look back on: a power of two, so that a remainder is a mask, above
   // the longest transition. A change that takes longer to be found is relearned from its latest
   // ones.
-  static constexpr std::size_t memory = 256;
+  static constexpr std::size_t memory = detail::Autoregression::memory;
 
   explicit ChangeDetector(const Settings& settings) noexcept : settings_(settings) {}
 
@@ -69,24 +71,23 @@ class ChangeDetector {
   bool observe(const Sample& sample, double dt, double predicted, double error) noexcept {
     const double square = error * error;
     recent_[seen_ % memory] = {sample, dt};
-    squares_[seen_ % memory] = square;
     ++seen_;
     transient_over_ = transient_left_ > 0 && --transient_left_ == 0;
     const bool known = ground_.visit(sample.penetration, sample.velocity);
-    const detail::Regressed white =
-        correlation_.whiten({error, {predicted, predicted * sample.velocity}});
+    const detail::Regressed white = correlation_.whiten(
+        {predicted, predicted * sample.velocity, predicted * sample.penetration, error});
     if (!correlation_.knows_past()) return false;
     if (quiet_left_ > 0) {
       --quiet_left_;
       const double gain = std::min(1.0, 10.0 * settings_.adaptation);
-      sum_.learn(white.error * white.error, gain);
+      sum_.learn(white[detail::error_at] * white[detail::error_at], gain);
       level_.learn(square, gain);
       last_zero_ = last_level_zero_ = seen_;
       return false;
     }
     const bool warming = warmed_ < settings_.warm_up;
     if (warming && ++warmed_ <= settings_.warm_up / 2) {
-      settle(white.error * white.error, square);
+      settle(white[detail::error_at] * white[detail::error_at], square);
       return false;
     }
     if (!known && !warming) return false;
@@ -102,7 +103,8 @@ class ChangeDetector {
     double later = 0.0;
     std::size_t count = since;
     for (std::size_t age = 0; age < since; ++age) {
-      const double square = squares_[(seen_ - 1 - age) % memory];
+      const double error = correlation_.past(age)[detail::error_at];
+      const double square = error * error;
       const bool agrees = square * static_cast<double>(age) < 0.25 * later;
       if (!agrees) count = age + 1;
       later += square;
@@ -140,6 +142,8 @@ class ChangeDetector {
   static constexpr std::uint32_t quiet = 300;
   // Threshold of the raw errors' sum: a second of three deviations, or 50 ms of five.
   static constexpr double level_threshold = 1000.0;
+  // L that noise, however large, exceeds in a fraction e⁻¹⁰ of the cases.
+  static constexpr double convincing = 20.0;
 
   // The first errors are those of an estimate that is still on its way: what they say of
   // correlation is forgotten after a fifth of the warm-up, and once more after half of it; s² is
@@ -160,15 +164,28 @@ class ChangeDetector {
   // are without one.
   bool compare(const detail::Regressed& white, double square, bool withheld) noexcept {
     const auto& [drift, threshold, noise, gain, warm_up, transition] = settings_;
-    const std::size_t block = blocks_.add(white.error, white.regressor, sum_.variance(), withheld);
-    const bool jumped = sum_.add(white.error * white.error, gain, drift, threshold, withheld);
+    const std::size_t block = blocks_.add(white, sum_.variance(), withheld);
+    const bool jumped = sum_.add(white[detail::error_at] * white[detail::error_at], gain, drift,
+                                 threshold, withheld);
     const bool risen = level_.add(square, gain, drift, level_threshold, withheld);
     if (sum_.zero()) last_zero_ = seen_;
     if (level_.zero()) last_level_zero_ = seen_;
     // The sum of white errors tells best when the change came. A small one came somewhere in the
     // block that shows it, or before: its later half is new.
-    begun_ = jumped ? last_zero_ : block > 0 ? seen_ - block / 2 : last_level_zero_;
-    return jumped || block > 0 || risen;
+    if (jumped && explained(last_zero_, sum_.variance(), true)) return true;
+    begun_ = seen_ - block / 2;
+    return block > 0 || (risen && explained(last_level_zero_, level_.variance(), false));
+  }
+
+  // Whether a change after `begun` samples explains the errors since. Examined less often the
+  // longer it has been, so that a long burst costs little.
+  bool explained(std::uint64_t begun, double variance, bool whitened) noexcept {
+    const std::uint64_t count = seen_ - begun;
+    if (count % std::max<std::uint64_t>(1, std::bit_floor(count) / 8) != 0) return false;
+    begun_ = begun;
+    const std::size_t samples =
+        std::min(post_change_samples(), memory - detail::Autoregression::order);
+    return correlation_.of_change(samples, variance, whitened) > convincing * blocks_.inflation();
   }
 
   // A variance of zero is a noise-free signal: any error is then an infinite one.
@@ -178,7 +195,6 @@ class ChangeDetector {
 
   Settings settings_;
   std::array<TakenSample, memory> recent_{};
-  std::array<double, memory> squares_{};  // of their errors
   std::uint64_t seen_ = 0;
   std::uint32_t warmed_ = 0;          // samples of the warm-up so far
   std::uint32_t quiet_left_ = 0;      // samples without alarms that are still to come

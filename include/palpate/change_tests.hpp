@@ -1,5 +1,6 @@
-// The parts of ChangeDetector: the correlation of one-step prediction errors, the probe's earlier
-// depths and speeds, and two tests of whether the errors have grown.
+// The parts of ChangeDetector: the evidence of a change in prediction errors, the correlation of
+// one-step prediction errors, the probe's earlier depths and speeds, and two tests of whether the
+// errors have grown.
 #pragma once
 
 #include <algorithm>
@@ -13,43 +14,109 @@
 
 namespace palpate::detail {
 
+// F̂, F̂ v and F̂ x, which a change of stiffness, damping and exponent moves the force by, and the
+// error of the force.
+using Regressed = Vector<4>;
+constexpr std::size_t error_at = 3;
+
+// How well a change of the law explains N errors, by their sums of squares and products:
+//
+//   L = (N − p) ln(1 + (E − R) / max(R, (N − p) σ²)),   E = Σ e²,   R = min over θ of Σ (e − φᵀθ)²
+//
+// Without a change L is about χ² with the p degrees of freedom of θ, for p = 2 exactly, however
+// large the noise has become: R grows with E.
+class Evidence {
+ public:
+  void add(const Regressed& z) noexcept {
+    std::size_t k = 0;
+    for (std::size_t i = 0; i < z.size(); ++i) {
+      for (std::size_t j = i; j < z.size(); ++j) sums_[k++] += z[i] * z[j];
+    }
+    count_ += 1.0;
+  }
+
+  void add(const Evidence& other) noexcept {
+    for (std::size_t k = 0; k < sums_.size(); ++k) sums_[k] += other.sums_[k];
+    count_ += other.count_;
+  }
+
+  // L of the first `moved` regressors; 0 if N ≤ p.
+  double of_change(double variance, std::size_t moved = error_at) const noexcept {
+    Vector<10> s = sums_;
+    double spare = count_;
+    // Elimination leaves R. A regressor collinear with those before it is left out.
+    for (std::size_t i = 0, at = 0; i < moved; at += z_size - i, ++i) {
+      const double pivot = s[at];
+      if (!(pivot > 1e-9 * sums_[at])) continue;
+      spare -= 1.0;
+      for (std::size_t r = 1, to = at + z_size - i; r < z_size - i; ++r) {
+        const double ratio = s[at + r] / pivot;
+        for (std::size_t c = r; c < z_size - i; ++c) s[to++] -= ratio * s[at + c];
+      }
+    }
+    const double left = std::max(s[9], spare * variance);
+    const double ratio = (sums_[9] - s[9]) / left;
+    // A comparison that NaN fails.
+    return spare > 0.0 && ratio > 0.0 ? spare * std::log(1.0 + std::min(ratio, 1e12)) : 0.0;
+  }
+
+ private:
+  static constexpr std::size_t z_size = 4;
+  Vector<10> sums_{};  // of zᵢ zⱼ, i ≤ j, row by row
+  double count_ = 0.0;
+};
+
 // The correlation of errors with their own past, as an autoregression of fourth order: its residual
 // is white (Levinson 1947).
 //
 //   ẽ = e − Σ aᵢ e₋ᵢ,   φ̃ = φ − Σ aᵢ φ₋ᵢ,   i = 1 … 4
-
-// An error and its regressor.
-struct Regressed {
-  double error;
-  Vector<2> regressor;
-};
-
 class Autoregression {
  public:
   // Order four covers noise of AR(1) up to 0.98 and of second-order low-pass filters: none of these
   // causes alarms (docs/accuracy/alarms.md).
   static constexpr std::size_t order = 4;
 
-  // Takes the next error; returns it and its regressor, whitened as far as known by now.
+  // Errors that are kept: a power of two, so that a remainder is a mask.
+  static constexpr std::size_t memory = 256;
+
+  // Takes the next error; returns it and its regressors, whitened as far as known by now.
   Regressed whiten(const Regressed& now) noexcept {
     Regressed white = now;
     // An error beyond five standard deviations is an outlier or a change, not correlation.
-    const double bounded = std::clamp(now.error, -most_, most_);
+    const double bounded = std::clamp(now[error_at], -most_, most_);
     Vector<order + 1> products{bounded * bounded};
     for (std::size_t i = 0; i < order; ++i) {
-      products[i + 1] = bounded * bounded_[(count_ - 1 - i) % past_.size()];
+      products[i + 1] = bounded * bounded_[(count_ - 1 - i) % bounded_.size()];
     }
     for (std::size_t i = 0; i < used_; ++i) {
-      const Regressed& past = past_[(count_ - 1 - i) % past_.size()];
-      white.error -= coefficients_[i] * past.error;
-      white.regressor[0] -= coefficients_[i] * past.regressor[0];
-      white.regressor[1] -= coefficients_[i] * past.regressor[1];
+      const Regressed& before = past(i, count_);
+      for (std::size_t j = 0; j < white.size(); ++j) white[j] -= coefficients_[i] * before[j];
     }
-    past_[count_ % past_.size()] = now;
-    bounded_[count_ % past_.size()] = bounded;
+    past_[count_ % memory] = now;
+    bounded_[count_ % bounded_.size()] = bounded;
     ++count_;
     if (++following_ > order) learn(products);
     return white;
+  }
+
+  // A past error and its regressors: 0 is the latest.
+  const Regressed& past(std::size_t age) const noexcept { return past(age, count_); }
+
+  // L of a change of stiffness and damping `samples` ago, at most memory − order. Before it they
+  // moved no error, so that whitening takes only the regressors since then.
+  double of_change(std::size_t samples, double variance, bool whitened) const noexcept {
+    Evidence evidence;
+    for (std::size_t age = samples; age-- > 0;) {
+      Regressed white = past(age);
+      for (std::size_t i = 0; whitened && i < used_; ++i) {
+        const Regressed& before = past(age + 1 + i);
+        white[error_at] -= coefficients_[i] * before[error_at];
+        if (age + 1 + i >= samples) continue;
+        for (std::size_t j = 0; j < error_at; ++j) white[j] -= coefficients_[i] * before[j];
+      }
+      evidence.add(white);
+    }
+    return evidence.of_change(variance, 2);
   }
 
   // The next error does not continue the last one: the past of the next errors is unknown.
@@ -67,24 +134,29 @@ class Autoregression {
   // Errors between updates of the coefficients, which costs a tenth of an update at each error.
   static constexpr std::uint64_t block = 64;
   // Blocks that count: eighty correlation lengths of AR(1) 0.98.
-  static constexpr double memory = 62.0;
+  static constexpr double blocks = 62.0;
 
   // White noise has reflections of 1/√4000: below three times that they count as 0, at no cost.
   static constexpr double chance = 0.047;
+
+  const Regressed& past(std::size_t age, std::uint64_t count) const noexcept {
+    return past_[(count - 1 - age) % memory];
+  }
 
   void learn(const Vector<order + 1>& products) noexcept {
     for (std::size_t i = 0; i <= order; ++i) sums_[i] += products[i];
     if (++learned_ % block == 0) solve();
   }
 
-  // Levinson's recursion; a millionth of white noise keeps it stable for a signal without any.
+  // Levinson's recursion. A hundredth of white noise keeps it stable, and noise as slow as the
+  // motion from being whitened away: what would remain are the errors of the estimate itself.
   void solve() noexcept {
-    const double gain = 1.0 / std::min(static_cast<double>(learned_ / block), memory);
+    const double gain = 1.0 / std::min(static_cast<double>(learned_ / block), blocks);
     for (std::size_t i = 0; i <= order; ++i) {
       covariances_[i] += gain * (sums_[i] / static_cast<double>(block) - covariances_[i]);
     }
     sums_ = {};
-    const double power = covariances_[0] * (1.0 + 1e-6);
+    const double power = covariances_[0] * (1.0 + 1e-2);
     if (!(power > 0.0)) return;
     most_ = 5.0 * std::sqrt(covariances_[0]);
     Vector<order> a{};
@@ -107,9 +179,9 @@ class Autoregression {
     used_ = known;
   }
 
-  std::array<Regressed, 8> past_{};  // a power of two, above the order
-  Vector<8> bounded_{};              // their errors
-  Vector<order> coefficients_{};     // the first used_ ones apply
+  std::array<Regressed, memory> past_{};
+  Vector<8> bounded_{};           // the latest errors; a power of two, above the order
+  Vector<order> coefficients_{};  // the first used_ ones apply
   std::size_t used_ = 0;
   Vector<order + 1> covariances_{};
   Vector<order + 1> sums_{};   // of the products of this block
@@ -285,118 +357,98 @@ class KnownGround {
   bool inward_ = true;
 };
 
-// Changes too small to show in single errors: the score of the errors for a change of stiffness or
-// damping, over blocks of 32, 64 … 4096 samples.
-//
-//   q = sᵀ M⁻¹ s / σ²,   s = Σ φ e,   M = Σ φ φᵀ,   φ = (F̂, F̂ v)
-//
-// is χ² with two degrees of freedom while nothing changes and errors are white.
+// Changes too small to show in single errors: the score L of blocks of 32, 64 … 2048 white errors.
 class ScoreBlocks {
  public:
   // The cumulative sum finds changes that show in fewer samples.
   static constexpr std::size_t shortest = 32;
-  static constexpr std::size_t levels = 8;  // the longest block: 4096
+  static constexpr std::size_t levels = 7;  // the longest block: 2048
 
   // Takes a whitened error and its regressors, and σ². Returns the length of a block whose score
   // exceeds all earlier ones; otherwise 0.
-  std::size_t add(double error, const Vector<2>& regressor, double variance,
-                  bool withheld) noexcept {
+  std::size_t add(Regressed white, double variance, bool withheld) noexcept {
     // An outlier counts as an error of four standard deviations.
     const double most = 16.0 * variance;
-    const bool beyond = error * error > most;
-    const double bounded = beyond ? std::copysign(std::sqrt(most), error) : error;
-    const double a = regressor[0], b = regressor[1];
-    block_.score[0] += a * bounded;
-    block_.score[1] += b * bounded;
-    block_.information[0] += a * a;
-    block_.information[1] += a * b;
-    block_.information[2] += b * b;
+    double& error = white[error_at];
+    if (error * error > most) error = std::copysign(std::sqrt(most), error);
+    // Summed up together: one by one the sums would be loaded and stored each time.
+    block_[samples_ % shortest] = white;
     if (++samples_ % shortest != 0) return 0;
     return close(variance, withheld);
+  }
+
+  // The factor on a score of few samples where errors remain correlated, ≥ 1.
+  double inflation() const noexcept {
+    const Level& first = levels_[0];
+    return std::max(1.0, first.sum / (expected * std::max<double>(fewest, first.blocks)));
   }
 
   // Starts new blocks; the scores of earlier ones are kept.
   void restart() noexcept {
     samples_ = 0;
-    block_ = {};
     for (Level& level : levels_) level.waiting = false;
   }
 
  private:
-  // White noise exceeds 40 in a fraction e⁻²⁰ = 2e-9 of the blocks: once in 600 h.
-  static constexpr double threshold = 40.0;
+  // White noise exceeds 43 in a fraction 2e-9 of the blocks: once in 600 h.
+  static constexpr double threshold = 43.0;
+  static constexpr double expected = 3.0;  // without a change
   // Errors that are not quite white, or of a wrong law, have had large scores before.
   static constexpr double over_largest = 3.0;
-  // Far above any threshold; it keeps the mean finite.
-  static constexpr double largest_score = 1e6;
-
-  struct Block {
-    Vector<2> score{};
-    Vector<3> information{};  // Σ a², Σ ab, Σ b²
-  };
+  static constexpr std::uint32_t fewest = 8;  // blocks that a length is judged by
+  static constexpr double unknown = 1e300;
 
   struct Level {
-    Block half{};          // the first of the two blocks that make the next longer one
+    Evidence half{};       // the first of the two blocks that make the next longer one
     double sum = 0.0;      // of the scores of its blocks
     double largest = 0.0;  // of them, with slow forgetting
+    // That the next score must exceed. It is of earlier blocks alone: a change raises the scores of
+    // shorter blocks first, which must not hide it in the longer one that contains them.
+    double limit = unknown;
     std::uint32_t blocks = 0;
     bool waiting = false;
   };
 
   std::size_t close(double variance, bool withheld) noexcept {
-    Block block = block_;
-    block_ = {};
+    Evidence block;
+    for (const Regressed& white : block_) block.add(white);
     std::size_t found = 0;
     for (std::size_t i = 0; i < levels; ++i) {
       Level& level = levels_[i];
-      const double ratio = squared(block) / variance;
-      // Excludes overflow of the sums.
-      const double score = ratio >= 0.0 ? std::min(ratio, largest_score) : 0.0;
-      if (!withheld && beyond(i, score)) {
+      const double score = block.of_change(variance);
+      if (!withheld && score > level.limit) {
         found = shortest << i;
       } else {
         ++level.blocks;
         level.sum += score;
         level.largest = std::max(level.largest * (1.0 - 1.0 / 512.0), score);
       }
+      level.limit = limit(i);
       level.waiting = !level.waiting;
       if (level.waiting) {
         level.half = block;
         return found;
       }
-      for (std::size_t j = 0; j < 2; ++j) block.score[j] += level.half.score[j];
-      for (std::size_t j = 0; j < 3; ++j) block.information[j] += level.half.information[j];
+      block.add(level.half);
     }
     return found;
   }
 
-  // sᵀ M⁻¹ s; of the first regressor alone if the second is collinear.
-  static double squared(const Block& b) noexcept {
-    const auto& [aa, ab, bb] = b.information;
-    if (!(aa > 0.0)) return 0.0;
-    const double first = b.score[0] * b.score[0] / aa;
-    const double pivot = bb - ab * ab / aa;
-    if (!(pivot > 1e-9 * bb)) return first;
-    const double rest = b.score[1] - b.score[0] * ab / aa;
-    return first + rest * rest / pivot;
-  }
-
-  // A length with fewer than eight blocks uses the next shorter one with eight, at most three
-  // below; without one it has no result.
-  bool beyond(std::size_t index, double score) const noexcept {
-    constexpr std::uint32_t fewest = 8;
-    double mean = 2.0, largest = 0.0;
-    for (std::size_t down = 0; down <= std::min<std::size_t>(index, 3); ++down) {
+  // A length with fewer than eight blocks uses the next shorter one if that has eight; else it has
+  // no limit yet.
+  double limit(std::size_t index) const noexcept {
+    double mean = expected, largest = 0.0;
+    for (std::size_t down = 0; down <= std::min<std::size_t>(index, 1); ++down) {
       const Level& level = levels_[index - down];
       largest = std::max(largest, level.largest);
       if (level.blocks < fewest) continue;
       mean = std::max(mean, level.sum / static_cast<double>(level.blocks));
-      return score > threshold * 0.5 * mean && score > over_largest * largest;
+      return std::max(threshold * mean / expected, over_largest * largest);
     }
-    return false;
+    return unknown;
   }
 
-  Block block_{};
+  std::array<Regressed, shortest> block_{};
   std::uint64_t samples_ = 0;
   std::array<Level, levels> levels_{};
 };

@@ -144,9 +144,11 @@ class ChangeDetector(_Numbers):
 
     e is the one-step prediction error of the force, whitened by its own correlation; s² follows e²
     slowly. A second sum uses the errors before whitening, for materials that the law cannot
-    describe. A third uses blocks of errors: it detects small changes, as of the damping alone. Each
-    alarms only above the highest value from which it has returned before, and only at depths and
-    speeds of earlier strokes: elsewhere an error says more about the law than about a change.
+    describe. Either alarms only once a change of stiffness and damping explains the errors since it
+    was zero, which a burst of noise does not. A third uses blocks of errors: it detects small
+    changes, as of the damping or the exponent alone. Each alarms only above the highest value from
+    which it has returned before, and only at depths and speeds of earlier strokes: elsewhere an
+    error says more about the law than about a change.
 
     After an alarm the estimate restarts from the samples since g was last zero, with the old value
     as a prior. Variable projection keeps the force offset and, if it was identifiable, the exponent

@@ -50,7 +50,7 @@ TEST("whitening leaves of correlated errors the white ones that they were made o
   for (int k = 0; k < 20000; ++k) {
     const double fresh = random.between(-1.0, 1.0);
     error = 0.9 * error + fresh;
-    const double white = correlation.whiten({error, {0.0, 0.0}}).error;
+    const double white = correlation.whiten({0.0, 0.0, 0.0, error})[error_at];
     if (k < 10000) continue;
     off += (white - fresh) * (white - fresh);
     power += fresh * fresh;
@@ -64,15 +64,74 @@ TEST("white errors stay as they are, and a pause in them takes four to be bridge
   Autoregression correlation;
   for (int k = 0; k < 8000; ++k) {
     const double error = random.between(-1.0, 1.0);
-    const double white = correlation.whiten({error, {error, 0.0}}).error;
+    const double white = correlation.whiten({error, 0.0, 0.0, error})[error_at];
     if (k > 4000) CHECK(white == error);
   }
   correlation.interrupt();
   for (int k = 0; k < 5; ++k) {
     CHECK(!correlation.knows_past());
-    correlation.whiten({0.1, {0.0, 0.0}});
+    correlation.whiten({0.0, 0.0, 0.0, 0.1});
   }
   CHECK(correlation.knows_past());
+}
+
+TEST("noise that has grown is no evidence of a change, a force that has is") {
+  RandomNumbers random(5);
+  const auto evidence = [&](double noise, double change, int samples) {
+    Evidence sums;
+    for (int k = 0; k < samples; ++k) {
+      const double force = 10.0 + std::sin(0.1 * k), by_speed = force * std::cos(0.1 * k);
+      sums.add(
+          {force, by_speed, force * force, change * force + noise * random.between(-1.0, 1.0)});
+    }
+    return sums.of_change(0.01 / 3.0);  // of `noise` 0.1
+  };
+  double mean = 0.0;
+  for (int k = 0; k < 100; ++k) mean += evidence(10.0, 0.0, 64) / 100.0;
+  CHECK(mean > 2.0 && mean < 4.0);  // χ² with three degrees of freedom
+  CHECK(evidence(0.1, 0.05, 64) > 200.0);
+  CHECK(evidence(0.1, 0.05, 3) == 0.0);  // three numbers explain three errors
+  CHECK(evidence(0.1, 1e200, 64) == 0.0);
+}
+
+TEST("a change in correlated errors is explained from its first sample on, a burst is not") {
+  RandomNumbers random(6);
+  Autoregression correlation;
+  double noise = 0.0;
+  const auto learn = [&](int samples, double change, double scale) {
+    for (int k = 0; k < samples; ++k) {
+      noise = 0.95 * noise + scale * random.between(-1.0, 1.0);
+      correlation.whiten({10.0, 1.0, 0.1, noise + change * 10.0});
+    }
+  };
+  constexpr double variance = 1.0 / 3.0;
+  learn(8000, 0.0, 1.0);
+  CHECK(correlation.of_change(20, variance, true) < 20.0);
+  learn(12, 0.0, 6.0);
+  CHECK(correlation.of_change(12, variance, true) < 20.0);
+  learn(100, 0.0, 1.0);
+  learn(8, 1.5, 1.0);
+  CHECK(correlation.of_change(8, variance, true) > 20.0);
+  CHECK(correlation.of_change(200, variance, true) < 20.0);  // it came later
+}
+
+TEST("a small change is found in a block though it has shown in the shorter ones") {
+  RandomNumbers random(7);
+  ScoreBlocks blocks;
+  std::size_t found = 0;
+  const auto feed = [&](int samples, double change, bool withheld) {
+    for (int k = 0; k < samples && found == 0; ++k) {
+      const double force = 10.0 + std::sin(0.02 * k);
+      found = blocks.add(
+          {force, std::cos(0.02 * k), force * force, change * force + random.between(-1.0, 1.0)},
+          1.0 / 3.0, withheld);
+    }
+  };
+  feed(1024, 0.0, true);
+  feed(7168, 0.0, false);
+  CHECK(found == 0);
+  feed(2048, 0.012, false);
+  CHECK(found >= 256);
 }
 
 TEST("a cumulative sum alarms beyond thrice what it came back from") {
