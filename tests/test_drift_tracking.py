@@ -19,6 +19,7 @@ from probing import (
     three_sines,
     white,
 )
+from scipy.signal import lfilter
 
 from palpate import (
     ChangeDetector,
@@ -66,6 +67,20 @@ def test_a_material_that_does_not_drift_is_not_lost(name: str) -> None:
     estimate = fed(DriftTracking(), motion, felt(law, motion, 4)).estimate()
     assert not estimate.flags
     assert (np.abs(estimate.parameters - law.parameters) < 4 * estimate.standard_errors).all()
+
+
+@pytest.mark.parametrize("correlation", [0.7, 0.9])
+def test_its_bars_hold_in_correlated_noise(correlation: float) -> None:
+    motion, own = three_sines(5.0), np.sqrt(1.0 - correlation**2)
+    clean, truth, away = PVC.force(motion.x, motion.v), PVC.force(10e-3, 0.0), []
+    for seed in range(20):
+        noise = np.random.default_rng([seed, 41]).normal(0.0, NOISE, len(motion) + 500)
+        noise = lfilter([own], [1.0, -correlation], noise)[500:]
+        estimate = fed(DriftTracking(), motion, clean + noise).estimate()
+        force, error = estimate.with_error(lambda law: float(law.force(10e-3, 0.0)))
+        away.append((force - truth) / error)
+    # The bars of white noise give 1.8 and 2.7.
+    assert np.sqrt(np.mean(np.square(away))) < 1.6
 
 
 def says_too_slow(law: HuntCrossley, walk: float, seed: int, motion: Motion) -> bool:

@@ -143,3 +143,24 @@ def test_a_fit_of_four_parameters_to_one_press_knows_what_it_took_of_slow_noise(
     # By blocks of the residual alone 96, 86 and 46 %.
     assert hits > 400 * least
     assert np.median(widths) < widest
+
+
+@pytest.mark.parametrize(
+    "exponent, least, flagged",
+    [(None, -0.2, True), (1.5, 0.2, True), (None, 0.5, False), (1.5, 0.5, False)],
+)
+def test_the_single_stage_says_where_light_contact_ruins_its_errors(exponent, least, flagged):
+    law, t = HuntCrossley(3e4, 600.0, 1.5), np.arange(0.0, 4.0, 1e-3)
+    middle, swing, rate = 0.5 * (1.0 + least), 0.5 * (1.0 - least), 2.0 * np.pi * 1.3
+    x = 10e-3 * (middle - swing * np.cos(rate * t))
+    v = 10e-3 * swing * rate * np.sin(rate * t)
+    said, held = [], []
+    for seed in range(20):
+        force = law.force(x, v) + np.random.default_rng([seed, 31]).normal(0.0, 0.2, t.size)
+        estimator = palpate.SingleStageRLS(exponent=exponent, scale=SCALE)
+        estimator.replay(x, v, force, at=[])
+        estimate = estimator.estimate()
+        said.append(any("light contact" in flag for flag in estimate.flags))
+        held.append(abs(estimate.law.stiffness - 3e4) < 1.96 * estimate.standard_errors[0])
+    assert np.mean(said) == flagged
+    assert (np.mean(held) < 0.8) == flagged

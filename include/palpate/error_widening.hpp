@@ -338,8 +338,9 @@ class ErrorWidening {
     return result;
   }
 
-  // 1 + Rᵀ [Σ (q² d_k/σ² − 1) D_k + (f − 1) P] R, with R the root in the slopes of the levels: the
-  // information P of priors changes with neither, but that of the last may stand for more.
+  // 1 + Rᵀ [Σ (q² d_k/σ² − 1) D_k + (f − 1) P] R, with R the root in the slopes of the levels, and
+  // P the information of the last prior, whose variance is f times the one that its weight stands
+  // for. That of the other priors changes with neither.
   Matrix<Size> whitened(double quantile, double of_prior) const noexcept {
     Matrix<Size> excess{};
     excess[Size - 1][Size - 1] = (of_prior - 1.0) * last_prior_;

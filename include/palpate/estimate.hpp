@@ -27,7 +27,7 @@ constexpr double validity_margin(const Law&, double) noexcept {
 }
 
 // What a motion does not identify: bits of `Estimate::flags`.
-enum IdentifiabilityFlag : std::uint8_t {
+enum IdentifiabilityFlag : std::uint16_t {
   exponent_not_identifiable = 1,
   damping_not_identifiable = 2,
   exponent_at_edge = 4,
@@ -36,6 +36,7 @@ enum IdentifiabilityFlag : std::uint8_t {
   walk_too_slow = 32,
   tare_refuted = 64,
   started_in_contact = 128,
+  light_contact = 256,
 };
 
 // At twice this a sphere (1.5) cannot be distinguished from a cone (2) or a spring (1).
@@ -64,13 +65,13 @@ struct Fit {
   Matrix<Law::size> covariance;  // of the law's parameters, SI
   Offset<Law::size> offset{};
   Surface surface{};
-  std::uint8_t flags = 0;
+  std::uint16_t flags = 0;
 };
 
 // From the joint covariance of the law's parameters and, last, the offset.
 template <class Law, std::size_t Size>
 Fit<Law> fit_of(const Law& law, const Matrix<Size>& joint, double offset,
-                std::uint8_t flags) noexcept {
+                std::uint16_t flags) noexcept {
   static_assert(Size > Law::size);
   Fit<Law> fit{law, {}, {offset, joint[Law::size][Law::size], {}}, {}, flags};
   for (std::size_t i = 0; i < Law::size; ++i) {
@@ -83,7 +84,7 @@ Fit<Law> fit_of(const Law& law, const Matrix<Size>& joint, double offset,
 // The part of an estimate that does not depend on the law.
 struct AnyEstimate {
   Surface surface;
-  std::uint8_t flags;  // of IdentifiabilityFlag
+  std::uint16_t flags;  // of IdentifiabilityFlag
   double validity_margin;
   Status status;           // of the last sample that was neither refused nor rejected
   std::uint64_t samples;   // samples taken

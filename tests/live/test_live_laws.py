@@ -179,7 +179,7 @@ def test_a_reset_forgets_the_verdict_and_another_method_has_none():
 @pytest.mark.parametrize("law, advised", [("auto", True), ("any", False)])
 def test_a_warning_recommends_all_laws_only_where_some_did_not_compete(law, advised):
     times, x, force = swung(LAWS["Hunt–Crossley"])
-    noise, white = [0.0], np.random.default_rng(4).standard_normal(len(force))
+    noise, white = [0.0], np.random.default_rng(6).standard_normal(len(force))
     for each in white:
         noise.append(0.99 * noise[-1] + 0.1 * each)
     force = [f + each for f, each in zip(force, noise[1:], strict=True)]

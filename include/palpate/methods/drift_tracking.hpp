@@ -59,6 +59,15 @@ namespace palpate {
 // started from the estimate, covariance and noise of variable projection. From arbitrary values it
 // diverges in one start of ten, so this is the only start: until the exponent's standard error is
 // below 0.05, the estimate is that of variable projection.
+//
+// The filter takes the noise for white. In noise e_k = a e_{k−1} + white, as those errors of the
+// start suggest, the covariance of its own errors is P + X with
+//
+//   u = a (I − K sᵀ) c,  c ← u + K σ²,
+//   X ← (I − K sᵀ) X (I − K sᵀ)ᵀ + u Kᵀ + K uᵀ + (σ² − R) K Kᵀ,
+//
+// s the slope, K the gain, c the covariance of the state's error with the noise and R the filter's
+// own σ². The estimates stay as they are.
 class DriftTrackingMethod {
  public:
   using Law = HuntCrossley;
@@ -165,6 +174,9 @@ class DriftTrackingMethod {
   // The reported covariance: a known exponent has no error.
   Matrix<4> known() const noexcept {
     Matrix<4> result = covariance_;
+    for (std::size_t i = 0; i < 4; ++i) {
+      for (std::size_t j = 0; j < 4; ++j) result[i][j] += excess_[i][j];
+    }
     if (exponent_known()) result[2][2] = 0.0;
     return result;
   }
@@ -202,8 +214,28 @@ class DriftTrackingMethod {
     }
     state_ = state;
     noise_variance_ = start_.noise_variance();
+    measure_correlation();
     walk_ = {};
     tracking_ = true;
+  }
+
+  // Quick differences of AR(1) noise have the variance d = σ² (1 − a), its sums over long times
+  // have D = σ² (1 + a)/(1 − a) a sample, so both give a and σ². R is less: a fit takes slow noise
+  // along.
+  void measure_correlation() noexcept {
+    excess_ = {};
+    shared_ = {};
+    correlation_ = 0.0;
+    const detail::LevelNoise levels(start_.noise_levels(), noise_variance_, {4.0});
+    if (levels.measured == 0) return;
+    const double quick = start_.noise_levels()[0].residual_variance();
+    const double ratio = levels.ratio[levels.used] * noise_variance_ / quick;  // (1 + a)/(1 − a)²
+    const double a = 1.0 + (1.0 - std::sqrt(1.0 + 8.0 * ratio)) / (2.0 * ratio);
+    // White noise, by a few hundred samples, seldom seems to have more.
+    constexpr double least = 0.35;
+    if (!(a > least && a < 1.0)) return;
+    correlation_ = a;
+    correlated_variance_ = std::max(noise_variance_, quick / (1.0 - a));
   }
 
   static Matrix<4> joint(const Fit<Law>& fit) noexcept {
@@ -254,7 +286,27 @@ class DriftTrackingMethod {
     walk_.observe(bounded, innovation - noise_variance_, innovation);
     state_ = next;
     covariance_ = predicted;
+    if (correlation_ > 0.0) correlate(slope, g, innovation);
     return Status::updated;
+  }
+
+  void correlate(const Vector<4>& slope, const Vector<4>& g, double innovation) noexcept {
+    const Vector<4> xs = detail::multiply(excess_, slope);
+    const double sxs = detail::dot(slope, xs), felt = correlation_ * detail::dot(slope, shared_);
+    Vector<4> gain, u;
+    for (std::size_t i = 0; i < 4; ++i) {
+      gain[i] = g[i] / innovation;
+      u[i] = correlation_ * shared_[i] - gain[i] * felt;
+      shared_[i] = u[i] + gain[i] * correlated_variance_;
+    }
+    const double more = sxs + correlated_variance_ - noise_variance_;
+    for (std::size_t i = 0; i < 4; ++i) {
+      const double across = u[i] - xs[i] + gain[i] * more;
+      for (std::size_t j = i; j < 4; ++j) {
+        excess_[i][j] += across * gain[j] + gain[i] * (u[j] - xs[j]);
+        excess_[j][i] = excess_[i][j];
+      }
+    }
   }
 
   Law tracked_law(const Units& u) const noexcept {
@@ -276,6 +328,10 @@ class DriftTrackingMethod {
   Vector<4> state_{};
   Matrix<4> covariance_{};
   double noise_variance_ = 0.0;
+  double correlation_ = 0.0;          // a; 0 for white noise
+  double correlated_variance_ = 0.0;  // σ²
+  Matrix<4> excess_{};                // X
+  Vector<4> shared_{};                // c
   detail::WalkCheck walk_;
   std::uint64_t learned_ = 0;
   bool tracking_ = false;

@@ -232,6 +232,47 @@ constexpr const char* validate(const RegressionSettings<Regression>& settings) n
 
 namespace detail {
 
+// Whether the standard errors of a regression of ln F hold, by its residuals e: noise of the force
+// has a variance of σ²/F² in ln F and biases it by −σ²/2F², most of all in light contact, whereas
+// s² P takes it for the same everywhere. With Q = P W/N, of all N samples without forgetting (W is
+// the weight of those in P), Q [Σ e² φφᵀ] Q is the variance and −½ Q Σ e² φ the bias.
+template <std::size_t Order>
+class LightContact {
+ public:
+  static constexpr std::uint64_t stride = 4;  // every fourth sample tells enough, in less time
+
+  // φ₀ = 1, so that the first row of the sum is Σ e² φ. A function of its own, so that the step of
+  // every sample stays in registers.
+  [[gnu::noinline]] void add(const Vector<Order>& phi, double error) noexcept {
+    for (std::size_t i = 0; i < Order; ++i) {
+      const double part = error * error * phi[i];
+      for (std::size_t j = i; j < Order; ++j) scatter_[i][j] += part * phi[j];
+    }
+    count_ += 1.0;
+  }
+
+  // Enough samples for e² to tell, and e above what digits and condition 10 leave.
+  bool measured() const noexcept { return count_ >= 25.0 && scatter_[0][0] > 1e-6 * count_; }
+
+  // The rms error of a parameter, with the derivative `slope` by θ, over its standard error.
+  double excess(const LeastSquares<Order>& fit, const Vector<Order>& slope) const noexcept {
+    const Vector<Order> a = multiply(fit.covariance(), slope);
+    const double bias = 0.5 * dot(a, scatter_[0]);
+    double square = stride * bias * bias;
+    for (std::size_t i = 0; i < Order; ++i) {
+      square += a[i] * a[i] * scatter_[i][i];
+      for (std::size_t j = i + 1; j < Order; ++j) square += 2.0 * a[i] * a[j] * scatter_[i][j];
+    }
+    return std::sqrt(square * fit.state().weight / (scatter_[0][0] * dot(a, slope)));
+  }
+
+ private:
+  Matrix<Order> scatter_{};  // its upper triangle
+  double count_ = 0.0;
+};
+
+struct NoLightContact {};
+
 // A regression whose known parameters come from the start.
 template <class Regression>
 Regression regression_of(const typename Regression::Law& initial) noexcept {
@@ -295,12 +336,20 @@ class RegressionMethod {
   }
 
   Status learn(const Row& row, double, double forgetting_factor, double perturbation) noexcept {
-    return least_squares_.update(row.regressor, row.output, forgetting_factor, perturbation);
+    const Status status =
+        least_squares_.update(row.regressor, row.output, forgetting_factor, perturbation);
+    if constexpr (logarithmic) {
+      if (taken(status) && least_squares_.samples() % light_.stride == 0) {
+        light_.add(row.regressor, row.output - least_squares_.predict(row.regressor));
+      }
+    }
+    return status;
   }
 
   // From the old answer, as uncertain as at the start.
   void reinitialise() noexcept {
     least_squares_ = LeastSquares<order>({least_squares_.parameters(), initial_covariance_});
+    light_ = {};
   }
   void reinitialise_after_transient() noexcept { reinitialise(); }
 
@@ -316,8 +365,19 @@ class RegressionMethod {
 
   Fit<Law> fit(const Units& units) const noexcept {
     const Law now = law(units);
-    return {now, detail::congruence(Regression::jacobian(now, units),
-                                    detail::among_known<size>(least_squares_.scaled_root()))};
+    const auto jacobian = Regression::jacobian(now, units);
+    Fit<Law> fit{
+        now, detail::congruence(jacobian, detail::among_known<size>(least_squares_.scaled_root()))};
+    if constexpr (logarithmic) {
+      // A factor of 1.4 lowers the coverage of 95 % to 84 %.
+      constexpr double most = 1.4;
+      for (std::size_t i = 0; i < size && light_.measured(); ++i) {
+        Vector<order> slope;
+        std::copy_n(jacobian[i].begin(), order, slope.begin());
+        if (light_.excess(least_squares_, slope) > most) fit.flags = light_contact;
+      }
+    }
+    return fit;
   }
 
   Snapshot<Law> snapshot(const Units& units) const noexcept {
@@ -335,9 +395,13 @@ class RegressionMethod {
     return result;
   }
 
+  static constexpr bool logarithmic = std::is_same_v<Law, HuntCrossley>;
+
   [[no_unique_address]] Regression regression_;
   Matrix<order> initial_covariance_;
   LeastSquares<order> least_squares_;
+  [[no_unique_address]] std::conditional_t<logarithmic, detail::LightContact<order>,
+                                           detail::NoLightContact> light_;
 };
 
 // The double-stage method (Diolaiti, Melchiorri & Stramigioli 2005; the paper's eqs. 3–6).

@@ -215,6 +215,8 @@ class VariableProjectionMethod {
 
   // Noise of the force, in scaled units.
   double noise_variance() const noexcept { return solve().noise_variance; }
+  // By how quickly the prediction errors change.
+  const detail::HaarLevels<4>& noise_levels() const noexcept { return levels_; }
 
  private:
   using Solution = detail::ProjectionSolution;

@@ -205,9 +205,9 @@ class FreeAir {
   // correlate (r > 4/√N); else 1.
   double inflation() const noexcept { return inflation_; }
 
-  // s² = f σ²/N + δ²: the variance of the mean of noise with the inflation f, or with the neighbour
-  // correlation r, (1 + r)/(1 − r), if larger; and the remaining error of rounding to steps Δ,
-  // δ = (Δ/π) exp(−2π²σ²/Δ²).
+  // s² = f σ²/N + δ²: the variance of the mean of noise with the inflation f, which for nearly
+  // white noise of neighbour correlation r is (1 + r)/(1 − r); and the remaining error of rounding
+  // to steps Δ, δ = (Δ/π) exp(−2π²σ²/Δ²).
   OffsetPrior prior(double step) const noexcept {
     const double variance = this->variance();
     const double of_mean = variance / weight_ * (inflation_ > 1.0 ? inflation_ : neighbours());
@@ -217,8 +217,9 @@ class FreeAir {
       const double squared = variance / (step * step);
       const double before = std::max(squared - 1.0 / 12.0, 0.0);
       rounding = step / pi * std::exp(-2.0 * pi * pi * before);
-      // Of two levels alone the upper one's share p is known, and no noise: the mean is anywhere
-      // from p, without noise ½, to what is measured.
+      // Two levels alone do not show how large the noise is. Without noise the true mean is at the
+      // border between them, with much of it at the share p of the upper level: the measured mean,
+      // p, is off by 0 to |p − ½| steps.
       const double from_level = (force_ - mean_) / step;
       const double share = from_level - std::floor(from_level);
       constexpr double others = 0.005;  // what further levels add to p (1 − p) at σ = Δ/3

@@ -89,8 +89,8 @@ struct ProjectionSolution : ScaledLaw {
   bool lost_above;             // contact is lost above the surface: light samples are excluded
   bool tare_refuted;           // F₀ is beyond the prior that a tare gave
   double prior_mean;           // of the prior of F₀ that was used …
-  double prior_deviation;      // … and its deviation, by which it was weighed:
-  double inflation = 1.0;      // Var over its square, and samples that count as one in contact
+  double prior_deviation;      // … and the deviation by which it was weighed
+  double inflation = 1.0;      // f: its variance is f times that; f samples in contact count as one
 };
 
 // A quotient's denominator never is zero with this added, and no sum of squares feels it.

@@ -20,16 +20,18 @@ REACHES = (0.1, 0.2, 0.4, 0.8)  # of the working depth, over which a neck lets g
 def adhesion_or_memory(fit: Fit) -> list[MisfitHypothesis]:
     """Relaxation; or adhesion, where the force is below zero and adhesion explains about as much.
 
-    Its columns are −exp(−ξ/r) on withdrawal, a neck that lets go, and −√ξ, as of Johnson, Kendall
-    and Roberts. No relaxation pulls, but that of a law may: then it explains far more.
+    Its columns are −exp(−ξ/r) on withdrawal, a neck that lets go, and −√ξ on withdrawal or both
+    ways, as of Johnson, Kendall and Roberts. No relaxation pulls, but that of a law may: then it
+    explains far more.
     """
     found = memory(fit)
     pull = largest_pull(fit)
     if not pull > 0.0:
         return found
     depth = np.maximum(fit.x, 0.0) * fit.units.depth / fit.reference
-    shapes = [np.where(fit.v < 0.0, -np.exp(-depth / reach), 0.0) for reach in REACHES]
-    columns = fit.band.mean(np.array([*shapes, -np.sqrt(depth)]).T).T
+    root = np.sqrt(depth)
+    shapes = np.array([*(np.exp(-depth / reach) for reach in REACHES), root])
+    columns = fit.band.mean(-np.vstack([np.where(fit.v < 0.0, shapes, 0.0), root]).T).T
     fits = (augmented_fit(fit, column) for column in columns)
     pulls = [each for each in fits if each is not None and each.amount > 0.0]
     if not pulls:

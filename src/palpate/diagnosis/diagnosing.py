@@ -239,7 +239,7 @@ def _diagnosed(
     if not any(finding.check == "change" for finding in judged.findings):
         changed = None
     judged = _with_better_law(fit, judged, changed)
-    if changed is None and (held := held_out(fit)) is not None:
+    if (held := held_out(fit)) is not None:
         counted = (*judged.counted, (held[0], 1.0))
         judged = replace(judged, findings=[*judged.findings, held[1]], counted=counted)
     named_surface = bool(judged.findings) and judged.findings[0].check == "surface"
@@ -262,13 +262,11 @@ def _diagnosed(
 def _with_better_law(fit: Fit, judged: Judged, changed: Changes | None) -> Judged:
     """With the law that model selection prefers, and how far it changes the result.
 
-    Of two materials one law is none; but of one that relaxes the changes explain less.
+    Of two materials one law is none; but changes fit some of what relaxes.
     """
     cause = one_relaxation_time(fit)
-    if changed is None:
-        cause = cause or better_law(fit)
-    elif cause is not None and cause.gain <= changed.cause.gain:
-        return judged
+    if cause is None and changed is None:
+        cause = better_law(fit)
     checks = [finding.check for finding in judged.findings]
     if cause is None or checks[:1] == ["adhesion"]:  # which laws with memory fit some of
         return judged
@@ -276,9 +274,10 @@ def _with_better_law(fit: Fit, judged: Judged, changed: Changes | None) -> Judge
         cause = replace(cause, remedy=f"{cause.remedy}, unless the force is known to be late")
     chosen = fit.laws is not None and fit.laws.own
     found = at_most_care(cause) if chosen else finding_of(cause, "note", *marks_of(cause))
-    # The cause that explains most comes first; of relaxation, its own finding.
+    # The cause that explains most comes first; of relaxation, its own finding. What a law leaves of
+    # another kind of relaxation looks like either.
     first = cause.gain > max((each.gain for each, _ in judged.counted), default=0.0)
-    place = 0 if first and checks[:1] not in (["memory"], ["surface"]) else 1
+    place = 0 if first and (chosen or checks[:1] not in (["memory"], ["surface"])) else 1
     findings = [*judged.findings[:place], found, *judged.findings[place:]]
     return replace(judged, findings=findings, counted=(*judged.counted, (cause, 1.0)))
 

@@ -228,7 +228,7 @@ class Laws:
     longest : float
         The longest relaxation time that was looked for, s.
     one_time : Laws, optional
-        Those with one relaxation time, by the same samples, where that was not offered.
+        That with one relaxation time, where it was not offered and the samples strongly prefer it.
     before : Laws, optional
         The same by the first two thirds of the contact.
     missed, surprise : float

@@ -39,6 +39,8 @@ def ahead(fit: Fit) -> Finding | None:
         )
     recent, _ = _held_out(fit, slice(third, last, 3))
     cycles = fit.time[-1] - fit.time[0] > CYCLES * fit.period > 0.0
+    if fit.laws is not None and fit.laws.own:
+        return None  # of a selected law model selection has predicted it
     if not (cycles and recent < FADES * whole and (fit.time[:last] < fit.time[last]).all()):
         return None
     parts = (f"{rounded(100.0 * error / size, 2)} %" for error in (recent, whole))

@@ -54,8 +54,13 @@ ADVICE = {
     32: Finding(
         "tracking",
         "the material drifts faster than the random walk allows, or the noise is correlated: the "
-        "standard errors are too small",
+        "standard errors may be too small",
         "raise stiffness_drift",
+    ),
+    256: Finding(
+        "light contact",
+        "light contact biases the logarithm of the force: the standard errors are too small",
+        "raise the gate's forces well above the noise, or use --method variable-projection",
     ),
 }
 

@@ -12,9 +12,9 @@ from palpate.settings import Configured
 from palpate.validation import Floats, arguments, covariance_matrix, signal
 
 MOST_STEPS = 25
-# Rows without shared windows, three periods of the motion, up to which blocks are too few to show
-# how long noise is correlated.
-FEW_ROWS = 64
+# Rows without shared windows, up to three periods of the motion, of which blocks are too few to
+# show how long noise is correlated; fewer still show nothing.
+FEW_ROWS = range(30, 65)
 POLES = 1.0 - 0.5 ** np.arange(0.0, 4.1, 0.25)
 
 
@@ -58,7 +58,7 @@ def robust_covariance(
     scores = unit @ (np.linalg.pinv(unit.T @ unit, hermitian=True) / size)
     covariance = long_run_covariance(scores, residual, shared, len(size) + others)
     every = len(shared) + 1
-    if not others and 2 * len(size) < len(residual[::every]) <= FEW_ROWS:
+    if not others and len(residual[::every]) in FEW_ROWS:
         known = np.diag(covariance) > 0.0  # not those that are kept fixed
         likeliest = _in_likeliest_noise(unit[::every], residual[::every]) / size**2
         wider = float(np.mean(likeliest[known] / np.diag(covariance)[known]))

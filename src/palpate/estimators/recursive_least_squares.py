@@ -148,7 +148,8 @@ class SingleStageRLS(HuntCrossleyRLS, _core.SingleStageRLS):
     y = ln F, φ = [1, v, ln x], θ = [ln K, B/K, n]   (eqs. 9, 12, 13)
 
     Valid while |v| < 0.1 K/B (eq. 10), which every estimate reports; beyond it K and B are biased
-    low. Low-force samples weigh as much as high-force ones, so set the gate above the noise.
+    low. Low-force samples weigh as much as high-force ones, so set the gate above the noise: an
+    estimate whose standard errors light contact makes too small by 1.4 or more has a flag.
 
     With a known exponent, y = ln F − n ln x, φ = [1, v], θ = [ln K, B/K].
 

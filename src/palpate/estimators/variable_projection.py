@@ -183,7 +183,9 @@ class DriftTracking(CompiledEstimator, _core.DriftTracking):
     Until the standard error of the exponent is below 0.05, its estimate is that of variable
     projection, with a flag; then the filter starts from that estimate, covariance and noise. (From
     arbitrary values such a filter diverges in about one start of ten.) For a material that changes
-    abruptly, use a :class:`ChangeDetector`.
+    abruptly, use a :class:`ChangeDetector`. If nothing drifts, its errors are about three times
+    those of variable projection. Where the noise is correlated, by the errors of the start, the
+    standard errors are wider.
 
     Parameters
     ----------

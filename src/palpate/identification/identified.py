@@ -403,10 +403,10 @@ class Identified:
 
     def with_query(self, query: QueryOptions) -> Self:
         """Return the same with derived numbers for an impact and a tip."""
-        found = replace(self, query=query)
-        if "diagnosis" in vars(self):  # which does not depend on them
-            vars(found)["diagnosis"] = self.diagnosis
-        return found
+        other = replace(self, query=query)
+        if "diagnosis" in vars(self):  # which no query changes
+            vars(other)["diagnosis"] = self.diagnosis
+        return other
 
     def by_segment(self) -> Self:
         """Return a copy with ``segments``: each segment between changes identified separately.

@@ -22,7 +22,7 @@ from palpate.estimators import (
     estimator_named,
 )
 from palpate.estimators.estimate import Estimate, Trace, Traced, thinned
-from palpate.estimators.law_verdicts import CANDIDATES
+from palpate.estimators.law_verdicts import CANDIDATES, STRONG
 from palpate.estimators.least_squares import long_run_covariance
 from palpate.force_laws import ForceLaw, force_over_breaks
 from palpate.preparation.gates import choose_gate, suggest_scale, suggest_surface_deviation
@@ -293,9 +293,8 @@ def laws_beside(data: Data, estimator: ContactEstimator, chosen: Sequence[str]) 
     if estimator.chooses_law:
         key = repr(["own", estimator.settings])
         if key not in data.laws:
-            own = Laws.of(estimator, own=True)
-            data.laws[key] = replace(own, one_time=_one_time(data, estimator))
-            data.laws[key] = _held_out(data, estimator, data.laws[key])
+            own = replace(Laws.of(estimator, own=True), one_time=_one_time(data, estimator))
+            data.laws[key] = _held_out(data, estimator, own)
         return data.laws[key]
     estimate = estimator.estimate()
     if estimate.law.candidate is None:
@@ -310,12 +309,14 @@ def laws_beside(data: Data, estimator: ContactEstimator, chosen: Sequence[str]) 
 
 @timed("laws")
 def _one_time(data: Data, estimator: ContactEstimator) -> Laws | None:
-    """Laws with one relaxation time, by the samples of one that chose among the common laws."""
+    """The law with one relaxation time that is strongly preferred over the common laws, if any."""
     if estimator.settings["memory"] != "auto":
         return None
     bank = estimator.replace(memory="single")
     replayed(data.contact, bank, trace=False)
-    return Laws.of(bank)
+    effective = max(estimator.evidence().effective_samples, math.e)
+    score = min(_costs(estimator, effective)) - min(_costs(bank, effective))
+    return Laws.of(bank) if score >= STRONG else None
 
 
 @timed("laws")
