@@ -15,8 +15,7 @@ from palpate.estimators.estimate import Traced, checked_trace
 from palpate.estimators.law_verdicts import Candidate
 from palpate.findings import Finding
 from palpate.identification.identified import Identified
-from palpate.preparation.gates import choose_gate
-from palpate.preparation.load_transfer import without_load_transfer
+from palpate.preparation.gates import choose_gate, without_load_transfer
 from palpate.preparation.preparing import Recorded, prepare
 from palpate.results import view
 from palpate.settings import ContactGate

@@ -1,4 +1,4 @@
-"""What speaks against a law that was chosen: one relaxation time, or what it fails to predict."""
+"""What speaks against a law: one relaxation time, or samples that it fails to predict."""
 
 import math
 from collections.abc import Callable
@@ -6,7 +6,7 @@ from collections.abc import Callable
 import numpy as np
 
 from palpate.diagnosis.finding import MORE_LAWS, Laws
-from palpate.diagnosis.fit import Fit, MisfitHypothesis, Moves
+from palpate.diagnosis.fit import FEWEST_ROWS, Fit, MisfitHypothesis, Moves
 from palpate.diagnosis.marks import finding_of, marks_of
 from palpate.digits import rounded
 from palpate.findings import MARKS, Finding, Mark, worst
@@ -92,3 +92,65 @@ def _moves(change: Callable[[float], Floats]) -> Moves:
         return stiffness, damping
 
     return moves
+
+
+# The last third of a recording, as the law of the rows before it predicts it.
+
+PARTS = 3  # of the rows in the band: the last is predicted
+CARE, STOP = 0.25, 1.0  # of the force
+# Times the error that noise, misfit and another motion let expect.
+UNEXPECTED = 3.0
+FADES = 0.8  # of the error by all rows before
+CYCLES = 6.0  # periods of the motion: a ramp and its hold are no change of the material
+
+
+def ahead(fit: Fit) -> Finding | None:
+    """The law of the first two thirds does not predict the last, or less well than the second does.
+
+    By one linear step from the law of all rows, of which every third shares no window with others.
+    """
+    rows = len(fit.band)
+    if rows < FEWEST_ROWS:
+        return None
+    third, last = rows // PARTS, rows - rows // PARTS
+    size = math.sqrt(float(np.mean((fit.force[last:] - fit.solution.offset) ** 2)))
+    whole, expected = _held_out(fit, slice(0, last, 3))
+    if not whole > UNEXPECTED * fit.floor:
+        return None
+    if whole > max(CARE * size, UNEXPECTED * expected):
+        return Finding.of_both(
+            "do-not-trust" if whole > STOP * size else "with-care",
+            "forecast",
+            "identified on its first two thirds, the recording's last third is off by "
+            f"{whole / size:.0%} of the force",
+            "record the motion of the task, and repeat it",
+        )
+    recent, _ = _held_out(fit, slice(third, last, 3))
+    cycles = fit.time[-1] - fit.time[0] > CYCLES * fit.period > 0.0
+    if fit.laws is not None and fit.laws.own:
+        return None  # of a selected law model selection has predicted it
+    if not (cycles and recent < FADES * whole and (fit.time[:last] < fit.time[last]).all()):
+        return None
+    parts = (f"{rounded(100.0 * error / size, 2)} %" for error in (recent, whole))
+    return Finding(
+        "forecast",
+        "the force settles, or the material or a sensor changes slowly: the third before the last "
+        "predicts that to {} of the force, all before it to {}".format(*parts),
+        "to predict what comes next, identify the latest part alone: "
+        f"--start {rounded(float(fit.time[last]), 4)}",
+    )
+
+
+def _held_out(fit: Fit, before: slice) -> tuple[float, float]:
+    """Rms error of the rows after some by the law of these, and that to expect, N."""
+    jacobian, residual = fit.solution.jacobian, fit.solution.residual
+    after = slice(before.stop, None, before.step)
+    own, others = jacobian[before], jacobian[after]
+    size = np.maximum(np.linalg.norm(own, axis=0), 1e-300)
+    own, others = own / size, others / size
+    inverse = np.linalg.pinv(own.T @ own, rcond=1e-12, hermitian=True)
+    change = inverse @ (own.T @ residual[before])
+    error, left = residual[after] - others @ change, residual[before] - own @ change
+    leverage = float(np.mean(np.sum((others @ inverse) * others, axis=1)))
+    noise = max(float(np.mean(left**2)), fit.floor**2)
+    return math.sqrt(float(np.mean(error**2))), math.sqrt(noise * (1.0 + leverage))

@@ -10,14 +10,12 @@ from operator import attrgetter
 
 import numpy as np
 
-from palpate.diagnosis.adhesion import adhesion_or_memory
 from palpate.diagnosis.change import Changes, changes
-from palpate.diagnosis.chosen_law import at_most_care, held_out, one_relaxation_time
+from palpate.diagnosis.chosen_law import ahead, at_most_care, held_out, one_relaxation_time
 from palpate.diagnosis.data import VELOCITY_NONE, Data, beat_of
-from palpate.diagnosis.delay import columns, delay, delay_sensitivity, unseen
+from palpate.diagnosis.delay import adhesion_or_memory, columns, delay, delay_sensitivity, unseen
 from palpate.diagnosis.finding import Diagnosis, Episode, Laws, Quantity, Verdict, WorkingDepth
 from palpate.diagnosis.fit import FEWEST_ROWS, Fit, MisfitHypothesis, Search
-from palpate.diagnosis.forecast import ahead
 from palpate.diagnosis.marks import (
     OFF,
     Judged,

@@ -22,7 +22,7 @@ from palpate.diagnosis.fit import (
 from palpate.digits import format_quantity, rounded, with_error
 from palpate.estimators.law_verdicts import RELAXATION_STIFFNESS, STRONG
 from palpate.estimators.least_squares import mean_error, robust_covariance
-from palpate.estimators.weak_prior import ConstrainedEstimate
+from palpate.estimators.variable_projection import ConstrainedEstimate
 from palpate.findings import Finding, Mark, Severity, worst
 from palpate.force_laws import HuntCrossley
 from palpate.preparation.surfaces import placed

@@ -39,7 +39,7 @@ from palpate.estimators.estimate import (
     rmse_percent,
     violated_fraction,
 )
-from palpate.estimators.weak_prior import EXPONENTS, constrained
+from palpate.estimators.variable_projection import EXPONENTS, constrained
 from palpate.findings import MARKS, Finding
 from palpate.identification.replaying import (
     defaults_from_data,

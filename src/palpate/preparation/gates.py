@@ -1,13 +1,14 @@
 """Quantities found from the data of a contact: gate, scale, touches and noise."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 import palpate._core as _core
 from palpate._core import noise_of as noise_of
 from palpate.contact import Contact, slices_of
+from palpate.findings import Finding
 from palpate.settings import ContactGate, Scale
 from palpate.validation import Floats, Plain, number_in
 
@@ -163,3 +164,68 @@ def resolutions_of(penetration: Floats, *, threads: int = 1) -> Floats:
     found = np.empty(len(penetration))
     _core.resolutions(penetration, found, threads)
     return found
+
+
+# Parts of a touch that are no contact with one place: the force rises on the way out.
+
+# No passive material pushes harder at less depth, on the way out, than where the probe turned. A
+# heel does when the foot has rolled on: 5 to 60 % more, while it rises by a fifth. A force that is
+# 20 ms late rises on too, but only while the depth is still within a few per cent.
+RISE, RISE_OF_LARGEST, WITHDRAWN = 1.05, 0.05, 0.95
+FEWEST = 2  # touches, and half of them: where one material ends and another begins is no such part
+SHORTEST = 20  # samples in a touch that counts
+# Samples, or a tenth of the rise: all of it within, or half of the force, is the border of another
+# material. Heels rise by at most 0.7 of it and 0.3 of the force, borders by 0.75 and 1 or more.
+SUDDEN = 5
+LEAST_PART, MOST_PART = 0.05, 0.9  # of the contact: less changes no result, more leaves none
+
+
+def without_load_transfer(contact: Contact) -> Contact:
+    """Return the contact without the rest of each touch from where the load goes elsewhere.
+
+    Parameters
+    ----------
+    contact : Contact
+        Returned as it is if that is little of it, or leaves little.
+    """
+    depth, force = contact.penetration, contact.force
+    inside = choose_gate(contact).makes(depth, force) & np.isfinite(contact.velocity)
+    count = int(np.count_nonzero(inside))
+    if not count:
+        return contact
+    least = RISE_OF_LARGEST * float(np.percentile(force[inside], 99.0))
+    # A touch lasts until the probe is out of the material.
+    touches = list(slices_of(np.where(inside | (depth > 0.0), contact.segment, -1)))
+    runs = np.where(inside & (contact.velocity < 0.0), contact.segment, -1)
+    starts = np.array([0, *(np.flatnonzero(np.diff(runs)) + 1)])
+    highest, first = np.maximum.reduceat(force, starts), force[starts]
+    rising = (runs[starts] >= 0) & (highest > RISE * first) & (highest - first > least)
+    out = np.zeros(len(contact), dtype=bool)
+    parts = 0
+    for k in np.flatnonzero(rising).tolist():
+        start, stop = int(starts[k]), int(np.append(starts, len(contact))[k + 1])
+        peak = start + int(np.argmax(force[start:stop]))
+        if out[start] or not depth[peak] < WITHDRAWN * depth[start]:
+            continue
+        part = force[start : peak + 1]
+        width = max(part.size // 10, SUDDEN)
+        jump = np.max(part[width:] - part[:-width], initial=0.0)
+        if jump > min(0.9 * (part[-1] - part[0]), 0.5 * part[0]):
+            continue
+        touch = next(each for each in touches if each.start <= start < each.stop)
+        out[start : touch.stop] = True
+        parts += 1
+    share = np.count_nonzero(out) / count
+    of = sum(np.count_nonzero(inside[touch]) >= SHORTEST for touch in touches)
+    if parts < max(FEWEST, 0.5 * of) or not LEAST_PART < share < MOST_PART:
+        return contact
+    kept = np.flatnonzero(~out)
+    segment = contact.segment[kept] + np.cumsum(np.diff(kept, prepend=kept[0] - 1) > 1)
+    found = Finding(
+        "load transfer",
+        f"in {parts} touches the force rises while the probe withdraws, so that another place "
+        f"carries the load: the rest of them, {share:.0%} of the contact, is left out",
+        "if it is the material's own force, run again with --no-reject-outliers",
+        "with-care",
+    )
+    return replace(contact.taken(~out), segment=segment, findings=(*contact.findings, found))
