@@ -74,6 +74,7 @@ FEWEST_ROWS = 60  # below that there is no saying how the residual is correlated
 # Times the noise; clean recordings have 0.67 to 1.5. Without free air slow noise is not known: in
 # AR(1) noise of 0.98 the residual of a good law is then up to 8 times what is.
 MISFIT, MISFIT_UNKNOWN = 3.0, 10.0
+FEWEST_AIR = 20.0  # windows of free air by which noise is known
 NOISE_LIKE = 1.5  # times the noise
 SLOW = 2.0  # windows; over more, free air's own share of the noise is uncertain
 FOURTH = 70.0  # 1 + 16 + 36 + 16 + 1, the variance of a fourth difference of white noise
@@ -512,7 +513,8 @@ class Fit:
     @property
     def misfits(self) -> bool:
         """Whether the residual is more than noise."""
-        known = self.air.windows >= WINDOWS_A_PERIOD
+        # A period of free air, and so many times more as noise is slower than a window.
+        known = self.air.windows * (1.0 + len(self.band.shared)) >= FEWEST_AIR * self.correlated
         return self.ratio > (MISFIT if known else MISFIT_UNKNOWN)
 
     @cached_property
