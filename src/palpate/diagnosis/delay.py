@@ -212,10 +212,9 @@ def unseen(fit: Fit) -> str:
     lost = (1.0 - part ** (power + 1.0), 1.0 - part ** (power + 2.0))
     soft = format_quantity(abs(stiffness) * (1.0 / SOFT_MOUNT - 1.0), "N/m")
     return (
-        "no recording can show an oblique probe, a wrong scale or a soft mount: "
-        f"{OFF_AXIS:.0f}° off the surface normal make the stiffness {lost[0]:.1%} and the damping "
-        f"{lost[1]:.1%} too small, 1 % of scale changes them by 1 %, and a mount softer than "
-        f"{soft} makes the stiffness over {SOFT_MOUNT:.0%} too small"
+        f"no recording shows these: {OFF_AXIS:.0f}° off the surface normal makes the stiffness "
+        f"{lost[0]:.1%} and the damping {lost[1]:.1%} too small; 1 % of scale changes them by 1 %; "
+        f"a mount softer than {soft} makes the stiffness over {SOFT_MOUNT:.0%} too small"
     )
 
 
