@@ -161,7 +161,7 @@ def folded(t: Trial, part: float) -> None:
 
 
 def lateral(t: Trial, part: float) -> None:
-    """The probe slides sideways, to and fro, with friction on the sensor's axis."""
+    """The probe slides sideways, back and forth, with friction on the sensor's axis."""
     t.force = t.force * (1.0 + part * np.tanh(5.0 * np.sin(2.0 * np.pi * 0.4 * t.time)))
 
 

@@ -52,7 +52,12 @@ def columns(fit: Fit) -> list[MisfitHypothesis]:
         # ∂²F/∂n², or where the exponent is fixed ∂F/∂n: xⁿ is the tip's as far as that is known.
         "shape": spring * (logarithm if fit.fixed else logarithm**2),
         "square speed": spring * speed * np.abs(speed),
-        "sensor gain": law.force(x, fit.v) ** 2 / (fit.force_at_depth(law) or 1.0),
+        # Of a law whose exponent is not free the bend is rather the material's.
+        "sensor gain": (
+            law.force(x, fit.v) ** 2 / (fit.force_at_depth(law) or 1.0)
+            if law.power_law and not fit.fixed
+            else rest
+        ),
         "inertia": fit.acceleration,  # times the mass that moves beyond the sensor it is a force
     }
     causes = []
