@@ -134,6 +134,8 @@ def least_squares(
         # Damping limits the condition number to 1e9, so the normal equations are accurate enough.
         normal = unit.T @ unit + max(damping, 1e-12) * np.eye(len(size))
         trial = np.clip(at + np.linalg.solve(normal, slope / size) / size, low, high)
+        if not np.isfinite(trial).all():  # sums of absurd samples overflow
+            break
         after = Fitted(trial, *model(trial))
         gained = energy - float(after.residual @ after.residual)
         if not gained > 0.0:
