@@ -88,7 +88,7 @@ class Offline:
 
 
 def forecasts(recording: Recording, way: str) -> dict[str, tuple[float, float, str]]:
-    """Error over plain least squares, per cent of the force, and verdict, by the law asked for."""
+    """Error over plain least squares, per cent of the force, and verdict, for the requested law."""
     contact, good = recording.contact, recording.good
     first, second = good[: good.size // 2], good[good.size // 2 :]
     x, v, force = contact.penetration, contact.velocity, contact.force

@@ -225,7 +225,7 @@ def _trusted_law(found: Identification) -> Identification:
         return found  # the recording is wrong, whatever the law
     verdict, own = found.law_verdict, Candidate("hunt-crossley", "none")
     if verdict is None or all(each.candidate != own for each in verdict.model_ranking):
-        return found  # another law was asked for
+        return found  # another law was requested
     names = {"gate", "outlier_rejection", "exponent"}.difference(found.chosen)
     plain = VariableProjection(**{name: found.estimator.settings[name] for name in names})
     answer = Identification.of(found.data, plain, trace=found.traced)

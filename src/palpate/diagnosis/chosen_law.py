@@ -16,7 +16,7 @@ from palpate.validation import Floats
 # more number finds something: on clean runs it is preferred in one of six, and moves B′ by 1 %.
 SMALL = 0.02
 # Error in the last third over that in the others: of a law that holds 0.9 to 1.1, in noise as slow
-# as the motion up to 2.6, where it moves the numbers by less than the error bars.
+# as the motion up to 2.6, where it changes the result by less than the error bars.
 SURPRISE = 1.5
 # Of the force: of materials that soften the second half is then predicted from the first with an
 # error of 25 %.
@@ -142,7 +142,7 @@ def ahead(fit: Fit) -> Finding | None:
 
 
 def _held_out(fit: Fit, before: slice) -> tuple[float, float]:
-    """Rms error of the rows after some by the law of these, and that to expect, N."""
+    """Rms error with which the law of some rows predicts those after, and the expected one, N."""
     jacobian, residual = fit.solution.jacobian, fit.solution.residual
     after = slice(before.stop, None, before.step)
     own, others = jacobian[before], jacobian[after]

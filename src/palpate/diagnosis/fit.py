@@ -523,7 +523,7 @@ class Fit:
         free = np.flatnonzero(self.free)
         if free.size < FEWEST_FREE:
             return FreeAir()
-        # The uppermost are left out: they touch where the surface is higher than is said.
+        # The uppermost are left out: they touch where the surface is higher than assumed.
         above = self.penetration <= np.percentile(self.penetration[free], LOWEST_FREE)
         windows = _windows(self.free & above, self.data.segment, self.period, self.band.width)
         return _free_air(self, windows)
