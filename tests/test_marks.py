@@ -91,6 +91,13 @@ def test_a_misfit_is_in_the_bars(part):
     in_bars(diagnosis)
 
 
+def test_a_law_that_is_flat_at_the_working_depth_has_no_part_of_a_misfit(monkeypatch):
+    """As a registered law with a plateau may be: its stiffness there is 0, beside a force."""
+    monkeypatch.setattr(palpate.diagnosis.fit.Fit, "stiffness", lambda fit, law: 0.0)
+    there = palpate.diagnose(faults.clean(1)).working_depth
+    assert math.isfinite(there.stiffness.systematic)
+
+
 def test_bars_of_a_clean_recording_have_no_part_of_a_misfit():
     there = palpate.diagnose(faults.clean(1)).working_depth
     assert there.stiffness.systematic < there.stiffness.standard_error

@@ -348,11 +348,9 @@ def misfit_moves(fit: Fit) -> tuple[float, float]:
     if law.power_law:  # also where it has no damping
         damper = spring * fit.v
     columns = fit.band.mean(np.column_stack([spring, damper, rest + 1.0]))
-    at = fit.force_at_depth(law), fit.stiffness(law), fit.damping(law)
-    # Columns of one size of the number each.
-    one = [fit.sizes[0] / at[1], fit.sizes[1] * fit.units.speed / at[0]]
-    if not law.power_law:
-        one[1] = fit.sizes[1] / at[2] if at[2] else math.inf
+    # Columns of one size of the number each; none of a number that is 0, as of a flat law.
+    with_damper = fit.force_at_depth(law) / fit.units.speed if law.power_law else fit.damping(law)
+    one = np.divide(fit.sizes, (fit.stiffness(law), with_damper))
     energy = fit.solution.energy - 2.0 * len(fit.band) * fit.floor**2
     moved = []
     for k, scale in enumerate(one):
@@ -392,7 +390,7 @@ def misfit(fit: Fit) -> Finding | None:
 
 
 def _percent(part: float) -> str:
-    return f"{part:.0%}" if 0.01 <= part < 2.0 else "under 1 %" if part < 2.0 else "over 200 %"
+    return f"{part:.0%}" if 0.01 <= part < 2.0 else "under 1%" if part < 2.0 else "over 200%"
 
 
 #: Standard errors, and part of the number, above which a slope in free air is one.
@@ -414,7 +412,7 @@ def air(fit: Fit) -> Finding | None:
     much = " and ".join(f"{name} by {_percent(abs(by))}" for name, by in parts if by)
     return Finding(
         "free air",
-        f"the force changes with the motion in free air: a cable, a guide or a mass that moves "
+        "the force changes with the motion in free air: a cable, a guide or a mass that moves "
         f"with the probe changes {much}",
         "route the cable so that it does not pull, and subtract the force measured in free air",
         "with-care",
