@@ -67,6 +67,22 @@ def test_clean_runs_of_the_robot_are_trusted(robot_runs):
     assert {overall(run) for runs in robot_runs.values() for run in runs} == {"trust"}
 
 
+@pytest.mark.parametrize("probe", [lab.IdealProbe, lab.TwinPantograph])
+def test_the_damping_of_a_relaxing_sponge_is_in_its_bar_or_not_trusted(probe):
+    """B′ of a spring beside a Maxwell branch E, τ: B xⁿ + E τ/(1 + (ωτ)²), by another law."""
+    if probe is lab.TwinPantograph:
+        pytest.importorskip("mujoco", reason="needs MuJoCo: pip install 'palpate[lab]'")
+    sponge = lab.MATERIALS["relaxing-sponge"]
+    bench = lab.Bench(sponge, lab.THREE_SINES, probe=probe())
+    for seed in range(16):
+        result = palpate.identify(bench.run(seed, seconds=10.0).contact, law="auto")
+        felt, tau = result.dynamic_stiffness(), sponge.relaxation_time
+        relaxed = sponge.branch_stiffness * tau / (1.0 + (felt.frequency * tau) ** 2)
+        off = felt.damping.value - sponge.law.damping_at(felt.depth) - relaxed
+        trusted = result.diagnosis.verdict.damping == "trust"
+        assert not (trusted and abs(off) > 2.0 * felt.damping.whole_error)
+
+
 @pytest.fixture(scope="module")
 def robot_runs() -> dict[str, list[palpate.Contact]]:
     """Ten seconds on each material, four times."""
