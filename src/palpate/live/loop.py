@@ -23,7 +23,6 @@ from palpate.live.choices import LiveCommand, LoopCounts, State, chosen, main_se
 from palpate.live.ring import MOST_PARAMETERS, Writer
 from palpate.live.sources import Arrival, EndOfSourceError, Source, Value
 from palpate.preparation import OnlinePreparation
-from palpate.preparation.velocity import window_samples
 from palpate.validation import defined, number_in
 
 # Upper ends of the bins, s: 20 per decade, so that a percentile is accurate to 12 %.
@@ -289,8 +288,7 @@ class Loop:
         if (given := settings["direction"]) is not None:
             self._direction = tuple(float(each) / math.hypot(*given) for each in given)
         if (gap := settings["longest_gap"]) is None:
-            step = settings["sample_time"]
-            gap = step * window_samples(step, settings["velocity_window"])
+            gap = settings["sample_time"] * self.preparation.velocity_filter.samples
         self.watchdog = Watchdog(gap, self.counts, getattr(self.source, "pace", 1.0))
         self._begin(self.estimator)
 
@@ -494,6 +492,7 @@ class Loop:
             "delay": self.preparation.delay,
             "tare": defined(self.preparation.tare),
             "preparation": ", ".join(f"{name}={settings[name]!r}" for name in unusual),
+            "velocity_filter": self.preparation.velocity_filter.as_dict(),
             "method": estimator.method,
             "settings": main_settings(estimator),
             "generation": self.generation,

@@ -298,6 +298,8 @@ class Destination:
         )
         write_text(self.folder / REPORT, page(result, circumstances, compared), self.inputs)
         notes = {"made by": f"palpate {__version__}", "source": result.contact.source}
+        if (used := result.contact.velocity_filter) is not None:
+            notes |= used.as_note()
         trace = self.folder / self.trace
         named = in_file(columns)
         write_columns(named, trace, units=in_file(units), notes=notes, inputs=self.inputs)
