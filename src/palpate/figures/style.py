@@ -30,7 +30,7 @@ try:
     from matplotlib.textpath import text_to_path
     from matplotlib.ticker import ScalarFormatter
 except ImportError:
-    raise MissingExtraError("figures need matplotlib: pip install 'palpate[figures]'") from None
+    raise MissingExtraError.named("a figure", "matplotlib", "figures") from None
 
 
 def wrapped(words: str, width: float, size: float, lines: int) -> str:

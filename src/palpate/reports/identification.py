@@ -252,9 +252,7 @@ class Destination:
         try:
             import_module("palpate.figures")
         except MissingExtraError:
-            raise MissingExtraError(
-                "a report needs matplotlib: pip install 'palpate[report]'"
-            ) from None
+            raise MissingExtraError.named("a report", "matplotlib", "report") from None
         make_folder(self.folder)
         for name in self.names:
             check_writable(self.folder / name, self.inputs)
