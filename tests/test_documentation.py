@@ -187,6 +187,18 @@ def test_every_extra_that_a_message_or_a_page_names_can_be_installed():
     assert {"figures", "report", "live"} <= named <= known
 
 
+FALSE = "verdict on every number", "tens of nanoseconds", "1353", "no law and no error bars"
+
+
+def test_no_page_claims_what_was_measured_to_be_false():
+    for path in [*PAGES, *ROOT.glob("src/**/*.py"), *ROOT.glob("include/**/*.hpp")]:
+        text = " ".join(path.read_text(encoding="utf-8").split())
+        assert not [words for words in FALSE if words in text], path
+        for claim in re.finditer(r"(?:at|attains) the Cramér–Rao bound", text):
+            around = text[max(claim.start() - 120, 0) : claim.end() + 120]
+            assert all(words in around for words in ("white", "exact", "law")), f"{path}: {around}"
+
+
 def test_no_text_installs_palpate_from_a_registry_which_has_no_such_project():
     """What stands in a message, on a page or in a notebook works in a checkout."""
     texts = [*PAGES, *ROOT.glob("src/**/*.py"), *ROOT.glob("examples/**/*.ipynb")]

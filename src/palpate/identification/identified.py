@@ -150,7 +150,7 @@ def findings_of(contact: Contact, trace: Trace, estimator: ContactEstimator) -> 
     """Return what the last estimate does not determine, and what is special about the samples."""
     estimate = estimator.estimate()
     law = estimate.law
-    yield from estimate.findings
+    yield from estimate.motion_findings
     if estimate.samples < 10 * len(law.symbols):
         yield Finding("excitation", f"only {estimate.samples} samples in contact")
     pulls = (law.power_law or law.relaxes) and not law.remembers
