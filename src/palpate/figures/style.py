@@ -273,6 +273,9 @@ _WRITTEN: dict[Any, Any] = {
 }
 _DOTS_AN_INCH = 300
 _DECIMALS = re.compile(rb"(\.\d\d)\d+")
+_FONT = re.compile(rb"font-family: [^;\"]*; ?")
+#: White space between elements; text is on one line with its element.
+_INDENT = re.compile(rb">\n\s*<")
 
 
 @contextmanager
@@ -386,7 +389,35 @@ def _svg_of(figure: Figure, dots: float) -> bytes:
     finally:
         figure.dpi = before
         figure.set_canvas(shown)
-    return re.sub(rb' d="[^"]*"', lambda path: _DECIMALS.sub(rb"\1", path[0]), rendered.getvalue())
+    text = _INDENT.sub(b"><", rendered.getvalue())
+    if len(fonts := set(_FONT.findall(text))) == 1:  # said once, for all of the text
+        family = fonts.pop().partition(b": ")[2].rstrip(b"; ")
+        text = _FONT.sub(b"", text).replace(b"<svg ", b'<svg font-family="' + family + b'" ', 1)
+    text = re.sub(rb' (?:x|y)="[^"]*"', lambda place: _DECIMALS.sub(rb"\1", place[0]), text)
+    return re.sub(rb'(?<= d=")[^"]*', lambda path: _compact(path[0]), text)
+
+
+def _compact(path: bytes) -> bytes:
+    """Return a path rounded to 0.01, its lines relative to the point before: half the text.
+
+    Curves stay as they are, but for their rounding.
+    """
+    if not set(re.findall(rb"[A-Za-z]", path)) <= {b"M", b"L", b"z"}:
+        return _DECIMALS.sub(rb"\1", path)
+    parts, x, y, start = list[str](), 0, 0, (0, 0)
+    for command, numbers in re.findall(rb"([MLz])([^MLz]*)", path):
+        if command == b"z":
+            parts.append("z")
+            x, y = start
+            continue
+        to_x, to_y = (round(100.0 * float(each)) for each in numbers.split())
+        if command == b"M":
+            parts.append(f"M{to_x / 100.0:g} {to_y / 100.0:g}")
+            start = to_x, to_y
+        else:
+            parts.append(f"l{(to_x - x) / 100.0:g} {(to_y - y) / 100.0:g}")
+        x, y = to_x, to_y
+    return re.sub(r"\b0\.", ".", "".join(parts)).replace(" -", "-").encode()
 
 
 def _format_of(path: Path) -> str:

@@ -104,7 +104,9 @@ def page(
     methods = view.of_comparison(others, ranked=False) if others else ()
     # Of a probe that travels the verdict of each place counts, not that of all places as one.
     travels = any(part.place is not None for part in result.segments)
-    whole = [view.verdict(result)]
+    whole, each = [view.verdict(result)], view.parts(result)
+    values, beside = (each, numbers) if travels else (numbers, each)
+    beside_title = "One law for all places, an average" if travels else "Segments"
     parts = [
         '<main><div class="first"><header>',
         f"<h1>{escape(name)}</h1>",
@@ -113,12 +115,12 @@ def page(
         "</header>",
         *html.section("figure", "Measurement and model", _figures(result, travels)),
         "</div>",
-        *html.section("numbers", "Identified values", html.composed(whole * travels + numbers)),
+        *html.section("numbers", "Identified values", html.composed(values)),
         *html.section("law", "Model selection", _which_law(result, others)),
         *html.section("following", "Derived quantities", html.composed([follows])),
         *html.section("residuals", "Residuals", _residuals(result)),
         *html.section("findings", "Findings", html.composed([findings])),
-        *html.section("parts", "Segments and places", html.composed(view.parts(result))),
+        *html.section("parts", beside_title, html.composed(beside)),
         *html.section("comparison", "Other models and methods", html.composed(methods)),
         *html.section("contact", "Data preparation", html.composed(prepared)),
         *html.section("again", "How to reproduce this result", _again(circumstances)),
