@@ -390,9 +390,10 @@ def _svg_of(figure: Figure, dots: float) -> bytes:
         figure.dpi = before
         figure.set_canvas(shown)
     text = _INDENT.sub(b"><", rendered.getvalue())
-    if len(fonts := set(_FONT.findall(text))) == 1:  # said once, for all of the text
-        family = fonts.pop().partition(b": ")[2].rstrip(b"; ")
-        text = _FONT.sub(b"", text).replace(b"<svg ", b'<svg font-family="' + family + b'" ', 1)
+    fonts, common = set(_FONT.findall(text)), b""
+    if len(fonts) == 1:  # said once, for all of the text
+        text, common = _FONT.sub(b"", text), fonts.pop().strip()
+    text = text.replace(b"<svg ", b'<svg style="' + common + b'" ', 1)
     text = re.sub(rb' (?:x|y)="[^"]*"', lambda place: _DECIMALS.sub(rb"\1", place[0]), text)
     return re.sub(rb'(?<= d=")[^"]*', lambda path: _compact(path[0]), text)
 
@@ -499,7 +500,7 @@ class Drawn(Figure):
         svg = as_svg(self)
         # At most as wide as the cell.
         return svg[svg.index("<svg") :].replace(
-            "<svg", '<svg style="max-width:100%;height:auto"', 1
+            '<svg style="', '<svg style="max-width:100%;height:auto;', 1
         )
 
 

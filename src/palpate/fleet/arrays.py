@@ -327,7 +327,8 @@ def _together(curves: Curves, settings: Settings, threads: int) -> Table:
     chosen = {name: settings.estimator[name] for name in _SHARED if name in settings.estimator}
     if not settings.searches_surface and "surface_deviation" not in chosen:
         chosen["surface_deviation"] = resolutions_of(curves.penetration, threads=threads)
-    rejects, elsewhere = settings.estimator.get("outlier_rejection") is not False, {}
+    rejects = settings.estimator.get("outlier_rejection") is not False
+    elsewhere: dict[int, Finding] = {}
     if rejects:
         curves, elsewhere = _without_load_transfer(curves)
     fits, kept, left_out = fitted(curves, chosen, rejects=rejects, threads=threads)
@@ -379,7 +380,8 @@ def _creating_energy(
     with np.errstate(all="ignore"):
         squares = np.where(inside, np.nan_to_num(curves.velocity[rows]) ** 2, 0.0)
         speed = np.sqrt(squares.sum(axis=1) / inside.sum(axis=1))
-        found[rows] = creates_energy(*(columns[name][rows] for name in names), speed)
+        damping, error, force = (columns[name][rows] for name in names)
+        found[rows] = creates_energy(damping, error, force, speed)
     return found
 
 

@@ -239,8 +239,8 @@ def _joined(
         surface_deviation=float(np.median(known)) if one else None,
         findings=findings,
     )
-    used = velocity_filter(contact, settings.velocity_window, degree)
-    return replace(contact, velocity_filter=used), places
+    filtered = velocity_filter(contact, settings.velocity_window, degree)
+    return replace(contact, velocity_filter=filtered), places
 
 
 def _say_surface(places: list[Place], made: dict[str, str], findings: list[Finding]) -> None:
