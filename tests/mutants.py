@@ -1,6 +1,6 @@
 """One-line defects, mutants, that the fast tests notice: no deletion of tests may lose one.
 
-Usage, in an environment that has palpate[test], cmake, ninja and nanobind::
+Usage, in an environment with the extra test, cmake, ninja and nanobind::
 
     python tests/mutants.py choose          # fill tests/mutants.json up to 8 + 16 mutants
     python tests/mutants.py check [TEXT]    # does a test fail for each (whose file has TEXT)?

@@ -500,7 +500,7 @@ def test_a_missing_package_is_an_error_that_says_how_to_install_it(tmp_path, mon
         raise ModuleNotFoundError("No module named 'h5py'", name="h5py")
 
     monkeypatch.setattr(errors, "import_module", absent)
-    with pytest.raises(MissingExtraError, match=r"h5py.*pip install 'palpate\[recordings\]'"):
+    with pytest.raises(MissingExtraError, match=r"h5py.*pip install '\.\[recordings\]'"):
         open_recording(path)
 
 

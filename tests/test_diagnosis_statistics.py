@@ -71,7 +71,7 @@ def test_clean_runs_of_the_robot_are_trusted(robot_runs):
 def test_the_damping_of_a_relaxing_sponge_is_in_its_bar_or_not_trusted(probe):
     """B′ of a spring beside a Maxwell branch E, τ: B xⁿ + E τ/(1 + (ωτ)²), by another law."""
     if probe is lab.TwinPantograph:
-        pytest.importorskip("mujoco", reason="needs MuJoCo: pip install 'palpate[lab]'")
+        pytest.importorskip("mujoco", reason="needs MuJoCo: pip install '.[lab]'")
     sponge = lab.MATERIALS["relaxing-sponge"]
     bench = lab.Bench(sponge, lab.THREE_SINES, probe=probe())
     for seed in range(16):
@@ -86,7 +86,7 @@ def test_the_damping_of_a_relaxing_sponge_is_in_its_bar_or_not_trusted(probe):
 @pytest.fixture(scope="module")
 def robot_runs() -> dict[str, list[palpate.Contact]]:
     """Ten seconds on each material, four times."""
-    pytest.importorskip("mujoco", reason="needs MuJoCo: pip install 'palpate[lab]'")
+    pytest.importorskip("mujoco", reason="needs MuJoCo: pip install '.[lab]'")
     return {
         name: [
             lab.Bench(lab.MATERIALS[name], lab.THREE_SINES).run(seed).contact for seed in range(4)

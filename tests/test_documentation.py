@@ -4,6 +4,7 @@ The snippets of a page run in their order, in one folder, as a reader would run 
 ``<!-- not run: REASON -->`` one is only compiled.
 """
 
+import ast
 import json
 import re
 import runpy
@@ -15,6 +16,7 @@ from pathlib import Path
 
 import pytest
 
+import palpate
 from palpate import lab
 
 ROOT = Path(__file__).parents[1]
@@ -177,6 +179,33 @@ def test_every_extra_that_a_message_or_a_page_names_can_be_installed():
     for path in [*PAGES, *ROOT.glob("src/**/*.py"), *ROOT.glob(".ci/*")]:
         for names in re.findall(r"(?:palpate|'\.)\[([a-z,]+)\]", path.read_text(encoding="utf-8")):
             assert set(names.split(",")) <= known, f"{path}: {names}"
+    named = set()
+    for path in ROOT.glob("src/**/*.py"):
+        for call in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(call, ast.Call) and ast.unparse(call.func).startswith("MissingExtra"):
+                named |= {each.value for each in call.args[-1:] if isinstance(each, ast.Constant)}
+    assert {"figures", "report", "live"} <= named <= known
+
+
+FALSE = "verdict on every number", "tens of nanoseconds", "1353", "no law and no error bars"
+
+
+def test_no_page_claims_what_was_measured_to_be_false():
+    for path in [*PAGES, *ROOT.glob("src/**/*.py"), *ROOT.glob("include/**/*.hpp")]:
+        text = " ".join(path.read_text(encoding="utf-8").split())
+        assert not [words for words in FALSE if words in text], path
+        for claim in re.finditer(r"(?:at|attains) the Cramér–Rao bound", text):
+            around = text[max(claim.start() - 120, 0) : claim.end() + 120]
+            assert all(words in around for words in ("white", "exact", "law")), f"{path}: {around}"
+
+
+def test_no_text_installs_palpate_from_a_registry_which_has_no_such_project():
+    """What stands in a message, on a page or in a notebook works in a checkout."""
+    texts = [*PAGES, *ROOT.glob("src/**/*.py"), *ROOT.glob("examples/**/*.ipynb")]
+    texts += [path for path in ROOT.glob("tests/**/*.py") if path != Path(__file__)]
+    assert [path for path in texts if "install 'palpate" in path.read_text(encoding="utf-8")] == []
+    words = "x needs y: pip install '.[figures]' in a checkout of palpate"
+    assert str(palpate.MissingExtraError.named("x", "y", "figures")) == words
 
 
 NOTEBOOKS = sorted(Path(__file__).parents[1].glob("examples/notebooks/*.ipynb"))

@@ -217,7 +217,7 @@ def test_rows_of_a_gated_recursion_are_those_of_identify():
     speed = 1e-3 * rate * np.cos(rate * time) + 2.65e-3 * rate * np.cos(5.3 * rate * time)
     x, v = np.tile(4e-3 + wave, (12, 1)), np.tile(speed, (12, 1))
     force = LAW.force(x, v) + np.random.default_rng(11).normal(0.0, 0.01, x.shape)
-    force[1] = palpate.HuntCrossley(4000.0, -60.0, 1.3).force(x[1], v[1])
+    force[1] = palpate.HuntCrossley(4000.0, -3000.0, 1.3).force(x[1], v[1])
     force[2, 200] *= 3.0
     force[3, 25:] = np.nan
     x[4, 100:] = -1e-3

@@ -6,9 +6,24 @@ import numpy as np
 import pytest
 from cases import Floats
 
-from palpate import Contact, ContactGate, HuntCrossley, VariableProjection, compare, identify
+from palpate import (
+    Contact,
+    ContactGate,
+    HuntCrossley,
+    Recording,
+    VariableProjection,
+    compare,
+    identify,
+    identify_many,
+    write_contact,
+)
 from palpate.findings import Finding
+from palpate.fleet.running import identify_batch
+from palpate.fleet.tasks import Settings
 from palpate.identifying import Identification
+from palpate.preparation.along_penetration import Place, Prepared, at_places
+from palpate.preparation.settings import Preparation
+from palpate.preparation.surfaces import Surface
 
 LAW = HuntCrossley(2e6, 4e5, 2.0)  # 50 N at 5 mm
 GATE = ContactGate(1e-5, 1e-3, 1e-3)
@@ -100,6 +115,86 @@ def test_touches_end_where_the_force_rises_while_the_probe_withdraws() -> None:
 )
 def test_touches_of_the_law_and_changes_of_the_material_are_kept(contact: Contact) -> None:
     assert identify(contact).contact is contact
+
+
+def answer(result: Identification) -> list[object]:
+    at, marks = result.diagnosis.working_depth, result.diagnosis.verdict
+    numbers = (at.depth, at.stiffness.value, at.stiffness.systematic, at.damping.value)
+    return [*result.law.parameters, *numbers, marks.overall, marks.stiffness, marks.damping]
+
+
+def answer_in(row: dict[str, object]) -> list[object]:
+    names = "stiffness damping exponent depth stiffness_at_depth stiffness_at_depth_systematic"
+    names += " damping_at_depth verdict verdict_stiffness verdict_damping"
+    return [row[name] for name in names.split()]
+
+
+@pytest.mark.parametrize("rejection", [None, False], ids=["rejecting", "keeping"])
+def test_identify_a_fleet_and_identify_many_answer_alike_where_the_load_goes_elsewhere(
+    tmp_path, rejection
+):
+    pa = pytest.importorskip("pyarrow")
+    file = tmp_path / "heel.csv"
+    write_contact(touches(0.3), file)
+    method = VariableProjection(outlier_rejection=rejection)
+    expected = answer(identify(file, method))
+    [row] = identify_many([file], method=method, diagnosis="full").to_pylist()
+    assert answer_in(row) == expected
+    changed = {} if rejection is None else {"outlier_rejection": False}
+    named = pa.table({"source": [str(file)], "kind": ["file"], "index": pa.array([None])})
+    [row] = identify_batch(named, Settings(diagnosis="full", estimator=changed)).to_pylist()
+    assert answer_in(row) == expected
+    assert any("load transfer" in each for each in row["findings"]) is (rejection is None)
+
+
+def test_arrays_of_equal_length_leave_load_transfer_out_as_identify_does() -> None:
+    pytest.importorskip("pyarrow")
+    contact = touches(0.3)
+    arrays = {name: getattr(contact, name)[None] for name in ("penetration", "velocity", "force")}
+    [row] = identify_many(**arrays, sample_time=1e-3).to_pylist()
+    result = identify(contact)
+    assert row["fit"] == "whole-curve"
+    found = [row[f"{name}_at_depth"] for name in ("stiffness", "damping")]
+    at = result.diagnosis.working_depth
+    assert found == pytest.approx([at.stiffness.value, at.damping.value], rel=0.02)
+    assert any("load transfer" in each for each in row["findings"])
+    assert row["samples"] == len(result.contact)
+
+
+def test_places_keep_every_segment_that_load_transfer_cut() -> None:
+    pytest.importorskip("pyarrow")
+    contact, flat = touches(0.3, count=6), Surface(0.0, 0.0, "as given")
+    ends = (0.0, 2.3995), (2.4, 5.0)
+    places = tuple(Place(*times, np.zeros(3), None, flat) for times in ends)
+    made = Prepared(Recording({}), Preparation(), places=places)
+    contact = replace(contact, segment=(contact.time > 2.3995).astype(int), prepared=made)
+    parts = identify(contact).by_place().segments
+    kept = [len(list(part.contact.segments())) for part in parts]
+    assert kept == [4, 4]  # three touches and what comes after the last
+    assert sum(len(part.contact) for part in parts) == len(identify(contact).contact)
+    rows = identify_many([contact], diagnosis="full").to_pylist()
+    assert [answer_in(row) for row in rows] == [answer(part) for part in parts]
+    whole = [own for _, own in at_places(contact, rejecting=False)]
+    assert sum(map(len, whole)) == len(contact)
+
+
+def test_identify_and_identify_many_call_a_damping_negative_by_one_rule() -> None:
+    pytest.importorskip("pyarrow")
+    time = np.arange(1000) * 1e-3
+    x = 4e-3 + 2e-3 * np.sin(12.0 * time) + 1e-3 * np.sin(31.0 * time)
+    v = 24e-3 * np.cos(12.0 * time) + 31e-3 * np.cos(31.0 * time)
+    laws = [HuntCrossley(2000.0, 0.0, 1.3)] * 20 + [HuntCrossley(2000.0, -2e3, 1.3)]
+    random = np.random.default_rng(2)
+    force = np.array([law.force(x, v) + random.normal(0.0, 0.02, x.size) for law in laws])
+    arrays = {"penetration": np.tile(x, (21, 1)), "velocity": np.tile(v, (21, 1)), "force": force}
+    rows = identify_many(**arrays, sample_time=1e-3).to_pylist()
+    assert sum(row["damping"] < 0.0 for row in rows) > 5
+    flagged = [any("negative damping" in flag for flag in row["flags"]) for row in rows]
+    results = [identify(time=time, penetration=x, velocity=v, force=each) for each in force]
+    assert flagged == [any("negative damping" in f for f in each.flags) for each in results]
+    marks = [each.diagnosis.verdict.damping for each in results]
+    assert flagged == [mark == "do-not-trust" for mark in marks]
+    assert flagged == [False] * 20 + [True]
 
 
 def swinging(softens: float = 0.0, last: float = 1.0) -> Contact:

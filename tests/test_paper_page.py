@@ -175,7 +175,7 @@ def test_it_prints_the_claims_and_where_the_page_is(run, tiny, tmp_path, monkeyp
 def test_a_missing_extra_is_named_before_the_work(run, tmp_path, without, module, extra):
     without(module)
     status, out, err = run("-o", tmp_path / "report")
-    assert (status, out, err.count("\n"), f"palpate[{extra}]" in err) == (2, "", 1, True)
+    assert (status, out, err.count("\n"), f".[{extra}]" in err) == (2, "", 1, True)
     assert not (tmp_path / "report").exists()
 
 

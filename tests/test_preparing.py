@@ -1,5 +1,6 @@
 """From a recording, a file, a frame or arrays to a contact: one way, the same numbers."""
 
+import dataclasses
 import math
 import pickle
 import sys
@@ -14,6 +15,9 @@ from recordings import HEADER, SIGNALS, recording, rows_of, text_of, written
 
 import palpate
 from palpate import Columns, InvalidParameterError, Recording, RecordingError, prepare
+from palpate.fleet.arrays import Curves
+from palpate.fleet.tasks import Settings
+from palpate.preparation.preparing import joined
 from palpate.preparation.velocity import velocity_of
 from palpate.recordings import opening
 
@@ -216,3 +220,80 @@ def test_a_format_is_one_module_and_one_row_and_text_where_none_is_known(monkeyp
     assert numbers(prepare(tmp_path / "a.TOY")) == numbers(prepare(recorded()))
     for suffix in ("", ".txt", ".log"):
         assert len(prepare(recording(tmp_path, f"probe{suffix}"))) == 600
+
+
+def coarse(**more) -> palpate.Contact:
+    """A probe whose encoder is coarse: the velocity is noisy, and the damping too small."""
+    time = np.arange(3000) * 1e-3
+    x = 4e-3 + 2e-3 * np.sin(12.0 * time) + 0.5e-3 * np.sin(31.0 * time)
+    v = np.gradient(x, time)
+    random = np.random.default_rng(3)
+    force = palpate.HuntCrossley(2e3, 2e3, 1.3).force(x, v) + random.normal(0.0, 0.02, x.size)
+    noisy = x + random.normal(0.0, 1e-4, x.size)
+    return prepare(time=time, penetration=noisy, force=force, **more)
+
+
+def checks_of(contact: palpate.Contact) -> list[str]:
+    return [each.check for each in palpate.identify(contact, trace=False).diagnosis.findings]
+
+
+def test_no_note_of_a_user_changes_what_is_known_of_the_velocity(tmp_path):
+    """What a later step needs to know is a field, whatever the provenance says."""
+    plain = coarse()
+    assert "velocity noise" in checks_of(plain)
+    expected = palpate.identify(plain).diagnosis
+    words = {"velocity": "centred differences in the controller"}
+    noted = coarse(provenance=words)
+    for contact in (noted, dataclasses.replace(plain, provenance={"velocity": "mine"})):
+        found = palpate.identify(contact).diagnosis
+        assert found.verdict == expected.verdict
+        assert found.findings == expected.findings
+    recorded = palpate.Contact(**{name: getattr(plain, name) for name in CHANNELS})
+    assert recorded.velocity_filter is None
+    told = dataclasses.replace(recorded, provenance=words)
+    assert (
+        palpate.identify(told).diagnosis.findings == palpate.identify(recorded).diagnosis.findings
+    )
+
+
+def test_how_the_velocity_was_computed_goes_wherever_the_contact_goes(tmp_path):
+    contact = coarse(velocity_window=31e-3)
+    filtered = palpate.VelocityFilter(31, 2)
+    assert contact.velocity_filter == filtered
+    arrays = {name: getattr(contact, name) for name in CHANNELS}
+    given = prepare(**arrays)
+    assert given.velocity_filter is None
+    recorded = palpate.Contact(**arrays)
+    palpate.write_contact(contact, tmp_path / "own.csv", velocity=True)
+    palpate.write_contact(recorded, tmp_path / "other.csv", velocity=True)
+    palpate.identify(contact).save(tmp_path / "result")
+    saved = palpate.load_result(tmp_path / "result").contact
+    online = palpate.OnlinePreparation(velocity_window=31e-3)
+    for each in (
+        contact.window(0.5, 2.0),
+        contact.taken(slice(100, 900)),
+        pickle.loads(pickle.dumps(contact)),
+        joined([contact, contact]),
+        joined([given, contact]),  # of one of them only, which is enough to doubt
+        palpate.identify(contact).contact,
+        prepare(tmp_path / "own.csv"),
+        saved,
+        prepare(tmp_path / "result" / "trace.parquet"),
+        online.replay(contact.penetration, contact.force),
+    ):
+        assert each.velocity_filter == filtered
+    assert prepare(tmp_path / "other.csv").velocity_filter is None
+    assert joined([given, given]).velocity_filter is None
+    assert prepare(tmp_path / "own.csv", columns=Columns(velocity="none")).velocity_filter == (
+        palpate.VelocityFilter(15, 2)
+    )
+    with pytest.raises(InvalidParameterError, match="samples must be in"):
+        palpate.VelocityFilter(2, 2)
+
+
+def test_rows_of_arrays_know_that_their_velocity_was_computed():
+    contact = coarse()
+    arrays = {"penetration": contact.penetration[None], "force": contact.force[None]}
+    curves = Curves(contact.time, **arrays).known()
+    assert curves.contact(0, Settings()).velocity_filter == contact.velocity_filter
+    assert dataclasses.replace(curves, degrees=None).contact(0, Settings()).velocity_filter is None

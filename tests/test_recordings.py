@@ -117,7 +117,9 @@ def test_a_robots_own_recording_goes_end_to_end(path):
     contact = prepare(path)
     start, stop = fit["t_start_s"], fit["t_end_s"]
     [(place, own)] = [
-        each for each in at_places(contact) if each[0].start <= start and each[0].stop >= stop
+        each
+        for each in at_places(contact, rejecting=True)
+        if each[0].start <= start and each[0].stop >= stop
     ]
     assert place.normal.vector == pytest.approx(fit["normal"], abs=0.02)
     found = palpate.identify(own).at_depth(by_hand.depth).diagnosis.working_depth

@@ -15,7 +15,10 @@ from robots import ORIGIN, Hand, hand, table_of
 
 import palpate
 from palpate.figures import identified as drawn
+from palpate.figures.style import as_svg, look_of
+from palpate.fleet.figures import _span
 from palpate.identification import identified
+from palpate.reports.html import DRAWINGS, STYLE
 from palpate.reports.identification import Circumstances, page
 from palpate.results import view
 
@@ -158,6 +161,9 @@ def test_the_report_of_a_probe_that_travels_begins_with_its_verdicts_and_its_map
     assert found == sorted(found)
     assert 'id="map-drawing"' in text
     assert 'class="tiles"' not in text  # values of all places as one material mean nothing
+    # Of the places first; what one law gives for all of them comes last, and heads nothing.
+    values = words[words.index("Identified values") :]
+    assert values.index("Each by itself") < values.index("One law for all places, an average")
 
 
 def test_the_map_shows_the_stiffness_its_error_and_the_verdict_of_each_place(places):
@@ -215,3 +221,45 @@ def test_a_report_diagnoses_each_method_once_and_draws_each_figure_once(
     assert run("identify", EXAMPLES / "ball.csv", "-o", tmp_path / "out", *words)[0] == 0
     assert done["diagnose_parts"] == len(palpate.ESTIMATORS)
     assert done["draw MixedModeRenderer"] == 2
+
+
+def test_only_a_drawing_that_is_wider_than_the_phone_asks_to_scroll():
+    """The live page has the same styles, and its charts fit."""
+    rules = re.findall(r"([^{}]+)\{[^{}]*Scroll the figure sideways", STYLE + DRAWINGS)
+    assert [rule.strip().splitlines()[-1].strip() for rule in rules] == [
+        ".drawing + figcaption::before"
+    ]
+
+
+def test_a_map_of_places_shows_the_peak_of_its_trusted_values():
+    """A few stiff places among many are the inclusion that one looks for."""
+    soft, peak = [300.0] * 98, [900.0, 2000.0]
+    values = np.array([*soft, *peak, 1e7])
+    marks = np.array(["trust"] * 100 + ["do-not-trust"])
+    figure = Figure()
+    axes = figure.subplots()
+    at = np.column_stack([np.arange(101.0), np.zeros(101)])
+    drawn._draw_places(axes, at, values, marks, "viridis", look_of(dark=False, width=None))
+    limits = {dots.get_clim() for dots in axes.collections if dots.get_array() is not None}
+    [(low, high)] = limits
+    assert (low, high) in ((0.3, 2.0), (300.0, 2000.0))
+    assert _span(values[:100], zero=False) == (300.0, 2000.0)
+
+
+def test_a_drawing_has_no_indentation_and_short_paths_that_end_where_they_did():
+    """Pages hold tens of drawings: a paper's page was twice as long with white space and zeros."""
+    figure = Figure()
+    axes = figure.subplots()
+    [line] = axes.plot(np.arange(50.0), np.cumsum(np.random.default_rng(1).normal(size=50)))
+    svg = as_svg(figure)
+    assert re.search(r">\n\s*<", svg) is None
+    assert svg.count("font-family") <= 1 + svg.count("<style")
+    assert not re.search(r"[\d]\.\d{3,}", "".join(re.findall(r' d="[^"]*"', svg)))
+    path = max(re.findall(r' d="([^"]*)"', svg), key=len)
+    numbers = [float(each) for each in re.findall(r"-?(?:\d+\.?\d*|\.\d+)", path)]
+    x, y = np.cumsum(numbers[0::2])[-1], np.cumsum(numbers[1::2])[-1]
+    figure.dpi = 72.0
+    height = figure.bbox.height
+    expected = axes.transData.transform(line.get_xydata()[-1])
+    assert (x, y) == pytest.approx((expected[0], height - expected[1]), abs=0.02)
+    assert len(path) < 14 * 50

@@ -1,6 +1,7 @@
 """Standard errors are those of the estimates: a Monte Carlo of many short contacts."""
 
 import numpy as np
+import probing
 import pytest
 from cases import MATERIALS, exciting
 from scipy import stats
@@ -164,3 +165,23 @@ def test_the_single_stage_says_where_light_contact_ruins_its_errors(exponent, le
         held.append(abs(estimate.law.stiffness - 3e4) < 1.96 * estimate.standard_errors[0])
     assert np.mean(said) == flagged
     assert (np.mean(held) < 0.8) == flagged
+
+
+def test_the_single_stages_own_standard_errors_are_too_small_and_a_finding_says_so():
+    """White noise, a law that holds: the interval still misses the stiffness of a light contact."""
+    motion, law = probing.three_sines(5.0), MATERIALS["sponge"]
+    force, depth = law.force(motion.x, motion.v), float(np.median(motion.x))
+    hits = 0
+    for seed in range(10):
+        estimator = palpate.SingleStageRLS(gate=palpate.ContactGate(0.0, 0.5, 0.4))
+        assert estimator.estimate().findings == ()
+        estimator.replay(motion.x, motion.v, force + probing.white(len(motion), seed, 0.05))
+        found = estimator.estimate()
+        assert [each.check for each in found.findings] == ["standard errors"]
+        assert "too small" in found.flags[0]
+        stiffness, error = found.stiffness_at(depth)
+        hits += abs(stiffness - law.stiffness_at(depth)) < 1.96 * error
+    assert hits < 5
+    contact = probing.contact_of(motion, force)
+    whole = identify(contact, "single-stage")  # of which the diagnosis has wider ones
+    assert not any("too small" in flag for flag in whole.flags)

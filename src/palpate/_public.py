@@ -3,6 +3,7 @@
 from palpate._core import PreparedSample as PreparedSample
 from palpate._core import Status as Status
 from palpate.contact import Contact as Contact
+from palpate.contact import VelocityFilter as VelocityFilter
 from palpate.diagnosis import Diagnosis as Diagnosis
 from palpate.diagnosis import Verdict as Verdict
 from palpate.diagnosis import WorkingDepth as WorkingDepth

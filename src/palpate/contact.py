@@ -1,6 +1,7 @@
 """A contact: penetration, velocity and force on one clock, and how each was obtained."""
 
 import itertools
+import json
 import textwrap
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
@@ -12,11 +13,57 @@ from numpy.typing import ArrayLike, NDArray
 
 from palpate.errors import InvalidParameterError, RecordingError
 from palpate.findings import Finding
-from palpate.validation import Floats, kept, number, same_length, shown, signals
+from palpate.validation import (
+    Floats,
+    Plain,
+    kept,
+    number,
+    same_length,
+    shown,
+    signals,
+)
 
 # s. A metre in less time is a velocity above 1e100 m/s, which every estimator rejects.
 SHORTEST_STEP = 1e-100
+VELOCITY_NOTE = "velocity filter"
 _LABELS = "segment must be an array of one label per sample, such as [0, 0, 1]"
+
+
+@dataclass(frozen=True, slots=True)
+class VelocityFilter(Plain):
+    """How a velocity was computed: the slope of a polynomial through a centred window.
+
+    Attributes
+    ----------
+    samples : int
+        Samples in the window, ≥ 3.
+    degree : int
+        Degree of the polynomial, 1 to 9.
+
+    Raises
+    ------
+    InvalidParameterError
+        A number is outside its range.
+    """
+
+    samples: int
+    degree: int
+
+    def __post_init__(self) -> None:
+        kept(self, "samples", 3, 1e300, whole=True)
+        kept(self, "degree", 1, 9, whole=True)
+
+    def as_note(self) -> dict[str, str]:
+        """Return the note of a file that holds the velocity."""
+        return {VELOCITY_NOTE: json.dumps(self.as_dict())}
+
+    @classmethod
+    def from_notes(cls, notes: Mapping[str, str]) -> "VelocityFilter | None":
+        """Return the filter from the notes of a file; None without a valid one."""
+        try:
+            return cls(**json.loads(notes[VELOCITY_NOTE]))
+        except (KeyError, TypeError, ValueError):
+            return None
 
 
 @dataclass(frozen=True, slots=True, eq=False, init=False, repr=False)
@@ -51,6 +98,8 @@ class Contact:
         What preparation assumed, found or excluded.
     prepared : Prepared, optional
         The recording and the settings from which the contact was made, and what was found.
+    velocity_filter : VelocityFilter, optional
+        How the velocity was computed from the penetration. None: it was recorded.
 
     Raises
     ------
@@ -69,6 +118,7 @@ class Contact:
     surface_deviation: float | None
     findings: tuple[Finding, ...]
     prepared: Any
+    velocity_filter: VelocityFilter | None
 
     def __init__(
         self,
@@ -84,12 +134,14 @@ class Contact:
         surface_deviation: float | None = None,
         findings: Sequence[Finding] = (),
         prepared: Any = None,
+        velocity_filter: VelocityFilter | None = None,
     ) -> None:
         t, x, v, f = signals(time=time, penetration=penetration, velocity=velocity, force=force)
         labels = numbered(segment, t.size)
         _check_time(t, labels)
         own = t, x, v, f, labels, source, dict(provenance or {})
-        rest = tare_deviation, surface_deviation, tuple(findings), prepared
+        said = tuple(findings)
+        rest = tare_deviation, surface_deviation, said, prepared, velocity_filter
         for each, value in zip(fields(self), (*own, *rest), strict=True):
             object.__setattr__(self, each.name, value)
         for name in ("tare_deviation", "surface_deviation"):

@@ -77,11 +77,20 @@ def _listed(names: list[str]) -> str:
 class MissingExtraError(PalpateError, ImportError):
     """An optional package is not installed: the message names the extra that installs it."""
 
+    @staticmethod
+    def remedy(extra: str) -> str:
+        """Return how to install an extra: palpate is in no registry."""
+        return f"pip install '.[{extra}]' in a checkout of palpate"
+
+    @classmethod
+    def named(cls, what: str, package: str, extra: str) -> "MissingExtraError":
+        """Return the error for a package of an extra that ``what`` needs."""
+        return cls(f"{what} needs {package}: {cls.remedy(extra)}")
+
     @classmethod
     def of(cls, error: ImportError, what: str, extra: str) -> "MissingExtraError":
         """Return the error for a failed import of a package that ``what`` needs."""
-        package = (error.name or "a package").partition(".")[0]
-        return cls(f"{what} needs {package}: pip install 'palpate[{extra}]'")
+        return cls.named(what, (error.name or "a package").partition(".")[0], extra)
 
 
 def needed(module: str, what: str, extra: str) -> Any:

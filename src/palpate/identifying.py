@@ -15,7 +15,7 @@ from palpate.estimators.estimate import Traced, checked_trace
 from palpate.estimators.law_verdicts import Candidate
 from palpate.findings import Finding
 from palpate.identification.identified import Identified
-from palpate.preparation.gates import choose_gate, without_load_transfer
+from palpate.preparation.gates import choose_gate
 from palpate.preparation.preparing import Recorded, prepare
 from palpate.results import view
 from palpate.settings import ContactGate
@@ -208,11 +208,7 @@ def identify(
     given = {name: values for name, values in arrays.items() if values is not None}
     if not isinstance(source, Contact) or given:
         source = prepare(source, **given)  # type: ignore[arg-type]  # it refuses a contact with arrays
-    every = isinstance(estimator, ContactEstimator) and (
-        estimator.settings.get("outlier_rejection") is False
-    )
-    data = Data(source if every else without_load_transfer(source))
-    return _trusted_law(Identification.of(data, estimator, trace=traced))
+    return _trusted_law(Identification.of(Data(source), estimator, trace=traced))
 
 
 def _trusted_law(found: Identification) -> Identification:
@@ -303,9 +299,15 @@ def compare(
     """
     traced = checked_trace(trace)
     contact = source if isinstance(source, Contact) else prepare(source)
-    contact = contact if outlier_rejection is False else without_load_transfer(contact)
-    chosen = choose_gate(contact) if gate is None else gate
-    data = (known and known.data) or Data(contact)  # checked once for all methods
+    data, rejecting = Data(contact), outlier_rejection is not False
+    if (
+        known is not None
+        and known.data is not None
+        and known.estimator.rejects_outliers is rejecting
+    ):
+        data = known.data
+    data = data.samples(rejecting=rejecting)  # checked once for all methods
+    chosen = choose_gate(data.contact) if gate is None else gate
     results = {}
     kept = known_exponent(exponent)
     able = [

@@ -2,6 +2,8 @@
 
 import gc
 import math
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -299,6 +301,92 @@ def test_a_tare_is_taken_and_taken_off():
     assert (column(rows, "state")[60:540] == State.TARING).all()
     assert loop.status()["tare"] == pytest.approx(3.0, rel=1e-12)
     assert column(rows, "force")[-1] == pytest.approx(FORCES[-10], abs=1e-9)
+
+
+def at_rest(depth, force, seconds=0.6, noise=0.02, begin=0.0):
+    """Arrivals of a probe at these depths and forces: numbers, or functions of time."""
+    random = np.random.default_rng(7)
+    times = begin + T * np.arange(round(seconds / T))
+    depths, forces = (
+        np.broadcast_to(each(times) if callable(each) else each, times.shape)
+        for each in (depth, force)
+    )
+    depths = depths + 1e-6 * random.standard_normal(times.size)
+    forces = forces + noise * random.standard_normal(times.size)
+    return arrivals(times.tolist(), depths.tolist(), forces.tolist())
+
+
+PRESSING = {
+    "held inside": ((5e-3, 12.0), "the probe is 5 mm inside the material"),
+    "moving inside": (
+        (lambda t: 5e-3 + 1e-3 * np.sin(20.0 * t), lambda t: 9.0 + 2.0 * np.sin(20.0 * t)),
+        "the probe is 5",
+    ),
+    "touching meanwhile": (
+        (lambda t: 8e-3 * t - 3e-3, lambda t: 2e3 * np.maximum(8e-3 * t - 3e-3, 0.0)),
+        "inside the material",
+    ),
+    "pressing, of another zero of the position": (
+        (lambda t: -0.3 + 1e-3 * np.sin(20.0 * t), lambda t: 9.0 + 2.0 * np.sin(20.0 * t)),
+        "N as the probe moves",
+    ),
+    "relaxing, of another zero of the position": (
+        (-0.3, lambda t: 5.0 + 3.0 * np.exp(-t)),
+        "so it is not steady",
+    ),
+}
+
+
+@pytest.mark.parametrize("motion, words", PRESSING.values(), ids=PRESSING)
+def test_a_tare_begun_in_contact_is_refused_and_taken_once_the_probe_is_lifted(motion, words):
+    script = at_rest(*motion)
+    loop, rows = looped(script, OnlinePreparation(tare_time=0.5))
+    assert (column(rows, "state") == State.TARING).all()
+    assert math.isnan(loop.preparation.tare)
+    [said] = [each for each in loop.said if "tare refused" in each]
+    assert words in said
+    assert "lift the probe out of the material" in said
+    assert loop.status()["tare_refused"] in said
+    lifted = at_rest(-0.31, 3.0, 1.5, begin=0.6)
+    loop, rows = looped([*script, *lifted], OnlinePreparation(tare_time=0.5))
+    assert loop.status()["tare"] == pytest.approx(3.0, abs=0.01)
+    assert loop.status()["tare_refused"] == ""
+    assert column(rows, "state")[-1] == State.FREE
+
+
+FREE = {
+    "at rest": (-5e-3, 3.0),
+    "moving": (lambda t: -5e-3 + 2e-3 * np.sin(20.0 * t), 3.0),
+    "drifting a little": (-5e-3, lambda t: 3.0 + 0.1 * t),
+}
+
+
+@pytest.mark.parametrize("motion", FREE.values(), ids=FREE)
+def test_a_tare_in_free_air_is_taken(motion):
+    loop, _ = looped(at_rest(*motion), OnlinePreparation(tare_time=0.5))
+    assert loop.status()["tare"] == pytest.approx(3.0, abs=0.06)
+    assert not any("refused" in each for each in loop.said)
+
+
+def test_a_command_to_tare_in_contact_leaves_the_earlier_zero_and_the_estimate():
+    loop, rows = looped(SCRIPT, commands=[(800, LiveCommand("tare", {"seconds": 0.3}))])
+    [said] = [each for each in loop.said if "tare refused" in each]
+    assert "the earlier zero holds" in said
+    assert loop.status()["tare"] == 0.0
+    assert (column(rows, "state")[1150:] == State.CONTACT).all()
+    assert column(rows, "force")[-1] == pytest.approx(FORCES[-10], abs=1e-9)
+
+
+def test_a_run_whose_tare_was_refused_to_the_end_fails_with_the_reason(tmp_path):
+    palpate.write_contact(touch(), tmp_path / "pressing.csv")
+    words = ["live", str(tmp_path / "pressing.csv"), "--tare", "1s", "--no-page", "--no-diagnosis"]
+    done = subprocess.run(
+        [sys.executable, "-c", "from palpate.cli import main; main()", *words, "--speed", "20"],
+        capture_output=True, text=True, timeout=60, check=False,
+    )  # fmt: skip
+    assert done.returncode == 2
+    assert "tare refused: the probe is" in done.stderr
+    assert "or omit --tare" in done.stderr
 
 
 def test_another_estimator_and_what_there_is_not():

@@ -344,7 +344,7 @@ for opened in (open_source, open_publisher):
         print(error)
 """
     out, _ = in_a_process(code, stdout=subprocess.PIPE).communicate(timeout=60)
-    assert out == 2 * "dds needs rosbags: pip install 'palpate[live]'\n"
+    assert out == 2 * "dds needs rosbags: pip install '.[live]' in a checkout of palpate\n"
 
 
 @pytest.mark.parametrize(

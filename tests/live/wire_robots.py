@@ -106,7 +106,7 @@ class DDSRobot(RosRobot):
 
     def __init__(self, types: tuple[str, str] = (POSE, WRENCH)) -> None:
         super().__init__()
-        pytest.importorskip("cyclonedds", reason="no cyclonedds: pip install 'palpate[live]'")
+        pytest.importorskip("cyclonedds", reason="no cyclonedds: pip install '.[live]'")
         from cyclonedds.core import Policy, Qos
         from cyclonedds.pub import DataWriter
         from cyclonedds.topic import Topic

@@ -24,7 +24,7 @@ JUNK = 1_000
 @pytest.fixture(scope="module")
 def program(tmp_path_factory) -> Path:
     """The robot."""
-    pytest.importorskip("cyclonedds", reason="no cyclonedds: pip install 'palpate[live]'")
+    pytest.importorskip("cyclonedds", reason="no cyclonedds: pip install '.[live]'")
     compiler = os.environ.get("CXX", "c++")
     missing = [each for each in ("fastddsgen", compiler) if shutil.which(each) is None]
     if not missing and not Path("/usr/include/fastrtps").is_dir():

@@ -206,6 +206,8 @@ def live(
         realtime=looping.realtime,
         seconds=looping.seconds,
     )
+    if found["tare_refused"]:
+        raise RecordingError(f"{source}: {found['tare_refused']}, or omit --tare")
     if "recorder" in found["failed"]:
         raise RecordingError(
             f"{record or 'the recording'}: the recorder failed; the file is readable up to then"

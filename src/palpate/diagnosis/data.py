@@ -15,7 +15,7 @@ from palpate.contact import Contact, slices_of
 from palpate.diagnosis.finding import Laws
 from palpate.digits import format_quantity, rounded
 from palpate.findings import Finding
-from palpate.preparation.gates import noise_of
+from palpate.preparation.gates import exclude_load_transfer, noise_of
 from palpate.preparation.velocity import (
     largest_of,
     slope_weights,
@@ -45,16 +45,22 @@ class Data:
         self.force = contact.force[self.known]
         self.segment = contact.segment[self.known]
         self.sample_time = contact.sample_time
-        own = contact.provenance.get("velocity", "")
-        #: Whether the velocity was worked out from the penetration, and not recorded.
-        self.differentiated = own.startswith("centred")
-        #: Degree of the polynomial of which it is the slope.
-        self.degree = 4 if own.startswith("centred quartic") else 2
+        #: How the velocity was computed from the penetration; None: it was recorded.
+        self.velocity_filter = contact.velocity_filter
         #: By how they were compared: methods of one contact share them.
         self.laws: dict[str, Laws] = {}
 
     def __len__(self) -> int:
         return len(self.time)
+
+    def samples(self, *, rejecting: bool) -> "Data":
+        """Return the data without load transfer where outliers are rejected, else itself."""
+        return self._without_load_transfer if rejecting else self
+
+    @cached_property
+    def _without_load_transfer(self) -> "Data":
+        contact = exclude_load_transfer(self.contact)
+        return self if contact is self.contact else Data(contact)
 
     def segments(self) -> Iterator[slice]:
         """Slices of the separate contacts, in order."""
@@ -78,19 +84,16 @@ class Data:
     @cached_property
     def velocity_noise(self) -> float:
         """Standard deviation of the velocity's noise, m/s: σ_v² = Σ w² σ_x²/Δt² of the filter."""
-        if not self.differentiated:
+        if self.velocity_filter is None:
             return noise_of(self.velocity)
-        weights = slope_weights(self.filter_samples, self.degree)
+        weights = slope_weights(self.filter_samples, self.velocity_filter.degree)
         return float(self.penetration_noise * np.linalg.norm(weights) / self.sample_time)
 
     @property
     def filter_samples(self) -> int:
         """Samples in the window of the velocity's filter."""
-        prepared = self.contact.prepared
-        length: float | None = prepared.window if prepared is not None else None
-        if not length:
-            return window_samples(self.sample_time)
-        return max(round(length / self.sample_time), 3) | 1
+        own = self.velocity_filter
+        return window_samples(self.sample_time) if own is None else own.samples
 
     @property
     def wider_window(self) -> str:
@@ -145,7 +148,7 @@ def coarse(data: Data) -> Finding | None:
             f"the penetration is quantised in steps of {format_quantity(step, 'm')}, "
             f"{step / data.peak_penetration:.1%} of its largest value: the velocity is coarse and "
             "the damping too small",
-            data.wider_window if data.differentiated else VELOCITY_NONE,
+            data.wider_window if data.velocity_filter else VELOCITY_NONE,
         )
     return None
 
@@ -389,7 +392,7 @@ def velocity_column(data: Data) -> Finding | None:
     Beyond 0.8 … 1.25, or where they run against each other, it is another channel; within, the
     damping B = ∂F/∂v is wrong by the slope.
     """
-    if data.differentiated or len(data) < 4 * MEAN:
+    if data.velocity_filter is not None or len(data) < 4 * MEAN:
         return None
     way, integral = _pieces(data)
     if way.size < 4 or np.ptp(way) == 0.0 or np.ptp(integral) == 0.0:

@@ -141,7 +141,7 @@ def velocity_noise(fit: Fit) -> Finding | None:
     part = fit.data.velocity_noise**2 / speed if speed > 0.0 else 0.0
     if not part > CARE:
         return None
-    derived = fit.data.differentiated
+    derived = fit.data.velocity_filter is not None
     whose = (
         "the velocity, differentiated from the penetration," if derived else "the velocity column"
     )
@@ -297,11 +297,11 @@ def _with_least_parts(fit: Fit, judged: Judged, found: list[Finding]) -> Judged:
             moves = finding.moves_stiffness_percent, finding.moves_damping_percent
             by_stiffness, by_damping = np.abs(np.nan_to_num(moves, posinf=0.0)).tolist()
             parts.append((by_stiffness / 100.0, by_damping / 100.0))
-    if fit.data.differentiated and np.any(fit.v):
+    if (used := fit.data.velocity_filter) is not None and np.any(fit.v):
         speed = fit.band.mean(fit.v) * fit.units.speed
         ratio = np.linalg.norm(fit.band.mean(fit.acceleration)) / np.linalg.norm(speed)
         turn = min(float(ratio) * fit.data.sample_time, math.pi)
-        lost = 1.0 - filter_gain(fit.data.filter_samples, fit.data.degree, turn)
+        lost = 1.0 - filter_gain(fit.data.filter_samples, used.degree, turn)
         moved = lost * abs(fit.damping(fit.solution.law))
         if moved > OFF * standard_errors(fit)[2]:
             parts.append((0.0, moved / fit.sizes[1]))

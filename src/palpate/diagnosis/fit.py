@@ -237,6 +237,11 @@ class Solution:
         return left
 
 
+def reference_scale(value: Floats | float, force: Floats | float, by: Floats | float) -> Floats:
+    """Return what a stiffness or damping is compared with: itself, or a tenth of F/x or F/V."""
+    return np.maximum(np.abs(value), 0.1 * np.abs(force) / by)
+
+
 class Fit:
     """A law's least squares of force in the motion's band.
 
@@ -434,10 +439,10 @@ class Fit:
 
         max(|S|, 0.1 F/x) and max(|C|, 0.1 F/V), for a quantity near zero.
         """
-        force, law = abs(self.force_at_depth(self.solution.law)), self.solution.law
+        force, law = self.force_at_depth(self.solution.law), self.solution.law
         return (
-            max(abs(self.stiffness(law)), 0.1 * force / self.depth),
-            max(abs(self.damping(law)), 0.1 * force / self.speed),
+            float(reference_scale(self.stiffness(law), force, self.depth)),
+            float(reference_scale(self.damping(law), force, self.speed)),
         )
 
     def apart(self, found: tuple[float, float], law: ForceLaw) -> tuple[float, float]:

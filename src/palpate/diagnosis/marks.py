@@ -4,6 +4,7 @@ import math
 from dataclasses import dataclass, replace
 from functools import partial
 from operator import attrgetter
+from typing import Any
 
 import numpy as np
 
@@ -573,6 +574,11 @@ def working_depth(fit: Fit, judged: Judged) -> WorkingDepth:
     return _numbers(fit, _with_surface(fit, errors), moved)
 
 
+def is_negative(damping: Floats | float, bar: Floats | float, size: Floats | float) -> Any:
+    """Whether a damping is below zero by more than its bar, and by 5 % of its reference scale."""
+    return damping < -np.maximum(bar, CARE * size)
+
+
 def sign(fit: Fit, at: WorkingDepth, others: list[Finding]) -> list[Finding]:
     """Of numbers that others trust: the bars leave the sign open, or the damping is negative.
 
@@ -587,7 +593,7 @@ def sign(fit: Fit, at: WorkingDepth, others: list[Finding]) -> list[Finding]:
         found: Quantity = getattr(at, name)
         bar = math.hypot(2.0 * found.standard_error, found.systematic)
         matters = found.systematic > CARE * size or bar > WIDE_DAMPING * size
-        negative = name == "damping" and found.value < -max(bar, CARE * size)
+        negative = name == "damping" and is_negative(found.value, bar, size)
         known = worst(*(getattr(other, name) for other in others)) == "do-not-trust"
         if not known and (negative or (matters and abs(found.value) <= bar)):
             marks[name] = "do-not-trust"

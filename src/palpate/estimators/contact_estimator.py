@@ -136,6 +136,11 @@ class ContactEstimator(Configured):
         return trace
 
     @property
+    def rejects_outliers(self) -> bool:
+        """Whether outliers, and load that goes elsewhere, are excluded from a whole contact."""
+        return self.settings.get("outlier_rejection") is not False
+
+    @property
     def fixed(self) -> tuple[str, ...]:
         """Names of the law's parameters that the settings fix; they are not identified."""
         return ("exponent",) if self._settings.get("exponent") is not None else ()

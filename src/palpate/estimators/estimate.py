@@ -228,6 +228,11 @@ class Estimate(EstimateValue):
     @property
     def findings(self) -> tuple[Finding, ...]:
         """What this motion does not identify, and which motion would."""
+        return self.motion_findings
+
+    @property
+    def motion_findings(self) -> tuple[Finding, ...]:
+        """Those of the motion only, without any on the standard errors of the method."""
         return findings_of(self._flags)
 
     @property

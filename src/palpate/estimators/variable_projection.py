@@ -40,8 +40,9 @@ class VariableProjection(CompiledEstimator, _core.VariableProjection):
 
     For each exponent of a grid the law is linear in the other parameters, so a few sums per
     exponent hold all information of the samples; the minimum over n is searched globally, then
-    refined. No logarithm, no condition 10, no starting values; it attains the Cramér–Rao bound.
-    Adding a sample is cheap; the solve happens on a call of ``estimate``.
+    refined. No logarithm, no condition 10, no starting values. It attains the Cramér–Rao bound
+    where the noise is white, penetration and velocity are exact, and the law holds. Adding a sample
+    is cheap; the solve happens on a call of ``estimate``.
 
     Parameters
     ----------

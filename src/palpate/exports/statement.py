@@ -13,7 +13,12 @@ from typing import Any, TypeAlias
 from palpate._core import __version__
 from palpate.diagnosis import Diagnosis, Verdict
 from palpate.digits import parameter, rounded
-from palpate.errors import ExportRefusedError, InvalidParameterError, RecordingError
+from palpate.errors import (
+    ExportRefusedError,
+    InvalidParameterError,
+    MissingExtraError,
+    RecordingError,
+)
 from palpate.exports.engine import (
     Drop,
     Engine,
@@ -440,7 +445,7 @@ class Statement:
             if self.engine.distribution is not None:
                 why = f"it does not load: {found.fails}" if found.fails else "not requested"
                 if not self.engine.version():
-                    why = f"{title} is not installed: pip install 'palpate[{self.engine.extra}]'"
+                    why = f"{title} is not installed: {MissingExtraError.remedy(self.engine.extra)}"
             how = f"Not replayed ({why}): the errors of the engine are predicted."
         three = f"Rms force error: {percent(found.percent)} against the law"
         if measured is not None and leaves is not None:

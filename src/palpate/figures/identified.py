@@ -163,8 +163,6 @@ def _caption(result: Identified) -> str:
 
 # Shapes tell the verdicts apart; colour, which shows the value, could not.
 _MARKERS = {"trust": "o", "with-care": "s", "do-not-trust": "X"}
-# Percentiles that the colours span, so that one outlier does not hide the other differences.
-_COLOUR_SPAN = (2.0, 98.0)
 PLACES_CAPTION = (
     "Stiffness of each place at its own working depth, over position in the frame of the "
     "recording, and its standard error (statistical and systematic). The shape of a marker "
@@ -199,7 +197,12 @@ def _draw_places(
     axes: "Axes", places: Floats, values: Floats, marks: NDArray[Any], colours: str, look: Look
 ) -> None:
     known, ink = np.isfinite(values), look.theme.ink
-    low, high = np.percentile(values[known], _COLOUR_SPAN) if known.any() else (0.0, 1.0)
+    sure = known & (marks != "do-not-trust")
+    shown = values[sure if sure.any() else known]
+    # To the largest value that is to be trusted: the peak of an inclusion shows.
+    low, high = (shown.min(), shown.max()) if shown.size else (0.0, 1.0)
+    beyond = bool((values[known] < low).any()), bool((values[known] > high).any())
+    extend = ("neither", "min", "max", "both")[beyond[0] + 2 * beyond[1]]
     unit = scale_of(float(high), "N/m")
     k = unit.factor
     options: dict[str, Any] = {"cmap": colours, "vmin": k * low, "vmax": k * high, "s": 50.0}
@@ -210,7 +213,7 @@ def _draw_places(
         label = mark.replace("-", " ")
         axes.scatter([], [], marker=marker, label=label, facecolor="none", edgecolor=ink)
     axes.set_aspect("equal", adjustable="datalim")
-    axes.figure.colorbar(dots, ax=axes, extend="both").set_label(f"[{unit.unit}]")
+    axes.figure.colorbar(dots, ax=axes, extend=extend).set_label(f"[{unit.unit}]")
 
 
 # Dynamic stiffness and damping over the frequencies that a motion contained.

@@ -30,7 +30,7 @@ try:
     from matplotlib.textpath import text_to_path
     from matplotlib.ticker import ScalarFormatter
 except ImportError:
-    raise MissingExtraError("figures need matplotlib: pip install 'palpate[figures]'") from None
+    raise MissingExtraError.named("a figure", "matplotlib", "figures") from None
 
 
 def wrapped(words: str, width: float, size: float, lines: int) -> str:
@@ -273,6 +273,9 @@ _WRITTEN: dict[Any, Any] = {
 }
 _DOTS_AN_INCH = 300
 _DECIMALS = re.compile(rb"(\.\d\d)\d+")
+_FONT = re.compile(rb"font-family: [^;\"]*; ?")
+#: White space between elements; text is on one line with its element.
+_INDENT = re.compile(rb">\n\s*<")
 
 
 @contextmanager
@@ -386,7 +389,36 @@ def _svg_of(figure: Figure, dots: float) -> bytes:
     finally:
         figure.dpi = before
         figure.set_canvas(shown)
-    return re.sub(rb' d="[^"]*"', lambda path: _DECIMALS.sub(rb"\1", path[0]), rendered.getvalue())
+    text = _INDENT.sub(b"><", rendered.getvalue())
+    fonts, common = set(_FONT.findall(text)), b""
+    if len(fonts) == 1:  # said once, for all of the text
+        text, common = _FONT.sub(b"", text), fonts.pop().strip()
+    text = text.replace(b"<svg ", b'<svg style="' + common + b'" ', 1)
+    text = re.sub(rb' (?:x|y)="[^"]*"', lambda place: _DECIMALS.sub(rb"\1", place[0]), text)
+    return re.sub(rb'(?<= d=")[^"]*', lambda path: _compact(path[0]), text)
+
+
+def _compact(path: bytes) -> bytes:
+    """Return a path rounded to 0.01, its lines relative to the point before: half the text.
+
+    Curves stay as they are, but for their rounding.
+    """
+    if not set(re.findall(rb"[A-Za-z]", path)) <= {b"M", b"L", b"z"}:
+        return _DECIMALS.sub(rb"\1", path)
+    parts, x, y, start = list[str](), 0, 0, (0, 0)
+    for command, numbers in re.findall(rb"([MLz])([^MLz]*)", path):
+        if command == b"z":
+            parts.append("z")
+            x, y = start
+            continue
+        to_x, to_y = (round(100.0 * float(each)) for each in numbers.split())
+        if command == b"M":
+            parts.append(f"M{to_x / 100.0:g} {to_y / 100.0:g}")
+            start = to_x, to_y
+        else:
+            parts.append(f"l{(to_x - x) / 100.0:g} {(to_y - y) / 100.0:g}")
+        x, y = to_x, to_y
+    return re.sub(r"\b0\.", ".", "".join(parts)).replace(" -", "-").encode()
 
 
 def _format_of(path: Path) -> str:
@@ -468,7 +500,7 @@ class Drawn(Figure):
         svg = as_svg(self)
         # At most as wide as the cell.
         return svg[svg.index("<svg") :].replace(
-            "<svg", '<svg style="max-width:100%;height:auto"', 1
+            '<svg style="', '<svg style="max-width:100%;height:auto;', 1
         )
 
 

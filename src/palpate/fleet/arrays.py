@@ -26,6 +26,7 @@ from palpate.errors import FleetError, InvalidParameterError, RecordingError
 from palpate.estimators import ContactEstimator
 from palpate.estimators.batch_fit import STATUS_WORDS, CurveFits, fit_curves
 from palpate.estimators.estimate import findings_of
+from palpate.findings import Finding
 from palpate.fleet.rows import (
     Row,
     failure,
@@ -40,11 +41,13 @@ from palpate.identification.identified import (
     FEWEST_ABOVE,
     NEGATIVE_DAMPING,
     NEGATIVE_STIFFNESS,
+    creates_energy,
     no_approach,
     no_contact_message,
 )
 from palpate.identification.replaying import estimator_of
-from palpate.preparation.gates import choose_gate, resolutions_of
+from palpate.preparation.along_penetration import velocity_filter
+from palpate.preparation.gates import choose_gate, load_transfer, resolutions_of
 from palpate.preparation.preparing import Recorded, prepare
 from palpate.preparation.velocity import spikes_of_rows, velocity_and_degree
 from palpate.recordings.recording import Recording, printable
@@ -72,6 +75,8 @@ class Curves:
         Number of each contact in the source.
     places : dict
         Positions ``x``, ``y`` and ``z`` of the contacts, m, if known.
+    degrees : list of int, optional
+        Degree of the filter that computed each row's velocity. Default: None, it was recorded.
     """
 
     time: Floats
@@ -81,6 +86,7 @@ class Curves:
     source: str = ""
     index: NDArray[np.int64] | None = None
     places: dict[str, Floats] = field(default_factory=dict)
+    degrees: list[int] | None = None
 
     def __len__(self) -> int:
         return len(self.penetration)
@@ -95,11 +101,9 @@ class Curves:
         if self.velocity is not None:
             return self
         with np.errstate(divide="ignore", invalid="ignore"):  # repeated times
-            rows = [
-                velocity_and_degree(self.clock(k), x)[0] for k, x in enumerate(self.penetration)
-            ]
-        velocity = np.array(rows).reshape(self.penetration.shape)
-        return replace(self, velocity=velocity)
+            rows = [velocity_and_degree(self.clock(k), x) for k, x in enumerate(self.penetration)]
+        velocity = np.array([each for each, _ in rows]).reshape(self.penetration.shape)
+        return replace(self, velocity=velocity, degrees=[degree for _, degree in rows])
 
     def contact(self, row: int, settings: Settings) -> Contact:
         """Return a row as a contact, prepared according to the settings.
@@ -112,7 +116,7 @@ class Curves:
         x, f, t = self.penetration[row], self.force[row], self.clock(row)
         there = np.isfinite(x) & np.isfinite(f) & np.isfinite(t)
         velocity = None if self.velocity is None else self.velocity[row][there]
-        return prepare(
+        made = prepare(
             time=t[there],
             penetration=x[there],
             force=f[there],
@@ -120,6 +124,9 @@ class Curves:
             source=self.source,
             **settings.preparation,
         )
+        if self.degrees is None:
+            return made
+        return replace(made, velocity_filter=velocity_filter(made, None, self.degrees[row]))
 
 
 def fitted(
@@ -321,6 +328,9 @@ def _together(curves: Curves, settings: Settings, threads: int) -> Table:
     if not settings.searches_surface and "surface_deviation" not in chosen:
         chosen["surface_deviation"] = resolutions_of(curves.penetration, threads=threads)
     rejects = settings.estimator.get("outlier_rejection") is not False
+    elsewhere: dict[int, Finding] = {}
+    if rejects:
+        curves, elsewhere = _without_load_transfer(curves)
     fits, kept, left_out = fitted(curves, chosen, rejects=rejects, threads=threads)
     columns = {**_named(curves), **_numbers(fits)}
     columns |= _at_depths(kept, fits, threads)
@@ -328,7 +338,8 @@ def _together(curves: Curves, settings: Settings, threads: int) -> Table:
     columns["samples"] = np.count_nonzero(there, axis=1)
     columns["taken"] = fits.taken
     columns["fit"] = ["whole-curve"] * len(curves)
-    columns["flags"] = _flags(fits, left_out)
+    giving = _creating_energy(curves, fits, columns)
+    columns["flags"] = _flags(fits, left_out, giving)
     columns["error"], columns["error_kind"] = [None] * len(curves), [None] * len(curves)
     for k, error in _errors(curves, fits, settings).items():
         for name, values in columns.items():
@@ -339,7 +350,39 @@ def _together(curves: Curves, settings: Settings, threads: int) -> Table:
     if settings.diagnosis == "input":
         surfaces = enumerate(columns["surface"].tolist())
         columns["findings"] = [_describe_faults(_made(curves, k, settings), d) for k, d in surfaces]
+        for k, finding in elsewhere.items():
+            columns["findings"][k].append(format_finding(finding))
     return table_of(columns, len(curves), settings)
+
+
+def _without_load_transfer(curves: Curves) -> tuple[Curves, dict[int, Finding]]:
+    """Return the curves without load transfer, and the finding of each row that has some."""
+    assert curves.velocity is not None
+    force, findings = curves.force.copy(), {}
+    segment = np.zeros(force.shape[1], dtype=np.int64)
+    for k, channels in enumerate(zip(curves.penetration, curves.velocity, force, strict=True)):
+        if (found := load_transfer(*channels, segment)) is not None:
+            force[k, found[0]] = np.nan
+            findings[k] = found[1]
+    return replace(curves, force=force), findings
+
+
+def _creating_energy(
+    curves: Curves, fits: CurveFits, columns: Mapping[str, Floats]
+) -> NDArray[np.bool_]:
+    """Mark the rows with a negative damping, by the rule of :func:`palpate.identify`."""
+    found = np.zeros(len(curves), dtype=np.bool_)
+    rows = np.flatnonzero(fits.damping < 0.0)
+    if not rows.size or curves.velocity is None:
+        return found
+    names = ("damping_at_depth", "damping_at_depth_standard_error", "force_at_depth")
+    inside = curves.penetration[rows] > fits.surface[rows, None]
+    with np.errstate(all="ignore"):
+        squares = np.where(inside, np.nan_to_num(curves.velocity[rows]) ** 2, 0.0)
+        speed = np.sqrt(squares.sum(axis=1) / inside.sum(axis=1))
+        damping, error, force = (columns[name][rows] for name in names)
+        found[rows] = creates_energy(damping, error, force, speed)
+    return found
 
 
 def _numbers(fits: CurveFits) -> dict[str, Any]:
@@ -388,9 +431,9 @@ def _at_depths(curves: Curves, fits: CurveFits, threads: int) -> dict[str, Float
     return found
 
 
-def _flags(fits: CurveFits, left_out: NDArray[np.int64]) -> list[Any]:
+def _flags(fits: CurveFits, left_out: NDArray[np.int64], giving: NDArray[np.bool_]) -> list[Any]:
     few = fits.taken < 30  # ten samples a parameter
-    pulling, giving = fits.stiffness < 0.0, fits.damping < 0.0
+    pulling = fits.stiffness < 0.0
     unsettled = fits.status == STATUS_WORDS.index("did not settle")
     flags: list[Any] = [_ADVICE_OF[bits] for bits in fits.flags.tolist()]
     for k in np.flatnonzero(few | pulling | giving | unsettled | (left_out > 0)).tolist():

@@ -151,8 +151,8 @@ _LONGEST = 20.0
 Indices = NDArray[np.intp]
 # Least share of a grid's cells with a place from which the map is drawn as cells.
 _FILLED = 0.6
-# Percentiles that the colours span, so that one outlier does not hide the other differences.
-_COLOUR_SPAN = (2.0, 98.0)
+# Percentile of the sizes by which a unit is chosen.
+_USUAL = 98.0
 
 
 def draw_map(found: Map, *, dark: bool = False, width: float | None = None) -> "Figure":
@@ -186,7 +186,7 @@ def draw_map(found: Map, *, dark: bool = False, width: float | None = None) -> "
     return figure
 
 
-def _usual(values: Floats, percentile: float = _COLOUR_SPAN[1]) -> float:
+def _usual(values: Floats, percentile: float = _USUAL) -> float:
     """Return the typical largest size, for the choice of a unit; robust against outliers."""
     known = np.abs(values[np.isfinite(values)])
     return float(np.percentile(known, percentile)) if known.size else 0.0
@@ -240,7 +240,9 @@ def _draw_plane(axes: "Axes", found: Map, what: str, unit: AxisScale, look: Look
     x, y = (along.factor * places).T
     values = unit.factor * getattr(found, what)
     known = np.isfinite(values)
-    low, high = _span(values[known], zero=what == "error")
+    # From the least to the largest value that is to be trusted: the peak of an inclusion shows.
+    sure = known & ~found.mistrusted
+    low, high = _span(values[sure if sure.any() else known], zero=what == "error")
     colours = "viridis" if what == "value" else "cividis"
     grid = _grid(x, y)
     if grid is not None and (~known).sum() < len(known):
@@ -281,9 +283,7 @@ def _origin(found: Map) -> Floats:
 def _span(values: Floats, *, zero: bool) -> tuple[float, float]:
     if not values.size:
         return 0.0, 1.0
-    low, high = np.percentile(values, _COLOUR_SPAN).tolist()
-    if high <= low:
-        low, high = float(values.min()), float(values.max())
+    low, high = float(values.min()), float(values.max())
     if high <= low:
         low, high = low - 0.5 * abs(low) - 1e-30, high + 0.5 * abs(high) + 1e-30
     return (0.0 if zero else low), high

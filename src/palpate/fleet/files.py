@@ -534,7 +534,7 @@ def _remote(text: str) -> Iterator[ContactSource]:
         protocol = text.partition("://")[0]
         listed = (files.glob if glob.has_magic(root) else files.find)(root, detail=True).items()
     except ImportError as error:
-        raise MissingExtraError(f"{text}: {error}; install it next to 'palpate[fleet]'") from None
+        raise MissingExtraError(f"{text}: {error}; install it next to palpate") from None
     except Exception as error:
         raise RecordingError(f"{text}: cannot be listed: {first_line(error)}") from None
     entries = sorted(each for each in listed if each[1].get("type") != "directory")

@@ -131,7 +131,8 @@ def rows_of(contact: Contact, settings: Settings) -> Iterator[Row]:
     if prepared is None or not prepared.places:
         yield row_of(contact, settings)
         return
-    for part, (place, there) in enumerate(at_places(contact)):
+    rejecting = settings.estimator_for(contact).rejects_outliers
+    for part, (place, there) in enumerate(at_places(contact, rejecting=rejecting)):
         row: Row = {"part": part, **dict(zip("xyz", place.position.tolist(), strict=True))}
         try:
             row |= row_of(there, settings)
@@ -148,8 +149,9 @@ def row_of(contact: Contact, settings: Settings) -> Row:
     PalpateError
         It cannot be identified.
     """
-    data = Data(contact)
-    result = Identified.of(data, settings.estimator_for(contact), trace=False)
+    result = Identified.of(Data(contact), settings.estimator_for(contact), trace=False)
+    contact, data = result.contact, result.data
+    assert data is not None
     estimate, law = result.estimate, result.law
     row: Row = {"fit": "recursion", "samples": len(contact)}
     row["covariance"] = result.covariance.reshape(-1).tolist()

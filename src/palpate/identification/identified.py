@@ -25,8 +25,8 @@ from palpate.diagnosis import (
     stacked,
 )
 from palpate.diagnosis.diagnosing import outliers
-from palpate.diagnosis.fit import DEEP
-from palpate.diagnosis.marks import BETTER, STOP_STIFFNESS, mark_of
+from palpate.diagnosis.fit import DEEP, reference_scale
+from palpate.diagnosis.marks import BETTER, STOP_STIFFNESS, is_negative, mark_of
 from palpate.digits import rounded, with_error
 from palpate.errors import OldName, RecordingError
 from palpate.estimators import ContactEstimator, LawVerdict, ViscoelasticContact
@@ -150,13 +150,13 @@ def findings_of(contact: Contact, trace: Trace, estimator: ContactEstimator) -> 
     """Return what the last estimate does not determine, and what is special about the samples."""
     estimate = estimator.estimate()
     law = estimate.law
-    yield from estimate.findings
+    yield from estimate.motion_findings
     if estimate.samples < 10 * len(law.symbols):
         yield Finding("excitation", f"only {estimate.samples} samples in contact")
     pulls = (law.power_law or law.relaxes) and not law.remembers
     if pulls and law.stiffness < 0.0:
         yield NEGATIVE_STIFFNESS
-    if law.as_dict().get("damping", 0.0) < 0.0:
+    if law.as_dict().get("damping", 0.0) < 0.0 and _creates_energy(contact, trace, estimate):
         yield NEGATIVE_DAMPING
     violated = violated_fraction(trace) if estimator.needs_condition_10 else 0.0
     if violated > 0.0:
@@ -185,6 +185,32 @@ def findings_of(contact: Contact, trace: Trace, estimator: ContactEstimator) -> 
             if refusal == Status.NOT_FINITE:
                 words += f": {not_finite(contact)}"
             yield Finding("rows", f"{count} samples rejected: {words}")
+
+
+def _creates_energy(contact: Contact, trace: Trace, estimate: Estimate) -> bool:
+    taken = trace.taken
+    depth = float(np.median(contact.penetration[taken])) - estimate.surface if taken.any() else 0.0
+    if not depth > 0.0:
+        return False
+    with np.errstate(all="ignore"):
+        (force, _, damping), errors = estimate.with_errors(lambda of: of.at_rest(depth))
+        speed = np.sqrt(np.mean(contact.velocity[taken] ** 2))
+        return bool(creates_energy(damping, errors[2], force, speed))
+
+
+def creates_energy(damping: Any, error: Any, force: Any, speed: Any) -> Any:
+    """Whether a damping at a depth is negative, by two standard errors and by the diagnosis's rule.
+
+    Parameters
+    ----------
+    damping, error : float or numpy.ndarray
+        N·s/m.
+    force : float or numpy.ndarray
+        At that depth and at rest, N.
+    speed : float or numpy.ndarray
+        Root mean square in contact, m/s.
+    """
+    return is_negative(damping, 2.0 * error, reference_scale(damping, force, speed))
 
 
 def prior_finding(own: Estimate, bounded: Estimate, depth: float) -> Finding:
@@ -248,13 +274,16 @@ class Identified:
         Parameters
         ----------
         data : Data
-            The contact with the checks of its channels.
+            The contact with the checks of its channels. Where the load goes elsewhere, its samples
+            are excluded, unless the estimator keeps outliers.
         estimator : ContactEstimator or str, optional
             Method and settings. Default: variable projection.
         trace : int, float, "full" or False
             Which estimates are written down.
         """
-        contact, given, traced = data.contact, estimator_of(estimator), checked_trace(trace)
+        given, traced = estimator_of(estimator), checked_trace(trace)
+        data = data.samples(rejecting=given.rejects_outliers)
+        contact = data.contact
         chosen = defaults_from_data(contact, given)
         fresh = given.replace(**chosen)
         if fresh.chooses_law and "sample_time" in chosen:
@@ -432,7 +461,9 @@ class Identified:
         """
         # Of the same settings, but for those that were chosen from these data.
         found, fresh = [], self.estimator.replace(**dict.fromkeys(self.chosen))
-        for place, contact in watch(list(at_places(self.contact))):
+        for place, contact in watch(
+            list(at_places(self.contact, rejecting=fresh.rejects_outliers))
+        ):
             with suppress(RecordingError):
                 part = self.of(Data(contact), fresh, trace=self.traced)
                 found.append(replace(part, place=place, query=self.query))
@@ -448,7 +479,8 @@ class Identified:
 
     def segment_of(self, episode: Episode) -> Self | None:
         """Identify an episode of the diagnosis by itself; None where that cannot be."""
-        smear = window_samples(self.contact.sample_time) * self.contact.sample_time
+        step, used = self.contact.sample_time, self.contact.velocity_filter
+        smear = step * (window_samples(step) if used is None else used.samples)
         with suppress(RecordingError):
             part = self.contact.window(episode.start + smear, episode.stop - smear)
             found = self.of(Data(part), self.estimator.replace(), trace=self.traced)

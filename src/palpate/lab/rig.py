@@ -351,15 +351,12 @@ def _link(length: float, level: float, colour: str) -> str:
 TOP_SPEED, PEAK_FORCE = 20.0, 1e4  # m/s, N
 
 
-_PANTOGRAPH = "the twin pantograph needs MuJoCo: pip install 'palpate[lab]', or use an ideal probe"
-
-
-def require_mujoco(words: str = _PANTOGRAPH) -> Any:
+def require_mujoco(what: str = "the twin pantograph", extra: str = "lab") -> Any:
     """Return MuJoCo, or raise an error with what needs it and how to install it."""
     try:
         import mujoco
     except ImportError:
-        raise MissingExtraError(words) from None
+        raise MissingExtraError.named(what, "MuJoCo", extra) from None
     except Exception as error:  # MUJOCO_GL may name a graphics library that is missing
         raise MissingExtraError(
             f"MuJoCo is installed but does not load: {error}; check the variable MUJOCO_GL"

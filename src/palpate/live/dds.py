@@ -59,10 +59,8 @@ def participant(domain: int, interface: str | None) -> "DomainParticipant":
         from cyclonedds.core import DDSException
         from cyclonedds.domain import Domain, DomainParticipant
     except ImportError:
-        raise MissingExtraError(
-            "ROS 2 over DDS needs cyclonedds, which has wheels for some versions of Python only: "
-            "pip install 'palpate[live]'"
-        ) from None
+        package = "cyclonedds, which has wheels for some versions of Python only"
+        raise MissingExtraError.named("ROS 2 over DDS", package, "live") from None
     configuration = _configuration(interface)
     where = f"domain {domain} on interface {interface or 'lo'}"
     try:

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from palpate._core import Status
-from palpate.contact import Contact
+from palpate.contact import Contact, VelocityFilter
 from palpate.errors import PalpateError
 from palpate.estimators import ContactEstimator, estimator_named
 from palpate.identifying import identify
@@ -89,12 +89,15 @@ def recent(samples: Floats, window: float, delay: float) -> Floats:
     return recent
 
 
-def contact_of(samples: Floats, sample_time: float) -> Contact:
+def contact_of(
+    samples: Floats, sample_time: float, velocity_filter: VelocityFilter | None = None
+) -> Contact:
     """Return the samples as a contact, with a new segment after each gap."""
     gaps = np.diff(samples[:, 0], prepend=samples[:1, 0]) > _GAP * sample_time
     time, *columns = samples[:, :4].T
     names = ("penetration", "velocity", "force")
     signals: dict[str, Any] = dict(zip(names, columns, strict=True))
+    signals["velocity_filter"] = velocity_filter
     return Contact(time, **signals, segment=np.cumsum(gaps), source="the last seconds")
 
 
@@ -116,7 +119,9 @@ def diagnosed(samples: Floats, status: dict[str, Any]) -> dict[str, Any]:
         "of": basis_of(status),
     }
     try:
-        contact = contact_of(samples, float(status.get("sample_time", 1e-3)))
+        used = status.get("velocity_filter")
+        step = float(status.get("sample_time", 1e-3))
+        contact = contact_of(samples, step, used and VelocityFilter(**used))
         diagnosis = identify(contact, _estimator(status), trace=False).diagnosis
     except PalpateError as error:  # the probe touched nothing
         return {**page, "verdict": None, "reason": str(error), "remedy": None, "said": str(error)}

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from palpate._core import Status
+from palpate.digits import format_quantity
 from palpate.errors import InvalidParameterError, PalpateError
 from palpate.estimators import ContactEstimator
 from palpate.estimators.law_verdicts import Candidate
@@ -23,8 +24,9 @@ from palpate.live.choices import LiveCommand, LoopCounts, State, chosen, main_se
 from palpate.live.ring import MOST_PARAMETERS, Writer
 from palpate.live.sources import Arrival, EndOfSourceError, Source, Value
 from palpate.preparation import OnlinePreparation
-from palpate.preparation.velocity import window_samples
-from palpate.validation import defined, number_in
+from palpate.preparation.gates import noise_of
+from palpate.preparation.velocity import step_of
+from palpate.validation import Floats, defined, number_in
 
 # Upper ends of the bins, s: 20 per decade, so that a percentile is accurate to 12 %.
 _ENDS: list[float] = [1e-7 * 10.0 ** (k / 20.0) for k in range(181)]
@@ -224,6 +226,44 @@ class Watchdog:
         return there < self._shown_until
 
 
+# What speaks against a tare: the probe presses already.
+
+#: Part of the samples inside the material; changes of the force over its noise; their share of the
+#: force's variance that depth or time explains. At rest in free air noise explains next to nothing.
+INSIDE, CHANGE, EXPLAINED = 0.1, 10.0, 0.8
+FEWEST_OF_TARE = 20  # samples
+_MOST_OF_TARE = 100_000  # samples that are kept
+
+
+def pressing(depth: Floats, force: Floats, *, below_surface: bool) -> str:
+    """Return why the probe seems to press during a tare; empty if nothing speaks for it.
+
+    Parameters
+    ----------
+    depth, force : numpy.ndarray, shape (k,)
+        m and N, finite.
+    below_surface : bool
+        Whether a positive depth is known to be inside the material.
+    """
+    if len(depth) < FEWEST_OF_TARE:
+        return ""
+    resolution = max(3.0 * noise_of(depth), step_of(depth))
+    inside = depth[depth > resolution]
+    if below_surface and len(inside) > INSIDE * len(depth):
+        return f"the probe is {format_quantity(float(np.median(inside)), 'm')} inside the material"
+    least = CHANGE * max(noise_of(force), step_of(force) / math.sqrt(12.0))
+    time = np.arange(float(len(force)))
+    for by, words in ((depth, " as the probe moves"), (time, ", so it is not steady")):
+        offset, apart = by - by.mean(), force - force.mean()
+        square, along = float(offset @ offset), float(offset @ apart)
+        if not (square > 0.0 and (by is time or np.ptp(by) > resolution)):
+            continue
+        changes = abs(along) / square * float(np.ptp(by))
+        if changes > least and along**2 > EXPLAINED * square * float(apart @ apart):
+            return f"the force changes by {format_quantity(changes, 'N')}{words}"
+    return ""
+
+
 _USUAL = OnlinePreparation().settings
 IN_TIME = 1e-3  # s from a sample's arrival to its result: later is late
 SHOWN_FOR = 1.0  # s for which the state is "changed"
@@ -280,6 +320,11 @@ class Loop:
     laws: LawsInForce = field(init=False)
     watchdog: Watchdog = field(init=False)
     generation: int = 0
+    #: Why the tare at the start is refused so far; empty without.
+    tare_refused: str = ""
+    #: Depth and force of each sample of the tare; None if there is none in progress.
+    _resting: deque[tuple[float, float]] | None = None
+    _before_tare: OnlinePreparation | None = None
     _changed: float = -math.inf
     _estimated: tuple[Any, ...] = ()  # time, state, law … at the newest estimate
     _direction: tuple[float, ...] = (0.0, 0.0, 0.0)
@@ -289,8 +334,9 @@ class Loop:
         if (given := settings["direction"]) is not None:
             self._direction = tuple(float(each) / math.hypot(*given) for each in given)
         if (gap := settings["longest_gap"]) is None:
-            step = settings["sample_time"]
-            gap = step * window_samples(step, settings["velocity_window"])
+            gap = settings["sample_time"] * self.preparation.velocity_filter.samples
+        if self._taring:
+            self._resting = deque(maxlen=_MOST_OF_TARE)
         self.watchdog = Watchdog(gap, self.counts, getattr(self.source, "pace", 1.0))
         self._begin(self.estimator)
 
@@ -331,6 +377,8 @@ class Loop:
         counts.taken += 1
         fault = self.watchdog.see(arrival)
         sample = self.preparation.update(arrival.position, arrival.force, arrival.time)
+        if self._resting is not None and self._refuses_tare(arrival, self._resting):
+            sample = None
         status, predicted, prepared = Status.WAITING, math.nan, _NONE
         began = time.perf_counter()
         if sample is not None:
@@ -412,6 +460,38 @@ class Loop:
         elif sampled:
             self.state = State.CONTACT if status in TAKEN else State.FREE
 
+    def _refuses_tare(self, arrival: Arrival, resting: "deque[tuple[float, float]]") -> bool:
+        """Note a sample of the tare; at its end refuse it if the probe presses.
+
+        The tare at the start then begins again; that of a command leaves the earlier zero.
+        """
+        settings = self.preparation.settings
+        sign = {
+            name: -1.0 if name in settings["flip"] else 1.0 for name in ("penetration", "force")
+        }
+        depth = sign["penetration"] * self._axes(arrival.position)[0] - settings["surface"]
+        force = sign["force"] * self._axes(arrival.force)[0]
+        if math.isfinite(depth) and math.isfinite(force):
+            resting.append((depth, force))
+        if self._taring:
+            return False
+        known = self.estimator.settings.get("surface") != "estimate"
+        why = pressing(*np.array(resting).reshape(-1, 2).T, below_surface=known)
+        self._resting, self._before_tare, before = None, None, self._before_tare
+        if not why:
+            self.tare_refused = ""
+            return False
+        words = f"tare refused: {why}; lift the probe out of the material"
+        if before is None:
+            if not self.tare_refused:
+                self.say(f"{words}, and palpate tares then")
+            self.tare_refused, self._resting = words, deque(maxlen=_MOST_OF_TARE)
+            before = OnlinePreparation(**settings)
+        else:
+            self.say(f"{words} and tare again: the earlier zero holds")
+        self.preparation = before
+        return True
+
     @property
     def _taring(self) -> bool:
         return self.preparation.settings["tare_time"] > 0.0 and math.isnan(self.preparation.tare)
@@ -449,6 +529,9 @@ class Loop:
         elif command.name == "tare":
             seconds = number_in("seconds", options.get("seconds", 1.0), 0.01, 60.0)
             settings = {**self.preparation.settings, "tare_time": seconds}
+            if not self._taring:  # a first tare that is refused has no earlier zero
+                self._before_tare = self.preparation
+            self._resting = deque(maxlen=_MOST_OF_TARE)
             self.preparation = OnlinePreparation(**settings)
             self.estimator.leave_contact()
             self.say(f"taring for {seconds:g} s: keep the probe out of contact")
@@ -493,7 +576,9 @@ class Loop:
             "sample_time": source.sample_time,
             "delay": self.preparation.delay,
             "tare": defined(self.preparation.tare),
+            "tare_refused": self.tare_refused,
             "preparation": ", ".join(f"{name}={settings[name]!r}" for name in unusual),
+            "velocity_filter": self.preparation.velocity_filter.as_dict(),
             "method": estimator.method,
             "settings": main_settings(estimator),
             "generation": self.generation,

@@ -437,6 +437,7 @@ def facts_of(page: Mapping[str, Any], state: str, contact_force: float | None = 
     """
     loop, others = page["loop"], page["others"]
     lamp, title, words = _STATES.get(state, _STATES["none"])
+    fault = loop.get("fault") or loop.get("tare_refused")
     recorder, truth = others.get("recorder", {}), loop.get("chosen", {}).get("truth")
     recorded = recorder.get("said") or ""
     if recorder.get("on"):
@@ -445,7 +446,7 @@ def facts_of(page: Mapping[str, Any], state: str, contact_force: float | None = 
     facts: Words = {
         "lamp": lamp,
         "state-name": title,
-        "state-words": (state not in ("dead", "ended") and loop.get("fault")) or words,
+        "state-words": (state not in ("dead", "ended") and fault) or words,
         "source": loop.get("source", ""),
         "recorded": recorded,
         "said": loop.get("said", [])[::-1],
@@ -458,7 +459,7 @@ def facts_of(page: Mapping[str, Any], state: str, contact_force: float | None = 
         facts["truth"] = f"True values: {', '.join([str(truth.get('kind')), *terms])}"
     if contact_force is not None:
         contact = f"The probe is in contact with {rounded(contact_force, 3)} N."
-        facts["tare-warning"] = f"{contact} Taring now makes this force the new zero."
+        facts["tare-warning"] = f"{contact} Taring now would make this force the new zero."
     facts["verdict-line"] = [_verdict_line(found := others.get("diagnosis"))]
     if found and found.get("at"):
         facts["diagnosis"] = list(_diagnosis(found))

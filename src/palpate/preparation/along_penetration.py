@@ -8,9 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from palpate.contact import Contact
+from palpate.contact import Contact, VelocityFilter
 from palpate.errors import InvalidParameterError, RecordingError
 from palpate.preparation.clocks import Signals, measurable
+from palpate.preparation.gates import exclude_load_transfer
 from palpate.preparation.roles import Columns, Roles
 from palpate.preparation.settings import Normal, Preparation
 from palpate.preparation.surfaces import (
@@ -86,8 +87,6 @@ class Prepared:
         Contact normal of the whole recording, if the probe moves in space.
     surface : Surface, optional
         The surface found, in the penetration of the recording or along the normal.
-    window : float, optional
-        Length of the velocity filter, s, if palpate computed the velocity.
     places : tuple of Place
         For a travelling probe, the place of each segment of the contact.
     way : callable, optional
@@ -100,7 +99,6 @@ class Prepared:
     drift: float = 0.0
     normal: Normal | None = None
     surface: Surface | None = None
-    window: float | None = None
     places: tuple[Place, ...] = ()
     way: Callable[[Recording, Preparation], Contact] | None = field(default=None, repr=False)
 
@@ -168,9 +166,9 @@ def describe_filter(degree: int, lost: int) -> str:
     return words + (f", without {lost} dropout{'s' if lost > 1 else ''}" if lost else "")
 
 
-def velocity_filter(contact: Contact, window: float | None) -> float:
-    """Length of the velocity filter, s."""
-    return window_samples(contact.sample_time, window) * contact.sample_time
+def velocity_filter(contact: Contact, window: float | None, degree: int) -> VelocityFilter:
+    """Return the filter of the requested window, s, and the degree of its polynomial."""
+    return VelocityFilter(window_samples(contact.sample_time, window), degree)
 
 
 def _prepared(
@@ -192,14 +190,13 @@ def _prepared(
         provenance=made,
         source="" if recording is None else recording.source,
     )
-    length = None
     if "velocity" not in values:
-        length = velocity_filter(contact, settings.velocity_window)
         runs, window = list(contact.segments()), settings.velocity_window
         velocity, degree, lost = velocities_of(time, penetration, runs, window)
         words = {**contact.provenance, "velocity": describe_filter(degree, lost)}
-        contact = replace(contact, velocity=velocity, provenance=words)
-    done = Prepared(recording or Recording({}), settings, window=length)
+        used = velocity_filter(contact, window, degree)
+        contact = replace(contact, velocity=velocity, velocity_filter=used, provenance=words)
+    done = Prepared(recording or Recording({}), settings)
     contact, done = _tared(contact, done)
     contact, done = _surface_found(contact, done)
     contact = replace(in_step(contact, settings.delay), prepared=done)
@@ -285,21 +282,25 @@ def _surface_found(contact: Contact, done: Prepared) -> tuple[Contact, Prepared]
 OF_THE_WHOLE = ("episodes", "surface", "orientation")
 
 
-def at_places(contact: Contact) -> Iterator[tuple[Place, Contact]]:
+def at_places(contact: Contact, *, rejecting: bool) -> Iterator[tuple[Place, Contact]]:
     """Yield each place and the contact there, with its own surface; nothing for a single place.
 
+    ``rejecting``: without load transfer, of which all touches together tell more than one place.
     Findings on the whole recording are dropped: within one place the orientation hardly changes.
     """
     places = () if contact.prepared is None else contact.prepared.places
+    if rejecting and places:
+        contact = exclude_load_transfer(contact)
     parts = list(contact.segments())
     common = tuple(finding for finding in contact.findings if finding.check not in OF_THE_WHOLE)
     for place in places:
-        times = ((place.start <= contact.time[part.start] <= place.stop, part) for part in parts)
-        part = next((part for inside, part in times if inside), None)
-        if part is None:  # outside the time window
+        there = np.zeros(len(contact), dtype=bool)
+        for part in parts:
+            there[part] = place.start <= contact.time[part.start] <= place.stop
+        if not there.any():  # outside the time window
             continue
         own = replace(
-            contact.taken(part),
+            contact.taken(there),
             surface_deviation=place.surface.deviation or None,
             findings=(*common, *place.surface.assumption()),
         )

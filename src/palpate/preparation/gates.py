@@ -4,6 +4,7 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 import palpate._core as _core
 from palpate._core import noise_of as noise_of
@@ -168,6 +169,7 @@ def resolutions_of(penetration: Floats, *, threads: int = 1) -> Floats:
 
 # Parts of a touch that are no contact with one place: the force rises on the way out.
 
+LOAD_TRANSFER = "load transfer"
 # No passive material pushes harder at less depth, on the way out, than where the probe turned. A
 # heel does when the foot has rolled on: 5 to 60 % more, while it rises by a fifth. A force that is
 # 20 ms late rises on too, but only while the depth is still within a few per cent.
@@ -180,30 +182,47 @@ SUDDEN = 5
 LEAST_PART, MOST_PART = 0.05, 0.9  # of the contact: less changes no result, more leaves none
 
 
-def without_load_transfer(contact: Contact) -> Contact:
+def exclude_load_transfer(contact: Contact) -> Contact:
     """Return the contact without the rest of each touch from where the load goes elsewhere.
 
     Parameters
     ----------
     contact : Contact
-        Returned as it is if that is little of it, or leaves little.
+        Returned as it is if that is little of it, or leaves little, or is excluded already.
     """
-    depth, force = contact.penetration, contact.force
-    inside = choose_gate(contact).makes(depth, force) & np.isfinite(contact.velocity)
+    if any(finding.check == LOAD_TRANSFER for finding in contact.findings):
+        return contact
+    found = load_transfer(contact.penetration, contact.velocity, contact.force, contact.segment)
+    if found is None:
+        return contact
+    out, finding = found
+    kept = np.flatnonzero(~out)
+    segment = contact.segment[kept] + np.cumsum(np.diff(kept, prepend=kept[0] - 1) > 1)
+    return replace(contact.taken(~out), segment=segment, findings=(*contact.findings, finding))
+
+
+def load_transfer(
+    depth: Floats, velocity: Floats, force: Floats, segment: NDArray[np.int64]
+) -> tuple[NDArray[np.bool_], Finding] | None:
+    """Return the samples during which another place carries the load, and a finding; or None."""
+    gate = ContactGate(*_core.gate_of(depth, velocity, force))
+    inside = gate.makes(depth, force) & np.isfinite(velocity)
     count = int(np.count_nonzero(inside))
     if not count:
-        return contact
-    least = RISE_OF_LARGEST * float(np.percentile(force[inside], 99.0))
-    # A touch lasts until the probe is out of the material.
-    touches = list(slices_of(np.where(inside | (depth > 0.0), contact.segment, -1)))
-    runs = np.where(inside & (contact.velocity < 0.0), contact.segment, -1)
-    starts = np.array([0, *(np.flatnonzero(np.diff(runs)) + 1)])
+        return None
+    runs = np.where(inside & (velocity < 0.0), segment, -1)
+    starts = np.concatenate([[0], np.flatnonzero(runs[1:] != runs[:-1]) + 1])
     highest, first = np.maximum.reduceat(force, starts), force[starts]
-    rising = (runs[starts] >= 0) & (highest > RISE * first) & (highest - first > least)
-    out = np.zeros(len(contact), dtype=bool)
+    rising = (runs[starts] >= 0) & (highest > RISE * first)
+    if not rising.any():
+        return None
+    rising &= highest - first > RISE_OF_LARGEST * float(np.percentile(force[inside], 99.0))
+    # A touch lasts until the probe is out of the material.
+    touches = list(slices_of(np.where(inside | (depth > 0.0), segment, -1)))
+    out = np.zeros(len(depth), dtype=bool)
     parts = 0
     for k in np.flatnonzero(rising).tolist():
-        start, stop = int(starts[k]), int(np.append(starts, len(contact))[k + 1])
+        start, stop = int(starts[k]), int(np.append(starts, len(depth))[k + 1])
         peak = start + int(np.argmax(force[start:stop]))
         if out[start] or not depth[peak] < WITHDRAWN * depth[start]:
             continue
@@ -218,14 +237,12 @@ def without_load_transfer(contact: Contact) -> Contact:
     share = np.count_nonzero(out) / count
     of = sum(np.count_nonzero(inside[touch]) >= SHORTEST for touch in touches)
     if parts < max(FEWEST, 0.5 * of) or not LEAST_PART < share < MOST_PART:
-        return contact
-    kept = np.flatnonzero(~out)
-    segment = contact.segment[kept] + np.cumsum(np.diff(kept, prepend=kept[0] - 1) > 1)
-    found = Finding(
-        "load transfer",
+        return None
+    finding = Finding(
+        LOAD_TRANSFER,
         f"in {parts} touches the force rises while the probe withdraws, so that another place "
         f"carries the load: the rest of them, {share:.0%} of the contact, is left out",
         "if it is the material's own force, run again with --no-reject-outliers",
         "with-care",
     )
-    return replace(contact.taken(~out), segment=segment, findings=(*contact.findings, found))
+    return out, finding

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 import palpate._core as _core
-from palpate.contact import Contact
+from palpate.contact import Contact, VelocityFilter
 from palpate.errors import InvalidParameterError
 from palpate.preparation.settings import flipped
 from palpate.preparation.velocity import window_samples
@@ -112,6 +112,13 @@ class OnlinePreparation(Configured, _core.OnlinePreparation):
             [0.0, 0.0, 0.0] if direction is None else _unit_vector(direction),
         )
 
+    @property
+    def velocity_filter(self) -> VelocityFilter:
+        """How the velocity is computed."""
+        settings = self._settings
+        samples = window_samples(settings["sample_time"], settings["velocity_window"])
+        return VelocityFilter(samples, 2)
+
     def replay(
         self, position: "ArrayLike", force: "ArrayLike", time: "ArrayLike | None" = None
     ) -> Contact:
@@ -144,14 +151,15 @@ class OnlinePreparation(Configured, _core.OnlinePreparation):
         times, depths, speeds, pushes = found
         count = self._replay(p, f, t, times, depths, speeds, pushes, segment)
         times, depths, speeds, pushes = found[:, :count]
-        width = window_samples(self._settings["sample_time"], self._settings["velocity_window"])
+        filtered = self.velocity_filter
         return Contact(
             times,
             penetration=depths,
             velocity=speeds,
             force=pushes,
             segment=segment[:count],
-            provenance={"velocity": WORDS.format(samples=width, delay=1e3 * self.delay)},
+            provenance={"velocity": WORDS.format(samples=filtered.samples, delay=1e3 * self.delay)},
+            velocity_filter=filtered,
         )
 
 

@@ -5,12 +5,13 @@ import logging
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from operator import attrgetter
 from typing import Any, Literal, Protocol, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from palpate.contact import Contact
+from palpate.contact import Contact, VelocityFilter
 from palpate.errors import InvalidParameterError
 from palpate.findings import Finding
 from palpate.preparation.along_penetration import along_penetration, contact_of_arrays
@@ -186,12 +187,16 @@ def prepared_contact(recording: Recording, settings: Preparation) -> Contact:
     done = contact.provenance
     for channel, words in done.items():
         _LOGGER.info("%s: %s", channel, words)
+    used = contact.velocity_filter
+    if used is None and roles.velocity == Columns().velocity:  # palpate may have written it
+        used = VelocityFilter.from_notes(recording.notes)
     notes = {f"note on {key}" if key in done else key: v for key, v in recording.notes.items()}
     return dataclasses.replace(
         contact,
         source=recording.source,
         prepared=dataclasses.replace(contact.prepared, way=prepared_contact),
         provenance={**notes, **done},
+        velocity_filter=used,
         findings=(
             *(each for each in recording.findings if each.severity != "note"),
             *_commanded(roles),
@@ -300,7 +305,8 @@ def joined(contacts: Sequence[Contact]) -> Contact:
         for contact in contacts
         for name, words in contact.provenance.items()
     }
-    # The first provenance stands for all: palpate computed the velocity of all or of none.
+    # Where palpate computed the velocity of some contacts only, that counts for all.
+    filters = [each.velocity_filter for each in contacts if each.velocity_filter is not None]
     return replace(
         first,
         **{
@@ -318,6 +324,7 @@ def joined(contacts: Sequence[Contact]) -> Contact:
             for finding in contact.findings
         ),
         prepared=None,
+        velocity_filter=max(filters, key=attrgetter("degree", "samples"), default=None),
     )
 
 

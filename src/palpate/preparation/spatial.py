@@ -121,7 +121,6 @@ def along_normal(
         drift=0.0 if zero is None else zero.drift,
         normal=whole.normal,
         surface=places[0].surface if places else None,
-        window=velocity_filter(contact, settings.velocity_window),
         places=tuple(places) if pieces[0][1] is not None else (),
     )
     left = None if zero is None else deviation_left(whole.force, zero.free)
@@ -240,7 +239,8 @@ def _joined(
         surface_deviation=float(np.median(known)) if one else None,
         findings=findings,
     )
-    return contact, places
+    filtered = velocity_filter(contact, settings.velocity_window, degree)
+    return replace(contact, velocity_filter=filtered), places
 
 
 def _say_surface(places: list[Place], made: dict[str, str], findings: list[Finding]) -> None:

@@ -496,6 +496,8 @@ def write_contact(
     head = {**(notes or {}), **contact.provenance}
     if not velocity:
         head.pop("velocity", None)
+    elif contact.velocity_filter is not None:
+        head |= contact.velocity_filter.as_note()
     columns = {"time_s": (contact.time, "%.9g"), "penetration_m": (contact.penetration, "%.7g")}
     if velocity:
         columns["velocity_m_s"] = contact.velocity, "%.7g"

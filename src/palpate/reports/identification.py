@@ -104,7 +104,9 @@ def page(
     methods = view.of_comparison(others, ranked=False) if others else ()
     # Of a probe that travels the verdict of each place counts, not that of all places as one.
     travels = any(part.place is not None for part in result.segments)
-    whole = [view.verdict(result)]
+    whole, each = [view.verdict(result)], view.parts(result)
+    values, beside = (each, numbers) if travels else (numbers, each)
+    beside_title = "One law for all places, an average" if travels else "Segments"
     parts = [
         '<main><div class="first"><header>',
         f"<h1>{escape(name)}</h1>",
@@ -113,12 +115,12 @@ def page(
         "</header>",
         *html.section("figure", "Measurement and model", _figures(result, travels)),
         "</div>",
-        *html.section("numbers", "Identified values", html.composed(whole * travels + numbers)),
+        *html.section("numbers", "Identified values", html.composed(values)),
         *html.section("law", "Model selection", _which_law(result, others)),
         *html.section("following", "Derived quantities", html.composed([follows])),
         *html.section("residuals", "Residuals", _residuals(result)),
         *html.section("findings", "Findings", html.composed([findings])),
-        *html.section("parts", "Segments and places", html.composed(view.parts(result))),
+        *html.section("parts", beside_title, html.composed(beside)),
         *html.section("comparison", "Other models and methods", html.composed(methods)),
         *html.section("contact", "Data preparation", html.composed(prepared)),
         *html.section("again", "How to reproduce this result", _again(circumstances)),
@@ -252,9 +254,7 @@ class Destination:
         try:
             import_module("palpate.figures")
         except MissingExtraError:
-            raise MissingExtraError(
-                "a report needs matplotlib: pip install 'palpate[report]'"
-            ) from None
+            raise MissingExtraError.named("a report", "matplotlib", "report") from None
         make_folder(self.folder)
         for name in self.names:
             check_writable(self.folder / name, self.inputs)
@@ -298,6 +298,8 @@ class Destination:
         )
         write_text(self.folder / REPORT, page(result, circumstances, compared), self.inputs)
         notes = {"made by": f"palpate {__version__}", "source": result.contact.source}
+        if (used := result.contact.velocity_filter) is not None:
+            notes |= used.as_note()
         trace = self.folder / self.trace
         named = in_file(columns)
         write_columns(named, trace, units=in_file(units), notes=notes, inputs=self.inputs)

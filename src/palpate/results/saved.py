@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate._core import Status, __version__
-from palpate.contact import Contact
+from palpate.contact import Contact, VelocityFilter
 from palpate.diagnosis import Episode, Quantity, Verdict, WorkingDepth
 from palpate.errors import InvalidParameterError, RecordingError, needed
 from palpate.estimators import LawVerdict
@@ -27,7 +27,7 @@ from palpate.identification.identified import rank
 from palpate.preparation.gates import touches_of
 from palpate.recordings import open_recording
 from palpate.recordings.recording import Recording
-from palpate.validation import Floats, defined, or_nan
+from palpate.validation import Floats, defined, or_nan, plain
 
 if TYPE_CHECKING:
     import pandas
@@ -135,6 +135,7 @@ def contact_and_trace(
     RecordingError
         A column is missing or holds invalid values.
     """
+    filtered = whole.get("velocity_filter")
     time, penetration, velocity, force = map(recording.numbers, FILE_NAMES.values())
     names = law.names()
     texts = recording.channels.get("status", np.empty(0, dtype=str)).astype(str)
@@ -166,6 +167,7 @@ def contact_and_trace(
         tare_deviation=whole["tare_deviation"],
         surface_deviation=whole["surface_deviation"],
         findings=[*map(Finding.from_dict, whole["findings" if "findings" in whole else "remarks"])],
+        velocity_filter=filtered and VelocityFilter(**filtered),
     )
     return contact, trace
 
@@ -205,6 +207,7 @@ def described(files: Sequence[Path], results: "Sequence[Identified]") -> dict[st
         "findings": [each.as_dict() for each in contact.findings],
         "tare_deviation": contact.tare_deviation,
         "surface_deviation": contact.surface_deviation,
+        "velocity_filter": plain(contact.velocity_filter),
         "gate": asdict(gate),
         "scale": asdict(scale),
         "results": [of_one(result) for result in results],

@@ -87,7 +87,7 @@ def _numbers(values: Sequence[float]) -> str:
 
 def engine_here() -> Any:
     """Return the MuJoCo module; raise with the install command if it is absent."""
-    return require_mujoco("reading a MuJoCo model needs MuJoCo: pip install 'palpate[exports]'")
+    return require_mujoco("reading a MuJoCo model", "exports")
 
 
 class PressableModel:

@@ -209,4 +209,4 @@ def token_for(address: str, token: str | None) -> str | None:
 def _check_installed() -> None:
     for name in ("starlette", "uvicorn", "websockets"):
         if find_spec(name) is None:
-            raise MissingExtraError(f"the page needs {name}: pip install 'palpate[live]'")
+            raise MissingExtraError.named("the page", name, "live")
