@@ -82,7 +82,7 @@ def flattened_arrays(names: Iterable[str]) -> list[Vector]:
         bare, _ = divide_unit(name)
         if (parts := _FLATTENED.fullmatch(bare)) and COUNTED.isdisjoint(split_name(bare)):
             families[parts[1]].append((place, int(parts[2]), name))
-    arrays = []
+    arrays: list[Vector] = []
     for stem, columns in families.items():
         places, numbers, components = zip(*columns, strict=True)
         consecutive = places == tuple(range(places[0], places[0] + len(places)))
