@@ -4,6 +4,7 @@ import codecs
 import math
 
 import numpy as np
+import pandas
 import pytest
 from recordings import HEADER, SIGNALS, recording, rows_of, text_of, written
 
@@ -119,8 +120,8 @@ BAD_FILES = {
     "of Excel's first line and a note": ("sep=,\n#a: b", ["has only notes; expected a header"]),
     "of a header only": (",".join(HEADER) + "\n", ["the recording has no samples"]),
     "without a time column": (without(0), ["no channel looks like the time"]),
-    "without a penetration column": (without(1), ["no column 'penetration_m'", "time_s, force_N"]),
-    "without a force column": (without(2), ["no column 'force_N'", "time_s, penetration_m"]),
+    "without a penetration column": (without(1), ["no position", "time_s, force_N"]),
+    "without a force column": (without(2), ["no force", "time_s, penetration_m"]),
     "with a column twice": (
         text_of([["0", "1", "2", "3"]], (*HEADER, "force_N")),
         ["2 channels could be the force", "force_N (column 3), force_N (column 4)"],
@@ -146,10 +147,10 @@ BAD_FILES = {
     "of UTF-32": ("time_s,force_N\n0,1\n".encode("utf-32"), ["neither a text file"]),
     "of bytes that happen to be text": (bytes(range(1, 128)), ["neither a text file"]),
     "of an old Mac's lines": ("time_s,force_N\r0,1\r", ["carriage returns alone", "tr "]),
-    "of a word in Latin-1": ("µ,time_s".encode("latin-1"), ["no column", "µ"]),
+    "of a word in Latin-1": ("µ,time_s".encode("latin-1"), ["no force", "µ"]),
     "with a header of one endless word": ("x" * 200_000 + "\n1,2,3\n", ["row 1", "header"]),
     "of one endless line": ("x," * 10_000_000, ["exceeds 16 MiB"]),
-    "with very many columns": (",".join(map(str, range(10_000))), ["no column", "9980 more"]),
+    "with very many columns": (",".join(map(str, range(10_000))), ["no force", "9980 more"]),
     "with more columns than any table": ("," * 99_999, ["100000 columns", "at most 65536"]),
     "of rows that are all but empty": ("," * 5_000 + "\n" + "1\n" * 9, ["row 2", "half"]),
     "of rows longer than the header": ("a,b\n1,2,3\n1,2,3\n", ["row 2", "more cells", "row 2"]),
@@ -169,8 +170,8 @@ BAD_CELLS = {
         ["'penetration_m'", "row 3", "'1.002'"],
     ),
     "two decimal marks": (
-        text_of([["0", "0,01", "5"], ["1", "1.002,5", "9"]], delimiter=";"),
-        ["'penetration_m'", "row 3", "'1.002,5'"],
+        text_of([["0", "0,01", "5"], ["1", "1.00,5", "9"]], delimiter=";"),
+        ["'penetration_m'", "row 3", "'1.00,5'"],
     ),
 }  # fmt: skip
 BAD_ROWS = {
@@ -470,3 +471,83 @@ def test_seconds_and_nanoseconds_make_one_stamp(tmp_path, seconds, nanoseconds, 
     read = open_recording(written(tmp_path / "t.csv", text))
     assert_times(read, name, [NANOSECONDS + 10**9 - 1, NANOSECONDS + 10**9 + 1], "ns")
     assert seconds in read.channels
+
+
+# One word or comma does not undo a table.
+
+SMALL, LARGE = 998.25, 1_063_208.5
+THOUSANDS = {
+    "of commas and points": ('"{:,.3f}"', ","),
+    "of commas alone": ('"{:,.0f}"', ","),
+    "of points": ("{:,.3f}", ";"),
+    "of apostrophes": ("{:,.3f}", "'"),
+    "of narrow spaces": ("{:,.2f}", "\u202f"),
+}
+
+
+@pytest.mark.parametrize("form, mark", THOUSANDS.values(), ids=THOUSANDS)
+def test_thousands_are_read(tmp_path, form, mark):
+    german = str.maketrans(",.", ".,")
+    cell = {";": lambda x: form.format(x).translate(german)}.get(
+        mark, lambda x: form.format(x).replace(",", mark)
+    )
+    between = "," if form.startswith('"') else ";"
+    point = "," if mark == ";" else "."
+    values = np.linspace(SMALL, LARGE, 50)
+    lines = [
+        f"time{between}Load (mN)",
+        *(f"{k}{point}5{between}{cell(v)}" for k, v in enumerate(values)),
+    ]
+    read = open_recording(written(tmp_path / "t.csv", "\n".join(lines) + "\n"))
+    np.testing.assert_allclose(read.channels["Load (mN)"], values, atol=0.51)
+    assert not read.faults
+
+
+def test_a_comma_that_may_be_the_decimal_mark_is_no_thousands_separator(tmp_path):
+    text = "time;force\n0.5;1,063\n0.6;0,412\n0.7;1,204\n"
+    read = open_recording(written(tmp_path / "t.csv", text))
+    assert read.channels["force"].dtype.kind not in "fi"
+    with pytest.raises(RecordingError, match="no position and no force; 'force' holds text"):
+        prepare(read)
+
+
+HEADERS = {
+    "rostopic's": ("%time,field.header.frame_id,field.z,field.force", ","),
+    "NumPy's": ("# time phase z force", " "),
+    "with tabs": ("#time\tstate\tz\tforce", "\t"),
+}
+
+
+@pytest.mark.parametrize("header, mark", HEADERS.values(), ids=HEADERS)
+def test_a_header_in_a_comment_stays_beside_a_column_of_words(tmp_path, header, mark):
+    rows = [mark.join([f"{k}", "base", f"{-k}.5", f"{2 * k}"]) for k in range(4)]
+    read = open_recording(written(tmp_path / "t.csv", "\n".join([header, *rows]) + "\n"))
+    assert list(read.channels) == [
+        name.lstrip("#") for name in header.removeprefix("# ").split(mark)
+    ]
+    assert [values[0] for values in read.channels.values()] == [0.0, "base", 0.5, 0.0]
+    # Without any header the first row is a sample too; with one above words it is the header.
+    read = open_recording(written(tmp_path / "t.csv", "\n".join(rows) + "\n"))
+    assert [len(values) for values in read.channels.values()] == [4] * 4
+    assert next(iter(read.channels)) == "column 1"
+
+
+TIMES_OF_DAY = {
+    "with points": ("13:59:59.990", "14:00:00.000"),
+    "with commas": ('"13:59:59,990"', '"14:00:00,000"'),
+    "across midnight": ("23:59:59.990", "00:00:00.000"),
+    "of twelve hours": ("12:59:59.990 PM", "1:00:00.000 PM"),
+    "in minutes and seconds": ("59:59.990", "60:00.000"),
+}
+
+
+@pytest.mark.parametrize("first, second", TIMES_OF_DAY.values(), ids=TIMES_OF_DAY)
+def test_a_time_of_day_is_a_time(tmp_path, first, second):
+    second = second.replace("60:00", "1:00:00")
+    path = written(tmp_path / "t.csv", f"clock,depth_mm,force_N\n{first},1,2\n{second},2,3\n")
+    contact = prepare(path)
+    np.testing.assert_allclose(contact.time, [0.0, 0.01], atol=1e-12)
+    cells = [cell.strip('"') for cell in (first, second)]
+    frame = pandas.DataFrame({"clock": cells, "depth_mm": ["1,000.5", "2"], "force_N": ["2", "3"]})
+    np.testing.assert_allclose(prepare(frame).time, [0.0, 0.01], atol=1e-12)
+    assert prepare(frame).penetration[0] == pytest.approx(1.0005)

@@ -54,7 +54,7 @@ def test_a_folder_of_all_kinds_becomes_a_row_each(
     assert read_seconds(results).num_rows == table.num_rows
     page = (results / "report.html").read_text()
     assert "bad.csv" in page
-    assert "no column" in page
+    assert "no force" in page
 
     before = {path: path.stat().st_mtime_ns for path in parts(results)}
     whole = json.loads(printed("fleet", recordings, "-o", results, "--json"))  # starts no worker
@@ -102,7 +102,7 @@ def test_a_fleet_of_which_nothing_was_identified_fails(run, tmp_path):
     for _ in range(2):  # the second time by what is there
         status, out, err = run("fleet", tmp_path / "bad.csv", "-o", tmp_path / "r", "--workers", 1)
         assert status == 2
-        assert "failed: bad.csv: no column" in out
+        assert "failed: bad.csv: there is a penetration, and no force" in out
         assert err.startswith("palpate: no contact was identified; the column error")
 
 

@@ -1,11 +1,17 @@
 """Which channel is which, time as it was stamped, and two clocks made one."""
 
 import dataclasses
+import pickle
+import re
+import shlex
 
+import h5py
 import numpy as np
+import pandas
 import pytest
 from robots import hand, topics_of
 
+import palpate
 from palpate import MissingChannelError, Recording, RecordingError, prepare
 from palpate.preparation import Columns
 from palpate.preparation.clocks import gaps, rows_of, signals_of
@@ -87,8 +93,6 @@ def test_of_several_orientations_the_positions_own_topic_has_the_right_one():
 
 
 def test_what_is_not_there_is_said_with_what_is():
-    with pytest.raises(MissingChannelError, match=r"r\.csv: no column 'force_N'; available: t, z$"):
-        roles_of(recording("t", "z"))
     with pytest.raises(MissingChannelError, match="no column '/ft'"):
         roles_of(recording("t", "z", "Fz"), Columns(force="/ft"))
     with pytest.raises(RecordingError, match="must name one channel or three"):
@@ -212,3 +216,221 @@ def test_clocks_without_a_time_in_common_or_of_another_length_are_refused():
     short = {"time_s": np.arange(5.0), "penetration_m": np.arange(4.0), "force_N": np.arange(5.0)}
     with pytest.raises(RecordingError, match="'time_s' has 5, depth has 4"):
         prepare(Recording(short))
+
+
+# Three columns of a kind are a vector, or three of something else.
+
+HANDS = np.random.default_rng(5).normal(0.0, 1e-3, (7, 400))
+
+
+def touch(length: int = 400) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Time, penetration and force of a touch of F = 6000 x^1.3 + 3000 x^1.3 v."""
+    time = 0.01 * np.arange(length)
+    depth = -4e-3 + 12e-3 * np.sin(0.25 * np.pi * time) ** 2
+    power = np.maximum(depth, 0.0) ** 1.3
+    noise = np.random.default_rng(length).normal(0.0, 0.005, length)
+    return time, depth, power * (6000.0 + 3000.0 * np.gradient(depth, time)) + noise
+
+
+def side_by_side(*names: str) -> Recording:
+    """Columns of one table; a name says whether it is a time, a force or a depth in m."""
+    time, depth, force = touch()
+    values = {"t": time, "f": force, "d": depth}
+    return Recording({name: values[kind] for kind, _, name in (n.partition(":") for n in names)})
+
+
+RUNS = [f"d:Position {k} (m)" for k in (1, 2, 3)] + [f"f:Force {k} (N)" for k in (1, 2, 3)]
+CELLS = [f"f:force_{k}" for k in (1, 2, 3)]
+NUMBERED = [f"d:position_{k}" for k in (1, 2, 3)] + CELLS
+FLAT = [f"d:position_{k}" for k in range(3)] + [f"f:force_{k}" for k in range(3)]
+COUNTED = [name.replace("_", "_trial_") for name in FLAT]
+PARTS = [name for name in RUNS if "2" not in name]
+ROWS = [f"{kind}[{k}]" for kind in ("d:depth", "f:force") for k in range(3)]
+LOAD = [f"f:load_cells[{k}]" for k in range(3)]
+MARKERS = [f"d:marker{k}_z" for k in (1, 2, 3)]
+FIRST = "--position 'Position 1 (m)' --force 'Force 1 (N)'"
+SIDE_BY_SIDE = {
+    "runs": (RUNS, FIRST, 3),
+    "runs that are numbered from one": (NUMBERED, "--position position_1 --force force_1", 3),
+    "trials": (COUNTED, "--position position_trial_0 --force force_trial_0", 0),
+    "the first and the third run": (PARTS, FIRST, 0),
+    "trials by unit": (["d:depth", "f:trial_1_N", "f:trial_2_N"], "--force trial_1_N", 0),
+    "load cells": (["d:depth", *CELLS], "--force force_1", 3),
+    "an array of cells": (["d:depth", *LOAD], "--force 'load_cells[0]'", 0),
+    "four cells": (["d:depth", *(f"f:force[{k}]" for k in range(4))], "--force 'force[0]'", 0),
+    "markers": ([*MARKERS, "f:force"], "--position marker1_z", 0),
+    "fingers": (["d:depth", "f:finger1_force", "f:finger2_force"], "--force finger1_force", 0),
+    "arrays and a total": ([*FLAT, "f:total force"], "--position position_0 --force force_0", 0),
+    "rows of an array": (ROWS, "--penetration 'depth[0]' --force 'force[0]'", 3),
+}
+
+
+def columns_of(options: str) -> Columns:
+    words = shlex.split(options)
+    return Columns(**{name[2:]: value for name, value in zip(words[::2], words[1::2], strict=True)})
+
+
+@pytest.mark.parametrize("names, options, axes", SIDE_BY_SIDE.values(), ids=SIDE_BY_SIDE)
+def test_columns_side_by_side_are_asked_for_with_options_that_answer(names, options, axes):
+    table = side_by_side("t:time", *names)
+    with pytest.raises(RecordingError, match=rf"choose one, such as {re.escape(options)}") as asked:
+        prepare(table)
+    law = palpate.identify(prepare(table, columns=columns_of(options))).law
+    assert law.stiffness == pytest.approx(6000.0, rel=0.02)
+    vector = re.search(r"for x, y and z of one vector, ([^;]*)", str(asked.value))
+    assert (vector is not None) == (axes == 3)
+    if vector is not None:
+        assert len(prepare(table, columns=columns_of(vector[1])))
+
+
+def test_the_time_of_a_run_is_the_one_with_its_number():
+    names = [
+        f"{kind}:{name}{k}" for k in (1, 2) for kind, name in (("t", "t"), ("d", "x"), ("f", "F"))
+    ]
+    chosen = roles_of(side_by_side(*names), Columns(position="x2", force="F2"))
+    assert chosen.time == "t2"
+
+
+FLATTENED = {
+    "of pandas": ("position_{}", 3, "force_{}", 3),
+    "with units": ("pos_{}_m", 3, "force_{}_N", 3),
+    "of poses and wrenches": ("observation.ee_pose_{}", 7, "observation.wrench_{}", 6),
+    "of rostopic": ("field.position{}", 3, "field.force{}", 3),
+}
+
+
+@pytest.mark.parametrize("position, m, force, n", FLATTENED.values(), ids=FLATTENED)
+def test_flattened_arrays_are_vectors_with_a_note(position, m, force, n):
+    time, depth, normal_force = touch()
+    places = {position.format(k): HANDS[k] * 0.0 for k in range(m)}
+    forces = {force.format(k): HANDS[k] * 0.0 for k in range(n)}
+    places[position.format(2)], forces[force.format(2)] = -depth, normal_force
+    frame = pandas.DataFrame({"time": time, **places, **forces})
+    result = palpate.identify(frame)
+    assert result.law.stiffness == pytest.approx(6000.0, rel=0.01)
+    [note] = [each for each in result.contact.findings if "for x, y and z" in each.message]
+    assert note.severity == "note"
+    stated = Columns(position=",".join([*places][:3]), force=",".join([*forces][:3]))
+    assert not any("for x, y" in each.message for each in prepare(frame, columns=stated).findings)
+
+
+@pytest.mark.parametrize("names", ["test_{}/{}", "data/demo_{}/obs/{}"])
+def test_each_group_of_a_file_is_a_contact(tmp_path, names):
+    path = tmp_path / "groups.hdf5"
+    with h5py.File(path, "w") as file:
+        for k in range(3):
+            for name, values in zip(("time", "displacement", "force"), touch(400 - k), strict=True):
+                file[names.format(k, name)] = values
+    contact = prepare(path)
+    assert [part.stop - part.start for part in contact.segments()] == [400, 399, 398]
+    assert palpate.identify(contact).law.stiffness == pytest.approx(6000.0, rel=0.01)
+    remedy = next(each.remedy for each in contact.findings if "3 groups" in each.message)
+    assert len(prepare(path, columns=columns_of(remedy.partition(": ")[2]))) == 400
+
+
+def test_fingers_on_one_clock_are_no_contacts_of_their_own(tmp_path):
+    time, depth, force = touch()
+    path = tmp_path / "hand.hdf5"
+    with h5py.File(path, "w") as file:
+        file["time"] = time
+        for k in range(2):
+            file[f"finger_{k}/position"], file[f"finger_{k}/force"] = depth, force
+    with pytest.raises(RecordingError, match="--position finger_0/position --force finger_0/force"):
+        prepare(path)
+
+
+def test_parts_of_a_vector_have_one_length():
+    time, depth, force = touch()
+    places = {"pos/x": HANDS[0], "pos/y": HANDS[1, :399], "pos/z": -depth[:397]}
+    parts = Recording({"time": time, **places, "force": force})
+    with pytest.raises(RecordingError, match=r"choose one, such as --position pos/x$"):
+        prepare(parts)
+    with pytest.raises(RecordingError, match="'pos/x' has 400, 'pos/y' has 399, 'pos/z' has 397"):
+        prepare(parts, columns=Columns(position="pos/x,pos/y,pos/z"))
+    with pytest.raises(RecordingError, match="depth has 399 and force has 400 samples"):
+        prepare(Recording({"depth": depth[:399], "force": force}), rate=100.0)
+
+
+# What a channel measures.
+
+KINDS = {
+    "pos_z force_z": ("pos_z", "force_z"),
+    "actual_TCP_pose_z actual_TCP_force_z": ("actual_TCP_pose_z", "actual_TCP_force_z"),
+    "ee_z f_ee_z": ("ee_z", "f_ee_z"),
+    "z_mm force_t": ("z_mm", "force_t"),
+    "pos_z acc_z gyro_z force": ("pos_z", "force"),
+    "pos_mm joint_1 joint_position_2 Fz": ("pos_mm", "Fz"),
+    "Displacement_mm Displacement_V Load_N": ("Displacement_mm", "Load_N"),
+    "Weg_mm Kraft_N": ("Weg_mm", "Kraft_N"),
+    "posición_mm fuerza_N": ("posición_mm", "fuerza_N"),
+}
+
+
+@pytest.mark.parametrize("names, depth_and_force", KINDS.items(), ids=KINDS)
+def test_the_strongest_word_of_a_name_counts(names, depth_and_force):
+    roles = roles_of(recording("Time_S", *names.split()))
+    assert (*roles.depth, *roles.force) == depth_and_force
+    assert roles.time == "Time_S"
+
+
+def test_a_capital_unit_of_time_is_read():
+    time, depth, force = touch()
+    table = Recording({"TIME_MS": 1e3 * time, "DISPLACEMENT_MM": 1e3 * depth, "FORCE_N": force})
+    assert palpate.identify(table).law.damping == pytest.approx(3000.0, rel=0.05)
+
+
+JOINTS = {f"/joint_states.position[{name}]": touch()[1] for name in ("joint_1", "elbow", "wrist")}
+WRENCH = {f"/ft.wrench.force.{axis}": HANDS[k] for k, axis in enumerate("xyz")}
+CAMERA = {f"/tf_static[base>camera].transform.translation.{a}": HANDS[0, :1] for a in "xyz"}
+TOOL = {f"/tf[base>tool].transform.translation.{a}": HANDS[k] for k, a in enumerate("xyz")}
+FIXED = {f"/tf[base>camera].transform.translation.{axis}": np.ones(400) for axis in "xyz"}
+TYPES = {"/joint_states": "sensor_msgs/msg/JointState", "/tf": "tf2_msgs/msg/TFMessage"}
+
+
+def test_joints_and_fixed_frames_are_not_the_probe():
+    robot = Recording({"t": touch()[0], **JOINTS, **WRENCH, **CAMERA, **TOOL, **FIXED}, types=TYPES)
+    assert roles_of(robot).depth == tuple(TOOL)
+    still = Recording({"t": touch()[0], **JOINTS, **WRENCH, **CAMERA}, types=TYPES)
+    with pytest.raises(MissingChannelError, match="a force and an angle, and no position"):
+        roles_of(still)
+    # A joint that slides is one, and so is any that is named: its brackets hold no unit.
+    for name in ("joint_1", "elbow"):
+        joint = Columns(position=f"/joint_states.position[{name}]")
+        assert len(
+            prepare(Recording({**still.channels, "force": touch()[2]}, types=TYPES), columns=joint)
+        )
+    slide = {
+        "t": touch()[0],
+        "/joint_states.position[linear_axis]": touch()[1],
+        "force": touch()[2],
+    }
+    assert roles_of(Recording(slide, types=TYPES)).depth == ("/joint_states.position[linear_axis]",)
+
+
+MISSING = {
+    "tiempo fuerza accel_x accel_y accel_z": "a force and an acceleration, and no position; record",
+    "time force": "there is a force, and no position; record the position",
+    "time px py pz": "there is a position, and no force; record the force",
+    "time_s strain_pct stress_kPa": "a stress and a strain, and no position and no force; multiply",
+    "time joint_1 joint_2 Fz": "there is a force and an angle, and no position",
+    "time temperature": "there is no position and no force; record both",
+    "t_s Weg_mm Channel[p]": "no force; palpate does not know the unit p of 'Channel[p]'",
+}
+
+
+@pytest.mark.parametrize("names, words", MISSING.items(), ids=MISSING)
+def test_what_is_recorded_and_what_is_missing_are_said(names, words):
+    with pytest.raises(MissingChannelError) as caught:
+        roles_of(recording(*names.split()))
+    message = str(caught.value)
+    assert words in message
+    assert message.endswith(f"available: {', '.join(names.split())}")
+    assert "penetration_m" not in message
+    assert "force_N" not in message
+    assert str(pickle.loads(pickle.dumps(caught.value))) == message
+
+
+def test_a_unit_that_is_not_known_is_the_reason():
+    table = {"Zeit [s]": touch()[0], "Weg [mm]": touch()[1], "Kraft [p]": touch()[2]}
+    with pytest.raises(RecordingError, match="cannot convert the unit p of the force"):
+        prepare(Recording(table))

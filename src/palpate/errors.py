@@ -46,28 +46,34 @@ class FleetError(PalpateError, RuntimeError):
 
 
 class MissingChannelError(RecordingError):
-    """A recording has no channel of the requested name.
+    """A recording has no channel of the requested name, or none that could have a role.
 
     Attributes
     ----------
     channel : str
-        The requested name.
+        The requested name, or the role: ``"position"`` or ``"force"``.
     available : list of str
         The channels of the recording.
+    missing : str
+        What is recorded and what is missing, if no channel could have the role.
     """
 
-    def __init__(self, channel: str, available: list[str], source: str = "") -> None:
-        super().__init__(channel, available, source)
+    def __init__(
+        self, channel: str, available: list[str], source: str = "", missing: str = ""
+    ) -> None:
+        super().__init__(channel, available, source, missing)
         self.channel = channel
         self.available = available
         self.source = source
+        self.missing = missing
 
     def __str__(self) -> str:
         where = f"{self.source}: " if self.source else ""
-        return f"{where}no column {self.channel!r}; available: {_listed(self.available)}"
+        missing = self.missing or f"no column {self.channel!r}"
+        return f"{where}{missing}; available: {listed(self.available)}"
 
 
-def _listed(names: list[str]) -> str:
+def listed(names: list[str]) -> str:
     """Up to 20 names, each cut after 40 characters."""
     shown = [name[:40] if name.isprintable() else repr(name[:40]) for name in names[:20]]
     more = [f"{len(names) - 20} more"] if len(names) > 20 else []

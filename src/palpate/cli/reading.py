@@ -129,8 +129,9 @@ class ReadingOptions:
             recording = opened(file, self._channels, strict=self.strict, curve=self.curve)
             return prepare(recording, **self.preparation)
         except MissingChannelError as error:
-            hint = "name channels with --time, --penetration or --position, --force, --velocity"
-            raise RecordingError(f"{error} ({hint}; palpate info {file} lists them)") from None
+            names = "name channels with --time, --penetration or --position, --force, --velocity; "
+            hint = f"{'' if error.missing else names}palpate info {file} lists them"
+            raise RecordingError(f"{error} ({hint})") from None
 
     @property
     def _channels(self) -> list[str] | None:

@@ -14,7 +14,7 @@ from palpate.errors import InvalidParameterError, RecordingError
 from palpate.findings import Finding
 from palpate.preparation.roles import Roles
 from palpate.recordings import Recording
-from palpate.recordings.recording import GRAVITY, UNITS, WEIGHTS, plain_unit, size_of, stated_unit
+from palpate.recordings.recording import GRAVITY, UNITS, WEIGHTS, size_of
 from palpate.validation import Floats
 
 # After a restart of the recorder, time falls back and increases from there. After a single late
@@ -295,6 +295,14 @@ class _Taking:
                     words = f"{listed} is in {own[0]}, a mass: palpate multiplies it by {GRAVITY}"
                     remedy = "pass --unit force=N if the values are forces in N"
                     self.findings.append(Finding("units", f"{words} m/s²", remedy))
+            lengths = {name: column.size for name, column in zip(names, columns, strict=True)}
+            if len({*lengths.values()}) > 1:
+                listed = ", ".join(f"{name!r} has {size}" for name, size in lengths.items())
+                raise RecordingError.of(
+                    self.recording.source,
+                    f"the channels of one vector must have the same length: {listed}; choose one "
+                    f"with --{'position' if role == 'depth' else role}",
+                )
             values[role] = columns[0] if len(columns) == 1 else np.column_stack(columns)
             known = np.isfinite(np.column_stack(columns)).all(axis=1)
             if role in ("depth", "force") and known.size and not known.any():
@@ -334,8 +342,7 @@ class _Taking:
 
     def _unit_of(self, name: str, kind: str, usual: str | None = None) -> str:
         """The unit from the recording or the channel's name; else the usual one, else SI."""
-        own = self.recording.units.get(name)
-        stated = plain_unit(own) if own else stated_unit(name)
+        own, stated = self.recording.units.get(name), self.recording.unit_of(name)
         si = next(iter(UNITS[kind]))
         if stated is None or (kind == "time" and not own and not size_of(kind, stated)):
             return usual or si  # ``time (UTC)`` states a time zone, not a unit
@@ -355,6 +362,13 @@ class _Taking:
                     recording.source,
                     "no channel looks like the time; name it with --time, or pass the sample rate, "
                     "such as --rate 1000 (Hz), if the samples are evenly spaced",
+                )
+            if len({*lengths.values()}) > 1:
+                listed = " and ".join(f"{role} has {length}" for role, length in lengths.items())
+                raise RecordingError.of(
+                    recording.source,
+                    f"channels at one rate must have the same length: {listed} samples; choose "
+                    "others with --position and --force, or name their clocks with --time",
                 )
             return Stream(None, np.arange(next(iter(lengths.values()))) / rate, "s", values)
         time = recording.channel(clock)

@@ -16,11 +16,13 @@ from palpate.errors import InvalidParameterError
 from palpate.findings import Finding
 from palpate.preparation.along_penetration import along_penetration, contact_of_arrays
 from palpate.preparation.clocks import signals_of
-from palpate.preparation.roles import Columns, Roles, is_wanted, roles_of
+from palpate.preparation.roles import Columns, Roles, contact_groups, is_wanted, roles_of
 from palpate.preparation.settings import ForceFrame, Preparation
 from palpate.preparation.spatial import along_normal
 from palpate.preparation.surfaces import RADIUS, SurfaceRule
 from palpate.recordings import Recording, open_recording
+from palpate.recordings.opening import within
+from palpate.recordings.times import iso_nanoseconds, past_midnight
 from palpate.stages import stage
 
 _LOGGER = logging.getLogger(__name__)
@@ -173,6 +175,8 @@ def prepared_contact(recording: Recording, settings: Preparation) -> Contact:
     RecordingError, MissingChannelError
         As :func:`prepare`.
     """
+    if groups := contact_groups(recording, settings.columns):
+        return _contacts_of_groups(recording, groups, settings)
     roles = roles_of(recording, settings.columns)
     _log_roles(roles)
     with np.errstate(all="ignore"):  # a flipped bit gives 1e300 N, which the gate excludes
@@ -199,12 +203,34 @@ def prepared_contact(recording: Recording, settings: Preparation) -> Contact:
         velocity_filter=used,
         findings=(
             *(each for each in recording.findings if each.severity != "note"),
+            *roles.findings,
             *_commanded(roles),
             *_unused(settings, roles, pressing=pressing),
             *signals.findings,
             *contact.findings,
         ),
     )
+
+
+def _contacts_of_groups(
+    recording: Recording, groups: Sequence[str], settings: Preparation
+) -> Contact:
+    """Make a contact of each group of a file, with one object."""
+    contacts = []
+    for group in groups:
+        names = [name for name in recording.channels if within(name, group)]
+        clocks = {clock for name in names if (clock := recording.clocks.get(name)) is not None}
+        source = f"{recording.source}:{group}" if recording.source else group
+        channels = {name: recording.channels[name] for name in {*names, *clocks}}
+        part = dataclasses.replace(recording, channels=channels, source=source, findings=())
+        contacts.append(prepared_contact(part, settings))
+    words = (
+        f"palpate takes {len(groups)} groups for contacts with one object: {', '.join(groups[:6])}"
+    )
+    remedy = f"if they are several objects, choose one: --position {groups[0]} --force {groups[0]}"
+    contact = joined(contacts)
+    findings = (*recording.findings, Finding("channels", words, remedy), *contact.findings)
+    return dataclasses.replace(contact, source=recording.source, findings=findings)
 
 
 def _log_roles(roles: Roles) -> None:
@@ -270,6 +296,10 @@ def as_recording(recorded: Recorded, *, strict: bool = False) -> Recording:
 
 def _array(column: Any) -> NDArray[Any]:
     values: NDArray[Any] = np.asanyarray(column)
+    if values.dtype.kind in "OU" and len(values) and isinstance(values[0], str):
+        times = [iso_nanoseconds(str(each)) for each in values]
+        if None not in times:
+            return past_midnight(np.array(times, np.int64)).astype("m8[ns]")
     if values.dtype == object and hasattr(column, "isna"):  # pandas' NA is not a number
         return np.where(column.isna(), np.nan, values)
     return values

@@ -1,20 +1,34 @@
 """Choosing the channels for time, position and force, by their names and units."""
 
 import re
+import shlex
+import unicodedata
 from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 
-from palpate.errors import MissingChannelError, RecordingError
+from palpate.errors import MissingChannelError, RecordingError, listed
+from palpate.findings import Finding
 from palpate.recordings import Recording
 from palpate.recordings.opening import within
-from palpate.recordings.recording import UNITS, plain_unit, stated_unit, unit_in_name
+from palpate.recordings.recording import UNITS, holds_numbers, plain_unit, size_of, stated_unit
 
 _INDEX = re.compile(r"^(.*)\[(\d+)\]$")
 _LETTERS = ("xyzw", "xyz")
-_DIGITS = ("0123", "012", "1234", "123")
+_QUATERNIONS = ("0123", "1234")
 # Arrays of two vectors: force and torque, or position and quaternion.
-_PAIRED = {"012345": (3, 6), "123456": (3, 6), "0123456": (3, 7), "1234567": (3, 7)}
+_PAIRED = {"012345": (3, 6), "0123456": (3, 7)}
+_ARRAYS = {"012": (3, 3), **_PAIRED}
+# ``position_0`` of an array that was written as columns.
+_FLATTENED = re.compile(r"(.*[^\d\s_.])[_.]?(\d)")
+# What is counted, if a name has one of these words, is not the axes of a vector.
+COUNTED = frozenset(
+    plural
+    for word in ("run", "trial", "test", "cell", "sensor", "marker", "finger", "repeat")
+    for plural in (word, f"{word}s")
+)
+# ``ft_sensor[0]`` and ``load_cell[0]`` are the axes of one sensor, ``load_cells[0]`` is a sensor.
+_ONE_OF_MANY = COUNTED - {"cell", "sensor", "marker", "finger"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,8 +58,8 @@ def vectors_of(names: Iterable[str]) -> list[Vector]:
     """Find vectors of three or four components, in order of first appearance.
 
     ``force.x``, ``force.y``, ``force.z``; ``pos[0]``, ``pos[1]``, ``pos[2]``; ``fx_N``, ``fy_N``,
-    ``fz_N``; ``q0`` to ``q3``, ``F1`` to ``F3``. A ``.w`` makes it a quaternion; six or seven
-    numbered channels are two vectors.
+    ``fz_N``; ``q0`` to ``q3``. A ``.w`` makes it a quaternion; six or seven elements of an array
+    are two vectors. Other numbers in names count runs or sensors as often as axes.
     """
     families: dict[str, dict[str, str]] = defaultdict(dict)
     for name in names:
@@ -61,10 +75,28 @@ def vectors_of(names: Iterable[str]) -> list[Vector]:
     return found
 
 
+def flattened_arrays(names: Iterable[str]) -> list[Vector]:
+    """Find consecutive columns ``name_0``, ``name_1`` … that may be an array written as columns."""
+    families: dict[str, list[tuple[int, int, str]]] = defaultdict(list)
+    for place, name in enumerate(names):
+        bare, _ = divide_unit(name)
+        if (parts := _FLATTENED.fullmatch(bare)) and COUNTED.isdisjoint(split_name(bare)):
+            families[parts[1]].append((place, int(parts[2]), name))
+    arrays: list[Vector] = []
+    for stem, columns in families.items():
+        places, numbers, components = zip(*columns, strict=True)
+        consecutive = places == tuple(range(places[0], places[0] + len(places)))
+        order = "".join(map(str, numbers))
+        if consecutive and order in _ARRAYS:
+            arrays += _divide_array(stem, components, *_ARRAYS[order])
+    return arrays
+
+
 def _places(name: str) -> Iterable[tuple[str, str]]:
     """Each way to read a name as a component: the common part, and the letter or number."""
     if (indexed := _INDEX.match(name)) is not None:
-        yield indexed[1], indexed[2]
+        if split_name(re.split(r"[/.]", indexed[1])[-1])[-1:] not in [[w] for w in _ONE_OF_MANY]:
+            yield f"{indexed[1]}[]", indexed[2]
         return
     stem, dot, last = name.rpartition(".")
     if dot and last.lower() in ("x", "y", "z", "w"):
@@ -81,33 +113,71 @@ def _vectors(stem: str, places: dict[str, str]) -> Iterable[Vector]:
             yield Vector(stem, tuple(places[place] for place in order))
             return
     # Numbered channels must be complete: three of ten numbered columns are not a vector.
-    for order in (*_DIGITS, *_PAIRED):
-        if sorted(places) == list(order):
-            components = tuple(places[place] for place in order)
-            first, last = _PAIRED.get(order, (len(order), 0))
-            yield Vector(stem, components[:first])
-            if last:
-                yield Vector(stem, components[first:last], second=True)
-            return
+    order = "".join(sorted(places))
+    components = tuple(places[place] for place in sorted(places))
+    if stem.endswith("[]") and order in _ARRAYS:
+        yield from _divide_array(stem.removesuffix("[]"), components, *_ARRAYS[order])
+    elif order in _QUATERNIONS:
+        yield Vector(stem.removesuffix("[]"), components)
+
+
+def _divide_array(
+    stem: str, components: tuple[str, ...], first: int, last: int
+) -> Iterable[Vector]:
+    yield Vector(stem, components[:first])
+    if last > first:
+        yield Vector(stem, components[first:last], second=True)
 
 
 # What a channel measures, by its unit and the words of its name.
 
-# Words that state what a channel without a unit measures. The last such word of a name counts:
-# "/tool.wrench.torque" is a torque.
+# Words that state what a channel without a unit measures, also in German, Spanish, French and
+# Italian, without accents. The last such word of a name counts: "/tool.wrench.torque" is a torque.
 WORDS: dict[str, tuple[str, ...]] = {
-    "time": ("time", "t", "stamp", "timestamp", "seconds", "sec"),
-    "force": ("force", "forces", "wrench", "load", "ft", "f", "fx", "fy", "fz", "fn", "fts"),
+    "time": (
+        "time", "t", "stamp", "timestamp", "seconds", "sec", "zeit", "uhrzeit", "tiempo", "temps",
+        "tempo",
+    ),
+    "force": (
+        "force", "forces", "wrench", "load", "ft", "f", "fx", "fy", "fz", "fn", "fts", "kraft",
+        "fuerza", "forza",
+    ),
     "torque": ("torque", "torques", "moment", "tau", "mx", "my", "mz", "tx", "ty", "tz"),
-    "penetration": ("penetration", "indentation", "depth", "deformation", "compression"),
+    "penetration": (
+        "penetration", "indentation", "depth", "deformation", "compression", "eindringtiefe",
+        "tiefe", "profundidad", "profondeur", "profondita",
+    ),
     "position": (
         "position", "positions", "pos", "p", "x", "y", "z", "px", "py", "pz", "s", "pose", "tip",
         "tcp", "ee", "translation", "displacement", "disp", "height", "location", "stroke",
+        "extension", "crosshead", "weg", "verschiebung", "posicion", "desplazamiento",
+        "deplacement", "posizione", "spostamento",
     ),
     "velocity": ("velocity", "vel", "speed", "v", "vx", "vy", "vz", "linear", "xd"),
     "orientation": ("orientation", "quaternion", "quat", "q", "rotation", "rot"),
-    "nothing": ("angular", "acceleration", "accel", "acc", "covariance", "effort", "current"),
+    "acceleration": (
+        "acceleration", "accelerations", "accelerometer", "accel", "acc", "a", "ax", "ay", "az",
+        "beschleunigung", "aceleracion", "accelerazione",
+    ),
+    "angle": ("angle", "angles", "angular", "joint", "joints", "revolute", "gyro", "gyroscope"),
+    "stress": ("stress", "spannung", "pressure"),
+    "strain": ("strain", "dehnung"),
+    "nothing": (
+        "covariance", "effort", "current", "voltage", "temperature", "magnetometer", "static",
+    ),
 }  # fmt: skip
+# Of the words of a name the strongest count: "force_z", "f_tcp" and "force_t" are forces.
+_WEAK = {
+    **dict.fromkeys("xyzst", 0),
+    **dict.fromkeys(("tip", "tcp", "ee"), 1),
+    **dict.fromkeys("fpqva", 2),
+}
+# "joint_position", "angular_velocity" and "tf_static" are no position and no velocity.
+_DOMINANT = frozenset(
+    (*WORDS["angle"], "acceleration", "accelerations", "accel", "covariance", "static")
+)
+# A joint that slides has a position in metres.
+_SLIDES = frozenset(("prismatic", "slide", "slider", "rail", "linear"))
 _KIND = {word: kind for kind, words in WORDS.items() for word in words}
 #: Words for commanded, not measured, channels.
 WANTED = frozenset(
@@ -120,6 +190,8 @@ _OF_UNIT = {
     **dict.fromkeys(UNITS["penetration"], ("penetration", "position")),
     **dict.fromkeys(UNITS["velocity"], ("velocity",)),
     **dict.fromkeys(("Nm", "N·m", "N*m", "mNm"), ("torque",)),
+    **dict.fromkeys(("rad", "deg", "°"), ("angle",)),
+    **dict.fromkeys(("m/s²", "m/s^2", "m/s2"), ("acceleration",)),
 }
 _WORD = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|[^\W\d_]+")
 
@@ -136,11 +208,14 @@ def kind_of(name: str, unit: str | None = None) -> str | None:
     """
     unit = plain_unit(unit) if unit else stated_unit(name)
     possible = _OF_UNIT.get(unit or "")
-    kinds = [_KIND[word] for word in split_name(name) if word in _KIND and word != unit]
-    if possible is None:
-        return kinds[-1] if kinds else None
-    fitting = [kind for kind in kinds if kind in possible]
-    return fitting[-1] if fitting else possible[-1]
+    words = [word for word in split_name(name) if word in _KIND and word != unit]
+    kinds = [_KIND[word] for word in sorted(words, key=lambda word: _WEAK.get(word, 3))]
+    if possible is not None:
+        return next((kind for kind in reversed(kinds) if kind in possible), possible[-1])
+    kind = kinds[-1] if kinds else None
+    if kind in ("position", "velocity"):
+        return next((_KIND[word] for word in words if word in _DOMINANT), kind)
+    return kind
 
 
 def is_wanted(name: str) -> bool:
@@ -149,11 +224,17 @@ def is_wanted(name: str) -> bool:
 
 
 def split_name(name: str) -> list[str]:
-    """The words of a name in lower case, without its unit: ``Fz [mN]`` is fz."""
+    """The words of a name in lower case, without its unit and accents: ``Fz [mN]`` is fz."""
+    bare = unicodedata.normalize("NFKD", divide_unit(name)[0])
+    return [word.lower() for word in _WORD.findall(re.sub(r"[\u0300-\u036f]", "", bare))]
+
+
+def divide_unit(name: str) -> tuple[str, str | None]:
+    """The name without the unit at its end, and this unit."""
     unit = stated_unit(name)
     if unit is not None:
-        name = re.sub(rf"[\[(_/ ]*{re.escape(unit)}[\])\s]*$", "", name)
-    return [word.lower() for word in _WORD.findall(name)]
+        name = re.sub(rf"[\[(_/ ]*{re.escape(unit)}[\])\s]*$", "", name, flags=re.IGNORECASE)
+    return name, unit
 
 
 # Choosing the channels of a contact, with reasons.
@@ -211,6 +292,8 @@ class Roles:
         Four channels, or none.
     reasons : mapping
         Role to the reason for its choice, as text.
+    findings : tuple of Finding
+        What was assumed.
     """
 
     depth: tuple[str, ...]
@@ -221,6 +304,7 @@ class Roles:
     segment: str | None = None
     orientation: tuple[str, ...] = ()
     reasons: Mapping[str, str] = field(default_factory=dict)
+    findings: tuple[Finding, ...] = ()
 
     @property
     def by_role(self) -> dict[str, tuple[str, ...]]:
@@ -246,6 +330,36 @@ def roles_of(recording: Recording, columns: Columns | None = None) -> Roles:
     return _Choosing(recording, Columns() if columns is None else columns).roles()
 
 
+def contact_groups(recording: Recording, columns: Columns) -> list[str]:
+    """Return the groups of a file that hold a contact each, on a clock of its own; or none.
+
+    Groups are those of HDF5 and MATLAB, if position and force are in several and no option names
+    either. Topics are not groups: they are recorded at the same time.
+    """
+    usual, stated = Columns(), (columns.penetration, columns.force, columns.position)
+    if stated != (usual.penetration, usual.force, None) or recording.types:
+        return []
+    choosing = _Choosing(recording, columns)
+    depths = choosing.depths()[1]
+    return choosing.groups(depths, choosing.forces(len(depths[0]))) if depths else []
+
+
+# Quantities as a message names them; the order is that of the message.
+_SPOKEN = {
+    "penetration": "a penetration", "position": "a position", "force": "a force",
+    "velocity": "a velocity", "acceleration": "an acceleration", "torque": "a torque",
+    "stress": "a stress", "strain": "a strain", "orientation": "an orientation",
+    "angle": "an angle",
+}  # fmt: skip
+_REMEDIES = {
+    "position": "record the position of the probe, or name its channel with --position",
+    "force": "record the force on the same clock, or name its channel with --force",
+    "both": "record both, or name their channels with --position and --force",
+    "strain": "multiply the stress by the area and the strain by the length of the specimen, and "
+    "name the products with --force and --position",
+}
+
+
 @dataclass
 class _Choosing:
     recording: Recording
@@ -253,26 +367,31 @@ class _Choosing:
     reasons: dict[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        self.vectors = vectors_of(self.recording.channels)
         self.kinds: dict[str, str | None] = {}
+        names = self.recording.channels
+        self.arrays = flattened_arrays(names)
+        found = vectors_of(names)
+        # Beside depth[0], depth[1], depth[2] the force[k] are those of three runs.
+        runs = any(self._vector_kind(each) == "penetration" for each in found)
+        found = [v for v in found if not (runs and v.components[0].endswith("]"))]
+        self.vectors = [each for each in found if self._is_one(each)]
+        self.assumed = self._assumed_vectors()
+        self.vectors += self.assumed
 
     def roles(self) -> Roles:
-        if self.columns.position is not None:
-            depth, is_penetration = self._named("position", self.columns.position), False
-        else:
-            depth = self._given("penetration") or self._only("penetration", 1)
-            is_penetration = bool(depth)
-            depth = depth or self._only("position", 3) or self._only("position", 1)
-        if not depth:
-            raise self._missing("penetration_m")
-        sizes = (3, 1) if len(depth) == 3 else (1, 3)
-        force = self._given("force") or self._only("force", sizes[0])
-        force = force or self._only("force", sizes[1])
-        if not force:
-            raise self._missing("force_N")
+        is_penetration, depths = self.depths()
+        forces = self.forces(len(depths[0]) if depths else 1)
+        role = "penetration" if is_penetration else "position"
+        if not depths or not forces:
+            raise self._missing_roles(bool(depths), bool(forces))
+        if len(depths) > 1 or len(forces) > 1:
+            raise self._question({role: depths, "force": forces})
+        [depth], [force] = depths, forces
+        self._because(role, depth)
+        self._because("force", force)
         time = self._given("time")
         if not time and not self.recording.clocks:
-            time = self._only("time", 1)
+            time = self._time(depth)
         return Roles(
             depth,
             is_penetration,
@@ -282,7 +401,43 @@ class _Choosing:
             next(iter(self._given("segment")), None),
             self._orientation(depth),
             self.reasons,
+            tuple(self._assumptions(depth, force)),
         )
+
+    def depths(self) -> tuple[bool, list[tuple[str, ...]]]:
+        """Whether they are penetrations, and the channels or vectors that could be the depth."""
+        if self.columns.position is not None:
+            return False, [self._named("position", self.columns.position)]
+        given = self._given("penetration")
+        if found := [given] if given else self._candidates("penetration", 1):
+            return True, found
+        return False, self._candidates("position", 3) or self._candidates("position", 1)
+
+    def forces(self, size: int) -> list[tuple[str, ...]]:
+        """The channels or vectors that could be the force, if possible of the size of the depth."""
+        given = self._given("force")
+        sizes = (3, 1) if size == 3 else (1, 3)
+        found = [[given] if given else self._candidates("force", size) for size in sizes]
+        return found[0] or found[1]
+
+    def groups(self, depths: list[tuple[str, ...]], forces: list[tuple[str, ...]]) -> list[str]:
+        """The groups with one of the depths and one of the forces each, on clocks of their own."""
+        clocks = {self.recording.clocks.get(names[0]) for names in depths}
+        if len(depths) < 2 or None in clocks or len(clocks) != len(depths):
+            return []
+        of_depth, of_force = (_differing_groups([n[0] for n in each]) for each in (depths, forces))
+        return of_depth if set(of_depth) == set(of_force) else []
+
+    def _time(self, depth: tuple[str, ...]) -> tuple[str, ...]:
+        """The time; of several runs side by side the one with the number of the depth."""
+        found = self._candidates("time", 1)
+        number = _numbers(depth)
+        own = [names for names in found if _numbers(names) == number]
+        plain = [n for n in found if n[0].lower() in ("time", "t", "timestamp", "stamp")]
+        chosen = (number and own[:1]) or plain[:1] or found[:1]
+        if chosen:
+            self._because("time", chosen[0])
+        return chosen[0] if chosen else ()
 
     def _velocity(self, depth: tuple[str, ...], is_penetration: bool) -> tuple[str, ...]:
         if self.columns.velocity == "none":
@@ -327,11 +482,12 @@ class _Choosing:
             return parts
         size = 4 if role == "orientation" else 3
         kind = "position" if role == "penetration" else role
+        vectors = [*self.vectors, *(each for each in self.arrays if each not in self.vectors)]
         below = [
             vector
-            for vector in self.vectors
+            for vector in vectors
             if within(vector.stem, name) and len(vector) == size and self._is(vector, kind)
-        ] or [vector for vector in self.vectors if vector.stem == name and len(vector) == size]
+        ] or [vector for vector in vectors if vector.stem == name and len(vector) == size]
         if len(below) == 1:
             self.reasons[role] = f"the {role} of {name}"
             return below[0].components
@@ -344,16 +500,63 @@ class _Choosing:
     def _missing(self, name: str) -> MissingChannelError:
         return MissingChannelError(name, list(self.recording.channels), self.recording.source)
 
-    def _only(self, role: str, size: int) -> tuple[str, ...]:
-        """The only channel or vector that fits, or none; raise if several fit."""
-        found = self._candidates(role, size)
-        if len(found) > 1:
-            listed = ", ".join(" ".join(names) for names in found[:6])
-            words = f"{len(found)} channels could be the {role}: {listed}{', …' * (len(found) > 6)}"
-            raise RecordingError.of(self.recording.source, f"{words}; choose one with --{role}")
-        if found:
-            self._because(role, found[0])
-        return found[0] if found else ()
+    def _missing_roles(self, has_depth: bool, has_force: bool) -> MissingChannelError:
+        """The error that says which quantities are recorded, and which are missing."""
+        names = list(self.recording.channels)
+        used = {name for vector in self.vectors for name in vector.components}
+        kinds = {self._vector_kind(vector) for vector in self.vectors}
+        kinds |= {self._kind(name) for name in names if name not in used}
+        has = {"position": has_depth, "force": has_force}
+        absent = [role for role in has if not has[role]]
+        kinds -= {*absent, *(("position",) if "penetration" in kinds else ())}
+        there = " and ".join(words for kind, words in _SPOKEN.items() if kind in kinds)
+        lacking = " and ".join(f"no {role}" for role in absent)
+        words = f"there is {there}, and {lacking}" if there else f"there is {lacking}"
+        unknown = [
+            f"{unit} of {name!r}"
+            for name in names
+            if self._kind(name) is None and (unit := stated_unit(name)) and unit not in _OF_UNIT
+        ]
+        texts = [
+            n
+            for n in names
+            if self._kind(n) in absent and self.recording.channels[n].dtype.kind in "OUS"
+        ]
+        if texts:
+            words += f"; {texts[0]!r} holds text, not numbers"
+        if unknown:
+            words += f"; palpate does not know the unit {' or '.join(unknown[:3])}"
+        remedy = _REMEDIES[absent[0] if len(absent) == 1 else "both"]
+        if {"stress", "strain"} <= kinds:
+            remedy = _REMEDIES["strain"]
+        return MissingChannelError(absent[0], names, self.recording.source, f"{words}; {remedy}")
+
+    def _question(self, found: Mapping[str, list[tuple[str, ...]]]) -> RecordingError:
+        """The error that several channels fit, with options that choose one, or all three."""
+        (role, depths), (_, forces) = found.items()
+        same = [names for names in forces if _numbers(names) == _numbers(depths[0])]
+        one = {role: ",".join(depths[0]), "force": ",".join((same or forces)[0])}
+        if groups := self.groups(depths, forces):
+            one = dict.fromkeys(one, groups[0])
+        several = {each: names for each, names in found.items() if len(names) > 1}
+        said = [
+            f"{len(names)} channels could be the {each}: {listed([*map(' '.join, names)])}"
+            for each, names in several.items()
+        ]
+        words = f"{'; '.join(said)}; choose one, such as {_options(one, several)}"
+        if all(self._may_be_axes(names) for names in several.values()):
+            axes = {role: ",".join(names[0] for names in each) for role, each in several.items()}
+            axes = {"position" if each == "penetration" else each: v for each, v in axes.items()}
+            words += f"; or, for x, y and z of one vector, {_options(axes, axes)}"
+        if list(several) == ["force"] and len(forces) > 2 and len(forces[0]) == 1:
+            words += "; or, if they share the load, name a column with their sum"
+        return RecordingError.of(self.recording.source, words)
+
+    def _may_be_axes(self, found: list[tuple[str, ...]]) -> bool:
+        joined = tuple(names[0] for names in found)
+        single = [len(names) for names in found] == [1, 1, 1]
+        counted = not COUNTED.isdisjoint(split_name(" ".join(joined)))
+        return single and not counted and self._is_one(Vector("", joined))
 
     def _candidates(self, kind: str, size: int) -> list[tuple[str, ...]]:
         """Channels or vectors that measure this quantity; commanded ones only if alone."""
@@ -363,42 +566,122 @@ class _Choosing:
         else:
             used = {name for vector in self.vectors for name in vector.components}
             used.update(recording.clocks.values())
+            kinds_of_values = "fiuO" if kind != "time" else "fiuOmM"
             found = [
                 (name,)
                 for name, values in recording.channels.items()
                 if name not in used
                 and values.ndim == 1
-                and values.dtype.kind in "fiu"
+                and values.dtype.kind in kinds_of_values
                 and self._kind(name) == kind
+                and (values.dtype.kind != "O" or holds_numbers(values))
             ]
         measured = [names for names in found if not is_wanted(names[0])]
+        if kind in UNITS or kind == "position":  # volts are no length where there are millimetres
+            measured = [
+                names for names in measured if self._convertible(names[0], kind)
+            ] or measured
+        if kind in ("position", "force"):  # what never changes is a fixed frame, or not measured
+            measured = [names for names in measured if self._moves(names)] or measured
         if kind == "position":  # of several bodies, the tip touches the material
             tips = [names for names in measured if not TIP.isdisjoint(split_name(names[0]))]
             measured = tips or measured
-        if measured and kind == "time":
-            plain = [n for n in measured if n[0].lower() in ("time", "t", "timestamp", "stamp")]
-            return plain[:1] if plain else measured[:1]
         return measured or found
+
+    def _convertible(self, name: str, kind: str) -> bool:
+        unit = self.recording.unit_of(name)
+        return not unit or size_of("penetration" if kind == "position" else kind, unit) > 0.0
+
+    def _moves(self, names: tuple[str, ...]) -> bool:
+        """Whether any of the channels changes: a fixed frame is not a probe."""
+        columns = (self.recording.channels[name] for name in names)
+        return any(len(each) > 1 and bool((each != each[0]).any()) for each in columns)
+
+    def _is_one(self, vector: Vector) -> bool:
+        """Whether all components have one length and one clock, and a vector has this size."""
+        recording, names = self.recording, vector.components
+        lengths = {len(recording.channels[name]) for name in names}
+        clocks = {recording.clocks.get(name) for name in names}
+        right_size = vector.second or len(names) == 3 or self._vector_kind(vector) == "orientation"
+        return len(lengths) == len(clocks) == 1 and right_size
+
+    def _assumed_vectors(self) -> list[Vector]:
+        """Position and force of arrays written as columns, if both are and nothing else fits.
+
+        Numbered columns may as well be three runs or sensors, so anything less must be asked.
+        """
+        arrays = [each for each in self.arrays if not is_wanted(each.components[0])] or self.arrays
+        taken = [v for kind in ("position", "force") for v in arrays if self._is(v, kind)]
+        own = {name for each in arrays for name in each.components}
+        others = {
+            self._kind(name)
+            for name in self.recording.channels
+            if name not in own and not is_wanted(name)
+        }
+        if [self._vector_kind(each) for each in taken] != ["position", "force"]:
+            return []
+        stems = [each.stem for each in taken]
+        seconds = [each for each in arrays if each.second and each.stem in stems]
+        return [] if others & {"position", "penetration", "force"} else taken + seconds
+
+    def _assumptions(self, *chosen: tuple[str, ...]) -> Iterable[Finding]:
+        arrays = [each.components for each in self.assumed if each.components in chosen]
+        if arrays and self.columns.position is None:
+            listed = " and ".join(", ".join(names) for names in arrays)
+            words = f"palpate takes {listed} for x, y and z, because of their numbers"
+            remedy = "if they are runs or sensors, choose one with --position and --force"
+            yield Finding("channels", words, remedy)
 
     def _is(self, vector: Vector, kind: str) -> bool:
         if vector.second:
             return kind == "orientation" and len(vector) == 4
+        return self._vector_kind(vector) == kind and (len(vector) != 4 or kind == "orientation")
+
+    def _vector_kind(self, vector: Vector) -> str | None:
+        if vector.second:
+            return "orientation" if len(vector) == 4 else "torque"
         name = vector.components[0]
-        unit = self.recording.units.get(name) or unit_in_name(name)
+        unit = self.recording.unit_of(name)
         # The stem of x, y, z is empty; then the component's name decides.
-        found = kind_of(vector.stem, unit) or kind_of(name, unit)
-        return found == kind and (len(vector) != 4 or kind == "orientation")
+        return kind_of(vector.stem, unit) or kind_of(name, unit)
 
     def _kind(self, name: str) -> str | None:
         if name not in self.kinds:
-            self.kinds[name] = kind_of(name, self.recording.units.get(name))
+            recording = self.recording
+            kind = kind_of(name, recording.unit_of(name) or "-")
+            slides = not _SLIDES.isdisjoint(split_name(name))
+            types = [kind for topic, kind in recording.types.items() if within(name, topic)]
+            if kind in ("position", "velocity") and "sensor_msgs/msg/JointState" in types:
+                kind = "angle"
+            kind = "position" if kind == "angle" and slides else kind
+            self.kinds[name] = "time" if recording.channels[name].dtype.kind in "mM" else kind
         return self.kinds[name]
 
     def _because(self, role: str, names: Sequence[str]) -> None:
-        self.reasons[role] = f"the only {role}{' in space' if len(names) == 3 else ''}"
+        words = f"the only {role}{' in space' if len(names) == 3 else ''}"
+        self.reasons.setdefault(role, words)
 
 
 def _group(name: str) -> str:
     """The topic of a message channel, or the group of an array."""
     topic, dot, _ = name.partition(".")
     return topic if dot else name.rpartition("/")[0]
+
+
+def _numbers(names: Sequence[str]) -> list[str]:
+    """The numbers in the name of a channel."""
+    return re.findall(r"\d+", divide_unit(names[0])[0])
+
+
+def _differing_groups(names: list[str]) -> list[str]:
+    """The groups above what all the names end with."""
+    parts = [re.split(r"(?=[/.])", name) for name in names]
+    common = 0
+    while len({tuple(each[len(each) - common - 1 :]) for each in parts}) == 1:
+        common += 1
+    return ["".join(each[: len(each) - common]) for each in parts]
+
+
+def _options(values: Mapping[str, str], roles: Iterable[str]) -> str:
+    """Options of the command line that name the channels of these roles."""
+    return " ".join(f"--{role} {shlex.quote(values[role])}" for role in roles)

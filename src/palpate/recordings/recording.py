@@ -16,8 +16,14 @@ from palpate.errors import InvalidParameterError, MissingChannelError, Recording
 from palpate.errors import printable as visible
 from palpate.findings import Finding
 from palpate.force_laws import ForceLaw, law_from
+from palpate.recordings.times import SECONDS, is_timelike
 from palpate.validation import Floats, shown, unmasked
 
+# With an apostrophe or a narrow space; or a comma where it cannot be the decimal mark.
+_THOUSANDS = re.compile(
+    r"\s*[+-]?[1-9]\d{0,2}"
+    r"((['\u2019\u00a0\u2009\u202f]\d{3})+(\.\d*)?|(,\d{3})+\.\d*|(,\d{3}){2,})\s*"
+)
 MOST_TEXT = 0.5  # largest fraction of text values in a channel of numbers
 
 
@@ -135,6 +141,15 @@ class Recording:
             raise MissingChannelError(name, list(self.channels), self.source)
         return self.channels[name]
 
+    def unit_of(self, name: str) -> str | None:
+        """Return the unit of a channel, from the file, else from its name; None if unknown.
+
+        What the name of an element of a message has in brackets is a joint or a frame.
+        """
+        own = self.units.get(name)
+        is_element = name.endswith("]") and any(name.startswith(topic) for topic in self.types)
+        return plain_unit(own) if own else None if is_element else stated_unit(name)
+
     def numbers(self, name: str, *, strict: bool = False) -> Floats:
         """Return a channel as numbers.
 
@@ -191,10 +206,21 @@ def _number_of(value: Any) -> float | None:
 
 
 def number_in_text(text: str) -> float:
-    """Return the number in a cell; raises ValueError if there is none."""
+    """Return the number in a cell; raises ValueError if there is none.
+
+    Thousands may be apart where nothing else can be meant: ``1,063.208``, ``1'063``.
+    """
     if "_" in text:  # float() accepts 1_000
         raise ValueError
+    if _THOUSANDS.fullmatch(text):
+        text = re.sub(r"[^\d.+-]", "", text)
     return float(text)
+
+
+def holds_numbers(values: NDArray[Any]) -> bool:
+    """Whether most of the first texts of a channel are numbers."""
+    filled = [value for value in values[:1000].tolist() if str(value).strip()]
+    return 2 * sum(_number_of(value) is not None for value in filled) > len(filled)
 
 
 def printable(path: str | Path) -> str:
@@ -264,7 +290,9 @@ _LENGTHS = frozenset(["deflection", "depth", "disp", "displacement", "extension"
                       "z"])  # fmt: skip
 # In brackets these are not units: ``force_N (column 3)``, ``state[2]``, ``Force (filtered)``.
 _NO_UNIT = re.compile(
-    r"(column )?\d*|[xyzw]|filtered|measured|actual|tared|abs|rel|tool|base|world|sensor|tcp", re.I
+    r"(column )?\d*|[xyzw]|filtered|measured|actual|tared|abs|rel|tool|base|world|sensor|tcp"
+    r"|.*>.*|.*joint.*|[a-z]\w*_\w*",  # a transform or a joint
+    re.I,
 )
 _SPELT = {
     "sec": "s", "seconds": "s", "m s-1": "m/s", "N.m": "N·m", '"': "in", "inch": "in",
@@ -319,14 +347,19 @@ def stated_unit(name: str) -> str | None:
     while bracketed := _BRACKETED.fullmatch(name):
         unit = plain_unit(bracketed[2] or bracketed[3] or "")
         if not _NO_UNIT.fullmatch(unit):
-            return unit
+            return _of_time(name, unit)
         name = bracketed[1]
     words = re.split(r"[_\s]+", name)
     for count in (2, 1):  # velocity_m_s before any other that ends with _s
-        unit = plain_unit("/".join(words[-count:]))
+        unit = _of_time(name, plain_unit("/".join(words[-count:])))
         is_word = unit == "in" and words[-2:][0].lower() not in _LENGTHS
         if len(words) > count and unit in _BARE and not is_word:
             return unit
     divided = _AFTER_A_SLASH.fullmatch(name)
     unit = plain_unit(divided[1]) if divided else ""
     return unit if unit in _BARE and unit != "in" else None
+
+
+def _of_time(name: str, unit: str) -> str:
+    """The unit, in lower case if it is that of a time: ``Time_MS``."""
+    return unit.lower() if unit.lower() in SECONDS and is_timelike(name) else unit

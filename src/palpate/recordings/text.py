@@ -25,6 +25,7 @@ from palpate.recordings.opening import LARGEST, Draft, Request, first_line
 from palpate.recordings.recording import Faults, Recording, printable
 from palpate.recordings.text_layout import (
     SPACES,
+    WHOLE_THOUSANDS,
     TextLayout,
     cells_of,
     layout_of,
@@ -39,6 +40,7 @@ from palpate.recordings.times import (
     is_timelike,
     iso_nanoseconds,
     joined_stamps,
+    past_midnight,
     plain_iso_times,
     whole_time,
 )
@@ -246,6 +248,7 @@ class _Column:
         self.wrong: tuple[int, str] | None = None
         remembered = lru_cache(maxsize=10_000)
         self._is_number = remembered(lambda cell: parsed_number(cell, decimal) is not None)
+        self.has_thousands = False
 
     def refused(self, cells: Sequence[str]) -> list[int]:
         """Indices of the rows to skip, because they have no valid time."""
@@ -298,7 +301,11 @@ class _Column:
             return found if found is not None and len(found) == self.width else None
         if self.kind == "dates":
             return iso_nanoseconds(cell)
-        return whole_time(cell) if self.kind == "nanoseconds" else parsed_number(cell, self.decimal)
+        if self.kind == "nanoseconds":
+            return whole_time(cell)
+        if self.has_thousands and WHOLE_THOUSANDS.fullmatch(cell.strip()):
+            cell = cell.replace(",", "")
+        return parsed_number(cell, self.decimal)
 
     def mistaken(self) -> str | None:
         """The kind that the column should have had; None if its kind was right."""
@@ -317,6 +324,8 @@ class _Column:
         self.pieces.clear()
         if self.kind == "vectors":
             return {f"{self.name}[{k}]": whole[:, k].copy() for k in range(self.width)}
+        if self.kind == "dates":
+            whole = past_midnight(whole)
         return {self.name: whole}
 
     def fault(self) -> Faults | None:
@@ -331,7 +340,11 @@ def _column_for(name: str, cells: Sequence[str], decimal: str, kind: str | None)
     filled = [cell for cell in cells if cell.strip()]
     most = 0.5 * len(filled)
     if kind is None and filled:
-        numbers = sum(parsed_number(cell, decimal) is not None for cell in filled)
+        numbers = sum(
+            parsed_number(cell, decimal) is not None
+            or bool(WHOLE_THOUSANDS.fullmatch(cell.strip()))
+            for cell in filled
+        )
         if is_timelike(name) and sum(map(is_nanoseconds, filled)) > most:
             return _Column(name, ".", "nanoseconds")
         kind = "numbers"
@@ -342,7 +355,16 @@ def _column_for(name: str, cells: Sequence[str], decimal: str, kind: str | None)
             if len(vectors) > most:
                 return _Column(name, decimal, "vectors", max(set(vectors), key=vectors.count))
             kind = "text"
-    return _Column(name, decimal, kind or "numbers")
+    column = _Column(name, decimal, kind or "numbers")
+    commas = [cell for cell in filled if "," in cell and parsed_number(cell, ".") is None]
+    # Numbers without a comma beside them show that it is not the decimal mark.
+    plain = sum(parsed_number(cell, ".") is not None for cell in filled)
+    column.has_thousands = (
+        decimal == "."
+        and plain > 0
+        and all(WHOLE_THOUSANDS.fullmatch(each.strip()) for each in commas)
+    )
+    return column
 
 
 class _Table:

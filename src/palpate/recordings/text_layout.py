@@ -25,6 +25,9 @@ _BRACKETS = re.compile(r"^\s*(?:np\.)?array\(|,?\s?dtype=[\w.]+|[\[\](){}]")
 MOST_ELEMENTS = 1000
 LONGEST_VECTOR = 40 * MOST_ELEMENTS  # characters
 _DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+(?:[eE][+-]?\d+)?")
+_THOUSANDS = re.compile(r"\s*[+-]?[1-9]\d{0,2}(\.\d{3})+,\d*\s*")
+#: Whole thousands, ``1,063``: with a decimal point a number of thousands, else perhaps a decimal.
+WHOLE_THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}(,\d{3})+")
 
 
 @dataclass(frozen=True, slots=True)
@@ -156,7 +159,7 @@ def _header(
     filled = [cell for cell in first if cell]
     # A header of numbers 0, 1, 2 …, as pandas writes for unnamed columns.
     counted = len(filled) > 1 and filled == [str(place) for place in range(len(filled))]
-    numbers = bool(filled) and not counted and all(is_number(cell, delimiter) for cell in filled)
+    numbers = bool(filled) and not counted and _is_sample(body, delimiter)
     if commented is not None and (numbers or not body):
         # A header as rostopic and NumPy write it: "%time,field.x" and "# time, force".
         line = commented if commented.startswith("%") else commented.lstrip("# ")
@@ -167,6 +170,20 @@ def _header(
         if len(names) == len(first) or (not body and len(names) > 1):
             return names, 0
     return (None, 0) if numbers else (first, 1)
+
+
+def _is_sample(body: Sequence[str], delimiter: str) -> bool:
+    """Whether the first row is a sample: numbers, or numbers and words where the next has them.
+
+    The header of a column of numbers is a word: ``0.1,base`` above ``0.2,base`` is no header.
+    """
+    rows = [[cell.strip() for cell in cells_of(line, delimiter)] for line in body[:2]]
+    first, *below = [[cell and is_number(cell, delimiter) for cell in cells] for cells in rows]
+    if False not in first:
+        return True
+    if not below or len(first) != len(below[0]) or True not in first:
+        return False
+    return all(a == b or "" in (a, b) for a, b in zip(first, below[0], strict=True))
 
 
 def _units_below(body: Sequence[str], delimiter: str, width: int, decimal: str) -> list[str] | None:
@@ -186,16 +203,22 @@ def _units_below(body: Sequence[str], delimiter: str, width: int, decimal: str) 
 
 
 def _decimal(lines: Sequence[str], delimiter: str) -> str:
-    """The decimal mark: the one with which more cells are numbers."""
-    commas = points = 0
+    """The decimal mark: the one with which more cells are numbers.
+
+    A comma before three digits may be between thousands, if there are points too.
+    """
+    commas = points = either = 0
     for line in lines:
         if "," not in line or (delimiter == "," and '"' not in line):
             points += line.count(".")
             continue
         for cell in map(str.strip, cells_of(line, delimiter)):
-            commas += bool(_DECIMAL_COMMA.fullmatch(cell))
+            if WHOLE_THOUSANDS.fullmatch(cell):
+                either += 1
+            else:
+                commas += bool(_DECIMAL_COMMA.fullmatch(cell))
             points += "." in cell and parsed_number(cell, ".") is not None
-    return "," if commas > points else "."
+    return "," if commas > points or (either and not points) else "."
 
 
 def _told_apart(names: Sequence[str]) -> list[str]:
@@ -226,7 +249,9 @@ def cells_of(line: str, delimiter: str) -> list[str]:
 def parsed_number(cell: str, decimal: str) -> float | None:
     """Return the number in a cell, with this decimal mark; None if there is none."""
     if decimal == ",":
-        if "." in cell:  # perhaps a thousands separator, which palpate does not support
+        if _THOUSANDS.fullmatch(cell):
+            cell = cell.replace(".", "")
+        if "." in cell:  # one point: a thousands separator, or a decimal point
             return None
         cell = cell.replace(",", ".")
     try:

@@ -15,6 +15,11 @@ _ISO = re.compile(
     r"\s*(?:(Z|UTC)|([+-])(\d\d):?(\d\d)?)?",
     re.ASCII,
 )
+# A time of day, ``14:03:27.250`` or ``2:03:27 PM``; or minutes and seconds, ``03:27.250``.
+_OF_DAY = re.compile(
+    r"(?:(\d{1,2}):)?(\d{1,2}):(\d\d)(?:[.,:](\d{1,9}))?(?:\s*([AaPp])\.?[Mm]\.?)?", re.ASCII
+)
+DAY = 86_400 * 10**9  # ns
 _PLAIN_ISO = re.compile(r"(?:(?:19|20)\d\d-\d\d-\d\d[T ]\d\d:\d\d:\d\d(?:\.\d{1,9})?\n)+", re.ASCII)
 _TIMELIKE = re.compile(r"(?:^|[^a-z])(?:time|timestamp|stamp|t|epoch|datetime|clock)(?:[^a-z]|$)")
 _WHOLE = re.compile(r"\s*\d{17,19}\s*", re.ASCII)  # a float cannot represent it exactly
@@ -29,11 +34,12 @@ _LAST = re.compile(r"(.*?)([./_]?)(secs|sec|seconds)$")
 def iso_nanoseconds(cell: str) -> int | None:
     """Return the nanoseconds since 1970 of a date with a time; None if the cell is not one.
 
-    A time without an offset counts as UTC: only differences matter.
+    A time without an offset counts as UTC, and a time of day as the first of 1970: only differences
+    matter.
     """
     found = _ISO.fullmatch(cell.strip())
     if found is None:
-        return None
+        return _since_midnight(cell)
     day, minute, second, fraction, _, sign, hours, minutes = found.groups()
     try:
         whole = datetime.fromisoformat(f"{day}T{minute}:{second or '00'}+00:00")
@@ -45,6 +51,25 @@ def iso_nanoseconds(cell: str) -> int | None:
     past = whole - _SINCE
     value = (past.days * 86_400 + past.seconds) * 10**9 + int((fraction or "").ljust(9, "0"))
     return value if abs(value) < 2**63 else None
+
+
+def _since_midnight(cell: str) -> int | None:
+    found = _OF_DAY.fullmatch(cell.strip())
+    if found is None or not (found[1] or found[4]):
+        return None
+    hour, minute, second = int(found[1] or 0), int(found[2]), int(found[3])
+    if minute > 59 or second > 59:
+        return None
+    if found[5]:
+        hour = hour % 12 + 12 * (found[5] in "Pp")
+    return (3600 * hour + 60 * minute + second) * 10**9 + int((found[4] or "").ljust(9, "0"))
+
+
+def past_midnight(times: Whole) -> Whole:
+    """Times of day, with a day more after each midnight; other times are unchanged."""
+    if not times.size or times.max() >= DAY or times.min() < 0:
+        return times
+    return times + DAY * np.cumsum(np.diff(times, prepend=times[0]) < -DAY // 2)
 
 
 def plain_iso_times(cells: Sequence[str]) -> Whole | None:
