@@ -156,7 +156,7 @@ WORDS: dict[str, tuple[str, ...]] = {
     "velocity": ("velocity", "vel", "speed", "v", "vx", "vy", "vz", "linear", "xd"),
     "orientation": ("orientation", "quaternion", "quat", "q", "rotation", "rot"),
     "acceleration": (
-        "acceleration", "accelerations", "accelerometer", "accel", "acc", "a", "ax", "ay", "az",
+        "acceleration", "accelerations", "accelerometer", "accel", "acc", "ax", "ay", "az",
         "beschleunigung", "aceleracion", "accelerazione",
     ),
     "angle": ("angle", "angles", "angular", "joint", "joints", "revolute", "gyro", "gyroscope"),
@@ -170,7 +170,7 @@ WORDS: dict[str, tuple[str, ...]] = {
 _WEAK = {
     **dict.fromkeys("xyzst", 0),
     **dict.fromkeys(("tip", "tcp", "ee"), 1),
-    **dict.fromkeys("fpqva", 2),
+    **dict.fromkeys("fpqv", 2),
 }
 # "joint_position", "angular_velocity" and "tf_static" are no position and no velocity.
 _DOMINANT = frozenset(
