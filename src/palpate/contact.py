@@ -2,7 +2,7 @@
 
 import itertools
 import textwrap
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
@@ -51,6 +51,11 @@ class Contact:
         What preparation assumed, found or excluded.
     prepared : Prepared, optional
         The recording and the settings from which the contact was made, and what was found.
+    stated_units : set of str
+        Channels whose unit was stated, by an option or as another than SI in the recording: the
+        diagnosis does not guess those.
+    timeless : bool
+        Whether no time was recorded, and ``time`` counts the samples. Default: False.
 
     Raises
     ------
@@ -69,6 +74,8 @@ class Contact:
     surface_deviation: float | None
     findings: tuple[Finding, ...]
     prepared: Any
+    stated_units: frozenset[str]
+    timeless: bool
 
     def __init__(
         self,
@@ -84,13 +91,16 @@ class Contact:
         surface_deviation: float | None = None,
         findings: Sequence[Finding] = (),
         prepared: Any = None,
+        stated_units: Iterable[str] = (),
+        timeless: bool = False,
     ) -> None:
         t, x, v, f = signals(time=time, penetration=penetration, velocity=velocity, force=force)
         labels = numbered(segment, t.size)
         _check_time(t, labels)
         own = t, x, v, f, labels, source, dict(provenance or {})
         rest = tare_deviation, surface_deviation, tuple(findings), prepared
-        for each, value in zip(fields(self), (*own, *rest), strict=True):
+        about = frozenset(stated_units), bool(timeless)
+        for each, value in zip(fields(self), (*own, *rest, *about), strict=True):
             object.__setattr__(self, each.name, value)
         for name in ("tare_deviation", "surface_deviation"):
             if getattr(self, name) is not None:
