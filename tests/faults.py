@@ -45,9 +45,15 @@ FORCE = pushed(X, V)
 SPRING = pushed(X, np.zeros_like(X))
 
 
-def recorded(force: Floats, x: Floats = X, **others) -> palpate.Contact:
+def recorded(force: Floats, x: Floats = X, *, noise: bool = True, **others) -> palpate.Contact:
     """That motion, with noise on this force."""
-    return contact(TIME, x, noisy(force), **others)
+    return contact(TIME, x, noisy(force) if noise else force, **others)
+
+
+def zeroed(at: float) -> palpate.Contact:
+    """The sensor set to zero while the probe presses, at a time, s."""
+    first = round(at / STEP)
+    return recorded(np.where(TIME[first] <= TIME, FORCE - FORCE[first], FORCE))
 
 
 def late(seconds: float) -> palpate.Contact:

@@ -10,11 +10,13 @@ from faults import FORCE, LAW, SPRING, STEP, TIME, V, X, contact, recorded
 import palpate
 from palpate import lab
 from palpate.diagnosis import Data
-from palpate.diagnosis.data import CHECKS, SOME
+from palpate.diagnosis.data import CHECKS, SOME, beat_of
 from palpate.diagnosis.delay import _within_segment, delay, relaxed
 from palpate.diagnosis.fit import Fit
 from palpate.estimators.least_squares import mean_error, robust_covariance
+from palpate.preparation.preparing import joined
 from palpate.preparation.velocity import spiked
+from palpate.recordings.recording import size_of
 
 
 def grave(contact: palpate.Contact, method: str | None = None) -> list[str]:
@@ -109,6 +111,7 @@ INPUTS = {
     "velocity column": recorded(FORCE, velocity=-V),
     "time stamps": contact(STAMPS + 1e-9 * np.arange(TIME.size), X, NOISY),
     "held channel": HELD,
+    "force jump": faults.zeroed(at=3.0),
     "spikes": contact(TIME, X, NOISY + 10.0 * (RANDOM.random(TIME.size) < 0.01)),
     "coarse steps": contact(TIME, X, COARSE * np.round(FORCE / COARSE)),
 }
@@ -203,6 +206,134 @@ def test_coarse_steps_and_held_values_are_found_before_what_they_look_like():
     found = grave(HELD)
     assert "held channel" in found
     assert "stuck force" not in found
+
+
+@pytest.mark.parametrize("beat", [2, 3.3, 6.25, 12.5, 20])
+@pytest.mark.parametrize("channel", ["force", "penetration"])
+def test_a_channel_that_is_held_by_another_clock_is_named_and_the_numbers_are_in_their_bars(
+    beat, channel
+):
+    """As of a load cell of 80 Hz in a log of 500 Hz: 6.25 samples."""
+    last = np.floor(np.floor(np.arange(TIME.size) / beat) * beat).astype(int)
+    force, x = NOISY, X
+    if channel == "force":
+        force = NOISY[last]
+    else:
+        x = X[last]
+    found = palpate.diagnose(palpate.prepare(time=TIME, penetration=x, force=force))
+    assert found.reason.startswith(f"the {channel} changes only every {beat:.0f} samples")
+    assert found.verdict.overall == "with-care"
+    if channel == "penetration":
+        return
+    there = found.working_depth
+    for quantity, true in (
+        (there.stiffness, faults.LAW.stiffness_at(there.depth)),
+        (there.damping, faults.LAW.damping_at(there.depth)),
+    ):
+        assert abs(quantity.value - true) < 3.0 * quantity.whole_error
+
+
+def test_steps_of_a_noisy_or_of_a_ramped_channel_are_not_held():
+    random = np.random.default_rng(2)
+    for noise in (0.0, 0.3, 1.0):
+        assert (
+            beat_of(np.round(np.linspace(0.0, 300.0, 2000) + noise * random.normal(size=2000))) == 0
+        )
+
+
+@pytest.mark.parametrize("band", [0.2, 0.5, 1.0])
+def test_a_dead_band_is_a_note_and_its_samples_are_left_out(band):
+    found = palpate.diagnose(recorded(np.where(band > NOISY, 0.0, NOISY), noise=False))
+    assert found.verdict.overall == "trust"
+    [note] = [finding for finding in found.findings if finding.check == "dead band"]
+    assert note.message.startswith(f"the force is zero below {band:g} N")
+    there = found.working_depth
+    true = faults.LAW.stiffness_at(there.depth)
+    assert abs(there.stiffness.value - true) < 3.0 * there.stiffness.whole_error
+
+
+def test_a_sensor_that_is_lost_in_contact_has_no_dead_band():
+    force = np.where(NOISY < 0.2, 0.0, NOISY)
+    force[3000:3400] = 0.0
+    found = palpate.diagnose(recorded(force, noise=False))
+    assert "dead band" not in [finding.check for finding in found.findings]
+    assert found.verdict.overall == "do-not-trust"
+    assert "stuck force" in [finding.check for finding in found.findings]
+
+
+@pytest.mark.parametrize("at", [2.0, 3.0, 4.4])
+def test_a_sensor_that_is_zeroed_in_contact_is_not_called_late(at):
+    found = palpate.diagnose(faults.zeroed(at))
+    assert found.reason.startswith("the force jumps by -")
+    assert f"at {at - 1e-3:g} s while the probe presses" in found.reason
+    assert found.verdict.overall != "trust"
+
+
+STATED = [
+    ({"penetration": "nm", "force": "uN"}, 128e-9, 3e-4),
+    ({"penetration": "mm", "force": "kN"}, 5e-3, 2e4),
+]
+
+
+def pressed(units, depth: float, force: float, **named) -> palpate.Recording:
+    """A hard material, or a large one, in the units of a recording's header; SI without any."""
+    size = {name: size_of(name, unit) for name, unit in units.items()}
+    x = X * depth / X.max()
+    f = np.where(x > 0.0, force * np.maximum(x / depth, 0.0) ** 1.5, 0.0)
+    f = f + 1e-3 * force * np.random.default_rng(1).standard_normal(x.size)
+    channels = {
+        "time_s": TIME,
+        f"depth_{units.get('penetration', 'm')}": x / size.get("penetration", 1.0),
+        f"load_{units.get('force', 'N')}": f / size.get("force", 1.0),
+    }
+    return palpate.Recording(channels)
+
+
+@pytest.mark.parametrize("units, depth, force", STATED)
+def test_a_stated_unit_is_not_guessed(units, depth, force):
+    """By the header where palpate converts it, or by an option; of files, arrays and several."""
+    assert palpate.diagnose(pressed(units, depth, force)).verdict.overall == "trust"
+    bare = pressed({}, depth, force)
+    [guess] = [f for f in Data(palpate.prepare(bare)).findings if f.check == "force unit"]
+    assert guess.severity == "do-not-trust"
+    assert guess.remedy == "run again with --unit force=mN, or with --unit force=N if it is right"
+    told = palpate.prepare(bare, units={"force": "N"})
+    assert told.stated_units == {"force"}
+    assert Data(told).findings == ()
+    assert Data(joined([told, told])).findings == ()
+    assert "force unit" in [f.check for f in Data(joined([told, palpate.prepare(bare)])).findings]
+    arrays = dict(zip(("time", "penetration", "force"), bare.channels.values(), strict=True))
+    assert [f.check for f in Data(palpate.prepare(**arrays)).findings] == ["force unit"]
+    assert Data(palpate.prepare(**arrays, units={"force": "N"})).findings == ()
+
+
+def test_the_unit_of_one_channel_does_not_answer_for_another():
+    x = pressed({}, 5.0, 20.0)  # millimetres in a column of metres
+    told = palpate.prepare(x, units={"force": "N"})
+    assert [f.check for f in Data(told).findings] == ["penetration unit"]
+
+
+@pytest.mark.parametrize("fault", ["penetration", "force"])
+def test_millimetres_and_millinewtons_under_a_name_in_si_are_not_trusted(fault):
+    names = {"time_s": TIME, "penetration_m": X, "force_N": NOISY}
+    column = {"penetration": "penetration_m", "force": "force_N"}[fault]
+    found = palpate.diagnose(palpate.Recording({**names, column: 1e3 * names[column]}))
+    assert found.verdict.overall == "do-not-trust"
+    assert found.findings[0].check == f"{fault} unit"
+
+
+def test_slow_samples_are_a_note_where_position_and_force_are_plausible():
+    [slow] = [f for f in Data(faults.scaled(time=1e3)).findings if f.check == "time unit"]
+    assert (slow.severity, slow.stiffness, slow.damping) == ("note", "trust", "trust")
+    assert slow.remedy == "run again with --unit time=ms, or with --unit time=s if it is right"
+    both = Data(faults.scaled(time=1e3, force=1e3)).findings
+    assert {f.check: f.severity for f in both}["time unit"] == "do-not-trust"
+
+
+def test_a_force_that_is_late_may_be_against_a_commanded_position():
+    found = palpate.diagnose(faults.late(8e-3))
+    assert "late, or the position is commanded, or the damping" in found.reason
+    assert "commanded" not in palpate.diagnose(faults.late(-8e-3)).reason
 
 
 def test_a_change_gives_its_time_and_a_law_for_each_stretch():

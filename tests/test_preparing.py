@@ -297,3 +297,99 @@ def test_rows_of_arrays_know_that_their_velocity_was_computed():
     curves = Curves(contact.time, **arrays).known()
     assert curves.contact(0, Settings()).velocity_filter == contact.velocity_filter
     assert dataclasses.replace(curves, degrees=None).contact(0, Settings()).velocity_filter is None
+
+
+# Clocks that tick slowly, and rows that were written twice.
+
+
+def in_ticks(tick: float, rate: float) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+    """Two seconds of touches at a rate, under the stamps of a timer."""
+    time = np.arange(round(2.0 * rate)) / rate
+    x = 2e-3 - 6e-3 * np.cos(8.0 * time)
+    force = np.where(x > 0.0, 6000.0 * np.maximum(x, 0.0) ** 1.3, 0.0)
+    force += 1e-3 * np.random.default_rng(3).standard_normal(x.size)
+    stamps = np.floor(time / tick + 1e-9) * tick
+    return time, {"time": stamps, "penetration": x, "force": force}
+
+
+@pytest.mark.parametrize("rate", [500.0, 1000.0, 730.0])
+@pytest.mark.parametrize("tick", [0.01, 0.008, 0.02])
+def test_the_samples_of_a_slow_clock_are_spread_within_its_ticks(tick, rate):
+    time, arrays = in_ticks(tick, rate)
+    names = zip(("time_s", "penetration_m", "force_N"), arrays.values(), strict=True)
+    columns = dict(names)
+    milliseconds = {**columns, "time_ms": np.rint(1e3 * columns["time_s"]).astype(np.int64)}
+    del milliseconds["time_s"]
+    counts = {**columns, "time_ns": np.rint(1e9 * columns["time_s"]).astype(np.int64)}
+    del counts["time_s"]
+    made = [prepare(**arrays), prepare(pandas.DataFrame(columns))]
+    made += [prepare(Recording(each)) for each in (milliseconds, counts)]
+    for contact in made:
+        assert len(contact) == time.size
+        assert np.max(np.abs(contact.time - time - (contact.time - time).mean())) < 0.01 / rate * (
+            1.0 if round(tick * rate, 6).is_integer() else 200.0
+        )
+        [finding] = contact.findings
+        assert finding.severity == "note"
+        assert finding.message.startswith(f"the clock ticks every {1e3 * tick:g} ms")
+    with pytest.raises(RecordingError):
+        prepare(Recording(columns), strict=True)
+
+
+def test_a_slow_clock_with_a_gap_or_a_changing_rate_stays_within_its_ticks():
+    time, arrays = in_ticks(0.01, 500.0)
+    keep = np.ones(time.size, dtype=bool)
+    keep[300:500] = False
+    keep[700::3] = False
+    contact = prepare(**{name: values[keep] for name, values in arrays.items()})
+    assert np.all(np.diff(contact.time) > 0.0)
+    late = contact.time - arrays["time"][keep]
+    assert late.min() > -1e-9
+    assert late.max() < 0.01
+
+
+@pytest.mark.parametrize("way", ["arrays", "file", "frame"])
+def test_rows_written_twice_are_dropped_with_a_note(way, tmp_path):
+    twice = np.sort(np.r_[np.arange(500), [7, 7, 90, 300]])
+    arrays = {name: np.asarray(values)[:500][twice] for name, values in ARRAYS.items()}
+    columns = dict(zip(("time_s", "penetration_m", "force_N"), arrays.values(), strict=True))
+    frame = pandas.DataFrame(columns)
+    if way == "arrays":
+        contact = prepare(**arrays)
+    elif way == "frame":
+        contact = prepare(frame)
+    else:
+        frame.to_csv(tmp_path / "twice.csv", index=False)
+        contact = prepare(tmp_path / "twice.csv")
+    assert np.array_equal(contact.time, np.asarray(ARRAYS["time"])[:500])
+    [finding] = contact.findings
+    assert (finding.check, finding.severity) == ("rows", "note")
+    assert finding.message == "palpate dropped 4 rows that were written twice, of 504"
+
+
+def test_times_that_repeat_with_other_values_are_still_refused_from_arrays():
+    arrays = {name: np.array(values[:500]) for name, values in ARRAYS.items()}
+    arrays["time"][20] = arrays["time"][19]
+    with pytest.raises(InvalidParameterError, match="time must be finite and increase"):
+        prepare(**arrays)
+
+
+# Positions that were commanded.
+
+
+@pytest.mark.parametrize("name", ["goal_pos", "action_pos", "cmd_pos", "target_tcp", "desiredPos"])
+def test_a_commanded_position_calls_for_care_and_says_whose_compliance_is_in_it(name):
+    _, arrays = in_ticks(1e-3, 500.0)
+    zero = np.zeros_like(arrays["force"])
+    channels = {"time_s": np.arange(zero.size) / 500.0}
+    channels |= {
+        f"{name}_{a}": v for a, v in zip("xyz", (zero, zero, -arrays["penetration"]), strict=True)
+    }
+    channels |= {f"f{a}": v for a, v in zip("xyz", (zero, zero, arrays["force"]), strict=True)}
+    contact = prepare(Recording(channels))
+    [finding] = [each for each in contact.findings if each.check == "channels"]
+    assert finding.severity == "with-care"
+    assert (
+        "commanded position, not a measured one: the robot's own compliance is in the numbers"
+        in (finding.message)
+    )

@@ -3,7 +3,7 @@
 import itertools
 import json
 import textwrap
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
@@ -100,6 +100,11 @@ class Contact:
         The recording and the settings from which the contact was made, and what was found.
     velocity_filter : VelocityFilter, optional
         How the velocity was computed from the penetration. None: it was recorded.
+    stated_units : set of str
+        Channels whose unit was stated, by an option or as another than SI in the recording: the
+        diagnosis does not guess those.
+    timeless : bool
+        Whether no time was recorded, and ``time`` counts the samples. Default: False.
 
     Raises
     ------
@@ -119,6 +124,8 @@ class Contact:
     findings: tuple[Finding, ...]
     prepared: Any
     velocity_filter: VelocityFilter | None
+    stated_units: frozenset[str]
+    timeless: bool
 
     def __init__(
         self,
@@ -135,14 +142,16 @@ class Contact:
         findings: Sequence[Finding] = (),
         prepared: Any = None,
         velocity_filter: VelocityFilter | None = None,
+        stated_units: Iterable[str] = (),
+        timeless: bool = False,
     ) -> None:
         t, x, v, f = signals(time=time, penetration=penetration, velocity=velocity, force=force)
         labels = numbered(segment, t.size)
         _check_time(t, labels)
         own = t, x, v, f, labels, source, dict(provenance or {})
-        said = tuple(findings)
-        rest = tare_deviation, surface_deviation, said, prepared, velocity_filter
-        for each, value in zip(fields(self), (*own, *rest), strict=True):
+        about = velocity_filter, frozenset(stated_units), bool(timeless)
+        rest = tare_deviation, surface_deviation, tuple(findings), prepared
+        for each, value in zip(fields(self), (*own, *rest, *about), strict=True):
             object.__setattr__(self, each.name, value)
         for name in ("tare_deviation", "surface_deviation"):
             if getattr(self, name) is not None:

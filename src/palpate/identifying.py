@@ -150,6 +150,7 @@ def identify(
     method: str | None = None,
     law: str | None = None,
     trace: Traced = 2000,
+    no_time: bool = False,
     time: "ArrayLike | None" = None,
     penetration: "ArrayLike | None" = None,
     force: "ArrayLike | None" = None,
@@ -186,6 +187,8 @@ def identify(
         ``trace=2.0`` is 2 s, ``trace=2`` two estimates. ``"full"``: one after every sample, which
         takes several times as long with variable projection. False: none. The result, its
         diagnosis and figures are identical.
+    no_time : bool
+        Identify the stiffness alone, of a curve without time, as in :func:`prepare`.
     time, penetration, force : array_like, shape (k,), optional
         s, m (positive inside the material) and N (compression positive), in place of ``source``.
     velocity : array_like, shape (k,), optional
@@ -206,8 +209,8 @@ def identify(
     estimator = _with_law(method if estimator is None else estimator, law)
     arrays = {"time": time, "penetration": penetration, "force": force, "velocity": velocity}
     given = {name: values for name, values in arrays.items() if values is not None}
-    if not isinstance(source, Contact) or given:
-        source = prepare(source, **given)  # type: ignore[arg-type]  # it refuses a contact with arrays
+    if not isinstance(source, Contact) or given or no_time:
+        source = prepare(source, no_time=no_time, **given)  # type: ignore[arg-type]  # it refuses a contact with arrays
     return _trusted_law(Identification.of(Data(source), estimator, trace=traced))
 
 
@@ -313,7 +316,8 @@ def compare(
     able = [
         name
         for name, kind in ESTIMATORS.items()
-        if kept is None or kind.exponents[0] <= kept <= kind.exponents[1]
+        if (kept is None or kind.exponents[0] <= kept <= kind.exponents[1])
+        and (kind is VariableProjection or not contact.timeless)
     ]
     for name in watch(able):
         kind = ESTIMATORS[name]

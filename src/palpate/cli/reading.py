@@ -65,6 +65,8 @@ class ReadingOptions:
     "Units, such as penetration=mm,force=mN (default: from the file or channel names, else SI)."
     rate: Annotated[float | None, _READ] = None
     "Sample rate, Hz, for a file without time."
+    no_time: Annotated[bool, Parameter(group=READ, negative="")] = False
+    "Identify the stiffness alone, of a curve without time; --start and --stop count samples."
     curve: Annotated[int | None, _READ] = None
     "Index, from 0, of the curve to read in a file with several."
     start: Annotated[float | None, _READ] = None
@@ -150,7 +152,7 @@ class ReadingOptions:
         from palpate.preparation import Columns
 
         names = ("time", "penetration", "force", "velocity", "position", "orientation")
-        as_given = ("velocity_window", "rate", "normal", "force_frame", "strict")
+        as_given = ("velocity_window", "rate", "no_time", "normal", "force_frame", "strict")
         given: dict[str, Any] = {
             "columns": Columns(**{name: getattr(self, name) for name in names}),
             "units": units_of("--unit", self.unit),

@@ -15,7 +15,7 @@ from palpate.contact import Contact, slices_of
 from palpate.diagnosis.finding import Laws
 from palpate.digits import format_quantity, rounded
 from palpate.findings import Finding
-from palpate.preparation.gates import exclude_load_transfer, noise_of
+from palpate.preparation.gates import dead_band_of, exclude_load_transfer, noise_of
 from palpate.preparation.velocity import (
     largest_of,
     slope_weights,
@@ -161,37 +161,51 @@ def _coarse(values: Floats, step: float, largest: float) -> bool:
 
 LONGEST = 60  # samples of a beat
 IN_STEP = 0.9  # of the changes, that fall on one phase
+REGULAR, IRREGULAR = 0.8, 0.35  # of the gaps between changes; of their mean
 MOST_HELD = 20_000  # samples that are looked at
 
 
 def held(data: Data) -> Finding | None:
-    """Changes at one phase of every k ≤ 60 samples; that is a delay of (k − 1)/2 samples."""
+    """Changes every k ≤ 60 samples: a delay of (k − 1)/2 samples, or k/2 of two clocks apart."""
     for name, values in (("force", data.force), ("penetration", data.penetration)):
         beat = beat_of(values)
         if beat:
-            late = 0.5e3 * (beat - 1) * data.sample_time
+            samples = 0.5 * (beat - (beat == round(beat)))
+            late = 1e3 * samples * data.sample_time
             return Finding.of_both(
                 "with-care",
                 "held channel",
-                f"the {name} changes only every {beat} samples (sample and hold): it is "
+                f"the {name} changes only every {beat:.0f} samples (sample and hold): it is "
                 f"{rounded(late, 2)} ms late on average",
                 "record at the rate of the slowest channel",
             )
     return None
 
 
-def beat_of(values: Floats) -> int:
-    """Samples for which a held channel keeps a value; 0 for one that is not held."""
+def beat_of(values: Floats) -> float:
+    """Mean number of samples for which a held channel keeps a value; 0 for one that is not held.
+
+    A whole number where all changes fall on one phase, as of clocks in step.
+    """
     values = values[:MOST_HELD]
-    at = np.flatnonzero(np.diff(values))
+    changes = np.diff(values)
+    at = np.flatnonzero(changes)
     if at.size < 20 or at.size > 0.6 * len(values):
-        return 0
-    beat = round(float(np.median(np.diff(at))))
-    if not 2 <= beat <= LONGEST:
-        return 0
+        return 0.0
+    gaps = np.diff(at)
+    beat = round(float(np.median(gaps)))
+    if not 2 <= beat <= LONGEST or at.size <= 0.5 * len(values) / beat:
+        return 0.0
     # The phase may slip by one sample now and then where the two rates are no multiples.
-    common = np.bincount(at % beat, minlength=beat).max() / at.size
-    return beat if common > IN_STEP and at.size > 0.5 * len(values) / beat else 0
+    if np.bincount(at % beat, minlength=beat).max() / at.size > IN_STEP:
+        return float(beat)
+    # Rates that are no multiples: nearly equal gaps. Those of a noisy channel's steps are spread,
+    # and a ramp's steps are equal.
+    mean = float(gaps[gaps < 1.5 * beat].mean())
+    regular = np.abs(gaps - mean) < IRREGULAR * mean
+    jumps = np.abs(changes[at])
+    ramp = np.mean(jumps < 1.5 * np.median(jumps[jumps > 0.0])) > IN_STEP
+    return mean if mean > 1.9 and np.mean(regular) > REGULAR and not ramp else 0.0
 
 
 # Signs: force positive in compression, penetration positive into the material.
@@ -277,6 +291,55 @@ def spikes(data: Data) -> Finding | None:
     )
 
 
+# A step of the force while the probe presses: the sensor was zeroed there.
+
+JUMP, MUCH = 0.05, 0.20  # of the largest force
+USUAL = 4.0  # times the scatter of the changes of three samples before and after
+ONE_WAY = 0.5  # of the sum of sizes; jumps up and down are friction, or a sensor that was lost
+MOST_JUMPS = 3  # friction that jumps as the probe turns does so at every turn
+PRESSING = 0.05  # of the largest force
+
+
+def force_jump(data: Data) -> Finding | None:
+    """One change of the force that leaves those of three samples around by 5 % of the largest.
+
+    The position must not jump with it, nor the motion reverse: friction does jump then.
+    """
+    changes, moves = np.diff(data.force), np.abs(np.diff(data.penetration))
+    least = max(JUMP * data.peak_force, FAR * data.force_noise, 3.0 * data.force_step)
+    beyond, jumps, band = changes.copy(), list[int](), dead_band_of(data.contact)
+    for k in np.flatnonzero(np.abs(changes) > least).tolist():
+        near = [j for j in range(max(k - 3, 0), min(k + 4, len(changes))) if j != k]
+        before, after = data.velocity[max(k - 3, 0)], data.velocity[min(k + 4, len(data) - 1)]
+        pressed = np.max(data.force[k : k + 2]) > PRESSING * data.peak_force
+        usual = float(np.median(changes[near]))
+        beyond[k] -= usual
+        if (
+            pressed
+            and (not band or np.min(data.force[k : k + 2]) >= band)
+            and data.segment[k] == data.segment[k + 1]
+            and len(near) == 6
+            and abs(beyond[k]) > max(USUAL * np.max(np.abs(changes[near] - usual)), least)
+            and moves[k] <= 2.0 * np.max(moves[near])
+            and before * after >= -1e-2 * np.mean(data.velocity**2)
+        ):
+            jumps.append(k)
+    if not 0 < len(jumps) <= MOST_JUMPS or beat_of(data.force):
+        return None
+    found = beyond[jumps]
+    if abs(found.sum()) < ONE_WAY * np.abs(found).sum():
+        return None
+    largest = jumps[int(np.argmax(np.abs(found)))]
+    size, when = beyond[largest], rounded(float(data.time[largest]), 4)
+    return Finding.of_both(
+        "do-not-trust" if abs(size) > MUCH * data.peak_force else "with-care",
+        "force jump",
+        f"the force jumps by {format_quantity(float(size), 'N')} within a sample at {when} s while "
+        "the probe presses: the sensor was zeroed in contact, or the material gave way",
+        f"use the samples before it: --stop {when}, or zero the sensor in free air",
+    )
+
+
 # Time stamps of arrival in place of sampling.
 
 WIDTH = 7  # samples of a local parabola
@@ -333,7 +396,7 @@ SLOWEST = 0.2  # s between samples
 def penetration_unit(data: Data) -> Finding | None:
     """Largest x > 0.25 m, rms v > 3 m/s, or F/x² < 2 Pa."""
     depth, force = data.peak_penetration, data.peak_force
-    if depth <= 0.0:
+    if depth <= 0.0 or "penetration" in data.contact.stated_units:
         return None
     touched = data.penetration > 0.0
     speed = float(np.sqrt(np.mean(data.velocity[touched] ** 2))) if touched.any() else 0.0
@@ -344,35 +407,42 @@ def penetration_unit(data: Data) -> Finding | None:
         "penetration unit",
         f"the penetration reaches {rounded(depth, 3)} m at {rounded(force, 3)} N: it may be in "
         "millimetres, or swapped with another column",
-        "run again with --unit penetration=mm",
+        _either_unit("penetration", "mm", "m"),
     )
 
 
 def force_unit(data: Data) -> Finding | None:
     """F > 5 kN or F/x² > 5e8 Pa; it sees 87 % of the cases, so the peak force is always printed."""
     depth, force = data.peak_penetration, data.peak_force
-    if depth <= 0.0 or (force <= LARGEST_FORCE and force / depth <= HARDEST * depth):
+    if depth <= 0.0 or "force" in data.contact.stated_units:
+        return None
+    if force <= LARGEST_FORCE and force / depth <= HARDEST * depth:
         return None
     return Finding.of_both(
         "do-not-trust",
         "force unit",
         f"the force reaches {rounded(force, 3)} N at {rounded(1e3 * depth, 3)} mm: it may be in "
         "millinewtons",
-        "run again with --unit force=mN",
+        _either_unit("force", "mN", "N"),
     )
 
 
 def time_unit(data: Data) -> Finding | None:
-    """Median step > 0.2 s."""
-    if data.sample_time <= SLOWEST:
+    """Median step > 0.2 s: a slow recording where position and force are plausible."""
+    contact = data.contact
+    if data.sample_time <= SLOWEST or "time" in contact.stated_units or contact.timeless:
         return None
-    return Finding.of_both(
-        "do-not-trust",
-        "time unit",
-        f"there is a sample every {rounded(data.sample_time, 3)} s: the times may be in "
-        "milliseconds",
-        "run again with --unit time=ms",
-    )
+    words = f"there is a sample every {rounded(data.sample_time, 3)} s: the times may be in "
+    said = f"{words}milliseconds", _either_unit("time", "ms", "s")
+    if penetration_unit(data) is None and force_unit(data) is None:
+        return Finding("time unit", *said)
+    return Finding.of_both("do-not-trust", "time unit", *said)
+
+
+def _either_unit(channel: str, guess: str, si: str) -> str:
+    """Next step where a unit is a guess: state that one, or the one that was taken."""
+    option = f"--unit {channel}="
+    return f"run again with {option}{guess}, or with {option}{si} if it is right"
 
 
 # A recorded velocity against the penetration's own rate.
@@ -442,6 +512,7 @@ CHECKS: tuple[Callable[[Data], Finding | None], ...] = (
     velocity_column,
     stamps,
     held,
+    force_jump,
     spikes,
     coarse,
 )

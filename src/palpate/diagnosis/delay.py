@@ -175,8 +175,8 @@ def delay(fit: Fit) -> list[MisfitHypothesis]:
     error = abs(fine.amount) / max(fine.z, 1e-300)
     sentence = (
         f"the force is {with_error(abs(late) * 1e3, error * 1e3, unit='ms')} "
-        f"{'late' if late > 0.0 else 'early'}, or the damping follows another law (the recording "
-        "cannot tell which)"
+        f"{'late, or the position is commanded' if late > 0.0 else 'early'}, or the damping "
+        "follows another law (the recording cannot tell which)"
     )
     read = f"{late * 1e3:.2g}" if abs(late) < 10e-3 else f"{late * 1e3:.3g}"
     remedy = f"run again with --delay {read}ms if the sensors can be out of step by that much"

@@ -37,10 +37,11 @@ from palpate.diagnosis.marks import (
     unexplained,
     working_depth,
 )
-from palpate.digits import rounded
+from palpate.digits import format_quantity, rounded
 from palpate.estimators.estimate import Estimate, Trace
 from palpate.estimators.law_verdicts import ONE_WAY
 from palpate.findings import MARKS, SEVERITIES, Finding, Mark, worst
+from palpate.preparation.gates import dead_band_of
 from palpate.preparation.velocity import filter_gain
 from palpate.stages import timed
 
@@ -52,16 +53,23 @@ SOME_FLAT, MANY_FLAT = 0.01, 0.05  # of the samples in contact
 def flat(fit: Fit) -> Finding | None:
     """Runs of 5 and more equal forces while the law's force moves by more than 4 max(σ, step).
 
-    Of a force that is held, which has a check of its own, runs of more than two beats.
+    Of a force that is held, which has a check of its own, runs of more than two beats; of a dead
+    band, which has one too, none. A run ends at the surface.
     """
     force, inside = fit.data.force, fit.inside | (fit.rejected & (fit.penetration > 0.0))
-    shortest = max(SHORTEST, 2 * beat_of(force) + 1)
-    borders = np.flatnonzero(np.diff(force, prepend=np.nan, append=np.nan) != 0.0)
-    lengths = np.diff(borders)
-    long = np.flatnonzero((lengths >= shortest) & inside[borders[:-1]])
-    if not long.size:
+    shortest = max(SHORTEST, math.floor(2.0 * beat_of(force)) + 1)
+    changed = np.diff(force, prepend=np.nan, append=np.nan) != 0.0
+    below = fit.penetration > 0.0
+    changed[1:-1] |= below[1:] != below[:-1]
+    borders = np.flatnonzero(changed)
+    lengths, began = np.diff(borders), borders[:-1]
+    # The samples of a sensor that was lost are not taken: the one before is.
+    long = (lengths >= shortest) & below[began] & (inside[began] | inside[np.maximum(began - 1, 0)])
+    if band := dead_band_of(fit.data.contact):
+        long &= force[began] >= band
+    if not long.any():
         return None
-    starts, lengths = borders[long], lengths[long]
+    starts, lengths = began[long], lengths[long]
     within = np.repeat(starts - np.cumsum(lengths) + lengths, lengths) + np.arange(lengths.sum())
     model = fit.law.force(np.maximum(fit.penetration[within], 0.0), fit.data.velocity[within])
     runs = np.cumsum(lengths) - lengths
@@ -84,6 +92,19 @@ def flat(fit: Fit) -> Finding | None:
         "contact: the sensor saturates"
     )
     return Finding.of_both(mark, "saturation", words, "use a force sensor with a larger range")
+
+
+def dead_band(fit: Fit) -> Finding | None:
+    """The force is one value in air and at light touch, and none between it and a larger one."""
+    band = dead_band_of(fit.data.contact)
+    if not band:
+        return None
+    return Finding(
+        "dead band",
+        f"the force is zero below {format_quantity(band, 'N', digits=1)}: the sensor or its "
+        "firmware has a dead band, and palpate leaves these samples out",
+        "switch the threshold off",
+    )
 
 
 # Excluded outliers: always reported, and many of them call for care.
@@ -162,6 +183,7 @@ _LOGGER = logging.getLogger(__name__)
 #: Each looks at the fit as a whole.
 CHECKS = (
     flat,
+    dead_band,
     method,
     excitation,
     one_way,

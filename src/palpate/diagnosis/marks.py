@@ -26,6 +26,7 @@ from palpate.estimators.least_squares import mean_error, robust_covariance
 from palpate.estimators.variable_projection import ConstrainedEstimate
 from palpate.findings import Finding, Mark, Severity, worst
 from palpate.force_laws import HuntCrossley
+from palpate.preparation.gates import dead_band_of
 from palpate.preparation.surfaces import placed
 from palpate.validation import Floats
 
@@ -309,6 +310,8 @@ def _described(
 def _samples(fit: Fit) -> Floats:
     """Contact, free approach and what lies between, thinned."""
     between, chosen = fit.outside & (fit.penetration >= 0.0), []
+    if band := dead_band_of(fit.data.contact):  # where the sensor shows no force that is there
+        between &= fit.data.force >= band
     for kept, most in ((fit.inside, MOST_IN_CONTACT), (fit.free, MOST_FREE), (between, MOST_FREE)):
         index = np.flatnonzero(kept)
         chosen.append(index[:: -(-index.size // most) or 1])

@@ -38,6 +38,7 @@ from palpate.exports.engine import (
 )
 from palpate.findings import Finding
 from palpate.force_laws import ForceLaw, GeneralisedHuntCrossley
+from palpate.force_laws.laws import Spring
 from palpate.identifying import Identification
 from palpate.quantities.elastic_modulus import Sphere
 from palpate.results.saved import SavedResult
@@ -91,6 +92,12 @@ class ExportedLaw:
         RecordingError
             The saved result is damaged.
         """
+        law = result if isinstance(result, ForceLaw) else getattr(result, "law", None)
+        if isinstance(law, Spring):
+            raise ExportRefusedError(
+                "the recording has no time, so its damping, which an engine needs, is unknown: "
+                "record the time of each sample"
+            )
         if isinstance(result, ForceLaw):
             return cls(result, ProbeMotion.of_paper())
         if not isinstance(result, Identification | SavedResult):

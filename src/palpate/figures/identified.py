@@ -104,7 +104,10 @@ def draw(identification: Identified, *, dark: bool = False, width: float | None 
         draw_loop(panels[1], result, look)
         head(panels[1], "Force over penetration")
         draw_at_depth(panels[2], result, course, "stiffness", look)
-        draw_at_depth(panels[3], result, course, "damping", look)
+        if result.contact.timeless:
+            panels[3].set_axis_off()
+        else:
+            draw_at_depth(panels[3], result, course, "damping", look)
         for axes, parameter in zip(panels[4:], rendered, strict=False):
             draw_parameter(axes, result, course, parameter, look)
         residual, *check = panels[4 + len(rendered) :]

@@ -139,7 +139,7 @@ def course_of(result: Identified, depth: float) -> Course:
             channels = contact.penetration, contact.velocity, contact.force, steps
             estimator.replay(*(channel[piece] for channel in channels), at=())
             if edge - 1 in stops:
-                now = estimator.estimate()
+                now = result.reported(estimator.estimate())
                 samples.append(edge - 1)
                 rows.append(_known(now, depth))
                 laws.append([now.parameters, now.standard_errors])
@@ -194,12 +194,13 @@ def draw_residuals(
         matplotlib is not installed.
     """
     look = look_of(dark=dark, width=width)
-    seen = [_scatter(identification, each) for each in AGAINST]
+    every = AGAINST[:2] if identification.contact.timeless else AGAINST
+    seen = [_scatter(identification, each) for each in every]
     noise = _noise_band(identification)
     unit = scale_of(max(_reach(each, noise) for _, each in seen), "N")
     with drawing(look, 8.6 if look.narrow else 3.6) as figure:
-        panels = np.ravel(figure.subplots(*((3, 1) if look.narrow else (1, 3))))
-        for axes, against, (label, scatter) in zip(panels, AGAINST, seen, strict=True):
+        panels = np.ravel(figure.subplots(*(len(every), 1)[:: 1 if look.narrow else -1]))
+        for axes, against, (label, scatter) in zip(panels, every, seen, strict=True):
             _draw(axes, scatter, noise, unit, look, look.theme.lines[0])
             axes.set(xlabel=label, ylabel=unit.label("residual"))
             head(axes, f"Over {against}")
@@ -244,7 +245,8 @@ def _noise_band(result: Identified) -> float:
     """
     data, there = result.data or Data(result.contact), result.diagnosis.working_depth
     by_position = there.stiffness.value * data.penetration_noise
-    by_velocity = there.damping.value * data.velocity_noise
+    damping = there.damping.value
+    by_velocity = damping * data.velocity_noise if math.isfinite(damping) else 0.0
     parts = np.array([data.force_noise, by_position, by_velocity])
     return BAND_DEVIATIONS * float(np.linalg.norm(parts[np.isfinite(parts)]))
 

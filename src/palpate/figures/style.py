@@ -521,6 +521,8 @@ BAND_DEVIATIONS = 1.2816
 
 def clock(contact: Contact) -> tuple[Floats, str]:
     """Return the time axis and its label; segments with overlapping clocks are concatenated."""
+    if contact.timeless:
+        return np.arange(len(contact), dtype=float), "sample"
     if np.all(np.diff(contact.time) > 0.0):
         return contact.time, "time [s]"
     return np.cumsum(contact.time_steps), "time, contacts concatenated [s]"

@@ -154,7 +154,8 @@ def row_of(contact: Contact, settings: Settings) -> Row:
     assert data is not None
     estimate, law = result.estimate, result.law
     row: Row = {"fit": "recursion", "samples": len(contact)}
-    row["covariance"] = result.covariance.reshape(-1).tolist()
+    if not contact.timeless:  # that of the spring is not of the table's law
+        row["covariance"] = result.covariance.reshape(-1).tolist()
     with np.errstate(invalid="ignore"):
         errors = np.sqrt(np.diag(result.covariance)).tolist()
     for name, value, error in zip(law.names(), law.parameters.tolist(), errors, strict=True):

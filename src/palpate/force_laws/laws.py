@@ -256,6 +256,8 @@ def law_from(description: dict[str, Any]) -> ForceLaw:
     """
     given = dict(description)
     kind: Any = given.pop("kind", None)
+    if kind == Spring.kind:
+        return Spring.from_dict(given)
     one_of("kind", kind, FORCE_LAWS)
     law = FORCE_LAWS[kind]
     needed = [name for name in law.names() if name not in law.optional]
@@ -306,6 +308,53 @@ class CompiledLaw(ForceLaw):
             return force.item()
 
         return felt
+
+
+@dataclass(frozen=True, slots=True)
+class Spring(ForceLaw):
+    """A power-law spring whose damping is unknown: the law of a curve without time.
+
+    F = K xⁿ  for x ≥ 0, else 0.
+
+    It is not registered: no method identifies it by itself, and a simulation needs a damping.
+
+    Parameters
+    ----------
+    stiffness : float
+        K, N/mⁿ.
+    exponent : float
+        n.
+    """
+
+    stiffness: float
+    exponent: float
+    kind: ClassVar[str] = "spring"
+    units: ClassVar[tuple[str, ...]] = ("N/mⁿ", "")
+    symbols: ClassVar[tuple[str, ...]] = ("K", "n")
+
+    @overload
+    def force(self, penetration: float, velocity: float) -> float: ...
+    @overload
+    def force(self, penetration: "ArrayLike", velocity: "ArrayLike") -> Floats: ...
+    def force(self, penetration: "ArrayLike", velocity: "ArrayLike") -> float | Floats:
+        """Force [N] at a penetration [m], at whatever velocity."""
+        x, _ = together(penetration=penetration, velocity=velocity)
+        force: Floats = self.stiffness * np.maximum(x, 0.0) ** self.exponent
+        return force if force.ndim else float(force)
+
+    def parameter_gradient(self, penetration: Floats, velocity: Floats) -> Floats:
+        """∂F/∂K and ∂F/∂n."""
+        power = penetration**self.exponent
+        return np.column_stack([power, self.stiffness * power * np.log(penetration)])
+
+    def penetration_gradient(self, penetration: Floats, velocity: Floats) -> Floats:
+        """∂F/∂x = n K xⁿ⁻¹."""
+        slope: Floats = self.exponent * self.stiffness * penetration ** (self.exponent - 1.0)
+        return slope
+
+    def velocity_gradient(self, penetration: Floats) -> Floats:
+        """Unknown: NaN."""
+        return np.full_like(penetration, np.nan)
 
 
 @register

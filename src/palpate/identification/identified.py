@@ -6,9 +6,9 @@ import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, wraps
 from itertools import pairwise
-from typing import Any, Self, TypeAlias
+from typing import Any, Self, TypeAlias, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -27,9 +27,20 @@ from palpate.diagnosis import (
 from palpate.diagnosis.diagnosing import outliers
 from palpate.diagnosis.fit import DEEP, reference_scale
 from palpate.diagnosis.marks import BETTER, STOP_STIFFNESS, is_negative, mark_of
+from palpate.diagnosis.timeless import (
+    SpringEstimate,
+    diagnosis_without_time,
+    findings_without_time,
+    trace_without_time,
+)
 from palpate.digits import rounded, with_error
-from palpate.errors import OldName, RecordingError
-from palpate.estimators import ContactEstimator, LawVerdict, ViscoelasticContact
+from palpate.errors import InvalidParameterError, OldName, RecordingError
+from palpate.estimators import (
+    ContactEstimator,
+    LawVerdict,
+    VariableProjection,
+    ViscoelasticContact,
+)
 from palpate.estimators.estimate import (
     Estimate,
     Trace,
@@ -231,6 +242,24 @@ def prior_finding(own: Estimate, bounded: Estimate, depth: float) -> Finding:
 
 # What a whole contact gave.
 
+_Derived = TypeVar("_Derived", bound=Callable[..., Any])
+
+
+def _with_time(derived: _Derived) -> _Derived:
+    """The same function of an identification, which refuses one of a recording without time."""
+
+    @wraps(derived)
+    def refusing(result: "Identified", *query: Any, **named: Any) -> Any:
+        if result.contact.timeless:
+            raise InvalidParameterError(
+                "the recording has no time, and without it there is no damping and nothing that "
+                "follows from it: record the time of each sample"
+            )
+        return derived(result, *query, **named)
+
+    return refusing  # type: ignore[return-value]  # it has the same arguments
+
+
 _LOGGER = logging.getLogger(__name__)
 
 _Placed: TypeAlias = tuple[Place, Contact]
@@ -284,6 +313,10 @@ class Identified:
         given, traced = estimator_of(estimator), checked_trace(trace)
         data = data.samples(rejecting=given.rejects_outliers)
         contact = data.contact
+        if contact.timeless and type(given) is not VariableProjection:
+            raise InvalidParameterError(
+                f"without time only variable-projection identifies a stiffness, not {given.method}"
+            )
         chosen = defaults_from_data(contact, given)
         fresh = given.replace(**chosen)
         if fresh.chooses_law and "sample_time" in chosen:
@@ -296,6 +329,8 @@ class Identified:
             known = ", ".join(words) or "nothing"
             _LOGGER.info("%s: chosen from the data: %s", fresh.method, known)
         found = tuple(findings_of(contact, written, fresh))
+        if contact.timeless:
+            found, written = findings_without_time(found), trace_without_time(written)
         taken = np.count_nonzero(written.taken)
         _LOGGER.info("%s: took %d of %d samples", fresh.method, taken, len(contact))
         result = cls(contact, fresh, written, found, data, chosen=tuple(chosen), traced=traced)
@@ -314,8 +349,9 @@ class Identified:
         bounded = constrained(self.contact, self.trace, own)
         if bounded is None:
             return self
-        found = prior_finding(own, bounded, self.depths[0])
-        return replace(self, bounded=bounded, findings=(*self.findings, found))
+        found = [prior_finding(own, bounded, self.depths[0])]
+        said = findings_without_time(found) if self.contact.timeless else found
+        return replace(self, bounded=bounded, findings=(*self.findings, *said))
 
     @cached_property
     def diagnosis(self) -> Diagnosis:
@@ -328,16 +364,18 @@ class Identified:
 
     def _diagnosed_at(self, depths: Sequence[float]) -> Diagnosis:
         data = self.data or Data(self.contact)
-        laws = laws_beside(data, self.estimator, self.chosen)
-        return diagnose_parts(
+        timeless = self.contact.timeless
+        laws = None if timeless else laws_beside(data, self.estimator, self.chosen)
+        found = diagnose_parts(
             data,
             self.trace,
-            self.estimate,
+            self._whole_estimate,
             depths=depths,
             laws=laws,
             notes=self.findings,
             method=self.method,
         )
+        return diagnosis_without_time(found) if timeless else found
 
     @cached_property
     def depths(self) -> tuple[float, ...]:
@@ -417,13 +455,13 @@ class Identified:
         return self.at(depth).damping
 
     # What follows from the law: each is documented where it is worked out.
-    dynamic_stiffness = oscillation_of
+    dynamic_stiffness = _with_time(oscillation_of)
     relaxed_stiffness = relaxed_stiffness_of
     instantaneous_stiffness = instantaneous_stiffness_of
     relaxation_time = property(relaxation_time_of)
-    restitution = restitution_from
-    energy = cached_property(energy_from)
-    passivity = cached_property(passivity_from)
+    restitution = _with_time(restitution_from)
+    energy = cached_property(_with_time(energy_from))
+    passivity = cached_property(_with_time(passivity_from))
     elastic_modulus = elastic_modulus_from
 
     def at_depth(self, depth: float) -> Self:
@@ -509,6 +547,15 @@ class Identified:
     @property
     def estimate(self) -> Estimate:
         """What the estimator knew at the end; under the weak prior, where that applies."""
+        return self.reported(self._whole_estimate)
+
+    def reported(self, estimate: Estimate) -> Estimate:
+        """Return an estimate of its estimator as it is reported: without time its spring alone."""
+        return SpringEstimate(estimate) if self.contact.timeless else estimate
+
+    @property
+    def _whole_estimate(self) -> Estimate:
+        """The same; without time the damper in units of the samples too."""
         return self.estimator.estimate() if self.bounded is None else self.bounded
 
     @property
@@ -549,8 +596,13 @@ class Identified:
         are elsewhere when that is off by its deviation.
         """
         if self.bounded is not None:
-            return self.bounded.covariance
-        return joint_covariance(self.contact, self.trace, self.estimator)
+            return self.estimate.covariance
+        whole = joint_covariance(self.contact, self.trace, self.estimator)
+        if self.contact.timeless:
+            names = self.estimator.law_type.names()
+            kept = [names.index(name) for name in self.law.names()]
+            whole = whole[np.ix_(kept, kept)]
+        return whole
 
     @property
     def correlations(self) -> Floats:

@@ -25,8 +25,13 @@ from palpate.estimators.estimate import Estimate, Trace, Traced, thinned
 from palpate.estimators.law_verdicts import CANDIDATES, STRONG
 from palpate.estimators.least_squares import long_run_covariance
 from palpate.force_laws import ForceLaw, force_over_breaks
-from palpate.preparation.gates import choose_gate, suggest_scale, suggest_surface_deviation
-from palpate.settings import OutlierRejection
+from palpate.preparation.gates import (
+    choose_gate,
+    dead_band_of,
+    suggest_scale,
+    suggest_surface_deviation,
+)
+from palpate.settings import ContactGate, OutlierRejection
 from palpate.stages import timed
 from palpate.validation import Floats, shown
 
@@ -41,8 +46,7 @@ def defaults_from_data(contact: Contact, given: ContactEstimator) -> dict[str, A
         "outlier_rejection": lambda _: OutlierRejection(),
         "sample_time": attrgetter("sample_time"),
     }
-    if not given.chooses_samples:
-        ways["gate"] = choose_gate
+    ways["gate"] = _gate_above_dead_band if given.chooses_samples else choose_gate
     # A search for the surface has the free approach.
     if given.knows_offset and settings.get("surface") is None:
         ways["offset_deviation"] = attrgetter("tare_deviation")
@@ -52,6 +56,12 @@ def defaults_from_data(contact: Contact, given: ContactEstimator) -> dict[str, A
         for name, choose in ways.items()
         if name in settings and settings[name] is None
     }
+
+
+def _gate_above_dead_band(contact: Contact) -> ContactGate | None:
+    """The gate of a method that chooses its samples: only above a dead band."""
+    band = dead_band_of(contact)
+    return ContactGate(0.0, band, band) if band else None
 
 
 def _surface_deviation(contact: Contact) -> float | None:

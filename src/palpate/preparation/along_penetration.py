@@ -10,7 +10,8 @@ from numpy.typing import ArrayLike
 
 from palpate.contact import Contact, VelocityFilter
 from palpate.errors import InvalidParameterError, RecordingError
-from palpate.preparation.clocks import Signals, measurable
+from palpate.findings import Finding
+from palpate.preparation.clocks import Signals, measurable, settle_stamps
 from palpate.preparation.gates import exclude_load_transfer
 from palpate.preparation.roles import Columns, Roles
 from palpate.preparation.settings import Normal, Preparation
@@ -133,6 +134,10 @@ def contact_of_arrays(given: Mapping[str, ArrayLike], settings: Preparation) -> 
     InvalidParameterError
         An array is missing or has another type or length, or time does not increase in a segment.
     """
+    if settings.no_time:
+        if "time" in given or "velocity" in given:
+            raise InvalidParameterError("no_time excludes a time and a velocity: leave them out")
+        given = {**given, "time": np.arange(np.size(given.get("force", ())), dtype=float)}
     missing = [name for name in ("time", "penetration", "force") if name not in given]
     if missing:
         raise InvalidParameterError(
@@ -143,10 +148,33 @@ def contact_of_arrays(given: Mapping[str, ArrayLike], settings: Preparation) -> 
         if channel in values and unit != next(iter(UNITS[channel])):
             values[channel] = np.asarray(values[channel], dtype=float) * size_of(channel, unit)
             add(made, channel, f"in {unit}")
+    findings = () if settings.strict else _settle_arrays(values)
     contact = _prepared(None, values, made, settings)
     usual = Columns()
     raw = Recording({getattr(usual, name): np.asarray(each) for name, each in given.items()})
-    return replace(contact, prepared=replace(contact.prepared, recording=raw))
+    return replace(
+        contact,
+        prepared=replace(contact.prepared, recording=raw),
+        findings=(*findings, *contact.findings),
+        stated_units=frozenset(settings.units),
+        timeless=settings.no_time,
+    )
+
+
+def _settle_arrays(values: dict[str, ArrayLike]) -> tuple[Finding, ...]:
+    """Drop rows that were written twice and spread a coarse clock, in place.
+
+    Arrays of the wrong type or length stay as they are: the contact refuses them.
+    """
+    arrays = {name: np.asarray(each) for name, each in values.items()}
+    time, others = arrays["time"], [each for name, each in arrays.items() if name != "time"]
+    size = time.shape if time.ndim == 1 and time.dtype.kind in "iuf" else None
+    if any(each.shape != size or np.ma.is_masked(values[name]) for name, each in arrays.items()):
+        return ()
+    stamps, keep, findings = settle_stamps(time, others)
+    if findings:
+        values |= {name: each[keep] for name, each in (arrays | {"time": stamps}).items()}
+    return tuple(findings)
 
 
 @timed("velocity by the filter")

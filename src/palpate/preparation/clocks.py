@@ -1,7 +1,7 @@
 """Channels on one clock, in SI units: skipped samples, gaps, restarts and interpolation."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from typing import Any, TypeAlias
@@ -135,6 +135,93 @@ def gaps(time: Floats, part: NDArray[np.int64]) -> NDArray[np.bool_]:
     return found
 
 
+# Several samples with one time: rows that were written twice, or a clock that ticks slowly.
+
+COARSE = 0.1  # of the samples repeat the time before; fewer are skipped one by one
+EXACT = 1000  # counts a sample; whole times of a finer unit stay whole numbers
+
+
+def settle_stamps(
+    time: "Times", columns: Sequence[NDArray[Any]], unit: str = "s"
+) -> tuple["Times", NDArray[np.bool_], list[Finding]]:
+    """Drop the rows that were written twice, and spread the samples of a coarse clock.
+
+    A row is written twice if its time and all its channels equal those of the row before. Where
+    over a tenth of the samples repeat a time with other values, the clock ticks more slowly than
+    the samples come: each stretch gets the even times that lie within every tick, t ≤ a + b k <
+    t + tick, or else even times within each tick.
+
+    Parameters
+    ----------
+    time : numpy.ndarray, shape (k,)
+        In any unit.
+    columns : sequence of numpy.ndarray, shapes (k,) or (k, m)
+        The channels on this clock.
+    unit : str
+        Unit of the time, for the finding.
+
+    Returns
+    -------
+    tuple
+        The times, a mask of the rows to keep, and the findings.
+    """
+    keep, again = np.ones(time.size, dtype=bool), np.zeros(time.size, dtype=bool)
+    again[1:] = time[1:] == time[:-1]
+    if not again.any():
+        return time, keep, []
+    copies = again.copy()
+    for column in columns:
+        same = (column[1:] == column[:-1]) | (
+            (column[1:] != column[1:]) & (column[:-1] != column[:-1])
+        )
+        copies[1:] &= same.reshape(len(same), -1).all(axis=1)
+    others = int(np.count_nonzero(again & ~copies))
+    # At rest a slow clock's samples are equal too: copies are most of what repeats, or none is.
+    if others > COARSE * time.size and others >= np.count_nonzero(copies):
+        times, tick = _spread(time)
+        words = (
+            f"the clock ticks every {tick * size_of('time', unit) * 1e3:.3g} ms: palpate spread "
+        )
+        words += f"{np.count_nonzero(again)} samples evenly within its ticks"
+        return times, keep, [Finding("clock", words, "stamp the samples by a finer clock")]
+    count = int(np.count_nonzero(copies))
+    words = f"palpate dropped {count} row{'s' * (count > 1)} that {'were' if count > 1 else 'was'} "
+    found = [Finding("rows", f"{words}written twice, of {time.size}", "check the recorder")]
+    return time, ~copies, found if count else []
+
+
+def _spread(time: "Times") -> tuple["Times", float]:
+    """Even times within the ticks of a clock, and its median tick."""
+    known = np.isfinite(time)
+    origin = time[known][0]
+    since = np.asarray(time - origin, dtype=np.float64)
+    steps = np.diff(since)
+    tick = float(np.median(steps[steps > 0.0])) if (steps > 0.0).any() else 0.0
+    ends = ~((steps >= 0.0) & (steps <= GAP * tick))  # also beside a time that is unknown
+    for part in slices_of(np.concatenate([[0], np.cumsum(ends)])):
+        since[part] = _spread_stretch(since[part], tick)
+    if time.dtype.kind in "iu" and tick * np.mean(steps > 0.0) > EXACT:
+        return np.rint(since).astype(np.int64) + origin, tick
+    return since + origin, tick
+
+
+def _spread_stretch(stamps: Floats, tick: float) -> Floats:
+    """Even times that lie in the tick of every stamp; within each tick where no such times do."""
+    begins = np.concatenate([[0], np.flatnonzero(np.diff(stamps)) + 1])
+    if begins.size > 2:  # the first tick may have begun before the recording
+        index, first, last = np.arange(stamps.size), begins[1], begins[-1]
+        step = (stamps[last] - stamps[first]) / (last - first)
+        line: Floats = step * index
+        line += np.max(stamps - line)
+        if np.max(line - stamps) < tick + step:
+            return line
+    counts = np.diff(np.append(begins, stamps.size))
+    lengths = np.append(np.minimum(np.diff(stamps[begins]), tick), tick)
+    place = np.arange(stamps.size) - np.repeat(begins, counts)
+    spread: Floats = stamps + place * np.repeat(lengths / counts, counts)
+    return spread
+
+
 # The channels of a contact as numbers, in SI units on one clock.
 
 #: Largest plausible value in SI units, also of a :class:`Scale`. Sums of eighth powers stay finite
@@ -173,6 +260,8 @@ class Signals:
         How each channel was obtained, as text.
     findings : tuple of Finding
         What was skipped or assumed.
+    stated_units : frozenset of str
+        As in :class:`~palpate.Contact`.
     """
 
     time: Floats
@@ -184,6 +273,7 @@ class Signals:
     segment: NDArray[np.generic] | None = None
     made: Mapping[str, str] = field(default_factory=dict)
     findings: tuple[Finding, ...] = ()
+    stated_units: frozenset[str] = frozenset()
 
     def taken(self, keep: NDArray[np.bool_] | NDArray[np.int64]) -> "Signals":
         """Return the selected samples."""
@@ -202,6 +292,7 @@ def signals_of(
     *,
     rate: float | None = None,
     strict: bool = False,
+    no_time: bool = False,
 ) -> Signals:
     """Convert the channels of a contact to SI units on one clock.
 
@@ -221,6 +312,8 @@ def signals_of(
         Sample rate, Hz, of a recording without time.
     strict : bool
         Fail on values that are not numbers and on times that do not increase.
+    no_time : bool
+        Ignore time and velocity, if there are any, and use the rate.
 
     Raises
     ------
@@ -228,6 +321,9 @@ def signals_of(
         There is no time or it runs backward, a channel holds no numbers, or the clocks of position
         and force do not overlap.
     """
+    if no_time:
+        roles = replace(roles, time=None, velocity=None)
+        recording = replace(recording, clocks={})
     return _Taking(recording, units or {}, strict).signals(roles, rate)
 
 
@@ -260,6 +356,7 @@ class _Taking:
     strict: bool
     made: dict[str, str] = field(default_factory=dict)
     findings: list[Finding] = field(default_factory=list)
+    stated: set[str] = field(default_factory=set)
 
     def signals(self, roles: Roles, rate: float | None) -> Signals:
         """Convert the channels of the roles."""
@@ -291,6 +388,8 @@ class _Taking:
                 made = f"column {listed}" if len(names) == 1 else f"columns {listed}"
                 in_si = own[0] == next(iter(UNITS[kind]))
                 self.made[kind] = made if in_si else f"{made}, in {own[0]}"
+                if given or not in_si:
+                    self.stated.add(kind)
                 if not given and own[0] in WEIGHTS:
                     words = f"{listed} is in {own[0]}, a mass: palpate multiplies it by {GRAVITY}"
                     remedy = "pass --unit force=N if the values are forces in N"
@@ -360,8 +459,9 @@ class _Taking:
             if rate is None:
                 raise RecordingError.of(
                     recording.source,
-                    "no channel looks like the time; name it with --time, or pass the sample rate, "
-                    "such as --rate 1000 (Hz), if the samples are evenly spaced",
+                    "no channel looks like the time; name it with --time, or pass --rate if the "
+                    "samples are evenly spaced and you know the rate; --no-time gives the "
+                    "stiffness alone",
                 )
             if len({*lengths.values()}) > 1:
                 listed = " and ".join(f"{role} has {length}" for role, length in lengths.items())
@@ -386,12 +486,21 @@ class _Taking:
                 f"channels on one clock must have the same length: {clock!r} has {len(time)}, "
                 f"{listed}; name the right clock with --time",
             )
-        unit = "ns" if dated else self.units.get("time") or self._unit_of(clock, "time")
+        given = "ns" if dated else self.units.get("time")
+        unit = given or self._unit_of(clock, "time")
+        if given or unit != next(iter(UNITS["time"])):
+            self.stated.add("time")
         return Stream(clock, time, unit, values)
 
     def _running(self, stream: Stream, what: str) -> tuple[Times, Channels, NDArray[np.int64]]:
         """The samples of a stream whose time increases, and their part numbers."""
-        recording, label = self.recording, stream.values.get("segment")
+        recording = self.recording
+        if not self.strict:
+            time, keep, found = settle_stamps(stream.time, [*stream.values.values()], stream.unit)
+            self.findings += found
+            taken = {role: channel[keep] for role, channel in stream.values.items()}
+            stream = replace(stream, time=time[keep], values=taken)
+        label = stream.values.get("segment")
         numbers = None if label is None else numbered(label, label.size)
         rows = rows_of(stream.time, numbers, largest=LATEST / size_of("time", stream.unit))
         if not rows.keep.any():
@@ -450,7 +559,8 @@ class _Taking:
             words = f"{many} {longest:.3g} s: contacts are separated there"
             self.findings.append(Finding("rows", words))
         known: dict[str, Any] = {"part": part + np.cumsum(breaks), "made": self.made, **values}
-        return Signals(time, **known, findings=tuple(self.findings))
+        stated = frozenset(self.stated)
+        return Signals(time, **known, findings=tuple(self.findings), stated_units=stated)
 
     def _interpolated(self, streams: list[Stream]) -> Signals:
         """The samples of the slowest clock, with the others interpolated at its times."""

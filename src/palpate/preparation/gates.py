@@ -75,6 +75,40 @@ def suggest_scale(contact: Contact) -> Scale:
     return Scale(*(float(np.clip(each, 1e-30, 1e30)) if each > 0.0 else 1.0 for each in largest))
 
 
+# A sensor that shows no light touch.
+
+FEWEST_RESTING, FEWEST_PRESSED = 20, 3  # samples at the value of the dead band; of these in contact
+ABOVE_NOISE = 4.0  # σ or steps, from that value to the next
+
+
+def dead_band_of(contact: Contact) -> float:
+    """Return the least force above a dead band, N; 0 without one.
+
+    In a dead band the most common force is the least, no sample lies within four σ and steps above
+    it, and the probe is in contact there, but no deeper than at twice that force: else the sensor
+    was lost.
+    """
+    known = np.isfinite(contact.force) & np.isfinite(contact.penetration)
+    force, depth = contact.force[known], contact.penetration[known]
+    if np.count_nonzero(force[1:] == force[:-1]) < FEWEST_RESTING:
+        return 0.0
+    values, counts = np.unique(force, return_counts=True)
+    most = int(np.argmax(counts))
+    if counts[most] < FEWEST_RESTING or most + 1 == values.size:
+        return 0.0
+    least = float(values[most + 1])
+    band = least - float(values[most])
+    if band <= ABOVE_NOISE * max(noise_of(force), _core.step_of(force)):
+        return 0.0
+    shown = np.flatnonzero(force >= least)
+    near = shown[force[shown] <= least + band]
+    if near.size < FEWEST_PRESSED:
+        near = shown[np.argsort(force[shown])[:FEWEST_PRESSED]]
+    pressed = depth[(force == values[most]) & (depth > 0.0)]
+    dead = pressed.size >= FEWEST_PRESSED and pressed.max() <= depth[near].max()
+    return least if dead else 0.0
+
+
 # The touches of a contact.
 
 BREAK = 0.8  # force at which contact ends, as a fraction of that at which it begins

@@ -64,6 +64,7 @@ def prepare(
     force_frame: ForceFrame | None = None,
     tool_weight: float | None = None,
     rate: float | None = None,
+    no_time: bool = False,
     spot: float = RADIUS,
     window: tuple[float | None, float | None] | None = None,
     strict: bool = False,
@@ -121,6 +122,9 @@ def prepare(
         Weight of the tool to subtract, N, along −z of the position's frame.
     rate : float, optional
         Sample rate, Hz, of a recording without time.
+    no_time : bool
+        Identify the stiffness alone, of a curve without time or of one whose time is ignored:
+        ``time`` counts the samples, as does ``window``. Default: False.
     spot : float
         Farthest travel of the probe across the normal within one place, m; ``math.inf`` never cuts.
     window : tuple of float, optional
@@ -182,7 +186,12 @@ def prepared_contact(recording: Recording, settings: Preparation) -> Contact:
     with np.errstate(all="ignore"):  # a flipped bit gives 1e300 N, which the gate excludes
         with stage(_LOGGER, "one clock, units and bad rows"):
             signals = signals_of(
-                recording, roles, settings.units, rate=settings.rate, strict=settings.strict
+                recording,
+                roles,
+                settings.units,
+                rate=1.0 if settings.no_time else settings.rate,
+                strict=settings.strict,
+                no_time=settings.no_time,
             )
         pressing = roles.is_penetration and signals.force.ndim == 1
         way = along_penetration if pressing else along_normal
@@ -201,6 +210,8 @@ def prepared_contact(recording: Recording, settings: Preparation) -> Contact:
         prepared=dataclasses.replace(contact.prepared, way=prepared_contact),
         provenance={**notes, **done},
         velocity_filter=used,
+        stated_units=signals.stated_units,
+        timeless=settings.no_time,
         findings=(
             *(each for each in recording.findings if each.severity != "note"),
             *roles.findings,
@@ -251,6 +262,8 @@ def _commanded(roles: Roles) -> list[Finding]:
     for kind, names in (("position", roles.depth), ("force", roles.force)):
         if is_wanted(names[0]):
             words = f"channel {names[0]!r} looks like a commanded {kind}, not a measured one"
+            if kind == "position":
+                words += ": the robot's own compliance is in the numbers"
             remedy = f"record the measured {kind} and name its channel with --{kind}"
             found.append(Finding.of_both("with-care", "channels", words, remedy))
     return found
@@ -355,6 +368,8 @@ def joined(contacts: Sequence[Contact]) -> Contact:
         ),
         prepared=None,
         velocity_filter=max(filters, key=attrgetter("degree", "samples"), default=None),
+        stated_units=frozenset.intersection(*(contact.stated_units for contact in contacts)),
+        timeless=any(contact.timeless for contact in contacts),
     )
 
 

@@ -181,8 +181,9 @@ _SLIDES = frozenset(("prismatic", "slide", "slider", "rail", "linear"))
 _KIND = {word: kind for kind, words in WORDS.items() for word in words}
 #: Words for commanded, not measured, channels.
 WANTED = frozenset(
-    ("command", "commanded", "cmd", "desired", "des", "target", "setpoint", "reference", "ref")
-)
+    ("command", "commands", "commanded", "cmd", "desired", "des", "target", "targets", "setpoint",
+     "reference", "ref", "goal", "goals", "action", "actions", "planned", "demand", "demanded")
+)  # fmt: skip
 TIP = frozenset(("tip", "tcp", "probe"))
 _OF_UNIT = {
     **dict.fromkeys(UNITS["time"], ("time",)),

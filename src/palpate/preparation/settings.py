@@ -45,6 +45,7 @@ class Preparation:
     force_frame: ForceFrame | None = None
     tool_weight: float | None = None
     rate: float | None = None
+    no_time: bool = False
     spot: float = RADIUS
     window: tuple[float | None, float | None] | None = None
     strict: bool = False
@@ -80,6 +81,8 @@ class Preparation:
             number_in("tool_weight", self.tool_weight, 0.0, 1e6)
         if self.rate is not None:
             number_in("rate", self.rate, 0.0, LARGEST_RATE, open_low=True)
+        if self.no_time and (self.rate is not None or self.delay):
+            raise InvalidParameterError("no_time excludes rate and delay: leave one of them out")
         number_in("spot", self.spot, 0.0, 1e6, open_low=True)
         if self.window is not None:
             low, high = self.window

@@ -153,7 +153,7 @@ def _tiles(result: Identified) -> Iterator[str]:
         numbers = zip(("K′", "B′"), view.felt(result), ("N/m", "N·s/m"), strict=True)
         tiles += [(f"{symbol}, {escape(words)}", each, unit) for symbol, each, unit in numbers]
     yield '<div class="tiles">'
-    for name, quantity, unit in tiles:
+    for name, quantity, unit in (each for each in tiles if math.isfinite(each[1].value)):
         words = escape(f"{view.number(quantity)} {unit}")
         yield f'<div class="tile"><small>{name}</small><b>{words}</b></div>'
     yield "</div>"

@@ -22,7 +22,7 @@ from palpate.errors import InvalidParameterError, RecordingError, needed
 from palpate.estimators import LawVerdict
 from palpate.estimators.estimate import Trace
 from palpate.findings import MARKS, Finding
-from palpate.force_laws import FORCE_LAWS, ForceLaw, law_from
+from palpate.force_laws import ForceLaw, law_from
 from palpate.identification.identified import rank
 from palpate.preparation.gates import touches_of
 from palpate.recordings import open_recording
@@ -168,6 +168,8 @@ def contact_and_trace(
         surface_deviation=whole["surface_deviation"],
         findings=[*map(Finding.from_dict, whole["findings" if "findings" in whole else "remarks"])],
         velocity_filter=filtered and VelocityFilter(**filtered),
+        stated_units=whole.get("stated_units", ()),
+        timeless=whole.get("timeless", False),
     )
     return contact, trace
 
@@ -208,6 +210,8 @@ def described(files: Sequence[Path], results: "Sequence[Identified]") -> dict[st
         "tare_deviation": contact.tare_deviation,
         "surface_deviation": contact.surface_deviation,
         "velocity_filter": plain(contact.velocity_filter),
+        "stated_units": sorted(contact.stated_units),
+        "timeless": contact.timeless,
         "gate": asdict(gate),
         "scale": asdict(scale),
         "results": [of_one(result) for result in results],
@@ -275,6 +279,9 @@ def derived(result: "Identified") -> dict[str, Any]:
     modulus = {}
     if result.query.tip is not None:
         modulus = {"elastic_modulus": result.elastic_modulus().as_dict()}
+    names = ("restitution", "energy", "passivity", "small_oscillation")
+    if result.contact.timeless:
+        return {**dict.fromkeys(names), **modulus}
     felt: dict[str, Any] | None = None
     with suppress(InvalidParameterError):  # of a probe held still, or beyond the band of a part
         felt = result.dynamic_stiffness(result.query.frequency).as_dict()
@@ -372,7 +379,7 @@ def load_result(path: str | Path) -> SavedResult:
             raise RecordingError(
                 f"{file}: {name} has changed or is from another run; save the result again"
             )
-        contact, trace = contact_and_trace(recording, FORCE_LAWS[law.kind], whole)
+        contact, trace = contact_and_trace(recording, type(law), whole)
         errors, laws = found["standard_errors"], found.get("law_verdict")
         return SavedResult(
             folder=file.parent,

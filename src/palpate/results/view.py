@@ -390,17 +390,17 @@ def follows(result: "Identified", *, whole: bool = False) -> ViewSection:
     Restitution applies where the contact dissipates at least 1 % of an impact's speed, energy where
     the probe goes in and out, passivity where the law is trusted or fitted with care.
     """
-    query, lines = result.query, list[Line]()
+    query, lines, timed = result.query, list[Line](), not result.contact.timeless
     trusted = result.diagnosis.verdict.overall != "do-not-trust"
-    if whole or query.impact_speed is not None:
+    if (whole and timed) or query.impact_speed is not None:
         restitution = result.restitution()
         if query.impact_speed is not None or (trusted and _impact(restitution)):
             lines.append(_describe_restitution(restitution, whole=whole))
     if query.frequency is not None or (whole and result.law.remembers):
         lines += _oscillation(result, whole=whole)
-    if whole and result.energy.kind != "none":
+    if whole and timed and result.energy.kind != "none":
         lines.append(_energy(result))
-    if whole and trusted:
+    if whole and timed and trusted:
         lines.append(_passivity(result))
     if query.tip is not None:
         parts = [("", result), *((_when(part), part) for part in between(result))]

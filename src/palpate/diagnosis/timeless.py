@@ -1,0 +1,117 @@
+"""What of an estimate and a diagnosis holds for a curve that was recorded without time.
+
+The samples count as one second apart. A damper in these units is fitted beside the spring, so that
+the curve's two branches do not disturb it, and then dropped: its number would depend on the clock.
+"""
+
+import math
+from collections.abc import Iterable
+from dataclasses import replace
+
+import numpy as np
+
+from palpate.diagnosis.finding import Diagnosis, Quantity, Verdict
+from palpate.estimators.estimate import Estimate, Trace
+from palpate.findings import MARKS, SEVERITIES, Finding, worst
+from palpate.force_laws.laws import Spring
+from palpate.validation import Floats
+
+#: Places of K and n among the parameters of Hunt–Crossley.
+_SPRING = np.array([0, 2])
+
+NO_TIME = Finding(
+    "no time",
+    "the recording has no time: palpate gives the stiffness alone, and no damping",
+    "record the time of each sample",
+    damping="do-not-trust",
+)
+_UNNAMED = "the force differs from that of a spring, and without time palpate cannot say why"
+
+#: Checks that concern neither time nor damping; of others only the mark of the stiffness is kept.
+_WITHOUT_TIME = frozenset([
+    "channels", "clock", "coarse steps", "dead band", "depth", "direction", "episodes", "exponent",
+    "exponent range", "force axes", "force frame", "force jump", "force unit", "guard",
+    "light contact", "load transfer", "negative stiffness", "no time", "offset", "options",
+    "orientation", "outliers", "peak force", "penetration unit", "rows", "saturation", "signs",
+    "spikes", "stuck force", "surface range", "tare", "tool weight", "units",
+])  # fmt: skip
+
+
+class SpringEstimate(Estimate):
+    """The spring of an estimate of the Hunt–Crossley law."""
+
+    __slots__ = ()
+
+    def __init__(self, estimate: Estimate) -> None:
+        fixed = tuple(name for name in estimate.fixed if name in Spring.names())
+        super().__init__(estimate, Spring, fixed)
+
+    @property
+    def parameters(self) -> Floats:
+        """K and n."""
+        both: Floats = super().parameters[_SPRING]
+        return both
+
+    @property
+    def covariance(self) -> Floats:
+        """Joint covariance of K and n, the damper's share included."""
+        part: Floats = super().covariance[np.ix_(_SPRING, _SPRING)]
+        return part
+
+    @property
+    def joint_covariance(self) -> Floats:
+        """The same with the offset."""
+        kept = np.array([*_SPRING, 3])
+        part: Floats = super().joint_covariance[np.ix_(kept, kept)]
+        return part
+
+    @property
+    def standard_errors(self) -> Floats:
+        """Square roots of the covariance's diagonal."""
+        errors: Floats = np.sqrt(np.diag(self.covariance))
+        return errors
+
+    @property
+    def findings(self) -> tuple[Finding, ...]:
+        """What the curve does not identify."""
+        return findings_without_time(super().findings)
+
+
+def trace_without_time(trace: Trace) -> Trace:
+    """Return the trace of the spring alone."""
+    return replace(
+        trace,
+        parameters=trace.parameters[:, _SPRING],
+        standard_errors=trace.standard_errors[:, _SPRING],
+        validity_margin=np.full_like(trace.validity_margin, np.nan),
+    )
+
+
+def findings_without_time(findings: Iterable[Finding]) -> tuple[Finding, ...]:
+    """Return the findings that hold without time; one without words for the others that mark S."""
+    kept, marks = list[Finding](), []
+    for finding in findings:
+        if finding.check in _WITHOUT_TIME:
+            alone = replace(finding, damping="trust", moves_damping_percent=math.nan)
+            kept.append(finding if finding is NO_TIME else alone)
+        else:
+            marks.append(finding.stiffness)
+    if (mark := worst(*marks)) != "trust":
+        kept.append(Finding("misfit", _UNNAMED, "record the time of each sample", stiffness=mark))
+    return tuple(kept)
+
+
+def diagnosis_without_time(found: Diagnosis) -> Diagnosis:
+    """Return a diagnosis of the stiffness alone."""
+    findings = (*findings_without_time(found.findings), NO_TIME)
+    in_order = sorted(findings, key=lambda each: -SEVERITIES.index(each.severity))
+    unknown = Quantity(math.nan, math.nan, math.nan)
+    return Diagnosis(
+        Verdict(
+            worst(*(each.stiffness for each in findings)),
+            NO_TIME.damping,
+            MARKS[SEVERITIES.index(in_order[0].severity)],
+        ),
+        tuple(in_order),
+        tuple(replace(depth, damping=unknown) for depth in found.working_depths),
+    )
