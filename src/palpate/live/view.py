@@ -459,7 +459,7 @@ def facts_of(page: Mapping[str, Any], state: str, contact_force: float | None = 
         facts["truth"] = f"True values: {', '.join([str(truth.get('kind')), *terms])}"
     if contact_force is not None:
         contact = f"The probe is in contact with {rounded(contact_force, 3)} N."
-        facts["tare-warning"] = f"{contact} Taring now would make this force the new zero."
+        facts["tare-warning"] = f"{contact} palpate refuses a tare while the probe presses."
     facts["verdict-line"] = [_verdict_line(found := others.get("diagnosis"))]
     if found and found.get("at"):
         facts["diagnosis"] = list(_diagnosis(found))
