@@ -171,13 +171,19 @@ def _width(words: str) -> int:
 
 
 def opened(
-    file: Path, channels: Sequence[str] | None, *, strict: bool, curve: int | None
+    file: Path,
+    channels: Sequence[str] | None,
+    *,
+    strict: bool,
+    curve: int | None,
+    max_size: float | None,
 ) -> "Recording":
     """Open a recording, with a bar while it is read."""
     from palpate.recordings import open_recording
 
     with bar(f"reading {file}") as progress:
-        return open_recording(file, channels, strict=strict, curve=curve, progress=progress)
+        more = {} if max_size is None else {"max_size": max_size}
+        return open_recording(file, channels, strict=strict, curve=curve, progress=progress, **more)
 
 
 @contextmanager

@@ -334,7 +334,7 @@ def _kept_at(cluster: Any, workers: int) -> Iterator[None]:
 
 @contextmanager
 def holding_interrupts() -> Iterator[None]:
-    """Hold Ctrl-C back until the end of the block; threads and processes started in it never see it.
+    """Hold Ctrl-C back until the end of the block; what starts in it never sees the signal.
 
     A terminal sends Ctrl-C to the processes too, but this one ends them in order. They inherit
     the mask of their thread; the handler is for a thread of the caller's that does not block it.
