@@ -150,3 +150,100 @@ def test_lab_replaces_only_what_it_wrote(tmp_path, run):
     assert path.read_text() == "time_s,force_N\n0,0\n"
     path.unlink()
     assert run(*command)[0] == run(*command)[0] == 0
+
+
+def test_a_model_that_no_robot_has_is_refused(tmp_path):
+    pytest.importorskip("mujoco")
+    from palpate.exports.mujoco.robot import read
+
+    for option, size in (("", "1e300"), ('<option timestep="-1"/>', "0.01")):
+        path = tmp_path / "model.xml"
+        path.write_text(
+            f'<mujoco>{option}<worldbody><body><freejoint/><geom name="tip" type="sphere" '
+            f'size="{size}"/><inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/></body>'
+            "</worldbody></mujoco>"
+        )
+        with pytest.raises(InvalidParameterError, match=r"model\.xml"):
+            read(path, "tip", 0.01)
+
+
+LIVE_MEMORY = """
+import os, signal, sys, time
+from multiprocessing import resource_tracker
+from palpate.live.ring import Writer
+if __name__ == "__main__":
+    writer = Writer(16)
+    print(writer.name, flush=True)
+    if sys.argv[1] == "tracker":
+        os.kill(resource_tracker._resource_tracker._pid, signal.SIGKILL)
+        time.sleep(0.2)
+        writer.close()
+    else:
+        os.kill(os.getpid(), signal.SIGKILL)
+"""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="/dev/shm is Linux's")
+@pytest.mark.parametrize("killed", ["tracker", "loop"])
+def test_a_killed_loop_or_tracker_leaves_no_memory_and_no_message(tmp_path, killed):
+    program = tmp_path / "program.py"
+    program.write_text(LIVE_MEMORY)
+    done = subprocess.run(
+        [sys.executable, program, killed], capture_output=True, text=True, check=False, timeout=60
+    )
+    said = [line for line in done.stderr.splitlines() if "died unexpectedly" not in line]
+    assert not [line for line in said if "KeyError" in line or "leaked" in line], done.stderr
+    assert not Path("/dev/shm", done.stdout.strip()).exists()
+
+
+def test_what_cyclone_dds_prints_is_counted_and_never_blocks():
+    pytest.importorskip("cyclonedds")
+    from palpate.live.dds import _Printed
+
+    if sys.platform == "win32":
+        return
+    printed, lines = _Printed(), 0
+    try:
+        for _ in range(100):
+            for _ in range(100):
+                try:
+                    os.write(2, b"recvUC: malformed packet\n" * 10)
+                except BlockingIOError:  # full: Cyclone DDS drops the line
+                    break
+            lines += len(printed.take())
+    finally:
+        printed.close()
+    assert lines > 10_000
+
+
+def test_the_summary_names_a_recorder_that_ended_early():
+    from palpate.live.console import summary
+
+    others = {"recorder": {"dropped": 0, "ended": True}, "page": {"dropped": 3}}
+    [line] = [each for each in summary({}, others) if each.startswith("rows dropped")]
+    assert "0 by the recorder" not in line
+    assert "ended early" in line
+    assert "3 by the page" in line
+
+
+def test_places_that_differ_in_their_last_digits_have_no_steep_slope():
+    from types import SimpleNamespace
+
+    from palpate.diagnosis.delay import largest_pull
+
+    count = 400
+    free = np.arange(count) < 200
+    penetration = np.where(free, -1e-3, 1e-3)
+    penetration[:200] *= 1.0 + 2e-16 * (np.arange(200) % 2)
+    force = np.where(free, 0.0, 1.0) + 1e-3 * np.sin(np.arange(count))
+    data = SimpleNamespace(
+        contact=SimpleNamespace(force=force), known=np.ones(count, bool),
+        velocity=np.where(np.arange(count) % 3 == 0, -1.0, 1.0), peak_force=1.0,
+    )  # fmt: skip
+    fit = SimpleNamespace(
+        free=free, penetration=penetration, reference=1e-3, data=data, speed=1.0,
+        rejected=np.zeros(count, bool),
+    )  # fmt: skip
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert largest_pull(fit) < 1.0
