@@ -47,6 +47,7 @@ _WINDOW = 1 << 18  # bytes of an MCAP file read at a time; a chunk may be longer
 _BATCH = 8 << 20  # bytes of messages from rosbags collected before they are decoded
 _LONGEST_NOTE = 300  # characters
 _LENGTH = struct.Struct("<Q").unpack_from
+_HIGHEST_RATIO = 2000  # of chunks to the file; time stamps alone differ too much for more
 _MOST_DESCRIBED = 10_000  # schemas, channels and metadata; more are a bomb
 _BEFORE = 9  # bytes of kind and length at the start of an MCAP record
 # The header of an MCAP message: kind, length, channel, number, log time, publish time.
@@ -316,6 +317,7 @@ class _Mcap:
         self.schemas: dict[int, mcap.Schema] = {}
         self.topics: dict[int, Topic] = {}
         self.messages = 0
+        self.unpacked = 0  # bytes of chunks
         self.described = set[int]()  # schemas, channels and metadata
         self.unknown = 0  # messages of channels without a channel record
         self.claimed: int | None = None  # the number of messages that the file states
@@ -423,6 +425,8 @@ class _Mcap:
     def _chunk(self, chunk: mcap.Chunk) -> None:
         try:
             self.collection.request.check_block(max(chunk.uncompressed_size, len(chunk.data)))
+            self.unpacked += chunk.uncompressed_size
+            self._check_unpacked()
             data = _unpacked_chunk(chunk)
             starts, end = _whole_records(data)
             if end != chunk.uncompressed_size:
@@ -435,6 +439,14 @@ class _Mcap:
             )
         else:
             self._take(data, starts, end)
+
+    def _check_unpacked(self) -> None:
+        """End the reading of chunks that all together unpack to far more than a recording does."""
+        request, size = self.collection.request, self.path.stat().st_size
+        most = max(request.largest_block, _HIGHEST_RATIO * size)
+        if self.unpacked > most:
+            self.ended = True
+            raise ValueError(excess("this and all before need", self.unpacked, most))
 
     def _channel(self, channel: mcap.Channel) -> None:
         if channel.id in self.topics:  # repeated in another chunk or in the summary
