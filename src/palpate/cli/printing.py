@@ -179,11 +179,13 @@ def opened(
     max_size: float | None,
 ) -> "Recording":
     """Open a recording, with a bar while it is read."""
-    from palpate.recordings import open_recording
+    from palpate.recordings.opening import MAX_SIZE, open_recording
 
+    most = MAX_SIZE if max_size is None else max_size
     with bar(f"reading {file}") as progress:
-        more = {} if max_size is None else {"max_size": max_size}
-        return open_recording(file, channels, strict=strict, curve=curve, progress=progress, **more)
+        return open_recording(
+            file, channels, strict=strict, curve=curve, progress=progress, max_size=most
+        )
 
 
 @contextmanager
