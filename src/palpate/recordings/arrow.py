@@ -114,7 +114,9 @@ def _unpacked_sizes(metadata: pa.Buffer, body: pa.Buffer | None) -> list[int]:
     A compressed buffer begins with its size; -1 means that it is stored as it is.
     """
     about = metadata.to_pybytes()
-    word = lambda form, at: struct.unpack_from(f"<{form}", about, at)[0]  # noqa: E731
+
+    def word(form: str, at: int) -> int:
+        return int(struct.unpack_from(f"<{form}", about, at)[0])
 
     def field(table: int, number: int) -> int:  # where a field of a flatbuffers table is; or 0
         virtual = table - word("i", table)
@@ -122,7 +124,9 @@ def _unpacked_sizes(metadata: pa.Buffer, body: pa.Buffer | None) -> list[int]:
         offset = word("H", virtual + 4 + 2 * number) if inside else 0
         return table + offset if offset else 0
 
-    follow = lambda at: at + word("I", at)  # noqa: E731
+    def follow(at: int) -> int:
+        return at + word("I", at)
+
     message = follow(0)
     kind, at = field(message, 1), field(message, 2)
     if body is None or not kind or word("B", kind) not in (_DICTIONARY, _BATCH):
