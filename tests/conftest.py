@@ -86,11 +86,13 @@ def run(monkeypatch, capsys):
     def call(*arguments) -> tuple[int, str, str]:
         monkeypatch.setattr(sys, "argv", ["palpate", *map(str, arguments)])
         monkeypatch.setenv("NO_COLOR", os.environ.get("NO_COLOR", ""))  # --no-color sets it
-        status = 0
+        status, handler = 0, signal.getsignal(signal.SIGINT)
         try:
             cli.main()
         except SystemExit as end:
             status = end.code
+        finally:
+            signal.signal(signal.SIGINT, handler)
         out, err = capsys.readouterr()
         return status, out, err
 

@@ -201,19 +201,18 @@ def test_a_pipe_is_read_like_a_file(tmp_path, monkeypatch):
         with contextlib.suppress(BrokenPipeError), path.open("wb") as pipe:
             pipe.write(content)
 
-    for most in (text.LARGEST, 100):
-        monkeypatch.setattr(opening, "LARGEST", most)
+    for most in (opening.MAX_SIZE, 100):
         writer = threading.Thread(target=write)
         writer.start()
         if most > 100:
-            contact = prepare(path)
+            contact = prepare(open_recording(path, max_size=most))
             assert np.array_equal(contact.force, SIGNALS.force)
             assert contact.source == str(path)
         else:
             with pytest.raises(
                 RecordingError, match=r"pipe\.csv: more than .* write the data to a file"
             ):
-                open_recording(path)
+                open_recording(path, max_size=most)
         writer.join()
 
 

@@ -57,7 +57,7 @@ class RunningMedian {
   }
 
   // Forgets: what it was learned from no longer holds.
-  void raise_to(double size) noexcept { value_ = std::clamp(size, value_, largest); }
+  void raise_to(double size) noexcept { value_ = std::max(value_, std::min(size, largest)); }
 
  private:
   // The first sizes move it twofold, as a motion may begin slowly, then the k-th by 8/k, from the

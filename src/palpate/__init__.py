@@ -1,8 +1,6 @@
 """Real-time identification of contact models, from penetration, velocity and force."""
 
-from importlib import import_module
-from importlib.util import find_spec
-from typing import TYPE_CHECKING
+TYPE_CHECKING = False  # for the type checker; to import typing takes longer than all else here
 
 if TYPE_CHECKING:
     from palpate._public import *  # noqa: F403 - they are listed there
@@ -12,6 +10,9 @@ else:
     # Imported when the first of them is asked for: the command line answers --help, and an
     # interrupt, without NumPy.
     def __getattr__(name: str) -> object:
+        from importlib import import_module
+        from importlib.util import find_spec
+
         if name == "__version__":
             from palpate._core import __version__
 

@@ -2,7 +2,10 @@
 
 import warnings
 from importlib import import_module
-from typing import Any
+
+TYPE_CHECKING = False  # as in palpate/__init__.py
+if TYPE_CHECKING:
+    from typing import Any
 
 
 def printable(words: str) -> str:
@@ -36,7 +39,7 @@ class ExportRefusedError(PalpateError, ValueError):
         The statement on which the refusal rests.
     """
 
-    def __init__(self, words: str, statement: Any = None) -> None:
+    def __init__(self, words: str, statement: "Any" = None) -> None:
         super().__init__(words)
         self.statement = statement
 
@@ -99,7 +102,7 @@ class MissingExtraError(PalpateError, ImportError):
         return cls.named(what, (error.name or "a package").partition(".")[0], extra)
 
 
-def needed(module: str, what: str, extra: str) -> Any:
+def needed(module: str, what: str, extra: str) -> "Any":
     """Import a module that an extra installs.
 
     Raises
@@ -125,7 +128,7 @@ class OldName:
     def __set_name__(self, _: type, name: str) -> None:
         self._old = name
 
-    def __get__(self, owner: Any, kind: type) -> Any:
+    def __get__(self, owner: "Any", kind: type) -> "Any":
         warn_renamed(f"{kind.__name__}.{self._old}", self._new)
         return getattr(kind if owner is None else owner, self._new)
 

@@ -90,7 +90,7 @@ def check_own(folder: Path, names: Iterable[str], own: Callable[[Path], bool]) -
         if path.is_file() and not own(path):
             raise RecordingError(
                 f"{path}: palpate did not write this file, or it was changed since; choose "
-                "another folder (-o FOLDER)"
+                "another name or folder (-o)"
             )
 
 

@@ -48,6 +48,14 @@ struct Forgetful : KelvinVoigtRLS::Method {
 
 }  // namespace
 
+TEST("a running median that has grown beyond its range can still be raised") {
+  detail::RunningMedian median;
+  for (int k = 0; k < 10; ++k) median.learn(std::numeric_limits<double>::max());
+  const double before = median.value();
+  median.raise_to(1.0);
+  CHECK(median.value() == before);
+}
+
 TEST("without outliers a rejection changes nothing") {
   for_every_rejection([]<class Estimator>() {
     using Plain = RecursiveEstimator<typename Estimator::Method, typename Estimator::Changes>;

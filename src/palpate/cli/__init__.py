@@ -1,18 +1,23 @@
 """The command line: a module per command, each of which parses, calls and prints.
 
 Here is what surrounds every command: its streams, how it ends, and what it prints of an error. No
-library is needed for that, and ``palpate --version`` imports none.
+library is needed for that, and ``palpate --version`` imports none. What is imported here is
+imported before Ctrl-C is caught: little, and quickly.
 """
 
 import codecs
 import io
 import os
 import re
+import signal
 import sys
 from contextlib import suppress
 
 from palpate.errors import PalpateError, printable
-from palpate.writing import abandon_output
+
+TYPE_CHECKING = False
+if TYPE_CHECKING:
+    from types import FrameType
 
 # A word of a person or a file that is no word is shown by its beginning and its end; a path of the
 # usual length is shown whole.
@@ -40,6 +45,7 @@ def main() -> None:
         What the command returns, if anything: 3 for a verdict that was to fail; 2 after an error;
         130 after an interrupt; 141 where the reader of the output is gone.
     """
+    caught = _Interrupts()
     prepare_output()
     try:
         status = _run(sys.argv[1:])
@@ -50,14 +56,49 @@ def main() -> None:
         complain(str(error))
         status = 2
     except BrokenPipeError:
-        abandon_output()
+        _abandon_output()
         status = 141  # as of a program that SIGPIPE ended
     except OSError as error:
-        abandon_output()
+        _abandon_output()
         complain(f"{error.filename or 'standard output'}: {error.strerror or error}")
         status = 2
+    caught.ended = True
     if status:
         sys.exit(status)
+
+
+class _Interrupts:
+    """Handles Ctrl-C: a KeyboardInterrupt, after an import, and an exit once the command has ended.
+
+    An import that is interrupted may print a traceback, hide the interrupt or leave half a module;
+    so an interrupt waits for its end. When the command has ended, nothing is left that catches it.
+    """
+
+    interval, longest = 0.05, 5.0  # s; an import may be one of a user's module that never ends
+
+    def __init__(self) -> None:
+        self.ended, self._left = False, round(self.longest / self.interval)
+        self._imports = vars(sys.modules["_frozen_importlib"])
+        with suppress(ValueError):  # not in the main thread: the caller handles it
+            if signal.getsignal(signal.SIGINT) is not signal.SIG_IGN:
+                signal.signal(signal.SIGINT, self._interrupt)
+
+    def _interrupt(self, _: int, frame: "FrameType | None") -> None:
+        if self.ended:
+            os._exit(130)
+        while frame is not None and frame.f_globals is not self._imports:
+            frame = frame.f_back
+        if frame is None or not self._left or sys.platform == "win32":
+            raise KeyboardInterrupt
+        self._left -= 1
+        signal.signal(signal.SIGALRM, self._interrupt)
+        signal.setitimer(signal.ITIMER_REAL, self.interval)
+
+
+def _abandon_output() -> None:
+    from palpate.writing import abandon_output
+
+    abandon_output()
 
 
 def _run(words: list[str]) -> int:

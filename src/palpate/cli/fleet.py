@@ -119,7 +119,7 @@ def _settings(
     """Return the settings of a run; preparation options with their default values are omitted."""
     from palpate.fleet.tasks import Settings
 
-    for option in ("save_config", "curve"):
+    for option in ("save_config", "curve", "max_size"):
         if getattr(reading, option) is not None:
             name = option.replace("_", "-")
             raise InvalidParameterError(f"--{name} applies to one recording; omit it for a fleet")

@@ -1,8 +1,9 @@
 """The command ``palpate info``."""
 
 from pathlib import Path
+from typing import Annotated
 
-from palpate.cli.options import Dark, FigureFile
+from palpate.cli.options import READ, SIZES, Dark, FigureFile, in_si
 from palpate.cli.printing import AsJson, opened, print_json
 
 
@@ -12,6 +13,7 @@ def info(
     *,
     channel: tuple[str, ...] = (),
     curve: int | None = None,
+    max_size: Annotated[float | None, in_si(SIZES, "SIZE", READ)] = None,
     figure: FigureFile = None,
     dark: Dark = False,
     as_json: AsJson = False,
@@ -30,6 +32,8 @@ def info(
         Only this channel, or all channels of this topic or group; may be repeated.
     curve
         Index, from 0, of the curve to read in a file with several.
+    max_size
+        Largest size of the data in memory, such as 8GB (default: 4 GiB).
     figure
         Draw a strip chart of each channel into this file (.svg, .pdf or .png).
     dark
@@ -44,7 +48,7 @@ def info(
         from palpate.figures import check_figure
 
         check_figure(figure, inputs=[file])
-    recording = opened(file, channel or None, strict=False, curve=curve)
+    recording = opened(file, channel or None, strict=False, curve=curve, max_size=max_size)
     surveyed = survey(recording)
     if figure is not None:
         from palpate import figures

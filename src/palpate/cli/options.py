@@ -234,7 +234,11 @@ def quantity(option: str, text: str, channel: str | Mapping[str, float]) -> floa
     return float(found[1]) * units[found[2] or si]
 
 
-def in_si(channel: str, metavar: str, group: Group) -> Parameter:
+#: Units of a size in memory.
+SIZES = {"B": 1.0, "MB": 1e6, "GB": 1e9, "kB": 1e3, "MiB": 2.0**20, "GiB": 2.0**30}
+
+
+def in_si(channel: str | Mapping[str, float], metavar: str, group: Group) -> Parameter:
     """An option whose number may have a unit of a channel, such as 2mm; SI without one."""
 
     def convert(_: Any, tokens: Sequence[Any]) -> float:

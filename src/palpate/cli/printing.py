@@ -171,13 +171,21 @@ def _width(words: str) -> int:
 
 
 def opened(
-    file: Path, channels: Sequence[str] | None, *, strict: bool, curve: int | None
+    file: Path,
+    channels: Sequence[str] | None,
+    *,
+    strict: bool,
+    curve: int | None,
+    max_size: float | None,
 ) -> "Recording":
     """Open a recording, with a bar while it is read."""
-    from palpate.recordings import open_recording
+    from palpate.recordings.opening import MAX_SIZE, open_recording
 
+    most = MAX_SIZE if max_size is None else max_size
     with bar(f"reading {file}") as progress:
-        return open_recording(file, channels, strict=strict, curve=curve, progress=progress)
+        return open_recording(
+            file, channels, strict=strict, curve=curve, progress=progress, max_size=most
+        )
 
 
 @contextmanager

@@ -11,6 +11,7 @@ from palpate.cli.options import (
     KEPT,
     PREPARED,
     READ,
+    SIZES,
     Channel,
     Channels,
     Unit,
@@ -69,6 +70,8 @@ class ReadingOptions:
     "Identify the stiffness alone, of a curve without time; --start and --stop count samples."
     curve: Annotated[int | None, _READ] = None
     "Index, from 0, of the curve to read in a file with several."
+    max_size: Annotated[float | None, in_si(SIZES, "SIZE", READ)] = None
+    "Largest size of the data in memory, such as 8GB (default: 4 GiB)."
     start: Annotated[float | None, _READ] = None
     "Use samples from this time on, s."
     stop: Annotated[float | None, _READ] = None
@@ -127,10 +130,19 @@ class ReadingOptions:
     def _contact(self, file: Path) -> "Contact":
         from palpate.preparation import prepare
 
+        recording = None
         try:
-            recording = opened(file, self._channels, strict=self.strict, curve=self.curve)
+            recording = opened(
+                file,
+                self._channels,
+                strict=self.strict,
+                curve=self.curve,
+                max_size=self.max_size,
+            )
             return prepare(recording, **self.preparation)
         except MissingChannelError as error:
+            if recording is not None and recording.losses:  # the column may be in what is lost
+                raise RecordingError(f"{error}; {recording.losses[0]}") from None
             names = "name channels with --time, --penetration or --position, --force, --velocity; "
             hint = f"{'' if error.missing else names}palpate info {file} lists them"
             raise RecordingError(f"{error} ({hint})") from None

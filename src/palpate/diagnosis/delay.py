@@ -413,7 +413,9 @@ def largest_pull(fit: Fit) -> float:
     zero = min((force[each] for each in away), key=np.mean)
     comes, slope = free[~leaves[free]], 0.0
     if comes.size and np.ptp(x[comes]) > 0.0:
-        slope = min(float(np.polyfit(x[comes], force[comes], 1)[0]), 0.0)
+        # Sums about the means: they also exist where the places differ in their last digits only.
+        off = x[comes] - x[comes].mean()
+        slope = min(float(off @ force[comes] / max(off @ off, float(np.finfo(float).tiny))), 0.0)
     place = (x - LIGHT[0]) * PIECES / (LIGHT[1] - LIGHT[0])
     least, largest = LEAST_PULL * fit.data.peak_force, 0.0
     for piece in range(PIECES):

@@ -87,13 +87,15 @@ class ContactEstimator(Configured):
         def evidence(self) -> Evidence:
             """The numbers from which a verdict is computed, of a method that selects a law."""
 
-        @property
-        def offered(self) -> tuple[Candidate, ...]:
-            """The laws that compete, of a method that selects one."""
+    @property
+    def offered(self) -> tuple[Candidate, ...]:
+        """The laws that compete, of a method that selects one; otherwise none."""
+        return ()
 
-        @property
-        def candidate(self) -> Candidate | None:
-            """The law selected so far, of a method that selects one."""
+    @property
+    def candidate(self) -> Candidate | None:
+        """The law selected so far, of a method that selects one; otherwise None."""
+        return None
 
     def verdict(self) -> LawVerdict | None:
         """Which law fits best, of a method that selects one; otherwise None."""

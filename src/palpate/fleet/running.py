@@ -3,8 +3,10 @@
 import asyncio
 import itertools
 import math
+import multiprocessing
 import os
 import signal
+import sys
 import threading
 import time
 from collections import deque
@@ -13,6 +15,7 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from functools import partial
+from multiprocessing import resource_tracker
 from pathlib import Path
 from typing import Any
 
@@ -172,6 +175,7 @@ def _held(batch: Table, settings: Settings) -> Iterator[Given]:
 
 #: How long to wait for a scheduler's answer, s.
 PATIENCE = 10.0
+_LONGEST_START = 60.0  # s, of the first worker; it takes 2 to 5 s on an idle machine
 LOOPBACK = "127.0.0.1"
 #: States in which a nanny no longer starts a worker.
 _GONE = ("failed", "closed")
@@ -244,27 +248,59 @@ def _local(distributed: Any, workers: int, *, dashboard: bool) -> Iterator[Any]:
         "distributed.deploy.lost-worker-timeout": "2 s",
         "distributed.scheduler.worker-saturation": 2.0,
     }
+    needed("cryptography", "a fleet")
+    others = set(multiprocessing.active_children())
     with dask.config.set(settings):
-        with ignoring_interrupts():
+        with holding_interrupts():
+            # The workers start afterwards, so that an interrupt need not wait for them.
             cluster = distributed.LocalCluster(
-                n_workers=workers,
+                n_workers=0,
                 threads_per_worker=1,
+                memory_limit=1.0 / workers,
                 processes=True,
                 host=LOOPBACK,
                 dashboard_address=f"{LOOPBACK}:{8787 if dashboard else 0}",
                 worker_dashboard_address=None,
                 silence_logs=60,
                 scheduler_kwargs={"dashboard": dashboard},
+                # A connection runs any code it sends: only this run has the key, in memory.
+                security=distributed.Security.temporary(),
             )
         try:
             with (
                 _kept_at(cluster, workers),
                 distributed.Client(cluster, set_as_default=False) as client,
             ):
+                _await_workers(cluster, workers)
                 yield client
+        except BaseException:
+            cluster.shutdown_on_close = False  # else Dask waits again when the interpreter ends
+            for worker in set(multiprocessing.active_children()) - others:
+                worker.kill()  # one that still starts would hold up the cluster's end
+            raise
         finally:
-            with suppress(TimeoutError):
+            with suppress(Exception):
                 cluster.close(timeout=PATIENCE)
+
+
+def _await_workers(cluster: Any, workers: int) -> None:
+    """Wait for the first workers, and a shorter time for all of them.
+
+    Raises
+    ------
+    FleetError
+        No worker started.
+    """
+    begun, started = time.monotonic(), cluster.scheduler.workers
+    while len(started) < workers:
+        if time.monotonic() - begun > (PATIENCE if started else _LONGEST_START):
+            break
+        time.sleep(0.01)
+    if not started:
+        raise FleetError(
+            f"no worker process started within {_LONGEST_START:g} s: they ended, or the machine is "
+            "too busy; repeat the command to continue, with fewer --workers if memory is short"
+        )
 
 
 @contextmanager
@@ -297,16 +333,35 @@ def _kept_at(cluster: Any, workers: int) -> Iterator[None]:
 
 
 @contextmanager
-def ignoring_interrupts() -> Iterator[None]:
-    """Let processes started here ignore Ctrl-C, which a terminal sends to them too."""
+def holding_interrupts() -> Iterator[None]:
+    """Hold Ctrl-C back until the end of the block; what starts in it never sees the signal.
+
+    A terminal sends Ctrl-C to the processes too, but this one ends them in order. They inherit
+    the mask of their thread; the handler is for a thread of the caller's that does not block it.
+    """
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    held, blocks = False, sys.platform != "win32"
+
+    def hold(*_: Any) -> None:
+        nonlocal held
+        held = True
+
+    before = signal.signal(signal.SIGINT, hold)
     try:
-        yield
+        if blocks:
+            resource_tracker.ensure_running()  # its own start would unblock the signal
+            mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+        try:
+            yield
+        finally:
+            if blocks:
+                signal.pthread_sigmask(signal.SIG_SETMASK, mask)
     finally:
         signal.signal(signal.SIGINT, before)
+        if held:
+            signal.raise_signal(signal.SIGINT)
 
 
 def _check_workers(client: Any, scheduler: str) -> None:

@@ -224,7 +224,12 @@ def summary(status: dict[str, Any], others: dict[str, dict[str, Any]]) -> Iterat
         yield f"{words:<16}" + "".join(f"{each:>9}" for each in columns) + f"   {limit}"
     faults = {words: counts.get(key, 0) for key, words in COUNTED.items()}
     yield ", ".join(f"{n} {words}" for words, n in faults.items() if n or words == COUNTED["lost"])
-    dropped = [f"{page.get('dropped', 0)} by the {name}" for name, page in others.items()]
+    dropped = [
+        f"all since it ended early by the {name}"
+        if page.get("ended")
+        else f"{page.get('dropped', 0)} by the {name}"
+        for name, page in others.items()
+    ]
     if dropped:
         yield f"rows dropped: {', '.join(dropped)}"
     if recorded := others.get("recorder", {}).get("said"):

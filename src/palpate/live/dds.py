@@ -150,6 +150,34 @@ TAKING_PATIENCE = 0.5
 _AT_ONCE = 256  # most messages per read
 
 
+class _Printed:
+    """Takes what Cyclone DDS prints: a line for each malformed packet, which any peer can send.
+
+    It prints from its own threads to the standard error of the process, which would block them if
+    nobody read it. Here a pipe takes the lines; what does not fit is dropped.
+    """
+
+    def __init__(self) -> None:
+        self._before, (self._out, into) = os.dup(2), os.pipe()
+        for end in (self._out, into):
+            os.set_blocking(end, False)
+        os.dup2(into, 2)
+        os.close(into)
+
+    def take(self) -> list[str]:
+        """Return the lines printed since the last call, up to 64 KiB."""
+        try:
+            return os.read(self._out, 1 << 16).decode(errors="replace").splitlines()
+        except BlockingIOError:
+            return []
+
+    def close(self) -> None:
+        """Let the process print to standard error again."""
+        os.dup2(self._before, 2)
+        os.close(self._before)
+        os.close(self._out)
+
+
 class DDS(RosTopics):
     """Source that subscribes to ROS 2 topics, as soon as discovery finds their types.
 
@@ -172,9 +200,12 @@ class DDS(RosTopics):
         self._discovery: BuiltinDataReader | None = None
         self._waits: WaitSet | None = None
         self._readers: dict[int, DataReader[Any]] = {}
+        self._printed: _Printed | None = None
 
     def open(self) -> None:
         """Join the domain and wait briefly for the topics; later ones are found while it runs."""
+        if os.name == "posix" and self._printed is None:
+            self._printed = _Printed()
         self._participant = participant(self._domain, self._interface)
         from cyclonedds.builtin import BuiltinDataReader, BuiltinTopicDcpsPublication
         from cyclonedds.core import WaitSet
@@ -239,6 +270,8 @@ class DDS(RosTopics):
         if seconds > 0.0:
             self._waits.wait(round(1e9 * seconds))
             self._discover()
+            for line in self._printed.take() if self._printed is not None else ():
+                self.refuse(f"Cyclone DDS: {line}")
         something = False
         for index, reader in self._readers.items():
             waited = seconds > 0.0
@@ -255,6 +288,9 @@ class DDS(RosTopics):
         self.finish_pending()
         self._readers.clear()
         self._waits = self._discovery = self._participant = None
+        if self._printed is not None:
+            self._printed.close()
+            self._printed = None
 
 
 # Estimates to ROS 2 over DDS: ``--publish dds:/palpate``.

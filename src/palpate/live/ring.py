@@ -6,7 +6,9 @@ compute: the loop computes them 50 times a second, or at every sample if a sink 
 """
 
 import json
+import os
 import struct
+import sys
 from multiprocessing import resource_tracker, shared_memory
 from typing import Any, NamedTuple
 
@@ -70,6 +72,8 @@ class _Shared:
 
     def __init__(self, size: int, name: str | None = None) -> None:
         self._own = name is None
+        if self._own:
+            _start_tracker()
         self._memory = (
             shared_memory.SharedMemory(create=True, size=size) if name is None else _attached(name)
         )
@@ -85,7 +89,21 @@ class _Shared:
         self._buffer.release()
         self._memory.close()
         if self._own:
+            # The tracker may have ended, and a new one prints a traceback for an unknown name.
+            resource_tracker.register(
+                f"/{self.name}" if os.name == "posix" else self.name, "shared_memory"
+            )
             self._memory.unlink()
+
+
+def _start_tracker() -> None:
+    """Start the process that frees shared memory if this one is killed, without its warning."""
+    before = list(sys.warnoptions)
+    sys.warnoptions.append("ignore:resource_tracker:UserWarning")  # it inherits them
+    try:
+        resource_tracker.ensure_running()
+    finally:
+        sys.warnoptions[:] = before
 
 
 def _attached(name: str) -> shared_memory.SharedMemory:

@@ -117,7 +117,7 @@ def run(
             if not loop.stopped:
                 source.open()
                 loop.say("started")
-            loop.commands = _Asked(started, loop, shared_json, seconds)
+            loop.commands = _Asked(started, loop, shared_json, shared_by_sink, seconds)
             loop.run()
         return {**loop.status(), "failed": failed}
 
@@ -130,9 +130,11 @@ class _Asked:
         sinks: dict[str, Connection],
         loop: Loop,
         shared_json: SharedJson,
+        shared_by_sink: dict[str, SharedJson],
         seconds: float | None,
     ) -> None:
         self._sinks, self._loop, self._board = dict(sinks), loop, shared_json
+        self._by_sink = shared_by_sink
         self._asked = self._told = 0.0
         self._until = float("inf") if seconds is None else time.monotonic() + seconds
 
@@ -154,6 +156,8 @@ class _Asked:
                     return command
             except (EOFError, OSError):  # it has ended or was killed
                 del self._sinks[name]
+                board = self._by_sink[name]  # nobody else writes it any more
+                board.write({**board.read(), "ended": True})
                 self._loop.say(f"the {name} has ended")
         self._asked = now + ASKED_EVERY
         return None

@@ -17,7 +17,7 @@ from typing import Any
 
 import palpate
 from palpate.figures.style import as_svg, recoloured
-from palpate.fleet.running import ignoring_interrupts
+from palpate.fleet.running import holding_interrupts
 from palpate.paper.experiment import Experiment, Outcome
 from palpate.paper.report import Report, figures_of, versions, write_report
 from palpate.validation import or_nan, plain
@@ -172,8 +172,8 @@ def processes(count: int) -> Iterator[futures.ProcessPoolExecutor]:
     pool = futures.ProcessPoolExecutor(count, mp_context=context, initializer=_prepare_worker)
     try:
         # A pool starts a process when a submission finds none idle. Start all of them here, while
-        # interrupts are ignored, so that none is lost later.
-        with ignoring_interrupts():
+        # interrupts are held back, so that none is lost later.
+        with holding_interrupts():
             for _ in range(count):
                 pool.submit(int)
         yield pool

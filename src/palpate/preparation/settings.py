@@ -256,6 +256,9 @@ def normal_given(given: str | Sequence[float]) -> Normal:
     try:
         parts = given.split(",") if isinstance(given, str) else given
         vector = np.array([float(part) for part in parts])
+        if not vector.size or not np.isfinite(vector).all() or not vector.any():
+            raise ValueError
+        vector = vector / np.abs(vector).max()  # the norm of large numbers overflows
         length = float(np.linalg.norm(vector))
         if vector.shape != (3,) or not math.isfinite(length) or length == 0.0:
             raise ValueError

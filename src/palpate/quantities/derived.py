@@ -255,6 +255,11 @@ def _by_law(
 def _at(result: Derivable, depth: float | None) -> WorkingDepth:
     """The numbers at a depth; for None or the working depth, the diagnosis' own."""
     known = result.diagnosis.working_depth
+    if depth is None and not 0.0 < known.depth <= 1e100:
+        raise InvalidParameterError(
+            f"the working depth of the contact is {known.depth:g} m, where no law holds; "
+            "check --surface and the unit of the penetration, or pass a depth"
+        )
     x = number_in("depth", known.depth if depth is None else depth, 0.0, 1e100, open_low=True)
     return known if known.depth == x else result.at(x)
 

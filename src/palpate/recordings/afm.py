@@ -16,7 +16,7 @@ from afmformats.meta import META_FIELDS, MetaDataMissingError
 from numpy.typing import NDArray
 
 from palpate.errors import RecordingError
-from palpate.recordings.opening import Draft, Request, first_line, regular_size
+from palpate.recordings.opening import Draft, Request, excess, first_line, regular_size
 from palpate.recordings.recording import Recording, printable
 
 # afmformats' own errors derive from BaseException.
@@ -64,7 +64,7 @@ def read(path: Path, request: Request) -> Recording:
     regular_size(path)
     with _explained(source):
         if path.name.lower().endswith(_JPK):
-            with _opened(path, source) as reader:
+            with _opened(path, source, request) as reader:
                 return _curve(reader, source, request)
         curves = load_data(path, callback=request.report)
         chosen = curves[_chosen(len(curves), source, request)]
@@ -80,7 +80,7 @@ def count_curves(path: Path) -> int:
         The file cannot be read.
     """
     source = printable(path)
-    with _opened(path, source) as reader, _explained(source):
+    with _opened(path, source, Request()) as reader, _explained(source):
         return len(reader)
 
 
@@ -105,7 +105,7 @@ def read_curves(path: Path, numbers: Sequence[int]) -> Iterator[Recording | Reco
         The file cannot be read at all.
     """
     source = printable(path)
-    with _opened(path, source) as reader:
+    with _opened(path, source, Request()) as reader:
         for number in numbers:
             try:
                 with _explained(source):
@@ -138,10 +138,14 @@ _JPK = (".jpk-force", ".jpk-force-map", ".jpk-qi-data", ".jpk-qi-series")
 
 
 @contextmanager
-def _opened(path: Path, source: str) -> Iterator[JPKReader]:
+def _opened(path: Path, source: str, request: Request) -> Iterator[JPKReader]:
     """Open a JPK file."""
     regular_size(path)
     with _explained(source):
+        with zipfile.ZipFile(path) as archive:  # afmformats unpacks a part at a time
+            for part in archive.infolist():
+                if part.file_size > request.max_size:
+                    raise ValueError(excess("a part needs", part.file_size, request.max_size))
         reader = JPKReader(path)
     try:
         yield reader

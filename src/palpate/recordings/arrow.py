@@ -1,6 +1,7 @@
 """Parquet, Feather and Arrow, read by pyarrow: each column of numbers or text is a channel."""
 
 import json
+import struct
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -10,19 +11,22 @@ import pyarrow.compute as compute
 import pyarrow.ipc as ipc
 import pyarrow.parquet as parquet
 from numpy.typing import NDArray
-from rich.filesize import decimal as format_bytes
 
 from palpate.errors import RecordingError
 from palpate.recordings.nested import MOST_COLUMNS, text_of
-from palpate.recordings.opening import LARGEST, Draft, Request, first_line
+from palpate.recordings.opening import Draft, Request, excess, first_line
 from palpate.recordings.recording import Faults, Recording, printable
 
 # What pyarrow raises on a damaged file.
-_DAMAGED = (pa.ArrowException, ArithmeticError, OSError, LookupError, TypeError, ValueError)
+_DAMAGED = (
+    pa.ArrowException, ArithmeticError, OSError, LookupError, TypeError, ValueError, struct.error,
+)  # fmt: skip
 _NANOSECONDS = {"s": 1_000_000_000, "ms": 1_000_000, "us": 1_000, "ns": 1}
 _UNITS = (b"unit", b"units", b"Unit", b"Units")
 # Metadata that is not readable text.
 _NO_NOTES = (b"pandas", b"ARROW:schema", b"ARROW:extension:name", b"geo", b"huggingface")
+_ROWS_AT_ONCE = 1024
+_DICTIONARY, _BATCH = 2, 3  # MessageHeader of the Arrow format
 _BEGIN = b"ARROW1\0\0"
 
 
@@ -52,15 +56,18 @@ def read(path: Path, request: Request) -> Recording:
             with parquet.ParquetFile(path, page_checksum_verification=True) as table:
                 # Do not access the metadata of columns here: if they are damaged, pyarrow ends the
                 # process.
-                claimed = 8 * table.metadata.num_rows * max(table.metadata.num_columns, 1)
-                if not 0 <= claimed <= LARGEST:
-                    raise ValueError(f"it states {format_bytes(claimed)} of values")
-                of = lambda name: table.read(columns=[name])  # noqa: E731
-                return _recording(table.schema_arrow, of, draft)
+                rows, schema = table.metadata.num_rows, table.schema_arrow
+                wanted = sum(request.wants(_name(form.name)) for form in schema)
+                if not 0 <= 8 * rows * max(wanted, 1) <= request.max_size:
+                    words = excess("its columns need", 8 * rows * wanted, request.max_size)
+                    raise draft.error(words)
+                return _recording(schema, lambda name: _parquet_column(table, name, request), draft)
         if begin != _BEGIN:
             raise draft.error(
                 "this is not a Parquet, Feather (version 2) or Arrow file; check what wrote it"
             )
+        with pa.memory_map(str(path)) as file:
+            _reserve(file, request)
         with pa.OSFile(str(path)) as file:
             batches = _batches(file, draft.losses)
             return _recording(batches.schema, lambda n: batches.select([n]), draft)
@@ -71,6 +78,68 @@ def read(path: Path, request: Request) -> Recording:
             f"the file is cut off or damaged ({first_line(error)}); copy it again or let the "
             "recorder close its file"
         ) from None
+
+
+def _parquet_column(table: parquet.ParquetFile, name: str, request: Request) -> pa.Table:
+    """Read a column; words and lists, of any length, in parts, while they fit."""
+    kind = table.schema_arrow.field(name).type
+    if pa.types.is_primitive(kind) or pa.types.is_decimal(kind):
+        return table.read(columns=[name])
+    batches, size = [], 0
+    for batch in table.iter_batches(_ROWS_AT_ONCE, columns=[name]):
+        batches.append(batch)
+        size += batch.nbytes
+        if size > request.max_size:
+            raise ValueError(excess("it needs", size, request.max_size))
+    return pa.Table.from_batches(batches) if batches else table.read(columns=[name])
+
+
+def _reserve(file: pa.NativeFile, request: Request) -> None:
+    """Count what the compressed buffers of an Arrow file state, before any is decompressed."""
+    file.seek(len(_BEGIN))
+    messages = ipc.MessageReader.open_stream(file)
+    try:
+        while True:
+            message = messages.read_next_message()
+            sizes = _unpacked_sizes(message.metadata, message.body)
+            request.reserve(sum(sizes))
+    except (StopIteration, *_DAMAGED) as error:  # the reader of the batches reports it
+        if isinstance(error, RecordingError):
+            raise
+
+
+def _unpacked_sizes(metadata: pa.Buffer, body: pa.Buffer | None) -> list[int]:
+    """Sizes of the buffers of a message as decompressed, by Message.fbs of the Arrow format.
+
+    A compressed buffer begins with its size; -1 means that it is stored as it is.
+    """
+    about = metadata.to_pybytes()
+
+    def word(form: str, at: int) -> int:
+        return int(struct.unpack_from(f"<{form}", about, at)[0])
+
+    def field(table: int, number: int) -> int:  # where a field of a flatbuffers table is; or 0
+        virtual = table - word("i", table)
+        inside = 4 + 2 * number < word("H", virtual)
+        offset = word("H", virtual + 4 + 2 * number) if inside else 0
+        return table + offset if offset else 0
+
+    def follow(at: int) -> int:
+        return at + word("I", at)
+
+    message = follow(0)
+    kind, at = field(message, 1), field(message, 2)
+    if body is None or not kind or word("B", kind) not in (_DICTIONARY, _BATCH):
+        return []
+    batch = follow(at)
+    if word("B", kind) == _DICTIONARY:
+        batch = follow(field(batch, 1))
+    buffers = follow(field(batch, 2))
+    ends = struct.iter_unpack("<qq", about[buffers + 4 :][: 16 * word("I", buffers)])
+    if not field(batch, 3):  # not compressed
+        return [length for _, length in ends]
+    view = memoryview(body)
+    return [max(*struct.unpack_from("<q", view, at), length) for at, length in ends if length]
 
 
 def _batches(file: pa.NativeFile, losses: list[str]) -> pa.Table:
@@ -110,11 +179,16 @@ def _recording(schema: pa.Schema, table_of: Callable[[str], pa.Table], draft: Dr
             for name, values in _leaves(_name(form.name), table.column(0)):
                 if not request.wants(name):
                     continue
+                if pa.types.is_dictionary(values.type):
+                    request.reserve(_size_of_words(values))
+                request.reserve(8 * len(values))
                 draft.channels[name], own_unit, fault = _values(name, values)
                 if stated := own_unit or unit:
                     draft.units[name] = stated
                 if fault is not None:
                     draft.faults[name] = fault
+        except RecordingError:
+            raise
         except _NoChannelError as error:
             draft.omissions.append(str(error))
         except _DAMAGED as error:
@@ -125,6 +199,19 @@ def _recording(schema: pa.Schema, table_of: Callable[[str], pa.Table], draft: Dr
         raise draft.error(f"no column can be read: {reasons[0]}")
     draft.notes = _notes(schema.metadata or {})
     return draft.done()
+
+
+def _size_of_words(values: pa.ChunkedArray) -> int:
+    """Size of a column of numbered words when each number is replaced by its word."""
+    if not (
+        pa.types.is_string(values.type.value_type)
+        or pa.types.is_large_string(values.type.value_type)
+    ):
+        return 0
+    longest = [
+        compute.max(compute.binary_length(chunk.dictionary)).as_py() for chunk in values.chunks
+    ]
+    return max((each or 0 for each in longest), default=0) * len(values)
 
 
 def _values(name: str, values: pa.ChunkedArray) -> tuple[NDArray[Any], str | None, Faults | None]:

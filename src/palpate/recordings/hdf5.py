@@ -21,7 +21,7 @@ from palpate.recordings.nested import (
     plain_numbers,
     text_of,
 )
-from palpate.recordings.opening import FORCE_CURVES, LARGEST, Request, first_line
+from palpate.recordings.opening import FORCE_CURVES, Request, excess, first_line
 from palpate.recordings.recording import Recording, printable
 
 # What h5py raises on a damaged file.
@@ -175,13 +175,13 @@ class Walk:
         """Whether an array is stored and small enough to read; report missing parts."""
         claimed, stored = item.size * item.dtype.itemsize, item.id.get_storage_size()
         written, pieces = _pieces(item) if stored else (0, 1)
+        piece = math.prod(item.chunks or (0,)) * item.dtype.itemsize
         if not stored:
             self.found.lose(whole, f"none of its {item.size} values was written")
         elif 2 * written < pieces:  # more is missing than is there
             self.found.lose(whole, f"only {written} of its {pieces} chunks were written")
-        elif claimed > LARGEST:
-            there = f"but the file holds {format_bytes(stored)} of it"
-            self.found.lose(whole, f"states a size of {format_bytes(claimed)}, {there}")
+        elif piece > (most := max(claimed, self.found.request.largest_block)):
+            self.found.lose(whole, excess("a chunk needs", piece, most))
         else:
             if written < pieces:
                 missing = f"{pieces - written} of its {pieces} chunks were never written"

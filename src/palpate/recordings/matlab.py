@@ -21,7 +21,7 @@ from rich.filesize import decimal as format_bytes
 
 from palpate.errors import RecordingError, needed
 from palpate.recordings.nested import OBJECTS, UNIT_FIELDS, Findings, no_class, plain_numbers
-from palpate.recordings.opening import LARGEST, Request
+from palpate.recordings.opening import Request
 from palpate.recordings.recording import Recording, printable
 
 Order = Literal["little", "big"]
@@ -38,6 +38,7 @@ _CELL, _STRUCT, _OBJECT, _CHAR, _SPARSE, _FUNCTION, _OPAQUE = 1, 2, 3, 4, 5, 16,
 _COMPLEX, _LOGICAL = 0x0800, 0x0200
 _OTHERS = {_CELL: "cell", _SPARSE: "sparse", _FUNCTION: "function_handle"}
 _DEEPEST = 32
+_MOST_FIELDS = 10_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -152,18 +153,20 @@ def _variables(path: Path, size: int, found: Findings) -> Iterator[tuple[str, Va
                 )
                 return
             try:
-                yield _Matrix(_content(file, tag, kind, length), order).variable()
+                yield _Matrix(_content(file, tag, kind, length, found.request), order).variable()
             except (_WrongError, zlib.error) as error:
                 found.lose(name, f"cannot be read: {error}")
 
 
-def _content(file: BinaryIO, tag: bytes, kind: int, length: int) -> bytes:
+def _content(file: BinaryIO, tag: bytes, kind: int, length: int, request: Request) -> bytes:
     """An element with its tag, decompressed."""
+    request.reserve(length)
     packed = file.read(length)
     if kind == _MATRIX:
         return tag + packed
     unpacker = zlib.decompressobj()
-    content = unpacker.decompress(packed, LARGEST)
+    content = unpacker.decompress(packed, request.max_size)
+    request.reserve(len(content))
     if not unpacker.eof:
         raise _WrongError("its compressed data are cut off")
     return content
@@ -262,6 +265,10 @@ class _Matrix:
         fields = [self._text(k, k + longest) for k in range(start, stop, longest)]
         if count * len(fields) * 8 > end - stop or (not fields and count > 1):
             raise _WrongError(f"it states {count} structs in {format_bytes(end - stop)}")
+        if count > OBJECTS:  # another kind of table, of which only the size is reported
+            return Struct(({},) * count)
+        if len(fields) > _MOST_FIELDS:
+            raise _WrongError(f"a struct of {len(fields)} fields is not a time series")
         return Struct(
             tuple(
                 {name: self._matrix(*next(parts)[1:], depth + 1)[1] for name in fields}

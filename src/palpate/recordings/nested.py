@@ -1,5 +1,6 @@
 """Arrays in groups: their channels, and which array is the clock of which."""
 
+import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
@@ -170,6 +171,8 @@ class Findings(Draft):
         return None
 
     def _read(self, leaf: Leaf, clock: Leaf | None) -> None:
+        # Numbers of up to 32 bits may become floats of 64.
+        self.request.reserve(8 * math.prod(leaf.shape))
         try:
             values = leaf.read()
         except _FAULTS as error:

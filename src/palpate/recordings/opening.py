@@ -16,6 +16,7 @@ from typing import IO, Any
 
 import numpy as np
 from numpy.typing import NDArray
+from rich.filesize import decimal as format_bytes
 
 from palpate.contact import Contact
 from palpate.errors import InvalidParameterError, RecordingError, needed
@@ -24,6 +25,16 @@ from palpate.recordings.recording import Faults, Recording, printable
 from palpate.writing import scratch_file, write_bytes, write_text
 
 _LOGGER = logging.getLogger(__name__)
+
+
+#: Default of ``--max-size``, bytes: 500 million numbers; recordings are smaller.
+MAX_SIZE = 4 << 30
+
+
+def excess(what: str, size: int, most: int) -> str:
+    """Say that something exceeds a cap, and which option raises the cap."""
+    there, cap = format_bytes(size), format_bytes(most)
+    return f"{what} {there} of memory, more than {cap}; if that is right, pass a larger --max-size"
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,12 +51,41 @@ class Request:
         Index, from 0, of the curve to read in a file with several.
     progress : callable, optional
         Called at intervals with the fraction read so far, 0 to 1.
+    max_size : int
+        Largest size of all arrays together, bytes; a message or a compressed block may take a 64th
+        of it. Damaged and hostile files state or unpack to far more than they hold.
+    source : str
+        Name of the file, for errors.
     """
 
     channels: tuple[str, ...] | None = None
     strict: bool = False
     curve: int | None = None
     progress: Callable[[float], None] | None = None
+    max_size: int = MAX_SIZE
+    source: str = ""
+    _reserved: list[int] = field(default_factory=lambda: [0], compare=False, repr=False)
+
+    @property
+    def largest_block(self) -> int:
+        """Largest size of a message or a compressed block, bytes: 64 MiB of 4 GiB."""
+        return self.max_size // 64
+
+    def reserve(self, size: int) -> None:
+        """Count the memory of an array before it is made; raise RecordingError above the cap."""
+        self._reserved[0] += size
+        if self._reserved[0] > self.max_size:
+            words = excess("its data need", self._reserved[0], self.max_size)
+            raise RecordingError.of(self.source, words)
+
+    def release(self) -> None:
+        """Forget all that was counted: a reader begins again."""
+        self._reserved[0] = 0
+
+    def check_block(self, size: int) -> None:
+        """Raise ValueError for a message or a compressed block above the cap."""
+        if size > self.largest_block:
+            raise ValueError(excess("it needs", size, self.largest_block))
 
     def wants(self, name: str) -> bool:
         """Whether a channel, or any channel of a topic or group, is requested."""
@@ -138,6 +178,7 @@ def open_recording(
     strict: bool = False,
     curve: int | None = None,
     progress: Callable[[float], None] | None = None,
+    max_size: float = MAX_SIZE,
 ) -> Recording:
     """Read the channels of a file, unchanged.
 
@@ -156,6 +197,9 @@ def open_recording(
         Index, from 0, of the curve to read in a file with several.
     progress : callable, optional
         Called at intervals with the fraction read so far.
+    max_size : float
+        Largest size of all arrays together, bytes; a message or a compressed block may take a 64th
+        of it. Default: 4 GiB.
 
     Raises
     ------
@@ -171,8 +215,11 @@ def open_recording(
         raise InvalidParameterError(f"path must be a path, not {path!r}") from None
     if curve is not None and curve < 0:
         raise InvalidParameterError(f"curve must be an index from 0 on, not {curve}")
+    if not 1.0 <= max_size <= 1e18:
+        raise InvalidParameterError(f"max_size must be in [1, 1e+18] bytes, not {max_size!r}")
     begun = time.perf_counter()
-    recording = _read(file, Request(wanted, strict, curve, progress))
+    source = "standard input" if str(file) == "-" else printable(file)
+    recording = _read(file, Request(wanted, strict, curve, progress, int(max_size), source))
     _log(recording, time.perf_counter() - begun)
     return recording
 
@@ -186,7 +233,7 @@ def _read(file: Path, request: Request) -> Recording:
     source = "standard input" if standard else printable(file)
     # Keep the suffix: some formats are recognised only by it.
     with scratch_file(f"recording{file.suffix}") as (copy, content):
-        _copy_stream(file, source, content)
+        _copy_stream(file, source, content, request.max_size)
         regular_size(copy, source)
         try:
             recording = format_of(copy).read(copy, request)
@@ -202,7 +249,7 @@ def _is(kind: Callable[[int], bool], path: Path) -> bool:
         return False
 
 
-def _copy_stream(file: Path, source: str, content: IO[bytes]) -> None:
+def _copy_stream(file: Path, source: str, content: IO[bytes], most: int) -> None:
     """Copy standard input (``-``) or a pipe up to its end."""
     standard = nullcontext(getattr(sys.stdin, "buffer", None))
     try:
@@ -211,10 +258,10 @@ def _copy_stream(file: Path, source: str, content: IO[bytes]) -> None:
                 raise RecordingError(f"{source}: no data is piped into it; name a file instead")
             while chunk := stream.read(1 << 20):
                 content.write(chunk)
-                if content.tell() > LARGEST:
+                if content.tell() > most:
                     raise RecordingError(
-                        f"{source}: more than {LARGEST >> 30} GiB arrived; write the data to a "
-                        "file and name that file"
+                        f"{source}: more than {format_bytes(most)} arrived; pass a larger "
+                        "--max-size, or write the data to a file and name that file"
                     )
         content.flush()
     except OSError as error:
@@ -249,10 +296,6 @@ def format_of(path: Path) -> Format:
 
 
 # Helpers of all readers: checks of a file, and reports of unreadable parts.
-
-#: Largest size, in bytes, that a file or a part of it may unpack to or state: recordings are
-#: smaller, and a damaged file may state any size.
-LARGEST = 8 << 30
 
 
 def within(name: str, whole: str) -> bool:

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.errors import MissingChannelError, RecordingError
-from palpate.recordings.opening import LARGEST, Draft, Request, first_line
+from palpate.recordings.opening import Draft, Request, excess, first_line
 from palpate.recordings.recording import Faults, Recording, printable
 from palpate.recordings.text_layout import (
     SPACES,
@@ -98,6 +98,8 @@ def read(path: Path, request: Request) -> Recording:
     table = _Table(path, request, {})
     kinds = {column.name: kind for column in table.columns if (kind := column.mistaken())}
     if kinds:  # a column began with words and continued with numbers, or vice versa
+        del table  # its arrays
+        request.release()
         table = _Table(path, request, kinds)
     return table.recording()
 
@@ -117,8 +119,8 @@ class _Text:
         Whether the last line had no line end; valid after the last block.
     """
 
-    def __init__(self, path: Path, source: str) -> None:
-        self.path, self.source = path, source
+    def __init__(self, path: Path, source: str, most: int) -> None:
+        self.path, self.source, self.most = path, source, most
         self.size = path.stat().st_size
         self.encoding = "utf-8"
         self.losses: list[str] = []
@@ -203,8 +205,12 @@ class _Text:
                         made += len(chunk)
                         self.fraction = min(raw.tell() / self.size, 1.0)
                         yield chunk
-                        if made > LARGEST:
-                            break
+                        if made > self.most:
+                            raise RecordingError.of(
+                                self.source, excess("its text takes", made, self.most)
+                            )
+                except RecordingError:
+                    raise
                 except (EOFError, OSError, zlib.error, lzma.LZMAError) as error:
                     if not made:
                         raise RecordingError(
@@ -214,8 +220,6 @@ class _Text:
                     self.losses.append(
                         f"the compressed data end early or are damaged, after {made} bytes of text"
                     )
-        if made > LARGEST:
-            self.losses.append(f"palpate reads only the first {made >> 30} GiB of text")
 
 
 class _Column:
@@ -385,12 +389,12 @@ class _Table:
         self.request = request
         self.columns: list[_Column] = []
         self.lost: dict[str, tuple[int, str]] = {}  # reason: number of rows, the first row
-        self.text = _Text(path, self.source)
+        self.text = _Text(path, self.source, request.max_size)
         self.rows: list[Sequence[int]] = []  # the row in the file of each sample
         blocks = self.text.blocks()
         first = next(blocks, b"")
         self._begin(first, kinds)
-        row = self.layout.first + 1
+        row, counted = self.layout.first + 1, 0
         for block in itertools.chain(first.split(b"\n", self.layout.first)[-1:], blocks):
             last = b""
             if self.text.cut_off and block:
@@ -402,6 +406,12 @@ class _Table:
                 self._add(last, row)
                 row += 1
             request.report(self.text.fraction)
+            made = sum(column.size * column.width for column in self.columns if column.pieces)
+            # Words are kept besides the pointers to them; equal ones only once.
+            request.reserve(
+                8 * (made - counted) + any(c.kind == "text" for c in self.columns) * len(block)
+            )
+            counted = made
 
     def _begin(self, first: bytes, kinds: Mapping[str, str]) -> None:
         """Find the layout, and what the columns hold."""

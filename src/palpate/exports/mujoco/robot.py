@@ -194,6 +194,8 @@ class PressableModel:
 
 # Distance at which a surface touches no geom, m.
 _FAR = 10.0
+_FARTHEST = 1e6  # m, of a place or a size in a model; MuJoCo's distances overflow far above
+_LONGEST_STEP = 10.0  # s
 # A tip counts as fixed if joint speeds of 1 move it along the normal by less than this, m/s.
 _STUCK = 1e-6
 #: Shapes whose number of contacts with a plane varies with depth in MuJoCo.
@@ -277,6 +279,17 @@ def read(path: Path, geom: str | None, deepest: float) -> Robot:
         )
     first = pressable(path, geom, (_ANY,), Placement((0.0, 0.0, -_FAR)))
     model = first.model
+    own = (model.geom_pos[first.tip], model.geom_size[first.tip], model.body_pos)
+    reach = max(float(np.abs(each).max()) for each in own)
+    if not reach <= _FARTHEST:
+        raise InvalidParameterError(
+            f"geom {geom} of {path.name} has a size or place of {reach:g} m: correct the model"
+        )
+    if not 0.0 < model.opt.timestep <= _LONGEST_STEP:
+        raise InvalidParameterError(
+            f"{path.name} has a time step of {model.opt.timestep:g} s: set its <option timestep>, "
+            f"s, above 0 and at most {_LONGEST_STEP:g}"
+        )
     kind = mujoco.mjtGeom(int(model.geom_type[first.tip])).name.removeprefix("mjGEOM_")
     if kind == "PLANE":
         raise InvalidParameterError(f"geom {geom} is a plane: choose the geom that touches it")

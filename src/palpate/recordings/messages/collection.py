@@ -164,6 +164,8 @@ class Collection(Draft):
             self.frames |= dict.fromkeys(velocities, moving[0])
 
     def _check(self, names: list[str]) -> None:
+        if not self._topics and self.losses:
+            raise self.error(f"no topic can be read: {self.losses[0]}")
         for wanted in self.request.channels or ():
             if not any(within(name, wanted) for name in names):
                 there = sorted({topic.name for topic in self._topics.values()})

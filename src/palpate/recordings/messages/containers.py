@@ -4,22 +4,30 @@ A reader passes blocks of raw messages to the :class:`~palpate.recordings.messag
 each channel, which decodes many at once.
 """
 
+import bz2
+import itertools
 import re
+import shutil
+import sqlite3
 import struct
+import zlib
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import closing, contextmanager
+from functools import partial
 from io import BytesIO
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
+import apsw
+import lz4.frame
 import numpy as np
 import zstandard
 from mcap import records as mcap
 from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
-from mcap.stream_reader import get_chunk_data_stream
 from rosbags.rosbag1 import Reader as Rosbag1
+from rosbags.rosbag2.errors import ReaderError
 from rosbags.rosbag2.storage_sqlite3 import Sqlite3Reader
 from ruamel.yaml import YAML
 from ruamel.yaml.error import YAMLError
@@ -28,16 +36,19 @@ from palpate.errors import RecordingError
 from palpate.recordings.messages.collection import Collection
 from palpate.recordings.messages.layout import Block, Bytes, Starts, gather, one_line
 from palpate.recordings.messages.topic import Topic
-from palpate.recordings.opening import Request, first_line, regular_size
+from palpate.recordings.opening import Request, excess, first_line, regular_size
 from palpate.recordings.recording import Recording, printable
 from palpate.writing import scratch_file
 
 METADATA = "metadata.yaml"
+_LZ4 = b"\x04\x22\x4d\x18"
 _MAGIC = b"\x89MCAP0\r\n"
 _WINDOW = 1 << 18  # bytes of an MCAP file read at a time; a chunk may be longer
 _BATCH = 8 << 20  # bytes of messages from rosbags collected before they are decoded
 _LONGEST_NOTE = 300  # characters
 _LENGTH = struct.Struct("<Q").unpack_from
+_HIGHEST_RATIO = 2000  # of chunks to the file; time stamps alone differ too much for more
+_MOST_DESCRIBED = 10_000  # schemas, channels and metadata; more are a bomb
 _BEFORE = 9  # bytes of kind and length at the start of an MCAP record
 # The header of an MCAP message: kind, length, channel, number, log time, publish time.
 _HEAD = np.dtype("u1, <i8, <u2, <u4, <i8, <u8")
@@ -109,10 +120,6 @@ def _files(folder: Path, collection: Collection) -> tuple[list[Path], int | None
         return files, expected
     if not there:
         raise collection.error("the folder holds no ROS 2 bag; name a recording file instead")
-    if any(".db3" in each.name for each in there):
-        raise collection.error(
-            f"the recorder did not close the bag: {METADATA} is missing; {_reindex(folder)}"
-        )
     collection.lost(f"{METADATA} is missing; the recorder was probably killed")
     return there, None
 
@@ -139,15 +146,16 @@ def _unpacked(path: Path, collection: Collection) -> Iterator[Path]:
         return
     with path.open("rb") as file, scratch_file(path.stem) as (plain, copy):
         try:
-            zstandard.ZstdDecompressor().copy_stream(file, copy)
+            with zstandard.ZstdDecompressor().stream_reader(file) as unpacked:
+                while piece := unpacked.read(_BATCH):
+                    copy.write(piece)
+                    if copy.tell() > collection.request.max_size:
+                        most = collection.request.max_size
+                        raise collection.error(excess("its file takes", copy.tell(), most))
         except zstandard.ZstdError as error:
             collection.lost(f"{one_line(path.name)} cannot be fully decompressed: {error}")
         copy.flush()
         yield plain
-
-
-def _reindex(folder: Path) -> str:
-    return f"close it with: ros2 bag reindex {printable(folder)}"
 
 
 def _read_ros1(path: Path, collection: Collection) -> Iterator[float]:
@@ -159,26 +167,77 @@ def _read_ros1(path: Path, collection: Collection) -> Iterator[float]:
             f"the bag was not closed by its recorder or is damaged ({first_line(error)}); close it "
             f"with: rosbag reindex {printable(path)}"
         ) from None
+    unpack = partial(_unpacked_bag_chunk, request=collection.request)
+    bag.chunks = {at: each._replace(decompressor=unpack) for at, each in bag.chunks.items()}
     with closing(bag):
         counts = [0, *(sum(info.connection_counts.values()) for info in bag.chunk_infos)]
         kinds = dict.fromkeys((each.id for each in bag.connections), ("ros1", "ros1msg"))
         yield from _from_rosbags(bag.connections, kinds, bag.messages(), sum(counts), collection)
 
 
+def _unpacked_bag_chunk(data: bytes, request: Request) -> bytes:
+    """Decompress a chunk of a ROS 1 bag by its first bytes, up to the cap."""
+    if data.startswith(_LZ4):
+        unpacker: Any = lz4.frame.LZ4FrameDecompressor()
+    elif data.startswith(b"BZh"):
+        unpacker = bz2.BZ2Decompressor()
+    else:
+        return data
+    unpacked: bytes = unpacker.decompress(data, request.largest_block + 1)
+    request.check_block(len(unpacked))
+    if not unpacker.eof:
+        raise ValueError("a compressed chunk is cut off")
+    return unpacked
+
+
+@contextmanager
+def _recovered(path: Path, collection: Collection) -> Iterator[Path]:
+    """The bag; if its recorder did not close it, a copy to which SQLite applied the journal."""
+    there = [path.with_name(path.name + end) for end in ("-wal", "-journal")]
+    logs = [log for log in there if log.is_file() and log.stat().st_size]
+    if not logs:
+        yield path
+        return
+    with scratch_file(path.name) as (copy, _):
+        try:
+            for each in (path, *logs):
+                shutil.copyfile(each, copy.with_name(each.name))
+            with closing(sqlite3.connect(copy)) as database:
+                database.execute("PRAGMA journal_mode = DELETE")
+                database.execute("SELECT count(*) FROM sqlite_master")
+        except sqlite3.Error as error:
+            collection.lost(f"the journal of the bag cannot be applied: {first_line(error)}")
+        except OSError as error:
+            words = f"cannot copy the bag, which its recorder did not close: {error.strerror}"
+            raise collection.error(f"{words}; free some space, or set TMPDIR") from None
+        else:
+            words = "its recorder did not close the bag; palpate reads a recovered copy"
+            collection.notes["recovered"] = words
+        yield copy
+
+
 def _read_sqlite(path: Path, collection: Collection) -> Iterator[float]:
-    logs = [path.with_name(path.name + end) for end in ("-wal", "-journal")]
-    if any(log.is_file() and log.stat().st_size for log in logs):
-        raise collection.error(f"the recorder did not close the bag; {_reindex(path.parent)}")
+    with _recovered(path, collection) as whole:
+        yield from _read_closed_sqlite(whole, collection)
+
+
+def _read_closed_sqlite(path: Path, collection: Collection) -> Iterator[float]:
     # rosbags converts the path to a URI, in which ?, # and % have other meanings.
     bag = Sqlite3Reader(Path(quote(str(path.absolute()))))
     try:
         bag.open()
     except Exception as error:
+        why = f"{printable(path.name)} is an SQLite file, but "
+        if isinstance(error, ReaderError):
+            raise collection.error(f"{why}not a ROS 2 bag; check what wrote it") from None
         raise collection.error(
-            f"{printable(path.name)} cannot be read: {first_line(error)}; if it was not closed, "
-            f"{_reindex(path.parent)}"
+            f"{why}damaged or cut off ({first_line(error)}); copy it again, or recover it with: "
+            "sqlite3 FILE .recover"
         ) from None
     with closing(bag):
+        assert bag.dbconn is not None
+        most = min(collection.request.largest_block, (1 << 31) - 1)
+        bag.dbconn.limit(apsw.SQLITE_LIMIT_LENGTH, most)
         kinds = {
             each.id: (
                 str(getattr(each.ext, "serialization_format", "cdr")),
@@ -236,9 +295,13 @@ def _until_damaged(
     try:
         for connection, time, data in messages:
             if isinstance(time, int) and isinstance(data, bytes):
+                collection.request.check_block(len(data))
                 yield connection, time, data
             else:
                 bad += 1
+    except apsw.TooBigError:
+        size, most = (collection.request.largest_block,) * 2
+        collection.lost(f"palpate reads the bag up to a message: {excess('it needs', size, most)}")
     except Exception as error:  # rosbags may raise anything on a damaged file
         collection.lost(f"the bag is damaged; palpate reads it up to there: {first_line(error)}")
     if bad:
@@ -254,6 +317,8 @@ class _Mcap:
         self.schemas: dict[int, mcap.Schema] = {}
         self.topics: dict[int, Topic] = {}
         self.messages = 0
+        self.unpacked = 0  # bytes of chunks
+        self.described = set[int]()  # schemas, channels and metadata
         self.unknown = 0  # messages of channels without a channel record
         self.claimed: int | None = None  # the number of messages that the file states
         self.ended = False
@@ -270,6 +335,12 @@ class _Mcap:
                     length = _BEFORE + _LENGTH(data, 1)[0]
                     if length > size - position:
                         break
+                    try:
+                        self.collection.request.check_block(length)
+                    except ValueError as error:
+                        self._lost(f"the record at byte {position} is skipped: {error}")
+                        position += length
+                        continue
                     data += file.read(length - len(data))
                     starts, end = [0], length
                 if not starts:
@@ -291,14 +362,19 @@ class _Mcap:
         """Process complete records in order."""
         view, begins = np.frombuffer(data, np.uint8), np.array(starts, np.int64)
         sizes = np.diff(begins, append=end)
-        is_message = (view[begins] == Opcode.MESSAGE) & (sizes >= _HEAD.itemsize)
+        kinds = view[begins]
+        is_message = (kinds == Opcode.MESSAGE) & (sizes >= _HEAD.itemsize)
+        others = np.flatnonzero(np.isin(kinds, _OTHERS)).tolist()
         first = 0
-        for k in np.flatnonzero(~is_message).tolist():
+        # Not a list: a chunk among them may hold what the summary after it repeats.
+        new = (k for k in others if self._is_new(data[starts[k] : starts[k] + sizes[k]]))
+        for k in itertools.chain(new, [len(starts)]):
             # A schema or channel precedes its messages; chunks may lie between single messages.
-            self._messages(view, begins[first:k], sizes[first:k])
-            self._other(data[starts[k]], data[starts[k] + _BEFORE : starts[k] + sizes[k]])
+            which = first + np.flatnonzero(is_message[first:k])
+            self._messages(view, begins[which], sizes[which])
+            if k < len(starts):
+                self._other(data[starts[k]], data[starts[k] + _BEFORE : starts[k] + sizes[k]])
             first = k + 1
-        self._messages(view, begins[first:], sizes[first:])
 
     def _messages(self, view: Bytes, begins: Starts, sizes: Starts) -> None:
         if not len(begins):
@@ -313,6 +389,14 @@ class _Mcap:
             lengths = sizes[which] - _HEAD.itemsize
             times = heads["f4"][which].astype(np.int64)
             self.topics[channel].add(Block(view, begins[which] + _HEAD.itemsize, lengths, times))
+
+    def _is_new(self, record: bytes) -> bool:
+        """Whether a description is not a repetition, nor one of too many; each splits a block."""
+        if record[0] in (Opcode.CHUNK, Opcode.FOOTER):
+            return True
+        new = hash(record) not in self.described and len(self.described) < _MOST_DESCRIBED
+        self.described.add(hash(record))
+        return new
 
     def _other(self, kind: int, data: bytes) -> None:
         self.ended = self.ended or kind == Opcode.FOOTER
@@ -340,7 +424,10 @@ class _Mcap:
 
     def _chunk(self, chunk: mcap.Chunk) -> None:
         try:
-            data = get_chunk_data_stream(chunk, validate_crc=True)[0].read(chunk.uncompressed_size)
+            self.collection.request.check_block(max(chunk.uncompressed_size, len(chunk.data)))
+            self.unpacked += chunk.uncompressed_size
+            self._check_unpacked()
+            data = _unpacked_chunk(chunk)
             starts, end = _whole_records(data)
             if end != chunk.uncompressed_size:
                 raise ValueError("it is shorter than stated")
@@ -352,6 +439,14 @@ class _Mcap:
             )
         else:
             self._take(data, starts, end)
+
+    def _check_unpacked(self) -> None:
+        """End the reading of chunks that all together unpack to far more than a recording does."""
+        request, size = self.collection.request, self.path.stat().st_size
+        most = max(request.largest_block, _HIGHEST_RATIO * size)
+        if self.unpacked > most:
+            self.ended = True
+            raise ValueError(excess("this and all before need", self.unpacked, most))
 
     def _channel(self, channel: mcap.Channel) -> None:
         if channel.id in self.topics:  # repeated in another chunk or in the summary
@@ -367,6 +462,22 @@ class _Mcap:
 
     def _lost(self, sentence: str) -> None:
         self.collection.lost(f"{printable(self.path.name)}: {sentence}")
+
+
+def _unpacked_chunk(chunk: mcap.Chunk) -> bytes:
+    """Decompress a chunk, up to the size that it states; raise ValueError if its CRC differs."""
+    size = chunk.uncompressed_size
+    if chunk.compression == "zstd":
+        data = zstandard.ZstdDecompressor().stream_reader(chunk.data).read(size)
+    elif chunk.compression == "lz4":
+        data = lz4.frame.LZ4FrameDecompressor().decompress(chunk.data, size)
+    elif chunk.compression:
+        raise ValueError(f"its compression {chunk.compression[:20]!r} is unknown")
+    else:
+        data = chunk.data
+    if chunk.uncompressed_crc and zlib.crc32(data) != chunk.uncompressed_crc:
+        raise ValueError("its checksum is wrong")
+    return data
 
 
 def _whole_records(data: bytes) -> tuple[list[int], int]:
@@ -391,6 +502,7 @@ _KINDS: dict[int, Any] = {
     Opcode.METADATA: mcap.Metadata,
     Opcode.HEADER: mcap.Header,
 }
+_OTHERS = np.array([*_KINDS, Opcode.FOOTER], np.uint8)
 _READERS: dict[bytes, Callable[[Path, Collection], Iterator[float]]] = {
     b"#ROSBAG V": _read_ros1,
     b"SQLite format 3\0": _read_sqlite,

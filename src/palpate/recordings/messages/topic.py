@@ -26,6 +26,8 @@ from palpate.recordings.recording import Faults
 PATIENCE = 1000
 # Largest number of layouts kept for comparison.
 MOST_LAYOUTS = 256
+#: Largest number of layouts in a topic. All messages of a length are compared with each.
+MOST_PARSED = 4096
 _BATCH = 4096  # messages held as Python objects at once, some 1 kB each
 
 _ZSTD = b"\x28\xb5\x2f\xfd"  # first bytes of a compressed message
@@ -146,6 +148,7 @@ class Topic:
         paths = {path for path, _, _ in columns}
         if paths <= {stamp_of(paths)}:
             return
+        self.request.reserve(sum(values.nbytes for _, _, values in columns) + times.nbytes)
         self.found[name] = found
         rows = slice(found.count, found.count + len(times))
         for path, part, values in (*columns, (LOG_TIME, rows, times)):
@@ -196,6 +199,7 @@ class BinaryTopic(Topic):
         super().__init__(request)
         self._cdr = cdr
         self._walk = walk
+        self._parsed = 0  # messages of which the layout was new
         self._layouts: dict[int, list[Layout]] = {}
 
     def take(self, block: Block) -> None:
@@ -211,8 +215,12 @@ class BinaryTopic(Topic):
         messages, times = [], []
         for k, time in enumerate(block.times.tolist()):
             try:
-                messages.append(zstandard.decompress(block.message(k)))
-            except zstandard.ZstdError as error:
+                most = self.request.largest_block
+                unpacked = zstandard.ZstdDecompressor().stream_reader(block.message(k))
+                message = unpacked.read(most + 1)
+                self.request.check_block(len(message))
+                messages.append(message)
+            except (zstandard.ZstdError, ValueError) as error:
                 self.fail(f"it cannot be decompressed: {error}")
                 continue
             times.append(time)
@@ -230,11 +238,15 @@ class BinaryTopic(Topic):
         # Parse the first message before copying, so that images are skipped without a copy.
         if not known and not self._new_layout(block.message(int(which[0])), known):
             which = which[1:]
-        if self.omitted:
+        if self.omitted or self._parsed > MOST_PARSED:
+            self.undecodable += len(which) * (not self.omitted)
             return
         matrix = gather(block.data, block.starts[which], length)
         tried = 0
         while len(which):
+            if tried == len(known) and self._parsed > MOST_PARSED:
+                self.fail(f"they have more than {MOST_PARSED} layouts", len(which))
+                return
             if tried == len(known) and not self._new_layout(matrix[0].tobytes(), known):
                 if self.omitted:
                     return
@@ -252,6 +264,7 @@ class BinaryTopic(Topic):
 
     def _new_layout(self, message: bytes, known: list[Layout]) -> bool:
         """Parse a message and keep its layout; return whether that succeeded."""
+        self._parsed += 1
         try:
             layout = self._walk(message)
         except UndecodableError as error:
