@@ -287,7 +287,9 @@ def test_how_the_velocity_was_computed_goes_wherever_the_contact_goes(tmp_path):
     spline = prepare(tmp_path / "own.csv", columns=Columns(velocity="none"))
     assert spline.velocity_filter.penalty > 0.0
     palpate.identify(spline).save(tmp_path / "spline")
-    assert palpate.load_result(tmp_path / "spline").contact.velocity_filter == spline.velocity_filter
+    assert (
+        palpate.load_result(tmp_path / "spline").contact.velocity_filter == spline.velocity_filter
+    )
     with pytest.raises(InvalidParameterError, match="samples must be in"):
         palpate.VelocityFilter(2, 2)
 

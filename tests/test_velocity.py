@@ -70,14 +70,6 @@ def test_gain_and_noise_of_the_spline_are_those_of_its_weights(used):
         assert noise_gain(used) == pytest.approx(np.sqrt(12.0 / window**3), rel=0.02)
 
 
-def test_the_gain_of_a_parabola_is_that_of_its_weights():
-    parabola = VelocityFilter(15, 2)
-    k = np.arange(-7, 8)
-    expected = k @ np.sin(0.2 * k) / (k @ k) / 0.2
-    assert filter_gain(parabola, 0.2) == pytest.approx(expected, rel=1e-12)
-    assert noise_gain(parabola) == pytest.approx(1.0 / np.sqrt(k @ k), rel=1e-12)
-
-
 def strokes(time: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """A hand that presses at three rates: position, m, and velocity, m/s."""
     parts = [(2e-3, 4.0), (1e-3, 11.0), (5e-5, 55.0)]

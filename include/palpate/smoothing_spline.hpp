@@ -1,8 +1,8 @@
 // Cubic smoothing spline of recorded positions, and its slope at the samples.
 //
 // The spline minimises Σ (x_i − f(t_i))² + λ ∫ f″² dt. With γ its second derivatives at the inner
-// samples, R and Q the tridiagonal matrices of Reinsch (Numer. Math. 10, 177, 1967; Green and
-// Silverman 1994, section 2.3),
+// samples, R and Q the tridiagonal matrices of Reinsch (Numerische Mathematik 10, 177, 1967; Green
+// and Silverman 1994, section 2.3),
 //
 //   (R + λ QᵀQ) γ = Qᵀx,   f = x − λ Q γ,
 //

@@ -96,14 +96,15 @@ def velocities_of(
     """Velocity [m/s] of each run of samples, the filter, and the number of dropouts excluded.
 
     By default it is the slope of the cubic smoothing spline, the f with the least
-    Σ (xᵢ − f(tᵢ))² + λ ∫ f″² dt (Reinsch 1967, Numer. Math. 10, 177), one λ for all runs. Of
-    penalties each four times the one before, it is between the two that differ least in velocity,
-    from the largest down (``choose_spline`` in ``smoothing_spline.hpp``): more smoothing bends the
-    motion, which happens in contact, and less adds noise, white or correlated. A run of fewer than
-    20 samples, or a window that is passed, takes the slope of the least-squares parabola through
-    the window around the sample, also for uneven time steps; near an end the window keeps its
-    length. A dropout is excluded, because it would distort the velocity around it; its own velocity
-    is interpolated.
+    Σ (xᵢ − f(tᵢ))² + λ ∫ f″² dt (Reinsch 1967, Numerische Mathematik 10, 177), with one λ for all
+    runs. Of penalties each four times the one before, it is between the two that differ least in
+    velocity, from the largest down (``choose_spline`` in ``smoothing_spline.hpp``): more smoothing
+    bends the motion, which happens in contact, and less adds noise, white or correlated.
+
+    A run of fewer than 20 samples, or a window that is passed, takes the slope of the least-squares
+    parabola through the window around the sample, also for uneven time steps; near an end the
+    window keeps its length. A dropout is excluded, because it would distort the velocity around it;
+    its own velocity is interpolated.
     """
     velocity = np.full(time.shape, np.nan)
     samples: list[tuple[Indices, NDArray[np.bool_]]] = []
