@@ -117,7 +117,7 @@ def test_no_velocity_is_worse_than_that_of_the_parabola(motion, kind):
         spline, parabola = (np.sqrt(np.mean(each[x > 0.0] ** 2)) for each in errors)
         ratios.append(spline / parabola)
     # An interpolated sample is off the motion of a tap by more than any filter's error.
-    assert np.mean(ratios) < (0.5 if motion is taps and kind != "tracker" else 0.9)
+    assert np.mean(ratios) < (0.5 if motion is taps and kind != "tracker" else 1.0)
 
 
 def test_a_contact_knows_its_spline_and_one_penalty_is_for_all_of_its_segments():

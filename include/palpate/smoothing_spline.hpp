@@ -229,9 +229,10 @@ inline void spline_velocity(const double* time, const double* position, std::siz
   detail::Splines<1> spline(time, position, count, step);
   spline.slopes({penalty},
                 [&](std::size_t k, const auto& slope) noexcept { velocity[k] = slope[0]; });
-  // From there on the error of f″ = 0 is below a fortieth of that at the end.
+  // From there on the error of f″ = 0 is below a thirtieth of that at the end.
   const double window = spline_window * std::sqrt(std::sqrt(penalty));
-  const auto ends = std::min(static_cast<std::size_t>(std::ceil(window)) + 3, count / 2);
+  const auto reach = static_cast<std::size_t>(std::ceil(window));
+  const std::size_t ends = std::min(std::max<std::size_t>(reach, 3), count / 2);
   const std::size_t used = std::min(2 * ends, count), first = count - used;
   detail::quartic_slopes(time, position, used, step, 0, ends, velocity);
   detail::quartic_slopes(time + first, position + first, used, step, used - ends, used,

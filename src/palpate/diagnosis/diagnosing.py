@@ -310,8 +310,8 @@ def _velocity_error(fit: Fit, used: VelocityFilter) -> float:
     """
     speed = fit.v * fit.units.speed
     if used.degree == 2:  # of order ω², the mean over a window keeps it and lowers the noise
-        rates = fit.band.mean(fit.acceleration), fit.band.mean(speed)
-        turn = float(np.divide(*map(np.linalg.norm, rates)))
+        rate = np.linalg.norm(fit.band.mean(fit.acceleration))
+        turn = float(rate / np.linalg.norm(fit.band.mean(speed)))
     else:
         turn = math.sqrt(float(np.linalg.norm(fit.jerk) / np.linalg.norm(speed)))
     lost = 1.0 - float(filter_gain(used, min(turn * fit.data.sample_time, math.pi)))

@@ -165,10 +165,10 @@ def velocities_of_rows(
     """
     count, samples = penetration.shape
     velocity, penalties = np.empty(penetration.shape), np.empty(count)
-    whole = np.zeros(count, dtype=bool)  # rows for the compiled loop
+    whole: NDArray[np.bool_] = np.zeros(count, dtype=bool)  # rows for the compiled loop
     step = float(np.median(np.diff(time))) if time.ndim == 1 and samples > 1 else 0.0
     if step > 0.0 and samples >= FEWEST_OF_SPLINE:
-        whole = np.isfinite(penetration).all(axis=1)
+        whole[:] = np.isfinite(penetration).all(axis=1)
         longest = _longest(window_samples(step), samples)
         _core.spline_rows(time, penetration, step, longest, velocity, penalties, threads)
         with np.errstate(over="ignore", invalid="ignore"):
