@@ -27,7 +27,7 @@ def test_a_good_file_is_read_to_the_last_bit_and_says_how_each_channel_was_made(
     assert list(contact.segments()) == [slice(0, 600)]
     assert contact.provenance["penetration"] == "column 'penetration_m'"
     assert contact.provenance["force"] == "column 'force_N'"
-    assert "Savitzky" in contact.provenance["velocity"]
+    assert "spline" in contact.provenance["velocity"]
 
 
 def test_a_recording_holds_what_the_file_says_and_no_more(tmp_path):

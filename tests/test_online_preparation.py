@@ -11,7 +11,7 @@ from scipy.signal import savgol_filter
 
 import palpate
 from palpate import InvalidParameterError, OnlinePreparation, Status
-from palpate.preparation.velocity import lost_positions, velocity_of, window_samples
+from palpate.preparation.velocity import velocities_of, velocity_of, window_samples
 
 T = 1e-3
 LATE = 9  # samples: half a window of 15, and the two that tell of a lost position
@@ -75,7 +75,7 @@ def test_the_velocity_is_the_centred_filter_s(clock, window):
     middle = slice(half, time.size - half - 2)
     # Stamps of the epoch have steps of 0.24 µs, which x − x_m of 1e-4 m in 1e-3 s feels as is; both
     # filters take them as they are, and differ in the roundings of some hundred terms.
-    expected = velocity_of(time, x, window)[middle]
+    expected = velocity_of(time, x, (2 * half + 1) * step)[middle]
     assert np.abs(contact.velocity - expected).max() < 1e-11 * np.abs(expected).max()
     assert np.array_equal(contact.penetration, x[middle])
     assert np.array_equal(contact.force, force[middle])
@@ -92,7 +92,7 @@ def test_lost_positions_are_left_out_as_offline():
     middle = np.arange(7, time.size - LATE)
     kept = middle[~np.isin(middle, lost)]
     assert np.array_equal(contact.penetration, x[kept])
-    expected = velocity_of(time, broken)[kept]
+    expected = velocity_of(time, broken, 15e-3)[kept]
     # As above; an even clock and one with a sample left out are summed in other orders.
     assert np.abs(contact.velocity - expected).max() < 1e-11 * np.abs(expected).max()
     assert np.allclose(contact.time, time[kept], rtol=1e-15)
@@ -125,7 +125,7 @@ def biases():
         time, x, force = measured(10.0, position_noise=5.5e-6, seed=seed)
         contact = OnlinePreparation().replay(x, force)
         middle = slice(7, time.size - LATE)
-        difference, offline = np.diff(x) / T, velocity_of(time, x)
+        difference, offline = np.diff(x) / T, velocity_of(time, x, 15e-3)
         mean = np.convolve(difference, np.full(10, 0.1), mode="valid")  # of the latest ten
         arrays = {
             "online": (contact.penetration, contact.velocity, contact.force),
@@ -222,7 +222,7 @@ def test_refused_samples_are_left_out_and_their_time_is_not():
     pushes[[300, 400]] = math.nan, -math.inf
     preparation = OnlinePreparation()
     contact = preparation.replay(broken, pushes)
-    expected = velocity_of(time[known], x[known])
+    expected = velocity_of(time[known], x[known], 15e-3)
     # As between the clocks above.
     np.testing.assert_allclose(contact.velocity, expected[7:-LATE], rtol=0.0, atol=1e-12)
     assert np.allclose(contact.time, time[known][7:-LATE], rtol=1e-15)
@@ -318,7 +318,8 @@ def test_on_an_even_clock_it_is_the_classic_filter(rate, window, samples):
     x, _ = THREE_SINES.at(time)
     x = x + 1e-5 * np.random.default_rng(0).standard_normal(time.size)
     expected = savgol_filter(x, samples, polyorder=2, deriv=1, delta=1.0 / rate, mode="interp")
-    velocity = velocity_of(time, x, window)
+    assert window_samples(1.0 / rate, window) == samples
+    velocity = velocity_of(time, x, samples / rate)
     # The clock itself is rounded, at ε t/T = 1e-13 of a step; slopes through zero are absolute.
     assert np.max(np.abs(velocity - expected)) < 1e-9 * np.max(np.abs(expected))
 
@@ -335,6 +336,9 @@ def test_it_is_exact_on_any_parabola_on_an_uneven_clock(samples, window):
     since = time - time[0]
     velocity = velocity_of(time, 5e-3 + 0.03 * since - 0.7 * since**2, window)
     expected = 0.03 - 1.4 * since
+    if window is None and samples > 20:  # a spline bends at its ends, where a quartic replaces it
+        assert np.abs(velocity - expected).max() < 1e-3 * np.abs(expected).max()
+        return
     # x is rounded at ε; a slope over a few ms makes 1e3 of it and the ends of a window 1e2 more.
     np.testing.assert_allclose(velocity, expected, rtol=0.0, atol=1e-10 * np.abs(expected).max())
 
@@ -346,13 +350,13 @@ def test_a_lost_position_does_not_spoil_its_neighbours():
     lost = [2, 400, 405, 1200]
     broken = x.copy()
     broken[lost] = 0.0
-    assert lost_positions(broken) == len(lost)
-    assert lost_positions(x) == 0
+    assert velocities_of(time, broken, [slice(None)])[2] == len(lost)
+    assert velocities_of(time, x, [slice(None)])[2] == 0
     velocity, expected = velocity_of(time, broken), velocity_of(time, x)
     # A window with one sample less has a tenth more noise, of 1 µm: 0.06 mm/s of some 60.
     assert np.abs(velocity - expected).max() < 3e-4
     broken[7] = math.nan  # what is not known is not lost
-    assert lost_positions(broken) == len(lost)
+    assert velocities_of(time, broken, [slice(None)])[2] == len(lost)
 
 
 def test_samples_that_are_not_known_are_left_out():

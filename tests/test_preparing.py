@@ -175,12 +175,12 @@ def test_a_note_does_not_overwrite_what_was_done_and_is_kept(tmp_path):
     notes = "# velocity: by a wizard\n# force: a feather\n# probe: 7\n"
     path = written(tmp_path / "n.csv", notes + text_of(rows_of()))
     provenance = prepare(path).provenance
-    assert "Savitzky" in provenance["velocity"]
+    assert "spline" in provenance["velocity"]
     assert provenance["note on velocity"] == "by a wizard"
     assert provenance["force"] == "column 'force_N'"
     assert provenance["note on force"] == "a feather"
     assert provenance["probe"] == "7"
-    assert "Savitzky" in prepare(path, provenance={"velocity": "mine"}).provenance["velocity"]
+    assert "spline" in prepare(path, provenance={"velocity": "mine"}).provenance["velocity"]
 
 
 @pytest.mark.parametrize("window", [None, 0.05])
@@ -239,11 +239,11 @@ def checks_of(contact: palpate.Contact) -> list[str]:
 
 def test_no_note_of_a_user_changes_what_is_known_of_the_velocity(tmp_path):
     """What a later step needs to know is a field, whatever the provenance says."""
-    plain = coarse()
+    plain = coarse(velocity_window=15e-3)
     assert "velocity noise" in checks_of(plain)
     expected = palpate.identify(plain).diagnosis
     words = {"velocity": "centred differences in the controller"}
-    noted = coarse(provenance=words)
+    noted = coarse(velocity_window=15e-3, provenance=words)
     for contact in (noted, dataclasses.replace(plain, provenance={"velocity": "mine"})):
         found = palpate.identify(contact).diagnosis
         assert found.verdict == expected.verdict
@@ -284,8 +284,11 @@ def test_how_the_velocity_was_computed_goes_wherever_the_contact_goes(tmp_path):
         assert each.velocity_filter == filtered
     assert prepare(tmp_path / "other.csv").velocity_filter is None
     assert joined([given, given]).velocity_filter is None
-    assert prepare(tmp_path / "own.csv", columns=Columns(velocity="none")).velocity_filter == (
-        palpate.VelocityFilter(15, 2)
+    spline = prepare(tmp_path / "own.csv", columns=Columns(velocity="none"))
+    assert spline.velocity_filter.penalty > 0.0
+    palpate.identify(spline).save(tmp_path / "spline")
+    assert (
+        palpate.load_result(tmp_path / "spline").contact.velocity_filter == spline.velocity_filter
     )
     with pytest.raises(InvalidParameterError, match="samples must be in"):
         palpate.VelocityFilter(2, 2)
@@ -296,7 +299,7 @@ def test_rows_of_arrays_know_that_their_velocity_was_computed():
     arrays = {"penetration": contact.penetration[None], "force": contact.force[None]}
     curves = Curves(contact.time, **arrays).known()
     assert curves.contact(0, Settings()).velocity_filter == contact.velocity_filter
-    assert dataclasses.replace(curves, degrees=None).contact(0, Settings()).velocity_filter is None
+    assert dataclasses.replace(curves, filters=None).contact(0, Settings()).velocity_filter is None
 
 
 # Clocks that tick slowly, and rows that were written twice.

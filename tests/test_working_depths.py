@@ -119,9 +119,8 @@ def test_an_estimate_knows_stiffness_and_damping_with_their_errors(method):
 def test_what_a_velocity_filter_takes_off_the_velocity_is_in_the_error_of_the_damping():
     stiff = palpate.HuntCrossley(5e5, 2e5, 1.5)
     signals = exciting(stiff, seconds=6.0, noise=0.02, seed=5)
-    contact = palpate.prepare(
-        time=signals.time, penetration=signals.penetration, force=signals.force
-    )
+    arrays = {"time": signals.time, "penetration": signals.penetration, "force": signals.force}
+    contact = palpate.prepare(**arrays, velocity_window=15e-3)
     there = palpate.identify(contact).diagnosis.working_depth
     off = there.damping.value - stiff.damping_at(there.depth)
     assert off > 3.0 * there.damping.standard_error

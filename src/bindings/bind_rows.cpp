@@ -23,6 +23,7 @@
 #include "palpate/batch_fit/curve_fit.hpp"
 #include "palpate/force_laws.hpp"
 #include "palpate/outliers.hpp"
+#include "palpate/smoothing_spline.hpp"
 #include "rows.hpp"
 
 namespace palpate::curves {
@@ -63,6 +64,44 @@ void mark_spikes(const InputRows& values, bool screened, const StatusArray& mark
     const rows::Channel own{values.data() + row * samples, samples};
     if (screened && !rows::may_hold_a_spike(own, spare)) return;
     rows::mark_spikes(own, marks.data() + row * samples, spare);
+  });
+}
+
+void add_spline_changes(const InputArray& time, const InputArray& position, double step,
+                        const OutputArray& sums) {
+  constexpr std::size_t pairs = SplineLadder::size - 1;
+  check(time.size() == position.size() && time.size() >= 6 && sums.size() == 2 * pairs);
+  palpate::add_spline_changes(time.data(), position.data(), time.size(), step, sums.data(),
+                              sums.data() + pairs);
+}
+
+double choose_spline(const InputArray& sums, double longest) {
+  constexpr std::size_t pairs = SplineLadder::size - 1;
+  check(sums.size() == 2 * pairs);
+  return palpate::choose_spline(sums.data(), sums.data() + pairs, longest);
+}
+
+void spline_velocity(const InputArray& time, const InputArray& position, double step,
+                     double penalty, const OutputArray& velocity) {
+  check(time.size() == position.size() && time.size() == velocity.size() && time.size() >= 6);
+  palpate::spline_velocity(time.data(), position.data(), time.size(), step, penalty,
+                           velocity.data());
+}
+
+void spline_rows(const InputArray& time, const InputRows& position, double step, double longest,
+                 const OutputArray& velocity, const OutputArray& penalty, std::size_t threads) {
+  constexpr std::size_t pairs = SplineLadder::size - 1;
+  const std::size_t samples = position.shape(1);
+  check(time.size() == samples && samples >= 6 && velocity.size() == position.size());
+  check(penalty.size() == position.shape(0));
+  each_row(position.shape(0), 2 * pairs, threads, [&](std::size_t row, double* sums) {
+    const double* const own = position.data() + row * samples;
+    std::fill_n(sums, 2 * pairs, 0.0);
+    palpate::add_spline_changes(time.data(), own, samples, step, sums, sums + pairs);
+    const double chosen = palpate::choose_spline(sums, sums + pairs, longest);
+    penalty.data()[row] = chosen;
+    palpate::spline_velocity(time.data(), own, samples, step, chosen,
+                             velocity.data() + row * samples);
   });
 }
 
@@ -262,6 +301,23 @@ void bind_rows(nb::module_& module) {
              nb::arg("threads"),
              "Marks the spikes of each row; with screening, only in rows where a sample differs "
              "from its two neighbours as a spike does.");
+  module.attr("SPLINE_WINDOW") = spline_window;
+  module.attr("SPLINE_PAIRS") = SplineLadder::size - 1;
+  module.def("add_spline_changes", &add_spline_changes, nb::arg("time"), nb::arg("position"),
+             nb::arg("step"), nb::arg("sums"),
+             "Adds how much the velocities of a smoothing spline change from each penalty of the "
+             "ladder to the next, and then their own size, as sums of squares per usual step.");
+  module.def("choose_spline", &choose_spline, nb::arg("sums"), nb::arg("longest"),
+             "Penalty, over the cube of the usual step, by these sums; as smooth at most as a "
+             "parabola through so many samples.");
+  module.def(
+      "spline_velocity", &spline_velocity, nb::arg("time"), nb::arg("position"), nb::arg("step"),
+      nb::arg("penalty"), nb::arg("velocity"),
+      "Fills the slopes, m/s, at the samples of the cubic smoothing spline of a penalty over "
+      "the cube of the usual step, s.");
+  module.def("spline_rows", &spline_rows, nb::arg("time"), nb::arg("position"), nb::arg("step"),
+             nb::arg("longest"), nb::arg("velocity"), nb::arg("penalty"), nb::arg("threads"),
+             "Chooses the spline of each row, and fills velocities and penalties.");
   module.def("end_of_range", &end_of_range, nb::arg("time"), nb::arg("penetration"),
              nb::arg("velocity"), nb::arg("force"), nb::arg("parameters"),
              "Force at which the sensor saturates, infinite if it does not, from a contact below "

@@ -337,6 +337,28 @@ def mark_spikes(values: Annotated[NDArray[numpy.float64], dict(shape=(None, None
     Marks the spikes of each row; with screening, only in rows where a sample differs from its two neighbours as a spike does.
     """
 
+SPLINE_WINDOW: float = 5.1398
+
+SPLINE_PAIRS: int = 9
+
+def add_spline_changes(time: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], position: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], step: float, sums: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu')]) -> None:
+    """
+    Adds how much the velocities of a smoothing spline change from each penalty of the ladder to the next, and then their own size, as sums of squares per usual step.
+    """
+
+def choose_spline(sums: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], longest: float) -> float:
+    """
+    Penalty, over the cube of the usual step, by these sums; as smooth at most as a parabola through so many samples.
+    """
+
+def spline_velocity(time: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], position: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], step: float, penalty: float, velocity: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu')]) -> None:
+    """
+    Fills the slopes, m/s, at the samples of the cubic smoothing spline of a penalty over the cube of the usual step, s.
+    """
+
+def spline_rows(time: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], position: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], step: float, longest: float, velocity: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu')], penalty: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu')], threads: int) -> None:
+    """Chooses the spline of each row, and fills velocities and penalties."""
+
 def end_of_range(time: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], penetration: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], velocity: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], force: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], parameters: Sequence[float]) -> float:
     """
     Force at which the sensor saturates, infinite if it does not, from a contact below its surface and the parameters of its Hunt-Crossley law.

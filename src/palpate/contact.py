@@ -31,14 +31,16 @@ _LABELS = "segment must be an array of one label per sample, such as [0, 0, 1]"
 
 @dataclass(frozen=True, slots=True)
 class VelocityFilter(Plain):
-    """How a velocity was computed: the slope of a polynomial through a centred window.
+    """How a velocity was computed: the slope of a smoothing spline, or of windowed polynomials.
 
     Attributes
     ----------
     samples : int
-        Samples in the window, ≥ 3.
+        Samples in the centred window, ≥ 3; of a spline, those of the parabola with the same noise.
     degree : int
-        Degree of the polynomial, 1 to 9.
+        Degree of the polynomial, 1 to 9; of a spline 3.
+    penalty : float, optional
+        Of a spline, λ/h³ > 0 with h the usual time step. None: polynomials in a window.
 
     Raises
     ------
@@ -48,10 +50,13 @@ class VelocityFilter(Plain):
 
     samples: int
     degree: int
+    penalty: float | None = None
 
     def __post_init__(self) -> None:
         kept(self, "samples", 3, 1e300, whole=True)
         kept(self, "degree", 1, 9, whole=True)
+        if self.penalty is not None:
+            kept(self, "penalty", 0.0, 1e300, open_low=True)
 
     def as_note(self) -> dict[str, str]:
         """Return the note of a file that holds the velocity."""

@@ -18,7 +18,7 @@ from palpate.findings import Finding
 from palpate.preparation.gates import dead_band_of, exclude_load_transfer, noise_of
 from palpate.preparation.velocity import (
     largest_of,
-    slope_weights,
+    noise_gain,
     spiked,
     step_of,
     window_samples,
@@ -83,11 +83,10 @@ class Data:
 
     @cached_property
     def velocity_noise(self) -> float:
-        """Standard deviation of the velocity's noise, m/s: σ_v² = Σ w² σ_x²/Δt² of the filter."""
+        """Standard deviation of the velocity's noise, m/s, by the filter in white noise of x."""
         if self.velocity_filter is None:
             return noise_of(self.velocity)
-        weights = slope_weights(self.filter_samples, self.velocity_filter.degree)
-        return float(self.penetration_noise * np.linalg.norm(weights) / self.sample_time)
+        return self.penetration_noise * noise_gain(self.velocity_filter) / self.sample_time
 
     @property
     def filter_samples(self) -> int:

@@ -10,6 +10,7 @@ from operator import attrgetter
 
 import numpy as np
 
+from palpate.contact import VelocityFilter
 from palpate.diagnosis.change import Changes, changes
 from palpate.diagnosis.chosen_law import ahead, at_most_care, held_out, one_relaxation_time
 from palpate.diagnosis.data import VELOCITY_NONE, Data, beat_of
@@ -307,12 +308,7 @@ OWN_MOVES = ("velocity noise", "velocity column", "free air")
 
 
 def _with_least_parts(fit: Fit, judged: Judged, found: list[Finding]) -> Judged:
-    """With the least systematic parts: by misfit, velocity and free air.
-
-    At a frequency ω the slope of the parabola through a window of T keeps 1 − (ωT/2)²/10 of the
-    velocity, and the damping becomes as much larger: 0.1 % at 2 Hz by the usual 15 ms. What counts
-    is ω² = ⟨a²⟩/⟨v²⟩.
-    """
+    """With the least systematic parts: by misfit, velocity and free air."""
     parts = [judged.least, misfit_moves(fit)]
     for finding in found:
         if finding.check in OWN_MOVES:
@@ -320,15 +316,28 @@ def _with_least_parts(fit: Fit, judged: Judged, found: list[Finding]) -> Judged:
             by_stiffness, by_damping = np.abs(np.nan_to_num(moves, posinf=0.0)).tolist()
             parts.append((by_stiffness / 100.0, by_damping / 100.0))
     if (used := fit.data.velocity_filter) is not None and np.any(fit.v):
-        speed = fit.band.mean(fit.v) * fit.units.speed
-        ratio = np.linalg.norm(fit.band.mean(fit.acceleration)) / np.linalg.norm(speed)
-        turn = min(float(ratio) * fit.data.sample_time, math.pi)
-        lost = 1.0 - filter_gain(fit.data.filter_samples, used.degree, turn)
-        moved = lost * abs(fit.damping(fit.solution.law))
+        moved = _velocity_error(fit, used) * abs(fit.damping(fit.solution.law))
         if moved > OFF * standard_errors(fit)[2]:
             parts.append((0.0, moved / fit.sizes[1]))
     stiffness, damping = np.max(parts, axis=0).tolist()
     return replace(judged, least=(stiffness, damping))
+
+
+def _velocity_error(fit: Fit, used: VelocityFilter) -> float:
+    """Relative error of the damping by the velocity's filter: its loss, and the noise it leaves.
+
+    At a frequency ω the slope of a parabola through a window of T loses (ωT/2)²/10 of the velocity,
+    where ω² = ⟨a²⟩/⟨v²⟩ counts, and a spline λ h ω⁴, where ω⁴ = ⟨ä²⟩/⟨v²⟩ counts, ä the jerk. The
+    damping becomes as much larger, and by noise smaller, as in :func:`velocity_noise`.
+    """
+    speed = fit.v * fit.units.speed
+    if used.degree == 2:  # of order ω², the mean over a window keeps it and lowers the noise
+        rate = np.linalg.norm(fit.band.mean(fit.acceleration))
+        turn = float(rate / np.linalg.norm(fit.band.mean(speed)))
+    else:
+        turn = math.sqrt(float(np.linalg.norm(fit.jerk) / np.linalg.norm(speed)))
+    lost = 1.0 - float(filter_gain(used, min(turn * fit.data.sample_time, math.pi)))
+    return lost + fit.data.velocity_noise**2 / float(np.mean(speed**2))
 
 
 def _whole(

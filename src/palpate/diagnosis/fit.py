@@ -505,9 +505,17 @@ class Fit:
     @cached_property
     def acceleration(self) -> Floats:
         """At the band's samples, m/s²."""
+        return self._rate_of(self.data.velocity)[self.band.samples]
+
+    @cached_property
+    def jerk(self) -> Floats:
+        """Rate of the acceleration at the band's samples, m/s³."""
+        return self._rate_of(self._rate_of(self.data.velocity))[self.band.samples]
+
+    def _rate_of(self, values: Floats) -> Floats:
         time = np.maximum(np.gradient(self.data.time).cumsum(), self.data.time)
-        rate: Floats = np.gradient(self.data.velocity, time)
-        return rate[self.band.samples]
+        rate: Floats = np.gradient(values, time)
+        return rate
 
     @property
     def near_noise(self) -> bool:

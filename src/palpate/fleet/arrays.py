@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 import palpate._core as _core
-from palpate.contact import Contact
+from palpate.contact import Contact, VelocityFilter
 from palpate.diagnosis import Data
 from palpate.diagnosis.diagnosing import outliers
 from palpate.errors import FleetError, InvalidParameterError, RecordingError
@@ -46,10 +46,9 @@ from palpate.identification.identified import (
     no_contact_message,
 )
 from palpate.identification.replaying import estimator_of
-from palpate.preparation.along_penetration import velocity_filter
 from palpate.preparation.gates import choose_gate, load_transfer, resolutions_of
 from palpate.preparation.preparing import Recorded, prepare
-from palpate.preparation.velocity import spikes_of_rows, velocity_and_degree
+from palpate.preparation.velocity import spikes_of_rows, velocities_of_rows
 from palpate.recordings.recording import Recording, printable
 from palpate.validation import Floats, number_in, real_array, whole_in
 
@@ -86,7 +85,7 @@ class Curves:
     source: str = ""
     index: NDArray[np.int64] | None = None
     places: dict[str, Floats] = field(default_factory=dict)
-    degrees: list[int] | None = None
+    filters: list[VelocityFilter] | None = None
 
     def __len__(self) -> int:
         return len(self.penetration)
@@ -96,14 +95,13 @@ class Curves:
         clock: Floats = self.time[row] if self.time.ndim == 2 else self.time
         return clock
 
-    def known(self) -> "Curves":
+    def known(self, threads: int = 1) -> "Curves":
         """Return the curves with a velocity, computed if there is none."""
         if self.velocity is not None:
             return self
         with np.errstate(divide="ignore", invalid="ignore"):  # repeated times
-            rows = [velocity_and_degree(self.clock(k), x) for k, x in enumerate(self.penetration)]
-        velocity = np.array([each for each, _ in rows]).reshape(self.penetration.shape)
-        return replace(self, velocity=velocity, degrees=[degree for _, degree in rows])
+            velocity, filters = velocities_of_rows(self.time, self.penetration, threads)
+        return replace(self, velocity=velocity, filters=filters)
 
     def contact(self, row: int, settings: Settings) -> Contact:
         """Return a row as a contact, prepared according to the settings.
@@ -124,9 +122,7 @@ class Curves:
             source=self.source,
             **settings.preparation,
         )
-        if self.degrees is None:
-            return made
-        return replace(made, velocity_filter=velocity_filter(made, None, self.degrees[row]))
+        return made if self.filters is None else replace(made, velocity_filter=self.filters[row])
 
 
 def fitted(
@@ -323,7 +319,7 @@ def _named(curves: Curves) -> dict[str, Any]:
 
 
 def _together(curves: Curves, settings: Settings, threads: int) -> Table:
-    curves = curves.known()
+    curves = curves.known(threads)
     chosen = {name: settings.estimator[name] for name in _SHARED if name in settings.estimator}
     if not settings.searches_surface and "surface_deviation" not in chosen:
         chosen["surface_deviation"] = resolutions_of(curves.penetration, threads=threads)

@@ -1,7 +1,7 @@
 """Preparation of a contact from a penetration and a compression: signs, tare, surface."""
 
 import logging
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -25,10 +25,10 @@ from palpate.preparation.surfaces import (
     never_free,
     surface_of,
 )
-from palpate.preparation.velocity import lost_positions, velocity_and_degree, window_samples
+from palpate.preparation.velocity import velocities_of
 from palpate.recordings import Recording
 from palpate.recordings.recording import UNITS, size_of
-from palpate.stages import stage, timed
+from palpate.stages import stage
 from palpate.validation import Floats
 from palpate.validation import signals as checked_signals
 
@@ -177,26 +177,12 @@ def _settle_arrays(values: dict[str, ArrayLike]) -> tuple[Finding, ...]:
     return tuple(findings)
 
 
-@timed("velocity by the filter")
-def velocities_of(
-    time: Floats, depth: Floats, runs: Sequence[slice], window: float | None
-) -> tuple[Floats, int, int]:
-    """Compute the velocity of each run; its filter's degree; and count the dropouts excluded."""
-    parts = [velocity_and_degree(time[run], depth[run], window) for run in runs]
-    lost = sum(lost_positions(depth[run]) for run in runs)
-    degree = max((degree for _, degree in parts), default=2)
-    return np.concatenate([np.empty(0), *(part for part, _ in parts)]), degree, lost
-
-
-def describe_filter(degree: int, lost: int) -> str:
+def describe_filter(used: VelocityFilter, lost: int) -> str:
     """Describe how the velocity was computed."""
-    words = f"centred {'quadratic' if degree == 2 else 'quartic'} Savitzky–Golay filter"
+    words = "centred quadratic Savitzky–Golay filter"
+    if used.penalty is not None:
+        words = f"smoothing spline, as noisy as a parabola through {used.samples} samples"
     return words + (f", without {lost} dropout{'s' if lost > 1 else ''}" if lost else "")
-
-
-def velocity_filter(contact: Contact, window: float | None, degree: int) -> VelocityFilter:
-    """Return the filter of the requested window, s, and the degree of its polynomial."""
-    return VelocityFilter(window_samples(contact.sample_time, window), degree)
 
 
 def _prepared(
@@ -220,9 +206,9 @@ def _prepared(
     )
     if "velocity" not in values:
         runs, window = list(contact.segments()), settings.velocity_window
-        velocity, degree, lost = velocities_of(time, penetration, runs, window)
-        words = {**contact.provenance, "velocity": describe_filter(degree, lost)}
-        used = velocity_filter(contact, window, degree)
+        with stage(_LOGGER, "velocity by the filter"):
+            velocity, used, lost = velocities_of(time, penetration, runs, window)
+        words = {**contact.provenance, "velocity": describe_filter(used, lost)}
         contact = replace(contact, velocity=velocity, velocity_filter=used, provenance=words)
     done = Prepared(recording or Recording({}), settings)
     contact, done = _tared(contact, done)

@@ -3,11 +3,12 @@
 import logging
 import math
 from dataclasses import dataclass, field, replace
+from operator import attrgetter
 
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.contact import Contact, between, slices_of
+from palpate.contact import Contact, VelocityFilter, between, slices_of
 from palpate.digits import with_error
 from palpate.errors import RecordingError
 from palpate.findings import Finding, Mark
@@ -16,8 +17,6 @@ from palpate.preparation.along_penetration import (
     Prepared,
     describe_filter,
     in_step,
-    velocities_of,
-    velocity_filter,
 )
 from palpate.preparation.clocks import Signals
 from palpate.preparation.gates import noise_of
@@ -49,7 +48,7 @@ from palpate.preparation.surfaces import (
     surface_of,
     travel,
 )
-from palpate.preparation.velocity import step_of
+from palpate.preparation.velocity import step_of, velocities_of
 from palpate.recordings import Recording
 from palpate.stages import stage, timed
 from palpate.validation import Floats
@@ -203,11 +202,13 @@ def _joined(
     """Join the pieces, each with its own surface."""
     rule: SurfaceRule = settings.surface if isinstance(settings.surface, str) else "fit"
     depths, velocities, labels, places = [], [], [], []
-    degree, lost = 2, 0
+    filters, lost = list[VelocityFilter](), 0
     for number, (signals, episode, own) in enumerate(pieces):
         runs = list(slices_of(signals.part))
         # The velocity does not depend on the origin of the depth.
-        velocity, *used = velocities_of(signals.time, own.depth, runs, settings.velocity_window)
+        velocity, used, count = velocities_of(
+            signals.time, own.depth, runs, settings.velocity_window
+        )
         if isinstance(settings.surface, float | int):
             surface = Surface(float(settings.surface), 0.0, "as given")
         else:
@@ -219,13 +220,15 @@ def _joined(
         position = position if episode is None else episode.place
         times = float(signals.time[0]), float(signals.time[-1])
         places.append(Place(*times, position, own.normal, surface))
-        degree, lost = max(degree, used[0]), lost + used[1]
+        filters.append(used)
+        lost += count
     _say_surface(places, made, findings)
     normal = pieces[0][2].normal
     if normal is not None and len(pieces) == 1:
         add(made, "penetration", f"against the contact normal {normal}")
         add(made, "force", f"along the contact normal {normal}")
-    made["velocity"] = describe_filter(degree, lost)
+    used = max(filters, key=attrgetter("samples"))
+    made["velocity"] = describe_filter(used, lost)
     # An estimator takes one number for the uncertainty of all surfaces.
     known = [place.surface.deviation for place in places if place.surface.deviation]
     one = rule != "estimate" and len(known) == len(places)
@@ -238,9 +241,9 @@ def _joined(
         provenance=made,
         surface_deviation=float(np.median(known)) if one else None,
         findings=findings,
+        velocity_filter=used,
     )
-    filtered = velocity_filter(contact, settings.velocity_window, degree)
-    return replace(contact, velocity_filter=filtered), places
+    return contact, places
 
 
 def _say_surface(places: list[Place], made: dict[str, str], findings: list[Finding]) -> None:

@@ -1,5 +1,6 @@
 """Velocity from a recorded position, and detection of spikes."""
 
+from collections.abc import Sequence
 from functools import cache
 
 import numpy as np
@@ -7,22 +8,23 @@ from numpy.typing import NDArray
 
 import palpate._core as _core
 from palpate._core import largest_of as largest_of
-from palpate._core import noise_of
 from palpate._core import step_of as step_of
+from palpate.contact import VelocityFilter
 from palpate.validation import Floats, number_in
 
 Indices = NDArray[np.intp]
 
-# A longer filter smooths the motion of a probe (docs/methods: B within 0.5 % at 15 ms).
+# The default window of a parabola smooths the motion of a probe no more (docs/methods: B within
+# 0.5 % at 15 ms); that of a spline is at most twice as long.
 LONGEST_WINDOW = 15e-3  # s
 MOST_SAMPLES = 15
 FEWEST_SAMPLES = 5
+# Below, no spline: a part of the samples has to choose its penalty.
+FEWEST_OF_SPLINE = 20
 # Largest relative difference of equal steps: rounding to nanoseconds gives 1e-6 at 1 kHz, and as
 # much relative error of the velocity.
 EVEN = 2e-6
 AT_ONCE = 1 << 18  # samples of the windows fitted at once, 2 MB per array
-# Of the velocity: a parabola that loses less changes the damping by less than most error bars.
-LOST = 0.005
 
 
 def window_samples(sample_time: float, window: float | None = None) -> int:
@@ -38,36 +40,43 @@ def window_samples(sample_time: float, window: float | None = None) -> int:
     return samples | 1
 
 
-def slope_weights(samples: int, degree: int) -> Floats:
+def _slope_weights(samples: int, degree: int) -> Floats:
     """Weights of the slope at the middle of a window of even steps, of a polynomial, per step."""
-    middle: Floats = _slopes_in(samples, degree)[samples // 2]
-    return middle
+    k = np.arange(-(samples // 2), samples // 2 + 1.0)
+    middle: Floats = np.linalg.pinv(k[:, None] ** np.arange(degree + 1))[1]
+    return 0.5 * (middle - middle[::-1])
+
+
+def filter_gain(used: VelocityFilter, turn: "float | Floats") -> Floats:
+    """Fraction of a sine's velocity that a filter keeps, at a phase of 0 to π per sample.
+
+    Of a spline of even steps h, with s² = (2 − 2 cos ωh)² and c = 2 + cos ωh,
+    3 sin ωh/(ωh c)/(1 + 3 s² λ/(h³ c)): about 1/(1 + λ h ω⁴) (Silverman 1984, Ann. Stat. 12, 898).
+    """
+    turn = np.maximum(turn, 1e-6)
+    if used.penalty is None:
+        k = np.arange(-(used.samples // 2), used.samples // 2 + 1.0)
+        gain: Floats = np.sin(np.multiply.outer(turn, k)) @ _slope_weights(
+            used.samples, used.degree
+        )
+        return gain / turn
+    c = 2.0 + np.cos(turn)
+    bend = (2.0 - 2.0 * np.cos(turn)) ** 2
+    kept: Floats = 3.0 * np.sin(turn) / (turn * c) / (1.0 + 3.0 * used.penalty * bend / c)
+    return kept
 
 
 @cache
-def _slopes_in(samples: int, degree: int) -> Floats:
-    """Weights of the slope at each sample of a window, a row each; the middle one is odd."""
-    k = np.arange(-(samples // 2), samples // 2 + 1.0)
-    powers = np.arange(degree + 1)
-    derivative = powers * k[:, None] ** np.maximum(powers - 1, 0)
-    weights: Floats = derivative @ np.linalg.pinv(k[:, None] ** powers)
-    weights[samples // 2] = 0.5 * (weights[samples // 2] - weights[samples // 2, ::-1])
-    return weights
-
-
-def filter_gain(samples: int, degree: int, turn: float) -> float:
-    """Fraction of a sine's velocity that the filter keeps; ``turn`` is its phase per sample."""
-    k = np.arange(-(samples // 2), samples // 2 + 1.0)
-    return float(slope_weights(samples, degree) @ np.sin(turn * k)) / turn if turn > 0.0 else 1.0
+def noise_gain(used: VelocityFilter) -> float:
+    """Standard deviation of a velocity in white noise σ of the position, over σ/h."""
+    if used.penalty is None:
+        return float(np.linalg.norm(_slope_weights(used.samples, used.degree)))
+    turn = (np.arange(2048) + 0.5) * np.pi / 2048
+    return float(np.sqrt(np.mean((turn * filter_gain(used, turn)) ** 2)))
 
 
 def velocity_of(time: Floats, penetration: Floats, window: float | None = None) -> Floats:
-    """Velocity [m/s] by a centred quadratic Savitzky–Golay filter, also for uneven time steps.
-
-    The velocity of a sample is the slope there of the least-squares parabola through the window
-    around it. Near an end the window keeps its length and the sample is off its centre. With even
-    time steps this is the classic filter. A dropout is excluded, because it would distort the
-    velocity of a whole window; its own velocity is interpolated.
+    """Velocity [m/s] by :func:`velocities_of`, of samples without a break.
 
     Parameters
     ----------
@@ -76,72 +85,129 @@ def velocity_of(time: Floats, penetration: Floats, window: float | None = None) 
     penetration : numpy.ndarray, shape (k,)
         m. Samples with a non-finite value are ignored and have velocity NaN.
     window : float, optional
-        Length of the filter, s. Default: see :func:`window_samples`.
+        Length of a parabola's window, s. Default: a smoothing spline.
     """
-    return _filtered(time, penetration, window, finer=False)[0]
+    return velocities_of(time, penetration, [slice(None)], window)[0]
 
 
-def velocity_and_degree(
-    time: Floats, penetration: Floats, window: float | None = None
-) -> tuple[Floats, int]:
-    """Velocity as :func:`velocity_of`, and the degree of the polynomial of which it is the slope.
+def velocities_of(
+    time: Floats, penetration: Floats, runs: Sequence[slice], window: float | None = None
+) -> tuple[Floats, VelocityFilter, int]:
+    """Velocity [m/s] of each run of samples, the filter, and the number of dropouts excluded.
 
-    Where the default window is so long against the motion that the parabola loses more of the
-    velocity than noise would add to the slope of a quartic, it is that slope, of degree 4. A window
-    that is passed is that of parabolas.
+    By default it is the slope of the cubic smoothing spline, the f with the least
+    Σ (xᵢ − f(tᵢ))² + λ ∫ f″² dt (Reinsch 1967, Numerische Mathematik 10, 177), with one λ for all
+    runs. Of penalties each four times the one before, it is between the two that differ least in
+    velocity, from the largest down (``choose_spline`` in ``smoothing_spline.hpp``): more smoothing
+    bends the motion, which happens in contact, and less adds noise, white or correlated.
+
+    A run of fewer than 20 samples, or a window that is passed, takes the slope of the least-squares
+    parabola through the window around the sample, also for uneven time steps; near an end the
+    window keeps its length. A dropout is excluded, because it would distort the velocity around it;
+    its own velocity is interpolated.
     """
-    return _filtered(time, penetration, window, finer=window is None)
-
-
-def _filtered(
-    time: Floats, penetration: Floats, window: float | None, *, finer: bool
-) -> tuple[Floats, int]:
     velocity = np.full(time.shape, np.nan)
-    known = np.isfinite(penetration)
-    t, x = time[known], penetration[known]
-    with np.errstate(over="ignore", invalid="ignore"):  # depths up to ±1e308 m
-        if t.size < 3:
-            velocity[known] = np.gradient(x, t) if t.size == 2 else 0.0
-            return velocity, 2
-        kept = ~spiked(x)
-        width = min(window_samples(float(np.median(np.diff(t))), window), int(kept.sum()))
-        slope, degree = _slope(t[kept], x[kept], width, finer=finer)
-        velocity[known] = slope if kept.all() else np.interp(t, t[kept], slope)
-    return velocity, degree
+    samples: list[tuple[Indices, NDArray[np.bool_]]] = []
+    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # depths up to ±1e308 m
+        for run in runs:
+            known = np.arange(time.size)[run][np.isfinite(penetration[run])]
+            samples.append((known, ~spiked(penetration[known])))
+        steps = [np.diff(time[known]) for known, _ in samples]
+        joined = np.concatenate([*steps, np.empty(0)])
+        step = float(np.median(joined)) if joined.size else 1e-3
+        width = window_samples(step, window)
+        kept = [known[good] for known, good in samples]
+        own = [(time[at], penetration[at]) for at in kept if at.size >= FEWEST_OF_SPLINE]
+        used = VelocityFilter(width, 2)
+        if own and window is None and step > 0.0:
+            sums = np.zeros(2 * _core.SPLINE_PAIRS)
+            for t, x in own:
+                _core.add_spline_changes(t, x, step, sums)
+            longest = _longest(width, max(t.size for t, _ in own))
+            used = _spline_filter(_core.choose_spline(sums, longest))
+        for (known, good), at in zip(samples, kept, strict=True):
+            slope = _slope_of(time[at], penetration[at], step, width, used.penalty)
+            velocity[known] = slope if good.all() else np.interp(time[known], time[at], slope)
+    return velocity, used, sum(int(np.count_nonzero(~good)) for _, good in samples)
 
 
-def lost_positions(penetration: Floats) -> int:
-    """Count the dropouts that :func:`velocity_of` excludes."""
-    with np.errstate(over="ignore", invalid="ignore"):
-        return int(np.count_nonzero(spiked(penetration[np.isfinite(penetration)])))
+def _slope_of(t: Floats, x: Floats, step: float, width: int, penalty: float | None) -> Floats:
+    """Slope at each sample of a run without dropouts."""
+    if t.size < 3:
+        slope: Floats = np.gradient(x, t) if t.size == 2 else np.zeros(t.size)
+        return slope
+    if penalty is not None and t.size >= FEWEST_OF_SPLINE:
+        slope = np.empty(t.size)
+        _core.spline_velocity(t, x, step, penalty, slope)
+        if np.isfinite(slope).all():
+            return slope
+    return _slope(t, x, min(width, t.size))
 
 
-def _slope(t: Floats, x: Floats, width: int, *, finer: bool) -> tuple[Floats, int]:
-    """Slope at each sample of the polynomial through its window, and the degree.
+def _spline_filter(penalty: float) -> VelocityFilter:
+    window = max(round(_core.SPLINE_WINDOW * penalty**0.25), FEWEST_SAMPLES - 2) | 1
+    return VelocityFilter(window, 3, penalty)
 
-    With even time steps it is a convolution; the ends are parabolas, fitted separately.
+
+def velocities_of_rows(
+    time: Floats, penetration: Floats, threads: int
+) -> tuple[Floats, list[VelocityFilter]]:
+    """Velocity of contacts as rows, each by :func:`velocities_of`, and their filters.
+
+    Parameters
+    ----------
+    time : numpy.ndarray, shape (m,) or (k, m)
+        s.
+    penetration : numpy.ndarray, shape (k, m)
+        m.
+    threads : int
+        Number of threads.
     """
+    count, samples = penetration.shape
+    velocity, penalties = np.empty(penetration.shape), np.empty(count)
+    whole: NDArray[np.bool_] = np.zeros(count, dtype=bool)  # rows for the compiled loop
+    step = float(np.median(np.diff(time))) if time.ndim == 1 and samples > 1 else 0.0
+    if step > 0.0 and samples >= FEWEST_OF_SPLINE:
+        whole[:] = np.isfinite(penetration).all(axis=1)
+        longest = _longest(window_samples(step), samples)
+        _core.spline_rows(time, penetration, step, longest, velocity, penalties, threads)
+        with np.errstate(over="ignore", invalid="ignore"):
+            whole[whole] = ~spikes_of_rows(penetration[whole], threads=threads).any(axis=1)
+        whole &= np.isfinite(velocity).all(axis=1)
+    filters = [
+        _spline_filter(penalty) if good else None
+        for penalty, good in zip(penalties.tolist(), whole.tolist(), strict=True)
+    ]
+    made: list[VelocityFilter] = []
+    for row, known in enumerate(filters):
+        if known is None:
+            clock = time if time.ndim == 1 else time[row]
+            velocity[row], known, _ = velocities_of(clock, penetration[row], [slice(None)])
+        made.append(known)
+    return velocity, made
+
+
+def _longest(width: int, samples: int) -> float:
+    """Window of the parabola, in samples, than which no spline is smoother."""
+    return min(2.0 * width, samples / 4.0)
+
+
+# The slope of a parabola through a window.
+
+
+def _slope(t: Floats, x: Floats, width: int) -> Floats:
+    """Slope at each sample; with even time steps by a convolution, but for the ends."""
     steps, half = np.diff(t), width // 2
     step = float(steps.mean())
     if not (width % 2 and np.abs(steps - step).max() <= EVEN * step):
-        return _local_slope(t, x, width, np.arange(t.size)), 2
+        return _local_slope(t, x, width, np.arange(t.size))
     slope, weights = np.empty(t.size), np.arange(-half, half + 1.0)
-    inner = np.convolve(x, weights[::-1], "valid") / (step * (weights @ weights))
-    if finer and width >= FEWEST_SAMPLES:
-        slopes = _slopes_in(width, 4) / step
-        quartic = np.convolve(x, slopes[half, ::-1], "valid")
-        # White noise of the two slopes' difference is orthogonal to that of the first.
-        lost = float(inner @ (quartic - inner))
-        noise = noise_of(x) ** 2 * float(slopes[half] @ slopes[half]) * inner.size
-        if lost > max(LOST * float(inner @ inner), noise):
-            slope[:half] = slopes[:half] @ x[:width]
-            slope[half : t.size - half] = quartic
-            slope[t.size - half :] = slopes[half + 1 :] @ x[t.size - width :]
-            return slope, 4
-    slope[half : t.size - half] = inner
+    slope[half : t.size - half] = np.convolve(x, weights[::-1], "valid") / (
+        step * (weights @ weights)
+    )
     ends = np.r_[:half, t.size - half : t.size]
     slope[ends] = _local_slope(t, x, width, ends)
-    return slope, 2
+    return slope
 
 
 def _local_slope(t: Floats, x: Floats, width: int, at: Indices) -> Floats:
