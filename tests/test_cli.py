@@ -86,8 +86,8 @@ def test_json_says_beyond_that_only_how_the_numbers_were_made(identified):
     """So that a field that goes, comes or changes its name is noticed."""
     whole = identified()
     assert sorted(whole) == [
-        "file", "findings", "gate", "palpate_version", "provenance", "results", "samples", "scale",
-        "schema_version", "surface_deviation", "tare_deviation", "touches",
+        "delay", "file", "findings", "gate", "palpate_version", "provenance", "results", "samples",
+        "scale", "schema_version", "surface_deviation", "tare_deviation", "touches",
     ]  # fmt: skip
     assert sorted(whole["gate"]) == ["break_force", "make_force", "minimum_penetration"]
     assert sorted(whole["scale"]) == ["force", "penetration", "velocity"]

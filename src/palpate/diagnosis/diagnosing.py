@@ -13,11 +13,20 @@ import numpy as np
 from palpate.diagnosis.change import Changes, changes
 from palpate.diagnosis.chosen_law import ahead, at_most_care, held_out, one_relaxation_time
 from palpate.diagnosis.data import VELOCITY_NONE, Data, beat_of
-from palpate.diagnosis.delay import adhesion_or_memory, columns, delay, delay_sensitivity, unseen
+from palpate.diagnosis.delay import (
+    adhesion_or_memory,
+    columns,
+    delay,
+    delay_error,
+    delay_sensitivity,
+    skew_jump,
+    unseen,
+)
 from palpate.diagnosis.finding import Diagnosis, Episode, Laws, Quantity, Verdict, WorkingDepth
 from palpate.diagnosis.fit import FEWEST_ROWS, Fit, MisfitHypothesis, Search
 from palpate.diagnosis.marks import (
     OFF,
+    WIDE_DAMPING,
     Judged,
     air,
     better_law,
@@ -173,7 +182,7 @@ CHECKS = (
     extrapolation,
 )
 #: Each looks for causes beside the fit.
-SEARCHES: tuple[Search, ...] = (columns, adhesion_or_memory, delay, surface)
+SEARCHES: tuple[Search, ...] = (columns, adhesion_or_memory, delay, skew_jump, surface)
 
 
 @timed("diagnosis")
@@ -285,13 +294,13 @@ OWN_MOVES = ("velocity noise", "velocity column", "free air")
 
 
 def _with_least_parts(fit: Fit, judged: Judged, found: list[Finding]) -> Judged:
-    """With the least systematic parts: by misfit, velocity and free air.
+    """With the least systematic parts: by misfit, an applied delay, velocity and free air.
 
     At a frequency ω the slope of the parabola through a window of T keeps 1 − (ωT/2)²/10 of the
     velocity, and the damping becomes as much larger: 0.1 % at 2 Hz by the usual 15 ms. What counts
     is ω² = ⟨a²⟩/⟨v²⟩.
     """
-    parts = [judged.least, misfit_moves(fit)]
+    parts = [judged.least, misfit_moves(fit), (0.0, delay_error(fit))]
     for finding in found:
         if finding.check in OWN_MOVES:
             moves = finding.moves_stiffness_percent, finding.moves_damping_percent
@@ -334,8 +343,14 @@ def _nothing_to_check(fit: Fit) -> Finding:
 
 
 def _notes(fit: Fit) -> list[Finding]:
+    wide = delay_error(fit) > WIDE_DAMPING
     notes = [
-        Finding("skew", delay_sensitivity(fit)),
+        Finding(
+            "skew",
+            delay_sensitivity(fit),
+            "run again with --delay find" if wide else None,
+            damping="with-care" if wide else "trust",
+        ),
         Finding("unseen", unseen(fit)),
         Finding(
             "peak force",

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate._core import Status, __version__
-from palpate.contact import Contact
+from palpate.contact import Contact, Delay
 from palpate.diagnosis import Episode, Quantity, Verdict, WorkingDepth
 from palpate.errors import InvalidParameterError, RecordingError, needed
 from palpate.estimators import LawVerdict
@@ -165,6 +165,7 @@ def contact_and_trace(
         provenance=whole["provenance"],
         tare_deviation=whole["tare_deviation"],
         surface_deviation=whole["surface_deviation"],
+        delay=Delay(**whole["delay"]) if whole.get("delay") else None,
         findings=[*map(Finding.from_dict, whole["findings" if "findings" in whole else "remarks"])],
     )
     return contact, trace
@@ -205,6 +206,7 @@ def described(files: Sequence[Path], results: "Sequence[Identified]") -> dict[st
         "findings": [each.as_dict() for each in contact.findings],
         "tare_deviation": contact.tare_deviation,
         "surface_deviation": contact.surface_deviation,
+        "delay": None if contact.delay is None else asdict(contact.delay),
         "gate": asdict(gate),
         "scale": asdict(scale),
         "results": [of_one(result) for result in results],
