@@ -298,6 +298,7 @@ REFUSED = {
     "identify probe.csv --start soon": ["--start", "soon"],
     "identify probe.csv --at 3kg": ["--at must be a number and one of m, cm, mm"],
     "identify probe.csv --delay soon": ["--delay must be a number and one of s, ms"],
+    "identify probe.csv --delay 5ms+-soon": ["--delay must be a number and one of s, ms"],
     "identify probe.csv --unit force=MPa": ["unit of the force must be one of N"],
     "identify probe.csv --frequency 5parsec": ["--frequency must be a number and one of Hz, rad/s"],
     # Laws and methods.

@@ -97,6 +97,8 @@ def test_a_verdict_can_fail_a_pipeline_and_care_only_where_it_is_asked_for(
 
 REMEDIES = {
     "delay": (faults.late(5e-3), ["--delay", "5ms", "--at", "5mm"]),
+    "delay with its error": (faults.late(5e-3), ["--delay", "5ms+-0.1ms"]),
+    "delay to be found": (faults.late(5e-3), ["--delay", "find"]),
     "surface": (faults.surface_off(-0.8e-3), ["--surface", "estimate"]),
     "surface as given": (faults.surface_off(-0.8e-3), ["--surface", "-0.8mm"]),
     "millimetres": (faults.scaled(penetration=1e3), ["--unit", "penetration=mm"]),

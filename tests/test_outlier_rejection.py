@@ -48,6 +48,21 @@ def test_a_spike_of_force_or_velocity_is_left_out_alone(hit, force_by, speed_by)
     assert rejected(WITH, motion.x, v, force).tolist() == hit
 
 
+@pytest.mark.parametrize("rise", [0.01, 0.03, 0.1])
+def test_the_steps_of_steep_stairs_are_no_outliers(rise: float) -> None:
+    random, time = np.random.default_rng(1), 0.01 * np.arange(1000)
+    levels = np.concatenate([[-2e-3], random.uniform(1e-3, 10e-3, 12)])
+    begins = 0.3 + 0.8 * np.arange(12)
+    parts = np.clip((time[:, None] - begins) / rise, 0.0, 1.0)
+    x = levels[0] + parts @ np.diff(levels)
+    force = BALL.force(np.maximum(x, 0.0), np.gradient(x, time)) * (x > 0.0)
+    noisy = force + 0.003 * force.max() * random.standard_normal(time.size)
+    measured = x + 2e-6 * random.standard_normal(time.size)
+    found = identify(time=time, penetration=measured, force=noisy)
+    # It was 2 to 8 %; left are samples next to a step, over which the velocity's filter smears.
+    assert found.trace.rejected.mean() < 0.01
+
+
 @pytest.mark.parametrize("lost", [0.0, -5e-3])
 def test_a_lost_position_ends_no_contact(lost: float) -> None:
     motion, force = probed()
@@ -141,11 +156,14 @@ def test_another_material_is_not_swallowed(after: HuntCrossley) -> None:
         assert np.count_nonzero(status == Status.REJECTED) <= 3
 
 
-def test_a_probe_that_is_put_elsewhere_is_followed_after_twenty_samples() -> None:
+def test_a_probe_that_is_put_elsewhere_is_followed_at_once_where_the_force_agrees() -> None:
     motion, force = probed()
     x = motion.x.copy()
     x[3000:] += 5e-3
-    force[3000:] = BALL.force(x[3000:], motion.v[3000:])
+    moved = force.copy()
+    moved[3000:] = BALL.force(x[3000:], motion.v[3000:])
+    assert rejected(WITH, x, motion.v, moved).tolist() == []
+    # Of another, softer material there only the position tells.
     assert rejected(WITH, x, motion.v, force).tolist() == list(range(3000, 3020))
 
 

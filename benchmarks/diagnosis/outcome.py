@@ -34,7 +34,7 @@ class Outcome:
     stiffness_deviation, damping_deviation : float
         The same in standard errors of the diagnosis.
     delay : float
-        The delay in the remedy, s; NaN if none was found.
+        The delay in the message, s; NaN if none was found.
     changes : tuple of float
         Times of the reported changes of the material, s.
     sentence : str
@@ -107,10 +107,12 @@ def judged(made: Probing, result: Identification, fault: Fault) -> Outcome:
 
 
 def _delay(found: Diagnosis) -> float:
-    """Return the delay in the remedy ``… --delay 5ms …``, s."""
+    """Return the delay in the message ``the force is 5.0 ± 0.1 ms late …``, s."""
     grave = [f for f in found.findings if f.check == "delay" and f.severity != "note"]
-    number = re.search(r"--delay (\S+)ms", (grave[0].remedy or "") if grave else "")
-    return 1e-3 * float(number[1]) if number else math.nan
+    number = re.search(r"is (\S+) ± \S+ ms (late|early)", grave[0].message if grave else "")
+    if number is None:
+        return math.nan
+    return float(number[1]) * (1e-3 if number[2] == "late" else -1e-3)
 
 
 def printed_errors(result: Identification, depth: float) -> tuple[float, float]:

@@ -162,6 +162,7 @@ class LostPositions {
 // median of the left side in contact, over 0.6745. If the previous sample departed as much, it is a
 // fast motion, not an outlier: the departure is then the difference, if that is smaller. A longer
 // run is another material, place or speed, and is taken: a change is detected a few samples late.
+// Where force and position step together, or the law expects the force, it is a step, and is taken.
 class OutlierRejection {
  public:
   struct Settings {
@@ -208,7 +209,12 @@ class OutlierRejection {
     const bool jumped = rise > rise_.doubt() * most_rise;
     if (touching) learn(sample, now, held, moved, jumped);
     if (moved || jumped) [[unlikely]] {
-      if (within_runs(sample, now, moved, jumped)) return reject();
+      if (touching && corroborated(sample, travelled, now.force, moved && jumped, law)) {
+        speed_.raise_to(std::abs(travelled) / elapsed_);
+        moved_ = jumped_ = 0;
+      } else if (within_runs(sample, now, moved, jumped)) {
+        return reject();
+      }
     } else {
       moved_ = jumped_ = 0;
     }
@@ -271,6 +277,18 @@ class OutlierRejection {
     if (!jumped) rise_.learn(rise);
     if (rise > 0.0) least_rise_ = std::min(least_rise_, rise);
     force_.learn(std::abs(sample.force));
+  }
+
+  // Whether force and position step together: both jump the same way, or the law expects most of
+  // the force's rise. Of a probe that is held in between, median speed and rise are those of noise.
+  template <class Law>
+  bool corroborated(const Sample& sample, double travelled, double risen, bool both,
+                    const Law& law) const noexcept {
+    if (both && travelled * risen > 0.0) return true;
+    if (!(std::abs(risen) > 3.0 / detail::normal_median * rise_.value())) return false;
+    const double expected =
+        law(sample.penetration, sample.velocity) - law(last_.penetration, last_.velocity);
+    return std::abs(risen - expected) <= 0.5 * std::abs(risen);
   }
 
   // Whether its runs of outliers are not too long yet.

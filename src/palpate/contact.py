@@ -71,6 +71,25 @@ class VelocityFilter(Plain):
             return None
 
 
+@dataclass(frozen=True, slots=True)
+class Delay:
+    """The delay that was taken out of a force, all of it.
+
+    Attributes
+    ----------
+    seconds : float
+        s; negative if the force was early.
+    standard_error : float
+        Its standard error, s.
+    found : bool
+        Whether palpate found it, instead of being told.
+    """
+
+    seconds: float
+    standard_error: float
+    found: bool = False
+
+
 @dataclass(frozen=True, slots=True, eq=False, init=False, repr=False)
 class Contact:
     """The input of identification, in SI units on one clock, and how it was obtained.
@@ -99,6 +118,8 @@ class Contact:
         is unknown.
     surface_deviation : float, optional
         Standard deviation of the position of the surface, m, > 0. None: unknown.
+    delay : Delay, optional
+        The delay of the force that was taken out of it; its error is in the damping's.
     findings : sequence of Finding
         What preparation assumed, found or excluded.
     prepared : Prepared, optional
@@ -126,6 +147,7 @@ class Contact:
     provenance: Mapping[str, str]
     tare_deviation: float | None
     surface_deviation: float | None
+    delay: Delay | None
     findings: tuple[Finding, ...]
     prepared: Any
     velocity_filter: VelocityFilter | None
@@ -144,6 +166,7 @@ class Contact:
         provenance: Mapping[str, str] | None = None,
         tare_deviation: float | None = None,
         surface_deviation: float | None = None,
+        delay: Delay | None = None,
         findings: Sequence[Finding] = (),
         prepared: Any = None,
         velocity_filter: VelocityFilter | None = None,
@@ -154,8 +177,8 @@ class Contact:
         labels = numbered(segment, t.size)
         _check_time(t, labels)
         own = t, x, v, f, labels, source, dict(provenance or {})
+        rest = tare_deviation, surface_deviation, delay, tuple(findings), prepared
         about = velocity_filter, frozenset(stated_units), bool(timeless)
-        rest = tare_deviation, surface_deviation, tuple(findings), prepared
         for each, value in zip(fields(self), (*own, *rest, *about), strict=True):
             object.__setattr__(self, each.name, value)
         for name in ("tare_deviation", "surface_deviation"):

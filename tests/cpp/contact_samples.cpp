@@ -130,6 +130,21 @@ TEST("in correlated noise neighbours have to show more than its deviation") {
   CHECK(recent.pressed(8, 0.0));
 }
 
+TEST("the mean error of rounding is that of many noisy readings") {
+  RandomNumbers random(3);
+  for (const double deviation : {0.125, 0.2, 0.3}) {
+    for (const double force : {-0.4, 0.1, 0.25, 0.45, 1.3}) {
+      double sum = 0.0;
+      constexpr int count = 20000;
+      for (int k = 0; k < count; ++k) sum += std::round(force + deviation * normal(random));
+      const double mean = sum / count;
+      const double error = detail::ForceRounding::mean_error(force, deviation * deviation);
+      CHECK(std::abs(force - mean - error) < 0.02);
+    }
+  }
+  CHECK(detail::ForceRounding::mean_error(0.25, 0.2) == 0.0);
+}
+
 TEST("withdrawn samples change nothing in the end") {
   auto solver = detail::ContactSolver(ProjectionSettings{});
   auto clean = detail::ContactSolver(ProjectionSettings{});
@@ -138,10 +153,10 @@ TEST("withdrawn samples change nothing in the end") {
   for (int k = 0; k < 3000; ++k) {
     const double t = 1e-3 * k, x = 0.6 + 0.3 * std::sin(4.0 * t), w = std::cos(4.0 * t);
     const Sample sample{x, w, x * (1.0 + 0.2 * w) + 0.01 * normal(random)};
-    clean.add(sample, 1.0, none);
-    solver.add(sample, 1.0, none);
+    clean.add(sample, 1.0, 0.0, none);
+    solver.add(sample, 1.0, 0.0, none);
     if (k % 700 != 699) continue;
-    for (int bad = 0; bad < 5; ++bad) solver.add({x, w, 0.4}, 1.0, none);
+    for (int bad = 0; bad < 5; ++bad) solver.add({x, w, 0.4}, 1.0, 0.0, none);
     solver.withdraw(5);
   }
   const auto one = solver.solve(), other = clean.solve();

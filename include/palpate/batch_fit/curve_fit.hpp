@@ -166,11 +166,46 @@ class CurveFitter {
 
   void answer(CurveFit& fit) noexcept {
     CurveMinimum best = model_.finds_surface() ? with_surface() : chosen();
+    // Three rounds: where the force dwells a correction moves the fit that it is by.
+    const double level = firm_.f[0];
+    for (int round = 0; round < 3 && unround(best, level); ++round) best = chosen();
     const CurveData data = joined_ ? of(firm_, light_) : of(firm_);
     const CurveCost cost(model_, data);
     if (!best.latest) best.state = cost.at(best.state.at);
     best.state.at = best.at;
     finish(fit, best, cost);
+  }
+
+  // Takes the mean error of rounding, by a fit, out of the forces; whether there is any. `level`:
+  // one of the readings.
+  bool unround(const CurveMinimum& fit, double level) noexcept {
+    const double step = selection_.resolution();
+    if (!(step > 0.0) || model_.finds_surface()) return false;
+    const CurveData data = joined_ ? of(firm_, light_) : of(firm_);
+    CurveCost(model_, data).at(fit.at);  // its residuals
+    const auto reading = [&](double force) noexcept {
+      return level + step * std::round((force - level) / step);
+    };
+    const auto away = [&](const CurveSamples& part, std::size_t i) noexcept {
+      return (part.f[i] - part.residual[i] - reading(part.f[i])) / step;
+    };
+    double square = 0.0;
+    for (std::size_t k = 0; k < data.used; ++k) {
+      for (std::size_t i = 0; i < data.parts[k].count; ++i) {
+        const double steps = away(data.parts[k], i);
+        square += std::min(steps * steps, 1.0);
+      }
+    }
+    const double variance = square / data.count() - 1.0 / 12.0;
+    if (!(variance < ForceRounding::largest)) return false;
+    for (std::size_t k = 0; k < data.used; ++k) {
+      const CurveSamples& part = data.parts[k];
+      for (std::size_t i = 0; i < part.count; ++i) {
+        const double error = ForceRounding::mean_error(away(part, i), variance);
+        part.f[i] = reading(part.f[i]) + step * error;
+      }
+    }
+    return true;
   }
 
   CurveMinimum with_surface() const noexcept {

@@ -133,6 +133,7 @@ class CurveSelection {
       settle(side);
     }
     least_step_ = recent.least_step();
+    resolution_ = recent.resolution();
   }
 
   // With the surface unknown all of them count, from a depth on: the approach too.
@@ -156,6 +157,7 @@ class CurveSelection {
 
   const FreeAir& air() const noexcept { return air_; }
   double least_step() const noexcept { return least_step_; }
+  double resolution() const noexcept { return resolution_; }
 
   // The samples of a role into arrays of their own, forces from `zero` on; `place` their indices.
   void copy(Role role, double zero, CurveSamples& to, double* place) const noexcept {
@@ -195,6 +197,7 @@ class CurveSelection {
   unsigned char* role_;
   std::size_t count_ = 0;
   double least_step_ = 0.0;
+  double resolution_ = 0.0;
   FreeAir air_;
 };
 

@@ -137,7 +137,7 @@ class VariableProjectionMethod {
   double predict(const Row& row) const noexcept { return row.predicted; }
 
   Status learn(const Row& row, double, double forgetting_factor, double) noexcept {
-    const bool firm = add(row.sample, forgetting_factor);
+    const bool firm = add(row, forgetting_factor);
     ++samples_since_solve_;
     if (!firm) return Status::held;
     levels_.add(slope(row.sample), detail::saturate(row.sample.force - row.predicted),
@@ -231,9 +231,10 @@ class VariableProjectionMethod {
   }
 
   // Whether the sample counts as contact: a solver may keep an undecided one apart.
-  bool add(const Sample& sample, double forgetting_factor) noexcept {
-    if constexpr (requires { solver_.add(sample, forgetting_factor, last_solution_); }) {
-      return solver_.add(sample, forgetting_factor, last_solution_);
+  bool add(const Row& row, double forgetting_factor) noexcept {
+    const auto& [sample, expected] = row;
+    if constexpr (requires { solver_.add(sample, forgetting_factor, expected, last_solution_); }) {
+      return solver_.add(sample, forgetting_factor, expected, last_solution_);
     } else {
       solver_.add(sample, forgetting_factor);
       return true;

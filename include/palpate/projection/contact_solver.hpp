@@ -74,20 +74,22 @@ class ContactSolver {
   static bool in_range(const Sample& s) noexcept { return s.penetration > 0.0; }
 
   // Whether the sample is firm contact, by the neighbours before it; a light one is kept too.
-  bool add(const Sample& sample, double forgetting_factor,
+  // `expected`: its force by the latest solution.
+  bool add(const Sample& sample, double forgetting_factor, double expected,
            const ProjectionSolution& latest) noexcept {
     forget(forgetting_factor);
+    const double unrounded = rounding_.correction(sample.force, expected, recent_.resolution());
     if (!chooses_) {
-      recent_.push(sample, Role::sure, false);
-      sure_.add(sample);
+      recent_.push(sample, Role::sure, false, unrounded);
+      sure_.add(recent_.ago(0).sample);
       return true;
     }
     const bool pulls = latest.k + latest.c * sample.velocity < 0.0;
-    recent_.push(sample, Role::none, pulls);
+    recent_.push(sample, Role::none, pulls, unrounded);
     const Role role = role_of(0);
     recent_.ago(0).role = role;
     if (role == Role::sure) {
-      sure_.add(sample);
+      sure_.add(recent_.ago(0).sample);
     } else {
       put(recent_.ago(0), 1.0);
     }
@@ -303,6 +305,7 @@ class ContactSolver {
   double unusable_ = 0.0;     // light samples where the law's force is negative
   double kept_offset_ = 0.0;  // deviation from the estimate before a restart; 0 before one
   ContactSamples recent_;
+  ForceRounding rounding_;
   FreeAir air_;
   bool chooses_ = true;
 };

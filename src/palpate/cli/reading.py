@@ -91,8 +91,8 @@ class ReadingOptions:
     "Reverse the sign of the penetration: into the material must be positive."
     tare: Annotated[Literal["find"] | str | None, _signed("find|SPAN")] = None
     "Subtract the mean force between START:STOP, s; find detects free air and subtracts its mean."
-    delay: Annotated[str | None, _signed("DURATION")] = None
-    "Delay of the force behind the position, such as 5ms; negative if it is early."
+    delay: Annotated[Literal["find"] | str | None, _signed("find|DURATION")] = None
+    "Delay of the force behind the position, such as 5ms or 5ms+-0.2ms; find estimates it."
     reject_outliers: Annotated[bool, _PREPARED] = True
     "Exclude dropouts, spikes, saturated samples and touches from where another place is loaded."
     surface: Annotated[_Surface | str | None, _signed("DEPTH")] = None
@@ -175,7 +175,9 @@ class ReadingOptions:
         }
         if self.tare is not None:
             given["tare"] = self.tare if self.tare == "find" else _span("--tare", self.tare)
-        given |= quantities(self, delay="time", tool_weight="force")
+        if self.delay is not None:
+            given["delay"] = self.delay if self.delay == "find" else _with_error(self.delay)
+        given |= quantities(self, tool_weight="force")
         if self.spot == "inf":
             return {**given, "spot": 1e6}
         return given | quantities(self, spot="penetration")
@@ -244,6 +246,13 @@ def _span(option: str, text: str) -> tuple[float, float]:
     if not colon:
         raise InvalidParameterError(f"{option} must be START:STOP in seconds, not {text!r}")
     return quantity(option, start, "time"), quantity(option, stop, "time")
+
+
+def _with_error(text: str) -> float | tuple[float, float]:
+    """Parse a duration, or one and its standard error: 14ms+-0.2ms."""
+    late, sign, error = text.replace("±", "+-").partition("+-")
+    found = quantity("--delay", late, "time")
+    return (found, quantity("--delay", error, "time")) if sign else found
 
 
 def kept_exponent(exponent: float, kind: "type[ContactEstimator]") -> float:

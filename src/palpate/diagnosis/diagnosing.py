@@ -14,11 +14,20 @@ from palpate.contact import VelocityFilter
 from palpate.diagnosis.change import Changes, changes
 from palpate.diagnosis.chosen_law import ahead, at_most_care, held_out, one_relaxation_time
 from palpate.diagnosis.data import VELOCITY_NONE, Data, beat_of
-from palpate.diagnosis.delay import adhesion_or_memory, columns, delay, delay_sensitivity, unseen
+from palpate.diagnosis.delay import (
+    adhesion_or_memory,
+    columns,
+    delay,
+    delay_error,
+    delay_sensitivity,
+    skew_jump,
+    unseen,
+)
 from palpate.diagnosis.finding import Diagnosis, Episode, Laws, Quantity, Verdict, WorkingDepth
 from palpate.diagnosis.fit import FEWEST_ROWS, Fit, MisfitHypothesis, Search
 from palpate.diagnosis.marks import (
     OFF,
+    WIDE_DAMPING,
     Judged,
     air,
     better_law,
@@ -196,7 +205,7 @@ CHECKS = (
     extrapolation,
 )
 #: Each looks for causes beside the fit.
-SEARCHES: tuple[Search, ...] = (columns, adhesion_or_memory, delay, surface)
+SEARCHES: tuple[Search, ...] = (columns, adhesion_or_memory, delay, skew_jump, surface)
 
 
 @timed("diagnosis")
@@ -308,8 +317,8 @@ OWN_MOVES = ("velocity noise", "velocity column", "free air")
 
 
 def _with_least_parts(fit: Fit, judged: Judged, found: list[Finding]) -> Judged:
-    """With the least systematic parts: by misfit, velocity and free air."""
-    parts = [judged.least, misfit_moves(fit)]
+    """With the least systematic parts: by misfit, an applied delay, velocity and free air."""
+    parts = [judged.least, misfit_moves(fit), (0.0, delay_error(fit))]
     for finding in found:
         if finding.check in OWN_MOVES:
             moves = finding.moves_stiffness_percent, finding.moves_damping_percent
@@ -365,8 +374,14 @@ def _nothing_to_check(fit: Fit) -> Finding:
 
 
 def _notes(fit: Fit) -> list[Finding]:
+    wide = delay_error(fit) > WIDE_DAMPING
     notes = [
-        Finding("skew", delay_sensitivity(fit)),
+        Finding(
+            "skew",
+            delay_sensitivity(fit),
+            "run again with --delay find" if wide else None,
+            damping="with-care" if wide else "trust",
+        ),
         Finding("unseen", unseen(fit)),
         Finding(
             "peak force",

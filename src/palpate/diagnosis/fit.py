@@ -665,8 +665,9 @@ class MisfitHypothesis:
 
     @property
     def family(self) -> str:
-        """Drift and change are one: a slow change of the material."""
-        return "change" if self.name in ("gain drift", "change") else self.name
+        """Drift and change are one, a slow change of the material; so are a delay and its jump."""
+        families = {"gain drift": "change", "skew jump": "delay"}
+        return families.get(self.name, self.name)
 
     @property
     def small(self) -> bool:
@@ -699,10 +700,16 @@ class AugmentedFit:
     gain: float
 
 
-def augmented_fit(fit: Fit, column: Floats) -> AugmentedFit | None:
-    """Fit a column together with the law's Jacobian; None if it is collinear with that."""
-    jacobian, residual = fit.solution.jacobian, fit.solution.residual
-    own, left = fit.solution.inverse @ column, fit.solution.without(column)
+def augmented_fit(
+    fit: Fit, column: Floats, solution: Solution | None = None
+) -> AugmentedFit | None:
+    """Fit a column together with the law's Jacobian; None if it is collinear with that.
+
+    ``solution``: with columns next to the law's. Default: that of the fit.
+    """
+    solution = solution or fit.solution
+    jacobian, residual = solution.jacobian, solution.residual
+    own, left = solution.inverse @ column, solution.without(column)
     if not np.isfinite(left).all() or float(left @ left) <= COLLINEAR**2 * float(column @ column):
         return None
     amount = float(left @ residual / (left @ left))

@@ -39,6 +39,7 @@ STOP_CHANGE = 0.15
 NEAR, MOST_UNEXPLAINED = 0.25, 0.15
 ALIKE = 0.7  # of the named cause's gain: such a rival's influence counts in full
 SURE = 0.6  # (1 − g₁)/(1 − g₂) below which a cause is named by itself
+SOUGHT = ("change", "skew jump")  # among borders
 UNDETECTED = ("friction", "delay")
 UNDETECTED_ERRORS = 2.0
 MATTERS = 0.02  # of a number
@@ -134,12 +135,12 @@ def _named(significant: list[MisfitHypothesis], unexplained: float) -> MisfitHyp
 
 
 def _explained_by(named: MisfitHypothesis, rival: MisfitHypothesis) -> bool:
-    """Whether a change is only what borders anywhere fit of another cause.
+    """Whether a change, or a jump, is only what borders anywhere fit of another cause.
 
     Borders are sought, so they fit some of any misfit: a change that explains far less than the
     named cause was listed for one in ten stationary recordings.
     """
-    if rival.name != "change" or named.family == rival.family:
+    if rival.name not in SOUGHT or named.family == rival.family:
         return False
     less = rival.gain < ALIKE * named.gain or _surely(named, rival)
     return named.name == "surface" or less

@@ -12,6 +12,7 @@ from palpate.contact import Contact, VelocityFilter
 from palpate.errors import InvalidParameterError, RecordingError
 from palpate.findings import Finding
 from palpate.preparation.clocks import Signals, measurable, settle_stamps
+from palpate.preparation.delay import in_step
 from palpate.preparation.gates import exclude_load_transfer
 from palpate.preparation.roles import Columns, Roles
 from palpate.preparation.settings import Normal, Preparation
@@ -229,25 +230,6 @@ def _correct(values: dict[str, ArrayLike], made: dict[str, str], settings: Prepa
     if surface and not isinstance(surface, str):
         values["penetration"] = np.asarray(values["penetration"], dtype=float) - surface
         add(made, "penetration", f"relative to {surface:g} m")
-
-
-def in_step(contact: Contact, late: float) -> Contact:
-    """Shift the force earlier by its delay, s, by linear interpolation.
-
-    It shifts the force, because interpolation smooths, and a smoothed penetration would change the
-    velocity. It drops the samples at an end of a segment whose force is then unknown.
-    """
-    if late == 0.0 or not len(contact):
-        return contact
-    force, keep = contact.force.copy(), np.zeros(len(contact), dtype=bool)
-    for part in contact.segments():
-        time = contact.time[part]
-        wanted = time + late
-        force[part] = np.interp(wanted, time, contact.force[part])
-        keep[part] = (wanted >= time[0]) & (wanted <= time[-1])
-    made = dict(contact.provenance)
-    add(made, "force", f"shifted {abs(late) * 1e3:g} ms {'earlier' if late > 0 else 'later'}")
-    return replace(contact, force=force, provenance=made).taken(keep)
 
 
 def _tared(contact: Contact, done: Prepared) -> tuple[Contact, Prepared]:

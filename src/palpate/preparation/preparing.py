@@ -58,7 +58,7 @@ def prepare(
     units: Mapping[str, str] | None = None,
     flip: Sequence[str] = (),
     tare: tuple[float, float] | Literal["find"] | None = None,
-    delay: float = 0.0,
+    delay: float | tuple[float, float] | Literal["find"] = 0.0,
     surface: float | SurfaceRule | None = None,
     normal: str | Sequence[float] | None = None,
     force_frame: ForceFrame | None = None,
@@ -105,8 +105,11 @@ def prepare(
         (start, stop), s: an interval without contact, whose mean force is subtracted. ``"find"``:
         detect free air, and subtract its mean force and a significant drift. Default: None for a
         penetration; for a position as ``"find"``, if there is free air.
-    delay : float
-        Delay of the force, s, negative if it is early; the force is shifted earlier by it.
+    delay : float, tuple of float or "find"
+        Delay of the force, s, negative if it is early; the force is shifted earlier by it. With its
+        standard error: (delay, error); default: half a sample. ``"find"``: the shift by which a
+        Hunt–Crossley law fits best (:func:`palpate.preparation.delay.find_delay`). The damping's
+        error bar includes that of the delay.
     surface : float or str, optional
         Position of the surface, m, in the corrected penetration; or how
         :func:`palpate.preparation.surfaces.surface_of` finds it: ``"threshold"``, ``"baseline"`` or
@@ -361,6 +364,11 @@ def joined(contacts: Sequence[Contact]) -> Contact:
         provenance={**first.provenance, **provenance},
         tare_deviation=_widest([contact.tare_deviation for contact in contacts]),
         surface_deviation=_widest([contact.surface_deviation for contact in contacts]),
+        delay=max(
+            (contact.delay for contact in contacts if contact.delay is not None),
+            key=attrgetter("standard_error"),
+            default=None,
+        ),
         findings=tuple(
             replace(finding, message=f"{contact.source}: {finding.message}")
             for contact in contacts

@@ -39,7 +39,7 @@ class Preparation:
     units: Mapping[str, str] = dataclasses.field(default_factory=dict)
     flip: Sequence[str] = ()
     tare: tuple[float, float] | Literal["find"] | None = None
-    delay: float = 0.0
+    delay: float | tuple[float, float] | Literal["find"] = 0.0
     surface: float | SurfaceRule | None = None
     normal: str | Sequence[float] | None = None
     force_frame: ForceFrame | None = None
@@ -63,7 +63,16 @@ class Preparation:
             )
         if not (self.tare is None or isinstance(self.tare, str)):
             pair_in("tare", self.tare, -1e12, 1e12)
-        number_in("delay", self.delay, -LONGEST_DELAY, LONGEST_DELAY)
+        if isinstance(self.delay, str) and self.delay != "find":
+            raise InvalidParameterError(
+                "delay must be 'find', a time in s, or a time and its standard error, not "
+                f"{shown(self.delay)}"
+            )
+        if not isinstance(self.delay, str):
+            late, *error = self.delay if isinstance(self.delay, tuple) else (self.delay,)
+            number_in("delay", late, -LONGEST_DELAY, LONGEST_DELAY)
+            for each in error:
+                number_in("standard error of the delay", each, 0.0, LONGEST_DELAY)
         if not (self.surface is None or isinstance(self.surface, str)):
             number_in("surface", self.surface, -1e6, 1e6)
         elif self.surface not in (None, *get_args(SurfaceRule)):

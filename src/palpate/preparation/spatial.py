@@ -16,9 +16,9 @@ from palpate.preparation.along_penetration import (
     Place,
     Prepared,
     describe_filter,
-    in_step,
 )
 from palpate.preparation.clocks import Signals
+from palpate.preparation.delay import in_step
 from palpate.preparation.gates import noise_of
 from palpate.preparation.roles import Roles
 from palpate.preparation.settings import (

@@ -354,7 +354,7 @@ def energy_from(result: Derivable) -> EnergyLoss:
         result.diagnosis.working_depth.damping,
         force_noise=data.force_noise,
         depth_noise=data.penetration_noise,
-        skewed="delay" in checks,
+        skewed=bool({"delay", "skew jump"} & checks),
         drifting="offset drift" in checks,
     )
 

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate._core import Status, __version__
-from palpate.contact import Contact, VelocityFilter
+from palpate.contact import Contact, Delay, VelocityFilter
 from palpate.diagnosis import Episode, Quantity, Verdict, WorkingDepth
 from palpate.errors import InvalidParameterError, RecordingError, needed
 from palpate.estimators import LawVerdict
@@ -166,6 +166,7 @@ def contact_and_trace(
         provenance=whole["provenance"],
         tare_deviation=whole["tare_deviation"],
         surface_deviation=whole["surface_deviation"],
+        delay=Delay(**whole["delay"]) if whole.get("delay") else None,
         findings=[*map(Finding.from_dict, whole["findings" if "findings" in whole else "remarks"])],
         velocity_filter=filtered and VelocityFilter(**filtered),
         stated_units=whole.get("stated_units", ()),
@@ -212,6 +213,7 @@ def described(files: Sequence[Path], results: "Sequence[Identified]") -> dict[st
         "velocity_filter": plain(contact.velocity_filter),
         "stated_units": sorted(contact.stated_units),
         "timeless": contact.timeless,
+        "delay": None if contact.delay is None else asdict(contact.delay),
         "gate": asdict(gate),
         "scale": asdict(scale),
         "results": [of_one(result) for result in results],

@@ -1,0 +1,149 @@
+"""Delay of the force against the motion: finding it, and taking it out."""
+
+import math
+from dataclasses import replace
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate.contact import Contact, Delay
+from palpate.digits import with_error
+from palpate.errors import RecordingError
+from palpate.estimators.batch_fit import fit_curves
+from palpate.estimators.least_squares import robust_covariance
+from palpate.preparation.surfaces import add
+from palpate.preparation.velocity import spiked
+from palpate.validation import Floats
+
+LONGEST_FOUND = 50e-3  # s, and a sixth of the motion's period, beyond which delays are ambiguous
+SCANNED = 13  # shifts of a coarse scan
+MOST_SCANNED, MOST_SAMPLES = 4000, 400_000  # by which it is made; by which the delay is found
+MOST_ROUNDS = 8
+WINDOWS_A_PERIOD = 20  # over which noise is averaged, as in the diagnosis
+LIGHT = 0.1  # of the median depth: above it contact may be lost
+
+
+def in_step(contact: Contact, late: float | tuple[float, float] | Literal["find"]) -> Contact:
+    """Shift the force earlier by its delay, s, by linear interpolation.
+
+    It shifts the force, because interpolation smooths, and a smoothed penetration would change the
+    velocity. It drops the samples at an end of a segment whose force is then unknown. A delay
+    without a standard error is known to half a sample.
+    """
+    if late == 0.0 or not len(contact):
+        return contact
+    if isinstance(late, str):
+        delay = find_delay(contact)
+    else:
+        pair = late if isinstance(late, tuple) else (late, 0.5 * contact.sample_time)
+        delay = Delay(*pair)
+    late = delay.seconds
+    force, keep = contact.force.copy(), np.zeros(len(contact), dtype=bool)
+    for part in contact.segments():
+        time = contact.time[part]
+        wanted = time + late
+        force[part] = np.interp(wanted, time, contact.force[part])
+        keep[part] = (wanted >= time[0]) & (wanted <= time[-1])
+    made = dict(contact.provenance)
+    size = with_error(abs(late) * 1e3, delay.standard_error * 1e3, unit="ms")
+    add(made, "force", f"shifted {size} {'earlier' if late > 0 else 'later'}")
+    return replace(contact, force=force, provenance=made, delay=delay).taken(keep)
+
+
+def find_delay(contact: Contact) -> Delay:
+    """Find the delay of the force: the shift of the motion by which Hunt–Crossley fits best.
+
+    Whole samples, because to interpolate a motion smooths it, and half a sample then fits clean
+    data better; what is left is the coefficient of dF̂/dτ next to the law's own columns, in averages
+    over a twentieth of the motion's period, with the standard error of a correlated residual.
+
+    Raises
+    ------
+    RecordingError
+        There is no contact, or the best shift is the longest, 50 ms or a sixth of the period.
+    """
+    contact = contact.taken(slice(MOST_SAMPLES))
+    with np.errstate(invalid="ignore"):
+        lost = spiked(contact.force)
+    contact = replace(contact, force=np.where(lost, np.nan, contact.force))
+    x, v = contact.penetration, contact.velocity
+    inside = (x > 0.0) & np.isfinite(v)
+    speed = math.sqrt(float(np.mean(v[inside] ** 2))) if inside.any() else 0.0
+    period = 2.0 * math.pi * float(np.std(x[inside])) / speed if speed > 0.0 else 0.0
+    step = contact.sample_time
+    reach = int(min(LONGEST_FOUND, period / 6.0) / step)
+    if reach < 1:
+        raise _unknown(contact, "there is no contact, or its motion is too fast for the samples")
+    width = max(int(period / WINDOWS_A_PERIOD / step), 1)
+    every = -(-len(contact) // MOST_SCANNED)
+    scan = np.unique(np.linspace(-reach, reach, SCANNED).round().astype(int)).tolist()
+    depths, rates = np.stack([_moved(contact, shift) for shift in scan], axis=1)[:, :, ::every]
+    forces = np.tile(contact.force[::every], (len(scan), 1))
+    noise = fit_curves(depths, rates, forces).noise
+    if not np.isfinite(noise).any():
+        raise _unknown(contact, "there is no contact")
+    shift, rest, error = scan[int(np.nanargmin(noise))], 0.0, math.nan
+    for _ in range(MOST_ROUNDS):
+        rest, error = _rest(contact, shift, width)
+        if not abs(shift) < reach or not abs(rest) > 0.5 * step:
+            break
+        shift = int(np.clip(shift + round(rest / step), -reach, reach))
+    if not math.isfinite(rest + error):
+        raise _unknown(contact, "too few samples are in contact")
+    if not abs(shift) < reach:
+        words = f"the best shift is {abs(shift) * step * 1e3:.3g} ms, the longest that is looked at"
+        raise _unknown(contact, words)
+    return Delay(shift * step + rest, error, found=True)
+
+
+def _unknown(contact: Contact, why: str) -> RecordingError:
+    words = "palpate cannot find the delay of the force"
+    return RecordingError.of(contact.source, f"{words}: {why}; pass it, such as --delay 5ms")
+
+
+def _moved(contact: Contact, shift: int) -> tuple[Floats, Floats]:
+    """Penetration and velocity of so many samples earlier; NaN where a segment has none."""
+    place = np.arange(len(contact)) - shift
+    there = np.clip(place, 0, len(contact) - 1)
+    known = (place == there) & (contact.segment[there] == contact.segment)
+    x, v = (
+        np.where(known, each[there], np.nan) for each in (contact.penetration, contact.velocity)
+    )
+    return x, v
+
+
+def _rest(contact: Contact, shift: int, width: int) -> tuple[float, float]:
+    """What is left of the delay beside a whole shift, and its standard error, s."""
+    (x, v), force = _moved(contact, shift), contact.force
+    fit = fit_curves(x, v, force)
+    law, offset = fit.law(0), float(fit.offset[0])
+    motion = [(x, v), *(_moved(contact, shift + by) for by in (1, -1))]
+    deep = LIGHT * float(np.nanmedian(x[x > 0.0]))
+    used = np.all([(each > deep) & np.isfinite(rate) for each, rate in motion], axis=0)
+    used &= np.isfinite(force)
+    (x, v), *around = [(each[used], rate[used]) for each, rate in motion]
+    later, earlier = (law.force(*each) for each in around)
+    slope = (later - earlier) / (2.0 * contact.sample_time)
+    residual = force[used] - law.force(x, v) - offset
+    columns = np.column_stack([law.parameter_gradient(x, v), np.ones_like(x), slope, residual])
+    rows = _means(columns, np.flatnonzero(used), contact.segment[used], width)
+    if len(rows) < 2 * columns.shape[1]:
+        return math.nan, math.nan
+    own, (slope, residual) = rows[:, :-2], rows[:, -2:].T
+    own = own / np.maximum(np.linalg.norm(own, axis=0), 1e-300)
+    left, after = ((each - own @ np.linalg.lstsq(own, each)[0]) for each in (slope, residual))
+    rest = float(left @ after / max(left @ left, 1e-300))
+    variance = robust_covariance(left[:, None], after - rest * left, (), own.shape[1])[0, 0]
+    return rest, math.sqrt(variance)
+
+
+def _means(values: Floats, at: NDArray[np.intp], segment: NDArray[np.int64], width: int) -> Floats:
+    """Means over windows of so many rows that follow each other within a segment."""
+    width = min(width, max(len(at) // 40, 1))
+    border = np.flatnonzero((np.diff(at) != 1) | (np.diff(segment) != 0)) + 1
+    runs = np.split(np.arange(len(at)), border)
+    starts = np.concatenate([run[: len(run) - width + 1 : width] for run in runs])
+    sums = np.vstack([np.zeros(values.shape[1]), np.cumsum(values, axis=0)])
+    means: Floats = (sums[starts + width] - sums[starts]) / width
+    return means
