@@ -17,7 +17,8 @@ FLAGS = {"changes", "flip-force", "flip-penetration", "no-reject-outliers", "str
 OPTIONS = {name.replace("_", "-") for name in vars(ReadingOptions())} | {"law", "method", "at"}
 #: A value of an option: a number, perhaps with a unit, two numbers, or a word that it offers.
 VALUE = re.compile(
-    r"-?[\d.]+(e-?\d+)?[A-Za-zµ]*(:-?[\d.]+)?$|\w+=\w+$|(auto|any|none|fit|estimate|tool|base|inf|z)$"
+    r"-?[\d.]+(e-?\d+)?[A-Za-zµ]*((:|\+-)-?[\d.]+[a-z]*)?$|\w+=\w+$"
+    r"|(auto|any|none|fit|find|estimate|tool|base|inf|z)$"
 )
 ONE_VALUE = ("delay", "min-penetration", "velocity-window", "tare")
 #: Next steps of which a result may name one of each row, but not both.

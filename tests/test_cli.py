@@ -347,7 +347,7 @@ def test_units_are_given_one_by_one_or_together(run, refused, tmp_path):
     rows = [[*row, "0.0"] for row in rows_of()]
     path = written(tmp_path / "v.csv", text_of(rows, (*HEADER, "velocity_m_s")))
     _, out, _ = run("identify", path, "--json", "--velocity", "none")
-    assert "Savitzky" in json.loads(out)["provenance"]["velocity"]
+    assert "spline" in json.loads(out)["provenance"]["velocity"]
 
 
 @pytest.mark.parametrize(

@@ -179,7 +179,8 @@ def opened(
     max_size: float | None,
 ) -> "Recording":
     """Open a recording, with a bar while it is read."""
-    from palpate.recordings.opening import MAX_SIZE, open_recording
+    from palpate.recordings import open_recording
+    from palpate.recordings.opening import MAX_SIZE
 
     most = MAX_SIZE if max_size is None else max_size
     with bar(f"reading {file}") as progress:
