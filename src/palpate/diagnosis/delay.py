@@ -199,6 +199,7 @@ BORDERS = 24  # at which it is looked for; then as many between the neighbours o
 # The largest z of 96 clean recordings, in white and in slow noise, is 4.6; the least of 30 with a
 # jump of 2 to 20 ms is 10.5.
 JUMP_Z = 6.0
+BOTH_WAYS = 0.1  # least share of either direction in a part
 LEAST_JUMP = 0.25  # of a sample
 
 
@@ -215,10 +216,17 @@ def skew_jump(fit: Fit) -> list[MisfitHypothesis]:
         solution.residual - whole.amount * solution.without(slope),
     )
     rows, between = len(fit.band), (0, len(fit.band))
+    pressing = np.cumsum(fit.band.mean(fit.v) > 0.0)
     place = 0
     for _ in range(2):
         borders = np.unique(np.linspace(*between, BORDERS + 2)[1:-1].astype(int))
         borders = borders[(borders > 0) & (borders < rows)]
+        # A part that only presses or only withdraws does not tell a delay from the law.
+        before = pressing[borders - 1]
+        shares = np.stack([before / borders, (pressing[-1] - before) / (rows - borders)])
+        borders = borders[np.all((shares > BOTH_WAYS) & (shares < 1.0 - BOTH_WAYS), axis=0)]
+        if not borders.size:
+            return []
         later = np.where(np.arange(rows)[:, None] >= borders, slope[:, None], 0.0)
         left = later - beside.jacobian @ (beside.inverse @ later)
         energy = np.square(left).sum(axis=0)
