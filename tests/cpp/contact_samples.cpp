@@ -130,6 +130,19 @@ TEST("in correlated noise neighbours have to show more than its deviation") {
   CHECK(recent.pressed(8, 0.0));
 }
 
+TEST("a force that rises smoothly is not taken for a rounded one") {
+  for (const double start : {0.0, 0.7, 1.6, 2.5}) {  // its slope rises, falls, and turns
+    ContactSamples smooth, rounded;
+    for (int k = 0; k < 400; ++k) {
+      const double force = 2.0 + std::sin(start + 2e-3 * k);
+      smooth.push({1e-3, 0.0, force}, Role::sure, false);
+      CHECK(smooth.resolution() == 0.0);
+      rounded.push({1e-3, 0.0, 0.01 * std::round(force / 0.01)}, Role::sure, false);
+    }
+    CHECK(std::abs(rounded.resolution() - 0.01) < 1e-9);
+  }
+}
+
 TEST("the mean error of rounding is that of many noisy readings") {
   RandomNumbers random(3);
   for (const double deviation : {0.125, 0.2, 0.3}) {

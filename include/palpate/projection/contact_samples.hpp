@@ -97,7 +97,8 @@ class ContactSamples {
   // The smallest step of the force seen, 0 before one: that of its resolution, if it has one.
   double least_step() const noexcept { return least_step_; }
 
-  // The step of a sensor that rounds: 0 unless the latest steps are all multiples of the least.
+  // The step of a sensor that rounds: 0 unless the latest steps are all multiples of the least, and
+  // sixteen of them are larger or follow a reading that was repeated: a smooth force rises evenly.
   double resolution() const noexcept { return multiples_ < 16 ? 0.0 : least_step_; }
 
  private:
@@ -128,11 +129,19 @@ class ContactSamples {
   // The running median of |ΔF|, in steps of a 64th in the end, with a scatter of 8 %. A coarsely
   // quantised sensor repeats its values: a difference of zero is ignored.
   void learn_noise(double step) noexcept {
-    if (!(step > 0.0)) return;
+    if (!(step > 0.0)) {
+      repeated_ = true;
+      return;
+    }
     if (!(step_ > 0.0)) step_ = least_step_ = step;
-    least_step_ = std::min(least_step_, step);
     const double ratio = step / least_step_;
-    multiples_ = std::abs(ratio - std::round(ratio)) < 0.01 ? multiples_ + 1 : 0;
+    least_step_ = std::min(least_step_, step);
+    if (!(std::abs(ratio - std::round(ratio)) < 0.01)) {
+      multiples_ = 0;
+    } else if (repeated_ || ratio > 1.5) {
+      ++multiples_;
+    }
+    repeated_ = false;
     if (pace_ < 64.0) {
       pace_ += 1.0;
       move_ = {pace_ / (pace_ + 1.0), (pace_ + 1.0) / pace_};
@@ -146,7 +155,8 @@ class ContactSamples {
   double step_ = 0.0;        // median |ΔF|
   double correlated_ = 0.0;  // σ √f of correlated noise
   double least_step_ = 0.0;
-  std::uint32_t multiples_ = 0;   // of it in a row
+  std::uint32_t multiples_ = 0;   // of it, without another step between them
+  bool repeated_ = false;         // the latest reading
   double pace_ = 0.0;             // steps are by one part in so many
   std::array<double, 2> move_{};  // down, up
 };
