@@ -477,6 +477,8 @@ def test_a_worker_that_ends_before_it_has_started_is_started_anew(monkeypatch):
     monkeypatch.setattr(running, "_ASK_AGAIN", 0.5)
     with running.client_of(workers=2) as client:
         failures = iter([RuntimeError("killed while it was started")])
+        while len(client.cluster.workers) < 2:  # they are listed a moment after they have started
+            time.sleep(0.05)
         client.cluster.sync(client.cluster.workers[0].close)
         client.wait_for_workers(2, timeout=30.0)
         assert client.submit(sum, [2, 3]).result(timeout=30.0) == 5
