@@ -10,10 +10,11 @@ from faults import FORCE, LAW, SPRING, STEP, TIME, V, X, contact, recorded
 import palpate
 from palpate import lab
 from palpate.diagnosis import Data
-from palpate.diagnosis.data import CHECKS, SOME, beat_of
+from palpate.diagnosis.data import CHECKS, SOME
 from palpate.diagnosis.delay import _within_segment, delay, relaxed
 from palpate.diagnosis.fit import Fit
 from palpate.estimators.least_squares import mean_error, robust_covariance
+from palpate.preparation.held import beat_of
 from palpate.preparation.preparing import joined
 from palpate.preparation.velocity import spiked
 from palpate.recordings.recording import size_of
@@ -101,8 +102,8 @@ def test_friction_of_the_probe_or_what_pulls_on_it_in_air_is_no_adhesion():
 RANDOM, COARSE = np.random.default_rng(5), 0.1 * FORCE.max()
 # Stamped on arrival: late by up to nine tenths of a step.
 STAMPS = np.maximum.accumulate(TIME + 0.9 * STEP * np.random.default_rng(3).random(TIME.size))
-# A force that comes at a lower rate, and is held.
-HELD = contact(TIME, X, np.repeat(NOISY[::8], 8)[: X.size])
+# A force that comes at a lower rate, and is held; of a contact that palpate did not prepare.
+HELD = dataclasses.replace(contact(TIME, X, NOISY), force=np.repeat(NOISY[::8], 8)[: X.size])
 INPUTS = {
     "penetration unit": faults.scaled(penetration=1e3),
     "force unit": faults.scaled(force=1e3),
@@ -210,9 +211,7 @@ def test_coarse_steps_and_held_values_are_found_before_what_they_look_like():
 
 @pytest.mark.parametrize("beat", [2, 3.3, 6.25, 12.5, 20])
 @pytest.mark.parametrize("channel", ["force", "penetration"])
-def test_a_channel_that_is_held_by_another_clock_is_named_and_the_numbers_are_in_their_bars(
-    beat, channel
-):
+def test_of_a_channel_that_is_held_palpate_uses_the_samples_at_which_it_changes(beat, channel):
     """As of a load cell of 80 Hz in a log of 500 Hz: 6.25 samples."""
     last = np.floor(np.floor(np.arange(TIME.size) / beat) * beat).astype(int)
     force, x = NOISY, X
@@ -221,16 +220,51 @@ def test_a_channel_that_is_held_by_another_clock_is_named_and_the_numbers_are_in
     else:
         x = X[last]
     found = palpate.diagnose(palpate.prepare(time=TIME, penetration=x, force=force))
-    assert found.reason.startswith(f"the {channel} changes only every {beat:.0f} samples")
-    assert found.verdict.overall == "with-care"
-    if channel == "penetration":
-        return
+    [held] = [finding for finding in found.findings if finding.check == "held channel"]
+    name = "position" if channel == "penetration" else channel
+    assert held.message == (
+        f"the {name} changes only every {beat:.0f} samples (sample and hold): palpate uses the "
+        "samples at which it changes"
+    )
+    assert found.verdict.overall == "trust"
     there = found.working_depth
     for quantity, true in (
         (there.stiffness, faults.LAW.stiffness_at(there.depth)),
         (there.damping, faults.LAW.damping_at(there.depth)),
     ):
         assert abs(quantity.value - true) < 3.0 * quantity.whole_error
+
+
+@pytest.mark.parametrize("turning", [False, True])
+def test_the_samples_at_which_a_pose_or_a_force_in_space_changes_are_used(turning):
+    """Of a load cell of 80 Hz on a robot of 500 Hz; in a tool that turns too."""
+    time = TIME[::2]
+    late = np.ceil(np.floor(np.arange(time.size) / 6.25 + 1e-9) * 6.25 - 1e-9).astype(int)
+    half, zero = 0.05 * np.sin(0.7 * time) * turning, np.zeros_like(time)  # half the angle about x
+    held = (NOISY[::2] * np.stack([zero, np.sin(2 * half), np.cos(2 * half)]))[:, late]
+    names = ("ee_x", "ee_y", "ee_z", "f_x", "f_y", "f_z", "qx", "qy", "qz", "qw")
+    values = (0.4 + zero, zero, 0.3 - X[::2], *held, np.sin(half), zero, zero)
+    channels = dict(zip(names, (*values, np.cos(half)), strict=True))
+    frame = "tool" if turning else "base"
+    contact = palpate.prepare(palpate.Recording({"time_s": time, **channels}), force_frame=frame)
+    found = palpate.diagnose(contact)
+    assert [f.severity for f in found.findings if f.check == "held channel"] == ["note"]
+    assert len(contact) == pytest.approx(time.size / 6.25, abs=2.0)
+    there = found.working_depth
+    assert there.stiffness.value == pytest.approx(LAW.stiffness_at(there.depth), rel=0.01)
+    damping = there.damping
+    assert abs(damping.value - LAW.damping_at(there.depth)) < 2.0 * damping.whole_error
+
+
+def test_too_few_changes_of_a_held_channel_stay_a_matter_of_care():
+    part = slice(1000, 2000)
+    force = np.repeat(NOISY[::20], 20)[: X.size]
+    found = palpate.diagnose(
+        palpate.prepare(time=TIME[part], penetration=X[part], force=force[part])
+    )
+    [held] = [finding for finding in found.findings if finding.check == "held channel"]
+    assert held.severity == "with-care"
+    assert "ms late on average" in held.message
 
 
 def test_steps_of_a_noisy_or_of_a_ramped_channel_are_not_held():

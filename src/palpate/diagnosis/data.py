@@ -16,6 +16,7 @@ from palpate.diagnosis.finding import Laws
 from palpate.digits import format_quantity, rounded
 from palpate.findings import Finding
 from palpate.preparation.gates import dead_band_of, exclude_load_transfer, noise_of
+from palpate.preparation.held import beat_of
 from palpate.preparation.velocity import (
     largest_of,
     noise_gain,
@@ -158,11 +159,6 @@ def _coarse(values: Floats, step: float, largest: float) -> bool:
 
 # A channel that is held: the same value again and again, at a fixed beat.
 
-LONGEST = 60  # samples of a beat
-IN_STEP = 0.9  # of the changes, that fall on one phase
-REGULAR, IRREGULAR = 0.8, 0.35  # of the gaps between changes; of their mean
-MOST_HELD = 20_000  # samples that are looked at
-
 
 def held(data: Data) -> Finding | None:
     """Changes every k ≤ 60 samples: a delay of (k − 1)/2 samples, or k/2 of two clocks apart."""
@@ -179,32 +175,6 @@ def held(data: Data) -> Finding | None:
                 "record at the rate of the slowest channel",
             )
     return None
-
-
-def beat_of(values: Floats) -> float:
-    """Mean number of samples for which a held channel keeps a value; 0 for one that is not held.
-
-    A whole number where all changes fall on one phase, as of clocks in step.
-    """
-    values = values[:MOST_HELD]
-    changes = np.diff(values)
-    at = np.flatnonzero(changes)
-    if at.size < 20 or at.size > 0.6 * len(values):
-        return 0.0
-    gaps = np.diff(at)
-    beat = round(float(np.median(gaps)))
-    if not 2 <= beat <= LONGEST or at.size <= 0.5 * len(values) / beat:
-        return 0.0
-    # The phase may slip by one sample now and then where the two rates are no multiples.
-    if np.bincount(at % beat, minlength=beat).max() / at.size > IN_STEP:
-        return float(beat)
-    # Rates that are no multiples: nearly equal gaps. Those of a noisy channel's steps are spread,
-    # and a ramp's steps are equal.
-    mean = float(gaps[gaps < 1.5 * beat].mean())
-    regular = np.abs(gaps - mean) < IRREGULAR * mean
-    jumps = np.abs(changes[at])
-    ramp = np.mean(jumps < 1.5 * np.median(jumps[jumps > 0.0])) > IN_STEP
-    return mean if mean > 1.9 and np.mean(regular) > REGULAR and not ramp else 0.0
 
 
 # Signs: force positive in compression, penetration positive into the material.

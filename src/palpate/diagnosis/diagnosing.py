@@ -13,7 +13,7 @@ import numpy as np
 from palpate.contact import VelocityFilter
 from palpate.diagnosis.change import Changes, changes
 from palpate.diagnosis.chosen_law import ahead, at_most_care, held_out, one_relaxation_time
-from palpate.diagnosis.data import VELOCITY_NONE, Data, beat_of
+from palpate.diagnosis.data import VELOCITY_NONE, Data
 from palpate.diagnosis.delay import (
     adhesion_or_memory,
     columns,
@@ -52,6 +52,7 @@ from palpate.estimators.estimate import Estimate, Trace
 from palpate.estimators.law_verdicts import ONE_WAY
 from palpate.findings import MARKS, SEVERITIES, Finding, Mark, worst
 from palpate.preparation.gates import dead_band_of
+from palpate.preparation.held import beat_of
 from palpate.preparation.velocity import filter_gain
 from palpate.stages import timed
 

@@ -14,6 +14,7 @@ from palpate.findings import Finding
 from palpate.preparation.clocks import Signals, measurable, settle_stamps
 from palpate.preparation.delay import in_step
 from palpate.preparation.gates import exclude_load_transfer
+from palpate.preparation.held import held_channels
 from palpate.preparation.roles import Columns, Roles
 from palpate.preparation.settings import Normal, Preparation
 from palpate.preparation.surfaces import (
@@ -205,16 +206,24 @@ def _prepared(
         provenance=made,
         source="" if recording is None else recording.source,
     )
+    late = settings.delay
+    held = None if settings.no_time else held_channels(time, penetration, force, force)
+    if held is not None:
+        contact = contact.taken(held.before)
+        contact = replace(contact, force=held.taken(force), findings=(held.finding,))
+        late = late or held.late
     if "velocity" not in values:
         runs, window = list(contact.segments()), settings.velocity_window
         with stage(_LOGGER, "velocity by the filter"):
-            velocity, used, lost = velocities_of(time, penetration, runs, window)
+            velocity, used, lost = velocities_of(contact.time, contact.penetration, runs, window)
         words = {**contact.provenance, "velocity": describe_filter(used, lost)}
         contact = replace(contact, velocity=velocity, velocity_filter=used, provenance=words)
+    if held is not None:
+        contact = contact.taken(held.after)
     done = Prepared(recording or Recording({}), settings)
     contact, done = _tared(contact, done)
     contact, done = _surface_found(contact, done)
-    contact = replace(in_step(contact, settings.delay), prepared=done)
+    contact = replace(in_step(contact, late), prepared=done)
     low, high = settings.window or (None, None)
     return contact if low is None and high is None else contact.window(low, high)
 

@@ -256,6 +256,8 @@ class Signals:
         Quaternion x, y, z, w.
     segment : numpy.ndarray, shape (k,), optional
         Label in the column of segments.
+    fresh : numpy.ndarray of bool, shape (k,), optional
+        Samples to keep once the velocity is computed. None: all.
     made : mapping
         How each channel was obtained, as text.
     findings : tuple of Finding
@@ -271,18 +273,16 @@ class Signals:
     velocity: Floats | None = None
     orientation: Floats | None = None
     segment: NDArray[np.generic] | None = None
+    fresh: NDArray[np.bool_] | None = None
     made: Mapping[str, str] = field(default_factory=dict)
     findings: tuple[Finding, ...] = ()
     stated_units: frozenset[str] = frozenset()
 
     def taken(self, keep: NDArray[np.bool_] | NDArray[np.int64]) -> "Signals":
         """Return the selected samples."""
-        cut = {
-            name: getattr(self, name)[keep]
-            for name in ("time", "depth", "force", "part", "velocity", "orientation", "segment")
-            if getattr(self, name) is not None
-        }
-        return replace(self, **cut)
+        names = "time", "depth", "force", "part", "velocity", "orientation", "segment", "fresh"
+        given = {name: getattr(self, name) for name in names}
+        return replace(self, **{k: each[keep] for k, each in given.items() if each is not None})
 
 
 def signals_of(

@@ -20,6 +20,7 @@ from palpate.preparation.along_penetration import (
 from palpate.preparation.clocks import Signals
 from palpate.preparation.delay import in_step
 from palpate.preparation.gates import noise_of
+from palpate.preparation.held import held_channels
 from palpate.preparation.roles import Roles
 from palpate.preparation.settings import (
     Normal,
@@ -96,6 +97,7 @@ def along_normal(
     low, high = settings.window or (None, None)
     ends = -math.inf if low is None else low, math.inf if high is None else high
     signals = signals.taken(between(signals.time, *ends, recording.source))
+    recorded, late = signals.force, settings.delay
     signals = _framed(recording, roles, signals, settings, findings)
     if settings.tool_weight is not None and signals.force.ndim == signals.depth.ndim == 2:
         add(made, "force", f"minus the tool's weight of {settings.tool_weight:g} N")
@@ -108,6 +110,18 @@ def along_normal(
         add(made, "force", "rotated by the orientation")
     with stage(_LOGGER, "contact normal"):
         whole = on_normal(signals, settings, recording.source)
+    left = None if zero is None else deviation_left(whole.force, zero.free)
+    held = (
+        None
+        if settings.no_time
+        else held_channels(signals.time, signals.depth, recorded, whole.force)
+    )
+    if held is not None:
+        force = held.taken(signals.force)
+        signals = replace(signals.taken(held.before), force=force, fresh=held.after)
+        whole = replace(whole, depth=whole.depth[held.before], force=held.taken(whole.force))
+        findings.append(held.finding)
+        late = late or held.late
     pieces = _pieces(signals, whole, settings)
     if len(pieces) > 1 or pieces[0][1] is not None:
         findings += _travelled(pieces, signals)
@@ -122,9 +136,8 @@ def along_normal(
         surface=places[0].surface if places else None,
         places=tuple(places) if pieces[0][1] is not None else (),
     )
-    left = None if zero is None else deviation_left(whole.force, zero.free)
     contact = replace(contact, tare_deviation=left, prepared=done, source=recording.source)
-    return in_step(contact, settings.delay)
+    return in_step(contact, late)
 
 
 @timed("frame of the force")
@@ -201,7 +214,7 @@ def _joined(
 ) -> tuple[Contact, list[Place]]:
     """Join the pieces, each with its own surface."""
     rule: SurfaceRule = settings.surface if isinstance(settings.surface, str) else "fit"
-    depths, velocities, labels, places = [], [], [], []
+    clocks, depths, velocities, forces, labels, places = [], [], [], [], [], []
     filters, lost = list[VelocityFilter](), 0
     for number, (signals, episode, own) in enumerate(pieces):
         runs = list(slices_of(signals.part))
@@ -209,10 +222,15 @@ def _joined(
         velocity, used, count = velocities_of(
             signals.time, own.depth, runs, settings.velocity_window
         )
+        if (fresh := signals.fresh) is not None:
+            signals, velocity = signals.taken(fresh), velocity[fresh]
+            own = replace(own, depth=own.depth[fresh], force=own.force[fresh])
         if isinstance(settings.surface, float | int):
             surface = Surface(float(settings.surface), 0.0, "as given")
         else:
             surface = surface_of(own.depth, velocity, own.force, rule)
+        clocks.append(signals.time)
+        forces.append(own.force)
         depths.append(own.depth - surface.position)
         velocities.append(velocity)
         labels.append(signals.part if episode is None else np.full(len(signals.time), number))
@@ -233,10 +251,10 @@ def _joined(
     known = [place.surface.deviation for place in places if place.surface.deviation]
     one = rule != "estimate" and len(known) == len(places)
     contact = Contact(
-        np.concatenate([signals.time for signals, _, _ in pieces]),
+        np.concatenate(clocks),
         penetration=np.concatenate(depths),
         velocity=np.concatenate(velocities),
-        force=np.concatenate([own.force for _, _, own in pieces]),
+        force=np.concatenate(forces),
         segment=np.concatenate(labels),
         provenance=made,
         surface_deviation=float(np.median(known)) if one else None,
