@@ -1,23 +1,34 @@
 """The command line: a module per command, each of which parses, calls and prints.
 
 Here is what surrounds every command: its streams, how it ends, and what it prints of an error. No
-library is needed for that, and ``palpate --version`` imports none. What is imported here is
-imported before Ctrl-C is caught: little, and quickly.
+library is needed for that, and ``palpate --version`` imports none.
 """
 
-import codecs
-import io
 import os
-import re
-import signal
 import sys
-from contextlib import suppress
-
-from palpate.errors import PalpateError, printable
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from types import FrameType
+    from types import FrameType, TracebackType
+
+
+def _end_quietly(
+    kind: type[BaseException], error: BaseException, trace: "TracebackType | None"
+) -> None:
+    if issubclass(kind, KeyboardInterrupt):
+        os._exit(130)
+    sys.__excepthook__(kind, error, trace)
+
+
+sys.excepthook = _end_quietly  # before the imports: Ctrl-C may come at once
+
+import codecs
+import io
+import re
+import signal
+from contextlib import suppress
+
+from palpate.errors import PalpateError, printable
 
 # A word of a person or a file that is no word is shown by its beginning and its end; a path of the
 # usual length is shown whole.

@@ -1,6 +1,8 @@
 """The commands ``palpate fleet`` and ``palpate map``."""
 
 import os
+import threading
+import time
 from collections import Counter
 from dataclasses import asdict, dataclass, replace
 from importlib import import_module
@@ -36,6 +38,7 @@ Sources: TypeAlias = tuple[str, ...]
 #: Above this number of rows only the counts of the verdicts are printed.
 _MOST_ROWS = 30
 _MOST_REASONS = 3
+_LONGEST_EXIT = 2.0  # s, after an interrupt
 _STYLES = dict.fromkeys(("with-care", "flagged"), "yellow") | {"trust": "green"}
 _STYLES |= dict.fromkeys(("failed", "do-not-trust"), "red")
 
@@ -99,6 +102,7 @@ def fleet(
             found = run_fleet(sources, output, settings, **vars(running), progress=progress)
     except KeyboardInterrupt:
         complain(f"interrupted; finished rows are in {output}; repeat the command to continue")
+        threading.Thread(target=_end_with_main_thread, daemon=True).start()
         raise
     page = None
     if report:
@@ -113,13 +117,21 @@ def fleet(
     return 0
 
 
+def _end_with_main_thread() -> None:
+    """End the process soon after its main thread: the exit of Dask waited for ever 1 time in 60."""
+    threading.main_thread().join()
+    time.sleep(_LONGEST_EXIT)
+    os._exit(130)
+
+
 def _settings(
     choosing: MethodOptions, diagnosis: Literal["none", "input", "full"], reading: ReadingOptions
 ) -> "Settings":
     """Return the settings of a run; preparation options with their default values are omitted."""
     from palpate.fleet.tasks import Settings
+    from palpate.recordings.opening import MAX_SIZE
 
-    for option in ("save_config", "curve", "max_size"):
+    for option in ("save_config", "curve"):
         if getattr(reading, option) is not None:
             name = option.replace("_", "-")
             raise InvalidParameterError(f"--{name} applies to one recording; omit it for a fleet")
@@ -132,6 +144,7 @@ def _settings(
         diagnosis=diagnosis,
         minimum_penetration=reading.min_penetration,
         minimum_force=reading.min_force,
+        max_size=MAX_SIZE if reading.max_size is None else reading.max_size,
     )
 
 
