@@ -107,6 +107,23 @@ class Finder:
 sys.meta_path.insert(0, Finder())
 from palpate.cli import main
 """
+AT_THE_END = """
+import os, signal, sys
+import palpate.cli as cli
+class Finder:
+    def find_spec(self, name, *more):
+        if name == "nothing":
+            os.kill(os.getpid(), signal.SIGINT)
+            sum(range(1000))
+sys.meta_path.insert(0, Finder())
+def run(words):
+    try:
+        import nothing
+    except ImportError:
+        return 0
+cli._run = run
+cli.main()
+"""
 ENDLESS = """
 import sys, threading
 from palpate.fleet import running
@@ -121,7 +138,7 @@ main()
 
 
 @POSIX
-@pytest.mark.parametrize("program, lines", [(EARLY, 0), (ENDLESS, 1)])
+@pytest.mark.parametrize("program, lines", [(EARLY, 0), (AT_THE_END, 0), (ENDLESS, 1)])
 def test_an_interrupt_ends_the_first_imports_and_an_exit_that_waits_for_a_thread(program, lines):
     done = subprocess.run(
         [sys.executable, "-c", program], capture_output=True, text=True, check=False, timeout=15

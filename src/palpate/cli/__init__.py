@@ -74,6 +74,11 @@ def main() -> None:
         complain(f"{error.filename or 'standard output'}: {error.strerror or error}")
         status = 2
     caught.ended = True
+    if (
+        caught.waiting
+    ):  # at the exit Python lets go of the alarm's handler, and the alarm would kill
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        status = 130
     if status:
         sys.exit(status)
 
@@ -88,7 +93,7 @@ class _Interrupts:
     interval, longest = 0.05, 5.0  # s; an import may be one of a user's module that never ends
 
     def __init__(self) -> None:
-        self.ended, self._left = False, round(self.longest / self.interval)
+        self.ended, self.waiting, self._left = False, False, round(self.longest / self.interval)
         self._imports = vars(sys.modules["_frozen_importlib"])
         with suppress(ValueError):  # not in the main thread: the caller handles it
             if signal.getsignal(signal.SIGINT) is not signal.SIG_IGN:
@@ -101,7 +106,7 @@ class _Interrupts:
             frame = frame.f_back
         if frame is None or not self._left or sys.platform == "win32":
             raise KeyboardInterrupt
-        self._left -= 1
+        self._left, self.waiting = self._left - 1, True
         signal.signal(signal.SIGALRM, self._interrupt)
         signal.setitimer(signal.ITIMER_REAL, self.interval)
 
