@@ -76,7 +76,7 @@ def main() -> None:
     caught.ended = True
     if (
         caught.waiting
-    ):  # at the exit Python lets go of the alarm's handler, and the alarm would kill
+    ):  # Python lets go of the handler at its exit, and the alarm would kill
         signal.setitimer(signal.ITIMER_REAL, 0.0)
         status = 130
     if status:
