@@ -74,9 +74,7 @@ def main() -> None:
         complain(f"{error.filename or 'standard output'}: {error.strerror or error}")
         status = 2
     caught.ended = True
-    if (
-        caught.waiting
-    ):  # Python lets go of the handler at its exit, and the alarm would kill
+    if caught.waiting:  # Python lets go of the handler at its exit, and the alarm would kill
         signal.setitimer(signal.ITIMER_REAL, 0.0)
         status = 130
     if status:
