@@ -1,8 +1,6 @@
 """The commands ``palpate fleet`` and ``palpate map``."""
 
 import os
-import threading
-import time
 from collections import Counter
 from dataclasses import asdict, dataclass, replace
 from importlib import import_module
@@ -38,7 +36,6 @@ Sources: TypeAlias = tuple[str, ...]
 #: Above this number of rows only the counts of the verdicts are printed.
 _MOST_ROWS = 30
 _MOST_REASONS = 3
-_LONGEST_EXIT = 2.0  # s, after an interrupt
 _STYLES = dict.fromkeys(("with-care", "flagged"), "yellow") | {"trust": "green"}
 _STYLES |= dict.fromkeys(("failed", "do-not-trust"), "red")
 
@@ -102,8 +99,7 @@ def fleet(
             found = run_fleet(sources, output, settings, **vars(running), progress=progress)
     except KeyboardInterrupt:
         complain(f"interrupted; finished rows are in {output}; repeat the command to continue")
-        threading.Thread(target=_end_with_main_thread, daemon=True).start()
-        raise
+        os._exit(130)  # at once: the exit of Dask waited for ever 2 times in 150
     page = None
     if report:
         from palpate.fleet.report import save_report
@@ -115,13 +111,6 @@ def fleet(
         complain("no contact was identified; the column error of the results has the reasons")
         return 2
     return 0
-
-
-def _end_with_main_thread() -> None:
-    """End the process soon after its main thread: the exit of Dask waited for ever 1 time in 60."""
-    threading.main_thread().join()
-    time.sleep(_LONGEST_EXIT)
-    os._exit(130)
 
 
 def _settings(
