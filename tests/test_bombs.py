@@ -14,7 +14,11 @@ from containers import COLUMNS, write_feather, write_hdf5, write_mat5, write_par
 from mcap.writer import CompressionType, Writer
 
 from palpate import open_recording
+from palpate.cli.fleet import _settings
+from palpate.cli.options import MethodOptions
+from palpate.cli.reading import ReadingOptions
 from palpate.errors import RecordingError
+from palpate.fleet.running import identify_batch
 
 CAP = 8 << 20  # bytes: a 64th is 128 KiB
 LONG = CAP // 8 + 1000  # numbers
@@ -108,6 +112,15 @@ def test_an_option_raises_the_cap(tmp_path, run):
     assert (status, err.count("\n")) == (2, 1)
     assert "larger --max-size" in err
     assert run("identify", path, "--max-size", "0.5")[0] == 2
+
+
+def test_a_fleet_takes_the_option_that_the_error_of_a_row_names(tmp_path):
+    path = BOMBS["a.parquet"](tmp_path / "a.parquet")
+    batch = pa.table({"source": [str(path)], "kind": ["file"], "index": pa.array([None], "int64")})
+    for size, named in ((1e6, True), (1e9, False)):
+        settings = _settings(MethodOptions(), "none", ReadingOptions(max_size=size))
+        [row] = identify_batch(batch, settings).to_pylist()
+        assert ("larger --max-size" in row["error"]) == named
 
 
 GOOD = {

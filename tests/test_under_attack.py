@@ -98,6 +98,54 @@ def test_an_interrupt_during_an_import_waits_for_its_end(tmp_path):
     assert (done.returncode, done.stdout, done.stderr) == (130, "imported\n", "")
 
 
+EARLY = """
+import os, signal, sys
+class Finder:
+    def find_spec(self, name, *more):
+        if name == "palpate.errors":
+            os.kill(os.getpid(), signal.SIGINT)
+sys.meta_path.insert(0, Finder())
+from palpate.cli import main
+"""
+AT_THE_END = """
+import os, signal, sys
+import palpate.cli as cli
+class Finder:
+    def find_spec(self, name, *more):
+        if name == "nothing":
+            os.kill(os.getpid(), signal.SIGINT)
+            sum(range(1000))
+sys.meta_path.insert(0, Finder())
+def run(words):
+    try:
+        import nothing
+    except ImportError:
+        return 0
+cli._run = run
+cli.main()
+"""
+ENDLESS = """
+import sys, threading
+from palpate.fleet import running
+def run_fleet(*_, **options):
+    threading.Thread(target=threading.Event().wait).start()
+    raise KeyboardInterrupt
+running.run_fleet = run_fleet
+sys.argv = ["palpate", "fleet", "a", "-o", "b"]
+from palpate.cli import main
+main()
+"""
+
+
+@POSIX
+@pytest.mark.parametrize("program, lines", [(EARLY, 0), (AT_THE_END, 0), (ENDLESS, 1)])
+def test_an_interrupt_ends_the_first_imports_and_an_exit_that_waits_for_a_thread(program, lines):
+    done = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=False, timeout=15
+    )
+    assert (done.returncode, done.stdout, done.stderr.count("\n")) == (130, "", lines)
+
+
 @pytest.mark.slow
 def test_no_other_process_can_use_a_fleet_on_this_machine():
     pytest.importorskip("distributed")

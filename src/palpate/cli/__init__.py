@@ -1,23 +1,34 @@
 """The command line: a module per command, each of which parses, calls and prints.
 
 Here is what surrounds every command: its streams, how it ends, and what it prints of an error. No
-library is needed for that, and ``palpate --version`` imports none. What is imported here is
-imported before Ctrl-C is caught: little, and quickly.
+library is needed for that, and ``palpate --version`` imports none.
 """
 
-import codecs
-import io
 import os
-import re
-import signal
 import sys
-from contextlib import suppress
-
-from palpate.errors import PalpateError, printable
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from types import FrameType
+    from types import FrameType, TracebackType
+
+
+def _end_quietly(
+    kind: type[BaseException], error: BaseException, trace: "TracebackType | None"
+) -> None:
+    if issubclass(kind, KeyboardInterrupt):
+        os._exit(130)
+    sys.__excepthook__(kind, error, trace)
+
+
+sys.excepthook = _end_quietly  # before the imports: Ctrl-C may come at once
+
+import codecs
+import io
+import re
+import signal
+from contextlib import suppress
+
+from palpate.errors import PalpateError, printable
 
 # A word of a person or a file that is no word is shown by its beginning and its end; a path of the
 # usual length is shown whole.
@@ -63,6 +74,9 @@ def main() -> None:
         complain(f"{error.filename or 'standard output'}: {error.strerror or error}")
         status = 2
     caught.ended = True
+    if caught.waiting:  # Python lets go of the handler at its exit, and the alarm would kill
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        status = 130
     if status:
         sys.exit(status)
 
@@ -77,7 +91,7 @@ class _Interrupts:
     interval, longest = 0.05, 5.0  # s; an import may be one of a user's module that never ends
 
     def __init__(self) -> None:
-        self.ended, self._left = False, round(self.longest / self.interval)
+        self.ended, self.waiting, self._left = False, False, round(self.longest / self.interval)
         self._imports = vars(sys.modules["_frozen_importlib"])
         with suppress(ValueError):  # not in the main thread: the caller handles it
             if signal.getsignal(signal.SIGINT) is not signal.SIG_IGN:
@@ -90,7 +104,7 @@ class _Interrupts:
             frame = frame.f_back
         if frame is None or not self._left or sys.platform == "win32":
             raise KeyboardInterrupt
-        self._left -= 1
+        self._left, self.waiting = self._left - 1, True
         signal.signal(signal.SIGALRM, self._interrupt)
         signal.setitimer(signal.ITIMER_REAL, self.interval)
 

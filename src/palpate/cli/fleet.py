@@ -99,7 +99,7 @@ def fleet(
             found = run_fleet(sources, output, settings, **vars(running), progress=progress)
     except KeyboardInterrupt:
         complain(f"interrupted; finished rows are in {output}; repeat the command to continue")
-        raise
+        os._exit(130)  # at once: the exit of Dask waited for ever 2 times in 150
     page = None
     if report:
         from palpate.fleet.report import save_report
@@ -118,8 +118,9 @@ def _settings(
 ) -> "Settings":
     """Return the settings of a run; preparation options with their default values are omitted."""
     from palpate.fleet.tasks import Settings
+    from palpate.recordings.opening import MAX_SIZE
 
-    for option in ("save_config", "curve", "max_size"):
+    for option in ("save_config", "curve"):
         if getattr(reading, option) is not None:
             name = option.replace("_", "-")
             raise InvalidParameterError(f"--{name} applies to one recording; omit it for a fleet")
@@ -132,6 +133,7 @@ def _settings(
         diagnosis=diagnosis,
         minimum_penetration=reading.min_penetration,
         minimum_force=reading.min_force,
+        max_size=MAX_SIZE if reading.max_size is None else reading.max_size,
     )
 
 

@@ -117,7 +117,7 @@ def _identified(
     kind: str, named: list[Named], settings: Settings, threads: int
 ) -> tuple[Table, Floats]:
     if kind != "zarr":
-        return identify_each(_in_files(kind, named), settings, searching=kind == "map")
+        return identify_each(_in_files(kind, named, settings), settings, searching=kind == "map")
     source, numbers = named[0][0], [index or 0 for _, index in named]
     first, count = min(numbers), max(numbers) - min(numbers) + 1
     try:
@@ -133,18 +133,18 @@ def _name(named: Named) -> Row:
     return dict(zip(_NAMES, named, strict=True))
 
 
-def _in_files(kind: str, named: list[Named]) -> Iterator[Given]:
+def _in_files(kind: str, named: list[Named], settings: Settings) -> Iterator[Given]:
     """Read the contacts from their files; a map is opened once for all of its curves."""
     for some in [named] if kind == "map" else ([each] for each in named):
-        left, source = deque(some), some[0][0]
+        left, source, most = deque(some), some[0][0], settings.max_size
         path = Path(source)
         try:
             with on_this_machine(source) as path:
                 if kind == "map":
                     numbers = [index or 0 for _, index in some]
-                    found = FORCE_CURVES.reader().read_curves(path, numbers)
+                    found = FORCE_CURVES.reader().read_curves(path, numbers, most)
                 else:
-                    found = iter([open_recording(path, curve=some[0][1])])
+                    found = iter([open_recording(path, curve=some[0][1], max_size=most)])
                 for recording in found:
                     yield _name(left.popleft()), recording
         except Exception as error:

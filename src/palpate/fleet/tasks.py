@@ -21,6 +21,7 @@ from palpate.force_laws import ForceLaw
 from palpate.preparation import Columns
 from palpate.preparation.gates import gate_asked_for
 from palpate.preparation.settings import Preparation
+from palpate.recordings.opening import MAX_SIZE
 from palpate.validation import shown
 
 #: A pyarrow table; pyarrow has no type stubs and is imported only where a table is made.
@@ -221,6 +222,8 @@ class Settings:
         identification; ``"full"`` gives each contact a verdict and takes some fifty times as long.
     minimum_penetration, minimum_force : float, optional
         Smallest penetration, m, and force, N, in contact. Default: chosen from the data.
+    max_size : float
+        As for :func:`palpate.open_recording`, bytes. Default: 4 GiB.
     version : str
         Version of palpate that made the settings; a worker with another version refuses them.
 
@@ -236,6 +239,7 @@ class Settings:
     diagnosis: DiagnosisDepth = "input"
     minimum_penetration: float | None = None
     minimum_force: float | None = None
+    max_size: float = MAX_SIZE
     version: str = dataclasses.field(default_factory=lambda: __version__)
 
     def __post_init__(self) -> None:

@@ -84,7 +84,9 @@ def count_curves(path: Path) -> int:
         return len(reader)
 
 
-def read_curves(path: Path, numbers: Sequence[int]) -> Iterator[Recording | RecordingError]:
+def read_curves(
+    path: Path, numbers: Sequence[int], max_size: float
+) -> Iterator[Recording | RecordingError]:
     """Read several force curves of a JPK map, opening it once.
 
     Parameters
@@ -93,6 +95,8 @@ def read_curves(path: Path, numbers: Sequence[int]) -> Iterator[Recording | Reco
         The file.
     numbers : sequence of int
         Indices of the curves, from 0.
+    max_size : float
+        Largest size of the arrays of a curve, bytes.
 
     Yields
     ------
@@ -105,11 +109,11 @@ def read_curves(path: Path, numbers: Sequence[int]) -> Iterator[Recording | Reco
         The file cannot be read at all.
     """
     source = printable(path)
-    with _opened(path, source, Request()) as reader:
+    with _opened(path, source, Request(max_size=int(max_size))) as reader:
         for number in numbers:
             try:
                 with _explained(source):
-                    yield _curve(reader, source, Request(curve=number))
+                    yield _curve(reader, source, Request(curve=number, max_size=int(max_size)))
             except RecordingError as error:
                 yield error
 

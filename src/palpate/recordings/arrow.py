@@ -3,6 +3,7 @@
 import json
 import struct
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +29,7 @@ _NO_NOTES = (b"pandas", b"ARROW:schema", b"ARROW:extension:name", b"geo", b"hugg
 _ROWS_AT_ONCE = 1024
 _DICTIONARY, _BATCH = 2, 3  # MessageHeader of the Arrow format
 _BEGIN = b"ARROW1\0\0"
+_CONTINUED = 0xFFFFFFFF  # before the length of a message, except in files of old versions
 
 
 def read(path: Path, request: Request) -> Recording:
@@ -66,11 +68,11 @@ def read(path: Path, request: Request) -> Recording:
             raise draft.error(
                 "this is not a Parquet, Feather (version 2) or Arrow file; check what wrote it"
             )
-        with pa.memory_map(str(path)) as file:
-            _reserve(file, request)
         with pa.OSFile(str(path)) as file:
-            batches = _batches(file, draft.losses)
-            return _recording(batches.schema, lambda n: batches.select([n]), draft)
+            content = file.read_buffer()
+        _reserve(memoryview(content), request)
+        batches = _batches(pa.BufferReader(content), draft.losses)
+        return _recording(batches.schema, lambda n: batches.select([n]), draft)
     except RecordingError:
         raise
     except _DAMAGED as error:
@@ -94,52 +96,49 @@ def _parquet_column(table: parquet.ParquetFile, name: str, request: Request) -> 
     return pa.Table.from_batches(batches) if batches else table.read(columns=[name])
 
 
-def _reserve(file: pa.NativeFile, request: Request) -> None:
+def _reserve(data: memoryview, request: Request) -> None:
     """Count what the compressed buffers of an Arrow file state, before any is decompressed."""
-    file.seek(len(_BEGIN))
-    messages = ipc.MessageReader.open_stream(file)
-    try:
-        while True:
-            message = messages.read_next_message()
-            sizes = _unpacked_sizes(message.metadata, message.body)
-            request.reserve(sum(sizes))
-    except (StopIteration, *_DAMAGED) as error:  # the reader of the batches reports it
-        if isinstance(error, RecordingError):
-            raise
+    at = len(_BEGIN)
+    with suppress(struct.error):  # cut off or damaged: the reader of the batches reports it
+        while size := _word("I", data, at):
+            if size == _CONTINUED:
+                at, size = at + 4, _word("I", data, at + 4)
+            at = _reserve_message(data, at + 4, at + 4 + size, request)
 
 
-def _unpacked_sizes(metadata: pa.Buffer, body: pa.Buffer | None) -> list[int]:
-    """Sizes of the buffers of a message as decompressed, by Message.fbs of the Arrow format.
+def _reserve_message(data: memoryview, metadata: int, body: int, request: Request) -> int:
+    """Count the buffers of a message, by Message.fbs of the Arrow format; return where it ends.
 
     A compressed buffer begins with its size; -1 means that it is stored as it is.
     """
-    about = metadata.to_pybytes()
-
-    def word(form: str, at: int) -> int:
-        return int(struct.unpack_from(f"<{form}", about, at)[0])
 
     def field(table: int, number: int) -> int:  # where a field of a flatbuffers table is; or 0
-        virtual = table - word("i", table)
-        inside = 4 + 2 * number < word("H", virtual)
-        offset = word("H", virtual + 4 + 2 * number) if inside else 0
+        virtual = table - _word("i", data, table)
+        inside = 4 + 2 * number < _word("H", data, virtual)
+        offset = _word("H", data, virtual + 4 + 2 * number) if inside else 0
         return table + offset if offset else 0
 
     def follow(at: int) -> int:
-        return at + word("I", at)
+        return at + _word("I", data, at)
 
-    message = follow(0)
-    kind, at = field(message, 1), field(message, 2)
-    if body is None or not kind or word("B", kind) not in (_DICTIONARY, _BATCH):
-        return []
-    batch = follow(at)
-    if word("B", kind) == _DICTIONARY:
-        batch = follow(field(batch, 1))
-    buffers = follow(field(batch, 2))
-    ends = struct.iter_unpack("<qq", about[buffers + 4 :][: 16 * word("I", buffers)])
-    if not field(batch, 3):  # not compressed
-        return [length for _, length in ends]
-    view = memoryview(body)
-    return [max(*struct.unpack_from("<q", view, at), length) for at, length in ends if length]
+    message = follow(metadata)
+    kind, length = field(message, 1), field(message, 3)
+    end = body + max(_word("q", data, length) if length else 0, 0)
+    if kind and data[kind] in (_DICTIONARY, _BATCH):
+        batch = follow(field(message, 2))
+        if data[kind] == _DICTIONARY:
+            batch = follow(field(batch, 1))
+        if field(batch, 3):  # compressed
+            buffers = follow(field(batch, 2))
+            ends = data[buffers + 4 : body][: 16 * _word("I", data, buffers)]
+            for start, size in struct.iter_unpack("<qq", ends):
+                if size > 0:
+                    request.reserve(max(_word("q", data, body + start), size))
+    return end
+
+
+def _word(form: str, data: memoryview, at: int) -> int:
+    return int(struct.unpack_from(f"<{form}", data, at)[0])
 
 
 def _batches(file: pa.NativeFile, losses: list[str]) -> pa.Table:

@@ -364,14 +364,15 @@ class _Mcap:
         sizes = np.diff(begins, append=end)
         kinds = view[begins]
         is_message = (kinds == Opcode.MESSAGE) & (sizes >= _HEAD.itemsize)
-        others = np.flatnonzero(np.isin(kinds, _OTHERS)).tolist()
+        others = np.flatnonzero(_IS_OTHER[kinds]).tolist()
         first = 0
         # Not a list: a chunk among them may hold what the summary after it repeats.
         new = (k for k in others if self._is_new(data[starts[k] : starts[k] + sizes[k]]))
         for k in itertools.chain(new, [len(starts)]):
             # A schema or channel precedes its messages; chunks may lie between single messages.
-            which = first + np.flatnonzero(is_message[first:k])
-            self._messages(view, begins[which], sizes[which])
+            if k > first:
+                which = is_message[first:k]
+                self._messages(view, begins[first:k][which], sizes[first:k][which])
             if k < len(starts):
                 self._other(data[starts[k]], data[starts[k] + _BEFORE : starts[k] + sizes[k]])
             first = k + 1
@@ -502,7 +503,7 @@ _KINDS: dict[int, Any] = {
     Opcode.METADATA: mcap.Metadata,
     Opcode.HEADER: mcap.Header,
 }
-_OTHERS = np.array([*_KINDS, Opcode.FOOTER], np.uint8)
+_IS_OTHER = np.isin(np.arange(256), [*_KINDS, Opcode.FOOTER])
 _READERS: dict[bytes, Callable[[Path, Collection], Iterator[float]]] = {
     b"#ROSBAG V": _read_ros1,
     b"SQLite format 3\0": _read_sqlite,
