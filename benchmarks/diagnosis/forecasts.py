@@ -6,14 +6,11 @@ in time, is identified, by itself ("contact") or with all that was recorded unti
 The law predicts the force of the second half from penetration and velocity; the rms error is over
 that of plain least squares of K xⁿ + B xⁿ v + F₀ on the first half's contact samples.
 
-The second table identifies both halves ("whole") and compares their stiffness at one depth, the
-median of the contact. Halves agree if they are within 5 % of each other.
+``benchmarks.diagnosis.halves`` compares the halves' stiffness and damping.
 """
 
-import math
 import sys
 from dataclasses import dataclass
-from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -22,12 +19,10 @@ from scipy.optimize import least_squares
 
 from benchmarks.diagnosis.tables import table
 from benchmarks.law_recordings import folder_of_recordings, read
-from palpate import Contact, RecordingError, identify
+from palpate import Contact, identify
 from palpate.validation import Floats
 
 EXPONENTS, STARTS = (0.3, 3.6), (0.5, 1.2, 2.0, 3.0)
-ALIKE = 0.05  # of the stiffness: less is no lie
-BARS = 3.0
 LAWS = {"identify": None, "auto": "auto"}
 
 
@@ -109,49 +104,12 @@ def forecasts(recording: Recording, way: str) -> dict[str, tuple[float, float, s
     return rows
 
 
-@dataclass(frozen=True)
-class Halves:
-    """Stiffness of both halves at one depth: values, total errors, marks."""
-
-    values: tuple[float, float]
-    errors: tuple[float, float]
-    marks: tuple[str, str]
-
-    @property
-    def apart(self) -> float:
-        """Relative difference."""
-        return float(abs(self.values[1] - self.values[0]) / abs(np.mean(self.values)))
-
-    @property
-    def bars(self) -> float:
-        """Difference in total errors."""
-        return abs(self.values[1] - self.values[0]) / max(math.hypot(*self.errors), 1e-300)
-
-
-def halves(recording: Recording, law: str | None) -> Halves | None:
-    """Identify both halves; None where one of them has no contact."""
-    borders = [0, recording.split, len(recording.contact)]
-    depth = float(np.median(recording.contact.penetration[recording.good]))
-    parts = [np.arange(*each) for each in pairwise(borders)]
-    try:
-        found = [identify(recording.part(p), law=law, trace=False).at_depth(depth) for p in parts]
-    except RecordingError:
-        return None
-    diagnoses = [each.diagnosis for each in found]
-    of = [each.working_depth.stiffness for each in diagnoses]
-    return Halves(
-        (of[0].value, of[1].value),
-        (of[0].whole_error, of[1].whole_error),
-        (diagnoses[0].verdict.stiffness, diagnoses[1].verdict.stiffness),
-    )
-
-
 def _mean(ratios: list[float]) -> float:
     return float(np.exp(np.mean(np.log(ratios))))
 
 
 def forecast_page(recordings: list[Recording]) -> list[str]:
-    """The first table."""
+    """The table of forecasts."""
     lines, summary = [], []
     for way in ("contact", "whole"):
         rows = [forecasts(each, way) for each in recordings]
@@ -172,38 +130,14 @@ def forecast_page(recordings: list[Recording]) -> list[str]:
     return [*table(heads, lines), "", *table(short, summary)]
 
 
-def halves_page(recordings: list[Recording]) -> list[str]:
-    """The second table."""
-    lines, summary = [], []
-    for name, law in LAWS.items():
-        trusted = held = agree = kept = 0
-        for recording in recordings:
-            found = halves(recording, law)
-            if found is None:
-                lines.append([recording.name, name, "–", "–", "–", "–"])
-                continue
-            alike, marks = found.apart <= ALIKE, found.marks.count("trust")
-            trusted, held = trusted + marks, held + marks * (found.bars <= BARS)
-            agree, kept = agree + 2 * alike, kept + marks * alike
-            both = [f"{v:.4g} ± {e:.2g}" for v, e in zip(found.values, found.errors, strict=True)]
-            words = f"{100.0 * found.apart:.1f} %, {found.bars:.2g} bars"
-            lines.append([recording.name, name, *both, words, ", ".join(found.marks)])
-        summary.append([name, f"{held} of {trusted}", f"{kept} of {agree}"])
-    heads = ("recording", "law", "S of the first half, N/m", "second", "apart", "marks")
-    short = ("law", f"marks of *trust* that hold within {BARS:g} bars", "kept where halves agree")
-    return [*table(heads, lines), "", *table(short, summary)]
-
-
 def main() -> None:
-    """Print the tables; ``forecasts`` or ``halves`` as an argument prints one."""
+    """Print the table."""
     folder = folder_of_recordings()
     if folder is None:
         sys.exit("no recordings in PALPATE_DATA or ../shared/data")
     paths = [path.with_suffix(".csv") for path in sorted(folder.glob("*.json"))]
     recordings = [Recording.of(path) for path in paths if path.exists()]
-    pages = {"forecasts": forecast_page, "halves": halves_page}
-    for name in sys.argv[1:] or pages:
-        print("\n".join(pages[name](recordings)), end="\n\n")
+    print("\n".join(forecast_page(recordings)))
 
 
 if __name__ == "__main__":
