@@ -30,6 +30,8 @@ from contextlib import suppress
 
 from palpate.errors import PalpateError, printable
 
+sys.excepthook = sys.__excepthook__  # from here on main() catches it
+
 # A word of a person or a file that is no word is shown by its beginning and its end; a path of the
 # usual length is shown whole.
 _TOO_LONG = re.compile(r"(\S{60})\S{121,}(\S{20})")
