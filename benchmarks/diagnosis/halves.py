@@ -82,18 +82,21 @@ class Pair:
     def apart(self) -> NDArray[np.float64]:
         """Relative differences of K′ and B′, percent."""
         one, two = self.values
-        return 200.0 * np.abs(two - one) / (np.abs(one) + np.abs(two))
+        percent: NDArray[np.float64] = 200.0 * np.abs(two - one) / (np.abs(one) + np.abs(two))
+        return percent
 
     @property
     def width(self) -> NDArray[np.float64]:
         """Standard errors of the first half, percent."""
-        return 100.0 * self.errors[0] / np.abs(self.values[0])
+        percent: NDArray[np.float64] = 100.0 * self.errors[0] / np.abs(self.values[0])
+        return percent
 
     @property
     def agrees(self) -> NDArray[np.bool_]:
         """Whether the halves agree within two standard errors of their difference."""
         one, two = self.values
-        return np.abs(two - one) < 2.0 * np.hypot(*self.errors)
+        agree: NDArray[np.bool_] = np.abs(two - one) < 2.0 * np.hypot(*self.errors)
+        return agree
 
 
 def response(depth: float, omega: float) -> Callable[[Any], tuple[float, float]]:
