@@ -15,6 +15,7 @@
 #include <array>
 #include <cmath>
 #include <cstddef>
+#include <utility>
 #include <vector>
 
 namespace palpate {
@@ -188,6 +189,43 @@ inline void add_spline_changes(const double* time, const double* position, std::
       sizes[l] += size[l];
     }
   }
+}
+
+// A position that was measured at every `beat`-th sample, from `first` on, and interpolated
+// linearly between; 1 and 0 if it was not.
+struct Knots {
+  std::size_t beat = 1, first = 0;
+};
+
+// Finds them by the second differences that are more than twice those of both neighbours together.
+// With knots nearly all are at one phase of the beat; a smooth or a noisy position has few, and at
+// any phase.
+inline Knots find_knots(const double* position, std::size_t count) {
+  constexpr std::size_t longest = 16, fewest = 20;  // samples of a beat; knots
+  const auto bend = [&](std::size_t k) noexcept {
+    return std::abs((position[k + 1] - position[k]) - (position[k] - position[k - 1]));
+  };
+  double sum = 0.0;
+  for (std::size_t k = 1; k + 1 < count; ++k) sum += bend(k);
+  // A tenth of the mean bend: between the knots of a long beat there is rounding.
+  const double least = 0.1 * sum / static_cast<double>(count);
+  std::vector<std::size_t> at;
+  double last = 0.0, own = count > 2 ? bend(1) : 0.0;
+  for (std::size_t k = 1; k + 2 < count; ++k) {
+    const double next = bend(k + 1);
+    if (own > std::max(2.0 * (last + next), least)) at.push_back(k);
+    last = std::exchange(own, next);
+  }
+  for (std::size_t beat = longest; beat >= 2 && at.size() >= fewest; --beat) {
+    if (4 * beat * at.size() < count) break;  // less than a quarter of its knots is seen
+    std::array<std::size_t, longest> phases{};
+    for (const std::size_t k : at) ++phases[k % beat];
+    const auto most = std::max_element(phases.begin(), phases.end());
+    if (10 * *most > 9 * at.size()) {
+      return {beat, static_cast<std::size_t>(most - phases.begin())};
+    }
+  }
+  return {};
 }
 
 // Penalty of the spline with the noise of the parabola through so many samples, over h³.

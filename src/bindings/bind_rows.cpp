@@ -75,6 +75,11 @@ void add_spline_changes(const InputArray& time, const InputArray& position, doub
                               sums.data() + pairs);
 }
 
+std::array<std::size_t, 2> find_knots(const InputArray& position) {
+  const Knots knots = palpate::find_knots(position.data(), position.size());
+  return {knots.beat, knots.first};
+}
+
 double choose_spline(const InputArray& sums, double longest) {
   constexpr std::size_t pairs = SplineLadder::size - 1;
   check(sums.size() == 2 * pairs);
@@ -96,6 +101,11 @@ void spline_rows(const InputArray& time, const InputRows& position, double step,
   check(penalty.size() == position.shape(0));
   each_row(position.shape(0), 2 * pairs, threads, [&](std::size_t row, double* sums) {
     const double* const own = position.data() + row * samples;
+    if (palpate::find_knots(own, samples).beat > 1) {
+      penalty.data()[row] = NAN;
+      std::fill_n(velocity.data() + row * samples, samples, NAN);
+      return;
+    }
     std::fill_n(sums, 2 * pairs, 0.0);
     palpate::add_spline_changes(time.data(), own, samples, step, sums, sums + pairs);
     const double chosen = palpate::choose_spline(sums, sums + pairs, longest);
@@ -315,9 +325,14 @@ void bind_rows(nb::module_& module) {
       nb::arg("penalty"), nb::arg("velocity"),
       "Fills the slopes, m/s, at the samples of the cubic smoothing spline of a penalty over "
       "the cube of the usual step, s.");
-  module.def("spline_rows", &spline_rows, nb::arg("time"), nb::arg("position"), nb::arg("step"),
-             nb::arg("longest"), nb::arg("velocity"), nb::arg("penalty"), nb::arg("threads"),
-             "Chooses the spline of each row, and fills velocities and penalties.");
+  module.def(
+      "spline_rows", &spline_rows, nb::arg("time"), nb::arg("position"), nb::arg("step"),
+      nb::arg("longest"), nb::arg("velocity"), nb::arg("penalty"), nb::arg("threads"),
+      "Chooses the spline of each row, and fills velocities and penalties; NaN for a row that "
+      "is interpolated.");
+  module.def("find_knots", &find_knots, nb::arg("position"),
+             "Every how many samples a position was measured, 1 unless it is interpolated linearly "
+             "between; and the first such sample.");
   module.def("end_of_range", &end_of_range, nb::arg("time"), nb::arg("penetration"),
              nb::arg("velocity"), nb::arg("force"), nb::arg("parameters"),
              "Force at which the sensor saturates, infinite if it does not, from a contact below "

@@ -357,7 +357,14 @@ def spline_velocity(time: Annotated[NDArray[numpy.float64], dict(shape=(None,), 
     """
 
 def spline_rows(time: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], position: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], step: float, longest: float, velocity: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu')], penalty: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu')], threads: int) -> None:
-    """Chooses the spline of each row, and fills velocities and penalties."""
+    """
+    Chooses the spline of each row, and fills velocities and penalties; NaN for a row that is interpolated.
+    """
+
+def find_knots(position: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)]) -> list[int]:
+    """
+    Every how many samples a position was measured, 1 unless it is interpolated linearly between; and the first such sample.
+    """
 
 def end_of_range(time: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], penetration: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], velocity: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], force: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], parameters: Sequence[float]) -> float:
     """

@@ -99,7 +99,8 @@ def velocities_of(
     Σ (xᵢ − f(tᵢ))² + λ ∫ f″² dt (Reinsch 1967, Numerische Mathematik 10, 177), with one λ for all
     runs. Of penalties each four times the one before, it is between the two that differ least in
     velocity, from the largest down (``choose_spline`` in ``smoothing_spline.hpp``): more smoothing
-    bends the motion, which happens in contact, and less adds noise, white or correlated.
+    bends the motion, which happens in contact, and less adds noise, white or correlated. Where a
+    position was measured at every so many samples and interpolated linearly between, those choose.
 
     A run of fewer than 20 samples, or a window that is passed, takes the slope of the least-squares
     parabola through the window around the sample, also for uneven time steps; near an end the
@@ -120,11 +121,19 @@ def velocities_of(
         own = [(time[at], penetration[at]) for at in kept if at.size >= FEWEST_OF_SPLINE]
         used = VelocityFilter(width, 2)
         if own and window is None and step > 0.0:
+            beats = [_core.find_knots(x) for _, x in own]
+            beat = beats[int(np.argmax([t.size for t, _ in own]))][0]
+            own = [
+                (t[first::beat].copy(), x[first::beat].copy())
+                for (t, x), (each, first) in zip(own, beats, strict=True)
+                if each == beat
+            ]
             sums = np.zeros(2 * _core.SPLINE_PAIRS)
             for t, x in own:
-                _core.add_spline_changes(t, x, step, sums)
-            longest = _longest(width, max(t.size for t, _ in own))
-            used = _spline_filter(_core.choose_spline(sums, longest))
+                _core.add_spline_changes(t, x, beat * step, sums)
+            longest = _longest(window_samples(beat * step), max(t.size for t, _ in own))
+            # So many times the samples: λ too, and h³ is that of the shorter step.
+            used = _spline_filter(_core.choose_spline(sums, longest) * beat**4)
         for (known, good), at in zip(samples, kept, strict=True):
             slope = _slope_of(time[at], penetration[at], step, width, used.penalty)
             velocity[known] = slope if good.all() else np.interp(time[known], time[at], slope)
