@@ -93,6 +93,13 @@ class Recursion {
     method_.finish_pending();
   }
 
+  // Takes the rounding of the force by the law that an earlier one has found in the same samples.
+  bool unround_as(const Recursion& earlier) noexcept
+    requires requires(M& method) { method.unround_as(method); }
+  {
+    return method_.unround_as(earlier.method_);
+  }
+
   // The force that the present estimate predicts for the sensor, N; out of contact the offset only.
   double predict(double penetration, double velocity) const noexcept {
     return method_.force(units_, penetration, velocity);

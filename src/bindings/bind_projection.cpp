@@ -150,7 +150,18 @@ decltype(auto) with(ViscoelasticFace& face, const Act& act) {
 }  // namespace
 
 void bind_projection(nb::module_& module) {
-  bind_face<Plain>(module, "VariableProjection").def("__init__", &make_projection);
+  bind_face<Plain>(module, "VariableProjection")
+      .def("__init__", &make_projection)
+      .def(
+          "_unround_as",
+          [](FaceOf<Plain>& self, FaceOf<Plain>& earlier) {
+            auto* own = dynamic_cast<CoreOf<Plain>*>(&self.core());
+            auto* other = dynamic_cast<CoreOf<Plain>*>(&earlier.core());
+            return own && other && own->estimator.unround_as(other->estimator);
+          },
+          nb::arg("earlier"),
+          "Take the rounding of the force by the law that an earlier one has found in the same "
+          "samples; false if there is none.");
 
   const SurfaceSettings surface;
   const Scale scale = VariableProjection::Method::default_scale;

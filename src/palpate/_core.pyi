@@ -228,6 +228,11 @@ class DoubleStageRLS(RecursiveEstimator):
 class VariableProjection(RecursiveEstimator):
     def __init__(self, arg0: tuple[float, Sequence[float], float, bool, float], arg1: tuple[Sequence[float] | None, float], arg2: tuple[Sequence[float], Sequence[float], Sequence[float] | None, float | None, Sequence[float], Sequence[float], float], /) -> None: ...
 
+    def _unround_as(self, earlier: VariableProjection) -> bool:
+        """
+        Take the rounding of the force by the law that an earlier one has found in the same samples; false if there is none.
+        """
+
 class DriftTracking(RecursiveEstimator):
     def __init__(self, arg0: tuple[float, Sequence[float], float, bool, float], arg1: Sequence[float], arg2: tuple[Sequence[float], Sequence[float], Sequence[float] | None, float | None, Sequence[float], Sequence[float], float], /) -> None: ...
 

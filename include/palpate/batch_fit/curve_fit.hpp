@@ -197,7 +197,7 @@ class CurveFitter {
       }
     }
     const double variance = square / data.count() - 1.0 / 12.0;
-    if (!(variance < ForceRounding::largest)) return false;
+    if (!ForceRounding::applies(variance)) return false;
     for (std::size_t k = 0; k < data.used; ++k) {
       const CurveSamples& part = data.parts[k];
       for (std::size_t i = 0; i < part.count; ++i) {

@@ -157,6 +157,16 @@ class VariableProjectionMethod {
     if constexpr (requires { solver_.withdraw(count); }) solver_.withdraw(count);
   }
 
+  // Takes the rounding of the force by the law that an earlier one has found in the same samples:
+  // by its own the first samples are not corrected, or wrongly. Whether there is any.
+  bool unround_as(const VariableProjectionMethod& earlier) noexcept
+    requires requires(Solver& solver) { solver.unround_as(solver); }
+  {
+    unrounds_ = solver_.unround_as(earlier.solver_);
+    if (unrounds_) unrounding_ = earlier.solve();
+    return unrounds_;
+  }
+
   // The next sample does not continue the latest one.
   void interrupt() noexcept {
     if constexpr (requires { solver_.interrupt(); }) solver_.interrupt();
@@ -232,7 +242,8 @@ class VariableProjectionMethod {
 
   // Whether the sample counts as contact: a solver may keep an undecided one apart.
   bool add(const Row& row, double forgetting_factor) noexcept {
-    const auto& [sample, expected] = row;
+    const auto& sample = row.sample;
+    const double expected = unrounds_ ? unrounding_.force(sample) : row.predicted;
     if constexpr (requires { solver_.add(sample, forgetting_factor, expected, last_solution_); }) {
       return solver_.add(sample, forgetting_factor, expected, last_solution_);
     } else {
@@ -311,6 +322,8 @@ class VariableProjectionMethod {
   double log_penetration_;      // of the unit
   double largest_penetration_;  // in scaled units
   Solution last_solution_{};
+  Solution unrounding_{};  // of an earlier replay
+  bool unrounds_ = false;
   std::uint64_t samples_since_solve_ = 1;
   detail::HaarLevels<4> levels_;
   static constexpr Matrix<5> white = diagonal<5>({1.0, 1.0, 1.0, 1.0, 1.0});

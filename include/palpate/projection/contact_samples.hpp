@@ -182,12 +182,20 @@ class ForceRounding {
     return step * mean_error(away, square_ - 1.0 / 12.0);
   }
 
+  // Whether expected forces are near enough to correct readings by them.
+  bool known() const noexcept { return applies(square_ - 1.0 / 12.0); }
+
   // σ²/Δ² from which it is ignored: at σ = 0.4 Δ it is at most 1.4 % of a step, a thirtieth of σ.
   static constexpr double largest = 0.16;
 
+  // Readings that differ from a law by much less than Δ²/12 were not rounded to Δ.
+  static bool applies(double variance) noexcept {
+    return variance < largest && variance > -1.0 / 24.0;
+  }
+
   // s(u) for this σ²/Δ².
   static double mean_error(double u, double variance) noexcept {
-    if (!(variance < largest)) return 0.0;
+    if (!applies(variance)) return 0.0;
     constexpr double least = 0.0064;
     constexpr double pi = std::numbers::pi;
     const double fading = std::exp(-2.0 * pi * pi * std::max(variance, least));

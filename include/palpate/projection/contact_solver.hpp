@@ -97,6 +97,16 @@ class ContactSolver {
     return role == Role::sure;
   }
 
+  // Takes resolution and noise from one that has seen the same samples, so that the first of them
+  // is corrected too; false if their force is not rounded.
+  bool unround_as(const ContactSolver& earlier) noexcept {
+    if (!(earlier.recent_.resolution() > 0.0 && earlier.rounding_.known())) return false;
+    rounding_ = earlier.rounding_;
+    recent_ = earlier.recent_;
+    recent_.clear();
+    return true;
+  }
+
   // A sample out of contact informs its neighbours and the offset.
   void free(const Sample& sample, double forgetting_factor) noexcept {
     if (!chooses_) return;

@@ -324,6 +324,12 @@ class Identified:
             chosen["sample_time"] = fresh.settings["sample_time"]
         else:
             written = replayed(contact, fresh, traced)
+        if type(fresh) is VariableProjection and not any(
+            fresh.settings[name] for name in ("forgetting", "change_detector")
+        ):
+            again = fresh.replace()
+            if again._unround_as(fresh):
+                fresh, written = again, replayed(contact, again, traced)
         if _LOGGER.isEnabledFor(logging.INFO):
             words = (f"{name}={value}" for name, value in chosen.items() if value is not None)
             known = ", ".join(words) or "nothing"
