@@ -174,6 +174,14 @@ def test_rows_of_arrays_have_the_velocity_of_one_contact():
             assert used == known
 
 
+def test_a_probe_at_exact_rest_has_no_velocity_before_it_moves():
+    """The tail of the spline there was 1e-146 m/s and rose: each sample seemed an outlier."""
+    since = np.maximum(np.arange(600) - 300, 0) / RATE
+    velocity = velocity_of(np.arange(600) / RATE, 0.05 * since**3 - 4e-3)
+    assert not velocity[:280].any()
+    assert velocity[305] == pytest.approx(0.15 * since[305] ** 2, rel=0.05)
+
+
 def test_absurd_positions_spoil_no_more_than_their_segment():
     time = np.arange(600) / RATE
     x = strokes(time)[0]

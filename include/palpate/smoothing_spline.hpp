@@ -15,6 +15,7 @@
 #include <array>
 #include <cmath>
 #include <cstddef>
+#include <limits>
 #include <utility>
 #include <vector>
 
@@ -275,7 +276,13 @@ inline void spline_velocity(const double* time, const double* position, std::siz
   detail::quartic_slopes(time, position, used, step, 0, ends, velocity);
   detail::quartic_slopes(time + first, position + first, used, step, used - ends, used,
                          velocity + count - ends);
-  for (std::size_t k = 0; k < count; ++k) velocity[k] /= step;
+  // Before a motion from exact rest the slope falls by a constant factor a sample, far below what
+  // the positions resolve, where each would be an outlier of those before it.
+  constexpr double resolved = 4.0 * std::numeric_limits<double>::epsilon();
+  for (std::size_t k = 0; k < count; ++k) {
+    const bool rests = std::abs(velocity[k]) < resolved * std::abs(position[k]);
+    velocity[k] = rests ? 0.0 : velocity[k] / step;
+  }
 }
 
 }  // namespace palpate
