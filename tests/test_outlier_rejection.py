@@ -49,9 +49,12 @@ def test_a_spike_of_force_or_velocity_is_left_out_alone(hit, force_by, speed_by)
 
 
 @pytest.mark.parametrize("rise", [0.01, 0.03, 0.1])
-def test_the_steps_of_steep_stairs_are_no_outliers(rise: float) -> None:
+@pytest.mark.parametrize("lifted", [False, True])
+def test_the_steps_of_steep_stairs_are_no_outliers(rise: float, lifted: bool) -> None:
     random, time = np.random.default_rng(1), 0.01 * np.arange(1000)
     levels = np.concatenate([[-2e-3], random.uniform(1e-3, 10e-3, 12)])
+    if lifted:
+        levels[4::4] = -2e-3
     begins = 0.3 + 0.8 * np.arange(12)
     parts = np.clip((time[:, None] - begins) / rise, 0.0, 1.0)
     x = levels[0] + parts @ np.diff(levels)
@@ -59,8 +62,8 @@ def test_the_steps_of_steep_stairs_are_no_outliers(rise: float) -> None:
     noisy = force + 0.003 * force.max() * random.standard_normal(time.size)
     measured = x + 2e-6 * random.standard_normal(time.size)
     found = identify(time=time, penetration=measured, force=noisy)
-    # It was 2 to 8 %; left are samples next to a step, over which the velocity's filter smears.
-    assert found.trace.rejected.mean() < 0.01
+    # It was 2 to 8 %; left are samples at the first steps, over which the velocity's filter smears.
+    assert found.trace.rejected.mean() < 0.006
 
 
 @pytest.mark.parametrize("lost", [0.0, -5e-3])

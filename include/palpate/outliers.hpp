@@ -192,10 +192,12 @@ class OutlierRejection {
     elapsed_ += std::max(dt, 0.5 * step_.value());
     ++steps_;
 
-    // A held or rounded position has no information: only the velocity can be an outlier.
+    // A held or rounded position has no information: only a velocity that is larger than that with
+    // which it came can be an outlier; a probe may also have stopped.
     const double travelled = sample.penetration - last_.penetration;
     const bool held = travelled == 0.0;
-    const double start = held ? -last_.velocity : last_.velocity;
+    const bool slower = std::abs(sample.velocity) < std::abs(last_.velocity);
+    const double start = !held ? last_.velocity : slower ? -sample.velocity : -last_.velocity;
     const Departure now{travelled - 0.5 * (sample.velocity + start) * elapsed_,
                         sample.force - last_.force};
     const double astray =
@@ -205,11 +207,12 @@ class OutlierRejection {
     const double most_astray =
         std::max(factor_ * astray_.value(), least_speed * elapsed_ * speed_.value());
     const double most_rise = std::max(factor_ * rise_.value(), least_force * force_.value());
-    const bool moved = astray > speed_.doubt() * most_astray;
+    const bool stepped = astray > speed_.doubt() * most_astray;
+    const bool moved = stepped && (held || !between(travelled, start, sample));
     const bool jumped = rise > rise_.doubt() * most_rise;
     if (touching) learn(sample, now, held, moved, jumped);
     if (moved || jumped) [[unlikely]] {
-      if (touching && corroborated(sample, travelled, now.force, moved && jumped, law)) {
+      if (corroborated(sample, travelled, now.force, stepped && jumped, law)) {
         speed_.raise_to(std::abs(travelled) / elapsed_);
         moved_ = jumped_ = 0;
       } else if (within_runs(sample, now, moved, jumped)) {
@@ -252,6 +255,15 @@ class OutlierRejection {
     double motion;
     double force;
   };
+
+  // Whether the mean speed is clearly between the speeds at both ends, as where a probe that rested
+  // sets off or stops: of a wrong velocity the mean is the speed at the other end.
+  bool between(double travelled, double start, const Sample& sample) const noexcept {
+    constexpr double clear = 0.1;
+    const double change = (sample.velocity - start) * elapsed_;
+    const double part = (travelled - start * elapsed_) * change;
+    return part > clear * change * change && part < (1.0 - clear) * change * change;
+  }
 
   bool follow(const Sample& sample, bool touching) noexcept {
     last_ = sample;
