@@ -106,3 +106,16 @@ def test_a_clean_skew_does_not_jump():
         for late in (0.0, 5e-3):
             findings = palpate.diagnose(recording(late, seed)).findings
             assert "skew jump" not in [finding.check for finding in findings]
+
+
+def test_a_rounded_force_stays_on_its_levels_when_its_delay_is_taken_out():
+    """Interpolated, K, B, n were 3 to 7 bounds off at 8 sigma: the rounding was not taken out."""
+    time = np.arange(4000) / 1000.0
+    x, v = 3e-3 * np.sin(9.0 * time), 27e-3 * np.cos(9.0 * time)
+    later = 3e-3 * np.sin(9.0 * (time - 3.4e-3))
+    force = 0.25 * np.round(1e3 * np.maximum(later, 0.0) / 0.25)
+    contact = palpate.prepare(time=time, penetration=x, velocity=v, force=force, delay=3.4e-3)
+    assert np.array_equal(contact.force, 0.25 * np.round(contact.force / 0.25))
+    expected = 3e-3 * np.sin(9.0 * contact.time)
+    np.testing.assert_allclose(contact.penetration, expected, atol=1e-7)
+    assert np.abs(contact.force - 1e3 * np.maximum(contact.penetration, 0.0)).max() < 0.13

@@ -21,6 +21,7 @@ SCANNED = 13  # shifts of a coarse scan
 MOST_SCANNED, MOST_SAMPLES = 4000, 400_000  # by which it is made; by which the delay is found
 MOST_ROUNDS = 8
 WINDOWS_A_PERIOD = 20  # over which noise is averaged, as in the diagnosis
+REPEATED = 0.25  # of the readings of a force that is rounded
 LIGHT = 0.1  # of the median depth: above it contact may be lost
 
 
@@ -28,8 +29,10 @@ def in_step(contact: Contact, late: float | tuple[float, float] | Literal["find"
     """Shift the force earlier by its delay, s, by linear interpolation.
 
     It shifts the force, because interpolation smooths, and a smoothed penetration would change the
-    velocity. It drops the samples at an end of a segment whose force is then unknown. A delay
-    without a standard error is known to half a sample.
+    velocity; but of a rounded force the motion and the clock, because between two readings there is
+    no level, and the law knows the error of a level alone. It drops the samples at an end of a
+    segment whose force or motion is then unknown. A delay without a standard error is known to half
+    a sample.
     """
     if late == 0.0 or not len(contact):
         return contact
@@ -39,16 +42,22 @@ def in_step(contact: Contact, late: float | tuple[float, float] | Literal["find"
         pair = late if isinstance(late, tuple) else (late, 0.5 * contact.sample_time)
         delay = Delay(*pair)
     late = delay.seconds
-    force, keep = contact.force.copy(), np.zeros(len(contact), dtype=bool)
+    keep = np.zeros(len(contact), dtype=bool)
+    rounded = np.mean(np.diff(contact.force) == 0.0) > REPEATED
+    moved = ("penetration", "velocity") if rounded else ("force",)
+    channels = {name: getattr(contact, name).copy() for name in moved}
     for part in contact.segments():
         time = contact.time[part]
-        wanted = time + late
-        force[part] = np.interp(wanted, time, contact.force[part])
+        wanted = time - late if rounded else time + late
+        for name, values in channels.items():
+            values[part] = np.interp(wanted, time, getattr(contact, name)[part])
         keep[part] = (wanted >= time[0]) & (wanted <= time[-1])
+    if rounded:
+        channels["time"] = contact.time - late
     made = dict(contact.provenance)
     size = with_error(abs(late) * 1e3, delay.standard_error * 1e3, unit="ms")
     add(made, "force", f"shifted {size} {'earlier' if late > 0 else 'later'}")
-    return replace(contact, force=force, provenance=made, delay=delay).taken(keep)
+    return replace(contact, **channels, provenance=made, delay=delay).taken(keep)
 
 
 def find_delay(contact: Contact) -> Delay:
