@@ -257,9 +257,10 @@ class OutlierRejection {
   };
 
   // Whether the mean speed is clearly between the speeds at both ends, as where a probe that rested
-  // sets off or stops: of a wrong velocity the mean is the speed at the other end.
+  // sets off or stops: of a wrong velocity the mean is the speed at the other end, and where a
+  // spline rings before a jump it is 0.18 of the way from there at most.
   bool between(double travelled, double start, const Sample& sample) const noexcept {
-    constexpr double clear = 0.1;
+    constexpr double clear = 0.2;
     const double change = (sample.velocity - start) * elapsed_;
     const double part = (travelled - start * elapsed_) * change;
     return part > clear * change * change && part < (1.0 - clear) * change * change;
