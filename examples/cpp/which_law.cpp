@@ -16,19 +16,20 @@ constexpr double dt = 1e-3;
 const char* damper(v::Damping damping) {
   return damping == v::Damping::none            ? "no damping"
          : damping == v::Damping::hunt_crossley ? "Hunt-Crossley damping"
-                                                : "half-space damping";
+         : damping == v::Damping::half_space    ? "half-space damping"
+                                                : "a linear damper";
 }
 
-// ΔBIC of the next law over the selected one; ten is strong evidence.
-double lead(const v::Solver<v::FlatSums>& solver) {
+// The rms error of the selected law over that of the best other law without memory.
+double error_ratio(const v::Solver& solver) {
   const auto& verdict = solver.verdict();
   const std::size_t chosen = solver.solution().fit.candidate;
   double least = HUGE_VAL;
   for (std::size_t i = 0; i < solver.count; ++i) {
-    const bool competes = verdict.mean_square[i] > 0.0;
-    if (competes && i != chosen) least = std::fmin(least, verdict.score(i, chosen));
+    const bool competes = verdict.mean_square[i] > 0.0 && !v::candidates[i].remembers();
+    if (competes && i != chosen) least = std::fmin(least, verdict.mean_square[i]);
   }
-  return least - verdict.score(chosen, chosen);
+  return std::sqrt(verdict.mean_square[chosen] / least);
 }
 
 }  // namespace
@@ -39,11 +40,8 @@ int main() {
                                               .exponent = 1.5,
                                               .damping = 4e4,
                                               .damping_exponent = 1.5,
-                                              .relaxation_stiffness = 1e4,
-                                              .spectrum_exponent = 0.0,
-                                              .shortest_time = 2e-3,
-                                              .longest_time = 2.048};
-  const v::RelaxationBranches branches(foam);
+                                              .relaxation_stiffness = 1e4};
+  const v::RelaxationBranches branches(0.0, 2e-3, 2.048, foam.relaxation_stiffness);
   double state[v::RelaxationBranches::most + 1] = {};
   std::mt19937 random(1);
   std::normal_distribution<double> noise(0.0, 0.05);
@@ -54,7 +52,7 @@ int main() {
     const double t = dt * tick;
     const double x = 4e-3 - 6e-3 * std::cos(11.0 * t);
     const double velocity = 66e-3 * std::sin(11.0 * t);
-    v::relax(foam, branches, x, dt, state);
+    v::relax(foam.exponent, branches, x, dt, state);
     const double force = v::relaxing_force(foam, branches, x, velocity, state) + noise(random);
 
     // Never throws, allocates or blocks; each call computes a part of verdict and parameters.
@@ -67,13 +65,13 @@ int main() {
       continue;
     }
     const v::Candidate& law = solver.solution().law();
-    std::printf("%4.2f s  %s, %s: ΔBIC %.1f over the next, effective sample size %.0f\n", t,
-                damper(law.damping), law.memory == v::Memory::none ? "no memory" : "memory",
-                lead(solver), solver.verdict().effective);
+    std::printf("%4.2f s  %s, %s: %.2f of the error without memory, effective sample size %.0f\n",
+                t, damper(law.damping), law.remembers() ? "memory" : "no memory",
+                error_ratio(solver), solver.verdict().effective);
   }
   estimator.finish_pending();  // otherwise the next samples would finish it
   const v::Candidate& law = estimator.method().solver().solution().law();
-  const bool right = law.damping == v::Damping::hunt_crossley && law.memory == v::Memory::flat;
+  const bool right = law.damping == v::Damping::hunt_crossley && law.remembers();
   std::printf("truth: Hunt-Crossley damping, memory: %s\n", right ? "selected" : "not selected");
   return right ? 0 : 1;
 }

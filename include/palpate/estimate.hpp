@@ -35,7 +35,6 @@ enum IdentifiabilityFlag : std::uint16_t {
   still_starting = 16,
   walk_too_slow = 32,
   tare_refuted = 64,
-  started_in_contact = 128,
   light_contact = 256,
 };
 

@@ -6,6 +6,7 @@
 #include <array>
 #include <cmath>
 #include <cstddef>
+#include <span>
 #include <utility>
 
 #include "palpate/matrix.hpp"
@@ -76,18 +77,15 @@ struct HuntCrossley {
   bool operator==(const HuntCrossley&) const = default;
 };
 
-// F = K xⁿ + B xᵖ v + M Σ wᵢ gᵢ for x > 0, else 0;  ġᵢ = d(xⁿ)/dt − gᵢ/τᵢ, wᵢ ∝ τᵢ^−α from the
-// shortest to the longest of the relaxation times. The caller holds the state of the branches.
+// F = K xⁿ + B xᵖ v + Σ mᵢ gᵢ for x > 0, else 0;  ġᵢ = d(xⁿ)/dt − gᵢ/τᵢ,  Σ mᵢ = M. The caller
+// holds the relaxation times and the state of the branches.
 struct GeneralisedHuntCrossley {
-  static constexpr std::size_t size = 8;
+  static constexpr std::size_t size = 5;
   double stiffness;             // K, N/mⁿ
   double exponent;              // n
   double damping;               // B, N·s/mᵖ⁺¹
   double damping_exponent;      // p
   double relaxation_stiffness;  // M, N/mⁿ; 0: no memory
-  double spectrum_exponent;     // α; 0 is a flat spectrum
-  double shortest_time;         // s; 0: the longest is the only one
-  double longest_time;          // s
 
   // With all branches relaxed.
   double force(double x, double v) const noexcept {
@@ -95,8 +93,7 @@ struct GeneralisedHuntCrossley {
     return stiffness * std::pow(x, exponent) + damping * std::pow(x, damping_exponent) * v;
   }
   constexpr Vector<size> parameters() const noexcept {
-    return {stiffness,         exponent,      damping,     damping_exponent, relaxation_stiffness,
-            spectrum_exponent, shortest_time, longest_time};
+    return {stiffness, exponent, damping, damping_exponent, relaxation_stiffness};
   }
   bool operator==(const GeneralisedHuntCrossley&) const = default;
 };
@@ -113,23 +110,31 @@ constexpr Law law_of(const double* parameters) noexcept {
 
 namespace palpate::viscoelastic {
 
-// A relaxation spectrum as discrete branches, for an identified law and for the simulated
-// laboratory.
-//
-// wᵢ ∝ τ^−α between the shortest and the longest time, with two branches per factor of two, each in
-// the middle of its part of ln τ. The ripple of K′ and B′ is then below 1e-10, near the ends of the
-// spectrum below 1e-3.
+// The relaxation branches of a law, for an identified law and for the simulated laboratory.
 struct RelaxationBranches {
   static constexpr std::size_t most = 128;
 
-  std::array<double, most> times{};  // s
-  std::array<double, most> weights{};
+  std::array<double, most> times{};        // s
+  std::array<double, most> stiffnesses{};  // N/mⁿ
   std::size_t count = 0;
 
-  explicit RelaxationBranches(const GeneralisedHuntCrossley& law) noexcept {
-    if (!(law.relaxation_stiffness != 0.0 && law.longest_time > 0.0)) return;
-    const double shortest = law.shortest_time > 0.0 ? law.shortest_time : law.longest_time;
-    const double width = std::log(std::max(law.longest_time / shortest, 1.0));
+  // Beyond `most` branches are ignored.
+  RelaxationBranches(std::span<const double> own_times,
+                     std::span<const double> own_stiffnesses) noexcept
+      : count(std::min({own_times.size(), own_stiffnesses.size(), most})) {
+    std::copy_n(own_times.begin(), count, times.begin());
+    std::copy_n(own_stiffnesses.begin(), count, stiffnesses.begin());
+  }
+
+  // mᵢ ∝ τᵢ^−α between the shortest and the longest time, with the sum `stiffness`; one time if the
+  // shortest is 0, and none if both are. Two branches per factor of two, each in the middle of its
+  // part of ln τ. The ripple of K′ and B′ is then below 1e-10, near the ends of the spectrum below
+  // 1e-3.
+  RelaxationBranches(double alpha, double shortest_time, double longest_time,
+                     double stiffness) noexcept {
+    if (!(longest_time > 0.0)) return;
+    const double shortest = shortest_time > 0.0 ? shortest_time : longest_time;
+    const double width = std::log(std::max(longest_time / shortest, 1.0));
     const double wanted = std::ceil(2.0 * width / std::log(2.0) - 1e-9);
     count = static_cast<std::size_t>(std::clamp(wanted, 1.0, static_cast<double>(most)));
     const double step = width / static_cast<double>(count);
@@ -137,18 +142,18 @@ struct RelaxationBranches {
     for (std::size_t i = 0; i < count; ++i) {
       const double place = step * (static_cast<double>(i) + 0.5);
       times[i] = shortest * std::exp(place);
-      weights[i] = std::exp(-law.spectrum_exponent * place);
-      total += weights[i];
+      stiffnesses[i] = std::exp(-alpha * place);
+      total += stiffnesses[i];
     }
-    for (std::size_t i = 0; i < count; ++i) weights[i] /= total;
+    for (std::size_t i = 0; i < count; ++i) stiffnesses[i] *= stiffness / total;
   }
 };
 
 // Advances the state by `dt` to a penetration: `state` is xⁿ at the last one, then one number per
 // branch. Exact if xⁿ is linear in between.
-inline void relax(const GeneralisedHuntCrossley& law, const RelaxationBranches& branches, double x,
-                  double dt, double* state) noexcept {
-  const double elastic = x > 0.0 ? std::pow(x, law.exponent) : 0.0;
+inline void relax(double exponent, const RelaxationBranches& branches, double x, double dt,
+                  double* state) noexcept {
+  const double elastic = x > 0.0 ? std::pow(x, exponent) : 0.0;
   const double change = elastic - state[0];
   state[0] = elastic;
   for (std::size_t i = 0; i < branches.count; ++i) {
@@ -159,13 +164,13 @@ inline void relax(const GeneralisedHuntCrossley& law, const RelaxationBranches& 
   }
 }
 
-// The force at the penetration of the state.
+// The force at the penetration of the state; `law` has K, n, B and p.
 inline double relaxing_force(const GeneralisedHuntCrossley& law, const RelaxationBranches& branches,
                              double x, double v, const double* state) noexcept {
   if (x <= 0.0) return 0.0;
   double memory = 0.0;
-  for (std::size_t i = 0; i < branches.count; ++i) memory += branches.weights[i] * state[1 + i];
-  return law.force(x, v) + law.relaxation_stiffness * memory;
+  for (std::size_t i = 0; i < branches.count; ++i) memory += branches.stiffnesses[i] * state[1 + i];
+  return law.force(x, v) + memory;
 }
 
 }  // namespace palpate::viscoelastic

@@ -1,4 +1,4 @@
-// The estimators of laws with memory, by name; in their own header, as few loops need them.
+// The estimator of laws with memory; in its own header, as few loops need it.
 #pragma once
 
 #include "palpate/estimators.hpp"
@@ -6,9 +6,7 @@
 
 namespace palpate {
 
-// Six relaxation times, of which the sums hold only the mean.
-using ViscoelasticContact = RecursiveEstimator<ViscoelasticMethod<viscoelastic::FlatSums>>;
-// Twelve, with all their pairs: about 20 kB.
-using FullViscoelasticContact = RecursiveEstimator<ViscoelasticMethod<viscoelastic::PairSums>>;
+// Ten relaxation times, with all their pairs: about 20 kB.
+using ViscoelasticContact = RecursiveEstimator<ViscoelasticMethod>;
 
 }  // namespace palpate

@@ -1,7 +1,9 @@
 // Variable projection, compiled on its own as its sums vectorise; drift tracking, which uses it;
 // and laws with memory: their force along a motion, and their estimators.
+#include <algorithm>
 #include <cmath>
 #include <limits>
+#include <vector>
 
 #include "face.hpp"
 #include "palpate/viscoelastic_estimators.hpp"
@@ -58,71 +60,110 @@ void make_drift_tracking(FaceOf<DriftTracking>* self, const Projection& given, c
 
 using viscoelastic::RelaxationBranches;
 
-GeneralisedHuntCrossley law_in(const InputArray& parameters) {
-  if (parameters.size() != GeneralisedHuntCrossley::size) {
-    throw nb::value_error("a generalised Hunt-Crossley law has eight parameters");
+// Branches from their relaxation times [s] and stiffnesses [N/mⁿ].
+RelaxationBranches branches_in(const InputArray& times, const InputArray& stiffnesses) {
+  if (times.size() != stiffnesses.size() || times.size() > RelaxationBranches::most) {
+    throw nb::value_error("a relaxation has one stiffness per time, and at most 128 of them");
   }
-  return law_of<GeneralisedHuntCrossley>(parameters.data());
+  return {{times.data(), times.size()}, {stiffnesses.data(), stiffnesses.size()}};
 }
 
-// Relaxation times [s] and weights of the branches that approximate a law's spectrum.
-nb::tuple branches_of(const InputArray& parameters) {
-  const RelaxationBranches branches(law_in(parameters));
+// Relaxation times [s] and weights of the branches that approximate a spectrum.
+nb::tuple branches_of(double alpha, double shortest_time, double longest_time) {
+  const RelaxationBranches branches(alpha, shortest_time, longest_time, 1.0);
   return nb::make_tuple(copied_array(branches.times.data(), {branches.count}),
-                        copied_array(branches.weights.data(), {branches.count}));
+                        copied_array(branches.stiffnesses.data(), {branches.count}));
 }
 
-// Fills `force` along a motion and advances the state.
-void force_along(const InputArray& parameters, const InputArray& time_steps,
-                 const InputArray& penetration, const InputArray& velocity,
-                 const OutputArray& state, const OutputArray& force) {
-  const GeneralisedHuntCrossley law = law_in(parameters);
-  const RelaxationBranches branches(law);
-  const std::size_t count = penetration.size();
-  if (time_steps.size() != count || velocity.size() != count || force.size() != count ||
-      state.size() != branches.count + 1) {
-    throw nb::value_error(
-        "the arrays must have one entry per sample, the state one per branch and one more");
-  }
+// Advances a state along a motion and calls `use` with each sample of known penetration, `skip`
+// with the others, whose time counts for the next known one.
+template <class Use, class Skip>
+void relax_along(double exponent, const RelaxationBranches& branches, const InputArray& time_steps,
+                 const InputArray& penetration, double* state, const Use& use, const Skip& skip) {
   double passed = 0.0;  // since the last sample with a known penetration
-  for (std::size_t k = 0; k < count; ++k) {
+  for (std::size_t k = 0; k < penetration.size(); ++k) {
     const double x = penetration.data()[k];
     passed += time_steps.data()[k];
     if (!std::isfinite(x)) {
-      force.data()[k] = std::numeric_limits<double>::quiet_NaN();
+      skip(k);
       continue;
     }
-    relax(law, branches, x, passed, state.data());
+    relax(exponent, branches, x, passed, state);
     passed = 0.0;
-    force.data()[k] = relaxing_force(law, branches, x, velocity.data()[k], state.data());
+    use(k, x);
   }
 }
 
-using Everyday = ViscoelasticContact;
-using Full = FullViscoelasticContact;
-using ViscoelasticFace = FaceOf<Everyday>;
-constexpr const char* viscoelastic_name = "ViscoelasticContact";
+// Fills `force` along a motion and advances the state; `elastic` is K, n, B and p.
+void force_along(const InputArray& elastic, const InputArray& times, const InputArray& stiffnesses,
+                 const InputArray& time_steps, const InputArray& penetration,
+                 const InputArray& velocity, const OutputArray& state, const OutputArray& force) {
+  const RelaxationBranches branches = branches_in(times, stiffnesses);
+  const std::size_t count = penetration.size();
+  if (elastic.size() != 4 || time_steps.size() != count || velocity.size() != count ||
+      force.size() != count || state.size() != branches.count + 1) {
+    throw nb::value_error(
+        "the arrays must have one entry per sample, the state one per branch and one more, and "
+        "the law four numbers");
+  }
+  GeneralisedHuntCrossley law{};
+  law.stiffness = elastic.data()[0];
+  law.exponent = elastic.data()[1];
+  law.damping = elastic.data()[2];
+  law.damping_exponent = elastic.data()[3];
+  relax_along(
+      law.exponent, branches, time_steps, penetration, state.data(),
+      [&](std::size_t k, double x) {
+        force.data()[k] = relaxing_force(law, branches, x, velocity.data()[k], state.data());
+      },
+      [&](std::size_t k) { force.data()[k] = std::numeric_limits<double>::quiet_NaN(); });
+}
+
+// The states of branches at each sample, (samples, branches), in units of xⁿ: relaxed at the first
+// known penetration, and NaN where the penetration is.
+nb::object states_along(double exponent, const InputArray& times, const InputArray& time_steps,
+                        const InputArray& penetration) {
+  const RelaxationBranches branches = branches_in(times, times);
+  const std::size_t count = penetration.size();
+  if (time_steps.size() != count) throw nb::value_error("there must be one time step per sample");
+  std::vector<double> state(branches.count + 1, 0.0);
+  std::vector<double> rows(count * branches.count, std::numeric_limits<double>::quiet_NaN());
+  const double* const known = std::find_if(penetration.data(), penetration.data() + count,
+                                           [](double x) { return std::isfinite(x); });
+  if (known != penetration.data() + count && *known > 0.0) state[0] = std::pow(*known, exponent);
+  relax_along(
+      exponent, branches, time_steps, penetration, state.data(),
+      [&](std::size_t k, double) {
+        std::copy_n(state.begin() + 1, branches.count, rows.data() + k * branches.count);
+      },
+      [](std::size_t) {});
+  return copied_array(rows.data(), {count, branches.count});
+}
+
+using ViscoelasticFace = FaceOf<ViscoelasticContact>;
 
 void make_viscoelastic(ViscoelasticFace* self, std::uint32_t offered, double exponent, bool offset,
-                       double offset_deviation, double surface_deviation, const Loop& loop) {
+                       double offset_deviation, double surface_deviation, double longest_time,
+                       const Loop& loop) {
   const ViscoelasticSettings method{.offered = static_cast<viscoelastic::Offered>(offered),
                                     .exponent = exponent,
                                     .offset = offset,
                                     .offset_deviation = offset_deviation / scale_of(loop)[2],
                                     .surface_deviation = surface_deviation / scale_of(loop)[0],
-                                    .sample_time = std::get<6>(loop)};
-  if ((offered >> viscoelastic::everyday_candidates) != 0) {
-    new (self) ViscoelasticFace(core_of<Full>(viscoelastic_name, 1, method, loop));
-  } else {
-    new (self) ViscoelasticFace(core_of<Everyday>(viscoelastic_name, 0, method, loop));
-  }
+                                    .sample_time = std::get<6>(loop),
+                                    .longest_time = longest_time};
+  new (self) ViscoelasticFace(core_of<ViscoelasticContact>("ViscoelasticContact", 0, method, loop));
+}
+
+auto& core_of(ViscoelasticFace& face) {
+  return static_cast<CoreOf<ViscoelasticContact>&>(face.core()).estimator;
 }
 
 // The candidates at the last verdict on these samples, if any: rows of candidate, score and RSS/N
 // [N²]; samples, N_eff, the selected one; the motion's mean depth, m, and frequency, rad/s; whether
 // it began in contact; and mean velocity over rms velocity.
-template <class Estimator>
-nb::tuple evidence_of(const Estimator& core) {
+nb::tuple evidence_of(ViscoelasticFace& face) {
+  const auto& core = core_of(face);
   const auto& solver = core.method().solver();
   const auto& verdict = solver.verdict();
   const Units& units = core.units();
@@ -139,12 +180,39 @@ nb::tuple evidence_of(const Estimator& core) {
                         core.method().began_in_contact(), motion.one_way);
 }
 
-// Calls `act` with the estimator, of either type.
-template <class Act>
-decltype(auto) with(ViscoelasticFace& face, const Act& act) {
-  Core& core = face.core();
-  if (auto* plain = dynamic_cast<CoreOf<Everyday>*>(&core)) return act(plain->estimator);
-  return act(static_cast<CoreOf<Full>&>(core).estimator);
+// The spectrum of the answer: relaxation times, s; K, n, B, p and mᵢ; their covariance and, last,
+// the offset's; and what an unknown start adds to the force, N, with the times by which it decays.
+nb::tuple spectrum_of(ViscoelasticFace& face) {
+  const auto& core = core_of(face);
+  const viscoelastic::Solution& now = core.method().solver().solution();
+  const viscoelastic::Ladder& ladder = core.method().solver().samples().ladder();
+  const auto numbers = viscoelastic::numbers_in_si(now.fit, core.units());
+  const auto covariance = viscoelastic::covariance_in_si(now, core.units());
+  nb::list start;
+  for (std::size_t a = 0; a < viscoelastic::start_columns; ++a) {
+    const double time =
+        a == 0 ? viscoelastic::first_start_steps * ladder.sample_time() : ladder.longest();
+    start.append(nb::make_tuple(now.fit.value[viscoelastic::start + a] * core.units().force, time));
+  }
+  return nb::make_tuple(
+      copied_array(ladder.times().data(), {viscoelastic::rungs}),
+      copied_array(numbers.data(), {viscoelastic::spectrum_size}),
+      copied_array(&covariance[0][0], {viscoelastic::joint_size, viscoelastic::joint_size}), start);
+}
+
+// A candidate fitted to all samples with some relaxation times left out, one bit each, or with a
+// damper of any sign: RSS/N [N²]; K, n, B, p and mᵢ; and the offset, N.
+nb::tuple beside_of(ViscoelasticFace& face, std::uint32_t candidate, std::uint32_t without,
+                    bool free_damping) {
+  const auto& core = core_of(face);
+  if (candidate >= viscoelastic::candidates.size()) throw nb::value_error("no such candidate");
+  const viscoelastic::Beside found = core.method().solver().beside(
+      candidate, (without << viscoelastic::memory) & viscoelastic::all_memory, free_damping);
+  const auto numbers = viscoelastic::numbers_in_si(found.fit, core.units());
+  const double unit = core.units().force;
+  return nb::make_tuple(found.mean_square * unit * unit,
+                        copied_array(numbers.data(), {viscoelastic::spectrum_size}),
+                        found.fit.value[viscoelastic::offset] * unit);
 }
 
 }  // namespace
@@ -181,25 +249,37 @@ void bind_projection(nb::module_& module) {
 }
 
 void bind_viscoelastic(nb::module_& module) {
-  module.def("relaxation_branches", &branches_of, nb::arg("parameters"),
-             nb::sig("def relaxation_branches(parameters: numpy.typing.NDArray[numpy.float64]) -> "
-                     "tuple[numpy.typing.NDArray[numpy.float64], "
+  module.def("relaxation_branches", &branches_of, nb::arg("alpha"), nb::arg("shortest_time"),
+             nb::arg("longest_time"),
+             nb::sig("def relaxation_branches(alpha: float, shortest_time: float, longest_time: "
+                     "float) -> tuple[numpy.typing.NDArray[numpy.float64], "
                      "numpy.typing.NDArray[numpy.float64]]"));
-  module.def("generalised_force_along", &force_along);
-  bind_face<Everyday>(module, viscoelastic_name)
+  module.def("generalised_force_along", &force_along, nb::arg("elastic"), nb::arg("times"),
+             nb::arg("stiffnesses"), nb::arg("time_steps"), nb::arg("penetration"),
+             nb::arg("velocity"), nb::arg("state"), nb::arg("force"));
+  module.def("relaxation_states", &states_along, nb::arg("exponent"), nb::arg("times"),
+             nb::arg("time_steps"), nb::arg("penetration"),
+             nb::sig("def relaxation_states(exponent: float, times: "
+                     "numpy.typing.NDArray[numpy.float64], time_steps: "
+                     "numpy.typing.NDArray[numpy.float64], penetration: "
+                     "numpy.typing.NDArray[numpy.float64]) -> "
+                     "numpy.typing.NDArray[numpy.float64]"));
+  bind_face<ViscoelasticContact>(module, "ViscoelasticContact")
       .def("__init__", &make_viscoelastic)
       .def(
-          "finish_pending",
-          [](ViscoelasticFace& self) { with(self, [](auto& core) { core.finish_pending(); }); },
-          "Compute verdict and estimate from all samples so far, immediately: 0.1 ms, or 1 ms for "
-          "all laws. Otherwise this work is spread over the next samples.")
-      .def(
-          "_evidence",
-          [](ViscoelasticFace& self) {
-            return with(self, [](const auto& core) { return evidence_of(core); });
-          },
-          nb::sig("def _evidence(self) -> tuple[list[tuple[int, float, float]], float, float, int, "
-                  "float, float, bool, float]"));
+          "finish_pending", [](ViscoelasticFace& self) { core_of(self).finish_pending(); },
+          "Compute verdict and estimate from all samples so far, immediately, in about 1 ms. "
+          "Otherwise this work is spread over the next samples.")
+      .def("_evidence", &evidence_of,
+           nb::sig("def _evidence(self) -> tuple[list[tuple[int, float, float]], float, float, "
+                   "int, float, float, bool, float]"))
+      .def("_spectrum", &spectrum_of,
+           nb::sig("def _spectrum(self) -> tuple[numpy.typing.NDArray[numpy.float64], "
+                   "numpy.typing.NDArray[numpy.float64], numpy.typing.NDArray[numpy.float64], "
+                   "list[tuple[float, float]]]"))
+      .def("_beside", &beside_of,
+           nb::sig("def _beside(self, candidate: int, without: int, free_damping: bool) -> "
+                   "tuple[float, numpy.typing.NDArray[numpy.float64], float]"));
 
   nb::dict defaults;
   const ViscoelasticSettings settings;
@@ -212,6 +292,7 @@ void bind_viscoelastic(nb::module_& module) {
         nb::make_tuple(static_cast<int>(law.damping), static_cast<int>(law.memory), law.linear));
   }
   defaults["candidates"] = laws;
+  defaults["one_way"] = viscoelastic::one_way_limit;
   module.attr("defaults")["ViscoelasticContact"] = defaults;
 }
 

@@ -5,8 +5,8 @@
 // passes over them make the cost of residuals, exact however small the noise, with the surface free
 // too, and a curve of 1000 samples takes 40 µs. The recursion (projection/projection_fit.hpp) has
 // to answer while samples come and keeps sums alone; it shares the choice of samples, the priors,
-// the search for starts and the error bars. The bank of laws that remember
-// (viscoelastic/solver.hpp) fits other laws, with states that no sample has by itself.
+// the search for starts and the error bars. The law that relaxes
+// (viscoelastic/solver.hpp) has states that no sample has by itself.
 //
 //   std::vector<double> memory(palpate::curve_memory(samples));
 //   const palpate::CurveFit fit = palpate::fit_curve(arrays, settings, memory.data());

@@ -19,8 +19,8 @@ namespace palpate {
 
 // Settings of an estimator of laws with memory.
 struct ViscoelasticSettings {
-  // Which of viscoelastic::candidates compete, one bit each. Default: the common laws.
-  viscoelastic::Offered offered = (1U << viscoelastic::everyday_candidates) - 1U;
+  // Which of viscoelastic::candidates compete, one bit each.
+  viscoelastic::Offered offered = viscoelastic::common;
   double exponent = 0.0;  // known n, for a tip of known shape; 0: estimated
   bool offset = true;
   double offset_deviation = 0.0;  // of the prior F₀ ~ N(0, ·²) after a tare; 0: no tare
@@ -28,6 +28,7 @@ struct ViscoelasticSettings {
   // many units of force.
   double surface_deviation = 0.0;
   double sample_time = 1e-3;  // s; the shortest relaxation time is two of them
+  double longest_time = 0.0;  // of relaxation, s; 0: 4096 sample times
 
   bool operator==(const ViscoelasticSettings&) const = default;
 };
@@ -45,11 +46,11 @@ constexpr const char* validate(const ViscoelasticSettings& s) noexcept {
       {detail::lies_in(s.surface_deviation, 0.0, 1e60),
        "method.surface_deviation must be in [0, 1e60] units of penetration"},
       {s.sample_time > 0.0 && s.sample_time <= 1e6, "method.sample_time must be in (0, 1e6] s"},
+      {s.longest_time == 0.0 || detail::lies_in(s.longest_time, 4.0 * s.sample_time, 1e12),
+       "method.longest_time must be in [4 sample times, 1e12 s], or 0 for 4096 sample times"},
   });
 }
 
-// `Sums` are those of the common laws or of all laws.
-template <class Sums>
 class ViscoelasticMethod {
  public:
   using Law = GeneralisedHuntCrossley;
@@ -72,10 +73,12 @@ class ViscoelasticMethod {
   static constexpr double least_depth = 1e-3;
 
   ViscoelasticMethod(const Settings& settings, const Units&) noexcept
-      : solver_(settings.sample_time, settings.offered, priors_of(settings)),
+      : solver_(settings.sample_time,
+                settings.longest_time > 0.0 ? settings.longest_time
+                                            : default_longest * settings.sample_time,
+                settings.offered, priors_of(settings)),
         offset_deviation_(settings.offset_deviation),
-        surface_deviation_(settings.surface_deviation),
-        offered_(settings.offered) {}
+        surface_deviation_(settings.surface_deviation) {}
 
   static bool in_range(const Sample& s) noexcept {
     return s.penetration > 0.0 && detail::within(s, largest_input);
@@ -90,10 +93,8 @@ class ViscoelasticMethod {
 
   Status learn(const Row& row, double, double forgetting_factor, double) noexcept {
     if (row.sample.penetration < least_depth) return Status::held;
-    if (settling_ > 0.0 && !provisional_) return Status::held;
     renew_offset();
     solver_.take(row.sample, row.predicted, forgetting_factor);
-    outlived_ = outlived_ && !solver_.decided();
     return Status::updated;
   }
 
@@ -111,7 +112,7 @@ class ViscoelasticMethod {
   // The next sample does not continue the latest one.
   void interrupt() noexcept {
     begun_ = false;
-    settling_ = passed_ = last_step_ = 0.0;
+    passed_ = last_step_ = 0.0;
   }
 
   // With the old exponent as a prior; the branches stay, as the motion's history does.
@@ -125,21 +126,16 @@ class ViscoelasticMethod {
     reinitialise_after_transient();
   }
 
-  void reinitialise_after_transient() noexcept {
-    provisional_ = outlived_ = false;
-    solver_.offer(offered_);
-    solver_.clear(0.0);
-  }
+  void reinitialise_after_transient() noexcept { solver_.clear(0.0); }
 
   // Completes the computation that would be spread over the next samples.
   void finish_pending() noexcept {
     renew_offset();
     solver_.finish_pending();
-    outlived_ = outlived_ && !solver_.decided();
   }
 
   Law law(const Units& units) const noexcept {
-    return viscoelastic::law_in_si(solver_.solution(), solver_.samples().branches().times(), units);
+    return viscoelastic::law_in_si(solver_.solution().fit, units);
   }
 
   double force(const Units& units, double x, double v) const noexcept {
@@ -150,35 +146,32 @@ class ViscoelasticMethod {
   Fit<Law> fit(const Units& units) const noexcept {
     const viscoelastic::Solution& now = solver_.solution();
     const Law law = this->law(units);
-    return fit_of(law, covariance(law, units), now.fit.value[viscoelastic::offset] * units.force,
+    return fit_of(law, covariance(units), now.fit.value[viscoelastic::offset] * units.force,
                   flags(now));
   }
 
   Snapshot<Law> snapshot(const Units& units) const noexcept {
     const Law law = this->law(units);
-    const Matrix<viscoelastic::joint_size> joint = covariance(law, units);
+    const Matrix<order + 1> joint = covariance(units);
     const double offset = solver_.solution().fit.value[viscoelastic::offset];
     Snapshot<Law> snapshot{law, {}, offset * units.force};
     for (std::size_t i = 0; i < order; ++i) snapshot.variances[i] = joint[i][i];
     return snapshot;
   }
 
-  const viscoelastic::Solver<Sums>& solver() const noexcept { return solver_; }
+  const viscoelastic::Solver& solver() const noexcept { return solver_; }
 
   // Whether any contact began before its samples.
   bool began_in_contact() const noexcept { return began_in_contact_; }
 
  private:
-  using Times = typename Sums::Times;
-  // If samples begin in contact the relaxation state is unknown. After this time it affects K by
-  // 0.3 % (docs/viscoelastic.md).
-  static constexpr double settling_time = 0.5;
+  static constexpr double default_longest = 4096.0;  // sample times
   // A step of this many previous time steps is a gap.
   static constexpr double longest_gap = 20.0;
   // Smaller depths have no finite inverse.
   static constexpr double surface_depth = 1e-9;
 
-  double sample_time() const noexcept { return solver_.samples().branches().times().sample_time(); }
+  double sample_time() const noexcept { return solver_.samples().ladder().sample_time(); }
 
   static viscoelastic::Priors priors_of(const Settings& s) noexcept {
     viscoelastic::Priors priors{};
@@ -194,40 +187,18 @@ class ViscoelasticMethod {
     const double depth = sample.penetration > surface_depth ? sample.penetration : 0.0;
     const double step = dt + passed_;
     passed_ = 0.0;
-    const double usual = std::max(sample_time(), last_step_);
-    const bool gap = step > longest_gap * usual && solver_.samples().touching();
-    last_step_ = step;
-    if (!begun_ || gap) {
-      begin(depth);
-      return;
-    }
-    solver_.samples().advance(depth, step);
-    if (!(settling_ > 0.0)) return;
-    settling_ -= step;
-    if (settling_ > 0.0 || !provisional_) return;
-    // The earlier estimate stays until the new samples hold half as much information.
-    provisional_ = false;
-    outlived_ = true;
-    solver_.offer(offered_);
-    solver_.clear(0.5 * solver_.samples().weight());
-  }
-
-  void begin(double depth) noexcept {
-    begun_ = true;
-    // If the probe was in the material before and after a gap, contact most likely continued during
-    // it, as in recordings of every tenth cycle, and the relaxation state is kept.
-    if (depth > 0.0 && solver_.samples().touching()) {
-      solver_.samples().advance(depth, sample_time());
-    } else {
+    const bool both = depth > 0.0 && solver_.samples().touching();
+    if (!begun_ && !both) {
       solver_.samples().begin(depth);
+      began_in_contact_ = began_in_contact_ || depth > 0.0;
+    } else {
+      // If the probe was in the material before and after a gap, contact most likely went on as
+      // before, as in recordings of every tenth cycle: the relaxation state is kept.
+      const bool gap = !begun_ || step > longest_gap * std::max(sample_time(), last_step_);
+      solver_.samples().advance(depth, both && gap ? sample_time() : step);
     }
-    const bool may_remember = (offered_ & ~viscoelastic::forgetful) != 0;
-    settling_ = depth > 0.0 && may_remember ? settling_time : 0.0;
-    began_in_contact_ = began_in_contact_ || depth > 0.0;
-    if (!(settling_ > 0.0) || solver_.samples().weight() > 0.0) return;
-    const viscoelastic::Offered left = offered_ & viscoelastic::forgetful;
-    provisional_ = left != 0;
-    if (provisional_) solver_.offer(left);
+    begun_ = true;
+    last_step_ = step;
   }
 
   void renew_offset() noexcept {
@@ -240,10 +211,8 @@ class ViscoelasticMethod {
     solver_.know_offset(tare.prior);
   }
 
-  Matrix<viscoelastic::joint_size> covariance(const Law& law, const Units& units) const noexcept {
-    const auto& samples = solver_.samples();
-    return viscoelastic::covariance_in_si(solver_.solution(), law, samples.branches().times(),
-                                          samples.motion(), units);
+  Matrix<order + 1> covariance(const Units& units) const noexcept {
+    return viscoelastic::law_covariance(viscoelastic::covariance_in_si(solver_.solution(), units));
   }
 
   std::uint8_t flags(const viscoelastic::Solution& now) const noexcept {
@@ -252,7 +221,9 @@ class ViscoelasticMethod {
     const double exponent =
         Grid::step * std::sqrt(now.covariance[in_triangle(exponent_node, exponent_node)]);
     const double damper = std::sqrt(now.covariance[in_triangle(damping, damping)]);
-    const double spring = std::abs(now.fit.value[stiffness] + now.fit.value[memory]);
+    double spring = now.fit.value[stiffness];
+    for (std::size_t i = memory; i < parts; ++i) spring += now.fit.value[i];
+    spring = std::abs(spring);
     const bool searched = !now.law().linear && !(solver_.priors().exponent > 0.0);
     if (now.known == 0 || (searched && !(exponent < largest_exponent_error))) {
       found |= exponent_not_identifiable;
@@ -264,22 +235,17 @@ class ViscoelasticMethod {
     if (now.at_edge != 0) found |= exponent_at_edge;
     const bool tared = offset_deviation_ > 0.0;
     if (tare_refuted_ || (tared && solver_.offset_refuted())) found |= tare_refuted;
-    if (provisional_ || outlived_) found |= started_in_contact;
     return found;
   }
 
-  viscoelastic::Solver<Sums> solver_;
+  viscoelastic::Solver solver_;
   detail::FreeAir air_;
-  double settling_ = 0.0;   // s until an unknown relaxation state has decayed
   double passed_ = 0.0;     // s since the last sample that was not refused
   double last_step_ = 0.0;  // s
   double offset_deviation_;
   double surface_deviation_;
-  viscoelastic::Offered offered_;
   bool begun_ = false;
   bool began_in_contact_ = false;
-  bool provisional_ = false;  // the estimate is from before that
-  bool outlived_ = false;     // the estimate from before still stays
   bool air_is_new_ = false;
   bool tare_refuted_ = false;
 };

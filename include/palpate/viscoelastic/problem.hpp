@@ -1,9 +1,10 @@
-// A candidate law and its least-squares problem: J of the exponent and of a second nonlinear
-// parameter, with the linear part projected out.
+// A candidate law and its least-squares problem: J of the exponent, with the linear part projected
+// out.
 #pragma once
 
 #include <algorithm>
 #include <array>
+#include <bit>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
@@ -14,6 +15,45 @@
 #include "palpate/viscoelastic/samples.hpp"
 
 namespace palpate::viscoelastic {
+
+// The laws that compete: F = F₀ + k ξⁿ + c ξᵖ w + Σ mᵢ gᵢ,  ġᵢ = d(ξⁿ)/dt − gᵢ/τᵢ.
+
+// The damping form: none, p = n (Hunt & Crossley), p = n − 1 (Kelvin–Voigt half-space), or p = 0.
+enum class Damping : std::uint8_t { none, hunt_crossley, half_space, linear };
+
+enum class Memory : std::uint8_t { none, spectrum };
+
+struct Candidate {
+  Damping damping;
+  Memory memory;
+  bool linear = false;  // n is fixed at 1: with p = n − 1 the Kelvin–Voigt law
+
+  constexpr bool remembers() const noexcept { return memory != Memory::none; }
+  constexpr bool operator==(const Candidate&) const noexcept = default;
+};
+
+// Those without memory first.
+inline constexpr std::array<Candidate, 7> candidates{{
+    {Damping::half_space, Memory::none, true},
+    {Damping::hunt_crossley, Memory::none},
+    {Damping::half_space, Memory::none},
+    {Damping::hunt_crossley, Memory::spectrum},
+    {Damping::half_space, Memory::spectrum},
+    {Damping::linear, Memory::spectrum},
+    {Damping::none, Memory::spectrum},
+}};
+
+inline constexpr std::size_t hunt_crossley = 1;  // its place among them
+
+// Mean over rms velocity beyond which the probe went one way at nearly one speed: 1 at constant
+// speed, 0.90 for a half sine, 0 for any motion that returns.
+inline constexpr double one_way_limit = 0.8;
+
+// Bit i stands for candidates[i].
+using Offered = std::uint16_t;
+inline constexpr Offered forgetful = 0b111;  // those without memory
+// All but the law whose only damper is its memory: that is the others with c = 0.
+inline constexpr Offered common = 0b0111111;
 
 // Prior information, in scaled units.
 struct Priors {
@@ -32,33 +72,81 @@ struct Priors {
   }
 };
 
-// The linear part, F₀, k, c, m, in the order of elimination: the least important is last, so that
-// it is excluded if it is collinear with the others.
-enum Part : std::size_t { offset, stiffness, damping, memory, parts };
+// The linear part: F₀, k, c, what the unknown state of a start adds, and mᵢ.
+enum Part : std::size_t { offset, stiffness, damping, start, memory = start + start_columns };
+inline constexpr std::size_t elastic_parts = start;  // of a law without memory
+inline constexpr std::size_t parts = memory + rungs;
+
+// A set of parts, one bit each.
+using PartSet = std::uint32_t;
+
+constexpr PartSet bit(std::size_t part) noexcept { return PartSet{1} << part; }
+constexpr bool has(PartSet set, std::size_t part) noexcept { return (set & bit(part)) != 0; }
+inline constexpr PartSet all_memory = (bit(rungs) - 1U) << memory;
+inline constexpr PartSet all_start = (bit(start_columns) - 1U) << start;
 
 // The least-squares problem A p = b of a candidate at one exponent; of A the lower triangle.
 struct Normal {
-  Matrix<parts> a{};
-  Vector<parts> b{};
+  Matrix<parts> a;
+  Vector<parts> b;
 };
 
-// Of a candidate at an exponent; `second` as of spectrum_of().
-template <class Sums>
-[[gnu::noinline]] Normal normal_of(const Samples<Sums>& samples, const Candidate& law, double n,
-                                   double second) noexcept {
+// What memory adds to the problem.
+inline void add_memory(Normal& s, const Samples& samples, Damping damper, const Window& once,
+                       const Window& twice) noexcept {
+  const BranchSums& sums = samples.sums();
+  const StartSums& begun = samples.start_sums();
+  for (std::size_t a = 0; a < start_columns; ++a) {
+    const StartSums::Column& z = begun.column(a);
+    auto& row = s.a[start + a];
+    row[offset] = z.one;
+    row[stiffness] = once.of(z.power.data());
+    row[damping] = damper == Damping::hunt_crossley ? once.of(z.power_speed.data())
+                   : damper == Damping::half_space  ? once.of(z.slope_speed.data())
+                   : damper == Damping::linear      ? z.speed
+                                                    : 0.0;
+    for (std::size_t b = 0; b <= a; ++b) row[start + b] = z.start[b];
+    s.b[start + a] = z.force;
+  }
+  for (std::size_t i = 0; i < rungs; ++i) {
+    const auto crossed = [&](BranchSums::Kind kind, const Window& window) noexcept {
+      return window.of(sums.crossed(i, kind).data());
+    };
+    auto& row = s.a[memory + i];
+    row[offset] = crossed(BranchSums::one, once);
+    row[stiffness] = crossed(BranchSums::power, twice);
+    row[damping] = damper == Damping::hunt_crossley ? crossed(BranchSums::power_speed, twice)
+                   : damper == Damping::half_space  ? crossed(BranchSums::slope_speed, twice)
+                   : damper == Damping::linear      ? crossed(BranchSums::speed, once)
+                                                    : 0.0;
+    for (std::size_t a = 0; a < start_columns; ++a) {
+      row[start + a] = once.of(begun.column(a).branch[i].data());
+    }
+    for (std::size_t j = 0; j <= i; ++j) row[memory + j] = twice.of(sums.pair(j, i).data());
+    s.b[memory + i] = crossed(BranchSums::force, once);
+  }
+}
+
+[[gnu::noinline]] inline Normal normal_of(const Samples& samples, const Candidate& law,
+                                          double n) noexcept {
   using enum PowerTable::Kind;
   const PowerTable& table = samples.table();
   const Growth growth = table.growth(2.0 * n);
   const Interpolation once(Grid::place_of_power(n), growth);
   const Interpolation twice(Grid::place_of_power(2.0 * n), growth);
   const Window single = once.at(0, Grid::powers);
-  Normal s{};
+  Normal s;
   s.a[offset][offset] = table.weight();
   s.a[stiffness][offset] = table.at(plain, single);
   s.a[stiffness][stiffness] = table.at(plain, twice.at(0, Grid::powers));
   s.b[offset] = table.force_sum();
   s.b[stiffness] = table.at(force, single);
-  if (law.damping != Damping::none) {
+  if (law.damping == Damping::linear) {
+    s.a[damping][offset] = table.at_node(speed, Grid::zero);
+    s.a[damping][stiffness] = table.at(speed, single);
+    s.a[damping][damping] = table.at_node(speed_squared, Grid::zero);
+    s.b[damping] = table.at_node(power, Grid::zero);
+  } else if (law.damping != Damping::none) {
     // ξᵖ = ξⁿ, or ξⁿ⁻¹.
     const std::size_t lower = law.damping == Damping::half_space ? Grid::one : 0;
     const Window alone = once.at(lower, Grid::powers);
@@ -66,89 +154,69 @@ template <class Sums>
     s.a[damping][stiffness] = table.at(speed, twice.at(lower, Grid::powers));
     s.a[damping][damping] = table.at(speed_squared, twice.at(2 * lower, Grid::powers));
     s.b[damping] = table.at(power, alone);
+  } else {
+    s.a[damping].fill(0.0);
+    s.b[damping] = 0.0;
   }
-  if (law.memory != Memory::none) {
+  if (law.remembers()) {
     // From exponent to exponent a sum of one power grows as from q to q, one of two powers twice.
-    const MemoryColumn column =
-        samples.sums().column(once.at(Grid::first_exponent, Grid::exponents),
-                              once.square_at(Grid::first_exponent, Grid::exponents),
-                              spectrum_of<typename Sums::Times>(law.memory, second));
-    s.a[memory][offset] = column.one;
-    s.a[memory][stiffness] = column.power;
-    if (law.damping == Damping::hunt_crossley) s.a[memory][damping] = column.power_speed;
-    if (law.damping == Damping::half_space) s.a[memory][damping] = column.slope_speed;
-    s.a[memory][memory] = column.square;
-    s.b[memory] = column.force;
+    add_memory(s, samples, law.damping, once.at(Grid::first_exponent, Grid::exponents),
+               once.square_at(Grid::first_exponent, Grid::exponents));
   }
   const double per = 1.0 / samples.scale();
-  for (std::size_t i = 0; i < parts; ++i) {
+  for (std::size_t i = 0; i < (law.remembers() ? parts : elastic_parts); ++i) {
     s.b[i] *= per;
     for (std::size_t j = 0; j <= i; ++j) s.a[i][j] *= per;
   }
   return s;
 }
 
-// The fitted parts, one bit each.
-using PartSet = std::uint32_t;
-
-constexpr PartSet bit(Part part) noexcept { return PartSet{1} << part; }
-constexpr bool has(PartSet set, Part part) noexcept { return (set & bit(part)) != 0; }
-
-constexpr PartSet parts_of(const Candidate& law, bool with_offset) noexcept {
-  PartSet set = bit(stiffness);
-  if (law.damping != Damping::none) set |= bit(damping);
-  if (law.memory != Memory::none) set |= bit(memory);
-  if (with_offset) set |= bit(offset);
-  return set;
-}
-
 struct Linear {
   Vector<parts> value{};
-  double gain = 0.0;   // bᵀA⁻¹b: the reduction of Σ F²
-  PartSet fitted = 0;  // parts with a valid pivot
+  double gain = 0.0;   // the reduction of Σ F²
+  PartSet fitted = 0;  // parts with a valid pivot, of those that are not held at 0
 };
 
-// A = L D Lᵀ of the fitted parts; a part whose pivot is rounding error is excluded: its row and
-// column are empty.
+// A = L Lᵀ of some of the parts, by Cholesky. A part whose pivot is rounding error says what others
+// do, and is left out.
 class Factored {
  public:
   Factored(const Normal& normal, PartSet wanted) noexcept {
-    for (std::size_t i = 0; i < parts; ++i) {
-      const double diagonal = normal.a[i][i];
-      double pivot = diagonal;
-      Vector<parts> row{};  // L D
-      for (std::size_t j = 0; j < i; ++j) {
-        row[j] = normal.a[i][j];
-        for (std::size_t k = 0; k < j; ++k) row[j] -= row[k] * lower_[j][k];
-        lower_[i][j] = row[j] * per_pivot_[j];
-        pivot -= row[j] * lower_[i][j];
+    for (PartSet rest = wanted; rest != 0; rest &= rest - 1U) {
+      const auto part = static_cast<std::size_t>(std::countr_zero(rest));
+      const auto& from = normal.a[part];
+      auto& row = lower_[count_];
+      double pivot = from[part];
+      for (std::size_t j = 0; j < count_; ++j) {
+        double sum = from[parts_[j]];
+        for (std::size_t k = 0; k < j; ++k) sum -= row[k] * lower_[j][k];
+        row[j] = sum * per_pivot_[j];
+        pivot -= row[j] * row[j];
       }
       // Of sums that are squares, what is less than 1e-150 is not there; sums of 1e4 samples,
       // interpolated to 1e-9 and better, carry 1e-12.
-      const Part part = static_cast<Part>(i);
-      if (has(wanted, part) && diagonal > 1e-150 && pivot > 1e-11 * diagonal) {
-        fitted_ |= bit(part);
-        per_pivot_[i] = 1.0 / pivot;
-      } else {
-        lower_[i] = {};
-      }
+      if (!(from[part] > 1e-150 && pivot > 1e-11 * from[part])) continue;
+      per_pivot_[count_] = 1.0 / std::sqrt(pivot);
+      parts_[count_++] = part;
+      fitted_ |= bit(part);
     }
   }
 
   PartSet fitted() const noexcept { return fitted_; }
 
-  // Of the first so many parts alone.
-  Linear solve(const Vector<parts>& b, std::size_t count = parts) const noexcept {
-    Linear result{.fitted = fitted_ & (bit(static_cast<Part>(count)) - 1U)};
-    Vector<parts> half{};
-    for (std::size_t i = 0; i < count; ++i) {
-      half[i] = b[i];
-      for (std::size_t j = 0; j < i; ++j) half[i] -= lower_[i][j] * half[j];
-      result.gain += half[i] * half[i] * per_pivot_[i];
+  Linear solve(const Vector<parts>& b) const noexcept {
+    Linear result{.fitted = fitted_};
+    std::array<double, parts> half;
+    for (std::size_t i = 0; i < count_; ++i) {
+      double sum = b[parts_[i]];
+      for (std::size_t j = 0; j < i; ++j) sum -= lower_[i][j] * half[j];
+      half[i] = sum * per_pivot_[i];
+      result.gain += half[i] * half[i];
     }
-    for (std::size_t i = count; i-- > 0;) {
-      result.value[i] = half[i] * per_pivot_[i];
-      for (std::size_t j = i + 1; j < count; ++j) result.value[i] -= lower_[j][i] * result.value[j];
+    for (std::size_t i = count_; i-- > 0;) {
+      double sum = half[i];
+      for (std::size_t j = i + 1; j < count_; ++j) sum -= lower_[j][i] * result.value[parts_[j]];
+      result.value[parts_[i]] = sum * per_pivot_[i];
     }
     return result;
   }
@@ -156,63 +224,90 @@ class Factored {
   // A⁻¹; empty rows where a part is not fitted.
   Matrix<parts> inverse() const noexcept {
     Matrix<parts> result{};
-    for (std::size_t i = 0; i < parts; ++i) {
+    for (std::size_t i = 0; i < count_; ++i) {
       Vector<parts> one{};
-      one[i] = 1.0;
-      if (has(fitted_, static_cast<Part>(i))) result[i] = solve(one).value;
+      one[parts_[i]] = 1.0;
+      result[parts_[i]] = solve(one).value;
     }
     return result;
   }
 
  private:
-  Matrix<parts> lower_{};  // less its diagonal of ones
-  Vector<parts> per_pivot_{};
+  // Only what the elimination wrote is read.
+  std::array<std::array<double, parts>, parts> lower_;
+  std::array<double, parts> per_pivot_;
+  std::array<std::size_t, parts> parts_;
+  std::size_t count_ = 0;
   PartSet fitted_ = 0;
 };
 
-// The linear part by least squares, with c ≥ 0 and m ≥ 0 where a material remembers, as a passive
-// one must. A damper that gives energy back is what a Hunt–Crossley or Kelvin–Voigt fit may ask
-// for, and is left to it. On the other laws it is no damper but a sign of another: they have to be
-// passive, and of what is, the better fit counts.
-[[gnu::noinline]] inline Linear solve_passive(const Normal& normal, const Candidate& law,
-                                              bool with_offset) noexcept {
-  const PartSet wanted = parts_of(law, with_offset);
-  const Factored factored(normal, wanted);
-  const Linear free = factored.solve(normal.b);
-  const auto without = [&](PartSet left_out) noexcept {
-    return Factored(normal, wanted & ~left_out).solve(normal.b);
-  };
-  if (!has(wanted, memory)) {
-    const bool may = law.damping != Damping::half_space || law.linear;
-    return may || !(free.value[damping] < 0.0) ? free : without(bit(damping));
+// The linear part by least squares with some of the parts not below 0 (Lawson & Hanson, Solving
+// Least Squares Problems, 1974, chapter 23), from a guess of those that are above 0.
+[[gnu::noinline]] inline Linear solve_nonnegative(const Normal& normal, PartSet wanted,
+                                                  PartSet constrained, PartSet guess) noexcept {
+  constrained &= wanted;
+  PartSet open = (wanted & ~constrained) | (guess & constrained);
+  double largest = 0.0;
+  Vector<parts> per_size{};
+  for (PartSet rest = wanted; rest != 0; rest &= rest - 1U) {
+    const auto i = static_cast<std::size_t>(std::countr_zero(rest));
+    if (!(normal.a[i][i] > 1e-150)) continue;
+    per_size[i] = 1.0 / std::sqrt(normal.a[i][i]);
+    largest = std::max(largest, std::abs(normal.b[i]) * per_size[i]);
   }
-  if (!(free.value[memory] < 0.0) && !(free.value[damping] < 0.0)) return free;
-  const Linear undamped = without(bit(damping));
-  const bool sound = !(undamped.value[memory] < 0.0);
-  const Linear rested = factored.solve(normal.b, memory);
-  // Without memory a law may have any damping; but this one stands among those that have memory.
-  const bool passive = !(rested.value[damping] < 0.0);
-  if (sound && passive) return undamped.gain > rested.gain ? undamped : rested;
-  if (sound) return undamped;
-  return passive ? rested : without(bit(memory) | bit(damping));
-}
-
-// Nodes of the grid, from 0: of the exponent, and of what is second.
-struct Place {
-  double exponent;
-  double second;
-
-  bool operator==(const Place&) const noexcept = default;
-};
-
-// Of a power law α = 0, 0.14 … 0.98; of one relaxation time the rungs of the ladder. From 1 on a
-// spectrum is that of its shortest time alone.
-inline constexpr double highest_slope = 0.98;
-inline constexpr std::size_t slopes = 8;
-
-constexpr double second_of(Memory memory, double place) noexcept {
-  constexpr double step = highest_slope / static_cast<double>(slopes - 1);
-  return memory == Memory::power_law ? step * place : place;
+  Linear now;
+  for (std::size_t round = 0; round < 3 * parts; ++round) {
+    // To the least squares of the open parts, or as far as none of them falls below 0.
+    for (;;) {
+      const Linear there = Factored(normal, open).solve(normal.b);
+      double way = 1.0;
+      PartSet below = 0;
+      for (PartSet rest = there.fitted & constrained; rest != 0; rest &= rest - 1U) {
+        const auto i = static_cast<std::size_t>(std::countr_zero(rest));
+        if (there.value[i] > 0.0) continue;
+        below |= bit(i);
+        const double down = now.value[i] - there.value[i];
+        way = std::min(way, down > 0.0 ? now.value[i] / down : 0.0);
+      }
+      if (below == 0) {
+        now = there;
+        break;
+      }
+      PartSet stopped = 0;
+      for (PartSet rest = open; rest != 0; rest &= rest - 1U) {
+        const auto i = static_cast<std::size_t>(std::countr_zero(rest));
+        now.value[i] += way * (there.value[i] - now.value[i]);
+        if (has(below, i) && !(now.value[i] > 1e-14 * per_size[i])) {
+          stopped |= bit(i);
+          now.value[i] = 0.0;
+        }
+      }
+      open &= ~(stopped == 0 ? below : stopped);
+    }
+    // The part along which J falls most steeply joins; none, and this is the minimum.
+    double steepest = 1e-9 * largest;
+    std::size_t joining = parts;
+    for (PartSet rest = constrained & ~open; rest != 0; rest &= rest - 1U) {
+      const auto i = static_cast<std::size_t>(std::countr_zero(rest));
+      double slope = normal.b[i];
+      for (PartSet held = now.fitted; held != 0; held &= held - 1U) {
+        const auto j = static_cast<std::size_t>(std::countr_zero(held));
+        slope -= (i > j ? normal.a[i][j] : normal.a[j][i]) * now.value[j];
+      }
+      slope *= per_size[i];
+      if (!(slope > steepest)) continue;
+      steepest = slope;
+      joining = i;
+    }
+    if (joining == parts) break;
+    open |= bit(joining);
+    // Left out again for its pivot, it would join for ever.
+    if (!has(Factored(normal, open).fitted(), joining)) {
+      constrained &= ~bit(joining);
+      open &= ~bit(joining);
+    }
+  }
+  return now;
 }
 
 // Beyond the ends of the grid the end: the sums know no other. Not a number is as good as none.
@@ -223,36 +318,45 @@ constexpr double exponent_at(const Candidate& law, const Priors& priors, double 
   return Grid::exponent_at(place > 0.0 ? std::min(place, last) : 0.0);
 }
 
-// A candidate fitted at one place.
+// A candidate fitted at one place, in nodes of the grid of exponents.
 struct Point {
-  Place place{};
+  double place = 0.0;
   Linear linear{};
   double cost = 0.0;  // J less Σ F², with the priors
 };
 
-template <class Sums>
 struct Problem {
-  const Samples<Sums>& samples;
+  const Samples& samples;
   const Candidate& law;
   const Priors& priors;
-  double stiffness_before;  // k of the last answer, by which the prior of damping weighs; or 0
+  double stiffness_before;    // of the last answer, by which the prior of damping weighs; or 0
+  PartSet left_out = 0;       // parts that are held at 0
+  bool free_damping = false;  // whether c may be negative beside memory
 
   bool searches_exponent() const noexcept { return !law.linear && !(priors.exponent > 0.0); }
-  bool searches_memory() const noexcept { return law.searches_memory(); }
-  double exponent(const Place& place) const noexcept {
-    return exponent_at(law, priors, place.exponent);
-  }
-  PartSet wanted() const noexcept { return parts_of(law, priors.offset != 0); }
+  double exponent(double place) const noexcept { return exponent_at(law, priors, place); }
 
-  // The last place of what is second.
-  double last_second() const noexcept {
-    const std::size_t nodes = law.memory == Memory::power_law ? slopes : Sums::Times::count;
-    return searches_memory() ? static_cast<double>(nodes - 1) : 0.0;
+  PartSet wanted() const noexcept {
+    PartSet set = bit(stiffness);
+    if (law.damping != Damping::none) set |= bit(damping);
+    if (priors.offset != 0) set |= bit(offset);
+    if (law.remembers()) {
+      set |= (bit(samples.ladder().open()) - 1U) << memory;
+      if (samples.start_sums().any()) set |= all_start;
+    }
+    return set & ~left_out;
+  }
+
+  // A material that relaxes is passive, and so is its damper. A damper that gives energy back is
+  // what a Hunt–Crossley or Kelvin–Voigt fit may ask for, and is left to it.
+  PartSet constrained() const noexcept {
+    if (law.remembers()) return all_memory | bit(stiffness) | (free_damping ? 0 : bit(damping));
+    return law.damping == Damping::half_space && !law.linear ? bit(damping) : 0;
   }
 
   // With the priors.
-  Normal normal(const Place& place) const noexcept {
-    Normal normal = normal_of(samples, law, exponent(place), second_of(law.memory, place.second));
+  Normal normal(double place) const noexcept {
+    Normal normal = normal_of(samples, law, exponent(place));
     if (priors.offset != 0) {
       normal.a[offset][offset] += priors.offset_weight();
       normal.b[offset] += priors.offset_weight() * priors.air.mean;
@@ -264,13 +368,20 @@ struct Problem {
     return normal;
   }
 
-  [[gnu::noinline]] Point at(const Place& place) const noexcept { return at(place, normal(place)); }
+  // `near` are the parts that were above 0 near there.
+  [[gnu::noinline]] Point at(double place, PartSet near) const noexcept {
+    return with(place, solve_nonnegative(normal(place), wanted(), constrained(), near));
+  }
 
-  Point at(const Place& place, const Normal& normal) const noexcept {
-    Point point{place, solve_passive(normal, law, priors.offset != 0), 0.0};
+  // With exactly these parts, of any sign.
+  Point with_parts(double place, PartSet fixed) const noexcept {
+    const Normal normal = this->normal(place);
+    return with(place, Factored(normal, fixed).solve(normal.b));
+  }
+
+  Point with(double place, const Linear& linear) const noexcept {
     const double away = (exponent(place) - priors.centre) / priors.deviation;
-    point.cost = priors.variance * away * away - point.linear.gain;
-    return point;
+    return {place, linear, priors.variance * away * away - linear.gain};
   }
 };
 
