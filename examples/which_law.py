@@ -25,7 +25,6 @@ def main() -> None:
     )
     step = contact.sample_time
     preparation = OnlinePreparation(sample_time=step)
-    # memory="any" compares eleven laws instead of five, in twice the time.
     estimator = Estimator(sample_time=step, change_detector=ChangeDetector())
     in_force, report_at, pending = None, 1.0, list[Future[str]]()
     with ThreadPoolExecutor(1) as aside:

@@ -18,7 +18,7 @@ OPTIONS = {name.replace("_", "-") for name in vars(ReadingOptions())} | {"law", 
 #: A value of an option: a number, perhaps with a unit, two numbers, or a word that it offers.
 VALUE = re.compile(
     r"-?[\d.]+(e-?\d+)?[A-Za-zµ]*((:|\+-)-?[\d.]+[a-z]*)?$|\w+=\w+$"
-    r"|(auto|any|none|fit|find|estimate|tool|base|inf|z)$"
+    r"|(auto|none|fit|find|estimate|tool|base|inf|z)$"
 )
 ONE_VALUE = ("delay", "min-penetration", "velocity-window", "tare")
 #: Next steps of which a result may name one of each row, but not both.
@@ -26,7 +26,6 @@ OPPOSITES = [
     ("press (deeper|harder)", "press less deep"),
     ("faster", "slower|more slowly"),
     ("--flip-force", "--flip-penetration"),
-    ("--law auto", "--law any"),
     ("--surface fit", "--surface estimate"),
     ("record longer", "record less"),
 ]

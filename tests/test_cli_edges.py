@@ -303,7 +303,7 @@ REFUSED = {
     "identify probe.csv --frequency 5parsec": ["--frequency must be a number and one of Hz, rad/s"],
     # Laws and methods.
     "identify probe.csv --method spring": ["method must be one of", "single-stage", "'spring'"],
-    "identify probe.csv --law springy": ["law must be one of hunt-crossley, auto, any"],
+    "identify probe.csv --law springy": ["law must be one of hunt-crossley, auto, half-space"],
     "identify probe.csv --law auto --method single-stage": ["does not identify law auto"],
     "identify probe.csv --law auto --surface estimate": ["estimate the surface", "--surface fit"],
     "identify probe.csv --method single-stage --surface estimate": ["single-stage cannot estimate"],
@@ -328,6 +328,10 @@ REFUSED = {
     "lab HALF-SPACE --damping-exponent 0.5 --relaxation-stiffness 3 -o x.csv": [
         "longest_time must be above 0"
     ],
+    "lab HALF-SPACE --damping-exponent 0.5 --relaxation-times 1 -o x.csv": [
+        "must be given together"
+    ],
+    "lab HALF-SPACE --damping 1 -o x.csv": ["--damping takes one number"],
     "lab ball -o x.csv --picture rig.bmp": ["must end in .svg, .pdf or .png"],
     "lab ball -o x.csv --picture rig.svg --probe ideal": [
         "needs a robot: use --probe twin-pantograph"

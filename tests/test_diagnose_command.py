@@ -155,7 +155,7 @@ def test_a_law_is_chosen_and_reported(run, printed):
     result = palpate.identify(PHANTOM, law="auto", trace=False)
     assert result.law_verdict.candidate.title in out
     whole = " ".join(run("identify", PHANTOM, "--law", "auto", "-v")[1].split())
-    assert "method viscoelastic" in whole
+    assert f"method {result.method}" in whole
     assert f"effective sample size {result.law_verdict.effective_samples:.0f} of" in whole
 
 
@@ -172,7 +172,7 @@ def test_dynamic_stiffness_and_model_selection_are_printed(run, printed):
     out = printed("identify", BALL, *often)
     assert re.search(r"^oscillation +at 1\.6 Hz and 8\.78 mm: K′ = 2000\.7", out, re.MULTILINE)
     out = run("identify", BALL, *often, "-v")[1]
-    assert "Model selection: Hunt–Crossley, preferred over " in out
+    assert "Model selection: Hunt–Crossley, rms error 71 mN, 0.107 N with half-space damping" in out
     _, printed, _ = run("identify", BALL, *often, "--json")
     felt = json.loads(printed)["results"][0]["small_oscillation"]
     assert felt["frequency"] == pytest.approx(own, abs=1e-6)

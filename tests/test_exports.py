@@ -42,7 +42,7 @@ from palpate.exports.engine import (
     xml_comment,
 )
 from palpate.findings import Finding
-from palpate.force_laws import engines
+from palpate.force_laws import engines, law_from
 from palpate.lab import BALL, PVC, TISSUE
 from palpate.results.saved import of_one
 
@@ -177,8 +177,18 @@ def test_the_nearest_law_never_makes_energy():
     assert without_memory(remembering, ProbeMotion.of_paper()).law.damping >= 0.0
 
 
-def test_of_a_law_that_remembers_the_nearest_member_is_exported_with_its_error():
-    motion, law = ProbeMotion.of_paper(), TISSUE.law
+SPECTRUM = GeneralisedHuntCrossley(
+    8000.0,
+    1.5,
+    2000.0,
+    1.5,
+    relaxation=palpate.RelaxationSpectrum((2e-3, 0.1, 2.0), (3e3, 2e3, 3e3)),
+)
+
+
+@pytest.mark.parametrize("law", [TISSUE.law, SPECTRUM])
+def test_of_a_law_that_remembers_the_nearest_member_is_exported_with_its_error(law):
+    motion = ProbeMotion.of_paper()
     found = without_memory(law, motion)
     others = (law.relaxed(), law.instantaneous())
     assert found.error_percent < min(apart_percent(motion, each, law) for each in others)
@@ -188,6 +198,12 @@ def test_of_a_law_that_remembers_the_nearest_member_is_exported_with_its_error()
     assert stated == pytest.approx(found.error_percent)
     assert any("no stress relaxation" in warning for warning in statement.warnings)
     assert not statement.exact
+    saved = json.loads(json.dumps(statement.as_dict()))
+    assert law_from(saved["law"]) == law
+    assert law_from({k: v for k, v in saved["exported_law"].items() if k != "which"}) == (
+        found.law.simplest()
+    )
+    assert "τ = " in statement.law_lines()[0]
 
 
 def test_a_law_of_two_powers_of_depth_is_exported_as_one_power_with_its_error(toy):

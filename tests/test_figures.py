@@ -19,6 +19,7 @@ import palpate
 from palpate import ESTIMATORS, InvalidParameterError, RecordingError, figures, lab
 from palpate.design import Motion, design
 from palpate.figures import style
+from palpate.figures.panels import JOINED, draw_spectrum
 from palpate.figures.style import DARK, LIGHT
 from palpate.findings import spoken
 from palpate.identification.identified import rank
@@ -139,6 +140,28 @@ def test_a_figure_leads_with_stiffness_and_damping_at_working_depth(method):
     assert name.startswith("probe.csv: ")
     assert "stiffness" in depth
     assert all(axes.get_xlabel() and axes.get_ylabel() for axes in figure.axes)
+
+
+@pytest.mark.parametrize("dark", [False, True])
+def test_a_spectrum_is_drawn_as_a_stem_for_each_time_that_has_a_stiffness(dark):
+    spectrum = palpate.RelaxationSpectrum((0.01, 0.02, 0.04, 0.5), (0.0, 1500.0, 500.0, 3000.0))
+    law = palpate.GeneralisedHuntCrossley(8e3, 1.5, 60.0, 0.5, relaxation=spectrum)
+    look = style.look_of(dark=dark, width=None)
+    with style.drawing(look, 3.0) as figure:
+        axes = figure.subplots()
+        draw_spectrum(axes, law, look)
+    [stems], [tops] = axes.collections, axes.lines
+    assert [*map(tuple, np.array(stems.get_segments())[:, 1])] == [
+        (0.02, 1.5),
+        (0.04, 0.5),
+        (0.5, 3.0),
+    ]
+    assert tops.get_xydata().tolist() == np.array(stems.get_segments())[:, 1].tolist()
+    assert (axes.get_xscale(), axes.get_ylabel()) == ("log", "m [kN/mⁿ]")
+    assert axes.get_xlim()[0] < 0.01
+    [title] = titles_of(figure)
+    assert title.replace(JOINED, " ") == "Relaxation: several relaxation times, 20 ms to 0.5 s"
+    assert_legible(figure)
 
 
 def band_and_height(axes) -> tuple[float, float]:

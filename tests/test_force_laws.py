@@ -2,6 +2,7 @@
 
 import copy
 import dataclasses
+import json
 import math
 import pickle
 
@@ -10,21 +11,24 @@ import pytest
 from cases import MATERIALS
 
 import palpate
+import palpate._core as _core
 from palpate import (
     FlatSpectrum,
     GeneralisedHuntCrossley,
     HuntCrossley,
     InvalidParameterError,
     PowerLawRelaxation,
+    RelaxationSpectrum,
     SingleRelaxation,
 )
-from palpate.force_laws import engines, literature
+from palpate.force_laws import engines, law_from, literature
 
 KV, EKV, HC = MATERIALS["linear"], MATERIALS["quadratic"], MATERIALS["pvc"]
 RELAXATIONS = {
     "flat": FlatSpectrum(1e-3, 4.0),
     "single": SingleRelaxation(0.05),
     "power-law": PowerLawRelaxation(0.3, 1e-3, 4.0),
+    "spectrum": RelaxationSpectrum((1e-3, 0.03, 1.0), (1e3, 3e3, 1e3)),
 }
 
 
@@ -173,12 +177,13 @@ def test_a_law_is_a_frozen_value(law):
     with pytest.raises((AttributeError, TypeError)):
         law.colour = "red"
     for again in (
-        type(law).from_parameters(law.parameters),
+        law.with_parameters(law.parameters),
         copy.copy(law),
         copy.deepcopy(law),
         pickle.loads(pickle.dumps(law)),
         eval(repr(law), vars(palpate.force_laws)),
-        palpate.force_laws.law_from({"kind": law.kind, **law.as_dict()}),
+        palpate.force_laws.law_from(law.description()),
+        palpate.force_laws.law_from(json.loads(json.dumps(law.description()))),
     ):
         assert again == law
         assert type(again) is type(law)
@@ -340,22 +345,110 @@ def test_depths_and_frequencies_go_together_as_in_numpy(relaxation):
     assert law.force_along([], [], []).shape == (0,)
 
 
-def two_times_in_the_wrong_order():
-    numbers = law_with(RELAXATIONS["flat"]).parameters
-    numbers[6:] = numbers[:5:-1]
-    return GeneralisedHuntCrossley.from_parameters(numbers)
+def described(**numbers):
+    return law_from({**GeneralisedHuntCrossley(1.0, 1.0, 1.0, 1.0).description(), **numbers})
+
+
+def test_one_branch_is_the_law_with_one_relaxation_time():
+    spectrum, single = law_with(RelaxationSpectrum([0.05], [5e3])), law_with(SingleRelaxation(0.05))
+    rng = np.random.default_rng(2)
+    x, v, steps = rng.uniform(-2e-3, 8e-3, 200), rng.uniform(-0.1, 0.1, 200), np.full(200, 2e-3)
+    force = single.force_along(x, v, steps)
+    np.testing.assert_allclose(spectrum.force_along(x, v, steps), force, rtol=1e-14)
+    expected = single.dynamic_stiffness(5e-3, 20.0)
+    assert spectrum.dynamic_stiffness(5e-3, 20.0) == pytest.approx(expected, rel=1e-14)
+    assert spectrum.relaxation_time == pytest.approx(0.05, rel=1e-14)
+    assert spectrum.parameters.tolist() == single.parameters.tolist()
+
+
+@pytest.mark.parametrize("name", ["flat", "power-law"])
+def test_the_branches_of_a_formula_are_the_same_law_as_a_spectrum(name):
+    law = law_with(RELAXATIONS[name])
+    times, weights = law.branches()
+    assert weights.sum() == pytest.approx(1.0, rel=1e-14)
+    spectrum = law_with(RelaxationSpectrum(times, 5e3 * weights))
+    x, v = DEPTHS.repeat(20), SPEEDS.repeat(20)
+    force = law.force_along(x, v, 1e-2)
+    np.testing.assert_allclose(spectrum.force_along(x, v, 1e-2), force, rtol=1e-12)
+    assert spectrum.relaxation_time is None
+
+
+def test_the_stiffness_of_a_spectrum_is_its_sum_and_scales_it():
+    spectrum = RELAXATIONS["spectrum"]
+    law = GeneralisedHuntCrossley(1e4, 1.5, 300.0, 0.5, relaxation=spectrum)
+    assert law == law_with(spectrum)
+    assert law.instantaneous().stiffness == 1.5e4
+    assert law.with_parameters([1e4, 1.5, 300.0, 0.5, 1e4]).relaxation.stiffnesses == (
+        2e3,
+        6e3,
+        2e3,
+    )
+    assert law.with_parameters([1e4, 1.5, 300.0, 0.5, 0.0]).dynamic_stiffness(
+        5e-3, 10.0
+    ) == pytest.approx(law.relaxed().dynamic_stiffness(5e-3, 10.0))
+
+
+LADDER = tuple(1e-3 * 2.0**k for k in range(12))
+
+
+@pytest.mark.parametrize(
+    "stiffnesses, time",
+    [
+        ({4: 1.0}, 0.016),
+        ({4: 1.0, 5: 1.0}, 0.016 * math.sqrt(2.0)),
+        ({4: 0.97, 11: 0.03}, 0.016),
+        ({4: 0.9, 11: 0.1}, None),
+        ({4: 1.0, 6: 1.0}, None),  # no neighbours
+        (dict.fromkeys(range(12), 1.0), None),
+        ({}, None),
+    ],
+)
+def test_one_group_of_neighbouring_times_is_one_relaxation_time(stiffnesses, time):
+    spectrum = RelaxationSpectrum(LADDER, [stiffnesses.get(k, 0.0) for k in range(12)])
+    assert spectrum.time == (None if time is None else pytest.approx(time))
+    assert spectrum.resolution == pytest.approx(0.5 * math.log(2.0))
+
+
+def test_branches_along_a_motion_sum_to_the_force_of_the_memory():
+    law, rng = law_with(RELAXATIONS["spectrum"]), np.random.default_rng(4)
+    x, steps = rng.uniform(-1e-3, 8e-3, 100), rng.uniform(1e-4, 1e-2, 100)
+    x[50] = math.nan
+    times, weights = law.branches()
+    states = _core.relaxation_states(law.exponent, times, steps, x)
+    memory = law.force_along(x, np.zeros(100), steps) - law.relaxed().force(x, 0.0)
+    inside = x > 0.0
+    np.testing.assert_allclose((states @ (5e3 * weights))[inside], memory[inside], atol=1e-12)
+    assert np.isnan(states[50]).all()
+    assert states.shape == (100, 3)
+    assert not states[0].any()  # relaxed at the first penetration
 
 
 @pytest.mark.parametrize(
     "make, words",
     [
         (lambda: FlatSpectrum(1.0, 1.0), "longest must be above shortest"),
-        (two_times_in_the_wrong_order, "longest must be above"),
+        (lambda: described(relaxation_stiffness=1.0, shortest_time=2.0, longest_time=1.0),
+         "longest must be above"),
+        (lambda: described(relaxation_stiffness=1.0), "longest_time must be above 0"),
+        (lambda: described(relaxation_times=[1.0]), "must be given together"),
+        (lambda: described(relaxation_times=[1.0], relaxation_stiffnesses=[1.0], longest_time=1.0),
+         "must be given together"),
+        (lambda: RelaxationSpectrum((), ()), "times must be 1 to 128 numbers, not 0"),
+        (lambda: RelaxationSpectrum((1.0, 1.0), (1.0, 1.0)), "times must be ascending"),
+        (lambda: RelaxationSpectrum((0.0, 1.0), (1.0, 1.0)), "times must be in"),
+        (lambda: RelaxationSpectrum((1.0,), (-1.0,)), "stiffnesses must be finite and ≥ 0"),
+        (lambda: RelaxationSpectrum((1.0, 2.0), (1.0,)), "arrays must have the same length"),
+        (lambda: RelaxationSpectrum("soon", (1.0,)), "times must be an array"),
+        (lambda: GeneralisedHuntCrossley(
+            1.0, 1.0, 1.0, 1.0, 2.0, RelaxationSpectrum((1.0,), (1.0,))),
+         "relaxation_stiffness must be the sum"),
+        (lambda: GeneralisedHuntCrossley.from_parameters([1.0, 1.0, 1.0, 1.0, 1.0]),
+         "relaxation must be a RelaxationSpectrum"),
         (lambda: FlatSpectrum(0.0, 1.0), "shortest must be in"),
         (lambda: SingleRelaxation(math.nan), "time must be finite"),
         (lambda: SingleRelaxation("soon"), "time must be a number"),
         (lambda: PowerLawRelaxation(3.0, 1e-3, 1.0), "exponent must be in"),
-        (lambda: GeneralisedHuntCrossley(1.0, 1.0, 1.0, 1.0, 1.0), "relaxation must be a Flat"),
+        (lambda: GeneralisedHuntCrossley(1.0, 1.0, 1.0, 1.0, 1.0), "relaxation must be a Rel"),
         (lambda: GeneralisedHuntCrossley(1.0, 1.0, 1.0, 1.0, 0.0, 3.0), "relaxation must be a"),
         (lambda: law_with(FlatSpectrum(1e-3, 1.0)).step("rest", 1e-3, 1e-3), "state must be"),
         (lambda: law_with(FlatSpectrum(1e-3, 1.0)).step(

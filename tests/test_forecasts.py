@@ -1,4 +1,4 @@
-"""A weak prior, load transfer, the fallback of a selected law, and thirds that are held out."""
+"""A weak prior, load transfer, and thirds that are held out."""
 
 from dataclasses import replace
 
@@ -220,17 +220,3 @@ def test_a_last_third_that_the_others_do_not_predict_is_not_trusted(last: float,
     diagnosis = identify(swinging(last=last)).diagnosis
     [said] = [each for each in diagnosis.findings if each.check == "forecast"]
     assert (said.stiffness, said.damping) == (mark, mark)
-
-
-def test_a_selected_law_that_is_not_to_be_trusted_gives_way_to_hunt_crossley() -> None:
-    contact = press()
-    wild = 0.8 * LAW.force(4e-3, 0.0) * np.sign(np.sin(500.0 * contact.penetration.cumsum()))
-    contact = replace(contact, force=np.where(contact.penetration > 0.0, contact.force + wild, 0.0))
-    plain, chosen = identify(contact), identify(contact, law="auto")
-    assert plain.diagnosis.verdict.overall == "do-not-trust"
-    assert chosen.method == "variable-projection"
-    assert chosen.law == plain.law
-    said = [each for each in finding(chosen, "law") if "does not trust" in each.message]
-    assert len(said) == (str(chosen.law_verdict.candidate) != "Hunt–Crossley")
-    asked = identify(contact, law="half-space+single")
-    assert asked.method == "viscoelastic"

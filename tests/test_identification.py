@@ -107,7 +107,9 @@ def test_compare_gives_every_method_and_the_regressions_the_same_samples():
         assert result.method == method
         if not result.estimator.chooses_samples:
             assert np.array_equal(result.trace.taken, results["single-stage"].trace.taken)
-        assert bits(result.trace) == bits(identify(CONTACT, ESTIMATORS[method]()).trace)
+        alone = identify(CONTACT, ESTIMATORS[method]())
+        if alone.method == method:  # a selected Hunt–Crossley law has variable projection's numbers
+            assert bits(result.trace) == bits(alone.trace)
     gate = ContactGate(1e-3, 2.0)
     assert all(result.gate == gate for result in compare(CONTACT, gate=gate).values())
 
@@ -284,8 +286,8 @@ def test_the_violated_fraction_is_of_the_samples_taken():
     assert math.isnan(violated_fraction(trace_of([Status.WAITING] * 3, np.ones(3))))
 
 
-@pytest.mark.parametrize("law", [None, "auto", "any"])
-def test_identify_replays_the_bank_of_laws_with_memory_as_often_as_it_must(monkeypatch, law):
+@pytest.mark.parametrize("law, often", [(None, [1, 2]), ("auto", [2, 3])])
+def test_identify_replays_the_law_with_relaxation_as_often_as_it_must(monkeypatch, law, often):
     replayed, real = [], CompiledEstimator.replay
     monkeypatch.setattr(
         CompiledEstimator,
@@ -293,6 +295,5 @@ def test_identify_replays_the_bank_of_laws_with_memory_as_often_as_it_must(monke
         lambda self, *given, **more: replayed.append(self.method) or real(self, *given, **more),
     )
     assert identify(RECORDED, law=law).diagnosis.verdict.overall == "trust"
-    # Again for the laws with one relaxation time, which auto does not offer, and by two thirds.
-    assert replayed.count(ViscoelasticContact.method) == {None: 1, "auto": 3, "any": 2}[law]
-    assert len(replayed) == {None: 2, "auto": 3, "any": 2}[law]
+    # By all samples, and by two thirds; a selected Hunt–Crossley law again by variable projection.
+    assert [replayed.count(ViscoelasticContact.method), len(replayed)] == often

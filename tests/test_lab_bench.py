@@ -74,23 +74,26 @@ def test_identify_recovers_a_material_within_its_error_bars(name, seeds):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    "law, memory",
+    "law",
     [
-        (GeneralisedHuntCrossley(8000.0, 1.5, 60.0, 0.5), "auto"),
-        (GeneralisedHuntCrossley(8000.0, 1.5, 4e3, 1.5, 4e3, SingleRelaxation(0.1)), "any"),
-        (GeneralisedHuntCrossley(8000.0, 1.5, 60.0, 0.5, 4e3, SingleRelaxation(0.1)), "any"),
+        GeneralisedHuntCrossley(8000.0, 1.5, 60.0, 0.5),
+        GeneralisedHuntCrossley(8000.0, 1.5, 4e3, 1.5, 4e3, SingleRelaxation(0.1)),
+        GeneralisedHuntCrossley(8000.0, 1.5, 60.0, 0.5, 4e3, SingleRelaxation(0.1)),
     ],
     ids=["half-space", "single", "half-space single"],
 )
-def test_what_the_robot_presses_is_found_with_its_memory(law, memory):
+def test_what_the_robot_presses_is_found_with_its_memory(law):
     bench = lab.Bench(lab.Homogeneous(law), lab.THREE_SINES)
     for seed in range(4):
-        estimate = identify(bench.run(seed).contact, ViscoelasticContact(memory=memory)).estimate
-        assert type(estimate.law.relaxation) is type(law.relaxation)
-        known = estimate.standard_errors > 0.0
-        errors = (estimate.parameters - law.parameters)[known] / estimate.standard_errors[known]
-        # Seen over ten seeds: 2.5 at most, of up to six numbers.
-        assert np.abs(errors).max() < 3.5
+        result = identify(bench.run(seed).contact, ViscoelasticContact())
+        assert result.law.remembers == law.remembers
+        felt = result.dynamic_stiffness()
+        exact = law.dynamic_stiffness(felt.depth, felt.frequency)
+        for found, truth in (
+            (felt.stiffness, exact.real),
+            (felt.damping, exact.imag / felt.frequency),
+        ):
+            assert abs(found.value - truth) < 3.5 * found.whole_error
 
 
 @pytest.mark.slow
@@ -99,7 +102,7 @@ def test_of_tissue_an_oscillation_feels_what_is_found():
         contact = lab.Bench(lab.TISSUE, lab.THREE_SINES).run(seed).contact
         felt = identify(contact, ViscoelasticContact()).estimator.dynamic_stiffness()
         exact = lab.TISSUE.law.dynamic_stiffness(felt.depth, felt.frequency)
-        # Six relaxation times stand for the spectrum. Seen over ten seeds: 0.2 and 0.9 %.
+        # Ten relaxation times stand for the spectrum.
         assert felt.stiffness == pytest.approx(exact.real, rel=4e-3)
         assert felt.frequency * felt.damping == pytest.approx(exact.imag, rel=15e-3)
 

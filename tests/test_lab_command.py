@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 
 import palpate
-from palpate import InvalidParameterError, lab
+from palpate import GeneralisedHuntCrossley, InvalidParameterError, lab
 from palpate.lab.figures import NoRendererError, photograph
 from palpate.lab.rig import Geometry
+from palpate.recordings.recording import truth_of
 from palpate.results.parameters import comparable
 
 QUICK = ("--seconds", "4", "--seed", "3")
@@ -54,6 +55,7 @@ def test_what_an_oscillation_feels_is_shown_beside_the_truth_of_what_remembers(r
 
 
 REMEMBERING = lab.TISSUE.law
+SEVERAL = palpate.RelaxationSpectrum((1e-3, 4.0), (4e3, 4e3))
 NAMES = set(REMEMBERING.names())
 
 
@@ -66,6 +68,7 @@ NAMES = set(REMEMBERING.names())
         (replace(REMEMBERING, relaxation=palpate.SingleRelaxation(1.0)), set()),
         (replace(REMEMBERING, damping_exponent=0.5), NAMES - {"damping", "damping_exponent"}),
         (replace(REMEMBERING, damping=0.0, damping_exponent=0.5), NAMES),
+        (replace(REMEMBERING, relaxation=SEVERAL), set()),
         (REMEMBERING.relaxed(), set()),
         (lab.PVC.law, set()),
     ],
@@ -81,6 +84,10 @@ LAWS = {
     "generalised-hunt-crossley": "--stiffness 8000 --exponent 1.5 --damping 60 "
     "--damping-exponent 0.5 --relaxation-stiffness 4000 --longest-time 0.1",
 }
+SPECTRUM = (
+    "--stiffness 8000 --exponent 1.5 --damping 60 --damping-exponent 0.5 --relaxation-times 0.01 "
+    "--relaxation-times 1 --relaxation-stiffnesses 1000 --relaxation-stiffnesses 3000"
+)
 
 
 @pytest.mark.parametrize("law", LAWS)
@@ -90,12 +97,12 @@ def test_a_law_of_ones_own_is_pressed(printed, tmp_path, law):
     assert json.loads(palpate.prepare(file).provenance["truth"])["kind"] == law
 
 
-def test_a_law_that_remembers_is_found_beside_a_truth_of_another_form(run, printed, tmp_path):
-    file = tmp_path / "own.csv"
-    law = "extended-kelvin-voigt"
-    run("lab", law, *LAWS[law].split(), "--probe", "ideal", "-o", file, *QUICK)
-    out = printed("identify", file, "--law", "single")
-    assert "relaxation" in out  # which the file's law has none of
+def test_a_spectrum_of_ones_own_is_pressed_and_stated(printed, tmp_path):
+    file, kind = tmp_path / "own.csv", GeneralisedHuntCrossley.kind
+    printed("lab", kind, *SPECTRUM.split(), "--probe", "ideal", "-o", file, *QUICK)
+    spectrum = palpate.RelaxationSpectrum((0.01, 1.0), (1e3, 3e3))
+    expected = GeneralisedHuntCrossley(8e3, 1.5, 60.0, 0.5, relaxation=spectrum)
+    assert truth_of(palpate.prepare(file).provenance) == expected
 
 
 def test_sensors_can_be_switched_off(run, tmp_path):

@@ -133,7 +133,7 @@ RISING = {
     "fig13": "rmse {variable-projection|single-stage I}",
     "fig16": "rmse {variable-projection|single-stage|extended-kelvin-voigt|kelvin-voigt}",
     "fig17": "time P₀ = {10|1|0.1} one sine, 450 s K",
-    "today": "rmse unseen {memory: --law any|variable projection}",
+    "today": "rmse unseen {relaxation: --law auto|variable projection}",
 }
 
 

@@ -94,6 +94,7 @@ REFUSED = [
     (MEMORY, "damping", "maxwell", "one of"),
     (MEMORY, "memory", 3, "one of"),
     (MEMORY, "exponent", 0.2, "in"),
+    (MEMORY, "longest_time", 3e-3, "in [0.004, 1e+12], not 0.003"),
     (PROJECTION, "surface", "search", "'estimate' or None, not 'search'"),
     (PROJECTION, "surface", 0.0, "'estimate' or None, not 0.0"),
     (SEARCHING, "surface_range", (1e-3, -1e-3), "be (lowest, highest) in m"),

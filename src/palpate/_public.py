@@ -39,6 +39,7 @@ from palpate.force_laws import GeneralisedHuntCrossley as GeneralisedHuntCrossle
 from palpate.force_laws import HuntCrossley as HuntCrossley
 from palpate.force_laws import KelvinVoigt as KelvinVoigt
 from palpate.force_laws import PowerLawRelaxation as PowerLawRelaxation
+from palpate.force_laws import RelaxationSpectrum as RelaxationSpectrum
 from palpate.force_laws import SingleRelaxation as SingleRelaxation
 from palpate.identifying import Identification as Identification
 from palpate.identifying import compare as compare

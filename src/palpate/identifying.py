@@ -1,7 +1,6 @@
 """Identify a whole contact, with one estimator or with all of them side by side."""
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,7 +12,6 @@ from palpate.estimators.by_law import estimator_by_law
 from palpate.estimators.contact_estimator import Rejection, known_exponent
 from palpate.estimators.estimate import Traced, checked_trace
 from palpate.estimators.law_verdicts import Candidate
-from palpate.findings import Finding
 from palpate.identification.identified import Identified
 from palpate.preparation.gates import choose_gate
 from palpate.preparation.preparing import Recorded, prepare
@@ -174,13 +172,11 @@ def identify(
     method : str, optional
         Name of a method, such as ``"single-stage"``, in place of ``estimator``.
     law : str, optional
-        In place of an estimator, or next to the name of a method that identifies it. ``"auto"``:
-        model selection among the common laws; ``"any"``: among all laws; or one law:
-        ``"hunt-crossley"`` (the default), ``"kelvin-voigt"``, ``"half-space"``; with a relaxation:
-        ``"flat"``, ``"single"``, ``"power-law"``; or both, ``"half-space+single"``.
-        :class:`ViscoelasticContact` defines them; :attr:`Identification.law_verdict` has the
-        evidence. Where the diagnosis of the selected law is *do not trust*, the answer is that of
-        the Hunt–Crossley law, by variable projection, and a finding says so.
+        In place of an estimator, or next to the name of a method that identifies it:
+        ``"hunt-crossley"`` (the default), ``"kelvin-voigt"``, ``"half-space"`` or another law; or
+        ``"auto"``, the one that fits best, with a spectrum of relaxation times where the material
+        relaxes: :class:`ViscoelasticContact`. :attr:`Identification.law_verdict` has the evidence.
+        Where the Hunt–Crossley law is selected, the answer is variable projection's.
     trace : int, float, "full" or False
         Which estimates along the way :attr:`Identification.trace` holds. An int: at most so many,
         evenly spread up to the last sample. A float: one every so many seconds, in [1e-9, 1e9];
@@ -211,33 +207,18 @@ def identify(
     given = {name: values for name, values in arrays.items() if values is not None}
     if not isinstance(source, Contact) or given or no_time:
         source = prepare(source, no_time=no_time, **given)  # type: ignore[arg-type]  # it refuses a contact with arrays
-    return _trusted_law(Identification.of(Data(source), estimator, trace=traced))
+    return _plain(Identification.of(Data(source), estimator, trace=traced))
 
 
-def _trusted_law(found: Identification) -> Identification:
-    """Hunt–Crossley in place of a selected law that the diagnosis does not trust."""
+def _plain(found: Identification) -> Identification:
+    """Variable projection's answer where the Hunt–Crossley law was selected: its digits."""
     assert found.data is not None
-    if not found.estimator.chooses_law:
+    if found.estimator.candidate != Candidate("hunt-crossley", "none"):
         return found
-    stops = [each for each in found.diagnosis.findings if each.severity == "do-not-trust"]
-    if all(each in found.data.findings for each in stops):
-        return found  # the recording is wrong, whatever the law
-    verdict, own = found.law_verdict, Candidate("hunt-crossley", "none")
-    if verdict is None or all(each.candidate != own for each in verdict.model_ranking):
-        return found  # another law was requested
-    names = {"gate", "outlier_rejection", "exponent"}.difference(found.chosen)
-    plain = VariableProjection(**{name: found.estimator.settings[name] for name in names})
-    answer = Identification.of(found.data, plain, trace=found.traced)
-    if verdict.candidate == own:
-        return answer
-    finding = Finding(
-        "law",
-        f"model selection prefers {verdict.candidate.title}, but the diagnosis does not trust that "
-        "fit: the answer is that of the Hunt–Crossley law",
-        stiffness="with-care",
-        damping="with-care",
-    )
-    return replace(answer, findings=(*answer.findings, finding))
+    given, plain = found.estimator.settings, VariableProjection()
+    shared = {name for name in plain.settings if name in given}.difference(found.chosen)
+    plain = plain.replace(**{name: given[name] for name in shared})
+    return Identification.of(found.data, plain, trace=found.traced)
 
 
 def diagnose(

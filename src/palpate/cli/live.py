@@ -174,8 +174,8 @@ def live(
         The laboratory, such as lab:ball; the path of a recording, which is replayed; or the address
         of a robot, which begins with zmq:, dds: or zenoh:.
     law
-        Force law: auto, the best of the common laws; any, the best of all laws; or one law, such as
-        half-space, flat or half-space+single (default: Hunt-Crossley).
+        Force law: auto, the damping form that fits best, with relaxation where the material
+        relaxes; or one law, such as half-space (default: hunt-crossley).
     method
         Estimator, such as single-stage (default: depends on the law). The page can change it.
     exponent

@@ -77,8 +77,8 @@ class MethodOptions:
     """Law and method."""
 
     law: Law = None
-    """Contact law: auto (model selection among the common laws), any (among all laws), or one, such
-    as half-space, flat or half-space+single (default: hunt-crossley)."""
+    """Contact law: auto, the damping form that fits best, with relaxation where the material
+    relaxes; or one law, such as half-space (default: hunt-crossley)."""
     method: Method = None
     "Estimator, such as single-stage (default: the best for the law)."
 

@@ -70,9 +70,9 @@ class Design(PlannedMeasurement, Plain):
 
     def as_dict(self) -> dict[str, Any]:
         """Return plain numbers and text; infinite or undefined numbers are None."""
-        law = {"kind": self.law.kind, **self.law.as_dict()}
         own = {name: plain(getattr(self, name)) for name in ("effective_noise", "speed_limit")}
-        return {**Plain.as_dict(self), **own, "law": law, "limits": asdict(self.limits)}
+        own |= {"law": self.law.description(), "limits": asdict(self.limits)}
+        return {**Plain.as_dict(self), **own}
 
 
 @timed("design")

@@ -1,19 +1,17 @@
-"""What speaks against a law: one relaxation time, or samples that it fails to predict."""
+"""What speaks against a law that was chosen: samples that it fails to predict, no hold."""
 
 import math
 from collections.abc import Callable
 
 import numpy as np
 
-from palpate.diagnosis.finding import MORE_LAWS, Laws
 from palpate.diagnosis.fit import FEWEST_ROWS, Fit, MisfitHypothesis, Moves
 from palpate.diagnosis.marks import finding_of, marks_of
 from palpate.digits import rounded
 from palpate.findings import MARKS, Finding, Mark, worst
 from palpate.validation import Floats
 
-# Least change that is reported, of the number. In the noise of a robot's encoder and amplifier one
-# more number finds something: on clean runs it is preferred in one of six, and moves B′ by 1 %.
+# Least change that is reported, of the number.
 SMALL = 0.02
 # Error in the last third over that in the others: of a law that holds 0.9 to 1.1, in noise as slow
 # as the motion up to 2.6, where it changes the result by less than the error bars.
@@ -21,38 +19,6 @@ SURPRISE = 1.5
 # Of the force: of materials that soften the second half is then predicted from the first with an
 # error of 25 %.
 MISSED = 0.07
-
-
-def one_relaxation_time(fit: Fit) -> MisfitHypothesis | None:
-    """The law with one relaxation time that the samples of ``--law auto`` strongly prefer, if any.
-
-    It changes stiffness and damping by as much as it does K′ and B′ at the motion's frequency; how
-    far a material relaxes in the end is what no recording of a motion says.
-    """
-    laws = fit.laws
-    if laws is None or laws.one_time is None:
-        return None
-    omega, other = laws.verdict.frequency, laws.one_time
-    if not (omega > 0.0 and fit.depth > 0.0):
-        return None
-
-    def felt(laws: Laws, depth: float) -> Floats:
-        whole = laws.law.dynamic_stiffness(depth, omega)
-        return np.array([whole.real, whole.imag / omega])
-
-    own = felt(laws, fit.depth)
-    parts = (felt(other, fit.depth) - own) / np.abs(own)
-    if not SMALL <= np.abs(parts).max() < np.inf:
-        return None
-    best, before = (each.verdict.model_ranking[0] for each in (other, laws))
-    sentence = (
-        f"{best.candidate.title}, which --law auto does not offer, is strongly preferred: K′ "
-        f"{parts[0]:+.0%}, B′ {parts[1]:+.0%} at the motion's frequency"
-    )
-    moves = _moves(lambda depth: felt(other, depth) - felt(laws, depth))
-    gain = 1.0 - (best.rms_error / before.rms_error) ** 2
-    described = gain, math.nan, sentence, MORE_LAWS, moves
-    return MisfitHypothesis("law", math.nan, *described, *parts.tolist())
 
 
 def held_out(fit: Fit) -> tuple[MisfitHypothesis, Finding] | None:
@@ -92,6 +58,34 @@ def _moves(change: Callable[[float], Floats]) -> Moves:
         return stiffness, damping
 
     return moves
+
+
+# How far a material relaxes in the end: what only a hold shows.
+
+HOLD = 3.0  # relaxation times, after which e⁻³ = 5 % is left
+STILL = 0.05  # of the rms velocity
+
+
+def relaxed_stiffness(fit: Fit) -> Finding | None:
+    """The stiffness after relaxation is extrapolated where no hold of three times was recorded."""
+    if fit.laws is None or not (fit.laws.own and fit.laws.law.remembers):
+        return None
+    inside, data = np.flatnonzero(fit.inside), fit.data
+    still = np.abs(data.velocity[inside]) < STILL * fit.speed
+    ends = np.flatnonzero(np.diff(still, prepend=False, append=False)).reshape(-1, 2)
+    time = data.time[inside]
+    held = max((float(time[end - 1] - time[begin]) for begin, end in ends.tolist()), default=0.0)
+    relaxation = fit.laws.law.relaxation
+    assert relaxation is not None
+    if held >= HOLD * relaxation.longest_time:
+        return None
+    return Finding(
+        "relaxed stiffness",
+        "the relaxed stiffness is extrapolated: no hold as long as three relaxation times was "
+        "recorded; K′ and B′ at the motion's frequency do not need it",
+        f"press, and hold for {rounded(HOLD * relaxation.longest_time, 2)} s",
+        stiffness="with-care",
+    )
 
 
 # The last third of a recording, as the law of the rows before it predicts it.

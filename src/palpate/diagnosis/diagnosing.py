@@ -12,7 +12,7 @@ import numpy as np
 
 from palpate.contact import VelocityFilter
 from palpate.diagnosis.change import Changes, changes
-from palpate.diagnosis.chosen_law import ahead, at_most_care, held_out, one_relaxation_time
+from palpate.diagnosis.chosen_law import ahead, held_out, relaxed_stiffness
 from palpate.diagnosis.data import VELOCITY_NONE, Data
 from palpate.diagnosis.delay import (
     adhesion_or_memory,
@@ -203,6 +203,7 @@ CHECKS = (
     velocity_noise,
     misfit,
     ahead,
+    relaxed_stiffness,
     extrapolation,
 )
 #: Each looks for causes beside the fit.
@@ -295,20 +296,17 @@ def _with_better_law(fit: Fit, judged: Judged, changed: Changes | None) -> Judge
 
     Of two materials one law is none; but changes fit some of what relaxes.
     """
-    cause = one_relaxation_time(fit)
-    if cause is None and changed is None:
-        cause = better_law(fit)
+    cause = better_law(fit) if changed is None else None
     checks = [finding.check for finding in judged.findings]
     if cause is None or checks[:1] == ["adhesion"]:  # which laws with memory fit some of
         return judged
     if "delay" in checks:  # which looks like another damper, or like memory
         cause = replace(cause, remedy=f"{cause.remedy}, unless the force is known to be late")
-    chosen = fit.laws is not None and fit.laws.own
-    found = at_most_care(cause) if chosen else finding_of(cause, "note", *marks_of(cause))
+    found = finding_of(cause, "note", *marks_of(cause))
     # The cause that explains most comes first; of relaxation, its own finding. What a law leaves of
     # another kind of relaxation looks like either.
     first = cause.gain > max((each.gain for each, _ in judged.counted), default=0.0)
-    place = 0 if first and (chosen or checks[:1] not in (["memory"], ["surface"])) else 1
+    place = 0 if first and checks[:1] not in (["memory"], ["surface"]) else 1
     findings = [*judged.findings[:place], found, *judged.findings[place:]]
     return replace(judged, findings=findings, counted=(*judged.counted, (cause, 1.0)))
 

@@ -10,7 +10,7 @@ import numpy as np
 from palpate.digits import format_quantity, with_error
 from palpate.errors import OldName
 from palpate.estimators import ContactEstimator, LawVerdict
-from palpate.estimators.law_verdicts import EVERYDAY, verdict_of
+from palpate.estimators.law_verdicts import verdict_of
 from palpate.findings import Finding, Mark
 from palpate.force_laws import ForceLaw, GeneralisedHuntCrossley
 from palpate.validation import Plain
@@ -137,7 +137,7 @@ class Episode:
             "start": self.start,
             "stop": self.stop,
             "kind": "change",
-            "law": {"kind": self.law.kind, **self.law.as_dict()},
+            "law": self.law.description(),
             "working_depth": self.working_depth.as_dict(),
             "verdict": None,  # it takes an identification of its own
         }
@@ -207,10 +207,7 @@ class Diagnosis(Plain):
 # Model selection on the samples that were identified.
 
 REMEDY = "run again with --law auto"
-MORE_LAWS = "run again with --law any, which offers more laws"
 TASK_SPEED = "record at the speed of the task"
-# The longest relaxation time of the common laws, in sample times.
-_LONGEST = 2048.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -227,8 +224,6 @@ class Laws:
         Whether it is the identification's own law.
     longest : float
         The longest relaxation time that was looked for, s.
-    one_time : Laws, optional
-        That with one relaxation time, where it was not offered and the samples strongly prefer it.
     before : Laws, optional
         The same by the first two thirds of the contact.
     missed, surprise : float
@@ -240,22 +235,16 @@ class Laws:
     verdict: LawVerdict
     own: bool = False
     longest: float = 0.0
-    one_time: "Laws | None" = None
     before: "Laws | None" = None
     missed: float = 0.0
     surprise: float = 0.0
-
-    @property
-    def of_all(self) -> bool:
-        """Whether they were more than the common ones."""
-        return len(self.verdict.model_ranking) > EVERYDAY
 
     @classmethod
     def of(cls, estimator: ContactEstimator, *, own: bool = False) -> "Laws":
         """Of an estimator that has learned the samples."""
         evidence, estimate = estimator.evidence(), estimator.estimate()
         verdict = verdict_of(evidence, estimate)
-        return cls(estimate.law, verdict, own, _LONGEST * evidence.step)
+        return cls(estimate.law, verdict, own, evidence.longest)
 
 
 def remedy_of_memory(laws: Laws | None, time: float) -> str:
@@ -272,8 +261,6 @@ def remedy_of_memory(laws: Laws | None, time: float) -> str:
         return REMEDY
     if laws.verdict.candidate.memory != "none" and not laws.own:
         return REMEDY
-    if laws.own and not laws.of_all:
-        return MORE_LAWS
     if time > laws.longest:  # as likely the drift of a sensor
         return "tare the sensor before each touch"
     return TASK_SPEED

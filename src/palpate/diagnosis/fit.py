@@ -15,7 +15,8 @@ from palpate.estimators import ESTIMATORS
 from palpate.estimators.by_law import linear_in
 from palpate.estimators.estimate import Estimate, Trace
 from palpate.estimators.least_squares import least_squares, robust_covariance
-from palpate.force_laws import ForceLaw, GeneralisedHuntCrossley, HuntCrossley, force_over_breaks
+from palpate.estimators.viscoelastic import RelaxingEstimate
+from palpate.force_laws import ForceLaw, GeneralisedHuntCrossley, HuntCrossley, steps_over_breaks
 from palpate.validation import Floats
 
 
@@ -35,7 +36,8 @@ class EquivalentEstimate(Estimate):
     def __init__(self, estimate: Estimate, law: HuntCrossley, depth: float) -> None:
         super().__init__(estimate, estimate._law_type, estimate.fixed)
         self._equivalent = law
-        self.longest = float(estimate.law.parameters[7])
+        relaxation = estimate.law.relaxation
+        self.longest = 0.0 if relaxation is None else relaxation.longest_time
         self.own_errors = estimate.with_errors(lambda law: law.at_rest(depth))[1]
 
     @property
@@ -57,10 +59,10 @@ def equivalent_hunt_crossley(
     x, v = data.penetration - estimate.surface, data.velocity
     damping = law.damping * depth ** (law.damping_exponent - law.exponent)
     equivalent = HuntCrossley(law.stiffness, damping, law.exponent)
-    steps = np.diff(data.time, prepend=data.time[:1])
-    starts = [part.start for part in data.segments()]
-    steps[starts] = data.sample_time
-    excess = force_over_breaks(law, x, v, steps, starts) - equivalent.force(x, v)
+    steps = steps_over_breaks(data.time, x, data.sample_time)
+    excess = law.force_along(x, v, steps) - equivalent.force(x, v)
+    if isinstance(estimate, RelaxingEstimate):
+        excess += np.where(x > 0.0, estimate.start_force(np.cumsum(steps) - steps[0]), 0.0)
     corrected = copy(data)
     corrected.force = data.force - excess
     return corrected, EquivalentEstimate(estimate, equivalent, depth)

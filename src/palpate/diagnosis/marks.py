@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from palpate.diagnosis.finding import MORE_LAWS, REMEDY, Laws, Quantity, WorkingDepth
+from palpate.diagnosis.finding import REMEDY, Laws, Quantity, WorkingDepth
 from palpate.diagnosis.fit import (
     FEWEST_FREE,
     FEWEST_ROWS,
@@ -21,7 +21,7 @@ from palpate.diagnosis.fit import (
     deeper_half,
 )
 from palpate.digits import format_quantity, rounded, with_error
-from palpate.estimators.law_verdicts import RELAXATION_STIFFNESS, STRONG
+from palpate.estimators.law_verdicts import STRONG
 from palpate.estimators.least_squares import mean_error, robust_covariance
 from palpate.estimators.variable_projection import ConstrainedEstimate
 from palpate.findings import Finding, Mark, Severity, worst
@@ -226,11 +226,7 @@ def better_law(fit: Fit) -> MisfitHypothesis | None:
         f"model selection clearly prefers {best.candidate.title} (ΔBIC {rounded(own.score, 3)}): "
         f"{', '.join(changes)}"
     )
-    remedy = REMEDY
-    if any(each.check == RELAXATION_STIFFNESS for each in laws.verdict.findings):
-        # Of an approach alone, say: prediction gains, and K alone means little.
-        remedy += ", and read K′ and B′"
-    return MisfitHypothesis("law", math.nan, gain, math.nan, sentence, remedy, moves, *moves(fit))
+    return MisfitHypothesis("law", math.nan, gain, math.nan, sentence, REMEDY, moves, *moves(fit))
 
 
 def _apart(fit: Fit, laws: Laws) -> tuple[float, float]:
@@ -374,8 +370,6 @@ def misfit(fit: Fit) -> Finding | None:
         return None
     part = rounded(left, 2) if left < 0.01 else f"{left:.0%}"
     remedy = REMEDY if fit.laws is None or better_law(fit) is not None else deeper_half(fit)
-    if fit.laws is not None and fit.laws.own and not fit.laws.of_all:
-        remedy = MORE_LAWS
     by_stiffness, by_damping = misfit_moves(fit)
     stiffness: Mark = "with-care" if by_stiffness > MISFIT_STIFFNESS else "trust"
     damping: Mark = "with-care" if by_damping > STOP_DAMPING else "trust"

@@ -23,7 +23,6 @@ from palpate.estimators.contact_estimator import (
     register,
 )
 from palpate.estimators.estimate import Estimate
-from palpate.estimators.law_verdicts import CANDIDATES
 from palpate.estimators.least_squares import least_squares
 from palpate.estimators.variable_projection import PROBING, VariableProjection
 from palpate.estimators.viscoelastic import ViscoelasticContact
@@ -388,20 +387,11 @@ def watch(law: type[ForceLaw]) -> None:
 # Estimators by the name of their law: what ``identify(law=…)`` and ``--law`` accept.
 
 USUAL = "hunt-crossley"
-_DAMPERS = {"none": "spring", "hunt-crossley": "hunt-crossley", "half-space": "half-space"}
-
-
-def _by_name() -> dict[str, dict[str, str]]:
-    """Settings of :class:`ViscoelasticContact` by the name of the requested law."""
-    settings: dict[str, dict[str, str]] = {"auto": {}, "any": {"memory": "any"}}
-    settings["half-space"] = {"damping": "half-space", "memory": "none"}
-    both = [(each.damping, each.memory) for each in CANDIDATES if each.memory != "none"]
-    settings |= {memory: {"memory": memory} for _, memory in both}
-    named = ((f"{_DAMPERS[each]}+{memory}", each, memory) for each, memory in both)
-    return settings | {name: {"damping": each, "memory": memory} for name, each, memory in named}
-
-
-_SETTINGS = _by_name()
+# Settings of :class:`ViscoelasticContact` by the name of the requested law.
+_SETTINGS: dict[str, dict[str, str]] = {
+    "auto": {},
+    "half-space": {"damping": "half-space", "memory": "none"},
+}
 
 
 def law_names() -> tuple[str, ...]:
@@ -420,9 +410,8 @@ def estimator_by_law(
     ----------
     law : str, optional
         ``"hunt-crossley"``, ``"kelvin-voigt"`` or another law that one method identifies;
-        ``"auto"``, the common law that fits the samples best; ``"any"``, the best of all candidate
-        laws; ``"half-space"``; a kind of memory, ``"flat"``, ``"single"`` or ``"power-law"``, with
-        the damping form that fits best; or both, ``"half-space+single"``.
+        ``"auto"``, with the damping form that fits the samples best and a spectrum of relaxation
+        times where the material relaxes; or ``"half-space"``.
     method : str, optional
         Name of an estimator that identifies this law.
 

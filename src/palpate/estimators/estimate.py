@@ -36,11 +36,6 @@ ADVICE = {
         "surface at the edge of its range",
         "record the approach through free air",
     ),
-    128: Finding(
-        "memory",
-        "the samples begin in contact, so the material's relaxation state is unknown: the estimate "
-        "uses a law without memory until half a second has passed",
-    ),
     64: Finding(
         "offset",
         "force offset larger than the tare's uncertainty allows",
@@ -118,13 +113,14 @@ class Estimate(EstimateValue):
         Number of samples rejected as outliers.
     """
 
-    __slots__ = ("_law_type", "fixed")
+    __slots__ = ("_law", "_law_type", "fixed")
 
     def __init__(
         self, value: EstimateValue, law_type: type[ForceLaw], fixed: tuple[str, ...] = ()
     ) -> None:
         super().__init__(value)
         self._law_type, self.fixed = law_type, fixed
+        self._law: ForceLaw | None = None
 
     @classmethod
     def from_law(
@@ -164,12 +160,14 @@ class Estimate(EstimateValue):
             value = EstimateValue(law.parameters, matrix, status, samples, validity_margin)
         except ValueError as error:
             raise InvalidParameterError(f"{type(law).__name__}: {error}") from None
-        return cls(value, type(law), fixed)
+        made = cls(value, type(law), fixed)
+        made._law = law  # the parameters alone do not tell relaxation times
+        return made
 
     @property
     def law(self) -> Any:  # of the estimator's law_type
         """The contact model, SI."""
-        return self._law_type.from_parameters(self.parameters)
+        return self._law or self._law_type.from_parameters(self.parameters)
 
     def stiffness_at(self, depth: float) -> tuple[float, float]:
         """∂F/∂x at a depth [m] and zero velocity, and its standard error, N/m."""
@@ -203,16 +201,14 @@ class Estimate(EstimateValue):
         tuple of numpy.ndarray, shape (m,)
             The numbers, and their standard errors.
         """
-        law, parameters = self.law, self.parameters
-        of = law.from_parameters
-        values = np.array(numbers(law), dtype=np.float64)
+        parameters, covariance, of, plain = self._numbers()
+        values = np.array(numbers(self.law), dtype=np.float64)
         # Central differences over 1 % of each standard error, where a law is nearly linear. The
         # limit keeps the parameter's sign where its error is tens of times its value.
-        errors, sizes = self.standard_errors, np.abs(parameters)
+        errors, sizes = np.sqrt(np.maximum(np.diag(covariance), 0.0)), np.abs(parameters)
         steps = np.where(np.isfinite(errors), 0.01 * errors, 1.0)
         steps = np.where(sizes > 0.0, np.minimum(steps, 0.5 * sizes), steps)
         # An exponent moves by a half at most, to stay in its range.
-        plain = [not unit for unit in law.units]
         steps = np.where(plain, np.minimum(steps, 0.5), steps)
         gradient = np.zeros((len(values), len(steps)))
         with np.errstate(all="ignore"):  # before the first fit an error may be infinite
@@ -221,9 +217,13 @@ class Estimate(EstimateValue):
                 up[k], down[k] = up[k] + steps[k], down[k] - steps[k]
                 change = np.subtract(numbers(of(up)), numbers(of(down)))
                 gradient[:, k] = change / (2.0 * steps[k])
-            covariance = self.covariance
             variances = np.array([each @ covariance @ each for each in gradient])
             return values, np.sqrt(np.where(variances >= 0.0, variances, np.nan))
+
+    def _numbers(self) -> tuple[Floats, Floats, Callable[[Floats], ForceLaw], Sequence[bool]]:
+        """All numbers of the law, their covariance, the law of such, and which have no unit."""
+        plain = [not unit for unit in self._law_type.units]
+        return self.parameters, self.covariance, self.law.with_parameters, plain
 
     @property
     def findings(self) -> tuple[Finding, ...]:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import palpate._core as _core
-from palpate.digits import rounded
+from palpate.digits import format_quantity, rounded
 from palpate.errors import OldName
 from palpate.estimators.estimate import Estimate
 from palpate.findings import Finding
@@ -14,13 +14,13 @@ from palpate.force_laws import ForceLaw, GeneralisedHuntCrossley
 from palpate.validation import Plain, defined, or_nan
 
 # In the order of the compiled enumerations.
-DAMPINGS = ("none", "hunt-crossley", "half-space")
-MEMORIES = ("none", "flat", "single", "power-law")
-_WITH = {
-    "none": "",
-    "flat": " with a flat spectrum",
-    "single": " with one relaxation time",
-    "power-law": " with power-law relaxation",
+DAMPINGS = ("none", "hunt-crossley", "half-space", "linear")
+MEMORIES = ("none", "spectrum")
+_NAMES = {
+    "none": "spring",
+    "hunt-crossley": "Hunt–Crossley",
+    "half-space": "half-space",
+    "linear": "linear damper",
 }
 
 
@@ -30,10 +30,10 @@ class Candidate(Plain):
 
     Attributes
     ----------
-    damping : "none", "hunt-crossley" or "half-space"
-        The damping form: none, p = n, or p = n − 1.
-    memory : "none", "flat", "single" or "power-law"
-        How the material relaxes.
+    damping : "none", "hunt-crossley", "half-space" or "linear"
+        The damping form: none, p = n, p = n − 1 or p = 0.
+    memory : "none" or "spectrum"
+        Whether the material relaxes.
     linear : bool
         Whether n is 1: with p = n − 1 the Kelvin–Voigt law.
     """
@@ -43,15 +43,13 @@ class Candidate(Plain):
     linear: bool = False
 
     def __str__(self) -> str:
-        half_space = "Kelvin–Voigt" if self.linear else "half-space"
-        laws = {"none": "spring", "hunt-crossley": "Hunt–Crossley", "half-space": half_space}
-        return laws[self.damping] + _WITH[self.memory]
+        name = "Kelvin–Voigt" if self.linear else _NAMES[self.damping]
+        return name if self.memory == "none" else f"{name} with relaxation"
 
     @property
     def title(self) -> str:
         """Its name in a sentence; ``str`` is the shorter name in files and on the wire."""
-        name = str(self).replace("flat spectrum", "flat relaxation spectrum")
-        return name.replace("half-space", "half-space damping")
+        return str(self).replace("half-space", "half-space damping")
 
     @property
     def own(self) -> tuple[str, ...]:
@@ -61,24 +59,15 @@ class Candidate(Plain):
             "exponent": not self.linear,
             "damping": self.damping != "none",
             "relaxation_stiffness": self.memory != "none",
-            "spectrum_exponent": self.memory == "power-law",
-            "longest_time": self.memory == "single",
         }
         return tuple(name for name, own in has.items() if own)
 
-    @property
-    def parameters(self) -> int:
-        """Number of fitted parameters, including the offset."""
-        return len(self.own) + 1
 
-
-#: Every law that can compete; the first :data:`EVERYDAY` are the common laws of ``memory="auto"``.
+#: Every law that can compete, those without memory first.
 CANDIDATES: tuple[Candidate, ...] = tuple(
     Candidate(DAMPINGS[damping], MEMORIES[memory], linear)
     for damping, memory, linear in _core.defaults["ViscoelasticContact"]["candidates"]
 )
-#: Number of common laws.
-EVERYDAY = 5
 #: Score differences, 2 ln of the odds: e to 1 and e⁵ to 1. Below the first the evidence is "not
 #: worth more than a bare mention" (Kass & Raftery, J. Am. Stat. Assoc. 90, 1995).
 UNDECIDED, STRONG = 2.0, 10.0
@@ -93,8 +82,9 @@ class RankedModel:
     candidate : Candidate
         The law.
     score : float
-        N_eff ln(RSS/N) + 2 p ln N_eff minus the selected law's: 0 for that law, larger is worse.
-        Ten is strong evidence.
+        N_eff ln(RSS/N) + 2 p ln N_eff minus the selected law's: 0 for that law, larger is worse,
+        and ten is strong evidence. Below 0 for laws with memory that leave over 95 % of the
+        selected law's error.
     rms_error : float
         √(RSS/N), N.
     """
@@ -103,21 +93,11 @@ class RankedModel:
     score: float
     rms_error: float
 
-    @property
-    def meaning(self) -> str:
-        """The score in words."""
-        if self.score == 0.0:
-            return "chosen"
-        if self.score < UNDECIDED:
-            return "cannot be distinguished"
-        return "less likely" if self.score < STRONG else "strong evidence against it"
-
     def as_dict(self) -> dict[str, Any]:
         """Return it as plain numbers and text."""
         return {
             "law": str(self.candidate),
             **self.candidate.as_dict(),
-            "parameters": self.candidate.parameters,
             "score": defined(self.score),
             "rms_error": defined(self.rms_error),
         }
@@ -176,16 +156,29 @@ class LawVerdict(Plain):
     def __str__(self) -> str:
         if not self.known:
             return f"law: {self.candidate.title} (too few samples to compare laws)"
-        words = "the only candidate"
-        if len(self.model_ranking) > 1:
-            other = self.model_ranking[1]
-            words = f"cannot be distinguished from {other.candidate.title}"
-            if other.score >= UNDECIDED:
-                words = f"preferred over {other.candidate.title} (ΔBIC {rounded(other.score, 3)})"
-        return (
-            f"law: {self.candidate.title}, {words}; effective sample size "
-            f"{rounded(self.effective_samples, 3)} of {rounded(self.samples, 4)}"
-        )
+        return f"law: {self.candidate.title}, {self.comparison}"
+
+    @property
+    def rival(self) -> RankedModel | None:
+        """The best other law without memory; None if none competes."""
+        others = (each for each in self.model_ranking[1:] if each.candidate.memory == "none")
+        return next(others, None)
+
+    @property
+    def comparison(self) -> str:
+        """How the law compares with the best other law without memory, and by how many samples."""
+        error, rival = format_quantity(self.model_ranking[0].rms_error, "N"), self.rival
+        words = f"the only candidate, rms error {error}"
+        if rival is not None:
+            other, title = format_quantity(rival.rms_error, "N"), rival.candidate.title
+            against = f"with {title}"
+            if self.candidate.memory != "none":
+                against = f"without relaxation ({title})"
+            words = f"rms error {error}, {other} {against}"
+            if rival.score < UNDECIDED:
+                words = f"cannot be distinguished from {title}, {words}"
+        effective, samples = rounded(self.effective_samples, 3), rounded(self.samples, 4)
+        return f"{words}; effective sample size {effective} of {samples}"
 
     def __repr__(self) -> str:
         return f"LawVerdict({self})"
@@ -199,7 +192,7 @@ class LawVerdict(Plain):
 
         model_ranking = (
             RankedModel(candidate(each), or_nan(each["score"]), or_nan(each["rms_error"]))
-            for each in words.get("model_ranking") or words["standings"]  # before 0.1
+            for each in words["model_ranking" if "model_ranking" in words else "standings"]
         )
         numbers = {name: or_nan(words[name]) for name in _NUMBERS}
         found = words["findings"] if "findings" in words else words["flags"]  # in schema 1
@@ -213,8 +206,8 @@ class LawVerdict(Plain):
 
     @property
     def known(self) -> bool:
-        """Whether the ranking is of the present samples, not of a discarded lead-in."""
-        return bool(self.model_ranking) and 2.0 * self.samples >= self.effective_samples
+        """Whether there are enough samples for a ranking."""
+        return bool(self.model_ranking)
 
     @property
     def band(self) -> tuple[float, float]:
@@ -268,8 +261,8 @@ class Evidence(NamedTuple):
         Mean velocity over its root mean square: ±1 for motion in one direction at one speed.
     offered : int
         The competing laws, one bit each.
-    step : float
-        Time between samples, s.
+    longest : float
+        The longest relaxation time that is looked for, s.
     shallowest : float, optional
         The gate's minimum penetration, m; None if the gate has a force threshold too.
     """
@@ -283,7 +276,7 @@ class Evidence(NamedTuple):
     begun: bool
     one_way: float
     offered: int
-    step: float
+    longest: float
     shallowest: float | None
 
     @property
@@ -294,9 +287,8 @@ class Evidence(NamedTuple):
 
 # What a verdict on laws leaves open.
 
-#: A motion is one-way above this ratio of mean to rms velocity: 1 at constant speed, 0.90 for a
-#: half sine, 0 for any motion that returns.
-ONE_WAY = 0.8
+#: A motion is one-way above this ratio of mean to rms velocity.
+ONE_WAY: float = _core.defaults["ViscoelasticContact"]["one_way"]
 # Residual as a fraction of the force at mean depth. 1 % biases Hunt–Crossley's K′ by 0.8 standard
 # errors, 3 % by 3 and 10 % by 7 (20 seeds, three sines from free air to 13 mm).
 _NOISY = 0.02
@@ -309,7 +301,9 @@ def _open_law(
     if not model_ranking:
         return
     # At one speed, as in an approach alone, only noise distinguishes a damper from a spring.
-    if tied := [each.candidate.title for each in model_ranking[1:] if each.score < UNDECIDED]:
+    own = model_ranking[0].candidate
+    rivals = [each for each in model_ranking[1:] if each.candidate.memory == own.memory == "none"]
+    if tied := [each.candidate.title for each in rivals if each.score < UNDECIDED]:
         yield Finding(
             "which law",
             f"the samples do not distinguish it from {' or '.join(tied)}: the standard errors hold "
@@ -350,59 +344,14 @@ def _open_law(
         )
 
 
-#: The check that reports a relaxation stiffness that is not identifiable.
-RELAXATION_STIFFNESS = "relaxation stiffness"
-# A third of the half second that is discarded where samples begin in contact: 5 % of a relaxation
-# of this time remain.
-_FORGOTTEN = 0.5 / 3.0
-
-
-def _open_memory(evidence: Evidence, estimate: Estimate) -> Iterator[Finding]:
-    """Findings on what the samples leave open about the memory."""
-    law: GeneralisedHuntCrossley = estimate.law
-    if not law.remembers:
-        return
-    errors = estimate.standard_errors
-    if not errors[4] < 0.25 * (law.stiffness + law.relaxation_stiffness):
-        words = "relaxation stiffness not identifiable"
-        yield Finding(RELAXATION_STIFFNESS, words, "press quickly, then hold")
-    if law.stiffness < 0.0:
-        yield Finding(
-            "relaxed stiffness",
-            "negative relaxed stiffness: the samples do not identify the relaxed material; K′ and "
-            "B′ at the motion's frequency remain valid",
-            "start out of contact, press, then hold",
-            stiffness="do-not-trust",
-        )
-    # The law's longest relaxation time: its only one, or the end of its spectrum.
-    if evidence.begun and law.parameters[7] > _FORGOTTEN:
-        yield Finding(
-            "memory",
-            "the samples begin in contact, and the material relaxes for over half a second: K and "
-            "M may be off by two standard errors",
-            "start recording before the touch",
-        )
-    if (time := law.relaxation_time) is not None:
-        # At this limit two standard errors are a factor of e either way.
-        if not errors[7] < 0.5 * time:
-            words = "relaxation time not identifiable"
-            yield Finding("relaxation time", words, "move at several speeds, then hold")
-        if time > 0.5 * evidence.samples * evidence.step:
-            words = "slow drift or relaxation: the relaxation time exceeds half of the recording"
-            yield Finding("relaxation time", words)
-
-
 def verdict_of(evidence: Evidence, estimate: Estimate) -> LawVerdict:
     """Return the verdict, from an estimator's evidence and its estimate at the same time."""
-    ranked = sorted(evidence.rows, key=lambda row: row[1])
-    least = ranked[0][1] if ranked else 0.0
+    own = next((score for index, score, _ in evidence.rows if index == evidence.chosen), 0.0)
+    ranked = sorted(evidence.rows, key=lambda row: (row[0] != evidence.chosen, row[1]))
     model_ranking = tuple(
-        RankedModel(CANDIDATES[int(index)], score - least, math.sqrt(mean_square))
+        RankedModel(CANDIDATES[int(index)], score - own, math.sqrt(mean_square))
         for index, score, mean_square in ranked
     )
-    findings = (
-        *_open_law(evidence, model_ranking, estimate.law),
-        *_open_memory(evidence, estimate),
-    )
+    findings = tuple(_open_law(evidence, model_ranking, estimate.law))
     numbers = {name: getattr(evidence, name) for name in _NUMBERS}
     return LawVerdict(CANDIDATES[evidence.chosen], model_ranking, **numbers, findings=findings)

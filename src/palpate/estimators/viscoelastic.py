@@ -1,15 +1,17 @@
-"""Generalised Hunt–Crossley laws, with and without memory, and the selection among them."""
+"""A generalised Hunt–Crossley law, with a spectrum of relaxation times where there is memory."""
 
+from collections.abc import Callable
 from typing import Any, Literal
+
+import numpy as np
 
 import palpate._core as _core
 from palpate.errors import InvalidParameterError, OldName
 from palpate.estimators.contact_estimator import CompiledEstimator, Rejection, loop_settings
+from palpate.estimators.estimate import Estimate
 from palpate.estimators.law_verdicts import (
     CANDIDATES,
     DAMPINGS,
-    EVERYDAY,
-    MEMORIES,
     Candidate,
     DynamicStiffness,
     Evidence,
@@ -17,7 +19,7 @@ from palpate.estimators.law_verdicts import (
     verdict_of,
 )
 from palpate.estimators.variable_projection import PROBING, positive_or_none
-from palpate.force_laws import GeneralisedHuntCrossley
+from palpate.force_laws import ForceLaw, GeneralisedHuntCrossley, RelaxationSpectrum
 from palpate.settings import (
     SAMPLE_TIME,
     ChangeDetector,
@@ -25,40 +27,88 @@ from palpate.settings import (
     Forgetting,
     Scale,
 )
-from palpate.validation import arguments, instance, number, number_in, one_of, shown
+from palpate.validation import Floats, arguments, instance, number, number_in, one_of, shown
 
 _DEFAULTS = _core.defaults["ViscoelasticContact"]
 
-Damping = Literal["auto", "hunt-crossley", "half-space", "none"]
-Memory = Literal["auto", "any", "none", "flat", "single", "power-law"]
+Damping = Literal["auto", "hunt-crossley", "half-space", "linear", "none"]
+Memory = Literal["auto", "none"]
+
+
+def law_of(times: Floats, numbers: Floats) -> GeneralisedHuntCrossley:
+    """Return the law of relaxation times [s] and of K, n, B, p and a stiffness for each."""
+    (stiffness, n, damping, p), stiffnesses = numbers[:4].tolist(), np.maximum(numbers[4:], 0.0)
+    if not stiffnesses.any():
+        return GeneralisedHuntCrossley(stiffness, n, damping, p)
+    # Times whose stiffness is 0 stay: they tell neighbours, and how well one time is known.
+    spectrum = RelaxationSpectrum(tuple(times), tuple(stiffnesses))
+    return GeneralisedHuntCrossley(stiffness, n, damping, p, relaxation=spectrum)
+
+
+class RelaxingEstimate(Estimate):
+    """An estimate of a law with a spectrum, which has more numbers than its five parameters.
+
+    Attributes
+    ----------
+    spectrum : tuple
+        Relaxation times, s, shape (r,); K, n, B, p and a stiffness for each time, shape (r + 4,);
+        their covariance and, last, the offset's; force [N] and time [s] of each column that stands
+        for an unknown start.
+    """
+
+    __slots__ = ("spectrum",)
+
+    def __init__(self, value: _core.EstimateValue, fixed: tuple[str, ...], spectrum: Any) -> None:
+        super().__init__(value, GeneralisedHuntCrossley, fixed)
+        self.spectrum = spectrum
+
+    @property
+    def law(self) -> GeneralisedHuntCrossley:
+        """The contact model, SI."""
+        times, numbers, _, _ = self.spectrum
+        return law_of(times, numbers)
+
+    def start_force(self, clock: Floats) -> Floats:
+        """Force that an unknown state at the start adds in contact, N, so long after it [s]."""
+        force = np.zeros_like(clock)
+        for amount, time in self.spectrum[3]:
+            force += amount * np.exp(-clock / time)
+        return force
+
+    def _numbers(self) -> tuple[Floats, Floats, Callable[[Floats], ForceLaw], Any]:
+        times, numbers, joint, _ = self.spectrum
+        plain = np.isin(np.arange(len(numbers)), (1, 3))
+        return numbers, joint[:-1, :-1], lambda each: law_of(times, each), plain
 
 
 class ViscoelasticContact(CompiledEstimator, _core.ViscoelasticContact):
-    """Generalised Hunt–Crossley laws, with and without memory, and the selection among them.
+    """A generalised Hunt–Crossley law, with a spectrum of relaxation times where there is memory.
 
-    min over (K, n, B, M, F₀, τ or α) of Σ (F − K xⁿ − B xᵖ v − M Σ wᵢ gᵢ − F₀)²,
-    ġᵢ = d(xⁿ)/dt − gᵢ/τᵢ
+    min over (K, n, B, mᵢ, F₀) of Σ (F − K xⁿ − B xᵖ v − Σ mᵢ gᵢ − F₀)²,  ġᵢ = d(xⁿ)/dt − gᵢ/τᵢ,
+    with K, B, mᵢ ≥ 0
 
-    for each competing law: p = n or n − 1; no memory, or a flat relaxation spectrum, one relaxation
-    time or a power law. All laws share one set of sums. The law with the least
-    N_eff ln(RSS/N) + 2 p ln N_eff is selected as samples arrive: Schwarz's criterion (BIC) with
-    twice the penalty, N_eff the effective sample size for the residual's correlation. The work is
-    spread over the samples: a new verdict after an eighth more samples, a new estimate after 1/32
-    more, and both immediately by :meth:`finish_pending`. See ``docs/viscoelastic.md``.
+    for p = n, n − 1 and 0, beside the laws without memory, p = n and n − 1, and n = 1 with p = 0.
+    All share one set of sums. The relaxation times τᵢ are fixed, a factor of about two apart, and
+    how much relaxes with each is a least squares that is not negative (Lawson & Hanson 1974). The
+    law with the least N_eff ln(RSS/N) + 2 p ln N_eff is selected as samples arrive: Schwarz's
+    criterion (BIC) with twice the penalty, N_eff the effective sample size for the residual's
+    correlation; one with memory only where it leaves less than 95 % of the others' error.
+    The work is spread over the samples, and done at once by :meth:`finish_pending`. See
+    ``docs/viscoelastic.md``.
 
     The relaxation state follows from the penetration and continues through loss of contact. If the
-    samples begin in contact, the state is unknown: for half a second the estimate has no memory and
-    a flag, and is then discarded.
+    samples begin in contact, the state is unknown, and two decaying forces stand for it.
 
     Parameters
     ----------
-    damping : "auto", "hunt-crossley", "half-space" or "none"
-        Damping form: p = n, p = n − 1, or none (needs a memory). Default: "auto", the best fit.
-    memory : "auto", "none", "flat", "single", "power-law" or "any"
-        Kind of relaxation. Default: "auto", the better of none and a flat spectrum of six
-        relaxation times from two to 2048 sample times. "any": the best of all kinds. The law has a
-        named kind whatever the samples show. "any", "single" and "power-law" keep twelve times and
-        all their products, and take several times as long per sample.
+    damping : "auto", "hunt-crossley", "half-space", "linear" or "none"
+        Damping form: p = n, p = n − 1, p = 0 (with memory), or none (with memory). Default:
+        "auto", the best fit of the first three.
+    memory : "auto" or "none"
+        Whether the law may relax. Default: "auto".
+    longest_time : float, optional
+        The longest relaxation time, s, at least four sample times. Default: 4096 sample times; in
+        :func:`identify` half of the recording.
     forgetting : ConstantForgetting or FadingForgetting, optional
         Forgetting of old samples, not of the relaxation state. Default: none.
     change_detector, outlier_rejection
@@ -89,6 +139,7 @@ class ViscoelasticContact(CompiledEstimator, _core.ViscoelasticContact):
     method = "viscoelastic"
     law_type = GeneralisedHuntCrossley
     chooses_law = True
+    chooses_samples = True
     knows_offset = True
     exponents = _DEFAULTS["exponent_range"]
     settle = OldName("finish_pending")
@@ -107,19 +158,26 @@ class ViscoelasticContact(CompiledEstimator, _core.ViscoelasticContact):
         exponent: float | None = None,
         gate: ContactGate | None = None,
         sample_time: float | None = None,
+        longest_time: float | None = None,
         scale: Scale | None = None,
     ) -> None:
         instance("offset", offset, bool)
         self._settings: dict[str, Any] = arguments(locals())
         low, high = self.exponents
+        times = 4.0 * number("sample_time", self._step), 1e12
         super().__init__(
             _offered(damping, memory),
             0.0 if exponent is None else number_in("exponent", exponent, low, high),
             offset,
             positive_or_none("offset_deviation", offset_deviation),
             positive_or_none("surface_deviation", surface_deviation),
+            0.0 if longest_time is None else number_in("longest_time", longest_time, *times),
             loop_settings({**self._settings, "sample_time": self._step}, PROBING),
         )
+
+    def estimate(self) -> Estimate:
+        """Return the current estimate."""
+        return RelaxingEstimate(self._estimate(), self.fixed, self._spectrum())
 
     @property
     def offered(self) -> tuple[Candidate, ...]:
@@ -140,7 +198,8 @@ class ViscoelasticContact(CompiledEstimator, _core.ViscoelasticContact):
         offered = _offered(self._settings["damping"], self._settings["memory"])
         gate = self._settings["gate"] or ContactGate()
         shallowest = None if gate.make_force else gate.minimum_penetration
-        return Evidence(*self._evidence(), offered, float(self._step), shallowest)
+        longest = float(self._spectrum()[3][-1][1])
+        return Evidence(*self._evidence(), offered, longest, shallowest)
 
     def verdict(self) -> LawVerdict:
         """Return the selected law, with the evidence for all competing laws."""
@@ -198,11 +257,11 @@ class ViscoelasticContact(CompiledEstimator, _core.ViscoelasticContact):
 def _offered(damping: str, memory: str) -> int:
     """Which candidates compete, a bit each."""
     one_of("damping", damping, ("auto", *DAMPINGS))
-    one_of("memory", memory, ("auto", "any", *MEMORIES))
+    one_of("memory", memory, ("auto", "none"))
     bits = 0
     for index, law in enumerate(CANDIDATES):
-        known = index < EVERYDAY if memory == "auto" else memory in ("any", law.memory)
-        if known and damping in ("auto", law.damping):
+        offered = law.damping != "none" if damping == "auto" else damping == law.damping
+        if offered and memory in ("auto", law.memory):
             bits |= 1 << index
     if not bits:
         raise InvalidParameterError(

@@ -25,7 +25,7 @@ from palpate.errors import ExportRefusedError, InvalidParameterError, RecordingE
 from palpate.estimators.estimate import rmse_percent
 from palpate.estimators.least_squares import least_squares
 from palpate.findings import Finding
-from palpate.force_laws import ForceLaw, GeneralisedHuntCrossley, force_over_breaks
+from palpate.force_laws import ForceLaw, GeneralisedHuntCrossley, steps_over_breaks
 from palpate.identifying import Identification
 from palpate.lab.trajectories import Probing
 from palpate.quantities.restitution import restitution
@@ -125,14 +125,14 @@ class ProbeMotion:
         return float(np.abs(self.velocity[self.judged]).max())
 
     def force_by(self, law: ForceLaw) -> Floats:
-        """Return a law's force at every sample, N; laws with relaxation start each part at rest."""
+        """Return a law's force at every sample, N."""
         if not law.remembers:
             # Without relaxation the times do not matter, which joined recordings may repeat.
             return law.force(self.penetration, self.velocity)
-        steps = np.diff(self.time, prepend=0.0)
-        inside = np.delete(steps, list(self.starts))
-        steps[list(self.starts)] = float(np.median(inside)) if inside.size else 1e-3
-        return force_over_breaks(law, self.penetration, self.velocity, steps, list(self.starts))
+        inside = np.delete(np.diff(self.time, prepend=0.0), list(self.starts))
+        usual = float(np.median(inside)) if inside.size else 1e-3
+        steps = steps_over_breaks(self.time, self.penetration, usual)
+        return law.force_along(self.penetration, self.velocity, steps)
 
     def firm(self, most: int = MOST_SAMPLES) -> "ProbeMotion":
         """Return the judged samples only, at most so many, evenly chosen.

@@ -294,4 +294,4 @@ class SimulatedContact(InAnEngine):
 
         name = f"{statement.source.name or 'a law'} in {engine.title}"
         inside = {"engine": engine.name, "form": fragment.form}
-        super().__init__(name, replayed, {"kind": law.kind, **law.as_dict(), **inside})
+        super().__init__(name, replayed, {**law.description(), **inside})

@@ -41,6 +41,7 @@ from palpate.force_laws import ForceLaw, GeneralisedHuntCrossley
 from palpate.force_laws.laws import Spring
 from palpate.identifying import Identification
 from palpate.quantities.elastic_modulus import Sphere
+from palpate.results.parameters import describe_relaxation
 from palpate.results.saved import SavedResult
 from palpate.validation import Floats, defined, shown
 
@@ -472,6 +473,8 @@ class Statement:
             )
         ]
         origin = f"of {self.source.name}" if self.source.name else "without a recording"
+        if isinstance(law, GeneralisedHuntCrossley) and law.remembers:
+            shown.append(f"τ = {describe_relaxation(law)}")
         lines = [f"Law {origin}: {law.kind}, {', '.join(map(str.rstrip, shown))}."]
         if self.nearest.which:
             inside = _listed(numbers_of(self.nearest.law), 4)
@@ -486,7 +489,6 @@ class Statement:
         """Return the statement as plain numbers and text, SI; None for undefined numbers."""
         source, found, request = self.source, self.compared, self.fragment.request
         errors, drop = source.standard_errors, found.drop
-        law, exported = source.law.as_dict(), self.nearest.law.simplest()
         return {
             "palpate_version": __version__,
             "engine": self.engine.name,
@@ -518,16 +520,15 @@ class Statement:
                 "error_percent": defined(found.restitution_percent),
                 "replayed": found.replayed_restitution is not None,
             },
-            "law": {"kind": source.law.kind, **law},
+            "law": source.law.description(),
             "standard_errors": (
                 None
                 if errors is None
-                else {name: defined(float(e)) for name, e in zip(law, errors, strict=True)}
+                else dict(zip(source.law.names(), map(defined, errors.tolist()), strict=True))
             ),
             "exported_law": {
                 "which": self.nearest.which or None,
-                "kind": exported.kind,
-                **exported.as_dict(),
+                **self.nearest.law.simplest().description(),
             },
             "numbers": {name: defined(value) for name, value in self.fragment.numbers.items()},
             "mass": request.mass,

@@ -25,6 +25,7 @@ from palpate.figures.panels import (
     draw_parameter,
     draw_residual,
     draw_residual_rows,
+    draw_spectrum,
     fit_of,
     name_of,
     parameters_of,
@@ -41,6 +42,7 @@ from palpate.figures.style import (
     stack,
 )
 from palpate.findings import spoken
+from palpate.force_laws import RelaxationSpectrum
 from palpate.identification.identified import Identified, rank
 from palpate.quantities.derived import SmallOscillation, band_of
 from palpate.results.parameters import law_name, parameter_rows
@@ -65,7 +67,8 @@ def draw(identification: Identified, *, dark: bool = False, width: float | None 
     and each parameter over time, with error bars; and the residual of the final law. The last
     panel compares the speed with its limit for the single-stage method; for other methods it shows
     the one-step prediction error. Below a width of 0.14 m (one journal column) the panels stand
-    one below the other, and the title lists the parameters.
+    one below the other, and the title lists the parameters. A law with a relaxation spectrum has
+    one more panel, with the stiffness of each relaxation time.
 
     Parameters
     ----------
@@ -85,20 +88,25 @@ def draw(identification: Identified, *, dark: bool = False, width: float | None 
     """
     look, result = look_of(dark=dark, width=width), identification
     condition = result.estimator.needs_condition_10
+    law: Any = result.law
+    spectrum = law.remembers and isinstance(law.relaxation, RelaxationSpectrum)
     if look.narrow:
-        rendered, heights = [], [1.1, 1.3, 1.0, 1.0, 1.0, *([1.0] * condition)]
+        rendered, heights = [], [1.1, 1.3, 1.0, 1.0, 1.0, *([1.0] * (condition + spectrum))]
         height = 1.7 * sum(heights) + 1.8
     else:
         # Parameters that a selected model keeps fixed have no course over time.
         every = not result.estimator.chooses_law
         rendered = [row for row in parameter_rows(result) if every or row.estimated]
-        heights = [1.25, 0.95, *([0.85] * math.ceil(len(rendered) / _IN_A_ROW)), 0.85]
+        small = len(rendered) + spectrum
+        heights = [1.25, 0.95, *([0.85] * math.ceil(small / _IN_A_ROW)), 0.85]
         height = 2.7 * sum(heights)
     with drawing(look, height) as figure:
         if look.narrow:
             panels = list(figure.subplots(len(heights), 1, height_ratios=heights))
         else:
-            panels = _on_a_page(figure, heights, len(rendered))
+            panels = _on_a_page(figure, heights, small)
+        if spectrum:
+            draw_spectrum(panels.pop(-1 if look.narrow else 3 + small), law, look)
         course = course_of(result, result.diagnosis.working_depth.depth)
         draw_force(panels[0], result, look)
         draw_loop(panels[1], result, look)

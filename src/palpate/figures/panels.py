@@ -33,8 +33,14 @@ from palpate.figures.style import (
     shown,
 )
 from palpate.findings import spoken
+from palpate.force_laws import GeneralisedHuntCrossley
 from palpate.identification.identified import Identified
-from palpate.results.parameters import OFFERED, ParameterRow, parameter_rows
+from palpate.results.parameters import (
+    RELAXATION,
+    ParameterRow,
+    describe_relaxation,
+    parameter_rows,
+)
 from palpate.results.view import depth_of
 from palpate.validation import Floats
 
@@ -47,8 +53,8 @@ JOINED = "\N{NO-BREAK SPACE}"
 
 
 def parameters_of(result: Identified) -> str:
-    """Describe the law's parameters with standard errors, without a preset spectrum."""
-    rows = [row for row in parameter_rows(result) if row.name != OFFERED]
+    """Describe the law's parameters with standard errors, without its relaxation times."""
+    rows = [row for row in parameter_rows(result) if row.name != RELAXATION]
     return ", ".join(str(row).replace(" ", JOINED) for row in rows)
 
 
@@ -334,6 +340,23 @@ def draw_parameter(
     _draw_line(axes, result, course.samples, known, final, row.unit, row.symbol, look)
     words = row.with_unit.replace(" ", JOINED)
     head(axes, f"{row.name.replace('_', ' ').capitalize()} {row.symbol}: {words}")
+
+
+def draw_spectrum(axes: "Axes", law: GeneralisedHuntCrossley, look: Look) -> None:
+    """Draw the stiffness of each relaxation time of a law that has one, over the time."""
+    times, weights = law.branches()
+    stiffnesses = law.relaxation_stiffness * weights
+    present = stiffnesses > 0.0
+    scale = scale_of(float(stiffnesses.max()), law.units[law.names().index("relaxation_stiffness")])
+    stems = times[present], scale.factor * stiffnesses[present]
+    axes.vlines(stems[0], 0.0, stems[1], color=look.theme.lines[0], linewidth=look.points(2.2))
+    axes.plot(*stems, "o", color=look.theme.lines[0], markersize=look.points(4.0))
+    axes.set_xscale("log")
+    axes.set_xlim(times[0] / 2.0, times[-1] * 2.0)  # also the times without a stiffness
+    axes.set_ylim(0.0, 1.15 * stems[1].max())
+    axes.locator_params(axis="y", nbins=5)
+    axes.set(xlabel="relaxation time τ [s]", ylabel=scale.label("m"))
+    head(axes, f"Relaxation: {describe_relaxation(law).replace(' ', JOINED)}")
 
 
 # Units and axis labels.

@@ -1,5 +1,6 @@
 """Statistics over the rows of a fleet: verdicts, repeats, outliers, failures, times, and maps."""
 
+import json
 import math
 import re
 from collections import Counter, defaultdict
@@ -15,7 +16,7 @@ from palpate.digits import rounded, with_error
 from palpate.errors import InvalidParameterError
 from palpate.fleet.rows import AT_DEPTH, at_depth
 from palpate.fleet.tasks import Table
-from palpate.force_laws import FORCE_LAWS
+from palpate.force_laws import FORCE_LAWS, law_from
 from palpate.identification.identified import NEGATIVE_STIFFNESS
 from palpate.results.view import depth_of
 from palpate.validation import Floats, number_in, shown
@@ -505,8 +506,10 @@ def _values(results: Table, of: str, depth: float | None) -> tuple[Floats, Float
     number_in("depth", depth, 0.0, 1e6, open_low=True)
     law = FORCE_LAWS[(results.schema.metadata or {})[b"law"].decode()]
     found = np.full((results.num_rows, 2), np.nan)
+    whole = results["law"].to_pylist() if law.relaxes else [""] * results.num_rows
     for k, (matrix, *row) in enumerate(_each(results, "covariance", *law.names())):
         if matrix is not None and np.isfinite(row).all():
-            there = at_depth(law(*row), np.reshape(matrix, (len(row), len(row))), depth)
+            own = law_from(json.loads(whole[k])) if law.relaxes else law.from_parameters(row)
+            there = at_depth(own, np.reshape(matrix, (len(row), len(row))), depth)
             found[k] = there[name], there[f"{name}_standard_error"]
     return found[:, 0], found[:, 1], depths

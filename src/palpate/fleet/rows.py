@@ -41,6 +41,8 @@ def schema_of(settings: Settings) -> Any:
     for name, unit in zip(law.names(), law.units, strict=True):
         columns.append((name, number, unit, f"{name} of the {law.kind} law"))
         columns.append((f"{name}_standard_error", number, unit, f"standard error of the {name}"))
+    if law.relaxes:
+        columns.append(("law", text, "", "the law with its relaxation times, as JSON"))
     columns += [
         ("covariance", numbers, "", "of the law's parameters, row by row, SI"),
         ("offset", number, "N", "force out of contact; NaN if not estimated"),
@@ -160,6 +162,8 @@ def row_of(contact: Contact, settings: Settings) -> Row:
         errors = np.sqrt(np.diag(result.covariance)).tolist()
     for name, value, error in zip(law.names(), law.parameters.tolist(), errors, strict=True):
         row |= {name: value, f"{name}_standard_error": error}
+    if law.relaxes:
+        row["law"] = json.dumps(law.description())
     for name in ("offset", "surface"):
         if (error := getattr(estimate, f"{name}_standard_error")) > 0.0:
             row |= {name: getattr(estimate, name), f"{name}_standard_error": error}

@@ -12,6 +12,7 @@ from palpate.force_laws.laws import register as register
 from palpate.force_laws.relaxation import FlatSpectrum as FlatSpectrum
 from palpate.force_laws.relaxation import PowerLawRelaxation as PowerLawRelaxation
 from palpate.force_laws.relaxation import Relaxation as Relaxation
+from palpate.force_laws.relaxation import RelaxationSpectrum as RelaxationSpectrum
 from palpate.force_laws.relaxation import RelaxationState as RelaxationState
 from palpate.force_laws.relaxation import SingleRelaxation as SingleRelaxation
-from palpate.force_laws.relaxation import force_over_breaks as force_over_breaks
+from palpate.force_laws.relaxation import steps_over_breaks as steps_over_breaks

@@ -17,11 +17,17 @@ from palpate.force_laws.laws import (
     KelvinVoigt,
     register,
 )
-from palpate.force_laws.relaxation import LONGEST, Relaxation, RelaxationState, relaxation_of
+from palpate.force_laws.relaxation import (
+    FORMULA,
+    LISTS,
+    LONGEST,
+    Relaxation,
+    RelaxationSpectrum,
+    RelaxationState,
+    SingleRelaxation,
+    relaxation_from,
+)
 from palpate.validation import all_good, in_contact, instance, number, number_in, signals, together
-
-# The law's own parameters; those of its relaxation follow.
-_OWN = ("stiffness", "exponent", "damping", "damping_exponent", "relaxation_stiffness")
 
 
 @register
@@ -29,7 +35,7 @@ _OWN = ("stiffness", "exponent", "damping", "damping_exponent", "relaxation_stif
 class GeneralisedHuntCrossley(CompiledLaw):
     """A spring that stiffens with depth, a damper, and a part of the spring that relaxes.
 
-    F = K xⁿ + B xᵖ v + M ∫ w(τ) g_τ d(ln τ)  for x > 0, else 0;   ġ_τ = d(xⁿ)/dt − g_τ/τ
+    F = K xⁿ + B xᵖ v + Σ mᵢ gᵢ  for x > 0, else 0;   ġᵢ = d(xⁿ)/dt − gᵢ/τᵢ,   Σ mᵢ = M
 
     With p = n it is the law of Hunt & Crossley (1975); with p = n − 1 that of a sphere, a cone or a
     punch on a Kelvin–Voigt half-space, whose damper acts on the area of contact (Radok 1957, Lee &
@@ -48,14 +54,16 @@ class GeneralisedHuntCrossley(CompiledLaw):
     damping_exponent : float
         p.
     relaxation_stiffness : float
-        M, N/mⁿ: instantaneous stiffness minus relaxed stiffness. Default: 0.
-    relaxation : FlatSpectrum, SingleRelaxation or PowerLawRelaxation, optional
+        M, N/mⁿ: instantaneous stiffness minus relaxed stiffness. Default: 0, or the sum of the
+        stiffnesses of a RelaxationSpectrum.
+    relaxation : RelaxationSpectrum, FlatSpectrum, SingleRelaxation or PowerLawRelaxation, optional
         Kind of relaxation; required if M is not 0. Default: none, and no memory.
 
     Raises
     ------
     InvalidParameterError
-        A parameter is not finite, or there is a relaxation stiffness without ``relaxation``.
+        A parameter is not finite, there is a relaxation stiffness without ``relaxation``, or it is
+        not the sum of the stiffnesses of a RelaxationSpectrum to 1e-9.
     """
 
     stiffness: float
@@ -65,24 +73,28 @@ class GeneralisedHuntCrossley(CompiledLaw):
     relaxation_stiffness: float = 0.0
     relaxation: Relaxation | None = None
     kind: ClassVar[str] = "generalised-hunt-crossley"
-    units: ClassVar[tuple[str, ...]] = (
-        "N/mⁿ", "", "N·s/mᵖ⁺¹", "", "N/mⁿ", "", "s", "s",
-    )  # fmt: skip
-    symbols: ClassVar[tuple[str, ...]] = ("K", "n", "B", "p", "M", "α", "τ₁", "τ₂")
-    optional: ClassVar[tuple[str, ...]] = (
-        "relaxation_stiffness", "spectrum_exponent", "shortest_time", "longest_time",
-    )  # fmt: skip
+    units: ClassVar[tuple[str, ...]] = ("N/mⁿ", "", "N·s/mᵖ⁺¹", "", "N/mⁿ")
+    symbols: ClassVar[tuple[str, ...]] = ("K", "n", "B", "p", "M")
+    optional: ClassVar[tuple[str, ...]] = ("relaxation_stiffness", *FORMULA, *LISTS)
     relaxes: ClassVar[bool] = True
     _compiled: ClassVar[Callable[..., None]] = _core.generalised_hunt_crossley_force
 
     def __post_init__(self) -> None:
-        for name in _OWN:
-            object.__setattr__(self, name, number(name, getattr(self, name)))
+        ForceLaw.__post_init__(self)
         instance("relaxation", self.relaxation, (Relaxation, type(None)))
-        if self.relaxation is None and self.relaxation_stiffness != 0.0:
+        relaxing = self.relaxation_stiffness
+        if isinstance(self.relaxation, RelaxationSpectrum):
+            whole = self.relaxation.stiffness
+            if relaxing and not abs(relaxing - whole) <= 1e-9 * whole:
+                raise InvalidParameterError(
+                    f"relaxation_stiffness must be the sum of the relaxation's stiffnesses, "
+                    f"{whole:g}, or omitted, not {relaxing:g}"
+                )
+            object.__setattr__(self, "relaxation_stiffness", whole)
+        elif self.relaxation is None and relaxing != 0.0:
             raise InvalidParameterError(
-                "relaxation must be a FlatSpectrum, SingleRelaxation or PowerLawRelaxation, as "
-                f"relaxation_stiffness is {self.relaxation_stiffness!r}"
+                "relaxation must be a RelaxationSpectrum, FlatSpectrum, SingleRelaxation or "
+                f"PowerLawRelaxation, as relaxation_stiffness is {relaxing!r}"
             )
 
     @classmethod
@@ -121,48 +133,52 @@ class GeneralisedHuntCrossley(CompiledLaw):
 
     @classmethod
     def names(cls) -> list[str]:
-        """Return the names of its eight parameters, in their order."""
-        return [*_OWN, "spectrum_exponent", "shortest_time", "longest_time"]
+        """Return the names of its five parameters, in their order."""
+        return [each.name for each in fields(cls) if each.name != "relaxation"]
 
     @classmethod
     def from_parameters(cls, parameters: "ArrayLike") -> Self:
-        """Return the law of eight numbers in the order of :attr:`parameters`."""
-        stiffness, n, damping, p, relaxing, alpha, shortest, longest = np.asarray(
-            parameters, dtype=np.float64
-        ).tolist()
-        relaxation = relaxation_of(alpha, shortest, longest)
-        if relaxation is None and relaxing != 0.0:
+        """Return the law without memory of five numbers in the order of :attr:`parameters`.
+
+        Raises
+        ------
+        InvalidParameterError
+            The last, M, is not 0: numbers alone do not tell the relaxation times. See
+            :meth:`with_parameters`.
+        """
+        return cls(*np.asarray(parameters, dtype=np.float64).tolist())
+
+    def with_parameters(self, parameters: "ArrayLike") -> "GeneralisedHuntCrossley":
+        """Return the law with other parameters and the same relaxation; M scales a spectrum.
+
+        Raises
+        ------
+        InvalidParameterError
+            A parameter is outside its range, or M is not 0 for a law without relaxation.
+        """
+        numbers = np.asarray(parameters, dtype=np.float64).tolist()
+        stiffness, n, damping, p, relaxing = numbers
+        relaxation = self.relaxation
+        if isinstance(relaxation, RelaxationSpectrum):
+            relaxation = relaxation.scaled(relaxing)
+        return GeneralisedHuntCrossley(stiffness, n, damping, p, relaxing, relaxation)
+
+    @classmethod
+    def from_dict(cls, numbers: dict[str, Any]) -> Self:
+        """Return the law from a :meth:`description` without its kind."""
+        own = {name: numbers[name] for name in cls.names() if name in numbers}
+        relaxation = relaxation_from({name: numbers.get(name) for name in (*FORMULA, *LISTS)})
+        if relaxation is None and own.get("relaxation_stiffness", 0.0) != 0.0:
             raise InvalidParameterError(
                 "longest_time must be above 0 if relaxation_stiffness is not 0: pass it alone for "
                 "one relaxation time, or with shortest_time for a spectrum"
             )
-        return cls(stiffness, n, damping, p, relaxing, relaxation)
+        return cls(**own, relaxation=relaxation)
 
-    @classmethod
-    def from_dict(cls, numbers: dict[str, Any]) -> Self:
-        """Return the law from the dictionary that :meth:`as_dict` makes."""
-        return cls.from_parameters([number(name, numbers[name]) for name in cls.names()])
-
-    def as_dict(self) -> dict[str, float]:
-        """Return the parameters by name, SI; the last three, of the memory, are 0 without it."""
-        spectrum = (0.0, 0.0, 0.0) if self.relaxation is None else self.relaxation.spectrum
-        own = [getattr(self, name) for name in _OWN]
-        return dict(zip(self.names(), (*own, *spectrum), strict=True))
-
-    @property
-    def spectrum_exponent(self) -> float:
-        """α of the relaxation; 0 without one."""
-        return self.as_dict()["spectrum_exponent"]
-
-    @property
-    def shortest_time(self) -> float:
-        """The shortest relaxation time, s; 0 if there is only one or none."""
-        return self.as_dict()["shortest_time"]
-
-    @property
-    def longest_time(self) -> float:
-        """The longest relaxation time, s; 0 without relaxation."""
-        return self.as_dict()["longest_time"]
+    def description(self) -> dict[str, Any]:
+        """Return kind, parameters, and the relaxation if there is one, as JSON types, SI."""
+        relaxation = {} if self.relaxation is None else self.relaxation.description()
+        return {**ForceLaw.description(self), **relaxation}
 
     @property
     def remembers(self) -> bool:
@@ -171,8 +187,11 @@ class GeneralisedHuntCrossley(CompiledLaw):
 
     @property
     def relaxation_time(self) -> float | None:
-        """The relaxation time, s; None for a law without one or with a spectrum of them."""
-        return self.longest_time if self.remembers and not self.shortest_time else None
+        """The relaxation time, s; None for a law without one or with several."""
+        relaxation = self.relaxation if self.remembers else None
+        if isinstance(relaxation, SingleRelaxation | RelaxationSpectrum):
+            return relaxation.time
+        return None
 
     @property
     def powers(self) -> tuple[Any, ...] | None:
@@ -189,12 +208,13 @@ class GeneralisedHuntCrossley(CompiledLaw):
         return replace(self, stiffness=whole, relaxation_stiffness=0.0, relaxation=None)
 
     def branches(self) -> tuple[Floats, Floats]:
-        """Relaxation times [s] and weights of the branches that approximate the spectrum.
+        """Relaxation times [s] of the branches, and weights with the sum 1; none without memory.
 
-        Two branches per factor of two in time; none without memory.
+        A RelaxationSpectrum's own; else two branches per factor of two in time.
         """
-        times, weights = _core.relaxation_branches(self.parameters)
-        return times, weights
+        if self.relaxation is None or not self.remembers:
+            return np.empty(0), np.empty(0)
+        return self.relaxation.branches()
 
     def rest(self, penetration: float = 0.0) -> RelaxationState:
         """Return the state of a material that is fully relaxed at a penetration [m]."""
@@ -291,7 +311,7 @@ class GeneralisedHuntCrossley(CompiledLaw):
     def dynamic_stiffness(self, depth: "ArrayLike", frequency: "ArrayLike") -> Any:
         """Dynamic stiffness K′ + iωB′ [N/m] for small oscillations about a depth.
 
-        n xⁿ⁻¹ [K + M ∫ w iωτ/(1 + iωτ) d(ln τ)] + iω B xᵖ
+        n xⁿ⁻¹ [K + Σ mᵢ iωτᵢ/(1 + iωτᵢ)] + iω B xᵖ
 
         Parameters
         ----------
@@ -317,13 +337,13 @@ class GeneralisedHuntCrossley(CompiledLaw):
         return whole if whole.ndim else complex(whole)
 
     def parameter_gradient(self, penetration: Floats, velocity: Floats) -> Floats:
-        """∂F/∂(K, n, B, p) of the relaxed material, and 0 for the parameters of its memory."""
+        """∂F/∂(K, n, B, p) of the relaxed material, and 0 for M."""
         elastic = penetration**self.exponent
         damper = penetration**self.damping_exponent * velocity
         depth = np.log(penetration)
         spring = elastic, self.stiffness * elastic * depth
         return np.column_stack(
-            [*spring, damper, self.damping * damper * depth, *[np.zeros_like(elastic)] * 4]
+            [*spring, damper, self.damping * damper * depth, np.zeros_like(elastic)]
         )
 
     def penetration_gradient(self, penetration: Floats, velocity: Floats) -> Floats:
@@ -350,5 +370,8 @@ class GeneralisedHuntCrossley(CompiledLaw):
     def _go(self, numbers: Floats, steps: Floats, x: Floats, v: Floats) -> Floats:
         """Advance a state in place and return the force."""
         force = np.empty(x.size)
-        _core.generalised_force_along(self.parameters, steps, x, v, numbers, force)
+        times, weights = self.branches()
+        stiffnesses = self.relaxation_stiffness * weights
+        own = self.parameters[:4]
+        _core.generalised_force_along(own, times, stiffnesses, steps, x, v, numbers, force)
         return force

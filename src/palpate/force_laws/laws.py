@@ -32,7 +32,7 @@ class ForceLaw:
     #: Units and symbols of the parameters, in their order.
     units: ClassVar[tuple[str, ...]]
     symbols: ClassVar[tuple[str, ...]]
-    #: Parameters whose default is 0.
+    #: Parameters, and other entries of the description, that have a default.
     optional: ClassVar[tuple[str, ...]] = ()
     #: Whether condition 10 of the paper, |v| < 0.1 K/B, concerns it.
     has_condition_10: ClassVar[bool] = False
@@ -54,10 +54,24 @@ class ForceLaw:
         """Return the law of these numbers, in the order of :attr:`parameters`."""
         return cls(*np.asarray(parameters, dtype=np.float64).tolist())
 
+    def with_parameters(self, parameters: "ArrayLike") -> "ForceLaw":
+        """Return the law with other parameters, and the rest of it, such as its memory, the same.
+
+        Raises
+        ------
+        InvalidParameterError
+            A parameter is outside its range.
+        """
+        return self.from_parameters(parameters)
+
     @classmethod
     def from_dict(cls, numbers: dict[str, Any]) -> Self:
-        """Return the law from the dictionary that :meth:`as_dict` makes."""
+        """Return the law from a :meth:`description` without its kind."""
         return cls(**numbers)
+
+    def description(self) -> dict[str, Any]:
+        """Return kind, parameters and whatever else :func:`law_from` needs, as JSON types, SI."""
+        return {"kind": self.kind, **self.as_dict()}
 
     @classmethod
     def names(cls) -> list[str]:
@@ -247,7 +261,7 @@ def register(law: Law) -> Law:
 
 
 def law_from(description: dict[str, Any]) -> ForceLaw:
-    """Return the law of a ``kind`` and its parameters, named as in :meth:`ForceLaw.as_dict`.
+    """Return the law of a :meth:`ForceLaw.description`.
 
     Raises
     ------
@@ -261,12 +275,12 @@ def law_from(description: dict[str, Any]) -> ForceLaw:
     one_of("kind", kind, FORCE_LAWS)
     law = FORCE_LAWS[kind]
     needed = [name for name in law.names() if name not in law.optional]
-    if not set(needed) <= set(given) <= set(law.names()):
+    if not set(needed) <= set(given) <= {*law.names(), *law.optional}:
         words = f"law {kind!r} takes exactly {', '.join(needed)}"
         if law.optional:
             words += f", and optionally {', '.join(law.optional)}"
         raise InvalidParameterError(words)
-    return law.from_dict({**dict.fromkeys(law.optional, 0.0), **given})
+    return law.from_dict(given)
 
 
 class CompiledLaw(ForceLaw):

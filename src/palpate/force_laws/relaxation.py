@@ -1,15 +1,23 @@
 """Stress relaxation: spectra of relaxation times, and the state of a relaxing material."""
 
+import math
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
+import palpate._core as _core
 from palpate.errors import InvalidParameterError
-from palpate.force_laws.laws import ForceLaw
-from palpate.validation import Floats, kept
+from palpate.validation import Floats, all_good, kept, number, same_length, signal
 
 #: Range of relaxation times, s: it includes 4096 sample times of any allowed sample time.
 SHORTEST, LONGEST = 1e-12, 1e12
+#: Largest number of relaxation times.
+MOST = 128
+#: Names of the two descriptions of a relaxation: by a formula, or by times and stiffnesses.
+FORMULA = ("spectrum_exponent", "shortest_time", "longest_time")
+LISTS = ("relaxation_times", "relaxation_stiffnesses")
 
 
 class Relaxation:
@@ -21,6 +29,28 @@ class Relaxation:
     def spectrum(self) -> tuple[float, float, float]:
         """α of w ∝ τ^−α d(ln τ), and the shortest and the longest time, s."""
         raise NotImplementedError
+
+    @property
+    def longest_time(self) -> float:
+        """The longest relaxation time, s."""
+        return self.spectrum[2]
+
+    @property
+    def resolution(self) -> float:
+        """Relative standard error of :attr:`GeneralisedHuntCrossley.relaxation_time`."""
+        return 0.0
+
+    def branches(self) -> tuple[Floats, Floats]:
+        """Relaxation times [s] and weights, with the sum 1, of the branches that approximate it.
+
+        Two branches per factor of two in time.
+        """
+        times, weights = _core.relaxation_branches(*self.spectrum)
+        return times, weights
+
+    def description(self) -> dict[str, Any]:
+        """Return its numbers by name, as :func:`palpate.force_laws.law_from` reads them."""
+        return dict(zip(FORMULA, self.spectrum, strict=True))
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,6 +146,92 @@ class PowerLawRelaxation(Relaxation):
         return self.exponent, self.shortest, self.longest
 
 
+# A group of neighbouring times with this share of the stiffness is one relaxation time, if it is
+# no broader (standard deviation of log₁₀ τ): two times a decade apart have 0.5.
+_ONE_GROUP, _ONE_TIME = 0.95, 0.5
+
+
+@dataclass(frozen=True, slots=True)
+class RelaxationSpectrum(Relaxation):
+    """Relaxation times, each with a stiffness of its own (Wiechert's model, a Prony series).
+
+    G(t) = Σ mᵢ e^(−t/τᵢ) / Σ mᵢ
+
+    Parameters
+    ----------
+    times : sequence of float, shape (k,)
+        τᵢ, s, in [1e-12, 1e12], ascending; 1 to 128 of them.
+    stiffnesses : sequence of float, shape (k,)
+        mᵢ, N/mⁿ, ≥ 0. Their sum is the law's relaxation stiffness.
+
+    Raises
+    ------
+    InvalidParameterError
+        A number is outside its range, the times do not ascend, or the lengths differ.
+    """
+
+    times: tuple[float, ...]
+    stiffnesses: tuple[float, ...]
+
+    def __post_init__(self) -> None:
+        times, stiffnesses = signal("times", self.times), signal("stiffnesses", self.stiffnesses)
+        same_length(times=times.size, stiffnesses=stiffnesses.size)
+        if not 1 <= times.size <= MOST:
+            raise InvalidParameterError(f"times must be 1 to {MOST} numbers, not {times.size}")
+        within = (times >= SHORTEST) & (times <= LONGEST)
+        all_good("times", times, within, f"in [{SHORTEST:g}, {LONGEST:g}]")
+        all_good("times", times, np.diff(times, prepend=0.0) > 0.0, "ascending")
+        within = (stiffnesses >= 0.0) & np.isfinite(stiffnesses)
+        all_good("stiffnesses", stiffnesses, within, "finite and ≥ 0")
+        object.__setattr__(self, "times", tuple(times.tolist()))
+        object.__setattr__(self, "stiffnesses", tuple(stiffnesses.tolist()))
+
+    @property
+    def stiffness(self) -> float:
+        """Σ mᵢ, N/mⁿ."""
+        return math.fsum(self.stiffnesses)
+
+    @property
+    def longest_time(self) -> float:
+        """The longest relaxation time with a stiffness above 0, s; 0 if there is none."""
+        return max((t for t, m in zip(self.times, self.stiffnesses, strict=True) if m), default=0.0)
+
+    @property
+    def time(self) -> float | None:
+        """The one relaxation time, s; None if there is none or several.
+
+        exp of the mean of ln τ, weighted by m, over a group of neighbouring times with m > 0 that
+        has over 95 % of Σ m and a standard deviation of log₁₀ τ below 0.5.
+        """
+        m = np.array(self.stiffnesses)
+        ends = np.flatnonzero(np.diff(m > 0.0, prepend=False, append=False)).reshape(-1, 2)
+        for group in (slice(*pair) for pair in ends.tolist()):
+            if m[group].sum() > _ONE_GROUP * self.stiffness:
+                logs, m = np.log(self.times[group]), m[group]
+                mean = float(np.average(logs, weights=m))
+                deviation = math.sqrt(float(np.average((logs - mean) ** 2, weights=m)))
+                return math.exp(mean) if deviation < _ONE_TIME * math.log(10.0) else None
+        return None
+
+    @property
+    def resolution(self) -> float:
+        """Relative standard error of :attr:`time`: half the distance of neighbours in ln τ."""
+        return 0.5 * float(np.diff(np.log(self.times)).max(initial=0.0))
+
+    def branches(self) -> tuple[Floats, Floats]:
+        """Its times [s] and their weights m/Σ m."""
+        return np.array(self.times), np.array(self.stiffnesses) / (self.stiffness or 1.0)
+
+    def scaled(self, stiffness: float) -> "RelaxationSpectrum":
+        """Return the spectrum of the same shape with another Σ m, N/mⁿ."""
+        ratio = stiffness / (self.stiffness or 1.0)
+        return RelaxationSpectrum(self.times, tuple(ratio * m for m in self.stiffnesses))
+
+    def description(self) -> dict[str, Any]:
+        """Return times and stiffnesses by name."""
+        return dict(zip(LISTS, (list(self.times), list(self.stiffnesses)), strict=True))
+
+
 @dataclass(frozen=True, slots=True)
 class RelaxationState:
     """Relaxation state of a material, immutable; :meth:`GeneralisedHuntCrossley.rest` makes one.
@@ -132,16 +248,24 @@ class RelaxationState:
     branches: tuple[float, ...]
 
 
-def relaxation_of(exponent: float, shortest: float, longest: float) -> Relaxation | None:
-    """Return the kind of relaxation of a spectrum; None if its longest time is 0.
+def relaxation_from(description: Mapping[str, Any]) -> Relaxation | None:
+    """Return the relaxation of a :meth:`Relaxation.description`; None without a longest time.
 
     If the shortest time is 0, the longest is the only one.
 
     Raises
     ------
     InvalidParameterError
-        The numbers are outside their ranges.
+        The numbers are outside their ranges, or of two kinds of relaxation.
     """
+    known = {name: value for name, value in description.items() if value is not None}
+    if present := [name for name in LISTS if name in known]:
+        if len(present) < 2 or any(name in known for name in FORMULA):
+            raise InvalidParameterError(
+                f"{' and '.join(LISTS)} must be given together, without {', '.join(FORMULA)}"
+            )
+        return RelaxationSpectrum(*(known[name] for name in LISTS))
+    exponent, shortest, longest = (number(name, known.get(name, 0.0)) for name in FORMULA)
     if longest == 0.0:
         return None
     if shortest == 0.0:
@@ -161,27 +285,26 @@ def _check_times(spectrum: FlatSpectrum | PowerLawRelaxation) -> None:
         )
 
 
-def force_over_breaks(
-    law: ForceLaw, penetration: Floats, velocity: Floats, steps: Floats, starts: list[int]
-) -> Floats:
-    """Force of a law at every sample, N, as an estimator computes it.
+# Steps; over a longer gap the probe's path is unknown.
+_GAP = 20.0
 
-    If the probe is in contact before and after a gap, it was in contact during the gap, and the
-    relaxation state continues. Otherwise the material is fully relaxed after the gap.
+
+def steps_over_breaks(time: Floats, depth: Floats, usual: float) -> Floats:
+    """Time since the previous sample, s, also over breaks, where a material goes on relaxing.
+
+    As an estimator counts it: where the probe was in the material before and after a long gap,
+    contact most likely went on as before, and the state is kept.
 
     Parameters
     ----------
-    law : ForceLaw
-        Any law, with or without memory.
-    penetration, velocity, steps : numpy.ndarray, shape (k,)
-        m, m/s, and the time since the previous sample, s, > 0.
-    starts : list of int
-        Indices of the samples that follow a gap, including the first sample.
+    time, depth : numpy.ndarray, shape (k,)
+        s and m.
+    usual : float
+        Time between samples, s: for the first, over a long gap in the material, and where joined
+        recordings repeat a time.
     """
-    fresh = [k for k in starts if k > 0 and not min(penetration[k - 1], penetration[k]) > 0.0]
-    force = np.empty(len(penetration))
-    for part in np.split(np.arange(len(penetration)), fresh):
-        if part.size:
-            own = slice(int(part[0]), int(part[-1]) + 1)
-            force[own] = law.force_along(penetration[own], velocity[own], steps[own])
-    return force
+    steps = np.diff(time, prepend=-np.inf)
+    inside = depth > 0.0
+    gap = steps > _GAP * np.maximum(np.nan_to_num(np.roll(steps, 1), posinf=0.0), usual)
+    kept = gap & inside & np.roll(inside, 1)
+    return np.where((steps > 0.0) & np.isfinite(steps) & ~kept, steps, usual)

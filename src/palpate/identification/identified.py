@@ -33,7 +33,7 @@ from palpate.diagnosis.timeless import (
     findings_without_time,
     trace_without_time,
 )
-from palpate.digits import rounded, with_error
+from palpate.digits import format_quantity, rounded, with_error
 from palpate.errors import InvalidParameterError, OldName, RecordingError
 from palpate.estimators import (
     ContactEstimator,
@@ -50,14 +50,15 @@ from palpate.estimators.estimate import (
     rmse_percent,
     violated_fraction,
 )
+from palpate.estimators.oscillation import Oscillation
 from palpate.estimators.variable_projection import EXPONENTS, constrained
 from palpate.findings import MARKS, Finding
+from palpate.force_laws import steps_over_breaks
 from palpate.identification.replaying import (
     defaults_from_data,
     estimator_of,
     joint_covariance,
     laws_beside,
-    placed,
     predicted_force,
     replayed,
 )
@@ -78,6 +79,8 @@ from palpate.quantities.derived import (
 from palpate.settings import ChangeDetector, ContactGate, Scale
 from palpate.validation import Floats, number_in, positive
 
+# Of the peak force: a misfit of a law that relaxes beyond which its memory may have another form.
+CLEAR_MISFIT = 0.01
 # Samples above the surface that a search for it needs: the force out of contact is then known to a
 # quarter of σ.
 FEWEST_ABOVE = 20
@@ -319,11 +322,7 @@ class Identified:
             )
         chosen = defaults_from_data(contact, given)
         fresh = given.replace(**chosen)
-        if fresh.chooses_law and "sample_time" in chosen:
-            fresh, written = placed(contact, fresh, traced)
-            chosen["sample_time"] = fresh.settings["sample_time"]
-        else:
-            written = replayed(contact, fresh, traced)
+        written = replayed(contact, fresh, traced)
         if type(fresh) is VariableProjection and not any(
             fresh.settings[name] for name in ("forgetting", "change_detector")
         ):
@@ -368,6 +367,33 @@ class Identified:
         parts = (replace(f, remedy=None) if f.check == "change" else f for f in found.findings)
         return replace(found, findings=tuple(parts))  # each segment is identified already
 
+    @cached_property
+    def oscillation(self) -> Oscillation | None:
+        """What the samples say of small oscillations, by a law that relaxes; None by others."""
+        if not isinstance(self.estimator, ViscoelasticContact):
+            return None
+        contact, taken = self.contact, self.trace.taken.copy()
+        if (restarts := np.flatnonzero(self.trace.status == Status.RESTARTED)).size:
+            taken[: restarts[-1]] = False
+        channels = contact.penetration, contact.velocity, contact.force
+        steps = steps_over_breaks(contact.time, contact.penetration, contact.sample_time)
+        return Oscillation.of(self.estimator, *channels, steps, taken)
+
+    def _late(self) -> Iterator[Finding]:
+        """A damper that gives energy back, beside a spectrum that may take it."""
+        found = self.oscillation
+        if found is None or not found.delay > 0.0:
+            return
+        words = f"the force is at least {format_quantity(found.delay, 's')} late"
+        if found.misfit > CLEAR_MISFIT:
+            words += ", or the material's memory has another form"
+        yield Finding(
+            "delay",
+            f"the damper beside the relaxation is negative: {words}",
+            "run again with --delay find",
+            damping="with-care",
+        )
+
     def _diagnosed_at(self, depths: Sequence[float]) -> Diagnosis:
         data = self.data or Data(self.contact)
         timeless = self.contact.timeless
@@ -378,7 +404,7 @@ class Identified:
             self._whole_estimate,
             depths=depths,
             laws=laws,
-            notes=self.findings,
+            notes=(*self.findings, *self._late()),
             method=self.method,
         )
         return diagnosis_without_time(found) if timeless else found
@@ -654,8 +680,14 @@ class Identified:
         return fitted
 
     def predicted_force(self, contact: Contact) -> Floats:
-        """Force by the final law, and offset, at every sample of a contact, N."""
-        return predicted_force(self.estimate, contact)
+        """Force by the final law, and offset, at every sample of a contact, N.
+
+        A contact that begins with the samples that were identified begins in their state.
+        """
+        own = self.contact
+        same = len(contact) and len(own) and contact.time[0] == own.time[0]
+        begins = bool(same and contact.penetration[0] == own.penetration[0])
+        return predicted_force(self.estimate, contact, begins=begins)
 
     @property
     def violated_fraction(self) -> float:

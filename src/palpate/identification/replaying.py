@@ -2,7 +2,6 @@
 
 import logging
 import math
-import sys
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from operator import attrgetter
@@ -22,9 +21,9 @@ from palpate.estimators import (
     estimator_named,
 )
 from palpate.estimators.estimate import Estimate, Trace, Traced, thinned
-from palpate.estimators.law_verdicts import CANDIDATES, STRONG
 from palpate.estimators.least_squares import long_run_covariance
-from palpate.force_laws import ForceLaw, force_over_breaks
+from palpate.estimators.viscoelastic import RelaxingEstimate
+from palpate.force_laws import ForceLaw, steps_over_breaks
 from palpate.preparation.gates import (
     choose_gate,
     dead_band_of,
@@ -45,6 +44,7 @@ def defaults_from_data(contact: Contact, given: ContactEstimator) -> dict[str, A
         "scale": suggest_scale,
         "outlier_rejection": lambda _: OutlierRejection(),
         "sample_time": attrgetter("sample_time"),
+        "longest_time": _half_the_record,
     }
     ways["gate"] = _gate_above_dead_band if given.chooses_samples else choose_gate
     # A search for the surface has the free approach.
@@ -56,6 +56,11 @@ def defaults_from_data(contact: Contact, given: ContactEstimator) -> dict[str, A
         for name, choose in ways.items()
         if name in settings and settings[name] is None
     }
+
+
+def _half_the_record(contact: Contact) -> float:
+    """The longest relaxation time that a recording can tell from a constant, s."""
+    return max(0.5 * float(contact.time[-1] - contact.time[0]), 4.0 * contact.sample_time)
 
 
 def _gate_above_dead_band(contact: Contact) -> ContactGate | None:
@@ -95,11 +100,17 @@ def replayed(contact: Contact, estimator: ContactEstimator, trace: Traced) -> Tr
     if _LOGGER.isEnabledFor(logging.DEBUG):
         words = (f"{name}={value!r}" for name, value in estimator.settings.items())
         _LOGGER.debug("settings: %s", ", ".join(words))
-    steps, segments = contact.time_steps, list(contact.segments())
+    segments = list(contact.segments())
+    # The state of a material that relaxes goes on from one segment to the next.
+    goes_on = estimator.chooses_law
+    steps = contact.time_steps
+    if goes_on:
+        steps = steps_over_breaks(contact.time, contact.penetration, contact.sample_time)
     after = thinned(trace, contact.time, segments)
-    traces = []
+    traces: list[Trace] = []
     for part in segments:
-        estimator.leave_contact()
+        if not (goes_on and traces):
+            estimator.leave_contact()
         channels = contact.penetration[part], contact.velocity[part], contact.force[part]
         at = None
         if after is not None:
@@ -215,70 +226,6 @@ def widening(
     return factors
 
 
-# For how long a material relaxes: the place of the relaxation times, by a whole contact.
-
-# In sample times: where the last relaxation time's part of a spectrum ends.
-_LONGEST = 4096.0
-# From one place to the next: the common bank's times are as far apart.
-_FURTHER = 4.0
-# Of the cost of a number. Memory that explains nothing costs a whole one more; of a material that
-# relaxes more slowly than the first place can tell, the first finds some.
-_SOME = 0.75
-_MOST = 3  # places beyond the first: up to 260 000 sample times
-
-
-@timed("relaxation times")
-def placed(
-    contact: Contact, bank: ContactEstimator, trace: Traced = False
-) -> tuple[ContactEstimator, Trace]:
-    """Return a bank that has learned a contact, with the place of its relaxation times.
-
-    They go from the sample time that it is given: the contact's own, unless a bank that begins
-    later and ends later fits better by more than one number of the law would have to: 2 ln N_eff.
-    None is tried where memory explains nothing by the first, nor one that lasts four times as long
-    as the contact.
-
-    Parameters
-    ----------
-    contact : Contact
-        All of it.
-    bank : ContactEstimator
-        One that chooses among laws.
-        With the settings that were chosen; it is left as it is.
-    trace : int, float, "full" or False
-        Which estimates are written down.
-    """
-    own, duration = contact.sample_time, float(contact.time_steps.sum())
-    best = bank.replace(sample_time=own)
-    written = replayed(contact, best, trace)
-    # By the samples that count with the first: of what fits better others do.
-    effective = max(best.evidence().effective_samples, math.e)
-    forgets, remembers = _costs(best, effective)
-    penalty = 2.0 * math.log(effective)
-    least, some = min(forgets, remembers), remembers < forgets + _SOME * penalty
-    for place in range(1, 1 + _MOST):
-        step = own * _FURTHER**place
-        if not some or _LONGEST * step >= _FURTHER * duration:
-            break
-        trial = bank.replace(sample_time=step)
-        traced = replayed(contact, trial, trace)
-        cost = min(_costs(trial, effective)) + penalty
-        if cost < least:
-            best, written, least = trial, traced, cost
-    return best, written
-
-
-def _costs(bank: ContactEstimator, effective: float) -> tuple[float, float]:
-    """What the best law without memory leaves, and the best with, with what their numbers cost."""
-    costs = [math.inf, math.inf]
-    for index, _, mean_square in bank.evidence().rows:
-        law = CANDIDATES[int(index)]
-        cost = effective * math.log(max(mean_square, sys.float_info.min))
-        cost += 2.0 * math.log(effective) * law.parameters
-        costs[law.memory != "none"] = min(cost, costs[law.memory != "none"])
-    return costs[0], costs[1]
-
-
 # The common laws on the samples that another method identified, to see whether one is better; and
 # what speaks against the law that a method has chosen.
 
@@ -303,8 +250,8 @@ def laws_beside(data: Data, estimator: ContactEstimator, chosen: Sequence[str]) 
     if estimator.chooses_law:
         key = repr(["own", estimator.settings])
         if key not in data.laws:
-            own = replace(Laws.of(estimator, own=True), one_time=_one_time(data, estimator))
-            data.laws[key] = _held_out(data, estimator, own)
+            data.laws[key] = _held_out(data, estimator, Laws.of(estimator, own=True))
+            data.laws[repr([estimator.settings, 0.0])] = replace(data.laws[key], own=False)
         return data.laws[key]
     estimate = estimator.estimate()
     if estimate.law.candidate is None:
@@ -318,56 +265,57 @@ def laws_beside(data: Data, estimator: ContactEstimator, chosen: Sequence[str]) 
 
 
 @timed("laws")
-def _one_time(data: Data, estimator: ContactEstimator) -> Laws | None:
-    """The law with one relaxation time that is strongly preferred over the common laws, if any."""
-    if estimator.settings["memory"] != "auto":
-        return None
-    bank = estimator.replace(memory="single")
-    replayed(data.contact, bank, trace=False)
-    effective = max(estimator.evidence().effective_samples, math.e)
-    score = min(_costs(estimator, effective)) - min(_costs(bank, effective))
-    return Laws.of(bank) if score >= STRONG else None
-
-
-@timed("laws")
 def _held_out(data: Data, estimator: ContactEstimator, own: Laws) -> Laws:
     """With the law by the first two thirds of the contact, and how it predicts the last."""
-    contact, bank = data.contact, estimator.replace()
+    contact, first = data.contact, estimator.replace()
     inside = np.flatnonzero(data.known & (contact.penetration > 0.0))
     early, late = np.split(inside, [inside.size - inside.size // 3])
     if late.size < FEWEST_HELD_OUT:
         return own
-    replayed(contact.taken(slice(late[0])), bank, trace=False)
-    estimate = bank.estimate()
-    left = contact.force - predicted_force(estimate, contact)
+    replayed(contact.taken(slice(late[0])), first, trace=False)
+    estimate = first.estimate()
+    left = contact.force - predicted_force(estimate, contact, begins=True)
     with np.errstate(all="ignore"):
         own_error, error, size = (
             float(np.sqrt(np.mean(values**2)))
             for values in (left[early], left[late], contact.force[late] - estimate.offset)
         )
-        return replace(own, before=Laws.of(bank), missed=error / size, surprise=error / own_error)
+        return replace(own, before=Laws.of(first), missed=error / size, surprise=error / own_error)
 
 
-def predicted_force(estimate: Estimate, contact: Contact) -> Floats:
-    """Force by an estimate's law, and offset, at every sample of a contact, N."""
+def predicted_force(estimate: Estimate, contact: Contact, *, begins: bool = False) -> Floats:
+    """Force by an estimate's law, and offset, at every sample of a contact, N.
+
+    Parameters
+    ----------
+    estimate : Estimate
+        Of any law.
+    contact : Contact
+        Its path is taken for straight over gaps.
+    begins : bool
+        Whether it begins as the samples of the estimate did, in an unknown state.
+    """
     depth = contact.penetration - estimate.surface
-    starts = [part.start for part in contact.segments()]
-    force = force_over_breaks(estimate.law, depth, contact.velocity, contact.time_steps, starts)
-    return force + estimate.offset
+    steps = steps_over_breaks(contact.time, depth, contact.sample_time)
+    force: Floats = estimate.law.force_along(depth, contact.velocity, steps) + estimate.offset
+    if begins and isinstance(estimate, RelaxingEstimate):
+        force += np.where(depth > 0.0, estimate.start_force(np.cumsum(steps) - steps[0]), 0.0)
+    return force
 
 
 @timed("laws")
 def _compared(data: Data, given: dict[str, Any], surface: float) -> Laws:
     contact, kept = data.contact, given.get("exponent")
     low, high = ViscoelasticContact.exponents
-    bank = ViscoelasticContact(
+    estimator = ViscoelasticContact(
         gate=given.get("gate"),
         outlier_rejection=given.get("outlier_rejection"),
         exponent=kept if kept is not None and low <= kept <= high else None,
     )
     below = replace(contact, penetration=contact.penetration - surface) if surface else contact
-    bank = bank.replace(**defaults_from_data(below, bank))
-    key = repr([bank.settings, surface])  # what one method was given another may have chosen
+    estimator = estimator.replace(**defaults_from_data(below, estimator))
+    key = repr([estimator.settings, surface])  # what one method was given another may have chosen
     if key not in data.laws:
-        data.laws[key] = Laws.of(placed(below, bank)[0])
+        replayed(below, estimator, trace=False)
+        data.laws[key] = Laws.of(estimator)
     return data.laws[key]

@@ -2,11 +2,11 @@
 
 from dataclasses import dataclass, field
 from enum import IntEnum
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 from palpate.errors import InvalidParameterError
 from palpate.estimators import ESTIMATORS, ContactEstimator, estimator_named
-from palpate.estimators.law_verdicts import DAMPINGS, MEMORIES
+from palpate.estimators.viscoelastic import Damping, Memory
 from palpate.settings import ChangeDetector, ConstantForgetting, OutlierRejection
 from palpate.validation import number_in, shown
 
@@ -15,7 +15,7 @@ SWITCHES = {"outlier_rejection": OutlierRejection, "change_detector": ChangeDete
 #: Numbers that only some methods have.
 NUMBERS = ("stiffness_drift", "dissipation_drift", "exponent_drift")
 #: Choices of laws, of an estimator that compares them.
-CHOICES = {"damping": ("auto", *DAMPINGS), "memory": ("auto", "any", *MEMORIES)}
+CHOICES = {"damping": get_args(Damping), "memory": get_args(Memory)}
 #: Settings of the recording or the tip rather than the method: another method keeps them.
 _KEPT = ("gate", "sample_time", "scale", "exponent", "outlier_rejection", "change_detector")
 

@@ -130,18 +130,23 @@ class LawsInForce:
         """
         if not estimator.chooses_law:
             return None
-        estimate = estimator.estimate()
+        estimate: Any = estimator.estimate()
         learned = len(self.turns) > 0  # an initial estimate is not a result
         return {
             "evidence": estimator.evidence(),
             "fixed": estimate.fixed,
             "parameters": estimate.parameters.tolist() if learned else None,
-            # 64 numbers: as decimal digits, JSON would take ten times as long.
-            "covariance": b64encode(estimate.covariance.tobytes()).decode() if learned else None,
+            # Some 350 numbers: as decimal digits, JSON would take ten times as long.
+            "covariance": _packed(estimate.covariance) if learned else None,
+            "spectrum": [*map(_packed, estimate.spectrum[:3])] if learned else None,
             "flags": estimate.flags,
             "changes": self.changes,
             "turns": list(self.turns),
         }
+
+
+def _packed(numbers: Floats) -> str:
+    return b64encode(numbers.tobytes()).decode()
 
 
 # Faults of a source, detected from the times of its samples.

@@ -15,17 +15,18 @@ from palpate._core import Status
 from palpate.digits import format_quantity, rounded, with_error
 from palpate.estimators.estimate import Estimate
 from palpate.estimators.law_verdicts import (
-    CANDIDATES,
     STRONG,
     UNDECIDED,
     Evidence,
     LawVerdict,
     verdict_of,
 )
+from palpate.estimators.viscoelastic import RelaxingEstimate, law_of
 from palpate.findings import Finding
 from palpate.force_laws import GeneralisedHuntCrossley
 from palpate.live.sinks import NO_DIAGNOSIS_YET, UNDIAGNOSED
 from palpate.quantities.derived import in_hertz
+from palpate.results.parameters import describe_relaxation
 from palpate.validation import or_nan
 
 # Effective sample size over samples: AR(1) noise of 0.875 gives 1/15, of 0.9 it gives 1/19.
@@ -41,19 +42,18 @@ def verdict_on(status: Mapping[str, Any]) -> dict[str, Any] | None:
     evidence = Evidence(*page["evidence"])
     estimate = estimate_of(page)
     verdict = verdict_of(evidence, estimate)
-    known = bool(verdict.model_ranking)
     return {
         **verdict.as_dict(),
-        "known": known,
-        "offered": [str(law) for law in evidence.laws],
+        "known": verdict.known,
         "own": list(verdict.candidate.own),
         "fixed": list(page["fixed"]),
         "parameters": page["parameters"],
+        "spectrum": page["spectrum"],
         "covariance": page["covariance"],
         "flags": [
             *page["flags"],
             *(verdict.flags if page["parameters"] else ()),
-            *(map(str, _open(page, verdict, estimate)) if known else ()),
+            *(map(str, _open(page, verdict, estimate)) if verdict.known else ()),
         ],
         "since": page["turns"][-1][0] if page["turns"] else math.nan,
         "changes": page["changes"],
@@ -67,13 +67,11 @@ def estimate_of(page: Mapping[str, Any]) -> Estimate:
         law = GeneralisedHuntCrossley(0.0, 1.0, 0.0, 1.0)
         size = law.parameters.size
         return Estimate.from_law(law, np.zeros((size, size)), status=Status.WAITING, samples=0)
-    parameters = page["parameters"]
-    return Estimate.from_law(
-        GeneralisedHuntCrossley.from_parameters(parameters),
-        np.frombuffer(b64decode(page["covariance"])).reshape(len(parameters), -1),
-        status=Status.UPDATED,
-        samples=1,
-    )
+    packed = (page["covariance"], *page["spectrum"])
+    covariance, times, numbers, joint = (np.frombuffer(b64decode(each)) for each in packed)
+    law = law_of(times, numbers)
+    value = Estimate.from_law(law, covariance, status=Status.UPDATED, samples=1)
+    return RelaxingEstimate(value, (), (times, numbers, joint.reshape(len(numbers) + 1, -1), []))
 
 
 def _open(page: Mapping[str, Any], verdict: LawVerdict, estimate: Estimate) -> Iterator[Finding]:
@@ -88,7 +86,6 @@ def _open(page: Mapping[str, Any], verdict: LawVerdict, estimate: Estimate) -> I
             "misfit",
             "the residuals of the best law are correlated: either the sensor noise is, or no "
             "compared law holds and the error bars are too small",
-            "compare all laws: --law any" if len(verdict.model_ranking) < len(CANDIDATES) else None,
         )
     damping, error = estimate.parameters[_DAMPING], estimate.standard_errors[_DAMPING]
     if verdict.candidate.damping != "none" and abs(damping) < 1e-6 * error:
@@ -136,8 +133,8 @@ def numbers_of(verdict: Mapping[str, Any]) -> Numbers:
     law: GeneralisedHuntCrossley = estimate.law
     if not law.remembers:  # its stiffness does not depend on time
         del found["instantaneous_stiffness"], found["relaxed_stiffness"]
-    elif law.relaxation_time is not None:
-        found["relaxation_time"] = law.relaxation_time, float(estimate.standard_errors[7])
+    elif law.relaxation is not None and (time := law.relaxation_time) is not None:
+        found["relaxation_time"] = time, time * law.relaxation.resolution
     return found
 
 
@@ -145,32 +142,25 @@ def certainty(verdict: Mapping[str, Any]) -> str:
     """Return how strong the evidence is: none, before (outdated), alone, open, weak or strong."""
     if not verdict["known"]:
         return "none" if verdict["parameters"] is None else "before"
-    lead, second = lead_of(verdict)
-    if not second:
+    if math.isnan(lead := lead_of(verdict)):
         return "alone"
     return "open" if lead < UNDECIDED else "weak" if lead < STRONG else "strong"
 
 
 def standing(verdict: Mapping[str, Any]) -> str:
-    """Describe by how much the preferred law leads."""
-    lead, second = lead_of(verdict)
-    return {
-        "none": "no verdict yet",
-        "before": "outdated: no verdict yet on the new samples",
-        "alone": "the only candidate",
-        "open": f"cannot be distinguished from {second}: ΔBIC {rounded(max(lead, 0.0), 2)}",
-        "weak": f"preferred over {second}: ΔBIC {rounded(lead, 2)}, 10 is strong evidence",
-        "strong": f"preferred over {second}: ΔBIC {rounded(lead, 3)}",
-    }[certainty(verdict)]
+    """Describe how the preferred law compares with the best other law without memory."""
+    if not verdict["known"]:
+        return {
+            "none": "no verdict yet",
+            "before": "outdated: no verdict yet on the new samples",
+        }[certainty(verdict)]
+    return LawVerdict.from_dict(verdict).comparison
 
 
-def lead_of(verdict: Mapping[str, Any]) -> tuple[float, str]:
-    """Return the preferred law's ΔBIC and the next best law; NaN and "" if there is no other."""
-    own = [each["score"] for each in verdict["model_ranking"] if each["law"] == verdict["law"]]
-    others = [each for each in verdict["model_ranking"] if each["law"] != verdict["law"]]
-    if not (own and others):
-        return math.nan, ""
-    return float(others[0]["score"]) - float(own[0]), str(others[0]["law"])
+def lead_of(verdict: Mapping[str, Any]) -> float:
+    """Return the preferred law's ΔBIC over the best other law without memory, NaN without one."""
+    rival = LawVerdict.from_dict(verdict).rival
+    return math.nan if rival is None else rival.score
 
 
 def describe_verdict(verdict: Mapping[str, Any], numbers: Numbers) -> str:
@@ -191,18 +181,11 @@ def law_lines(verdict: Mapping[str, Any]) -> Iterator[str]:
     """Yield the lines that describe the verdict at the end of a run."""
     numbers, changes = numbers_of(verdict), int(verdict["changes"])
     turned = f", changed {changes} times" if changes and verdict["known"] else ""
-    yield f"law: {describe_verdict(verdict, {})}{_evidence(verdict)}{turned}"
+    yield f"law: {describe_verdict(verdict, {})}{turned}"
     if numbers:
         named = [f"{NUMBERS[name][1]} {written(numbers, name)}" for name in numbers]
         yield f"{_about(verdict)}: {', '.join(named)}"
     yield from verdict["flags"]
-
-
-def _evidence(verdict: Mapping[str, Any]) -> str:
-    if not verdict["known"]:
-        return ""
-    effective, of = rounded(verdict["effective_samples"], 3), rounded(verdict["samples"], 4)
-    return f"; effective sample size {effective} of {of}"
 
 
 def _about(verdict: Mapping[str, Any]) -> str:
@@ -223,7 +206,7 @@ def fields_of(verdict: Mapping[str, Any], origin: float = 0.0) -> dict[str, floa
     fields: dict[str, float | str] = {
         "law": str(verdict["law"]) if verdict["parameters"] is not None else "",
         "standing": standing(verdict),
-        "lead": lead_of(verdict)[0],
+        "lead": lead_of(verdict),
         "samples": or_nan(verdict["samples"]),
         "independent_samples": or_nan(verdict["effective_samples"]),
         "since": origin + float(verdict["since"]),
@@ -304,7 +287,6 @@ _BADGES = {
 }  # fmt: skip
 _MARKS = {"trust": "yes", "with-care": "partly", "do-not-trust": "no"}
 _TURNS = 4
-_DECADES = 6.0  # of the bars: 1 to a million
 
 Words = dict[str, Any]
 
@@ -327,8 +309,6 @@ def view_of(page: Mapping[str, Any], verdict: Mapping[str, Any] | None, now: flo
     for k in law.get("shown", ()):
         symbol, unit, name = law["symbols"][k], law["units"][k], law["names"][k]
         words = _parameter(found, name, k, verdict)
-        if name == "longest_time":  # the law's only relaxation time
-            symbol, name = "τ", "relaxation time"
         title = f"{name.replace('_', ' ').capitalize()} {symbol}"
         tiles.append([f"{title} [{unit}]" if unit else title, words])
         panels.append([symbol, unit, f"parameter_{k}", f"error_{k}"])
@@ -342,7 +322,7 @@ def view_of(page: Mapping[str, Any], verdict: Mapping[str, Any] | None, now: flo
     ]
     view: Words = {"working": tiles[:2], "numbers": tiles[2:], "curves": panels}
     view["changes"] = changes or [["none"]]
-    return view | (law_of(verdict, now) if verdict else {})
+    return view | (card_of(verdict, now) if verdict else {})
 
 
 def _parameter(
@@ -376,33 +356,24 @@ def describe_change(change: Mapping[str, Any]) -> str:
     return f"{' → '.join(rounded(each[0], 3) for each in ends)} N/m"
 
 
-def law_of(verdict: Mapping[str, Any], now: float) -> Words:
+def card_of(verdict: Mapping[str, Any], now: float) -> Words:
     """Return the texts of the page's card of force laws at time ``now``, s."""
     sure, turns = certainty(verdict), verdict["turns"][: -_TURNS - 1 : -1]
     since, (badge, kind) = "", _BADGES[sure]
     if sure not in ("none", "before") and math.isfinite(verdict["since"]):
         turned = f"; changed {count} times" if (count := verdict["changes"]) else ""
         since = f"Preferred for {_ago(now, verdict['since'])}{turned}."
-    scores = {each["law"]: each["score"] for each in verdict["model_ranking"] if verdict["known"]}
-    laws = []
-    for name in verdict["offered"]:
-        behind = max(scores.get(name, math.nan) - scores.get(verdict["law"], 0.0), 0.0)
-        chosen, words = name == verdict["law"] and name in scores, rounded(behind, 3)
-        width = 100.0 * min(math.log10(1.0 + behind) / _DECADES, 1.0) if name in scores else 0.0
-        words = "preferred" if chosen else words if name in scores else "–"
-        laws.append([name, 0.0 if chosen else width, behind < STRONG, words, chosen])
     numbers = numbers_of(verdict)
     return {
         "law-name": "Not known yet" if sure == "none" else verdict["law"],
         "law-badge": badge,
         "law-kind": kind,
-        "law-lead": f"{standing(verdict)}{_evidence(verdict)}",
+        "law-lead": standing(verdict),
         "law-since": since,
         "law-turns": [
             *(f"{_ago(now, time)} ago: {law or 'restarted'}" for time, law in turns),
             *[""] * (_TURNS - len(turns)),
         ],
-        "law-rows": laws,
         "law-at": _about(verdict) if numbers else "",
         "law-numbers": [
             [long, written(numbers, name) if name in numbers else _absent(verdict, numbers, name)]
@@ -422,12 +393,8 @@ def _absent(verdict: Mapping[str, Any], numbers: Numbers, name: str) -> str:
         return "–"
     if name != "relaxation_time":
         return "equals K′: no memory"
-    relaxation = GeneralisedHuntCrossley.from_parameters(verdict["parameters"]).relaxation
-    # The limits of a spectrum are no estimates; a single time has no shortest.
-    shortest, longest = (0.0, 0.0) if relaxation is None else relaxation.spectrum[1:]
-    return (
-        f"{rounded(shortest, 2)} to {rounded(longest, 2)} s, assumed" if shortest else "no memory"
-    )
+    law = estimate_of(verdict).law
+    return describe_relaxation(law) if law.remembers else "no memory"
 
 
 def facts_of(page: Mapping[str, Any], state: str, contact_force: float | None = None) -> Words:

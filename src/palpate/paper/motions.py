@@ -263,17 +263,14 @@ METHODS: Mapping[str, tuple[rig.Method, Mapping[str, Any]]] = {
     "double stage": (palpate.DoubleStageRLS, _PAPER),
     "Kelvin–Voigt": (palpate.KelvinVoigtRLS, _PAPER),
     "variable projection": (palpate.VariableProjection, {}),
-    "memory: --law auto": (palpate.ViscoelasticContact, {}),
-    "memory: --law any": (palpate.ViscoelasticContact, {"memory": "any"}),
+    "relaxation: --law auto": (palpate.ViscoelasticContact, {}),
 }
 #: Possible advice of a diagnosis.
-ADVICE = ("nothing", "--law auto", "--law any", "something else")
+ADVICE = ("nothing", "--law auto", "something else")
 QUANTITIES = {"K′": "N/m", "B′": "N·s/m"}
 TODAY_NOTE = (
     "Identified from 2 to 7 s; RMSE% from 7 to 12 s, of which noise alone contributes 2 %. Laws "
-    "without relaxation do not predict the second half, in which the sponge has relaxed further. "
-    "The list of --law auto has one kind of relaxation, a flat relaxation spectrum, which this "
-    "sponge does not have; its diagnosis recommends --law any."
+    "without relaxation do not predict the second half, in which the sponge has relaxed further."
 )
 
 

@@ -16,7 +16,7 @@ from palpate.errors import InvalidParameterError
 from palpate.estimators import ContactEstimator
 from palpate.estimators.estimate import Estimate, Trace
 from palpate.estimators.law_verdicts import band_about
-from palpate.force_laws import GeneralisedHuntCrossley
+from palpate.estimators.oscillation import Oscillation
 from palpate.quantities.energy import (
     EnergyLoss,
     Passivity,
@@ -111,6 +111,10 @@ class Derivable(Protocol):
     def query(self) -> QueryOptions:
         """The impact, tip and oscillation of the derived numbers."""
 
+    @property
+    def oscillation(self) -> Oscillation | None:
+        """What the samples say of small oscillations, by a law that relaxes."""
+
     def at(self, depth: "ArrayLike") -> WorkingDepth:
         """Force, stiffness and damping at a depth, m."""
 
@@ -166,17 +170,25 @@ def oscillation_of(
     """
     omega, there = _in_band(result, frequency), _at(result, depth)
     stiffness, damping = there.stiffness, there.damping
-    if result.law.relaxes:
-
-        def slope(law: GeneralisedHuntCrossley, at: float) -> complex:
-            return complex(law.dynamic_stiffness(at, omega))
-
-        real = _by_law(result, there.depth, lambda law, at: slope(law, at).real)
-        imaginary = _by_law(result, there.depth, lambda law, at: slope(law, at).imag / omega)
-        stiffness = Quantity(*real, stiffness.systematic)
-        damping = Quantity(*imaginary, damping.systematic)
+    if (found := result.oscillation) is not None:
+        surface = _by_surface(result, there.depth, omega)
+        values, own, systematic = found.at(there.depth, omega)
+        parts = np.array([values, np.hypot(own, surface), systematic])
+        stiffness, damping = (Quantity(*each) for each in parts.T.tolist())
+    elif result.law.relaxes:
+        slope = complex(result.law.dynamic_stiffness(there.depth, omega))
+        stiffness = replace(stiffness, value=slope.real)
+        damping = replace(damping, value=slope.imag / omega)
     tangent = _tangent(omega, stiffness, damping)
     return SmallOscillation(there.depth, omega, stiffness, damping, tangent)
+
+
+def _by_surface(result: Derivable, depth: float, omega: float) -> Floats:
+    """How far an uncertain surface moves K′ and B′ at a depth: half of what it does either way."""
+    off = min(result.contact.surface_deviation or 0.0, 0.5 * depth)
+    ends = result.law.dynamic_stiffness(np.array([depth + off, depth - off]), omega)
+    moved: Floats = 0.5 * np.abs([np.diff(ends.real)[0], np.diff(ends.imag)[0] / omega])
+    return moved
 
 
 def relaxed_stiffness_of(result: Derivable, depth: float | None = None) -> Quantity:
@@ -196,12 +208,12 @@ def instantaneous_stiffness_of(result: Derivable, depth: float | None = None) ->
 
 
 def relaxation_time_of(result: Derivable) -> Quantity | None:
-    """The law's relaxation time, s; None for a law without one or with a spectrum of them."""
-    law = result.law
-    if law.relaxation_time is None:
-        return None
-    k = law.names().index("longest_time")
-    return Quantity(law.relaxation_time, math.sqrt(result.covariance[k, k]), 0.0)
+    """The law's relaxation time, s; None for a law without one or with several.
+
+    Its systematic error is half the distance between the relaxation times that were offered.
+    """
+    law, time = result.law, result.law.relaxation_time
+    return None if time is None else Quantity(time, 0.0, time * law.relaxation.resolution)
 
 
 def band_of(result: Derivable) -> tuple[float, float]:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from palpate.contact import Contact
 from palpate.diagnosis.finding import Quantity, WorkingDepth
 from palpate.digits import rounded
-from palpate.force_laws import ForceLaw, force_over_breaks
+from palpate.force_laws import ForceLaw, steps_over_breaks
 from palpate.preparation.gates import choose_gate, touches_of
 from palpate.quantities.restitution import UNKNOWN
 from palpate.validation import Floats, Plain, defined
@@ -44,12 +44,12 @@ class Path:
     inside: NDArray[np.bool_]
 
     def felt(self, law: ForceLaw) -> Floats:
-        """Force of a law along the motion, N; a law with memory starts each segment relaxed."""
-        steps = np.diff(self.time, prepend=self.time[:1])
-        starts = [0, *(np.flatnonzero(np.diff(self.segment)) + 1).tolist()]
-        within = np.delete(steps, starts)
-        steps[starts] = np.median(within) if within.size else 1.0
-        return force_over_breaks(law, self.depth, self.velocity, steps, starts)
+        """Force of a law along the motion, N."""
+        within = np.diff(self.time)[np.diff(self.segment) == 0]
+        usual = float(np.median(within)) if within.size else 1.0
+        return law.force_along(
+            self.depth, self.velocity, steps_over_breaks(self.time, self.depth, usual)
+        )
 
     def work(self, force: Floats) -> Floats:
         """Work done on the material up to each sample, J: ∫ F dx by trapezoids."""

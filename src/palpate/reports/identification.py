@@ -101,7 +101,7 @@ def page(
     follows, findings = view.follows(result, whole=True), view.findings(result)
     prepared = [view.preparation([result], whole=True)]
     prepared.append(view.ViewSection("Source of each channel", [], ("channel", ""), [*made]))
-    methods = view.of_comparison(others, ranked=False) if others else ()
+    methods = view.of_comparison(others) if others else ()
     # Of a probe that travels the verdict of each place counts, not that of all places as one.
     travels = any(part.place is not None for part in result.segments)
     whole, each = [view.verdict(result)], view.parts(result)
@@ -160,16 +160,16 @@ def _tiles(result: Identified) -> Iterator[str]:
 
 
 def _which_law(result: Identified, others: Sequence[Identified]) -> Iterator[str]:
-    """Yield the model ranking, and K′ and B′ of the model and of the selected one."""
-    found = list(html.composed(view.which_law([result])))
-    yield from found
+    """Yield the selected law, and K′ and B′ of the model and of the selected one."""
+    if words := view.law_verdict(result):
+        yield f"<p>{escape(words)}</p>"
     chosen = (
         ()
         if result.estimator.chooses_law
         else (each for each in others if each.estimator.chooses_law)
     )
     shown = [result, *chosen]
-    if not found or not any(each.law.remembers for each in shown):
+    if not words or not any(each.law.remembers for each in shown):
         return  # K′ and B′ do not depend on the frequency
     try:
         low, high = (f"{each / (2.0 * math.pi):.3g}" for each in band_of(result))

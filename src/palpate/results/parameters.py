@@ -2,12 +2,12 @@
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from palpate.digits import format_quantity, parameter, rounded
+from palpate.digits import format_quantity, parameter, rounded, with_error
 from palpate.errors import InvalidParameterError
 from palpate.force_laws import ForceLaw, GeneralisedHuntCrossley
 from palpate.recordings.recording import truth_of
@@ -16,8 +16,8 @@ if TYPE_CHECKING:
     from palpate.identification.identified import Identified
 
 
-#: Name of the row of a spectrum's relaxation times.
-OFFERED = "relaxation_times"
+#: Name of the row of a law's relaxation times.
+RELAXATION = "relaxation_times"
 _LAWS = {
     "hunt-crossley": "Hunt–Crossley",
     "kelvin-voigt": "Kelvin–Voigt",
@@ -75,7 +75,7 @@ def _number(result: "Identified", k: int, unit: str | None = None) -> ParameterR
 
 
 def _generalised(result: "Identified", law: GeneralisedHuntCrossley) -> Iterator[ParameterRow]:
-    stiffness, n, damping, p, relaxing, alpha, shortest, longest = range(len(law.symbols))
+    stiffness, n, damping, p, relaxing = range(len(law.symbols))
     verdict, growth = result.estimator.verdict(), _growth_of(law)
     chosen = None if verdict is None else verdict.candidate
     linear = chosen is not None and chosen.linear
@@ -90,13 +90,18 @@ def _generalised(result: "Identified", law: GeneralisedHuntCrossley) -> Iterator
             yield _bound(law, relaxing, "0 (no relaxation preferred)")
         return
     yield _number(result, relaxing, "N/m" if linear else None)
-    if law.relaxation_time is not None:
-        yield replace(_number(result, longest), name="relaxation_time", symbol="τ")
-        return
-    if law.spectrum_exponent:
-        yield _number(result, alpha)
-    ends = " to ".join(_time(each) for each in (law.shortest_time, law.longest_time))
-    yield ParameterRow(shortest, OFFERED, "τ", "", f"{ends} (fixed)")
+    yield ParameterRow(relaxing, RELAXATION, "τ", "", describe_relaxation(law))
+
+
+def describe_relaxation(law: GeneralisedHuntCrossley) -> str:
+    """Return the relaxation time of a law with memory, or the range of its relaxation times."""
+    assert law.relaxation is not None
+    if (time := law.relaxation_time) is not None:
+        return with_error(time, time * law.relaxation.resolution, unit="s")
+    times, weights = law.branches()
+    present = times[weights > 0.0]
+    ends = " to ".join(_time(float(each)) for each in present[[0, -1]])
+    return f"several relaxation times, {ends}"
 
 
 def _growth_of(law: GeneralisedHuntCrossley) -> str | None:
@@ -117,7 +122,7 @@ def _bound(law: ForceLaw, k: int, words: str) -> ParameterRow:
 
 # The truth that a recording states, compared with the identified law.
 
-# Of the logarithms of a spectrum's ends: 5 % of a time move M by less than 1 %.
+# Of the logarithms of the first and the last time: 5 % of a time move M by less than 1 %.
 _SAME_TIME = 0.05
 
 
@@ -136,7 +141,8 @@ def comparable(law: Any, truth: Any) -> set[str]:
     """Return the parameters of a law that mean what the truth's of the same names do.
 
     Those of a law of another kind do not; of two generalised laws they do where the same relaxes,
-    the same kind of spectrum over the same times; but B is in N·s/mᵖ⁺¹.
+    one relaxation time each, or the same kind of spectrum over the same times; but B is in
+    N·s/mᵖ⁺¹.
     """
     names = set(law.names())
     if law.kind != truth.kind:
@@ -153,11 +159,11 @@ def comparable(law: Any, truth: Any) -> set[str]:
 def _same_memory(law: GeneralisedHuntCrossley, truth: GeneralisedHuntCrossley) -> bool:
     if not (law.remembers and truth.remembers):
         return law.remembers == truth.remembers
-    if type(law.relaxation) is not type(truth.relaxation):
-        return False
-    ends = [[each.shortest_time, each.longest_time] for each in (law, truth)]
-    # One relaxation time is identified, and so is its difference from the truth.
-    return 0.0 in ends[0] or bool(np.ptp(np.log(ends), axis=0).max() < _SAME_TIME)
+    if law.relaxation_time is not None and truth.relaxation_time is not None:
+        return True
+    ends = [np.log(each.branches()[0][[0, -1]]) for each in (law, truth)]
+    same_kind = type(law.relaxation) is type(truth.relaxation)
+    return same_kind and bool(np.ptp(ends, axis=0).max() < _SAME_TIME)
 
 
 def oscillation_against_truth(result: "Identified") -> str:

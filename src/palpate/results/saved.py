@@ -234,7 +234,7 @@ def of_one(result: "Identified") -> dict[str, Any]:
         "method": result.method,
         **result.diagnosis.as_dict(),
         "episodes": _episodes(result),
-        "law": {"kind": law.kind, **law.as_dict()},
+        "law": law.description(),
         "standard_errors": dict(zip(law.as_dict(), result.standard_errors.tolist(), strict=True)),
         **({"fixed": list(result.fixed)} if result.fixed else {}),
         "correlations": [[*map(defined, row)] for row in result.correlations.tolist()],

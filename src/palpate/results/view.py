@@ -19,6 +19,7 @@ from palpate.diagnosis import Quantity
 from palpate.diagnosis.fit import DEEP
 from palpate.digits import format_quantity, interval, rounded, with_error
 from palpate.errors import InvalidParameterError
+from palpate.estimators import VariableProjection
 from palpate.findings import MARKS, spoken
 from palpate.identification.identified import rank
 from palpate.preparation.gates import touches_of
@@ -130,7 +131,6 @@ def of_identification(
     yield depths(result, whole=True)
     yield from parts(result, whole=True)
     yield law(result, whole=True)
-    yield from which_law([result])
     yield follows(result, whole=True)
     yield preparation([result], whole=with_findings)
     if with_findings:
@@ -150,8 +150,8 @@ def of_diagnosis(result: "Identified") -> Iterator[ViewSection]:
     yield findings(result)
 
 
-def of_comparison(results: "Sequence[Identified]", *, ranked: bool = True) -> Iterator[ViewSection]:
-    """Compose what ``palpate compare`` prints: the methods, and the model ranking if ``ranked``."""
+def of_comparison(results: "Sequence[Identified]") -> Iterator[ViewSection]:
+    """Compose what ``palpate compare`` prints: the methods and their laws."""
     by_name = {result.method: result for result in results}
     ranking = rank(by_name)
     ordered = [by_name[name] for name in ranking.order]
@@ -160,8 +160,6 @@ def of_comparison(results: "Sequence[Identified]", *, ranked: bool = True) -> It
         words += " (--law auto)"
     yield ViewSection("Methods", [Line(words, tone="strong")])
     yield numbers(ordered, ranking.exclusions)
-    if ranked:
-        yield from which_law(results)
     yield laws(ordered)
 
 
@@ -171,9 +169,6 @@ _BARS = "± statistical ± systematic standard error"
 _RELAXED = "after stress relaxation"
 _LEGEND = "σ: distance from the truth stated in the file, in standard errors"
 _ROWS = (("stiffness", "N/m"), ("damping", "N·s/m"), ("force", "N"))
-_SCORE = (
-    "ΔBIC: N_eff ln(RSS/N) + 2 p ln N_eff, p parameters, above the best; strong evidence from 10"
-)
 _NUMBERS = (">stiffness\nN/m", ">damping\nN·s/m")
 _QUALITY = (
     "prediction: one-step prediction error after 0.2 s; fit: error of the final law; both as % rms "
@@ -353,35 +348,10 @@ def law(result: "Identified", *, whole: bool = False) -> ViewSection:
             rows[-1].append(interval(float(value), float(error)) if row.estimated else "–")
             rows[-1].append(row.name.replace("_", " "))
     lines = [_correlation(result), *_estimated(result.estimate), oscillation_against_truth(result)]
-    lines += [_law_verdict(result), _quality(result)]
+    lines += [law_verdict(result), _quality(result)]
     shown = [Line(each) for each in lines if each]
     title = f"Contact model: {law_name(result)}, by {result.method}"
     return ViewSection(title, shown, headings + ["95 % interval", "parameter"] * whole, rows)
-
-
-def which_law(results: "Iterable[Identified]") -> Iterator[ViewSection]:
-    """The model ranking; nothing where no laws were compared."""
-    # That of the method which chooses a law, else of any.
-    ordered = sorted(results, key=lambda each: not each.estimator.chooses_law)
-    found = next(filter(None, (each.law_verdict for each in ordered)), None)
-    if found is None or not found.known:
-        return
-    rows = [
-        (
-            each.candidate.title,
-            rounded(each.score, 3),
-            format_quantity(each.rms_error, "N"),
-            str(each.candidate.parameters),
-            each.meaning,
-        )
-        for each in found.model_ranking
-    ]
-    samples = rounded(found.effective_samples, 3), rounded(found.samples, 4)
-    score = "{}; effective sample size {} of {}".format(_SCORE, *samples)
-    flags = (Line(f"{found.candidate.title}: {flag}", tone="soft") for flag in found.flags)
-    headings = ["law", ">ΔBIC", ">rms error", ">p", "which means"]
-    shown = [Line(score, tone="soft"), *flags]
-    yield ViewSection("Model ranking", shown, headings, rows, prose=0)
 
 
 def follows(result: "Identified", *, whole: bool = False) -> ViewSection:
@@ -620,7 +590,7 @@ def _samples(result: "Identified") -> str:
     contact, gate, scale = result.contact, result.gate, result.scale
     touches = len(touches_of(contact))
     force = f"force > {rounded(gate.make_force, 3)} N"
-    if result.estimator.chooses_samples and not gate.make_force:
+    if isinstance(result.estimator, VariableProjection) and not gate.make_force:
         force = "selected by the force of their neighbours"
     units = ((scale.penetration, "m"), (scale.velocity, "m/s"), (scale.force, "N"))
     return (
@@ -631,7 +601,8 @@ def _samples(result: "Identified") -> str:
     )
 
 
-def _law_verdict(result: "Identified") -> str:
+def law_verdict(result: "Identified") -> str:
+    """The selected law, and how it compares; empty where no laws were compared."""
     found = result.law_verdict
     known = found is not None and found.known
     return f"Model selection: {str(found).removeprefix('law: ')}" if known else ""

@@ -339,6 +339,8 @@ class Watch:
         if not np.isfinite(parameters).all():
             return {}
         depth = np.linspace(0.0, deepest, _CURVE)
+        if self._law.relaxes:
+            parameters[0, 4:] = 0.0  # at rest only K, n, B and p count
         law = self._law.from_parameters(parameters[0])
         with np.errstate(all="ignore"):  # an initial exponent may be negative
             force = law.force(depth, np.zeros(_CURVE)) + np.nan_to_num(column(row, "offset"))
@@ -355,7 +357,7 @@ class Watch:
         verdict, kept = self._shown.verdict(self.loop, arrived), self.history.rows()
         sure = None
         if verdict:
-            sure = {"offered": verdict["offered"], "certainty": certainty(verdict)}
+            sure = {"certainty": certainty(verdict)}
         # Alive if it has written anything lately, or still opens its source.
         alive = not self._begun or time.monotonic() - self._moved < ALIVE
         state = self.loop.get("state", "none") if alive and not ended else "dead"

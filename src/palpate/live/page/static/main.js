@@ -94,7 +94,7 @@ function showLaw({ loop: { verdict }, view }) {
 /** Make the panels of the identified law, again whenever the law changes. */
 function build({ loop, view }) {
   const [[atDepth], ...shown] = view.curves;
-  const key = JSON.stringify([loop.law?.kind, shown, loop.verdict?.offered, loop.needs_condition_10]);
+  const key = JSON.stringify([loop.law?.kind, shown, loop.needs_condition_10]);
   if (key === built) {
     panels[1].name = atDepth;
     panels[1].entitle();

@@ -19,12 +19,6 @@ const tile = ([name, words]) => element("div", { className: "number-tile" },
 const ROWS = {
   numbers: tile,
   working: tile,
-  "law-rows": ([name, width, close, words, chosen]) => {
-    const bar = element("i", { className: close ? "law-bar close" : "law-bar" });
-    bar.style.width = `${width}%`;
-    return element("tr", { className: chosen ? "chosen" : "" }, element("th", { scope: "row" }, name),
-      element("td", { className: "law-track" }, bar), element("td", {}, words));
-  },
   "verdict-line": ([words, kind, badge]) => element("p", {}, element("b", { className: `badge ${kind}` }, badge), words),
   diagnosis: ([words, kind]) => element("p", { className: kind }, words),
   DL: ([name, words, kind = ""]) => element("div", { className: kind },
