@@ -5,6 +5,7 @@ The laboratory's phantom, and others' recording of a robot on silicone, from ``P
 only: no copy of the data.
 """
 
+import io
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -13,16 +14,19 @@ import numpy as np
 from cyclopts import App
 
 import palpate
-from benchmarks.law_pictures import DOTS_AN_INCH, INCHES, noise_of, with_few_colours
-from benchmarks.law_recordings import folder_of_recordings
+from benchmarks.external_recordings import folder_of_recordings
 from palpate import exports
 from palpate.figures.style import Look, save, style
 from palpate.results.colours import DARK, LIGHT, Theme
 from palpate.validation import Floats
+from palpate.writing import write_bytes
 
 app = App(name="python -m benchmarks.export_pictures", help_format="plaintext", version_flags=[])
 
 EXAMPLES = Path(__file__).parents[1] / "examples" / "recordings"
+# The width in which the docs show it: 1100 dots.
+INCHES, DOTS_AN_INCH = (10.0, 2.9), 110
+COLOURS = 64
 MASS = 1.0  # kg, of the probe in the scene
 # Duration of the left panels.
 SHOWN = 3.0
@@ -127,6 +131,24 @@ def _draw_panels(panels: Any, replayed: Replayed, theme: Theme) -> None:
     over_time.set_title("force", loc="left")
     loop.set_title("loop", loc="left")
     left.set_title("residual; grey: noise ± 2 s.d.", loc="left")
+
+
+def noise_of(force: Floats) -> float:
+    """Return the noise of a force smooth over four samples, N: third differences have √20."""
+    return float(1.4826 * np.median(np.abs(np.diff(force, 3))) / np.sqrt(20.0))
+
+
+def with_few_colours(path: Path) -> None:
+    """A third of the bytes: lines of five colours need few more at their edges."""
+    from PIL import Image
+
+    smaller = io.BytesIO()
+    with Image.open(path) as image:
+        few = image.convert("RGB").quantize(
+            COLOURS, Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE
+        )
+    few.save(smaller, format="PNG", optimize=True)
+    write_bytes(path, smaller.getvalue())
 
 
 def _smoothed(values: Floats) -> Floats:

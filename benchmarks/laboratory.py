@@ -24,18 +24,16 @@ from palpate import (
     identify,
     lab,
 )
-from palpate.estimators.viscoelastic import Memory
 from palpate.validation import Floats
 from palpate.writing import check_writable, write_text
 
 MATERIALS = ("ball", "sponge", "pvc", "inclusion")
-# A law, and the memory of the laws that compete.
 HALF_SPACE = GeneralisedHuntCrossley(8000.0, 1.5, 60.0, 0.5)
 SINGLE = GeneralisedHuntCrossley(8000.0, 1.5, 4e3, 1.5, 4e3, SingleRelaxation(0.1))
-REMEMBERING: dict[str, tuple[GeneralisedHuntCrossley, Memory]] = {
-    "half-space": (HALF_SPACE, "auto"),
-    "one relaxation time": (SINGLE, "any"),
-    "tissue": (cast(GeneralisedHuntCrossley, lab.TISSUE.law), "auto"),
+REMEMBERING: dict[str, GeneralisedHuntCrossley] = {
+    "half-space": HALF_SPACE,
+    "one relaxation time": SINGLE,
+    "tissue": cast(GeneralisedHuntCrossley, lab.TISSUE.law),
 }
 
 app = App(name="python -m benchmarks.laboratory", help_format="plaintext")
@@ -117,8 +115,7 @@ def _remembering(campaign: Campaign) -> Group:
         lines.append(Line(name, (100.0 * inside, largest), (), tuple(100.0 * rms)))
     return Group(
         "Other laws, and memory",
-        '`method="viscoelastic"`, with `memory="any"` for one relaxation time. K′ and B′ are what '
-        "an oscillation of the motion's own frequency.",
+        "`--method viscoelastic`. K′ and B′ are those of an oscillation of the motion's frequency.",
         ("all numbers within 3 s.e., %", "largest error, s.e."),
         lines,
         ("K′ rms, %", "B′ rms, %"),
@@ -127,9 +124,9 @@ def _remembering(campaign: Campaign) -> Group:
 
 def dynamic_errors(name: str, seed: int) -> tuple[float, float, float]:
     """Return the relative errors of K′ and B′, and the largest error of all numbers in s.e."""
-    law, memory = REMEMBERING[name]
+    law = REMEMBERING[name]
     bench = lab.Bench(lab.Homogeneous(law), lab.THREE_SINES)
-    estimator = ViscoelasticContact(memory=memory)
+    estimator = ViscoelasticContact()
     result = identify(bench.run(seed).contact, estimator)
     found = cast(ViscoelasticContact, result.estimator).dynamic_stiffness()
     exact = law.dynamic_stiffness(found.depth, found.frequency)

@@ -23,8 +23,6 @@ class NativePrograms:
     replay: Path
     preparation: Path
     sizes: Path
-    laws: dict[str, Path]  # by level of optimisation
-    law_sums: Path
     empty_method: Any
     compiler: str
 
@@ -52,10 +50,7 @@ def native_programs() -> NativePrograms:
         raise BuildError("the build made no empty_method module")
     compiler = (BUILD / "compiler.txt").read_text().strip()
     replay, preparation, sizes = (BUILD / name for name in ("replay", "preparation", "sizes"))
-    laws = {level: BUILD / f"laws_{level}" for level in ("O2", "O3")}
-    return NativePrograms(
-        replay, preparation, sizes, laws, BUILD / "law_sums", _loaded(modules[0]), compiler
-    )
+    return NativePrograms(replay, preparation, sizes, _loaded(modules[0]), compiler)
 
 
 def _output(command: list[str]) -> str:

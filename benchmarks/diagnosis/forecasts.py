@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from benchmarks.diagnosis.tables import table
-from benchmarks.law_recordings import folder_of_recordings, read
+from benchmarks.external_recordings import folder_of_recordings, read
 from palpate import Contact, identify
 from palpate.validation import Floats
 

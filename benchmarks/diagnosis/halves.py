@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.diagnosis.tables import table
-from benchmarks.law_recordings import folder_of_recordings
+from benchmarks.external_recordings import folder_of_recordings
 from palpate import Contact, PalpateError, identify, prepare
 from palpate.preparation.gates import choose_gate
 
