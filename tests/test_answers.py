@@ -1,7 +1,7 @@
 """The terminal's answer is short, and its next steps can be followed and do not contradict."""
 
+import math
 import re
-import statistics
 
 import pytest
 from test_diagnosis import CAUSES, INPUTS
@@ -10,6 +10,7 @@ from test_recordings import files, has_penetration
 import palpate
 from palpate import ESTIMATORS
 from palpate.cli.reading import ReadingOptions
+from palpate.findings import MARKS, MAY_CAP, worst
 
 FAULTS = {**CAUSES, **INPUTS}
 OPTION = re.compile(r"--([a-z-]+)(?: ([^\s,;]+))?")
@@ -39,6 +40,7 @@ def remedies(result: palpate.Identification) -> list[str]:
 def faults_of(result: palpate.Identification) -> list[str]:
     """What is wrong with the next steps of a result, in words; empty where nothing is."""
     steps, wrong = remedies(result), []
+    steps = [step.replace("without --law and --method", "") for step in steps]
     for step in steps:
         for option, value in OPTION.findall(step):
             if option not in OPTIONS | FLAGS:
@@ -95,13 +97,14 @@ def test_no_method_recommends_itself_on_a_recording(path):
             assert faults_of(result) == [], result.method
 
 
-def test_the_next_step_of_a_wrong_surface_leads_to_trust(tmp_path, run):
-    file = tmp_path / "off.csv"
-    palpate.write_contact(FAULTS["surface"], file)
+def test_the_next_step_of_a_late_force_leads_to_trust(tmp_path, run):
+    file = tmp_path / "late.csv"
+    palpate.write_contact(FAULTS["delay"], file)
     status, out, _ = run("identify", file)
-    [step] = re.findall(r"next step: Run again with (--surface estimate)\.", out)
+    [step] = re.findall(r"^next +run again with (--delay find)", out, re.MULTILINE)
     status, out, _ = run("identify", file, *step.split())
-    assert (status, out.split(". ")[0]) == (0, "off.csv: trust")
+    assert status == 0
+    assert len(re.findall(r"^(?:stiffness|damping) .* trust", out, re.MULTILINE)) == 2
 
 
 def test_an_answer_is_short(monkeypatch, run):
@@ -117,8 +120,7 @@ def test_an_answer_is_short(monkeypatch, run):
             out = run("identify", path.name)[1]
             assert max(map(len, out.splitlines())) <= 80
             counts[path.name] = sum(1 for line in out.splitlines() if line.strip())
-    assert statistics.median(counts.values()) <= 12
-    assert max(counts.values()) <= 16, max(counts, key=counts.__getitem__)
+    assert max(counts.values()) <= 12, max(counts, key=counts.__getitem__)
 
 
 @pytest.mark.slow
@@ -128,16 +130,70 @@ def test_a_recording_of_many_places_is_counts_and_the_worst_three(path, monkeypa
         return
     monkeypatch.setenv("COLUMNS", "80")
     lines = run("identify", path)[1].splitlines()
-    assert len([line for line in lines if line.strip()]) <= 20
-    assert re.match(rf"{re.escape(path.name)}: \d+ places: (\d+ trust, )?\d+ with care", lines[0])
+    assert len([line for line in lines if line.strip()]) <= 12
+    assert lines[0] == path.name
+    assert re.match(r"\d+ places: stiffness \d+ .*; damping \d+ ", lines[1])
 
 
-def test_methods_agree_or_a_sentence_says_why_not(tmp_path, run):
-    """On relaxation: the default law says by how much model selection changes its numbers."""
+def test_a_law_that_relaxes_and_one_that_does_not_give_one_number(tmp_path, run):
+    """K′ and B′ at the working depth and the motion's frequency; the relaxed stiffness beside."""
     file = tmp_path / "relaxing.csv"
     palpate.write_contact(FAULTS["memory"], file)
-    plain, relaxing = results_of(palpate.prepare(file))
-    one, other = plain.diagnosis.working_depth, relaxing.dynamic_stiffness()
+    contact = palpate.prepare(file)
+    plain, relaxing = (palpate.identify(contact, law=law) for law in ("hunt-crossley", None))
+    assert relaxing.law.remembers
+    one, other = plain.diagnosis.working_depth, relaxing.diagnosis.working_depth
+    assert other.stiffness == relaxing.dynamic_stiffness().stiffness
     assert abs(one.stiffness.value - other.stiffness.value) < 3.0 * one.stiffness.whole_error
-    assert "K′ and B′ at" in run("identify", file, "--law", "auto")[1]
-    assert "K′ and B′ at" in run("compare", file)[1]
+    words = run("identify", file)[1]
+    assert re.search(
+        rf"^stiffness .* at .*, {relaxing.frequency / 6.2832:.2f}", words, re.MULTILINE
+    )
+    assert "relaxed stiffness" in words
+    assert "Hz" not in run("identify", file, "--law", "hunt-crossley")[1].splitlines()[1]
+
+
+LIMITS = {"stiffness": (0.10, 0.25), "damping": (0.20, 0.60)}
+
+
+def contradictions(result: palpate.Identification) -> list[str]:
+    """Marks that their error bars do not give and that no fault of the recording lowers."""
+    found, wrong = result.diagnosis, []
+    given = []
+    for k, name in enumerate(LIMITS):
+        number, mark = getattr(found.working_depth, name), getattr(found.verdict, name)
+        limit, size = found.limits[k], abs(number.value)
+        bar = number.whole_error / size if size else math.inf
+        assert (limit is None) == (mark == "trust")
+        if limit is not None and getattr(limit, name) != mark:
+            wrong.append(f"{name}: decided by a finding that gives another mark")
+        if math.isnan(number.value):
+            assert limit is not None
+            continue
+        given.append(mark)
+        by_bar = MARKS[sum(not bar <= most for most in LIMITS[name])]
+        if MARKS.index(mark) < MARKS.index(by_bar):
+            wrong.append(f"{name}: {mark} beside a bar of {bar:.0%}")
+        open_sign = not number.value > 2.0 * number.whole_error
+        faults, step = MAY_CAP - {"precision"}, "--skew"  # a law that cannot tell a late force
+        capped = limit is not None and (limit.check in faults or step in (limit.remedy or ""))
+        if mark != by_bar and not open_sign and not capped:
+            wrong.append(f"{name}: {mark} beside a bar of {bar:.0%}, by {limit.check}")
+    if found.verdict.overall != worst(*given):
+        wrong.append("overall")
+    return wrong
+
+
+@pytest.mark.parametrize("name", FAULTS)
+def test_no_mark_contradicts_its_bar_and_overall_is_the_worse(name):
+    try:
+        result = palpate.identify(FAULTS[name], trace=False)
+    except palpate.RecordingError:
+        return
+    assert contradictions(result) == []
+
+
+@pytest.mark.parametrize("path", files("*.csv"))
+def test_no_mark_of_a_recording_contradicts_its_bar(path):
+    if path is not None and has_penetration(path):
+        assert contradictions(palpate.identify(path, trace=False)) == []

@@ -123,6 +123,34 @@ def test_damping_that_is_negative_or_not_distinguishable_from_none_is_said():
     assert "the law generates energy" in "; ".join(result.energy.remarks)
 
 
+def test_the_rebound_of_a_law_that_relaxes_is_that_of_its_dynamic_stiffness_and_damping():
+    spectrum = palpate.RelaxationSpectrum((0.1, 0.5), (4000.0, 4000.0))
+    law = palpate.GeneralisedHuntCrossley(9000.0, 1.4, 0.0, 1.4, relaxation=spectrum)
+    plain = exciting(LAW, seconds=6.0, noise=0.0)
+    steps = np.full(len(plain.time), plain.time[1] - plain.time[0])
+    force = law.force_along(plain.penetration, plain.velocity, steps)
+    force += np.random.default_rng(2).normal(0.0, 0.02, force.size)
+    result = identify(
+        palpate.Contact(
+            plain.time, penetration=plain.penetration, velocity=plain.velocity, force=force
+        )
+    )
+    assert result.law.remembers
+    there, found = result.diagnosis.working_depth, result.restitution(0.05)
+    b = there.damping.value * result.law.exponent / (there.stiffness.value * there.depth)
+    assert found.dissipation.value == pytest.approx(b)
+    assert found.coefficient.value == palpate.restitution(found.dissipation.value, 0.05)
+    assert found.coefficient.whole_error > 0.0
+    assert "same K′ and B′" in found.remarks[0]
+    tip = palpate.Sphere(0.1)
+    modulus = result.elastic_modulus(tip).value
+    whole = complex(law.dynamic_stiffness(there.depth, result.frequency)).real
+    expected = 0.75 * (whole * there.depth / 1.4) / tip.force(1.0, there.depth)
+    assert abs(modulus.value - expected) < 2.0 * modulus.whole_error
+    assert math.isfinite(result.energy.predicted.value)
+    assert result.passivity.limit < 0.0
+
+
 def test_what_the_diagnosis_does_not_trust_and_a_rebound_that_goes_with_the_mass_are_said():
     result = identify(faults.changed(1.0))
     assert result.diagnosis.verdict.damping == "do-not-trust"
@@ -181,7 +209,7 @@ def test_a_loss_that_does_not_go_with_the_speed_is_said():
     phase = np.where(time < 18.0, 3.0 * time, 54.0 + 15.0 * (time - 18.0))
     damped = moved(time, 8e-3 + 3e-3 * np.sin(phase), HuntCrossley(9000.0, 900.0, 1.4))
     force = damped.force + 0.5 * np.tanh(damped.velocity / 1e-3)
-    energy = identify(replace(damped, force=force)).energy
+    energy = identify(replace(damped, force=force), "variable-projection").energy
     assert energy.predicted.value == pytest.approx(energy.measured.value, rel=0.1)
     assert energy.predicted_lost[0] < 0.5 * energy.lost[0]
     assert energy.predicted_lost[-1] > 1.5 * energy.lost[-1]
@@ -192,7 +220,7 @@ def test_a_loss_that_does_not_go_with_the_speed_is_said():
 def test_a_loss_that_is_not_the_dampers_is_said():
     """A damper without depth, and a law whose damper has it, tapping."""
     contact = contact_of(tapping(KelvinVoigt(1500.0, 8.0), seconds=6.0, noise=0.01))
-    energy = identify(contact).energy
+    energy = identify(contact, "variable-projection").energy
     accounted = energy.predicted.value / energy.measured.value
     assert accounted < 0.9
     assert energy.remarks == (f"the law accounts for {accounted:.0%} of the dissipated energy",)
@@ -225,7 +253,8 @@ def test_loss_that_a_late_force_or_a_drifting_zero_hides_is_in_the_systematic_pa
         result = identify(replace(contact, force=contact.force + drift))
         assert "offset drift" in {finding.check for finding in result.diagnosis.findings}
     else:
-        result = identify(faults.late(delay))
+        # A law with another damper takes a force that is early for its own.
+        result = identify(faults.late(delay), "variable-projection")
     found = result.energy.measured
     hidden = clean.energy.measured.value - found.value
     assert delay is None or hidden * delay > 0.0

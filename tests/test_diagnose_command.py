@@ -34,7 +34,7 @@ def test_every_finding_is_printed_with_its_remedy_and_json_is_the_diagnosis(prin
     assert "→ identify each segment separately: --changes" in words
     assert f"{found.episodes[0].stop:.4g} s: stiffness = " in words
     out = printed("diagnose", path, "--json")
-    assert json.loads(out)["schema_version"] == 2
+    assert json.loads(out)["schema_version"] == 3
     printed = result_of(out)
     episodes = [{**episode, "verdict": None} for episode in printed["episodes"]]
     same = {key: printed[key] for key in found.as_dict()} | {"episodes": episodes}
@@ -44,7 +44,7 @@ def test_every_finding_is_printed_with_its_remedy_and_json_is_the_diagnosis(prin
     assert list(printed["working_depth"]) == ["depth", "force", "stiffness", "damping"]
     assert list(printed["findings"][0]) == [
         "check", "message", "remedy", "severity", "z", "stiffness", "damping",
-        "moves_stiffness_percent", "moves_damping_percent",
+        "moves_stiffness_percent", "moves_damping_percent", "brief",
     ]  # fmt: skip
     assert list(printed["episodes"][0]) == [
         "start", "stop", "kind", "law", "working_depth", "verdict",
@@ -74,7 +74,7 @@ def test_each_segment_between_changes_is_identified_by_itself(run, write):
     assert "motion" not in words  # which is not to blame for what two materials leave open
 
 
-FAULTS = {"do not trust": faults.changed(0.5), "with care": faults.late(5e-3),
+FAULTS = {"do not trust": faults.changed(0.5), "late": faults.late(5e-3),
           "trust": faults.clean()}  # fmt: skip
 
 
@@ -82,17 +82,23 @@ FAULTS = {"do not trust": faults.changed(0.5), "with care": faults.late(5e-3),
     "command, fault, asked, status",
     [
         ("diagnose", "do not trust", "do-not-trust", 3),
-        ("diagnose", "with care", "do-not-trust", 0),
-        ("diagnose", "with care", "with-care", 3),
+        ("diagnose", "late", "with-care", 0),  # the damping, which nobody asked for
         ("diagnose", "trust", "with-care", 0),
         ("identify", "do not trust", "with-care", 3),
-        ("identify", "with care", "do-not-trust", 0),
     ],
 )
-def test_a_verdict_can_fail_a_pipeline_and_care_only_where_it_is_asked_for(
+def test_a_mark_can_fail_a_pipeline_and_care_only_where_it_is_asked_for(
     run, write, command, fault, asked, status
 ):
     assert run(command, write(FAULTS[fault]), "--fail-on", asked)[0] == status
+
+
+def test_the_mark_of_the_damping_fails_a_pipeline_that_needs_the_damping(run, write):
+    """The force is late: the stiffness is trusted, the damping is not."""
+    asked = "identify", write(FAULTS["late"]), "--fail-on", "with-care"
+    assert run(*asked)[0] == 0
+    assert run(*asked, "--impact-speed", "0.1m/s")[0] == 3
+    assert run(*asked, "--frequency", "1.5Hz")[0] == 3
 
 
 REMEDIES = {
@@ -170,7 +176,7 @@ def test_dynamic_stiffness_and_model_selection_are_printed(run, printed):
     own = palpate.identify(BALL, trace=False).dynamic_stiffness().frequency
     often = ("--frequency", f"{own:.6f}rad/s")
     out = printed("identify", BALL, *often)
-    assert re.search(r"^oscillation +at 1\.6 Hz and 8\.78 mm: K′ = 2000\.7", out, re.MULTILINE)
+    assert re.search(r"^oscillation +at 1\.58 Hz and 8\.78 mm: K′ = 2000\.7", out, re.MULTILINE)
     out = run("identify", BALL, *often, "-v")[1]
     assert "Model selection: Hunt–Crossley, rms error 71 mN, 0.107 N with half-space damping" in out
     _, printed, _ = run("identify", BALL, *often, "--json")

@@ -59,8 +59,7 @@ def test_a_wrong_surface_is_seen_on_the_robot(robot_runs, name, millimetres):
             time=run.time, penetration=run.penetration + 1e-3 * millimetres, force=run.force
         )
         found = palpate.diagnose(contact)
-        assert found.verdict.overall == "with-care"
-        assert found.findings[0].check == "surface"
+        assert "surface" in [finding.check for finding in found.findings if finding.z > 4.5]
 
 
 def test_clean_runs_of_the_robot_are_trusted(robot_runs):

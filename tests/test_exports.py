@@ -11,6 +11,7 @@ from typing import ClassVar
 
 import numpy as np
 import pytest
+from cases import exciting
 from export_cases import (
     BALL_LAW,
     HALF_SPACE_LAW,
@@ -41,10 +42,13 @@ from palpate.exports.engine import (
     without_memory,
     xml_comment,
 )
+from palpate.exports.exporting import export
+from palpate.exports.statement import ExportedLaw
 from palpate.findings import Finding
 from palpate.force_laws import engines, law_from
 from palpate.lab import BALL, PVC, TISSUE
-from palpate.results.saved import of_one
+from palpate.quantities.derived import in_hertz
+from palpate.results.saved import SCHEMA_VERSION, of_one
 
 EXAMPLES = Path(__file__).parents[1] / "examples" / "recordings"
 
@@ -184,6 +188,31 @@ SPECTRUM = GeneralisedHuntCrossley(
     1.5,
     relaxation=palpate.RelaxationSpectrum((2e-3, 0.1, 2.0), (3e3, 2e3, 3e3)),
 )
+
+
+def test_a_recording_that_relaxes_is_exported_by_its_hunt_crossley_law_at_its_frequency():
+    spectrum = palpate.RelaxationSpectrum((0.1, 0.5), (2000.0, 1000.0))
+    law = GeneralisedHuntCrossley(8000.0, 1.4, 0.0, 1.4, relaxation=spectrum)
+    motion = exciting(law, seconds=6.0)
+    steps = np.full(len(motion.time), motion.time[1] - motion.time[0])
+    force = law.force_along(motion.penetration, motion.velocity, steps)
+    force += np.random.default_rng(4).normal(0.0, 0.02, force.size)
+    contact = palpate.Contact(
+        motion.time, penetration=motion.penetration, velocity=motion.velocity, force=force
+    )
+    result = palpate.identify(contact, trace=False)
+    assert result.law.remembers
+    source = ExportedLaw.of(result)
+    depth, frequency, stiffness, damping = source.response
+    there = result.diagnosis.working_depth
+    assert (depth, frequency) == (there.depth, result.frequency)
+    assert (stiffness, damping) == pytest.approx((there.stiffness.value, there.damping.value))
+    plain = palpate.identify(contact, "variable-projection", trace=False)
+    assert source.law == plain.law
+    statement = export(result, "usd", mass=1.0, allow=True, replay=False).statement
+    [words] = [each for each in statement.warnings if "the material relaxes" in each]
+    assert in_hertz(frequency) in words
+    assert "K′ = " in words
 
 
 @pytest.mark.parametrize("law", [TISSUE.law, SPECTRUM])
@@ -433,7 +462,7 @@ def test_a_comment_is_one_whatever_the_recording_is_called():
 def test_what_is_no_result_is_said_in_a_line(run, refused, saved, tmp_path):
     broken, printed = tmp_path / "result.json", tmp_path / "printed.json"
     broken.write_bytes((saved / "result.json").read_bytes()[:1000])
-    printed.write_text(json.dumps({"schema_version": 1, "results": []}))
+    printed.write_text(json.dumps({"schema_version": SCHEMA_VERSION, "results": []}))
     recording = EXAMPLES / "ball.csv"
     for file, words in (
         (broken, "cut off"),

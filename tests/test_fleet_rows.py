@@ -10,7 +10,15 @@ import pytest
 from fleets import LAW, STEP, contact, curves, rows, write_recordings
 
 import palpate
-from palpate import FleetError, InvalidParameterError, VariableProjection, identify, identify_many
+from palpate import (
+    FleetError,
+    GeneralisedHuntCrossley,
+    InvalidParameterError,
+    RelaxationSpectrum,
+    VariableProjection,
+    identify,
+    identify_many,
+)
 from palpate.fleet.files import Results, read_results, sources_of
 from palpate.fleet.maps import (
     format_values,
@@ -19,6 +27,7 @@ from palpate.fleet.maps import (
     outliers_of,
     reasons_of,
     repeats_of,
+    rig_lag_of,
     slowest,
     verdicts_of,
 )  # fmt: skip
@@ -27,14 +36,35 @@ from palpate.fleet.running import identify_batch
 from palpate.fleet.tasks import ContactSource, Settings, batches, digest_of, tasks_table
 from palpate.identification.identified import NEGATIVE_STIFFNESS
 
+RELAXING = GeneralisedHuntCrossley(
+    4000.0, 1.3, 0.0, 1.3, relaxation=RelaxationSpectrum((0.05, 0.2), (3000.0, 2000.0))
+)
 
-def test_a_row_says_what_identify_says():
-    touch = contact()
+
+def relaxing_contact():
+    time, [x], [v] = STEP * np.arange(3000), *curves(1, samples=3000)[:2]
+    x, v = x + 4e-3, np.asarray(v)  # in contact most of the time
+    steps = np.full(x.size, STEP)
+    noise = np.random.default_rng(3).normal(0.0, 0.01, x.size)
+    force = RELAXING.force_along(x, v, steps) + noise
+    return palpate.Contact(time, penetration=x, velocity=v, force=force, source="touch")
+
+
+@pytest.mark.parametrize("touch", [contact(), relaxing_contact()], ids=["plain", "relaxing"])
+def test_a_row_says_what_identify_says(touch):
     [row] = identify_many([touch], diagnosis="full").to_pylist()
     result = identify(touch)
     assert [row[name] for name in result.law.names()] == result.law.parameters.tolist()
     errors = [row[f"{name}_standard_error"] for name in result.law.names()]
     assert errors == result.standard_errors.tolist()
+    assert (row["method"], row["frequency"]) == (result.method, result.frequency)
+    if result.law.remembers:
+        assert row["law_name"].endswith("with relaxation")
+        assert row["relaxed_stiffness_at_depth"] == result.relaxed_stiffness().value
+    else:
+        assert row["law_name"] == "hunt-crossley"
+        assert row["damping_exponent"] == row["exponent"]
+        assert np.isnan(row["relaxed_stiffness_at_depth"])
     there = result.diagnosis.working_depth
     assert row["depth"] == there.depth
     for name in ("force", "stiffness", "damping"):
@@ -57,7 +87,7 @@ def test_columns_have_units_and_what_is_not_known_is_nan_or_null():
     assert schema.field("surface").metadata[b"unit"] == b"m"
     assert b"unit" not in schema.field("exponent").metadata
     assert all(field.metadata[b"description"] for field in schema)
-    assert json.loads(schema.metadata[b"settings"])["method"] == "variable-projection"
+    assert json.loads(schema.metadata[b"settings"])["method"] == "auto"
     assert table.to_pylist()[0]["findings"] is not None
     method = VariableProjection(offset=False)
     [row] = identify_many([contact()], diagnosis="none", method=method).to_pylist()
@@ -83,7 +113,7 @@ def test_arrays_are_fitted_together_as_the_recursion_fits_each():
     x, v, f = curves(6)
     table = fitted(x, v, f, source="touches", places={"x": list(range(6))})
     for k, row in enumerate(table):
-        own = identify(one(x[k], v[k], f[k]))
+        own = identify(one(x[k], v[k], f[k]), method="variable-projection")
         assert (row["source"], row["index"], row["fit"]) == ("touches", k, "whole-curve")
         assert row["x"] == k
         for name, value, error in zip(
@@ -364,6 +394,42 @@ def test_repeats_are_of_one_folder_where_no_place_is_known():
     assert repeats_of(rows([10.0, 11.0], [1.0, 1.0], index=[0, 1]), "stiffness") == []
 
 
+def rig(ratio, *, stiffness=(1000.0, 1400.0, 2500.0, 6000.0), frequency=12.0):
+    damping = np.multiply(ratio, stiffness)
+    table = {
+        "stiffness_at_depth": list(stiffness),
+        "frequency": list(np.broadcast_to(frequency, len(stiffness))),
+    }
+    return rows(damping, 0.01 * np.abs(damping), quantity="damping", **table)
+
+
+def test_one_ratio_of_damping_to_stiffness_in_every_file_is_a_lag_of_the_rig():
+    lag = rig_lag_of(rig([0.031, 0.0325, 0.032, 0.030]))
+    assert lag.time == pytest.approx(0.0315)
+    assert (lag.files, lag.span) == (4, 6.0)
+    text = str(lag)
+    assert "31.5 ± 1.1 ms" in text
+    assert "early by as much, or all materials have one loss tangent" in text
+    assert text.endswith("try --delay -31.5ms")
+    other = str(rig_lag_of(rig([-0.01] * 4, frequency=[6.0, 12.0, 6.0, 12.0])))
+    assert "late" in other
+    assert other.endswith("--delay 10ms")
+    assert "loss tangent" not in other  # it would differ between the two frequencies
+
+
+@pytest.mark.parametrize(
+    "ratio, stiffness",
+    [
+        ([0.02, 0.03, 0.04, 0.03], (1000.0, 1400.0, 2500.0, 6000.0)),
+        ([0.03] * 4, (1000.0, 1100.0, 1200.0, 1300.0)),
+        ([0.03] * 3, (1000.0, 2500.0, 6000.0)),
+    ],
+    ids=["other ratios", "one stiffness", "three files"],
+)
+def test_a_lag_of_the_rig_needs_four_files_one_ratio_and_several_stiffnesses(ratio, stiffness):
+    assert rig_lag_of(rig(ratio, stiffness=stiffness)) is None
+
+
 def test_outliers_are_named_and_an_uncertain_value_is_none():
     value, error = np.full(40, 1000.0) + np.arange(40.0), np.full(40, 5.0)
     value[7], value[9] = 5000.0, 5000.0
@@ -400,7 +466,8 @@ def test_a_map_has_values_and_errors_over_places_or_those_at_one_depth_by_the_la
 
     def at_5_mm(*depths):
         made = [{"x": 1e-3 * k, "largest_depth": each, **row} for k, each in enumerate(depths)]
-        return map_of(table_of_rows(made, Settings()), ["x"], of="force", depth=5e-3)
+        table = table_of_rows(made, Settings(method="variable-projection"))
+        return map_of(table, ["x"], of="force", depth=5e-3)
 
     found = at_5_mm(6e-3, 4e-3)
     assert found.value[0] == pytest.approx(4000.0 * 5e-3**1.3)
@@ -410,6 +477,18 @@ def test_a_map_has_values_and_errors_over_places_or_those_at_one_depth_by_the_la
     assert "1 place was not pressed to this depth" in found.summary
     found = at_5_mm(np.nan, np.nan)
     assert "none of 2 places has a force at 5 mm; 2 places were not pressed" in found.summary
+
+
+def test_a_map_at_one_depth_has_the_dynamic_stiffness_at_the_frequency_of_each_row():
+    touch = relaxing_contact()
+    table = identify_many([touch])
+    [row] = table.to_pylist()
+    found = map_of(table, ["index"], depth=row["depth"])
+    assert found.value[0] == pytest.approx(row["stiffness_at_depth"])
+    assert found.value[0] > 1.2 * row["relaxed_stiffness_at_depth"]
+    deeper = map_of(table, ["index"], of="damping", depth=0.99 * row["largest_depth"])
+    expected = identify(touch).at(0.99 * row["largest_depth"]).damping.value
+    assert deeper.value[0] == pytest.approx(expected)
 
 
 def test_a_map_says_of_which_places_the_numbers_are_not_to_be_trusted():

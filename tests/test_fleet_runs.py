@@ -45,7 +45,9 @@ def test_a_folder_of_all_kinds_becomes_a_row_each(
     out = printed("fleet", recordings, "-o", results, "--workers", 1, "--report")
     assert "9 contacts in" in out
     assert any(line.split()[:2] == ["bad.csv", "failed"] for line in out.splitlines())
-    assert len(re.findall(r"no-finding +\S+ ± \S+ N/m +\S+ ± \S+ N·s/m", out)) == 8
+    assert (
+        len(re.findall(r"(?:no-finding|flagged) +\S+ ± .+ N/m +\S+ ± .+ N·s/m +\S+ Hz", out)) == 8
+    )
     table = read_results(results)
     names = [name.rpartition("/")[2] for name in table.column("source").to_pylist()]
     assert names == ["array.zarr"] * 5 + ["bad.csv"] + [f"touch-{k:03d}.csv" for k in range(3)]
@@ -62,7 +64,7 @@ def test_a_folder_of_all_kinds_becomes_a_row_each(
     assert {path: path.stat().st_mtime_ns for path in parts(results)} == before
 
     line = refused("fleet", recordings, "-o", results, "--method", "single-stage")
-    assert 'run with method "variable-projection", but this run has "single-stage"' in line
+    assert 'run with method "auto", but this run has "single-stage"' in line
 
 
 def begun(recordings, folder, **settings):

@@ -186,7 +186,7 @@ def test_identify_turns_it_on_and_false_turns_it_off_and_few_are_a_note_and_many
 ) -> None:
     motion, force = probed()
     severities = []
-    for every, count in ((6000, 1), (1000, 6), (20, 295)):
+    for every, count in ((6000, 1), (1000, 6), (15, 394)):
         spiked = force.copy()
         spiked[100::every] += 50.0
         contact = contact_of(motion, spiked)
@@ -198,7 +198,7 @@ def test_identify_turns_it_on_and_false_turns_it_off_and_few_are_a_note_and_many
     assert severities == ["note", "note", "with-care"]
     path = tmp_path / "spiked.csv"
     write_contact(contact_of(motion, spiked), path)
-    for option, expected in ((), 295), (("--no-reject-outliers",), 0):
+    for option, expected in ((), 394), (("--no-reject-outliers",), 0):
         status, out, err = run("identify", path, "--json", *option)
         assert (status, err) == (0, "")
         assert json.loads(out)["results"][0]["rejected_samples"] == expected

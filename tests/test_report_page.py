@@ -87,17 +87,18 @@ def test_the_page_is_whole_and_fetches_nothing(report):
     assert not re.search(r"#[0-9a-f]{6}\b", body, re.IGNORECASE)
 
 
-def test_the_verdict_stands_first_then_the_picture_then_the_tables(report):
+def test_the_numbers_with_their_marks_stand_first_then_the_picture_then_the_tables(report, ball):
     words = Reading(report).words
     order = (
-        "trust",
-        "2000.7 ± 0.6 N/m",
+        *(each.value for each in view.number_lines(ball)),
         "force–penetration loop",
         "correlation",
         "palpate identify",
     )
     places = [words.index(each) for each in order]
     assert places == sorted(places)
+    tiles = report[report.index('class="tiles"') : report.index("</header>")]
+    assert tiles.count('class="badge yes"') == 2
     assert re.search(r"truth 2000, [+-]\d\.\d σ", words)
     # Words of a recording are no markup.
     assert "<i>not italic" in words
@@ -112,11 +113,11 @@ def test_every_section_of_a_result_is_said_in_the_same_words_wherever_it_is_show
     )
     shown = [" ".join(each.split()) for each in (out, ball.summary(), Reading(report).words)]
     card = " ".join(Reading(ball._repr_html_()).words.split())
-    told = [view.verdict(ball), view.depths(ball), view.law(ball)]
-    whole = view.depths(ball, whole=True)
+    numbers = [part for each in view.number_lines(ball) for part in (each.value, each.at)]
+    assert all(part in each for part in numbers for each in (*shown, card))
+    told = [view.depths(ball), view.law(ball)]
     for section in (
         *told,
-        whole,
         view.follows(ball),
         view.findings(ball),
         view.preparation([ball]),

@@ -12,12 +12,12 @@ import tomllib
 from dataclasses import replace
 from pathlib import Path
 
+import faults
 import numpy as np
 import pytest
 
 import palpate
 from palpate.errors import RecordingError
-from palpate.findings import Finding
 from palpate.recordings import opening as tables
 from palpate.reports import identification
 
@@ -133,7 +133,7 @@ def test_a_trace_that_is_read_is_not_written_over(refused, saved):
         (lambda folder: (folder / "result.json").write_text("[1]"), "no schema_version"),
         (
             lambda folder: change(folder, schema_version=99),
-            "with schema 99, but this one reads up to 2",
+            "with schema 99, but this one reads 3",
         ),
         (lambda folder: change(folder, results=[]), "damaged"),
         (lambda folder: change(folder, findings=[{"wrong": 1}]), "damaged"),
@@ -154,22 +154,17 @@ def test_a_damaged_result_is_one_line(saved, tmp_path, spoil, words):
     assert "\n" not in str(raised.value)
 
 
-def test_a_result_of_the_first_schema_is_read_as_before(saved, tmp_path):
-    shutil.copytree(saved, tmp_path, dirs_exist_ok=True)
-    whole = json.loads((saved / "result.json").read_text())
-    for each in whole["results"][0]["findings"]:
-        each["sentence"] = each.pop("message")
-    laws = whole["results"][0]["law_verdict"]
-    laws["flags"] = ["it may be another"]
-    del whole["findings"], laws["findings"]
-    remark = {"step": "tool weight", "sentence": "it turns", "remedy": None, "numbers": True}
-    whole |= {"schema_version": 1, "remarks": [{**remark, "severity": "with-care"}]}
-    (tmp_path / "result.json").write_text(json.dumps(whole))
+def test_frequency_relaxed_stiffness_and_limits_are_saved(tmp_path):
+    result = palpate.identify(faults.remembering(0.1, 1.0))
+    result.save(tmp_path)
     found = palpate.load_result(tmp_path)
-    assert repr(found.findings) == repr(palpate.load_result(saved).findings)
-    assert found.law_verdict.flags == ("it may be another",)
-    weight = Finding.of_both("with-care", "tool weight", "it turns")
-    assert repr(found.contact.findings) == repr((weight,))
+    assert found.frequency == result.frequency
+    assert found.relaxed_stiffness == result.relaxed_stiffness()
+    assert found.working_depths == result.working_depths
+    whole = json.loads((tmp_path / "result.json").read_text())
+    limits = whole["results"][0]["limits"]
+    for name, limit in zip(("stiffness", "damping"), result.diagnosis.limits, strict=True):
+        assert limits[name] == (None if limit is None else limit.as_dict())
 
 
 @pytest.mark.parametrize("parquet", [True, False])
@@ -239,8 +234,9 @@ def test_a_table_has_an_ending_that_is_known(tmp_path):
 
 def test_the_representation_is_a_line_and_the_summary_a_page(ball):
     assert repr(ball).startswith(
-        "<Identification of ball.csv by variable-projection: trust; at 8.7"
+        "<Identification of ball.csv by Hunt–Crossley: stiffness 2000.7 ± "
     )
+    assert " N·s/m at 8.78 mm, 1.58 Hz (trust)>" in repr(ball)
     words = ball.summary()
     for each in ("trust", "2000.7 ± 0.6", "17.56 ± 0.05", "2011 ± 5", "0.996", "95 % interval"):
         assert each in words

@@ -34,7 +34,8 @@ class Marked:
     statistical, systematic : dict
         The bars, over the size of the truth.
     deviations : tuple of float
-        Of K, B and n without the fault, in the standard errors of the estimate.
+        Of K, B and n without the fault, in the standard errors of the estimate, where
+        Hunt and Crossley's law was selected.
     named : tuple of str
         Checks of the findings above a note, the most severe first.
     seconds : float
@@ -110,8 +111,9 @@ def marked(made: Trial) -> Marked:
         said.errors[name] = (quantity.value - true) / abs(true)
         said.statistical[name] = quantity.standard_error / abs(true)
         said.systematic[name] = quantity.systematic / abs(true)
-    off = np.subtract(result.law.parameters, made.law.parameters)
-    said.deviations = tuple((off / result.estimate.standard_errors).tolist())
+    if len(result.law.parameters) == len(made.law.parameters):
+        off = np.subtract(result.law.parameters, made.law.parameters)
+        said.deviations = tuple((off / result.estimate.standard_errors).tolist())
     return said
 
 

@@ -15,7 +15,15 @@ MARKS: tuple[Mark, ...] = ("trust", "with-care", "do-not-trust")
 SEVERITIES: tuple[Severity, ...] = ("note", "with-care", "do-not-trust")
 
 
-_OF_SCHEMA_1 = {"sentence": "message", "step": "check"}
+#: Checks whose findings may lower a mark beyond what the error bars say: faults of the recording
+#: that no error bar can hold. Every other finding changes error bars only.
+MAY_CAP = frozenset([
+    "adhesion", "change", "channels", "depth", "direction", "excitation", "file", "force frame",
+    "force jump", "force unit", "forecast", "held channel", "late force", "load transfer",
+    "misfit", "no time", "one way", "orientation", "outliers", "penetration unit", "precision",
+    "saturation", "signs", "spikes", "stuck force", "time stamps", "time unit", "tool weight",
+    "units", "velocity column", "weak prior",
+])  # fmt: skip
 
 
 def worst(*marks: Mark) -> Mark:
@@ -51,6 +59,8 @@ class Finding(Plain):
         ``"do-not-trust"``.
     moves_stiffness_percent, moves_damping_percent : float
         How far it changes them, in per cent of their size; NaN if unknown.
+    brief : str
+        The message in fewer words, for the line of a number; empty if it is short enough.
     """
 
     check: str
@@ -62,6 +72,7 @@ class Finding(Plain):
     damping: Mark = "trust"
     moves_stiffness_percent: float = math.nan
     moves_damping_percent: float = math.nan
+    brief: str = ""
 
     def __post_init__(self) -> None:
         least = worst(self.stiffness, "with-care" if self.damping != "trust" else "trust")
@@ -76,14 +87,9 @@ class Finding(Plain):
         return cls(check, message, remedy, z=z, stiffness=mark, damping=mark)
 
     @classmethod
-    def from_dict(cls, words: Mapping[str, Any] | str) -> "Finding":
-        """Return the finding of :meth:`as_dict`, or of ``result.json`` in its first schema."""
-        if isinstance(words, str):
-            return cls("which law", words)
-        given = {_OF_SCHEMA_1.get(name, name): value for name, value in words.items()}
-        # Whether stiffness and damping suffer.
-        if given.pop("numbers", False) or ("step" in words and given["severity"] == MARKS[-1]):
-            given |= {"stiffness": given["severity"], "damping": given["severity"]}
+    def from_dict(cls, words: Mapping[str, Any]) -> "Finding":
+        """Return the finding of :meth:`as_dict`."""
+        given = dict(words)
         for name in ("z", "moves_stiffness_percent", "moves_damping_percent"):
             given[name] = or_nan(given.get(name))  # JSON's null is NaN
         return cls(**given)

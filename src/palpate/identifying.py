@@ -11,7 +11,6 @@ from palpate.estimators import ESTIMATORS, ContactEstimator, VariableProjection
 from palpate.estimators.by_law import estimator_by_law
 from palpate.estimators.contact_estimator import Rejection, known_exponent
 from palpate.estimators.estimate import Traced, checked_trace
-from palpate.estimators.law_verdicts import Candidate
 from palpate.identification.identified import Identified
 from palpate.preparation.gates import choose_gate
 from palpate.preparation.preparing import Recorded, prepare
@@ -60,6 +59,8 @@ class Identification(Identified):
     bounded : Estimate, optional
         The estimate under the weak prior of :class:`VariableProjection`, where the motion leaves
         the estimator's own open; it is then the :attr:`estimate`.
+    selected : Identification, optional
+        The one that selected the law, where variable projection then identified that.
     """
 
     segments: tuple["Identification", ...]
@@ -68,7 +69,7 @@ class Identification(Identified):
         return view.line(self)
 
     def _repr_html_(self) -> str:
-        """Card for a notebook: verdict, numbers at working depth, and the law."""
+        """Card for a notebook: the numbers with their marks, and the law."""
         from palpate.reports.identification import card
 
         return card(self)
@@ -164,19 +165,20 @@ def identify(
         Prepared by :func:`prepare`, with its default columns, unless it is a contact. Or pass
         arrays in its place: ``time``, ``penetration`` and ``force``.
     estimator : ContactEstimator or str, optional
-        Method with settings, which is not modified, or the name of a method. Default:
-        :class:`VariableProjection`. A ``gate`` or ``scale`` of None is chosen from the data: see
-        :mod:`palpate.preparation.gates`. Variable projection selects its samples itself, and uses
-        the contact's ``tare_deviation`` as the prior of its offset. :class:`OutlierRejection`
-        excludes outliers unless ``outlier_rejection`` is False.
+        Method with settings, which is not modified, or the name of a method. Default: as
+        ``law="auto"``; :class:`VariableProjection` without time. A ``gate`` or ``scale`` of None
+        is chosen from the data: see :mod:`palpate.preparation.gates`. Variable projection selects
+        its samples itself, and uses the contact's ``tare_deviation`` as the prior of its offset.
+        :class:`OutlierRejection` excludes outliers unless ``outlier_rejection`` is False.
     method : str, optional
         Name of a method, such as ``"single-stage"``, in place of ``estimator``.
     law : str, optional
         In place of an estimator, or next to the name of a method that identifies it:
-        ``"hunt-crossley"`` (the default), ``"kelvin-voigt"``, ``"half-space"`` or another law; or
-        ``"auto"``, the one that fits best, with a spectrum of relaxation times where the material
-        relaxes: :class:`ViscoelasticContact`. :attr:`Identification.law_verdict` has the evidence.
-        Where the Hunt–Crossley law is selected, the answer is variable projection's.
+        ``"hunt-crossley"``, ``"kelvin-voigt"``, ``"half-space"`` or another law; or
+        ``"auto"`` (the default), the one that fits best, with a spectrum of relaxation times
+        where the material relaxes: :class:`ViscoelasticContact`.
+        :attr:`Identification.law_verdict` has the evidence. Where the Hunt–Crossley law is
+        selected, the answer is variable projection's.
     trace : int, float, "full" or False
         Which estimates along the way :attr:`Identification.trace` holds. An int: at most so many,
         evenly spread up to the last sample. A float: one every so many seconds, in [1e-9, 1e9];
@@ -207,18 +209,7 @@ def identify(
     given = {name: values for name, values in arrays.items() if values is not None}
     if not isinstance(source, Contact) or given or no_time:
         source = prepare(source, no_time=no_time, **given)  # type: ignore[arg-type]  # it refuses a contact with arrays
-    return _plain(Identification.of(Data(source), estimator, trace=traced))
-
-
-def _plain(found: Identification) -> Identification:
-    """Variable projection's answer where the Hunt–Crossley law was selected: its digits."""
-    assert found.data is not None
-    if found.estimator.candidate != Candidate("hunt-crossley", "none"):
-        return found
-    given, plain = found.estimator.settings, VariableProjection()
-    shared = {name for name in plain.settings if name in given}.difference(found.chosen)
-    plain = plain.replace(**{name: given[name] for name in shared})
-    return Identification.of(found.data, plain, trace=found.traced)
+    return Identification.selected_law(Data(source), estimator, trace=traced)
 
 
 def diagnose(

@@ -1,5 +1,6 @@
 """The commands ``palpate fleet`` and ``palpate map``."""
 
+import math
 import os
 from collections import Counter
 from dataclasses import asdict, dataclass, replace
@@ -23,6 +24,7 @@ from palpate.cli.options import (
 )
 from palpate.cli.printing import AsJson, Terminal, bar, print_json, print_table, say, say_path
 from palpate.cli.reading import ReadingOptions
+from palpate.digits import rounded
 from palpate.errors import InvalidParameterError
 
 if TYPE_CHECKING:
@@ -117,18 +119,24 @@ def _settings(
     choosing: MethodOptions, diagnosis: Literal["none", "input", "full"], reading: ReadingOptions
 ) -> "Settings":
     """Return the settings of a run; preparation options with their default values are omitted."""
-    from palpate.fleet.tasks import Settings
+    from palpate.estimators import ViscoelasticContact
+    from palpate.fleet.tasks import AUTO, Settings
     from palpate.recordings.opening import MAX_SIZE
 
     for option in ("save_config", "curve"):
         if getattr(reading, option) is not None:
             name = option.replace("_", "-")
             raise InvalidParameterError(f"--{name} applies to one recording; omit it for a fleet")
+    given = choosing
+    if choosing.law is None and choosing.method is None:  # what only this method has chooses it
+        given = MethodOptions(method="variable-projection")
+    estimator = {**given.settings, **reading.chosen(given.kind)}
+    auto = given is not choosing and set(estimator) <= set(ViscoelasticContact().settings)
     usual = ReadingOptions().preparation
     own = {name: value for name, value in reading.preparation.items() if value != usual[name]}
     return Settings(
-        method=choosing.kind.method,
-        estimator={**choosing.settings, **reading.chosen(choosing.kind)},
+        method=AUTO if auto else given.kind.method,
+        estimator=estimator,
         preparation=own,
         diagnosis=diagnosis,
         minimum_penetration=reading.min_penetration,
@@ -179,12 +187,17 @@ def _print_rows(console: Terminal, found: "Fleet") -> bool:
     names = [name[common:].lstrip("/") for name in names]
     if few := len(names) <= _MOST_ROWS:
         marks = [Text(verdict, _STYLES.get(verdict, "")) for verdict, _ in verdicts]
-        columns = names, marks, *(maps.format_values(table, name) for name in maps.JUDGED)
-        print_table(console, ["contact", "verdict", *maps.JUDGED], [*zip(*columns, strict=True)])
+        turns = maps.numbers(table, "frequency") / math.tau
+        at = [f"{rounded(turn, 3)} Hz" if math.isfinite(turn) else "–" for turn in turns.tolist()]
+        columns = names, marks, *(maps.format_values(table, name) for name in maps.JUDGED), at
+        header = ["contact", "verdict", *maps.JUDGED, "frequency"]
+        print_table(console, header, [*zip(*columns, strict=True)])
     else:
         counts = Counter(verdict for verdict, _ in verdicts)
         words = [f"{counts[each]} {each}" for each in maps.VERDICTS if each in counts]
         say(console, f"{len(names)} rows: {', '.join(words)}")
+    if (lag := maps.rig_lag_of(table)) is not None:
+        say(console, str(lag), "yellow")
     reasons = maps.reasons_of_verdicts(names, verdicts)
     for line in reasons[:_MOST_REASONS]:
         say(console, line, _STYLES[line.partition(":")[0]])

@@ -24,6 +24,8 @@ from palpate.cli.reading import Files, ReadingOptions
 from palpate.errors import InvalidParameterError
 
 if TYPE_CHECKING:
+    from palpate.contact import Contact
+    from palpate.estimators import ContactEstimator
     from palpate.identifying import Identification
 
 
@@ -45,10 +47,14 @@ def identify(
 ) -> int:
     """Identify the contact model of a recording.
 
+    It prints stiffness and damping at the working depth and the motion's frequency, ± one standard
+    error, each with a mark. trust: the standard error, all causes together, is at most 10 %
+    (damping 20 %). do not trust: it is more than 25 % (damping 60 %), or the recording has a fault.
+
     For example:
 
         palpate identify ball.csv --figure ball.pdf
-        palpate identify sponge.csv --law auto --frequency 2Hz
+        palpate identify sponge.csv --frequency 2Hz
         palpate identify probing.mcap --position /pose --force /ft --tare find
         palpate identify touch.csv --unit penetration=mm --at 3mm --json
 
@@ -66,16 +72,17 @@ def identify(
     """
     from palpate.identifying import identify as run
 
-    query, depth, kind = deriving.query, judging.depth, choosing.kind
+    query, depth = deriving.query, judging.depth
     drawing.check(list(files))
     destination = None
     if output is not None:  # once it is known that it can be written there
         from palpate.reports.identification import Destination
 
         destination = Destination(output, [file for file in files if str(file) != "-"])
+    choosing.check()
     contact = reading.contact(files, choosing.options)
-    settings = reading.settings(contact, kind) | choosing.settings
-    result = run(contact, kind(**settings)).with_query(query)
+    choosing, estimator = _estimator(contact, choosing, reading)
+    result = run(contact, estimator).with_query(query)
     if result.query.frequency is not None:  # refused before anything is written
         result.dynamic_stiffness(result.query.frequency)
     result = _in_parts(result if depth is None else result.at_depth(depth), changes=changes)
@@ -87,7 +94,22 @@ def identify(
         compared = reading.compared(contact, watch=watch, known=result)
         destination.save(result, options=options, compared=compared)
     print_identifications(files, [result], drawing.figure, as_json=as_json, folder=output)
-    return judging.status([result.diagnosis.verdict])
+    asked = query.frequency is not None or query.impact_speed is not None
+    return judging.status([result.diagnosis.verdict], damping=asked)
+
+
+def _estimator(
+    contact: "Contact", choosing: MethodOptions, reading: ReadingOptions
+) -> "tuple[MethodOptions, ContactEstimator]":
+    """The estimator that the options request, and the options that name it.
+
+    By default the one that selects a law; variable projection for what only that can do.
+    """
+    if choosing.law is None and choosing.method is None:
+        auto = reading.any_law and not contact.timeless
+        choosing = MethodOptions(law="auto") if auto else choosing
+    kind = choosing.kind
+    return choosing, kind(**reading.settings(contact, kind) | choosing.settings)
 
 
 def _in_parts(result: "Identification", *, changes: bool) -> "Identification":
@@ -136,10 +158,8 @@ def diagnose(
     from palpate.identifying import identify as run
     from palpate.results.saved import described
 
-    depth, kind = judging.depth, choosing.kind
-    contact = reading.contact(files, choosing.options)
-    settings = reading.settings(contact, kind) | choosing.settings
-    result = run(contact, kind(**settings), trace=False)
+    depth, contact = judging.depth, reading.contact(files, choosing.options)
+    result = run(contact, _estimator(contact, choosing, reading)[1], trace=False)
     result = result if depth is None else result.at_depth(depth)
     if as_json:
         print_json(described(files, [result]))

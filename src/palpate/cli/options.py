@@ -77,8 +77,8 @@ class MethodOptions:
     """Law and method."""
 
     law: Law = None
-    """Contact law: auto, the damping form that fits best, with relaxation where the material
-    relaxes; or one law, such as half-space (default: hunt-crossley)."""
+    """Contact law: auto, the one that fits best, with relaxation where the material relaxes; or one
+    law, such as hunt-crossley (default: auto)."""
     method: Method = None
     "Estimator, such as single-stage (default: the best for the law)."
 
@@ -98,11 +98,14 @@ class MethodOptions:
 
         return estimator_by_law(self.law, self.method)
 
+    def check(self) -> None:
+        """Raise if there is no such law or method, before anything is read."""
+        assert self._found
+
     @property
     def options(self) -> dict[str, str]:
-        """The options that repeat the choice."""
-        law = {} if self.law is None else {"law": self.law}
-        return {**law, "method": self.kind.method}
+        """The options that were passed."""
+        return {name: value for name, value in vars(self).items() if name[0] != "_" and value}
 
 
 @Parameter(name="*", group=OUTPUT)
@@ -157,7 +160,8 @@ class VerdictOptions:
     at: Depth | None = None
     "Working depth, such as 3mm (default: the median penetration)."
     fail_on: Literal["do-not-trust", "with-care"] | None = None
-    "Exit with status 3 on this verdict or a worse one."
+    """Exit with status 3 where the stiffness has this mark or a worse one; with --frequency or
+    --impact-speed, which need the damping, also where the damping has."""
 
     @property
     def depth(self) -> float | None:
@@ -169,14 +173,15 @@ class VerdictOptions:
         """The options that were passed."""
         return {} if self.at is None else {"at": self.at}
 
-    def status(self, verdicts: "Iterable[Verdict]") -> int:
-        """Return 3 if a verdict counts as a failure, else 0."""
+    def status(self, verdicts: "Iterable[Verdict]", *, damping: bool = False) -> int:
+        """Return 3 if a mark of a stiffness, or of a damping if that counts, is a failure."""
         from palpate.findings import MARKS
 
         if self.fail_on is None:
             return 0
         failing = MARKS[MARKS.index(self.fail_on) :]
-        return UNTRUSTED if any(each.overall in failing for each in verdicts) else 0
+        marks = (mark for each in verdicts for mark in (each.stiffness, *[each.damping] * damping))
+        return UNTRUSTED if any(mark in failing for mark in marks) else 0
 
 
 @Parameter(name="*", group=Group("Derived quantities", sort_key=4))

@@ -238,7 +238,8 @@ def print_identifications(
     else:
         sections = [*view.answer(results[0], [shlex.quote(str(file)) for file in files])]
     short = len(results) == 1 and not is_verbose()
-    console = _print("" if short else results[0].contact.source or "contact", sections)
+    source = results[0].contact.source or "contact"
+    console = _print(Path(source).name if short else source, sections)
     if figure is not None:
         say_path(console, f"figure: {figure}")
     if folder is not None:
@@ -275,7 +276,9 @@ def is_verbose() -> bool:
 
 
 def _cell(cell: "str | Marked") -> Cell:
-    return cell if isinstance(cell, str) else Text(cell.text, _STYLES[cell.mark])
+    if isinstance(cell, str):
+        return cell
+    return Text.assemble(cell.before, (cell.text, _STYLES[cell.mark]), cell.after)
 
 
 def _format_line(line: "Line") -> Text:

@@ -93,6 +93,8 @@ class ReadingOptions:
     "Subtract the mean force between START:STOP, s; find detects free air and subtracts its mean."
     delay: Annotated[Literal["find"] | str | None, _signed("find|DURATION")] = None
     "Delay of the force behind the position, such as 5ms or 5ms+-0.2ms; find estimates it."
+    skew: Annotated[str | None, _signed("DURATION")] = None
+    "Standard error of the skew between force and position, such as 0.1ms (default: 1ms)."
     reject_outliers: Annotated[bool, _PREPARED] = True
     "Exclude dropouts, spikes, saturated samples and touches from where another place is loaded."
     surface: Annotated[_Surface | str | None, _signed("DEPTH")] = None
@@ -177,6 +179,12 @@ class ReadingOptions:
             given["tare"] = self.tare if self.tare == "find" else _span("--tare", self.tare)
         if self.delay is not None:
             given["delay"] = self.delay if self.delay == "find" else _with_error(self.delay)
+        if self.skew is not None:
+            if self.delay is not None:
+                raise InvalidParameterError(
+                    "--skew excludes --delay, which has a standard error of its own: 5ms+-0.2ms"
+                )
+            given["delay"] = (0.0, quantity("--skew", self.skew, "time"))
         given |= quantities(self, tool_weight="force")
         if self.spot == "inf":
             return {**given, "spot": 1e6}
@@ -200,6 +208,15 @@ class ReadingOptions:
             for name, value in vars(self).items()
             if name != "save_config" and value != getattr(ReadingOptions, name)
         }
+
+    @property
+    def any_law(self) -> bool:
+        """Whether every law can do what the options request; some only variable projection can."""
+        from palpate.estimators import ViscoelasticContact
+
+        low, high = ViscoelasticContact.exponents
+        known = self.exponent is None or low <= self.exponent <= high
+        return known and self.weak_prior and self.surface != "estimate"
 
     def settings(self, contact: "Contact", kind: "type[ContactEstimator]") -> dict[str, Any]:
         """Return the constructor arguments for an estimator of this kind, with its gate."""

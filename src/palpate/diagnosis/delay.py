@@ -262,13 +262,11 @@ def delay_sensitivity(fit: Fit) -> str:
     damping = abs(fit.damping(law))
     by_skew = abs(fit.stiffness(law)) * 1e-3 / damping if damping > 0.0 else math.inf
     words = f"1 ms of skew between force and position changes the damping by {by_skew:.1%}"
-    if (applied := fit.data.contact.delay) is not None:
+    if (applied := fit.data.contact.delay) is not None and applied.seconds:
         size = with_error(abs(applied.seconds) * 1e3, applied.standard_error * 1e3, unit="ms")
         way = "late" if applied.seconds > 0.0 else "early"
         words = f"a delay was taken out: the force was {size} {way}; {words}"
-    if fit.laws is None or not fit.laws.own:
-        return words
-    if fit.laws.verdict.candidate.damping != "half-space":
+    if fit.laws is None or fit.laws.verdict.candidate.damping != "half-space":
         return words
     return f"{words}; no check can distinguish half-space damping from a force that is early"
 

@@ -6,13 +6,12 @@ import time
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise
-from operator import attrgetter
 
 import numpy as np
 
 from palpate.contact import VelocityFilter
 from palpate.diagnosis.change import Changes, changes
-from palpate.diagnosis.chosen_law import ahead, held_out, relaxed_stiffness
+from palpate.diagnosis.chosen_law import ahead, relaxed_stiffness
 from palpate.diagnosis.data import VELOCITY_NONE, Data
 from palpate.diagnosis.delay import (
     adhesion_or_memory,
@@ -20,28 +19,33 @@ from palpate.diagnosis.delay import (
     delay,
     delay_error,
     delay_sensitivity,
+    largest_pull,
     skew_jump,
     unseen,
 )
-from palpate.diagnosis.finding import Diagnosis, Episode, Laws, Quantity, Verdict, WorkingDepth
-from palpate.diagnosis.fit import FEWEST_ROWS, Fit, MisfitHypothesis, Search
+from palpate.diagnosis.finding import (
+    Diagnosis,
+    Episode,
+    Laws,
+    Quantity,
+    WorkingDepth,
+    verdict_by,
+)
+from palpate.diagnosis.fit import FEWEST_ROWS, SIGNIFICANT, Fit, MisfitHypothesis, Search
 from palpate.diagnosis.marks import (
+    IN_STEP,
     OFF,
-    WIDE_DAMPING,
+    SURE,
     Judged,
     air,
-    better_law,
     excitation,
     extrapolation,
-    finding_of,
     judge,
-    marks_of,
     method,
     misfit,
-    misfit_moves,
     nothing_known,
     offset,
-    sign,
+    precision,
     standard_errors,
     surface,
     unexplained,
@@ -50,7 +54,8 @@ from palpate.diagnosis.marks import (
 from palpate.digits import format_quantity, rounded
 from palpate.estimators.estimate import Estimate, Trace
 from palpate.estimators.law_verdicts import ONE_WAY
-from palpate.findings import MARKS, SEVERITIES, Finding, Mark, worst
+from palpate.estimators.oscillation import Oscillation
+from palpate.findings import MAY_CAP, SEVERITIES, Finding, Mark
 from palpate.preparation.gates import dead_band_of
 from palpate.preparation.held import beat_of
 from palpate.preparation.velocity import filter_gain
@@ -120,17 +125,17 @@ def dead_band(fit: Fit) -> Finding | None:
 
 # Excluded outliers: always reported, and many of them call for care.
 
-MANY_LEFT_OUT = 0.02  # of the samples in contact
+MANY_LEFT_OUT = 0.05  # of the samples in contact
 
 
 def outliers(count: int, samples: int) -> Finding:
-    """Return how many samples in contact were excluded; more than 2 % call for care."""
+    """Return how many samples in contact were excluded; more than 5 % call for care."""
     part = rounded(100.0 * count / samples, 2)
-    return Finding(
+    return Finding.of_both(
+        "with-care" if count > MANY_LEFT_OUT * samples else "trust",
         "outliers",
         f"{count} sample{'s' * (count > 1)} ({part} %) excluded as outlier{'s' * (count > 1)}",
         "if they are real, run again with --no-reject-outliers",
-        "with-care" if count > MANY_LEFT_OUT * samples else "note",
     )
 
 
@@ -147,14 +152,15 @@ def one_way(fit: Fit) -> Finding | None:
     v = fit.data.velocity[fit.inside]
     if not abs(float(v.mean())) > ONE_WAY * fit.speed:
         return None
-    chosen = fit.laws is not None and fit.laws.own
+    known = "exponent" in fit.estimate.fixed
     return Finding(
         "one way",
         "the probe moves one way at nearly one speed: only the shape of the law separates "
         "stiffness, damping and relaxation, which the error bars do not include",
         "press and release, at several speeds",
-        stiffness="with-care" if chosen else "trust",
+        stiffness="trust" if known else "do-not-trust",
         damping="do-not-trust",
+        brief="the probe moves one way",
     )
 
 
@@ -220,6 +226,8 @@ def diagnose_parts(
     laws: Laws | None = None,
     notes: Sequence[Finding] = (),
     method: str = "variable-projection",
+    response: Oscillation | None = None,
+    frequency: float = math.nan,
 ) -> Diagnosis:
     """Diagnose the identification of a recording.
 
@@ -241,10 +249,16 @@ def diagnose_parts(
         no motion identifies one law for all of them.
     method : str
         Name of the method, for remedies.
+    response : Oscillation, optional
+        What the selection of a law says of K′ and B′.
+    frequency : float, optional
+        ω of the motion, rad/s.
     """
     found = list(data.findings)
     with np.errstate(all="ignore"):  # a column of an absurd fit may overflow; it is then left out
-        fit = Fit(data, trace, estimate, depths[0] if depths else None, laws, method)
+        fit = Fit(
+            data, trace, estimate, depths[0] if depths else None, laws, method, response, frequency
+        )
         others = depths[1:] if depths else fit.deeper
         try:
             if len(fit.band) >= FEWEST_ROWS // 2 and fit.finite:
@@ -267,15 +281,14 @@ def _diagnosed(
         _LOGGER.debug("search for %s: %.4f s", search.__name__, time.perf_counter() - begun)
     if changed is not None:
         causes.append(changed.cause)
-    judged = judge(causes, unexplained(fit), near_noise=fit.near_noise)
+    selected = fit.response is not None
+    judged = judge(causes, unexplained(fit), near_noise=fit.near_noise, selected=selected)
     if not any(finding.check == "change" for finding in judged.findings):
         changed = None
-    judged = _with_better_law(fit, judged, changed)
-    if (held := held_out(fit)) is not None:
-        counted = (*judged.counted, (held[0], 1.0))
-        judged = replace(judged, findings=[*judged.findings, held[1]], counted=counted)
     named_surface = bool(judged.findings) and judged.findings[0].check == "surface"
     found += judged.findings
+    if fit.equivalent is not None and not any(f.check in ("adhesion", "change") for f in found):
+        found += behind_memory(fit)
     for check in CHECKS:
         finding = check(fit)
         if finding is not None and not (finding.check == "offset" and named_surface):
@@ -283,32 +296,35 @@ def _diagnosed(
     found += _notes(fit)
     judged = _with_least_parts(fit, judged, found)
     depths = tuple(working_depth(fit.at_depth(depth), judged) for depth in (fit.depth, *others))
-    detected = replace(judged, undetected=(0.0, 0.0))
-    found += sign(fit, working_depth(fit, detected), found)
+    found += precision(fit, depths[0], judged)
+    if any(finding.check == "one way" for finding in found):
+        unknown = Quantity(math.nan, math.nan, math.nan)
+        depths = tuple(replace(depth, damping=unknown) for depth in depths)
     episodes = () if changed is None else _episodes(fit, changed)
     said = {finding.message for finding in found}
     found += [n for n in notes if n.message not in said and not (episodes and n.severity == "note")]
     return _whole(found, depths, episodes, fit.laws)
 
 
-def _with_better_law(fit: Fit, judged: Judged, changed: Changes | None) -> Judged:
-    """With the law that model selection prefers, and how far it changes the result.
+def behind_memory(fit: Fit) -> list[Finding]:
+    """Adhesion, or a change of the material, that a law which relaxes has taken for its own.
 
-    Of two materials one law is none; but changes fit some of what relaxes.
+    By Hunt and Crossley's law of the same samples: with adhesion it leaves about as little as the
+    law that was selected, or with a change far less.
     """
-    cause = better_law(fit) if changed is None else None
-    checks = [finding.check for finding in judged.findings]
-    if cause is None or checks[:1] == ["adhesion"]:  # which laws with memory fit some of
-        return judged
-    if "delay" in checks:  # which looks like another damper, or like memory
-        cause = replace(cause, remedy=f"{cause.remedy}, unless the force is known to be late")
-    found = finding_of(cause, "note", *marks_of(cause))
-    # The cause that explains most comes first; of relaxation, its own finding. What a law leaves of
-    # another kind of relaxation looks like either.
-    first = cause.gain > max((each.gain for each, _ in judged.counted), default=0.0)
-    place = 0 if first and checks[:1] not in (["memory"], ["surface"]) else 1
-    findings = [*judged.findings[:place], found, *judged.findings[place:]]
-    return replace(judged, findings=findings, counted=(*judged.counted, (cause, 1.0)))
+    given, trace, _ = fit._given
+    plain, left = Fit(given, trace, fit.estimate, fit.depth), fit.solution.energy
+    causes = []
+    if largest_pull(plain) > 0.0:
+        pulls = (each for each in adhesion_or_memory(plain) if each.name == "adhesion")
+        causes += [(each, left / SURE) for each in pulls if each.z > SIGNIFICANT]
+    if not fit.near_noise and (changed := changes(plain)) is not None:
+        causes.append((changed.cause, left * SURE))
+    return [
+        Finding.of_both("with-care", each.name, each.sentence, each.remedy, each.z)
+        for each, most in causes
+        if (1.0 - each.gain) * plain.solution.energy < most
+    ]
 
 
 #: Checks whose findings say how far they move the numbers; none of them is a column of the fit.
@@ -316,19 +332,48 @@ OWN_MOVES = ("velocity noise", "velocity column", "free air")
 
 
 def _with_least_parts(fit: Fit, judged: Judged, found: list[Finding]) -> Judged:
-    """With the least systematic parts: by misfit, an applied delay, velocity and free air."""
-    parts = [judged.least, misfit_moves(fit), (0.0, delay_error(fit))]
+    """With the least systematic parts: an applied delay, the skew, the velocity and free air."""
+    sources: list[tuple[str, str | None, tuple[float, float]]] = []
+    if (by_delay := delay_error(fit)) > 0.0:
+        words = "by the standard error of the delay"
+        sources.append((words, "run again with --delay find", (0.0, by_delay)))
+    if (skew := _skew(fit)) > 0.0:
+        by_skew = abs(fit.stiffness(fit.solution.law)) * skew / fit.sizes[1]
+        words = f"since {rounded(1e3 * skew, 2)} ms of skew between force and position is possible"
+        sources.append((words, IN_STEP, (0.0, by_skew)))
     for finding in found:
         if finding.check in OWN_MOVES:
             moves = finding.moves_stiffness_percent, finding.moves_damping_percent
-            by_stiffness, by_damping = np.abs(np.nan_to_num(moves, posinf=0.0)).tolist()
-            parts.append((by_stiffness / 100.0, by_damping / 100.0))
+            by_stiffness, by_damping = (0.01 * np.abs(np.nan_to_num(moves, posinf=0.0))).tolist()
+            if finding.check != "free air":  # that is of the damping itself
+                by_damping *= abs(fit.damping(fit.solution.law)) / fit.sizes[1]
+            parts = by_stiffness, by_damping
+            sources.append((f"since {finding.brief or finding.message}", finding.remedy, parts))
     if (used := fit.data.velocity_filter) is not None and np.any(fit.v):
         moved = _velocity_error(fit, used) * abs(fit.damping(fit.solution.law))
         if moved > OFF * standard_errors(fit)[2]:
-            parts.append((0.0, moved / fit.sizes[1]))
-    stiffness, damping = np.max(parts, axis=0).tolist()
-    return replace(judged, least=(stiffness, damping))
+            words = "by the error of the differentiated velocity"
+            sources.append((words, fit.data.wider_window, (0.0, moved / fit.sizes[1])))
+    stiffness, damping = np.max([judged.least, *(parts for *_, parts in sources)], axis=0).tolist()
+    return replace(judged, least=(stiffness, damping), sources=tuple(sources), skew=skew)
+
+
+#: Skew between force and position that is allowed for where nothing is known of their clocks, s.
+#: Half a sample at 66 Hz would make the bar of a damping 140 % that repeats to 8 %.
+USUAL_SKEW = 1e-3
+
+
+def _skew(fit: Fit) -> float:
+    """Skew that the law cannot tell from damping, s; 0 for Hunt–Crossley, whose damping tells it.
+
+    K n xⁿ⁻¹ v is not B xⁿ v; but it is what a half-space, a linear damper or a branch adds.
+    """
+    law = fit.estimate.law if fit.equivalent is None else fit._given[2].law
+    if law.power_law:
+        return 0.0
+    if fit.data.contact.delay is not None:
+        return 0.0  # its standard error is counted
+    return max(USUAL_SKEW, 0.0 if fit.response is None else fit.response.delay)
 
 
 def _velocity_error(fit: Fit, used: VelocityFilter) -> float:
@@ -354,13 +399,16 @@ def _whole(
     episodes: tuple[Episode, ...],
     laws: Laws | None,
 ) -> Diagnosis:
-    in_order = sorted(found, key=lambda finding: -SEVERITIES.index(finding.severity))
-    stiffness = worst(*map(attrgetter("stiffness"), found))
-    damping = worst(*map(attrgetter("damping"), found))
+    told = [f if f.check in MAY_CAP else _uncapped(f) for f in found]
+    in_order = sorted(told, key=lambda finding: -SEVERITIES.index(finding.severity))
     of_laws = laws.verdict if laws is not None else None
-    overall = MARKS[SEVERITIES.index(in_order[0].severity)] if in_order else "trust"
-    verdict = Verdict(stiffness, damping, overall)
-    return Diagnosis(verdict, tuple(in_order), depths, episodes, of_laws)
+    verdict, limits = verdict_by(in_order, depths[0])
+    return Diagnosis(verdict, tuple(in_order), depths, episodes, of_laws, limits)
+
+
+def _uncapped(finding: Finding) -> Finding:
+    """A finding that changes error bars only, without marks of its own."""
+    return replace(finding, severity="note", stiffness="trust", damping="trust")
 
 
 def _nothing_to_check(fit: Fit) -> Finding:
@@ -373,14 +421,8 @@ def _nothing_to_check(fit: Fit) -> Finding:
 
 
 def _notes(fit: Fit) -> list[Finding]:
-    wide = delay_error(fit) > WIDE_DAMPING
     notes = [
-        Finding(
-            "skew",
-            delay_sensitivity(fit),
-            "run again with --delay find" if wide else None,
-            damping="with-care" if wide else "trust",
-        ),
+        Finding("skew", delay_sensitivity(fit)),
         Finding("unseen", unseen(fit)),
         Finding(
             "peak force",

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,7 @@ from palpate.digits import format_quantity, with_error
 from palpate.errors import OldName
 from palpate.estimators import ContactEstimator, LawVerdict
 from palpate.estimators.law_verdicts import verdict_of
-from palpate.findings import Finding, Mark
+from palpate.findings import Finding, Mark, worst
 from palpate.force_laws import ForceLaw, GeneralisedHuntCrossley
 from palpate.validation import Plain
 
@@ -161,6 +162,8 @@ class Diagnosis(Plain):
         One for each segment between changes of the material; empty without a change.
     law_verdict : LawVerdict, optional
         Model selection among the common laws on the same samples, if the identified law is one.
+    limits : tuple of Finding or None
+        The findings that decide the marks of the stiffness and of the damping; None for *trust*.
     """
 
     verdict: Verdict
@@ -168,6 +171,7 @@ class Diagnosis(Plain):
     working_depths: tuple[WorkingDepth, ...]
     episodes: tuple[Episode, ...] = ()
     law_verdict: LawVerdict | None = None
+    limits: tuple[Finding | None, Finding | None] = (None, None)
 
     def __repr__(self) -> str:
         at, marks = self.working_depth, self.verdict
@@ -176,9 +180,9 @@ class Diagnosis(Plain):
             for each, unit in ((at.stiffness, "N/m"), (at.damping, "N·s/m"))
         )
         return (
-            f"<Diagnosis: {marks.overall}; {self.reason}\n"
-            f" at {format_quantity(at.depth, 'm')}: stiffness {stiffness} ({marks.stiffness}), "
-            f"damping {damping} ({marks.damping}); {len(self.findings)} findings>"
+            f"<Diagnosis at {format_quantity(at.depth, 'm')}: stiffness {stiffness} "
+            f"({marks.stiffness}), damping {damping} ({marks.damping}); {self.reason}\n"
+            f" {len(self.findings)} findings>"
         )
 
     @property
@@ -187,79 +191,92 @@ class Diagnosis(Plain):
         return self.working_depths[0]
 
     @property
+    def deciding(self) -> Finding | None:
+        """The finding that decides the overall mark; None for *trust* in all that is given."""
+        marks = self.verdict.stiffness, self.verdict.damping
+        return self.limits[marks.index(self.verdict.overall)]
+
+    @property
     def reason(self) -> str:
-        """The message of the most severe finding, if that is more than a note."""
-        if not self.findings or self.findings[0].severity == "note":
-            return "no problem found that would change the result"
-        return self.findings[0].message
+        """The message of the deciding finding."""
+        found = self.deciding
+        return "no problem found that would change the result" if found is None else found.message
 
     @property
     def remedy(self) -> str | None:
         """The next step: the remedy of the reason."""
-        first = self.findings[:1]
-        return first[0].remedy if first and first[0].severity != "note" else None
+        return None if self.deciding is None else self.deciding.remedy
 
     def as_dict(self) -> dict[str, Any]:
         """Return plain numbers and text; undefined values are None."""
-        return {**Plain.as_dict(self), "working_depth": self.working_depth.as_dict()}
+        limits = zip(("stiffness", "damping"), self.limits, strict=True)
+        return {
+            **Plain.as_dict(self),
+            "limits": {name: found and found.as_dict() for name, found in limits},
+            "working_depth": self.working_depth.as_dict(),
+        }
+
+
+def verdict_by(
+    findings: Sequence[Finding], at: WorkingDepth
+) -> tuple[Verdict, tuple[Finding | None, Finding | None]]:
+    """Return the marks by findings, and the finding that decides that of each number."""
+    marks, limits = [], []
+    # A fault of the recording says more than a wide bar.
+    ordered = sorted(findings, key=lambda each: each.check == "precision")
+    for mark_by in map(attrgetter, ("stiffness", "damping")):
+        mark = worst(*map(mark_by, ordered))
+        deciding = (each for each in ordered if mark_by(each) == mark)
+        marks.append(mark)
+        limits.append(None if mark == "trust" else next(deciding))
+    # A damping that is not given has no say.
+    given = math.isfinite(at.damping.value)
+    overall = worst(*marks) if given else marks[0]
+    return Verdict(marks[0], marks[1], overall), (limits[0], limits[1])
 
 
 # Model selection on the samples that were identified.
 
-REMEDY = "run again with --law auto"
+REMEDY = "let palpate select the law: run again without --law and --method"
 TASK_SPEED = "record at the speed of the task"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Laws:
-    """Which of them was chosen, and by what evidence.
+    """Which law was selected, and by what evidence.
 
     Attributes
     ----------
     law : GeneralisedHuntCrossley
-        That was chosen.
+        That was selected.
     verdict : LawVerdict
         The evidence.
-    own : bool
-        Whether it is the identification's own law.
     longest : float
         The longest relaxation time that was looked for, s.
-    before : Laws, optional
-        The same by the first two thirds of the contact.
-    missed, surprise : float
-        Rms error of the force that :attr:`before` predicts for the last third, of its rms force,
-        and over the rms error in its own samples.
     """
 
     law: GeneralisedHuntCrossley
     verdict: LawVerdict
-    own: bool = False
     longest: float = 0.0
-    before: "Laws | None" = None
-    missed: float = 0.0
-    surprise: float = 0.0
 
     @classmethod
-    def of(cls, estimator: ContactEstimator, *, own: bool = False) -> "Laws":
-        """Of an estimator that has learned the samples."""
+    def of(cls, estimator: ContactEstimator) -> "Laws":
+        """Return the selection of an estimator that has learned the samples."""
         evidence, estimate = estimator.evidence(), estimator.estimate()
-        verdict = verdict_of(evidence, estimate)
-        return cls(estimate.law, verdict, own, evidence.longest)
+        return cls(estimate.law, verdict_of(evidence, estimate), evidence.longest)
 
 
 def remedy_of_memory(laws: Laws | None, time: float) -> str:
-    """Return the next step for relaxation in the residual; it agrees with the model selection.
+    """Return the next step for relaxation in the residual.
 
     Parameters
     ----------
     laws : Laws, optional
-        That were compared.
+        The selection, where there was one.
     time : float
         Relaxation time that the residual shows, s.
     """
-    if laws is None or all(each.candidate.memory == "none" for each in laws.verdict.model_ranking):
-        return REMEDY
-    if laws.verdict.candidate.memory != "none" and not laws.own:
+    if laws is None:
         return REMEDY
     if time > laws.longest:  # as likely the drift of a sensor
         return "tare the sensor before each touch"

@@ -15,6 +15,7 @@ from palpate.estimators import ESTIMATORS
 from palpate.estimators.by_law import linear_in
 from palpate.estimators.estimate import Estimate, Trace
 from palpate.estimators.least_squares import least_squares, robust_covariance
+from palpate.estimators.oscillation import Oscillation, dynamic_response
 from palpate.estimators.viscoelastic import RelaxingEstimate
 from palpate.force_laws import ForceLaw, GeneralisedHuntCrossley, HuntCrossley, steps_over_breaks
 from palpate.validation import Floats
@@ -33,12 +34,19 @@ class EquivalentEstimate(Estimate):
 
     __slots__ = ("_equivalent", "longest", "own_errors")
 
-    def __init__(self, estimate: Estimate, law: HuntCrossley, depth: float) -> None:
+    def __init__(
+        self, estimate: Estimate, law: HuntCrossley, depth: float, frequency: float
+    ) -> None:
         super().__init__(estimate, estimate._law_type, estimate.fixed)
         self._equivalent = law
         relaxation = estimate.law.relaxation
         self.longest = 0.0 if relaxation is None else relaxation.longest_time
-        self.own_errors = estimate.with_errors(lambda law: law.at_rest(depth))[1]
+
+        def numbers(law: GeneralisedHuntCrossley) -> tuple[float, float, float]:
+            stiffness, damping = dynamic_response(law, depth, frequency).tolist()
+            return stiffness * depth / law.exponent, stiffness, damping
+
+        self.own_errors = estimate.with_errors(numbers)[1]
 
     @property
     def law(self) -> HuntCrossley:
@@ -46,26 +54,32 @@ class EquivalentEstimate(Estimate):
         return self._equivalent
 
 
+def force_of(data: Data, estimate: Estimate) -> Floats:
+    """Force of a generalised law, and of its unknown start, at every sample, N."""
+    x = data.penetration - estimate.surface
+    steps = steps_over_breaks(data.time, x, data.sample_time)
+    force: Floats = estimate.law.force_along(x, data.velocity, steps)
+    if isinstance(estimate, RelaxingEstimate):
+        force += np.where(x > 0.0, estimate.start_force(np.cumsum(steps) - steps[0]), 0.0)
+    return force
+
+
 def equivalent_hunt_crossley(
-    data: Data, estimate: Estimate, depth: float
+    data: Data, estimate: Estimate, depth: float, frequency: float, force: Floats
 ) -> tuple[Data, EquivalentEstimate]:
     """Subtract from the force what a generalised law adds to a Hunt–Crossley law.
 
-    F − M Σ w g − (B xᵖ − B′ xⁿ) v, with B′ xⁿ = B xᵖ at a depth [m], is compared with
-    K xⁿ + B′ xⁿ v: the residual is the same, and so are force, stiffness and damping at that depth,
-    those of the relaxed material.
+    What is left is compared with that law, which has the same K′ and B′ at a depth [m] and a
+    frequency ω [rad/s]: the residual is the same.
     """
     law: GeneralisedHuntCrossley = estimate.law
-    x, v = data.penetration - estimate.surface, data.velocity
-    damping = law.damping * depth ** (law.damping_exponent - law.exponent)
-    equivalent = HuntCrossley(law.stiffness, damping, law.exponent)
-    steps = steps_over_breaks(data.time, x, data.sample_time)
-    excess = law.force_along(x, v, steps) - equivalent.force(x, v)
-    if isinstance(estimate, RelaxingEstimate):
-        excess += np.where(x > 0.0, estimate.start_force(np.cumsum(steps) - steps[0]), 0.0)
+    stiffness, damping = dynamic_response(law, depth, frequency).tolist()
+    n = law.exponent
+    equivalent = HuntCrossley(stiffness / (n * depth ** (n - 1.0)), damping / depth**n, n)
     corrected = copy(data)
-    corrected.force = data.force - excess
-    return corrected, EquivalentEstimate(estimate, equivalent, depth)
+    own = equivalent.force(data.penetration - estimate.surface, data.velocity)
+    corrected.force = data.force - (force - own)
+    return corrected, EquivalentEstimate(estimate, equivalent, depth, frequency)
 
 
 # The motion's band: averages over windows a twentieth of the motion's period long.
@@ -258,9 +272,15 @@ class Fit:
     depth : float, optional
         The working depth, m. Default: the median penetration in contact.
     laws : Laws, optional
-        That were compared by the same samples.
+        The selection of the law, where there was one.
     method : str
         That made the estimate, for remedies.
+    response : Oscillation, optional
+        What the selection says of K′ and B′.
+    frequency : float, optional
+        ω of the motion, rad/s. Default: by the samples in contact.
+    force : numpy.ndarray, optional
+        That of a law that relaxes, by :func:`force_of`, where it is known already.
     """
 
     def __init__(
@@ -271,14 +291,23 @@ class Fit:
         depth: float | None = None,
         laws: Laws | None = None,
         method: str = "variable-projection",
+        response: Oscillation | None = None,
+        frequency: float = math.nan,
+        force: Floats | None = None,
     ) -> None:
         self._given, self.laws, self.method = (data, trace, estimate), laws, method
+        self.response = response if frequency > 0.0 else None
+        self.frequency = frequency
         #: Of a law that relaxes: the equivalent Hunt–Crossley law.
         self.equivalent: EquivalentEstimate | None = None
         if estimate.law.relaxes:
             known = data.penetration[trace.taken[data.known]] - estimate.surface
             middle = float(np.median(known[known > 0.0])) if (known > 0.0).any() else 1.0
-            data, self.equivalent = equivalent_hunt_crossley(data, estimate, depth or middle)
+            # A probe that is held still has no frequency of its own.
+            turn = frequency if frequency > 0.0 else 1.0
+            self._force = force_of(data, estimate) if force is None else force
+            by = depth or middle, turn, self._force
+            data, self.equivalent = equivalent_hunt_crossley(data, estimate, *by)
         self.data, self.estimate = data, self.equivalent or estimate
         estimate = self.estimate
         self.with_offset = estimate.offset_standard_error > 0.0
@@ -322,7 +351,8 @@ class Fit:
         Only an equivalent law has to be fitted again: it is equivalent at one depth.
         """
         if self._given[2].law.relaxes:
-            return Fit(*self._given, depth, self.laws, self.method)
+            by_law = self.response, self.frequency, self._force
+            return Fit(*self._given, depth, self.laws, self.method, *by_law)
         other = copy(self)
         other.depth = depth
         for name in ("gradients", "sizes"):  # cached, and of the depth

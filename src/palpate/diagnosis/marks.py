@@ -2,13 +2,11 @@
 
 import math
 from dataclasses import dataclass, replace
-from functools import partial
 from operator import attrgetter
-from typing import Any
 
 import numpy as np
 
-from palpate.diagnosis.finding import REMEDY, Laws, Quantity, WorkingDepth
+from palpate.diagnosis.finding import REMEDY, Quantity, WorkingDepth
 from palpate.diagnosis.fit import (
     FEWEST_FREE,
     FEWEST_ROWS,
@@ -21,7 +19,6 @@ from palpate.diagnosis.fit import (
     deeper_half,
 )
 from palpate.digits import format_quantity, rounded, with_error
-from palpate.estimators.law_verdicts import STRONG
 from palpate.estimators.least_squares import mean_error, robust_covariance
 from palpate.estimators.variable_projection import ConstrainedEstimate
 from palpate.findings import Finding, Mark, Severity, worst
@@ -30,10 +27,13 @@ from palpate.preparation.gates import dead_band_of
 from palpate.preparation.surfaces import placed
 from palpate.validation import Floats
 
+_UNDETECTED = "by friction or a delay that the recording cannot exclude"
+_LAWS = "since other laws fit as well"
+# Causes of the material. Where a law was selected they change no bar: it has them, or not.
+MATERIAL = frozenset(["memory", "damping form", "damping with depth", "shape", "square speed"])
 # How far a cause changes the result: judgement, not calibration.
 CARE = 0.05
 STOP_STIFFNESS, STOP_DAMPING = 0.20, 0.50
-STOP_CHANGE = 0.15
 # The surface is named before a cause that removes so little more, in a fit that is no worse: looked
 # up on recordings, not calibrated.
 NEAR, MOST_UNEXPLAINED = 0.25, 0.15
@@ -58,13 +58,35 @@ class Judged:
     least : tuple of float
         Least systematic parts of stiffness and damping, of their size.
     undetected : tuple of float
-        What causes that are not significant may add to them; no mark follows from that.
+        What causes that are not significant may add to them.
+    sources : tuple of (str, str or None, (float, float))
+        What ``least`` is made of: in words, the next step, and both parts.
+    skew : float
+        Skew between force and position that the law cannot tell from damping, s; 0 where it can, or
+        where the clocks are known.
     """
 
     findings: list[Finding]
     counted: tuple[tuple[MisfitHypothesis, float], ...] = ()
     least: tuple[float, float] = (0.0, 0.0)
     undetected: tuple[float, float] = (0.0, 0.0)
+    sources: tuple[tuple[str, str | None, tuple[float, float]], ...] = ()
+    skew: float = 0.0
+
+    def largest(self, fit: Fit, number: int, quantity: Quantity) -> tuple[str, str | None]:
+        """What sets most of the bar of stiffness (0) or damping (1), and the next step."""
+        size = fit.sizes[number]
+        parts = [
+            (weight * abs(each.moves(fit)[number]), f"since {each.sentence}", each.remedy)
+            for each, weight in self.counted
+        ]
+        parts += [(moves[number], words, remedy) for words, remedy, moves in self.sources]
+        parts.append((self.undetected[number], _UNDETECTED, "press along the surface normal"))
+        if fit.response is not None:
+            parts.append((float(_spread(fit)[number]) / size, _LAWS, "record a longer motion"))
+        wide = "move faster and over a wider range of depths"
+        parts.append((quantity.standard_error / size, "by the noise and the motion", wide))
+        return max(parts, key=lambda each: each[0])[1:]
 
     def systematic(self, fit: Fit) -> tuple[float, float]:
         """Systematic parts of stiffness and damping at the fit's working depth, of their size."""
@@ -74,7 +96,9 @@ class Judged:
         return stiffness, damping
 
 
-def judge(causes: list[MisfitHypothesis], unexplained: float, *, near_noise: bool) -> Judged:
+def judge(
+    causes: list[MisfitHypothesis], unexplained: float, *, near_noise: bool, selected: bool = False
+) -> Judged:
     """Name one of the significant causes, and weigh all of them.
 
     Parameters
@@ -85,6 +109,8 @@ def judge(causes: list[MisfitHypothesis], unexplained: float, *, near_noise: boo
         Fraction of the force that the law leaves.
     near_noise : bool
         Whether what it leaves is little more than noise.
+    selected : bool
+        Whether the law was selected, so that causes of the material are its own.
     """
     significant = [cause for cause in causes if cause.z > SIGNIFICANT]
     significant.sort(key=attrgetter("gain"), reverse=True)
@@ -97,9 +123,11 @@ def judge(causes: list[MisfitHypothesis], unexplained: float, *, near_noise: boo
     for rival in rivals:
         weight = 0.5 if rival.gain > 0.5 * highest else 0.25
         findings.append(_finding(rival, weight, leading=False, near_noise=near_noise))
-    counted = [(named, 1.0)] if not (named.small and near_noise) else []
+    own = MATERIAL if selected else frozenset()
+    small = named.small and near_noise
+    counted = [] if small or named.name in own else [(named, 1.0)]
     for rival in rivals:
-        if rival.name == "offset drift" or (rival.small and near_noise):
+        if rival.name in ("offset drift", *own) or (rival.small and near_noise):
             continue
         relative = rival.gain / highest
         counted.append((rival, 1.0 if relative > ALIKE else 0.5 * relative))
@@ -163,8 +191,8 @@ def _in_doubt(named: MisfitHypothesis, rivals: list[MisfitHypothesis]) -> Misfit
 
 def _finding(cause: MisfitHypothesis, weight: float, *, leading: bool, near_noise: bool) -> Finding:
     stiffness, damping = marks_of(cause, weight)
-    if cause.name == "change" and abs(cause.stiffness) > STOP_CHANGE:
-        stiffness = damping = "do-not-trust"
+    if cause.name in ("change", "adhesion"):  # no one law describes it
+        stiffness = damping = "with-care"
     if not leading:  # a rival is not what happened, so at most care
         stiffness, damping = (
             "with-care" if mark == "do-not-trust" else mark for mark in (stiffness, damping)
@@ -196,49 +224,6 @@ def mark_of(moved: float, stop: float) -> Mark:
     if moved > stop:
         return "do-not-trust"
     return "with-care" if moved > CARE else "trust"
-
-
-# Another law: whether one that the method does not identify explains the samples better.
-
-# Of the rms error. Of 31 recordings made by others six heel strikes get 0.91 to 1.00 of it by
-# another law, which predicts what was held out no better; each of the 21 below 0.9 does.
-BETTER = 0.9
-_BOTH = ("stiffness", "damping")
-
-
-def better_law(fit: Fit) -> MisfitHypothesis | None:
-    """The law that model selection clearly prefers; None where there is none.
-
-    Clearly: the evidence is strong, and its rms error a tenth smaller. It changes stiffness and
-    damping to its own at the motion's frequency.
-    """
-    laws = fit.laws
-    if laws is None or laws.own or not laws.verdict.known:
-        return None
-    best, own = laws.verdict.model_ranking[0], laws.verdict.rank_of(fit.estimate.law)
-    if own is None or not (own.score >= STRONG and best.rms_error <= BETTER * own.rms_error):
-        return None
-
-    gain = 1.0 - (best.rms_error / own.rms_error) ** 2
-    moves = partial(_apart, laws=laws)
-    changes = [f"{name} {round(100 * by):+d} %" for name, by in zip(_BOTH, moves(fit), strict=True)]
-    sentence = (
-        f"model selection clearly prefers {best.candidate.title} (ΔBIC {rounded(own.score, 3)}): "
-        f"{', '.join(changes)}"
-    )
-    return MisfitHypothesis("law", math.nan, gain, math.nan, sentence, REMEDY, moves, *moves(fit))
-
-
-def _apart(fit: Fit, laws: Laws) -> tuple[float, float]:
-    """What the other law says at the working depth, less what this one says, of their sizes."""
-    frequency = laws.verdict.frequency
-    if not (frequency > 0.0 and fit.depth > 0.0):
-        return 0.0, 0.0
-    with np.errstate(all="ignore"):
-        whole = laws.law.dynamic_stiffness(fit.depth, frequency)
-    law = fit.units.local(fit.estimate.law)
-    moved = fit.apart((whole.real, whole.imag / frequency), law)
-    return moved if math.isfinite(sum(moved)) else (0.0, 0.0)
 
 
 # Surface: where the material begins, against where the penetration says that it does.
@@ -320,12 +305,8 @@ def _samples(fit: Fit) -> Floats:
 # Misfit, offset, excitation and the method's own error: checks of the fit as a whole.
 
 UNEXPLAINED, TOO_MUCH_UNEXPLAINED = 0.05, 0.30  # of the force
-# Of the stiffness: the halves of recordings whose misfit might move it by 30 % agree to 4 %.
-MISFIT_STIFFNESS = 1.0 / 3.0
 OFFSET_Z, OFFSET_PART = 5.0, 0.01
 FEWEST_SAMPLES = 60
-# Standard errors, relative, that are too wide to build on.
-WIDE_STIFFNESS, WIDEST_STIFFNESS, WIDE_DAMPING = 0.10, 0.25, 0.20
 METHOD_Z = 5.0  # a method that is off by more, but by no more than calls for care, gets a note
 
 
@@ -336,55 +317,20 @@ def unexplained(fit: Fit) -> float:
     return math.sqrt(max(square, 0.0)) / spread if spread > 0.0 else 0.0
 
 
-def misfit_moves(fit: Fit) -> tuple[float, float]:
-    """How far stiffness and damping may be off where the law leaves more than noise, of their size.
-
-    rms of what is left, over rms of what one size of the number adds to the force, beside the other
-    number and a constant: a misfit of which all were of that number's form.
-    """
-    law, x = fit.solution.law, np.maximum(fit.x, 1e-12)
-    rest = np.zeros_like(x)
-    spring = law.force(x, rest)
-    damper = law.force(x, fit.v) - spring
-    if law.power_law:  # also where it has no damping
-        damper = spring * fit.v
-    columns = fit.band.mean(np.column_stack([spring, damper, rest + 1.0]))
-    # Columns of one size of the number each; none of a number that is 0, as of a flat law.
-    with_damper = fit.force_at_depth(law) / fit.units.speed if law.power_law else fit.damping(law)
-    one = np.divide(fit.sizes, (fit.stiffness(law), with_damper))
-    energy = fit.solution.energy - 2.0 * len(fit.band) * fit.floor**2
-    moved = []
-    for k, scale in enumerate(one):
-        others = np.delete(columns, k, axis=1)
-        found, *_ = np.linalg.lstsq(others, columns[:, k], rcond=None)
-        alone = columns[:, k] - others @ found
-        size = float(alone @ alone) * scale**2
-        moved.append(math.sqrt(max(energy, 0.0) / size) if size > 0.0 else math.inf)
-    return moved[0], moved[1]
-
-
 def misfit(fit: Fit) -> Finding | None:
     """The law leaves more than 5 % of the force, or three times the noise."""
     left, times = unexplained(fit), fit.ratio
     if left <= UNEXPLAINED and not fit.misfits:
         return None
     part = rounded(left, 2) if left < 0.01 else f"{left:.0%}"
-    remedy = REMEDY if fit.laws is None or better_law(fit) is not None else deeper_half(fit)
-    by_stiffness, by_damping = misfit_moves(fit)
-    stiffness: Mark = "with-care" if by_stiffness > MISFIT_STIFFNESS else "trust"
-    damping: Mark = "with-care" if by_damping > STOP_DAMPING else "trust"
-    if left > TOO_MUCH_UNEXPLAINED:
-        stiffness = damping = "do-not-trust"
-    return Finding(
+    remedy = REMEDY if fit.laws is None else deeper_half(fit)
+    mark: Mark = "do-not-trust" if left > TOO_MUCH_UNEXPLAINED else "trust"
+    return Finding.of_both(
+        mark,
         "misfit",
-        f"the law leaves {part} of the force unexplained ({rounded(times, 2)} times the noise), "
-        f"which can move stiffness by {_percent(by_stiffness)} and damping by "
-        f"{_percent(by_damping)}",
+        f"the law leaves {part} of the force unexplained ({rounded(times, 2)} times the noise)",
         remedy,
-        "with-care",
         times,
-        stiffness,
-        damping,
     )
 
 
@@ -418,7 +364,9 @@ def air(fit: Fit) -> Finding | None:
         float(np.max(np.abs(slopes) / errors)),
         mark_of(abs(moved[0]), STOP_STIFFNESS),
         mark_of(abs(moved[1]), STOP_DAMPING),
-        *(100.0 * moved).tolist(),
+        100.0 * float(moved[0]),
+        100.0 * float(moved[1]),
+        brief="the force in free air changes with the motion",
     )
 
 
@@ -455,26 +403,12 @@ def _longest_free(fit: Fit) -> str:
 
 
 def excitation(fit: Fit) -> Finding | None:
-    """The motion does not determine stiffness or damping at working depth well enough."""
+    """There are too few samples to check the law."""
     count = int(np.count_nonzero(fit.inside))
     if count < FEWEST_SAMPLES or len(fit.band) < FEWEST_ROWS // 2:
         words = f"only {count} samples in contact"
         return Finding.of_both("do-not-trust", "excitation", words, "record longer")
-    _, stiffness, damping = standard_errors(fit)
-    of_stiffness, of_damping = stiffness / fit.sizes[0], damping / fit.sizes[1]
-    mark: Mark = "trust"
-    if of_stiffness > WIDE_STIFFNESS:
-        mark = "do-not-trust" if of_stiffness > WIDEST_STIFFNESS else "with-care"
-    if mark == "trust" and of_damping <= WIDE_DAMPING:
-        return None
-    return Finding(
-        "excitation",
-        f"the motion determines the stiffness to {of_stiffness:.0%} and the damping to "
-        f"{of_damping:.0%} (one standard error)",
-        "move faster and over a wider range of depths",
-        stiffness=mark,
-        damping="with-care" if of_damping > WIDE_DAMPING else "trust",
-    )
+    return None
 
 
 def extrapolation(fit: Fit) -> Finding | None:
@@ -569,41 +503,57 @@ def working_depth(fit: Fit, judged: Judged) -> WorkingDepth:
         # Where memory was taken out of the force, its least squares take it for known.
         own = fit.equivalent.own_errors
         errors = np.where(own > errors, own, errors)
+    if fit.response is not None:
+        if fit.equivalent is not None:
+            errors[1:] = fit.response.at(fit.depth, fit.frequency)[1]
+        moved[1:] = np.maximum(moved[1:], _spread(fit))
     return _numbers(fit, _with_surface(fit, errors), moved)
 
 
-def is_negative(damping: Floats | float, bar: Floats | float, size: Floats | float) -> Any:
-    """Whether a damping is below zero by more than its bar, and by 5 % of its reference scale."""
-    return damping < -np.maximum(bar, CARE * size)
+def _spread(fit: Fit) -> Floats:
+    """How far other laws that fit as well, and the misfit, may move stiffness and damping."""
+    assert fit.response is not None
+    values = np.array(fit.estimate.law.at_rest(fit.depth)[1:])
+    return fit.response.systematic(values, fit.depth, fit.frequency)
 
 
-def sign(fit: Fit, at: WorkingDepth, others: list[Finding]) -> list[Finding]:
-    """Of numbers that others trust: the bars leave the sign open, or the damping is negative.
+#: Standard errors, all causes together, of the number: up to the first it is trusted, beyond the
+#: second it is not.
+TRUSTED, STOPPED = (0.10, 0.20), (0.25, 0.60)
+IN_STEP = "if one clock stamps both, run again with --skew 0.1ms"
+_NAMES, _UNITS = ("stiffness", "damping"), ("N/m", "N·s/m")
 
-    Twice the repeatable part, 95 %, and all of the systematic one, which is no deviation but how
-    far a cause moves the number. A small bar leaves no sign open that matters: the damping of a
-    spring is 0 ± little. What causes move is more than that where it calls for care; what repeats
-    is calibrated, and more than that where it is wide.
-    """
-    marks: dict[str, Mark] = {"stiffness": "trust", "damping": "trust"}
-    parts = []
-    for name, size, unit in zip(marks, fit.sizes, ("N/m", "N·s/m"), strict=True):
-        found: Quantity = getattr(at, name)
-        bar = math.hypot(2.0 * found.standard_error, found.systematic)
-        matters = found.systematic > CARE * size or bar > WIDE_DAMPING * size
-        negative = name == "damping" and is_negative(found.value, bar, size)
-        known = worst(*(getattr(other, name) for other in others)) == "do-not-trust"
-        if not known and (negative or (matters and abs(found.value) <= bar)):
-            marks[name] = "do-not-trust"
-            words = f"the sign of the {name} is unknown"
-            if negative:
-                words = f"the {name} is negative, which no passive material has"
-            parts.append(f"{words}: {with_error(found.value, found.whole_error, unit=unit)}")
-    remedy = others[0].remedy if others and others[0].severity != "note" else None
-    remedy = remedy or "record a faster motion"
-    both = marks["stiffness"], marks["damping"]
-    said = Finding("sign", "; ".join(parts), remedy, "note", math.nan, *both)
-    return [said] if parts else []
+
+def precision(fit: Fit, at: WorkingDepth, judged: Judged) -> list[Finding]:
+    """Numbers that their error bars do not let a reader trust, with what sets the bar."""
+    found = []
+    for k, (name, unit) in enumerate(zip(_NAMES, _UNITS, strict=True)):
+        quantity: Quantity = getattr(at, name)
+        bar, size = quantity.whole_error, abs(quantity.value)
+        words, sign = f"the {name} is known to ± {_percent(bar / size if size else math.inf)}", ""
+        mark: Mark = "trust"
+        if not bar <= TRUSTED[k] * size:
+            mark = "with-care" if bar <= STOPPED[k] * size else "do-not-trust"
+        if not size > 2.0 * bar:
+            mark = "do-not-trust"
+            sign = "its sign is open, "
+            words = f"the sign of the {name} is open: {with_error(quantity.value, bar, unit=unit)}"
+        elif quantity.value < 0.0:  # no passive material has one
+            mark = "do-not-trust"
+            sign = "it is negative, "
+            words = f"the {name} is negative, {with_error(quantity.value, bar, unit=unit)}"
+        source, remedy = judged.largest(fit, k, quantity)
+        if mark == "trust":
+            if not (name == "damping" and judged.skew):
+                continue
+            # Of 46 such laws that a sensor's fault had made of Hunt and Crossley's, 13 were beyond.
+            mark, remedy = "with-care", IN_STEP
+            step = format_quantity(judged.skew, "s", digits=1)
+            source = f"if force and position are in step to {step}: this law cannot tell"
+        marks = {name: mark}
+        told = "precision", f"{words}, {source}", remedy
+        found.append(Finding(*told, brief=f"{sign}{source}", **marks))  # type: ignore[arg-type]
+    return found
 
 
 def nothing_known(fit: Fit) -> WorkingDepth:

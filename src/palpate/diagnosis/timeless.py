@@ -10,9 +10,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from palpate.diagnosis.finding import Diagnosis, Quantity, Verdict
+from palpate.diagnosis.finding import Diagnosis, Quantity, verdict_by
 from palpate.estimators.estimate import Estimate, Trace
-from palpate.findings import MARKS, SEVERITIES, Finding, worst
+from palpate.findings import SEVERITIES, Finding, worst
 from palpate.force_laws.laws import Spring
 from palpate.validation import Floats
 
@@ -24,6 +24,7 @@ NO_TIME = Finding(
     "the recording has no time: palpate gives the stiffness alone, and no damping",
     "record the time of each sample",
     damping="do-not-trust",
+    brief="the recording has no time",
 )
 _UNNAMED = "the force differs from that of a spring, and without time palpate cannot say why"
 
@@ -31,9 +32,9 @@ _UNNAMED = "the force differs from that of a spring, and without time palpate ca
 _WITHOUT_TIME = frozenset([
     "channels", "clock", "coarse steps", "dead band", "depth", "direction", "episodes", "exponent",
     "exponent range", "force axes", "force frame", "force jump", "force unit", "guard",
-    "light contact", "load transfer", "negative stiffness", "no time", "offset", "options",
-    "orientation", "outliers", "peak force", "penetration unit", "rows", "saturation", "signs",
-    "spikes", "stuck force", "surface range", "tare", "tool weight", "units",
+    "light contact", "load transfer", "negative stiffness", "no time", "offset", "one way",
+    "options", "orientation", "outliers", "peak force", "penetration unit", "rows", "saturation",
+    "signs", "spikes", "stuck force", "surface range", "tare", "tool weight", "units",
 ])  # fmt: skip
 
 
@@ -106,12 +107,6 @@ def diagnosis_without_time(found: Diagnosis) -> Diagnosis:
     findings = (*findings_without_time(found.findings), NO_TIME)
     in_order = sorted(findings, key=lambda each: -SEVERITIES.index(each.severity))
     unknown = Quantity(math.nan, math.nan, math.nan)
-    return Diagnosis(
-        Verdict(
-            worst(*(each.stiffness for each in findings)),
-            NO_TIME.damping,
-            MARKS[SEVERITIES.index(in_order[0].severity)],
-        ),
-        tuple(in_order),
-        tuple(replace(depth, damping=unknown) for depth in found.working_depths),
-    )
+    depths = tuple(replace(depth, damping=unknown) for depth in found.working_depths)
+    verdict, limits = verdict_by(in_order, depths[0])
+    return Diagnosis(verdict, tuple(in_order), depths, limits=limits)

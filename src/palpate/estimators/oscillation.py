@@ -1,4 +1,4 @@
-"""Stiffness K′ and damping B′ of a law that relaxes, with error bars that hold, from all samples.
+"""Stiffness K′ and damping B′ of the selected law, with error bars that hold, from all samples.
 
 The residual of such a law is correlated, its spectrum is chosen by the samples, and where a
 stiffness is held at 0 the law's own covariance is too small. A bar therefore has three parts
@@ -38,7 +38,7 @@ _STEP = 1e-3  # of the exponent, for its derivative
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Oscillation:
-    """What an estimator's samples say of small oscillations, by a law that relaxes.
+    """What an estimator's samples say of small oscillations, by the selected law and its rivals.
 
     Attributes
     ----------
@@ -65,7 +65,7 @@ class Oscillation:
         time_steps: Floats,
         taken: NDArray[np.bool_],
     ) -> "Oscillation | None":
-        """Return what an estimator's samples say of small oscillations; None without memory.
+        """Return what an estimator's samples say of small oscillations; None without a verdict.
 
         Parameters
         ----------
@@ -78,7 +78,7 @@ class Oscillation:
         """
         evidence = estimator.evidence()
         candidate = CANDIDATES[evidence.chosen]
-        if not (evidence.rows and candidate.memory != "none" and np.count_nonzero(taken) > 1):
+        if not (evidence.rows and np.count_nonzero(taken) > 1):
             return None
         samples = _Samples(estimator, penetration, velocity, force, time_steps, taken)
         times, numbers, _, _ = estimator._spectrum()
@@ -97,22 +97,27 @@ class Oscillation:
         )
         laws = law_of(times, numbers), *as_well
         # Of a start in contact the columns of its state take a lag, or feign one: 18 of 96 named.
-        late = 0.0 if evidence.begun else _delay(samples, evidence.laws, evidence.depth)
+        relaxes = candidate.memory != "none" and not evidence.begun
+        late = _delay(samples, evidence.laws, evidence.depth) if relaxes else 0.0
         return cls(laws, own.misfit, late, own)
 
-    def at(self, depth: float, frequency: float) -> tuple[Floats, Floats, Floats]:
+    def at(self, depth: float, frequency: float) -> tuple[Floats, Floats]:
         """K′ [N/m] and B′ [N·s/m] at a depth [m] and a frequency ω [rad/s], each shape (2,).
 
         Returns
         -------
         tuple of numpy.ndarray
-            The numbers; their statistical standard errors, by the largest sandwich; and the
-            systematic ones, √(spread² + misfit²).
+            The numbers, and their statistical standard errors, by the largest sandwich.
         """
-        felt = np.array([_felt(law, depth, frequency) for law in self.laws])
-        missed = MISFIT * self.misfit * abs(felt[0, 0]) * np.array([1.0, 1.0 / frequency])
-        systematic = np.hypot(np.abs(felt - felt[0]).max(axis=0), missed)
-        return felt[0], self._columns.errors_at(depth, frequency), systematic
+        law = self.laws[0]
+        return dynamic_response(law, depth, frequency), self._columns.errors_at(depth, frequency)
+
+    def systematic(self, values: Floats, depth: float, frequency: float) -> Floats:
+        """Systematic standard errors of K′ and B′, √(spread² + misfit²), about these values."""
+        others = np.array([dynamic_response(law, depth, frequency) for law in self.laws])
+        missed = MISFIT * self.misfit * abs(values[0]) * np.array([1.0, 1.0 / frequency])
+        systematic: Floats = np.hypot(np.abs(others - values).max(axis=0), missed)
+        return systematic
 
 
 def _delay(samples: "_Samples", laws: tuple[Candidate, ...], depth: float) -> float:
@@ -138,7 +143,8 @@ def _delay(samples: "_Samples", laws: tuple[Candidate, ...], depth: float) -> fl
     return float(-numbers[2] * depth**p / whole)
 
 
-def _felt(law: GeneralisedHuntCrossley, depth: float, frequency: float) -> Floats:
+def dynamic_response(law: GeneralisedHuntCrossley, depth: float, frequency: float) -> Floats:
+    """K′ [N/m] and B′ [N·s/m] of a law at a depth [m] and a frequency ω [rad/s], shape (2,)."""
     whole = complex(law.dynamic_stiffness(depth, frequency))
     return np.array([whole.real, whole.imag / frequency])
 
@@ -213,7 +219,7 @@ class _Columns:
             columns[2] = damper
         if numbers[0]:
             columns[0] = elastic
-        if samples.estimator.fixed == ():
+        if samples.estimator.fixed == () and not candidate.linear:
             columns[1] = by_exponent / _STEP
         others = []
         if samples.estimator.evidence().begun:
@@ -232,9 +238,12 @@ class _Columns:
 
     @property
     def misfit(self) -> float:
-        """ε, of ε² = max(ρ₁, 0) ⟨r²⟩ with the residual's correlation ρ₁, over the peak force."""
+        """ε, of ε² = max(ρ₁ − 1/√N, 0) ⟨r²⟩, over the peak force.
+
+        ρ₁ is the correlation of a residual with the one before, 0 ± 1/√N of white noise.
+        """
         r = self.residual
-        correlation = float(r[1:] @ r[:-1]) / max(float(r @ r), 1e-300)
+        correlation = float(r[1:] @ r[:-1]) / max(float(r @ r), 1e-300) - 1.0 / math.sqrt(len(r))
         return math.sqrt(max(correlation, 0.0) * float(np.mean(r**2))) / max(self.peak, 1e-300)
 
     @cached_property

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, TypeAlias
 
 from palpate._core import __version__
-from palpate.diagnosis import Diagnosis, Verdict
+from palpate.diagnosis import Data, Diagnosis, Verdict
 from palpate.digits import parameter, rounded
 from palpate.errors import (
     ExportRefusedError,
@@ -19,6 +19,7 @@ from palpate.errors import (
     MissingExtraError,
     RecordingError,
 )
+from palpate.estimators import VariableProjection
 from palpate.exports.engine import (
     Drop,
     Engine,
@@ -40,6 +41,7 @@ from palpate.findings import Finding
 from palpate.force_laws import ForceLaw, GeneralisedHuntCrossley
 from palpate.force_laws.laws import Spring
 from palpate.identifying import Identification
+from palpate.quantities.derived import in_hertz
 from palpate.quantities.elastic_modulus import Sphere
 from palpate.results.parameters import describe_relaxation
 from palpate.results.saved import SavedResult
@@ -71,6 +73,10 @@ class ExportedLaw:
         Flags of the identification.
     tip_radius : float, optional
         Radius of the recording's tip, m, if it is known and spherical.
+    response : tuple of float, optional
+        Of an identified law that relaxes: the working depth, m, the motion's frequency ω, rad/s,
+        and K′, N/m, and B′, N·s/m, there. ``law`` is then Hunt and Crossley's by variable
+        projection, the law without memory that is nearest to the recorded force.
     """
 
     law: ForceLaw
@@ -81,6 +87,7 @@ class ExportedLaw:
     findings: tuple[Finding, ...] = ()
     flags: tuple[str, ...] = ()
     tip_radius: float | None = None
+    response: tuple[float, float, float, float] | None = None
 
     @classmethod
     def of(cls, result: Exportable) -> "ExportedLaw":
@@ -116,15 +123,21 @@ class ExportedLaw:
                 saved = (found.get("elastic_modulus") or {}).get("tip") or {}
                 radius = float(saved["radius"]) if saved.get("kind") == Sphere.kind else None
                 flags = found.get("flags", ())
+            response, fitted = _response(result, judged), result
+            if response is not None:
+                exponent = result.law.exponent if "exponent" in result.fixed else None
+                plain = VariableProjection(exponent=exponent)
+                fitted = Identification.of(Data(result.contact), plain, trace=False)
             return cls(
-                law=result.law,
-                motion=ProbeMotion.recorded(result),
+                law=fitted.law,
+                motion=ProbeMotion.recorded(fitted),
                 name=Path(result.contact.source).name or "a contact",
-                standard_errors=result.standard_errors,
+                standard_errors=fitted.standard_errors,
                 verdict=judged.verdict,
                 findings=tuple(judged.findings),
                 flags=tuple(map(str, flags)),
                 tip_radius=radius,
+                response=response,
             )
         except (RecordingError, InvalidParameterError):
             raise
@@ -296,6 +309,8 @@ def _interrupted(error: BaseException | None) -> bool:
 
 #: Largest force error, %, with which an export is not refused.
 MOST_PERCENT = 5.0
+#: Largest difference of the stiffness of a law without memory from K′ that is not refused.
+STIFFNESS_OFF = 0.25
 #: Largest error of restitution, %, without a warning; a small force error does not bound it.
 REBOUND_PERCENT = 5.0
 # Rounding changes an error by less than this, percentage points.
@@ -364,6 +379,7 @@ class Statement:
                 f"engines do not have this law: exported is {nearest.which}; it differs by "
                 f"{percent(nearest.error_percent)} of force"
             )
+        result += self._relaxation()
         result += self.fragment.findings
         if not found.percent <= MOST_PERCENT:  # also refuses NaN
             result += refused(
@@ -460,6 +476,23 @@ class Statement:
             three += f", {percent(measured)} against the measured force"
             three += f" (the law itself: {percent(leaves)})"
         return [how, three + "."]
+
+    def _relaxation(self) -> tuple[Finding, ...]:
+        """Say what stands in the place of a law that relaxes; refuse another stiffness."""
+        if self.source.response is None:
+            return ()
+        depth, omega, stiffness, damping = self.source.response
+        own = self.nearest.law
+        given = own.stiffness_at(depth)
+        words = (
+            "the material relaxes, and engines have no stress relaxation: exported is the "
+            f"Hunt–Crossley law nearest to this recording, for {in_hertz(omega)}: stiffness "
+            f"{rounded(given, 3)} N/m and damping {rounded(own.damping_at(depth), 3)} N·s/m at "
+            f"{length(depth, 3)}, in place of K′ = {rounded(stiffness, 3)} N/m and B′ = "
+            f"{rounded(damping, 3)} N·s/m; at other frequencies it differs by more"
+        )
+        apart = abs(given / stiffness - 1.0) if stiffness else math.inf
+        return refused(words) if not apart <= STIFFNESS_OFF else warned(words)
 
     def law_lines(self) -> list[str]:
         """Return lines with the identified law, its standard errors, and the exported law."""
@@ -564,6 +597,16 @@ class Statement:
 
 def _listed(numbers: Mapping[str, float], figures: int) -> str:
     return ", ".join(f"{name} = {rounded(value, figures)}" for name, value in numbers.items())
+
+
+def _response(
+    result: "Identification | SavedResult", judged: "Diagnosis | SavedResult"
+) -> tuple[float, float, float, float] | None:
+    there, omega = judged.working_depths[0], getattr(result, "frequency", math.nan)
+    if not (result.law.remembers and omega > 0.0 and there.depth > 0.0):
+        return None
+    whole = complex(result.law.dynamic_stiffness(there.depth, omega))
+    return there.depth, omega, whole.real, whole.imag / omega
 
 
 def _because(source: ExportedLaw) -> str:

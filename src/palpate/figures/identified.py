@@ -46,7 +46,7 @@ from palpate.force_laws import RelaxationSpectrum
 from palpate.identification.identified import Identified, rank
 from palpate.quantities.derived import SmallOscillation, band_of
 from palpate.results.parameters import law_name, parameter_rows
-from palpate.results.view import answer, felt
+from palpate.results.view import answer
 from palpate.stages import timed
 from palpate.validation import Floats
 
@@ -348,9 +348,8 @@ def draw_values(
     """Draw stiffness and damping in two panels, one row per result."""
     there = [result.diagnosis.working_depth for result in results]
     at = _format_depths([each.depth for each in there])
-    both = [felt(result) for result in results]
-    _draw_dots(stiffness, [each for each, _ in both], ("Stiffness", "N/m"), look)
-    _draw_dots(damping, [each for _, each in both], ("Damping", "N·s/m"), look)
+    _draw_dots(stiffness, [each.stiffness for each in there], ("Stiffness", "N/m"), look)
+    _draw_dots(damping, [each.damping for each in there], ("Damping", "N·s/m"), look)
     stiffness.set_yticks(range(len(names)), names)
     damping.set_yticks(range(len(names)), ["" for _ in names])
     head(stiffness, f"Stiffness {at}")

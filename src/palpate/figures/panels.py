@@ -4,13 +4,14 @@ import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from palpate.diagnosis import Data, Quantity
 from palpate.estimators.estimate import Estimate
+from palpate.estimators.oscillation import dynamic_response
 from palpate.figures.style import (
     BAND_DEVIATIONS,
     MOST_GAPS,
@@ -33,8 +34,9 @@ from palpate.figures.style import (
     shown,
 )
 from palpate.findings import spoken
-from palpate.force_laws import GeneralisedHuntCrossley
+from palpate.force_laws import ForceLaw, GeneralisedHuntCrossley
 from palpate.identification.identified import Identified
+from palpate.quantities.derived import in_hertz
 from palpate.results.parameters import (
     RELAXATION,
     ParameterRow,
@@ -147,17 +149,26 @@ def course_of(result: Identified, depth: float) -> Course:
             if edge - 1 in stops:
                 now = result.reported(estimator.estimate())
                 samples.append(edge - 1)
-                rows.append(_known(now, depth))
+                rows.append(_known(now, depth, result.frequency))
                 laws.append([now.parameters, now.standard_errors])
             start = int(edge)
     parameters, errors = np.moveaxis(np.array(laws), 1, 0)
     return Course(np.array(samples, dtype=np.intp), parameters, errors, *np.array(rows).T)
 
 
-def _known(estimate: Estimate, depth: float) -> list[float]:
-    """Return stiffness, its error, damping and its error; NaN where they overflow."""
+def _known(estimate: Estimate, depth: float, frequency: float) -> list[float]:
+    """Return stiffness, its error, damping and its error; NaN where they overflow.
+
+    K′ and B′ at a frequency, rad/s, of a law that relaxes.
+    """
+
+    def numbers(law: ForceLaw) -> Any:
+        if isinstance(law, GeneralisedHuntCrossley) and law.remembers and frequency > 0.0:
+            return dynamic_response(law, depth, frequency)
+        return law.at_rest(depth)[1:]
+
     try:
-        values, errors = estimate.with_errors(lambda law: law.at_rest(depth)[1:])
+        values, errors = estimate.with_errors(numbers)
     except ValueError:  # parameters that are not finite make no law
         return [np.nan] * 4
     return np.column_stack([values, errors]).reshape(-1).tolist()
@@ -379,8 +390,10 @@ def draw_at_depth(
     length = scale_of(depth, "m")
     finals = [Final.of(each) for each in quantities]
     scale = _draw_line(axes, result, course.samples, known, finals[0], unit, symbol, look)
-    name = f"Relaxed {quantity}" if result.law.remembers else quantity.capitalize()
+    name = quantity.capitalize()
     at = f"{name} at {length.factor * depth:.3g} {length.unit}"
+    if result.frequency > 0.0 and (quantity == "damping" or result.law.remembers):
+        at += f", {in_hertz(result.frequency)}"
     if result.segments:
         _draw_segments(axes, result, finals[1:], scale, look)
         kind = "place" if result.segments[0].place is not None else "segment"

@@ -23,7 +23,7 @@ from palpate.contact import Contact, VelocityFilter
 from palpate.diagnosis import Data
 from palpate.diagnosis.diagnosing import outliers
 from palpate.errors import FleetError, InvalidParameterError, RecordingError
-from palpate.estimators import ContactEstimator
+from palpate.estimators import ContactEstimator, VariableProjection
 from palpate.estimators.batch_fit import STATUS_WORDS, CurveFits, fit_curves
 from palpate.estimators.estimate import findings_of
 from palpate.findings import Finding
@@ -31,12 +31,14 @@ from palpate.fleet.rows import (
     Row,
     failure,
     format_finding,
+    in_columns,
     place_in_notes,
     rows_of,
     table_of,
     table_of_rows,
 )
-from palpate.fleet.tasks import DiagnosisDepth, Settings, Table, cores
+from palpate.fleet.tasks import AUTO, DiagnosisDepth, Settings, Table, cores
+from palpate.force_laws import ForceLaw, GeneralisedHuntCrossley, HuntCrossley
 from palpate.identification.identified import (
     FEWEST_ABOVE,
     NEGATIVE_DAMPING,
@@ -203,7 +205,7 @@ def searches_whole_curves(settings: Settings) -> bool:
 
 def _may_be_whole(settings: Settings) -> bool:
     return (
-        settings.method == "variable-projection"
+        settings.of_curves.method == VariableProjection.method
         and settings.diagnosis != "full"
         and settings.minimum_penetration is None
         and settings.minimum_force is None
@@ -265,7 +267,7 @@ def identify_curves(
     named = {"prepared": [None] * count, **_named(curves)}
     rows = ({name: values[k] for name, values in named.items()} for k in range(count))
     contacts = (partial(curves.contact, k, settings) for k in range(count))
-    return identify_each(zip(rows, contacts, strict=True), settings)
+    return identify_each(zip(rows, contacts, strict=True), settings, curves=True)
 
 
 #: Columns known beforehand; and the contact, its recording, a function that makes it, or the
@@ -274,7 +276,7 @@ Given: TypeAlias = tuple[Row, Any]
 
 
 def identify_each(
-    contacts: Iterable[Given], settings: Settings, *, searching: bool = False
+    contacts: Iterable[Given], settings: Settings, *, curves: bool = False
 ) -> tuple[Table, Floats]:
     """Identify contacts one by one; return a table of one row each, or per place, and their times.
 
@@ -284,13 +286,15 @@ def identify_each(
         Columns known beforehand, and the contact or what it is made of.
     settings : Settings
         How the contacts are prepared and identified.
-    searching : bool
-        Whether these are force curves, which may use the whole-curve fit. Default: False.
+    curves : bool
+        Whether these are curves of an array or a force map, which are Hunt–Crossley's by default
+        and may use the whole-curve fit. Default: False.
     """
     rows: list[Row] = []
     seconds: list[float] = []
     begun = perf_counter()
-    searching = searching and searches_whole_curves(settings)
+    searching = curves and searches_whole_curves(settings)
+    by = settings.of_curves if curves else settings
     for known, given in contacts:
         try:
             if isinstance(given, Exception):
@@ -301,7 +305,11 @@ def identify_each(
             contact = (
                 given if isinstance(given, Contact) else prepare(given, **settings.preparation)
             )
-            new = [row_of_curve(contact, settings)] if searching else [*rows_of(contact, settings)]
+            new = (
+                [row_of_curve(contact, settings)]
+                if searching
+                else [*rows_of(contact, by, columns=settings.law)]
+            )
             if not new:
                 raise FleetError("the probe travels, but no place lies in the time window")
         except Exception as error:
@@ -328,12 +336,15 @@ def _together(curves: Curves, settings: Settings, threads: int) -> Table:
     if rejects:
         curves, elsewhere = _without_load_transfer(curves)
     fits, kept, left_out = fitted(curves, chosen, rejects=rejects, threads=threads)
-    columns = {**_named(curves), **_numbers(fits)}
+    columns = {**_named(curves), **_numbers(fits, settings.law)}
     columns |= _at_depths(kept, fits, threads)
     there = np.isfinite(curves.penetration) & np.isfinite(curves.force)
     columns["samples"] = np.count_nonzero(there, axis=1)
     columns["taken"] = fits.taken
     columns["fit"] = ["whole-curve"] * len(curves)
+    columns["method"] = [VariableProjection.method] * len(curves)
+    columns["law_name"] = [HuntCrossley.kind] * len(curves)
+    columns["frequency"] = _frequencies(kept, fits)
     giving = _creating_energy(curves, fits, columns)
     columns["flags"] = _flags(fits, left_out, giving)
     columns["error"], columns["error_kind"] = [None] * len(curves), [None] * len(curves)
@@ -341,7 +352,8 @@ def _together(curves: Curves, settings: Settings, threads: int) -> Table:
         for name, values in columns.items():
             if isinstance(values, np.ndarray) and values.dtype == np.float64 and name not in "xyz":
                 values[k] = np.nan
-        columns["flags"][k] = columns["fit"][k] = columns["covariance"][k] = None
+        for name in ("flags", "fit", "covariance", "law_name"):
+            columns[name][k] = None
         columns["error"][k], columns["error_kind"][k] = error, RecordingError.__name__
     if settings.diagnosis == "input":
         surfaces = enumerate(columns["surface"].tolist())
@@ -381,7 +393,23 @@ def _creating_energy(
     return found
 
 
-def _numbers(fits: CurveFits) -> dict[str, Any]:
+def _frequencies(curves: Curves, fits: CurveFits) -> Floats:
+    """Return rms speed over rms distance from the mean depth, in contact, rad/s; else NaN."""
+    assert curves.velocity is not None
+    with np.errstate(invalid="ignore"):
+        inside = curves.penetration > fits.surface[:, None]
+        inside &= np.isfinite(curves.velocity) & np.isfinite(curves.force)
+    with np.errstate(all="ignore"):
+        count = inside.sum(axis=1)
+        depth = np.where(inside, curves.penetration, 0.0)
+        depth = np.where(inside, depth - (depth.sum(axis=1) / count)[:, None], 0.0)
+        speed = np.where(inside, curves.velocity, 0.0)
+        squares = np.array([np.square(each).sum(axis=1) for each in (speed, depth)])
+        found = np.sqrt(squares[0] / squares[1])
+    return np.where(np.isfinite(found) & (found > 0.0), found, np.nan)
+
+
+def _numbers(fits: CurveFits, law: type[ForceLaw]) -> dict[str, Any]:
     errors = fits.standard_errors
     found: dict[str, Any] = {"residual": fits.noise}
     for k, name in enumerate(("stiffness", "damping", "exponent")):
@@ -391,7 +419,14 @@ def _numbers(fits: CurveFits) -> dict[str, Any]:
         estimated = errors[:, k] > 0.0
         found[name] = np.where(estimated, getattr(fits, name), np.nan)
         found[f"{name}_standard_error"] = np.where(estimated, errors[:, k], np.nan)
-    found["covariance"] = list(fits.covariance[:, :3, :3].reshape(-1, 9))
+    covariance = fits.covariance[:, :3, :3]
+    if law is GeneralisedHuntCrossley:  # K, n, B, p = n and M = 0
+        for end in ("", "_standard_error"):
+            found[f"damping_exponent{end}"] = found[f"exponent{end}"].copy()
+            found[f"relaxation_stiffness{end}"] = np.where(fits.taken > 0, 0.0, np.nan)
+        turned = in_columns(HuntCrossley)
+        covariance = turned @ covariance @ turned.T
+    found["covariance"] = list(covariance.reshape(len(covariance), -1))
     return found
 
 
@@ -513,7 +548,8 @@ def identify_many(
         Inputs of :func:`identify`. Default: none; pass arrays instead.
     method : ContactEstimator or str, optional
         Name of the method, or an estimator with its settings, such as
-        ``VariableProjection(surface="estimate")``. Default: as for :func:`identify`.
+        ``VariableProjection(surface="estimate")``. Default: for contacts that of
+        :func:`identify`, which selects the law; for arrays :class:`VariableProjection`.
     diagnosis : "none", "input" or "full"
         ``"input"`` (default) checks the data; ``"full"`` also checks the fits and gives each
         contact a verdict, by the recursion, one contact at a time.
@@ -549,10 +585,10 @@ def identify_many(
     MissingExtraError
         pyarrow is not installed.
     """
-    chosen = estimator_of(method)
+    chosen = estimator_of(VariableProjection() if method is None else method)
     usual = type(chosen)().settings
     settings = Settings(
-        method=chosen.method,
+        method=AUTO if method is None and contacts is not None else chosen.method,
         estimator={name: each for name, each in chosen.settings.items() if each != usual[name]},
         diagnosis=diagnosis,
         preparation=dict(preparation or {}),

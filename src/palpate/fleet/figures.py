@@ -15,7 +15,8 @@ from palpate.figures.style import (
     scale_of,
     set_titles,
 )
-from palpate.fleet.maps import Map, Repeats, numbers
+from palpate.fleet.maps import JUDGED, Map, Repeats, describe_frequencies, numbers
+from palpate.fleet.rows import AT_DEPTH
 from palpate.fleet.tasks import Table
 from palpate.validation import Floats
 
@@ -49,8 +50,14 @@ def draw_distributions(table: Table, *, dark: bool = False, width: float | None 
         Printed width, m, in [0.06, 0.4]. Default: 11 inches.
     """
     look = look_of(dark=dark, width=width)
-    shown = [("stiffness at working depth", "stiffness_at_depth", "N/m")]
-    shown.append(("damping at working depth", "damping_at_depth", "N·s/m"))
+    shown = [
+        (
+            f"{of} at working depth{describe_frequencies(table, of)}",
+            f"{of}_at_depth",
+            AT_DEPTH[of],
+        )
+        for of in JUDGED
+    ]
     if "exponent" in table.schema.names and _varies(table, "exponent"):
         shown.append(("exponent", "exponent", ""))
     count, narrow = len(shown), look.narrow

@@ -199,6 +199,74 @@ def _judged(name: str, total: int, value: Floats, error: Floats) -> Repeats:
     return Repeats(name, len(value), total, mean, spread_error, ratio, z)
 
 
+# A lag of the rig: to first order a force that is early by τ adds K′τ to the damping of each file.
+
+_LEAST_FILES = 4
+_LEAST_SPAN = 2.0  # of the stiffness: in that of one material a lag is as likely its own damping
+_SAME = 0.1  # standard deviation of the ratios, relative to their median
+_ONE_FREQUENCY = 1.5  # span below which a constant loss tangent looks like a constant delay
+
+
+@dataclass(frozen=True, slots=True)
+class RigLag:
+    """One ratio of damping to stiffness for all files of a rig, whatever was touched.
+
+    Attributes
+    ----------
+    time, spread : float
+        Median of B′/K′, and its standard deviation over the files, s.
+    files : int
+        Number of files.
+    span : float
+        Largest stiffness over the smallest.
+    frequencies : float
+        Largest frequency over the smallest; NaN if unknown.
+    """
+
+    time: float
+    spread: float
+    files: int
+    span: float
+    frequencies: float
+
+    def __str__(self) -> str:
+        time = with_error(1e3 * abs(self.time), 1e3 * self.spread, unit="ms")
+        way = "early" if self.time > 0.0 else "late"
+        words = (
+            f"damping over stiffness is the same in {self.files} files whose stiffness spans a "
+            f"factor of {rounded(self.span, 2)}, {time}: the force is probably {way} by as much"
+        )
+        if not self.frequencies > _ONE_FREQUENCY:
+            words += ", or all materials have one loss tangent"
+        return f"{words}; measure it, or try --delay {rounded(-1e3 * self.time, 3)}ms"
+
+
+def rig_lag_of(table: Table) -> RigLag | None:
+    """Return the lag that a fleet's files suggest, each a contact of its own; None without one.
+
+    At least four files with a positive stiffness, spanning a factor of two, whose B′/K′ agree
+    within 10 % (standard deviation over median). Files whose damping is not known to that are
+    left out.
+    """
+    names = np.array([source or "" for source in table.column("source").to_pylist()])
+    stiffness, damping = (numbers(table, f"{name}_at_depth") for name in JUDGED)
+    error = numbers(table, "damping_at_depth_standard_error")
+    with np.errstate(invalid="ignore"):
+        known = (stiffness > 0.0) & (names != "") & (error <= _SAME * np.abs(damping))
+    alone = [index is None and part is None for index, part in _each(table, "index", "part")]
+    known &= np.array(alone, dtype=bool)
+    if len(set(names[known].tolist())) < _LEAST_FILES:
+        return None
+    stiffness, frequency = stiffness[known], numbers(table, "frequency")[known]
+    ratio = damping[known] / stiffness
+    time, spread = float(np.median(ratio)), float(np.std(ratio, ddof=1))
+    span = float(stiffness.max() / stiffness.min())
+    if not (spread <= _SAME * abs(time) and span >= _LEAST_SPAN):
+        return None
+    frequencies = float(frequency.max() / frequency.min())
+    return RigLag(time, spread, len(ratio), span, frequencies)
+
+
 def kinds_of(sentences: Iterable[Sequence[str] | None]) -> list[tuple[str, int, str]]:
     """Group sentences that differ only in numbers: kind, number of rows, and an example."""
     return _counted(
@@ -313,6 +381,8 @@ class Map:
         Common depth of all values, m; None if each is at its own working depth.
     depths : tuple of float
         Smallest and largest working depth, m.
+    frequencies : str
+        Of the motions, in words, where the values depend on them; else empty.
     rows : int
         Number of rows, including those without a place.
     shallow : int
@@ -333,6 +403,7 @@ class Map:
     places: Floats
     depth: float | None
     depths: tuple[float, float]
+    frequencies: str
     rows: int
     shallow: int
     mistrusted: NDArray[np.bool_]
@@ -344,10 +415,10 @@ class Map:
         if self.quantity == "exponent":
             return "over the whole contact"
         if self.depth is not None:
-            return f"at {depth_of(self.depth)}"
+            return f"at {depth_of(self.depth)}{self.frequencies}"
         low, high = map(depth_of, self.depths)
         span = low if low == high else f"{low} to {high}"
-        return f"at the working depth of each contact, {span}"
+        return f"at the working depth of each contact, {span}{self.frequencies}"
 
     @property
     def lines(self) -> list[str]:
@@ -440,10 +511,25 @@ def map_of(
     unit, warnings = "" if of == "exponent" else AT_DEPTH[of], _warnings(results, there)
     shallow, mistrusted = int(np.count_nonzero(short[there])), mistrusted[there]
     value, error, places, rows = value[there], error[there], places[there], results.num_rows
-    at = depth, span
+    at = depth, span, describe_frequencies(results.filter(there), of)
     return Map(
         of, unit, value, error, axes, units, places, *at, rows, shallow, mistrusted, warnings
     )
+
+
+def describe_frequencies(results: Table, of: str) -> str:
+    """Describe the motions' frequencies, after a comma, where a quantity depends on them.
+
+    The damping always does, the stiffness where the material relaxes.
+    """
+    frequency = numbers(results, "frequency")
+    name = "relaxed_stiffness_at_depth"
+    relaxes = name in results.schema.names and np.isfinite(numbers(results, name)).any()
+    known = frequency[np.isfinite(frequency)]
+    if not known.size or not (of == "damping" or (of == "stiffness" and relaxes)):
+        return ""
+    ends = dict.fromkeys(rounded(float(f) / math.tau, 2) for f in (known.min(), known.max()))
+    return f", {' to '.join(ends)} Hz"
 
 
 def mistrusted_of(results: Table, of: str) -> NDArray[np.bool_]:
@@ -506,10 +592,14 @@ def _values(results: Table, of: str, depth: float | None) -> tuple[Floats, Float
     number_in("depth", depth, 0.0, 1e6, open_low=True)
     law = FORCE_LAWS[(results.schema.metadata or {})[b"law"].decode()]
     found = np.full((results.num_rows, 2), np.nan)
-    whole = results["law"].to_pylist() if law.relaxes else [""] * results.num_rows
+    whole: list[str] = [""] * results.num_rows
+    if law.relaxes:
+        whole = [each or "" for each in results["law"].to_pylist()]
+    frequencies = numbers(results, "frequency").tolist()
     for k, (matrix, *row) in enumerate(_each(results, "covariance", *law.names())):
         if matrix is not None and np.isfinite(row).all():
-            own = law_from(json.loads(whole[k])) if law.relaxes else law.from_parameters(row)
-            there = at_depth(own, np.reshape(matrix, (len(row), len(row))), depth)
+            own = law_from(json.loads(whole[k])) if whole[k] else law.from_parameters(row)
+            covariance = np.reshape(matrix, (len(row), len(row)))
+            there = at_depth(own, covariance, depth, frequencies[k])
             found[k] = there[name], there[f"{name}_standard_error"]
     return found[:, 0], found[:, 1], depths

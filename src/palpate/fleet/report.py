@@ -125,6 +125,8 @@ def _percent(count: int, of: int) -> str:
 
 
 def _distributions(table: Table) -> Iterator[str]:
+    if (lag := maps.rig_lag_of(table)) is not None:
+        yield f"<p>{escape(str(lag))}.</p>"
     known = np.isfinite(maps.numbers(table, "stiffness_at_depth"))
     if np.count_nonzero(known) < _FEWEST:
         return

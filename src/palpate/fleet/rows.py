@@ -12,9 +12,10 @@ from palpate._core import Status
 from palpate.contact import Contact
 from palpate.diagnosis import Data
 from palpate.estimators.estimate import Estimate
+from palpate.estimators.oscillation import dynamic_response
 from palpate.findings import Finding
 from palpate.fleet.tasks import Settings, Table, needed
-from palpate.force_laws import ForceLaw
+from palpate.force_laws import ForceLaw, GeneralisedHuntCrossley
 from palpate.identification.identified import Identified
 from palpate.preparation.along_penetration import at_places
 from palpate.validation import Floats
@@ -44,6 +45,7 @@ def schema_of(settings: Settings) -> Any:
     if law.relaxes:
         columns.append(("law", text, "", "the law with its relaxation times, as JSON"))
     columns += [
+        ("law_name", text, "", "the law, such as hunt-crossley or half-space with relaxation"),
         ("covariance", numbers, "", "of the law's parameters, row by row, SI"),
         ("offset", number, "N", "force out of contact; NaN if not estimated"),
         ("offset_standard_error", number, "N", "standard error of the offset"),
@@ -51,12 +53,17 @@ def schema_of(settings: Settings) -> Any:
         ("surface_standard_error", number, "m", "standard error of the surface"),
         ("depth", number, "m", "working depth: median penetration below the surface"),
         ("largest_depth", number, "m", "largest penetration below the surface, in contact"),
+        ("frequency", number, "rad/s", "of the motion; stiffness and damping at depth are for it"),
     ]
     for name, unit in AT_DEPTH.items():
         moved = "systematic uncertainty; NaN without a full diagnosis"
         columns.append((f"{name}_at_depth", number, unit, f"{name} at working depth"))
         columns.append((f"{name}_at_depth_standard_error", number, unit, "statistical uncertainty"))
         columns.append((f"{name}_at_depth_systematic", number, unit, moved))
+    if law.relaxes:
+        name = "relaxed_stiffness_at_depth"
+        columns.append((name, number, "N/m", "after relaxation; NaN where nothing relaxes"))
+        columns.append((f"{name}_standard_error", number, "N/m", "statistical uncertainty"))
     columns += [
         ("residual", number, "N", "standard deviation of the force minus the fitted force"),
         ("samples", whole, "", "number of samples of the contact"),
@@ -120,8 +127,19 @@ def _nothing(schema: Any, settings: Settings) -> Row:
 # A contact's identification as a row of the table.
 
 
-def rows_of(contact: Contact, settings: Settings) -> Iterator[Row]:
+def rows_of(
+    contact: Contact, settings: Settings, *, columns: type[ForceLaw] | None = None
+) -> Iterator[Row]:
     """Identify a contact: yield one row, or one per place where the probe travels.
+
+    Parameters
+    ----------
+    contact : Contact
+        The contact.
+    settings : Settings
+        How it is identified.
+    columns : type of ForceLaw, optional
+        The law of the table's columns. Default: that of the settings.
 
     Raises
     ------
@@ -131,39 +149,47 @@ def rows_of(contact: Contact, settings: Settings) -> Iterator[Row]:
     """
     prepared = contact.prepared
     if prepared is None or not prepared.places:
-        yield row_of(contact, settings)
+        yield row_of(contact, settings, columns=columns)
         return
     rejecting = settings.estimator_for(contact).rejects_outliers
     for part, (place, there) in enumerate(at_places(contact, rejecting=rejecting)):
         row: Row = {"part": part, **dict(zip("xyz", place.position.tolist(), strict=True))}
         try:
-            row |= row_of(there, settings)
+            row |= row_of(there, settings, columns=columns)
         except Exception as error:
             row |= failure(error)
         yield row
 
 
-def row_of(contact: Contact, settings: Settings) -> Row:
-    """Identify a contact at one place by the recursive estimator.
+def row_of(contact: Contact, settings: Settings, *, columns: type[ForceLaw] | None = None) -> Row:
+    """Identify a contact at one place by the recursive estimator; see :func:`rows_of`.
 
     Raises
     ------
     PalpateError
         It cannot be identified.
     """
-    result = Identified.of(Data(contact), settings.estimator_for(contact), trace=False)
+    result = Identified.selected_law(Data(contact), settings.estimator_for(contact), trace=False)
     contact, data = result.contact, result.data
     assert data is not None
-    estimate, law = result.estimate, result.law
-    row: Row = {"fit": "recursion", "samples": len(contact)}
+    estimate, law, covariance = result.estimate, result.law, result.covariance
+    row: Row = {"fit": "recursion", "samples": len(contact), "method": result.method}
+    row |= {"law_name": law_name(result), "frequency": result.frequency}
+    if (columns or settings.law) is GeneralisedHuntCrossley and law.powers is not None:
+        turned = in_columns(type(law))
+        law, covariance = GeneralisedHuntCrossley.of(law), turned @ covariance @ turned.T
     if not contact.timeless:  # that of the spring is not of the table's law
-        row["covariance"] = result.covariance.reshape(-1).tolist()
+        row["covariance"] = covariance.reshape(-1).tolist()
     with np.errstate(invalid="ignore"):
-        errors = np.sqrt(np.diag(result.covariance)).tolist()
+        errors = np.sqrt(np.diag(covariance)).tolist()
     for name, value, error in zip(law.names(), law.parameters.tolist(), errors, strict=True):
         row |= {name: value, f"{name}_standard_error": error}
     if law.relaxes:
         row["law"] = json.dumps(law.description())
+    if law.remembers and result.depths:
+        relaxed = result.relaxed_stiffness()
+        row["relaxed_stiffness_at_depth"] = relaxed.value
+        row["relaxed_stiffness_at_depth_standard_error"] = relaxed.standard_error
     for name in ("offset", "surface"):
         if (error := getattr(estimate, f"{name}_standard_error")) > 0.0:
             row |= {name: getattr(estimate, name), f"{name}_standard_error": error}
@@ -177,7 +203,27 @@ def row_of(contact: Contact, settings: Settings) -> Row:
         return row | _diagnosed(result)
     if settings.diagnosis == "input":
         row["findings"] = [format_finding(finding) for finding in data.findings]
-    return row | (at_depth(law, result.covariance, result.depths[0]) if result.depths else {})
+    if law.remembers:  # its selection has diagnosed it
+        return row | _at_working_depth(result, systematic=False)
+    return row | (at_depth(law, covariance, result.depths[0]) if result.depths else {})
+
+
+def in_columns(law: type[ForceLaw]) -> Floats:
+    """Derivatives of the generalised law's five parameters by those of a law of one power."""
+    names = law.names()
+    like = {"damping_exponent": "exponent", **{name: name for name in names}}
+    columns = GeneralisedHuntCrossley.names()
+    found = np.zeros((len(columns), len(names)))
+    for k, name in enumerate(columns):
+        if (own := like.get(name)) in names:
+            found[k, names.index(own)] = 1.0
+    return found
+
+
+def law_name(result: Identified) -> str:
+    """Return the name of the identified law: the selected one's, or its kind."""
+    estimator = result.estimator
+    return str(estimator.candidate) if estimator.chooses_law else str(result.law.kind)
 
 
 def failure(error: Exception) -> Row:
@@ -191,11 +237,21 @@ def format_finding(finding: Finding) -> str:
     return f"{finding.severity}: {finding.check}: {finding.message}"
 
 
-def at_depth(law: ForceLaw, covariance: Floats, depth: float) -> Row:
-    """Return force, stiffness and damping at a depth; errors by the delta method: √(gᵀ C g)."""
+def at_depth(law: ForceLaw, covariance: Floats, depth: float, frequency: float = math.nan) -> Row:
+    """Return force, stiffness and damping at a depth; errors by the delta method: √(gᵀ C g).
+
+    Those of a law that relaxes are K′ and B′ at a frequency ω, rad/s.
+    """
     known = Estimate.from_law(law, covariance, status=Status.UPDATED, samples=1)
+
+    def response(of: ForceLaw) -> tuple[float, ...]:
+        if not of.remembers:
+            return of.at_rest(depth)
+        assert isinstance(of, GeneralisedHuntCrossley)
+        return of.at_rest(depth)[0], *dynamic_response(of, depth, frequency).tolist()
+
     with np.errstate(all="ignore"):
-        values, errors = known.with_errors(lambda of: of.at_rest(depth))
+        values, errors = known.with_errors(response)
     row: Row = {"depth": depth}
     for name, value, error in zip(AT_DEPTH, values.tolist(), errors.tolist(), strict=True):
         row |= {f"{name}_at_depth": value, f"{name}_at_depth_standard_error": error}
@@ -215,17 +271,22 @@ def place_in_notes(notes: Mapping[str, str]) -> Row:
 
 def _diagnosed(result: Identified) -> Row:
     found = result.diagnosis
-    there, marks = found.working_depth, found.verdict
-    row: Row = {
-        "depth": there.depth,
+    marks = found.verdict
+    return _at_working_depth(result) | {
         "findings": [format_finding(finding) for finding in found.findings],
         "verdict": marks.overall,
         "verdict_stiffness": marks.stiffness,
         "verdict_damping": marks.damping,
     }
+
+
+def _at_working_depth(result: Identified, *, systematic: bool = True) -> Row:
+    there = result.diagnosis.working_depth
+    row: Row = {"depth": there.depth}
     for name in AT_DEPTH:
         quantity = getattr(there, name)
         row[f"{name}_at_depth"] = quantity.value
         row[f"{name}_at_depth_standard_error"] = quantity.standard_error
-        row[f"{name}_at_depth_systematic"] = quantity.systematic
+        if systematic:
+            row[f"{name}_at_depth_systematic"] = quantity.systematic
     return row

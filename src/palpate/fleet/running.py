@@ -117,7 +117,7 @@ def _identified(
     kind: str, named: list[Named], settings: Settings, threads: int
 ) -> tuple[Table, Floats]:
     if kind != "zarr":
-        return identify_each(_in_files(kind, named, settings), settings, searching=kind == "map")
+        return identify_each(_in_files(kind, named, settings), settings, curves=kind == "map")
     source, numbers = named[0][0], [index or 0 for _, index in named]
     first, count = min(numbers), max(numbers) - min(numbers) + 1
     try:

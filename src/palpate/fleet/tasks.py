@@ -16,7 +16,12 @@ from palpate import errors
 from palpate._core import __version__
 from palpate.contact import Contact
 from palpate.errors import InvalidParameterError
-from palpate.estimators import ContactEstimator, estimator_named
+from palpate.estimators import (
+    ContactEstimator,
+    VariableProjection,
+    ViscoelasticContact,
+    estimator_named,
+)
 from palpate.force_laws import ForceLaw
 from palpate.preparation import Columns
 from palpate.preparation.gates import gate_asked_for
@@ -203,6 +208,8 @@ def digest_of(sources: Iterable[ContactSource]) -> str:
 # How the contacts of a fleet are prepared and identified; every row has the digest of the settings.
 
 DiagnosisDepth = Literal["none", "input", "full"]
+#: The method that :func:`palpate.identify` takes by default.
+AUTO = "auto"
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True, slots=True)
@@ -212,7 +219,8 @@ class Settings:
     Parameters
     ----------
     method : str
-        Name of the method. Default: "variable-projection".
+        Name of the method. Default: "auto", as :func:`palpate.identify` without a method, which
+        selects the law; the whole curves of arrays and force maps are fitted by Hunt–Crossley.
     estimator : mapping
         Settings of the method that differ from its defaults, such as ``{"surface": "estimate"}``.
     preparation : mapping
@@ -233,7 +241,7 @@ class Settings:
         A setting is unknown or outside its range, or the method does not exist.
     """
 
-    method: str = "variable-projection"
+    method: str = AUTO
     estimator: Mapping[str, Any] = dataclasses.field(default_factory=dict)
     preparation: Mapping[str, Any] = dataclasses.field(default_factory=dict)
     diagnosis: DiagnosisDepth = "input"
@@ -247,7 +255,7 @@ class Settings:
             raise InvalidParameterError(
                 f"diagnosis must be none, input or full, not {shown(self.diagnosis)}"
             )
-        usual = estimator_named(self.method)()
+        usual = self.kind()
         for whose, given, known in (
             (f"method {self.method}", self.estimator, set(usual.settings)),
             ("preparation", self.preparation, {f.name for f in dataclasses.fields(Preparation)}),
@@ -262,7 +270,19 @@ class Settings:
     @property
     def law(self) -> type[ForceLaw]:
         """The force law that the method identifies."""
-        return estimator_named(self.method)().law_type
+        return self.kind().law_type
+
+    @property
+    def kind(self) -> type[ContactEstimator]:
+        """The estimator's class."""
+        return ViscoelasticContact if self.method == AUTO else estimator_named(self.method)
+
+    @property
+    def of_curves(self) -> "Settings":
+        """The same, with Hunt and Crossley's law for whole curves where no method was chosen."""
+        if self.method != AUTO or not set(self.estimator) <= set(VariableProjection().settings):
+            return self
+        return dataclasses.replace(self, method=VariableProjection.method)
 
     @property
     def searches_surface(self) -> bool:
@@ -271,7 +291,10 @@ class Settings:
 
     def estimator_for(self, contact: Contact) -> ContactEstimator:
         """Return a new estimator, with a contact gate if a minimum was set."""
-        made = estimator_named(self.method)().replace(**self.estimator)
+        kind = self.kind
+        if self.method == AUTO and contact.timeless:
+            kind = VariableProjection
+        made = kind().replace(**self.estimator)
         asked = self.minimum_penetration, self.minimum_force
         gate = gate_asked_for(contact, *asked, alone=made.chooses_samples)
         return made if gate is None else made.replace(gate=gate)

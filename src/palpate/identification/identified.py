@@ -19,6 +19,7 @@ from palpate.diagnosis import (
     Data,
     Diagnosis,
     Episode,
+    Laws,
     Quantity,
     WorkingDepth,
     diagnose_parts,
@@ -26,7 +27,7 @@ from palpate.diagnosis import (
 )
 from palpate.diagnosis.diagnosing import outliers
 from palpate.diagnosis.fit import DEEP, reference_scale
-from palpate.diagnosis.marks import BETTER, STOP_STIFFNESS, is_negative, mark_of
+from palpate.diagnosis.marks import CARE, STOP_STIFFNESS, mark_of
 from palpate.diagnosis.timeless import (
     SpringEstimate,
     diagnosis_without_time,
@@ -50,6 +51,7 @@ from palpate.estimators.estimate import (
     rmse_percent,
     violated_fraction,
 )
+from palpate.estimators.law_verdicts import Candidate
 from palpate.estimators.oscillation import Oscillation
 from palpate.estimators.variable_projection import EXPONENTS, constrained
 from palpate.findings import MARKS, Finding
@@ -58,7 +60,6 @@ from palpate.identification.replaying import (
     defaults_from_data,
     estimator_of,
     joint_covariance,
-    laws_beside,
     predicted_force,
     replayed,
 )
@@ -186,12 +187,6 @@ def findings_of(contact: Contact, trace: Trace, estimator: ContactEstimator) -> 
         taken = int(np.count_nonzero(trace.taken))
         yield outliers(left_out, left_out + taken)
     if (verdict := estimator.verdict()) is not None:
-        if law.remembers:
-            yield Finding(
-                "memory",
-                f"the law relaxes ({verdict.candidate.title}): force, stiffness and damping "
-                "at a depth are those after relaxation; K′ and B′ are those of a small oscillation",
-            )
         yield from verdict.findings
     for refusal in (Status.NOT_FINITE, Status.INVALID_STEP, Status.OUT_OF_RANGE):
         if count := int(np.count_nonzero(trace.status == refusal)):
@@ -224,7 +219,8 @@ def creates_energy(damping: Any, error: Any, force: Any, speed: Any) -> Any:
     speed : float or numpy.ndarray
         Root mean square in contact, m/s.
     """
-    return is_negative(damping, 2.0 * error, reference_scale(damping, force, speed))
+    size = reference_scale(damping, force, speed)
+    return damping < -np.maximum(2.0 * error, CARE * size)
 
 
 def prior_finding(own: Estimate, bounded: Estimate, depth: float) -> Finding:
@@ -289,6 +285,8 @@ class Identified:
     traced: Traced = 2000
     #: The estimate under a weak prior, where the motion leaves the estimator's own open.
     bounded: Estimate | None = None
+    #: The identification that selected this one's law.
+    selected: "Identified | None" = None
 
     stretches, wanted = OldName("segments"), OldName("query")
     by_stretch, wanting = OldName("by_segment"), OldName("with_query")
@@ -313,7 +311,8 @@ class Identified:
         trace : int, float, "full" or False
             Which estimates are written down.
         """
-        given, traced = estimator_of(estimator), checked_trace(trace)
+        timeless = data.contact.timeless
+        given, traced = estimator_of(estimator, timeless=timeless), checked_trace(trace)
         data = data.samples(rejecting=given.rejects_outliers)
         contact = data.contact
         if contact.timeless and type(given) is not VariableProjection:
@@ -345,6 +344,36 @@ class Identified:
             check_approach(contact, written, result.estimate.surface)
         return result._under_prior() if fresh.settings.get("weak_prior") else result
 
+    @classmethod
+    def selected_law(
+        cls,
+        data: Data,
+        estimator: ContactEstimator | str | None = None,
+        *,
+        trace: Traced = 2000,
+    ) -> Self:
+        """Identify a contact; where Hunt and Crossley's law is selected, by variable projection.
+
+        That has the smaller error of K, B and n. It also answers where the material pulls or
+        changes, which a law with memory would take for its own.
+        """
+        found = cls.of(data, estimator, trace=trace)
+        if not found.estimator.chooses_law or not found._takes_hunt_crossley():
+            return found
+        given, plain = found.estimator.settings, VariableProjection()
+        shared = {name for name in plain.settings if name in given}.difference(found.chosen)
+        plain = plain.replace(**{name: given[name] for name in shared})
+        answer = cls.of(found.data or data, plain, trace=trace)
+        return replace(answer, selected=found)
+
+    def _takes_hunt_crossley(self) -> bool:
+        own = Candidate("hunt-crossley", "none")
+        if self.estimator.candidate == own:
+            return True
+        if own not in self.estimator.offered:
+            return False
+        return any(f.check in ("change", "adhesion") for f in self.diagnosis.findings)
+
     def _under_prior(self) -> Self:
         """Return it with the estimate under the weak prior, if its own is outside of that."""
         own, settings = self.estimator.estimate(), self.estimator.settings
@@ -369,7 +398,9 @@ class Identified:
 
     @cached_property
     def oscillation(self) -> Oscillation | None:
-        """What the samples say of small oscillations, by a law that relaxes; None by others."""
+        """What the samples say of small oscillations where a law was selected; otherwise None."""
+        if self.selected is not None:
+            return self.selected.oscillation
         if not isinstance(self.estimator, ViscoelasticContact):
             return None
         contact, taken = self.contact, self.trace.taken.copy()
@@ -388,7 +419,7 @@ class Identified:
         if found.misfit > CLEAR_MISFIT:
             words += ", or the material's memory has another form"
         yield Finding(
-            "delay",
+            "late force",
             f"the damper beside the relaxation is negative: {words}",
             "run again with --delay find",
             damping="with-care",
@@ -397,7 +428,8 @@ class Identified:
     def _diagnosed_at(self, depths: Sequence[float]) -> Diagnosis:
         data = self.data or Data(self.contact)
         timeless = self.contact.timeless
-        laws = None if timeless else laws_beside(data, self.estimator, self.chosen)
+        by = self.selected or self
+        laws = Laws.of(by.estimator) if by.estimator.chooses_law else None
         found = diagnose_parts(
             data,
             self.trace,
@@ -406,6 +438,8 @@ class Identified:
             laws=laws,
             notes=(*self.findings, *self._late()),
             method=self.method,
+            response=self.oscillation,
+            frequency=self.frequency,
         )
         return diagnosis_without_time(found) if timeless else found
 
@@ -436,11 +470,24 @@ class Identified:
 
     @cached_property
     def _firm_penetration(self) -> Floats:
-        contact, inside = self.contact, self.trace.taken
-        if self.estimator.chooses_samples:
-            inside = inside & choose_gate(contact).makes(contact.penetration, contact.force)
+        contact = self.contact
+        firm = choose_gate(contact).makes(contact.penetration, contact.force)
+        inside = self.trace.taken & firm
         penetration: Floats = contact.penetration[inside] - self.estimate.surface
         return penetration
+
+    @cached_property
+    def frequency(self) -> float:
+        """ω of the motion, rad/s: rms speed over rms distance from the mean depth, in contact.
+
+        NaN if the probe is held still.
+        """
+        contact = self.contact
+        inside = (contact.penetration > self.estimate.surface) & ~self.trace.rejected
+        inside &= np.isfinite(contact.velocity)
+        way = float(np.std(contact.penetration[inside])) if inside.any() else 0.0
+        speed = float(np.sqrt(np.mean(contact.velocity[inside] ** 2))) if inside.any() else 0.0
+        return speed / way if way > 0.0 and speed > 0.0 else math.nan
 
     @property
     def working_depths(self) -> tuple[WorkingDepth, ...]:
@@ -530,12 +577,13 @@ class Identified:
             Iterates over the places, such as with a progress bar.
         """
         # Of the same settings, but for those that were chosen from these data.
-        found, fresh = [], self.estimator.replace(**dict.fromkeys(self.chosen))
+        own = self.selected or self
+        found, fresh = [], own.estimator.replace(**dict.fromkeys(own.chosen))
         for place, contact in watch(
             list(at_places(self.contact, rejecting=fresh.rejects_outliers))
         ):
             with suppress(RecordingError):
-                part = self.of(Data(contact), fresh, trace=self.traced)
+                part = self.selected_law(Data(contact), fresh, trace=self.traced)
                 found.append(replace(part, place=place, query=self.query))
         return replace(self, segments=tuple(found))
 
@@ -756,7 +804,12 @@ def rank(results: "Mapping[str, Identified]") -> Ranking:
 
 def fails(result: "Identified") -> bool:
     """Whether the method's answer is not the least squares of its own law on these samples."""
-    return any(f.check == "method" and f.severity != "note" for f in result.diagnosis.findings)
+    moves = (
+        max(abs(f.moves_stiffness_percent), abs(f.moves_damping_percent))
+        for f in result.diagnosis.findings
+        if f.check == "method"
+    )
+    return any(each > 100.0 * CARE for each in moves)
 
 
 def _left(result: "Identified", common: NDArray[np.bool_]) -> float:
@@ -765,13 +818,16 @@ def _left(result: "Identified", common: NDArray[np.bool_]) -> float:
     return fit if math.isfinite(fit) else math.inf
 
 
+# Of what another law leaves: a selected law that relaxes has clearly less.
+CLEARLY = 0.9
+
+
 def _outdone(results: "Mapping[str, Identified]", left: Mapping[str, float]) -> set[str]:
     """Methods that leave clearly more than the one that chooses a law, where one was named."""
-    chosen = left.get(ViscoelasticContact.method)
-    named = any(f.check == "law" for each in results.values() for f in each.diagnosis.findings)
-    if chosen is None or not named:
+    method = ViscoelasticContact.method
+    if method not in results or not results[method].law.remembers:
         return set()
-    return {name for name, fit in left.items() if chosen <= BETTER * fit}
+    return {name for name, fit in left.items() if left[method] <= CLEARLY * fit}
 
 
 def _badness(result: "Identified", left: float, outdone: bool) -> tuple[float, ...]:

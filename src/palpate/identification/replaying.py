@@ -2,7 +2,7 @@
 
 import logging
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 from operator import attrgetter
 from typing import Any
@@ -11,7 +11,6 @@ import numpy as np
 
 from palpate._core import Status
 from palpate.contact import Contact
-from palpate.diagnosis import Data, Laws
 from palpate.errors import InvalidParameterError
 from palpate.estimators import (
     ESTIMATORS,
@@ -60,7 +59,9 @@ def defaults_from_data(contact: Contact, given: ContactEstimator) -> dict[str, A
 
 def _half_the_record(contact: Contact) -> float:
     """The longest relaxation time that a recording can tell from a constant, s."""
-    return max(0.5 * float(contact.time[-1] - contact.time[0]), 4.0 * contact.sample_time)
+    return max(
+        0.5 * float(np.ptp(contact.time)) if len(contact) else 0.0, 4.0 * contact.sample_time
+    )
 
 
 def _gate_above_dead_band(contact: Contact) -> ContactGate | None:
@@ -77,10 +78,12 @@ def _surface_deviation(contact: Contact) -> float | None:
     return math.hypot(contact.surface_deviation, resolved or 0.0)
 
 
-def estimator_of(given: ContactEstimator | str | None) -> ContactEstimator:
-    """The requested estimator: itself, by its name, or the default."""
+def estimator_of(
+    given: ContactEstimator | str | None, *, timeless: bool = False
+) -> ContactEstimator:
+    """The requested estimator: itself, by its name, or the default, which selects a law."""
     if given is None:
-        return VariableProjection()
+        return VariableProjection() if timeless else ViscoelasticContact()
     if isinstance(given, str):
         return estimator_named(given)()
     if not isinstance(given, ContactEstimator):
@@ -226,63 +229,6 @@ def widening(
     return factors
 
 
-# The common laws on the samples that another method identified, to see whether one is better; and
-# what speaks against the law that a method has chosen.
-
-FEWEST_HELD_OUT = 60  # samples in contact
-
-
-def laws_beside(data: Data, estimator: ContactEstimator, chosen: Sequence[str]) -> Laws | None:
-    """Which law it is; None where the identified one is none of those that are compared.
-
-    Methods of one contact that were given the same share the answer.
-
-    Parameters
-    ----------
-    data : Data
-        The contact.
-    estimator : ContactEstimator
-        As it stood at the end. What it was given of which samples are contact, and of the
-        exponent, holds for the other laws too.
-    chosen : sequence of str
-        Its settings that were chosen from the data, for its own method.
-    """
-    if estimator.chooses_law:
-        key = repr(["own", estimator.settings])
-        if key not in data.laws:
-            data.laws[key] = _held_out(data, estimator, Laws.of(estimator, own=True))
-            data.laws[repr([estimator.settings, 0.0])] = replace(data.laws[key], own=False)
-        return data.laws[key]
-    estimate = estimator.estimate()
-    if estimate.law.candidate is None:
-        return None
-    names = {"gate", "outlier_rejection", "exponent"}.difference(chosen)
-    given = {name: value for name, value in estimator.settings.items() if name in names}
-    key = repr([sorted(given.items()), estimate.surface])
-    if key not in data.laws:
-        data.laws[key] = _compared(data, given, estimate.surface)
-    return data.laws[key]
-
-
-@timed("laws")
-def _held_out(data: Data, estimator: ContactEstimator, own: Laws) -> Laws:
-    """With the law by the first two thirds of the contact, and how it predicts the last."""
-    contact, first = data.contact, estimator.replace()
-    inside = np.flatnonzero(data.known & (contact.penetration > 0.0))
-    early, late = np.split(inside, [inside.size - inside.size // 3])
-    if late.size < FEWEST_HELD_OUT:
-        return own
-    replayed(contact.taken(slice(late[0])), first, trace=False)
-    estimate = first.estimate()
-    left = contact.force - predicted_force(estimate, contact, begins=True)
-    with np.errstate(all="ignore"):
-        own_error, error, size = (
-            float(np.sqrt(np.mean(values**2)))
-            for values in (left[early], left[late], contact.force[late] - estimate.offset)
-        )
-        return replace(own, before=Laws.of(first), missed=error / size, surprise=error / own_error)
-
-
 def predicted_force(estimate: Estimate, contact: Contact, *, begins: bool = False) -> Floats:
     """Force by an estimate's law, and offset, at every sample of a contact, N.
 
@@ -301,21 +247,3 @@ def predicted_force(estimate: Estimate, contact: Contact, *, begins: bool = Fals
     if begins and isinstance(estimate, RelaxingEstimate):
         force += np.where(depth > 0.0, estimate.start_force(np.cumsum(steps) - steps[0]), 0.0)
     return force
-
-
-@timed("laws")
-def _compared(data: Data, given: dict[str, Any], surface: float) -> Laws:
-    contact, kept = data.contact, given.get("exponent")
-    low, high = ViscoelasticContact.exponents
-    estimator = ViscoelasticContact(
-        gate=given.get("gate"),
-        outlier_rejection=given.get("outlier_rejection"),
-        exponent=kept if kept is not None and low <= kept <= high else None,
-    )
-    below = replace(contact, penetration=contact.penetration - surface) if surface else contact
-    estimator = estimator.replace(**defaults_from_data(below, estimator))
-    key = repr([estimator.settings, surface])  # what one method was given another may have chosen
-    if key not in data.laws:
-        replayed(below, estimator, trace=False)
-        data.laws[key] = Laws.of(estimator)
-    return data.laws[key]

@@ -14,7 +14,7 @@ from palpate.identifying import identify
 from palpate.live.choices import CHOICES
 from palpate.live.realtime import lower_priority
 from palpate.live.sinks import PLACE, Session, Watching, basis_of, outdated
-from palpate.validation import Floats
+from palpate.validation import Floats, defined
 
 WINDOW = 20.0  # s
 EVERY = 5.0  # s from the end of one diagnosis to the next, at least
@@ -122,7 +122,8 @@ def diagnosed(samples: Floats, status: dict[str, Any]) -> dict[str, Any]:
         used = status.get("velocity_filter")
         step = float(status.get("sample_time", 1e-3))
         contact = contact_of(samples, step, used and VelocityFilter(**used))
-        diagnosis = identify(contact, _estimator(status), trace=False).diagnosis
+        result = identify(contact, _estimator(status), trace=False)
+        diagnosis = result.diagnosis
     except PalpateError as error:  # the probe touched nothing
         return {**page, "verdict": None, "reason": str(error), "remedy": None, "said": str(error)}
     return {
@@ -132,4 +133,5 @@ def diagnosed(samples: Floats, status: dict[str, Any]) -> dict[str, Any]:
         "reason": diagnosis.reason,
         "remedy": diagnosis.remedy,
         "working_depths": [depth.as_dict() for depth in diagnosis.working_depths],
+        "frequency": defined(result.frequency),
     }

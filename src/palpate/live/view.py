@@ -471,12 +471,14 @@ def _diagnosis(found: Mapping[str, Any]) -> Iterator[list[str]]:
     """Yield what to do, the result at each working depth, and what was diagnosed: text, class."""
     if found.get("remedy"):
         yield [found["remedy"], ""]
+    frequency = found.get("frequency")
+    often = "" if frequency is None else f" and {in_hertz(frequency)}"
     for there in found.get("working_depths", ()):
         both = []
         for name, unit in (("stiffness", "N/m"), ("damping", "N·s/m")):
             error = math.hypot(*(or_nan(there[name][e]) for e in ("standard_error", "systematic")))
             both.append(f"{name} {with_error(or_nan(there[name]['value']), error, unit=unit)}")
-        yield [f"At {format_quantity(there['depth'], 'm')}: {', '.join(both)}", ""]
+        yield [f"At {format_quantity(there['depth'], 'm')}{often}: {', '.join(both)}", ""]
     last = rounded(found["window"][1] - found["window"][0], 2)
     words = f"{found['method']}, the last {last} s at {found['at']}, {found['samples']} samples; "
     yield [f"{words}± includes the systematic uncertainty", "soft"]

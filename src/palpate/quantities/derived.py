@@ -16,7 +16,6 @@ from palpate.errors import InvalidParameterError
 from palpate.estimators import ContactEstimator
 from palpate.estimators.estimate import Estimate, Trace
 from palpate.estimators.law_verdicts import band_about
-from palpate.estimators.oscillation import Oscillation
 from palpate.quantities.energy import (
     EnergyLoss,
     Passivity,
@@ -112,8 +111,8 @@ class Derivable(Protocol):
         """The impact, tip and oscillation of the derived numbers."""
 
     @property
-    def oscillation(self) -> Oscillation | None:
-        """What the samples say of small oscillations, by a law that relaxes."""
+    def frequency(self) -> float:
+        """ω of the motion, rad/s."""
 
     def at(self, depth: "ArrayLike") -> WorkingDepth:
         """Force, stiffness and damping at a depth, m."""
@@ -150,8 +149,8 @@ def oscillation_of(
 ) -> SmallOscillation:
     """Dynamic stiffness K′ + iωB′ for small oscillations about a depth, by a law of any kind.
 
-    For a law without memory these are the stiffness and damping of :meth:`at`; for one with memory
-    those at the frequency, their statistical uncertainty by the delta method.
+    By default the numbers of the working depth; at another frequency those of the law, with the
+    same relative errors.
 
     Parameters
     ----------
@@ -170,30 +169,24 @@ def oscillation_of(
     """
     omega, there = _in_band(result, frequency), _at(result, depth)
     stiffness, damping = there.stiffness, there.damping
-    if (found := result.oscillation) is not None:
-        surface = _by_surface(result, there.depth, omega)
-        values, own, systematic = found.at(there.depth, omega)
-        parts = np.array([values, np.hypot(own, surface), systematic])
-        stiffness, damping = (Quantity(*each) for each in parts.T.tolist())
-    elif result.law.relaxes:
-        slope = complex(result.law.dynamic_stiffness(there.depth, omega))
-        stiffness = replace(stiffness, value=slope.real)
-        damping = replace(damping, value=slope.imag / omega)
+    if result.law.relaxes and omega != result.frequency:
+        law = result.law
+        own = complex(law.dynamic_stiffness(there.depth, result.frequency))
+        other = complex(law.dynamic_stiffness(there.depth, omega))
+        # The bars are those at the motion's own frequency, in proportion.
+        stiffness = stiffness.scaled(other.real / own.real)
+        damping = damping.scaled(other.imag * result.frequency / (own.imag * omega))
     tangent = _tangent(omega, stiffness, damping)
     return SmallOscillation(there.depth, omega, stiffness, damping, tangent)
 
 
-def _by_surface(result: Derivable, depth: float, omega: float) -> Floats:
-    """How far an uncertain surface moves K′ and B′ at a depth: half of what it does either way."""
-    off = min(result.contact.surface_deviation or 0.0, 0.5 * depth)
-    ends = result.law.dynamic_stiffness(np.array([depth + off, depth - off]), omega)
-    moved: Floats = 0.5 * np.abs([np.diff(ends.real)[0], np.diff(ends.imag)[0] / omega])
-    return moved
-
-
 def relaxed_stiffness_of(result: Derivable, depth: float | None = None) -> Quantity:
     """∂F/∂x of the fully relaxed material, N/m, at a depth [m]; default: the working depth."""
-    return _at(result, depth).stiffness
+    there = _at(result, depth)
+    if not result.law.relaxes:
+        return there.stiffness
+    found = _by_law(result, there.depth, lambda law, at: float(law.relaxed().stiffness_at(at)))
+    return Quantity(*found, 0.0)
 
 
 def instantaneous_stiffness_of(result: Derivable, depth: float | None = None) -> Quantity:
@@ -204,7 +197,7 @@ def instantaneous_stiffness_of(result: Derivable, depth: float | None = None) ->
     found = _by_law(
         result, there.depth, lambda law, at: float(law.instantaneous().stiffness_at(at))
     )
-    return Quantity(*found, there.stiffness.systematic)
+    return Quantity(*found, 0.0)
 
 
 def relaxation_time_of(result: Derivable) -> Quantity | None:
@@ -218,22 +211,12 @@ def relaxation_time_of(result: Derivable) -> Quantity | None:
 
 def band_of(result: Derivable) -> tuple[float, float]:
     """Return the frequency band of the motion, rad/s: half to twice its mean frequency."""
-    return band_about(_own_frequency(result))
+    return band_about(result.frequency)
 
 
 def in_hertz(frequency: float) -> str:
     """Format a frequency [rad/s] in Hz."""
     return f"{rounded(frequency / _TURN, 3)} Hz"
-
-
-def _own_frequency(result: Derivable) -> float:
-    """Rms speed over rms distance from the mean depth, rad/s; NaN if the probe is held still."""
-    if (verdict := result.estimator.verdict()) is not None:
-        return verdict.frequency if verdict.known else math.nan
-    taken, contact = result.trace.taken, result.contact
-    x, v = contact.penetration[taken], contact.velocity[taken]
-    way = float(np.std(x)) if x.size else 0.0
-    return float(np.sqrt(np.mean(v**2))) / way if way > 0.0 else math.nan
 
 
 def _in_band(result: Derivable, frequency: float | None) -> float:
@@ -243,7 +226,7 @@ def _in_band(result: Derivable, frequency: float | None) -> float:
             "no frequency can be analysed: the probe is held still, or there are too few samples"
         )
     if frequency is None:
-        return _own_frequency(result)
+        return result.frequency
     omega = number("frequency", frequency)
     if not low <= omega <= high:
         raise InvalidParameterError(

@@ -11,7 +11,7 @@ from dataclasses import dataclass, fields
 from typing import Any, ClassVar
 
 from palpate.diagnosis.finding import Diagnosis, Quantity, WorkingDepth
-from palpate.diagnosis.marks import WIDEST_STIFFNESS
+from palpate.diagnosis.marks import STOPPED
 from palpate.digits import format_quantity
 from palpate.force_laws import ForceLaw
 from palpate.quantities.restitution import UNKNOWN
@@ -166,7 +166,7 @@ TIPS: dict[str, type[Tip]] = {each.kind: each for each in (Sphere, FlatPunch, Co
 # Largest relative systematic uncertainty from the exponent; above it there is no modulus, as a
 # stiffness of that uncertainty is not trusted either. An exponent off by a half, that of the next
 # shape, causes as much over depths in a ratio of 2.7; strokes from the surface have one of 9.
-WIDEST_SPREAD = WIDEST_STIFFNESS
+WIDEST_SPREAD = STOPPED[0]
 # Poisson's ratio of materials of constant volume, as soft tissue, gels and rubber nearly are.
 INCOMPRESSIBLE = 0.5
 # Half the distance to the next shape's exponent, and standard errors for a certain difference.
@@ -234,7 +234,8 @@ def elastic_modulus_of(
     """Return Young's modulus from the force at working depth and the shape of the tip.
 
     It uses the force where it was measured, not K, which is an extrapolation to one metre and
-    depends on the exponent. palpate refuses a modulus if those of light and deep touch differ by
+    depends on the exponent; of a law that relaxes the force of its K′, so that the modulus is that
+    at the motion's frequency. palpate refuses a modulus if those of light and deep touch differ by
     more than 25 % from it, or the exponent is certainly another shape's: the tip's shape is wrong.
 
     Parameters
@@ -263,7 +264,7 @@ def elastic_modulus_of(
     if refused:
         return ElasticModulus(UNKNOWN, *known, refused)
     low, modulus, high = (
-        (1.0 - ratio**2) * float(law.force(depth, 0.0)) / tip.force(1.0, depth)
+        (1.0 - ratio**2) * _elastic_force(law, there, depth) / tip.force(1.0, depth)
         for depth in (depths[0], there.depth, depths[1])
     )
     spread = 0.5 * abs(high - low) / modulus
@@ -279,6 +280,14 @@ def elastic_modulus_of(
     )
     remarks = (*_remarks(found, exponent, tip), *tip.limitations(depths[1]))
     return ElasticModulus(value, *known, remarks=remarks)
+
+
+def _elastic_force(law: ForceLaw, there: WorkingDepth, depth: float) -> float:
+    """Force at a depth, N; of a law that relaxes that of its stiffness K′, F = K′ x/n."""
+    if not law.remembers:
+        return float(law.force(depth, 0.0))
+    exponent = there.depth * there.stiffness.value / there.force.value
+    return float(there.force.value * (depth / there.depth) ** exponent)
 
 
 def _exponent(there: WorkingDepth) -> Quantity:

@@ -220,6 +220,9 @@ def approximations_of(dissipation: float, speed: float) -> dict[str, float]:
 
 UNKNOWN = Quantity(math.nan, math.nan, math.nan)
 UNTRUSTED = "the diagnosis does not trust the damping"
+EQUIVALENT = (
+    "by the Hunt–Crossley law with the same K′ and B′ at working depth and the motion's frequency"
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -280,11 +283,13 @@ def restitution_of(
         Whether the diagnosis trusts the damping, possibly with care. Default: True.
     """
     v0 = fastest_approach if speed is None else speed
-    if not law.power_law:
-        words = f"no single value: for {_name_of_law(law)} it depends on the body's mass"
+    if not (law.power_law or law.relaxes):
+        words = f"no single value: for the {law.kind} law it depends on the body's mass"
         return Restitution(v0, fastest_approach, UNKNOWN, b, remarks=(words,))
     if not (math.isfinite(b.value) and v0 > 0.0):
-        why = "the law's stiffness is not positive" if v0 > 0.0 else "no approach in contact"
+        why = "no approach in contact"
+        if v0 > 0.0:
+            why = "the stiffness is not positive, or the recording does not give the damping"
         return Restitution(v0, fastest_approach, UNKNOWN, b, remarks=(f"unknown: {why}",))
     d = b.value * v0
     e, slope = restitution(b.value, v0), math.nan
@@ -296,12 +301,19 @@ def restitution_of(
         Quantity(e, slope * b.standard_error, slope * b.systematic),
         b,
         MappingProxyType(approximations_of(b.value, v0)),
-        (*_remarks(b, v0, fastest_approach), *([] if trusted else [UNTRUSTED])),
+        (
+            *([EQUIVALENT] if law.relaxes else []),
+            *_remarks(b, v0, fastest_approach),
+            *([] if trusted else [UNTRUSTED]),
+        ),
     )
 
 
 def dissipation_of(law: ForceLaw, covariance: Floats, there: WorkingDepth) -> Quantity:
     """Return b = B/K of a Hunt–Crossley law, s/m; unknown for other laws or without stiffness.
+
+    For the generalised law, such as one that relaxes, b = B′/F′ of the Hunt–Crossley law with its
+    K′ and B′ at working depth and the motion's frequency, as for errors that are independent.
 
     Var b = b² (Var B/B² + Var K/K² − 2 Cov/(B K)): errors of the exponent and the surface change K
     and B by the same factor and cancel in b. Its systematic uncertainty is that of the damping C at
@@ -316,6 +328,18 @@ def dissipation_of(law: ForceLaw, covariance: Floats, there: WorkingDepth) -> Qu
     there : WorkingDepth
         Its numbers at working depth.
     """
+    if math.isnan(there.damping.value):  # the recording does not give it
+        return UNKNOWN
+    if law.relaxes and there.force.value > 0.0 and there.stiffness.value > 0.0:
+        b = there.damping.value / there.force.value
+        errors = (
+            math.hypot(damping / there.force.value, b * stiffness / there.stiffness.value)
+            for damping, stiffness in (
+                (there.damping.standard_error, there.stiffness.standard_error),
+                (there.damping.systematic, there.stiffness.systematic),
+            )
+        )
+        return Quantity(b, *errors)
     if not (law.power_law and law.parameters[0] > 0.0):
         return UNKNOWN
     stiffness, damping, _ = law.parameters.tolist()
@@ -324,13 +348,6 @@ def dissipation_of(law: ForceLaw, covariance: Floats, there: WorkingDepth) -> Qu
     force = there.force.value
     systematic = there.damping.systematic / force if force > 0.0 else math.nan
     return Quantity(damping / stiffness, math.sqrt(max(variance, 0.0)), systematic)
-
-
-def _name_of_law(law: ForceLaw) -> str:
-    if law.remembers:
-        return "a law with memory"
-    words = "a law whose damping and force grow differently with depth"
-    return words if law.relaxes else f"the {law.kind} law"
 
 
 def _remarks(b: Quantity, speed: float, fastest: float) -> list[str]:

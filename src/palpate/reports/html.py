@@ -138,7 +138,8 @@ def composed(sections: "Iterable[ViewSection]") -> Iterator[str]:
 
 def _cell(cell: "Cell", folds: bool) -> str:
     if not isinstance(cell, str):
-        return badge(cell.mark, cell.text)
+        before, after = (escape(part).replace("\n", "<br>") for part in (cell.before, cell.after))
+        return f"{before}{badge(cell.mark, cell.text)}{after}"
     words = escape(cell).replace("\n", "<br>")
     return f"<p>{words}</p>" if folds else words
 

@@ -97,21 +97,20 @@ def page(
     """
     name = Path(result.contact.source).name or "contact"
     others, made = list((compared or {}).values()), result.contact.provenance.items()
-    numbers = [view.depths(result, whole=True), view.law(result, whole=True)]
+    numbers = [view.depths(result), view.law(result, whole=True)]
     follows, findings = view.follows(result, whole=True), view.findings(result)
     prepared = [view.preparation([result], whole=True)]
     prepared.append(view.ViewSection("Source of each channel", [], ("channel", ""), [*made]))
     methods = view.of_comparison(others) if others else ()
     # Of a probe that travels the verdict of each place counts, not that of all places as one.
     travels = any(part.place is not None for part in result.segments)
-    whole, each = [view.verdict(result)], view.parts(result)
+    each = view.parts(result, whole=True)
     values, beside = (each, numbers) if travels else (numbers, each)
     beside_title = "One law for all places, an average" if travels else "Segments"
     parts = [
         '<main><div class="first"><header>',
         f"<h1>{escape(name)}</h1>",
-        *(_verdicts_of_places(result) if travels else html.composed(whole)),
-        *([] if travels else _tiles(result)),
+        *(_verdicts_of_places(result) if travels else _tiles(result)),
         "</header>",
         *html.section("figure", "Measurement and model", _figures(result, travels)),
         "</div>",
@@ -140,23 +139,18 @@ def _verdicts_of_places(result: Identified) -> Iterator[str]:
 
 
 def _tiles(result: Identified) -> Iterator[str]:
-    """Stiffness, damping and force at the working depth, in large letters."""
-    there, marks = result.diagnosis.working_depth, result.diagnosis.verdict
-    relaxed = "relaxed " if result.law.remembers else ""
-    at = f"at {view.depth_of(there.depth)}"
-    tiles = [
-        (f"{relaxed}stiffness {at} · {html.badge(marks.stiffness)}", there.stiffness, "N/m"),
-        (f"{relaxed}damping {at} · {html.badge(marks.damping)}", there.damping, "N·s/m"),
-        (f"{relaxed}force {at}", there.force, "N"),
-    ]
-    if words := view.dynamic_stiffness_at(result):
-        numbers = zip(("K′", "B′"), view.felt(result), ("N/m", "N·s/m"), strict=True)
-        tiles += [(f"{symbol}, {escape(words)}", each, unit) for symbol, each, unit in numbers]
+    """Stiffness and damping in large letters, each with mark and reason; then the next step."""
     yield '<div class="tiles">'
-    for name, quantity, unit in (each for each in tiles if math.isfinite(each[1].value)):
-        words = escape(f"{view.number(quantity)} {unit}")
-        yield f'<div class="tile"><small>{name}</small><b>{words}</b></div>'
+    for each in view.number_lines(result):
+        mark = f" · {html.badge(each.mark)}" if each.mark is not None else ""
+        head = escape(f"{each.name} {each.at}".rstrip())
+        words = "; ".join(filter(None, (each.reason, each.skew)))
+        below = f"<small>{escape(words)}</small>" if words else ""
+        shown = f"<small>{head}{mark}</small><b>{escape(each.value)}</b>{below}"
+        yield f'<div class="tile">{shown}</div>'
     yield "</div>"
+    if remedy := result.diagnosis.remedy:
+        yield f"<p><strong>Next:</strong> {escape(remedy)}.</p>"
 
 
 def _which_law(result: Identified, others: Sequence[Identified]) -> Iterator[str]:

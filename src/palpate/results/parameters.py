@@ -98,10 +98,14 @@ def describe_relaxation(law: GeneralisedHuntCrossley) -> str:
     assert law.relaxation is not None
     if (time := law.relaxation_time) is not None:
         return with_error(time, time * law.relaxation.resolution, unit="s")
+    return f"several relaxation times, {relaxation_range(law)}"
+
+
+def relaxation_range(law: GeneralisedHuntCrossley) -> str:
+    """Return the shortest and the longest relaxation time of a law: *32 ms to 2.05 s*."""
     times, weights = law.branches()
     present = times[weights > 0.0]
-    ends = " to ".join(_time(float(each)) for each in present[[0, -1]])
-    return f"several relaxation times, {ends}"
+    return " to ".join(_time(float(each)) for each in present[[0, -1]])
 
 
 def _growth_of(law: GeneralisedHuntCrossley) -> str | None:
@@ -126,15 +130,22 @@ def _bound(law: ForceLaw, k: int, words: str) -> ParameterRow:
 _SAME_TIME = 0.05
 
 
-def truth_at_rest(result: "Identified") -> ForceLaw | None:
-    """Return the stated truth where its force, stiffness and damping at rest mean the same.
+def truth_at(result: "Identified", depth: float) -> dict[str, float]:
+    """Return the stated truth of the numbers at a depth, SI, by name; empty where there is none.
 
-    Where one of the two laws remembers what the other does not, they do not.
+    Where one of the two laws relaxes: K′ and B′ at the motion's frequency, and no force.
     """
-    law, truth = result.law, truth_of(result.contact.provenance)
-    if truth is None or not (law.remembers or truth.remembers):
-        return truth
-    return truth if comparable(law, truth) else None
+    truth = truth_of(result.contact.provenance)
+    if truth is None or not math.isfinite(depth):
+        return {}
+    if not (result.law.remembers or truth.remembers):
+        return dict(zip(("force", "stiffness", "damping"), truth.at_rest(depth), strict=True))
+    omega = result.frequency
+    try:
+        real = GeneralisedHuntCrossley.of(truth).dynamic_stiffness(depth, omega)
+    except InvalidParameterError:  # a probe that never moved, or a truth of another form
+        return {}
+    return {"stiffness": float(real.real), "damping": float(real.imag) / omega}
 
 
 def comparable(law: Any, truth: Any) -> set[str]:
@@ -164,29 +175,6 @@ def _same_memory(law: GeneralisedHuntCrossley, truth: GeneralisedHuntCrossley) -
     ends = [np.log(each.branches()[0][[0, -1]]) for each in (law, truth)]
     same_kind = type(law.relaxation) is type(truth.relaxation)
     return same_kind and bool(np.ptp(ends, axis=0).max() < _SAME_TIME)
-
-
-def oscillation_against_truth(result: "Identified") -> str:
-    """Describe the dynamic stiffness next to its truth; empty if no law relaxes."""
-    truth = truth_of(result.contact.provenance)
-    if truth is None or not (truth.remembers or result.law.remembers):
-        return ""
-    try:
-        felt = result.dynamic_stiffness()
-        real = GeneralisedHuntCrossley.of(truth).dynamic_stiffness(felt.depth, felt.frequency)
-    except InvalidParameterError:  # a probe that never moved, or a truth of another form
-        return ""
-    exact = (real.real, "N/m"), (real.imag / felt.frequency, "N·s/m")
-    words = (
-        f"{found.format(unit)} ({against_truth(found.value, value, found.whole_error)})"
-        for found, (value, unit) in zip((felt.stiffness, felt.damping), exact, strict=True)
-    )
-    same = comparable(result.law, truth) == set(result.law.names())
-    other = "" if same else "the file states another law; "
-    return (
-        f"{other}dynamic stiffness and damping at {rounded(felt.frequency, 3)} rad/s and "
-        f"{rounded(1e3 * felt.depth, 3)} mm: {' and '.join(words)}"
-    )
 
 
 def against_truth(value: float, truth: float, error: float, unit: str = "") -> str:

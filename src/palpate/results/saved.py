@@ -167,7 +167,7 @@ def contact_and_trace(
         tare_deviation=whole["tare_deviation"],
         surface_deviation=whole["surface_deviation"],
         delay=Delay(**whole["delay"]) if whole.get("delay") else None,
-        findings=[*map(Finding.from_dict, whole["findings" if "findings" in whole else "remarks"])],
+        findings=[*map(Finding.from_dict, whole["findings"])],
         velocity_filter=filtered and VelocityFilter(**filtered),
         stated_units=whole.get("stated_units", ()),
         timeless=whole.get("timeless", False),
@@ -182,7 +182,7 @@ def _names() -> NDArray[np.str_]:
 
 
 #: A field that goes, or means another thing, makes it the next.
-SCHEMA_VERSION = 2
+SCHEMA_VERSION = 3
 
 
 def described(files: Sequence[Path], results: "Sequence[Identified]") -> dict[str, Any]:
@@ -232,6 +232,8 @@ def of_one(result: "Identified") -> dict[str, Any]:
             beside |= {name: value, f"{name}_standard_error": error}
     return {
         "method": result.method,
+        "frequency": defined(result.frequency),
+        "relaxed_stiffness": plain(result.relaxed_stiffness()) if law.remembers else None,
         **result.diagnosis.as_dict(),
         "episodes": _episodes(result),
         "law": law.description(),
@@ -328,6 +330,10 @@ class SavedResult:
         Every sample; thinned as it was saved.
     fixed : tuple of str
         The law's parameters that were given, and not identified.
+    frequency : float
+        ω of the motion at which stiffness and damping are given, rad/s; NaN of a probe held still.
+    relaxed_stiffness : Quantity, optional
+        At the working depth, N/m; None of a law that does not relax.
     law_verdict : LawVerdict, optional
         Which law it is, and by what evidence; None where no laws were compared.
     description : dict
@@ -345,6 +351,8 @@ class SavedResult:
     contact: Contact = field(repr=False)
     trace: Trace = field(repr=False)
     fixed: tuple[str, ...]
+    frequency: float
+    relaxed_stiffness: Quantity | None
     law_verdict: LawVerdict | None
     description: Mapping[str, Any] = field(repr=False)
 
@@ -382,7 +390,8 @@ def load_result(path: str | Path) -> SavedResult:
                 f"{file}: {name} has changed or is from another run; save the result again"
             )
         contact, trace = contact_and_trace(recording, type(law), whole)
-        errors, laws = found["standard_errors"], found.get("law_verdict")
+        errors, laws = found["standard_errors"], found["law_verdict"]
+        relaxed = found["relaxed_stiffness"]
         return SavedResult(
             folder=file.parent,
             method=found["method"],
@@ -396,8 +405,9 @@ def load_result(path: str | Path) -> SavedResult:
             contact=contact,
             trace=trace,
             fixed=tuple(map(str, found.get("fixed", ()))),
-            # An earlier one only names it.
-            law_verdict=LawVerdict.from_dict(laws) if laws and "damping" in laws else None,
+            frequency=or_nan(found["frequency"]),
+            relaxed_stiffness=None if relaxed is None else _quantity(relaxed),
+            law_verdict=LawVerdict.from_dict(laws) if laws else None,
             description=whole,
         )
     except RecordingError:
@@ -427,10 +437,10 @@ def _described(file: Path) -> dict[str, Any]:
     version = whole.get("schema_version") if isinstance(whole, dict) else None
     if version is None:
         raise RecordingError(f"{file}: not a result of palpate: it has no schema_version")
-    if version not in (1, SCHEMA_VERSION):
+    if version != SCHEMA_VERSION:
         raise RecordingError(
             f"{file}: written by palpate {whole.get('palpate_version', 'of another version')} with "
-            f"schema {version}, but this one reads up to {SCHEMA_VERSION}; install that version or "
+            f"schema {version}, but this one reads {SCHEMA_VERSION}; install that version or "
             "identify again"
         )
     if "trace" not in whole:
@@ -451,11 +461,12 @@ def _verdict(words: Mapping[str, Any]) -> Verdict:
 
 
 def _working_depth(words: Mapping[str, Any]) -> WorkingDepth:
-    quantities = {
-        name: Quantity(**{part: or_nan(value) for part, value in words[name].items()})
-        for name in ("force", "stiffness", "damping")
-    }
-    return WorkingDepth(or_nan(words["depth"]), **quantities)
+    quantities = (_quantity(words[name]) for name in ("force", "stiffness", "damping"))
+    return WorkingDepth(or_nan(words["depth"]), *quantities)
+
+
+def _quantity(words: Mapping[str, Any]) -> Quantity:
+    return Quantity(**{part: or_nan(value) for part, value in words.items()})
 
 
 # A contact and its trace for pandas and xarray.

@@ -15,24 +15,26 @@ from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 import numpy as np
 
-from palpate.diagnosis import Quantity
+from palpate.diagnosis import Quantity, WorkingDepth
 from palpate.diagnosis.fit import DEEP
 from palpate.digits import format_quantity, interval, rounded, with_error
 from palpate.errors import InvalidParameterError
 from palpate.estimators import VariableProjection
-from palpate.findings import MARKS, spoken
+from palpate.findings import MARKS, Mark, spoken
 from palpate.identification.identified import rank
 from palpate.preparation.gates import touches_of
 from palpate.quantities.derived import band_of, in_hertz
 from palpate.recordings.recording import truth_of
 from palpate.results.parameters import (
+    RELAXATION,
+    ParameterRow,
     against_truth,
     law_name,
-    oscillation_against_truth,
     parameter_rows,
+    relaxation_range,
     signed,
     terms_of,
-    truth_at_rest,
+    truth_at,
     truths,
 )
 
@@ -43,13 +45,15 @@ if TYPE_CHECKING:
 
 
 class Marked(NamedTuple):
-    """Words in the colour of a verdict or a severity."""
+    """Words in the colour of a verdict or a severity, and what stands around them."""
 
     text: str
     mark: str
+    before: str = ""
+    after: str = ""
 
     def __str__(self) -> str:
-        return self.text
+        return f"{self.before}{self.text}{self.after}"
 
 
 def _marked(mark: str) -> Marked:
@@ -103,7 +107,7 @@ class ViewSection(NamedTuple):
 
 
 def answer(result: "Identified", names: Sequence[str]) -> Iterator[ViewSection]:
-    """Compose the short answer of ``palpate identify``: verdict, next step, numbers, one fit line.
+    """Compose the short answer of ``palpate identify``: a line a number, the next step, the law.
 
     Parameters
     ----------
@@ -112,11 +116,8 @@ def answer(result: "Identified", names: Sequence[str]) -> Iterator[ViewSection]:
     names : sequence of str
         Of the files, as a shell takes them, for the commands that show more.
     """
-    name = Path(result.contact.source).name or "contact"
     places = [part for part in result.segments if part.place is not None]
-    yield ViewSection("Verdict", [*(_verdicts_of(places, name) if places else _lead(result, name))])
-    if not places:
-        yield depths(result)
+    yield ViewSection("Verdict", [*_verdicts_of(places)]) if places else verdict(result)
     # The worst three places, or every segment between changes.
     shown = by_verdict(places)[:3] or list(result.segments)
     yield from parts(replace(result, segments=tuple(shown)))
@@ -128,7 +129,7 @@ def of_identification(
 ) -> Iterator[ViewSection]:
     """Compose what ``palpate identify -v`` prints; with the findings of ``diagnose`` if wanted."""
     yield verdict(result)
-    yield depths(result, whole=True)
+    yield depths(result)
     yield from parts(result, whole=True)
     yield law(result, whole=True)
     yield follows(result, whole=True)
@@ -146,7 +147,7 @@ def summary(result: "Identified") -> str:
 def of_diagnosis(result: "Identified") -> Iterator[ViewSection]:
     """Compose what ``palpate diagnose`` prints."""
     yield verdict(result)
-    yield depths(result, whole=True)
+    yield depths(result)
     yield findings(result)
 
 
@@ -156,8 +157,6 @@ def of_comparison(results: "Sequence[Identified]") -> Iterator[ViewSection]:
     ranking = rank(by_name)
     ordered = [by_name[name] for name in ranking.order]
     words = f"recommended method: {ranking.recommended or 'none'}"
-    if ranking.recommended and by_name[ranking.recommended].estimator.chooses_law:
-        words += " (--law auto)"
     yield ViewSection("Methods", [Line(words, tone="strong")])
     yield numbers(ordered, ranking.exclusions)
     yield laws(ordered)
@@ -166,46 +165,102 @@ def of_comparison(results: "Sequence[Identified]") -> Iterator[ViewSection]:
 # The sections.
 
 _BARS = "± statistical ± systematic standard error"
-_RELAXED = "after stress relaxation"
+#: What *trust* means.
+TRUST = (
+    "trust: the standard error, all causes together, is at most 10 % (damping 20 %); do not trust: "
+    "it is more than 25 % (damping 60 %), or the recording has a fault"
+)
 _LEGEND = "σ: distance from the truth stated in the file, in standard errors"
 _ROWS = (("stiffness", "N/m"), ("damping", "N·s/m"), ("force", "N"))
+_MARKS = ("stiffness", "damping")
 _NUMBERS = (">stiffness\nN/m", ">damping\nN·s/m")
 _QUALITY = (
     "prediction: one-step prediction error after 0.2 s; fit: error of the final law; both as % rms "
     "of the force. |v| ≥ 0.1 K/B: part of the contact in which the single-stage method is biased"
 )
 _CHECKS = "z: significance in standard errors; S, C: stiffness and damping at working depth"
-_FOLD = 65  # columns of what stands beside a label, so that the answer fits 80
+_SKEWED = 0.05  # of the damping by 1 ms of skew, from which on its line says so
+_FOLD = 69, 73  # columns of what stands beside the labels of two tables, to fit 80
+
+
+class NumberLine(NamedTuple):
+    """Stiffness or damping, with all that a reader needs beside it."""
+
+    name: str
+    #: Value ± one standard error, and unit; or that it is not given.
+    value: str
+    #: Depth and, where it matters, frequency.
+    at: str
+    #: None of a number that is not given.
+    mark: Mark | None
+    #: What sets the error bar or the mark; empty for *trust*.
+    reason: str = ""
+    #: How much 1 ms of skew changes it, where that is much.
+    skew: str = ""
+
+
+def number_lines(result: "Identified") -> list[NumberLine]:
+    """Return stiffness and damping at the working depth and the motion's frequency."""
+    found, lines = result.diagnosis, list[NumberLine]()
+    there, often = found.working_depth, result.frequency
+    marks = found.verdict.stiffness, found.verdict.damping
+    reasons = ["" if each is None else each.brief or each.message for each in found.limits]
+    for k, (name, unit) in enumerate(_ROWS[:2]):
+        quantity: Quantity = getattr(there, name)
+        reason = reasons[k]
+        if k and math.isnan(quantity.value):
+            lines.append(NumberLine(name, f"not given: {reason}", "", None))
+            continue
+        at = f"at {format_quantity(there.depth, 'm')}"
+        if math.isfinite(often) and (k or result.law.remembers):
+            at += f", {in_hertz(often)}"
+        skew = _skew(there) if k else ""
+        same = bool(k and reason and reason == reasons[0])
+        words = "for the same reason" if same else reason
+        lines.append(NumberLine(name, f"{number(quantity)} {unit}", at, marks[k], words, skew))
+    return lines
+
+
+def _skew(there: WorkingDepth) -> str:
+    """How much 1 ms of skew between force and position changes the damping, beyond 5 %."""
+    stiffness, damping = abs(there.stiffness.value), abs(there.damping.value)
+    part = 1e-3 * stiffness / damping if damping > 0.0 else math.inf
+    known = _SKEWED < part < math.inf
+    return f"1 ms of skew changes it by {rounded(100.0 * part, 2)} %" if known else ""
 
 
 def verdict(result: "Identified") -> ViewSection:
-    """The verdict, its reason and the next step; those of each segment between changes too."""
-    segments = between(result)
-    return ViewSection(
-        "Verdict", [_verdict(result), *map(_verdict, segments, map(_when, segments))]
-    )
+    """A line for each number: value, depth, frequency, mark and reason; then the next step."""
+    numbers, rows = number_lines(result), list[tuple[Cell, ...]]()
+    values = max(len(each.value) for each in numbers if each.mark is not None)
+    places = max(len(each.at) for each in numbers)
+    for each in numbers:
+        if each.mark is None:
+            rows.append((each.name, _words(each.value)))
+            continue
+        words = "; ".join(filter(None, (each.reason, each.skew)))
+        before = f"{each.value.ljust(values)}  {each.at.ljust(places)}  "
+        beside = len(before) + len(spoken(each.mark)) + 2 + len(words) <= _FOLD[0]
+        after = (f": {words}" if beside else f"\n{_words(words)}") if words else ""
+        rows.append((each.name, Marked(spoken(each.mark), each.mark, before, after)))
+    if remedy := result.diagnosis.remedy:
+        rows.append(("next", _words(remedy)))
+    return ViewSection("Verdict", (), ("", ""), rows)
 
 
-def _verdict(result: "Identified", name: str = "") -> Line:
-    found = result.diagnosis
-    return Line(found.reason, name, found.verdict.overall, remedy=found.remedy)
+def _words(text: str) -> str:
+    """Fold a sentence beside the labels of the two numbers."""
+    return _folded(text.split(" "), " ", _FOLD[0])
 
 
-def _lead(result: "Identified", name: str) -> Iterator[Line]:
-    """Verdict and reason; the next step; what another law, clearly preferred, would change."""
-    found = result.diagnosis
-    yield Line(_sentence(found.reason), name, found.verdict.overall)
-    if found.remedy:
-        yield Line(_sentence(found.remedy), "next step")
-    if found.findings[:1] and found.findings[0].check != "law":
-        yield from (Line(_sentence(f.message), "note") for f in found.findings if f.check == "law")
-
-
-def _verdicts_of(places: "Sequence[Identified]", name: str) -> Iterator[Line]:
-    """How many places have each verdict, and the next step for the worst."""
-    marks = [part.diagnosis.verdict.overall for part in places]
-    counts = ", ".join(f"{marks.count(mark)} {spoken(mark)}" for mark in MARKS if mark in marks)
-    yield Line(f"{len(places)} places: {counts}; below the worst three.", name)
+def _verdicts_of(places: "Sequence[Identified]") -> Iterator[Line]:
+    """How many places have each mark, and the next step for the worst."""
+    counts = []
+    for number in ("stiffness", "damping"):
+        marks = [getattr(part.diagnosis.verdict, number) for part in places]
+        each = ", ".join(f"{marks.count(mark)} {spoken(mark)}" for mark in MARKS if mark in marks)
+        counts.append(f"{number} {each}")
+    yield Line(f"{len(places)} places: {'; '.join(counts)}; below the worst three.")
     if remedy := next((part.diagnosis.remedy for part in by_verdict(places)), None):
         yield Line(_sentence(remedy), "next step, for the worst place")
 
@@ -229,12 +284,15 @@ def _sentence(words: str) -> str:
 
 def _fit_rows(result: "Identified", names: Sequence[str]) -> list[tuple[str, str]]:
     """The law's parameters, one line on the fit, the truth if stated, and where to read more."""
-    rows, law = list[tuple[str, str]](), law_name(result)
+    rows = list[tuple[str, str]]()
     if not result.segments:
-        value = _folded(map(str, parameter_rows(result)), "  ")
-        rows.append((law, value) if len(law) <= 13 else ("law", f"{law}:\n{value}"))
-    if not result.segments and result.query.frequency is None:
-        rows.append(("oscillation", dynamic_stiffness_at(result)))
+        shown = (row for row in parameter_rows(result) if row.name != "relaxation_stiffness")
+        terms = (_parameter(result, row) for row in shown)
+        # Which moves K, B and n by far more than stiffness and damping.
+        checks = (f.check == "surface" and math.isfinite(f.z) for f in result.diagnosis.findings)
+        doubt = "(surface in doubt: -v)" if any(checks) else ""
+        parts = f"{law_name(result)}:", *terms, doubt, relaxed(result)
+        rows.append(("law", _folded(filter(None, parts), "  ")))
     rows.append(("fit", _fit(result)))
     rows.append(("truth", _truth(result)))
     rows += [(each.name, "\n".join((each.text, *each.remarks))) for each in follows(result).lines]
@@ -242,71 +300,86 @@ def _fit_rows(result: "Identified", names: Sequence[str]) -> list[tuple[str, str
     return [*rows, ("more", f"palpate diagnose {' '.join(names)}, or -v, -o report/")]
 
 
-def _folded(parts: Iterable[str], between: str) -> str:
+def _parameter(result: "Identified", row: ParameterRow) -> str:
+    several = row.name == RELAXATION and result.law.relaxation_time is None
+    return f"{row.symbol} = {relaxation_range(result.law)}" if several else str(row)
+
+
+def _folded(parts: Iterable[str], between: str, width: int = _FOLD[1]) -> str:
     """Join parts; those that do not fit beside the others begin another line."""
     lines = [""]
     for part in parts:
-        if lines[-1] and len(lines[-1]) + len(between) + len(part) > _FOLD:
+        if lines[-1] and len(lines[-1]) + len(between) + len(part) > width:
             lines.append("")
         lines[-1] += between * bool(lines[-1]) + part
     return "\n".join(lines)
 
 
 def _fit(result: "Identified") -> str:
+    """Error, samples and contacts; what else fits in the line."""
     touches, estimate = len(touches_of(result.contact)), result.estimate
-    parts = [
+    words = (
         f"{percent(result.fit_rmse_percent)} rms, {estimate.samples} samples, {touches} "
         f"contact{'s' * (touches != 1)}"
-    ]
-    parts += _estimated(estimate)
-    if rejected := int(np.count_nonzero(result.trace.rejected)):
-        parts.append(f"{rejected} outlier{'s' * (rejected > 1)} excluded")
+    )
+    parts = []
     if result.method != "variable-projection" and not result.estimator.chooses_law:
         parts.append(f"method {result.method}")
-    return _folded(parts, "; ")
+    if rejected := int(np.count_nonzero(result.trace.rejected)):
+        parts.append(f"{rejected} outlier{'s' * (rejected > 1)} excluded")
+    for part in (*parts, *_estimated(estimate)):
+        if len(longer := f"{words}; {part}") <= _FOLD[1]:
+            words = longer
+    return words
+
+
+def relaxed(result: "Identified") -> str:
+    """The relaxed stiffness of a law that relaxes, and whether it is extrapolated."""
+    if not result.law.remembers:
+        return ""
+    found = result.relaxed_stiffness()
+    if found.value < 0.0:
+        return "relaxed stiffness not given: it would be negative"
+    checks = (each.check for each in result.diagnosis.findings)
+    caution = " (extrapolated)" if "relaxed stiffness" in checks else ""
+    return f"relaxed stiffness {number(found)} N/m{caution}"
 
 
 def _truth(result: "Identified") -> str:
     """The truth that the file states of stiffness and damping at working depth."""
-    truth, at = truth_at_rest(result), result.working_depths[0]
-    if truth is None or result.segments:
-        return ""
-    real = dict(zip(("force", "stiffness", "damping"), truth.at_rest(at.depth), strict=True))
+    at = result.working_depths[0]
+    real = {} if result.segments else truth_at(result, at.depth)
     words = (
         f"{name} {against_truth(found.value, real[name], found.whole_error, unit)[6:]}"
         for name, unit in _ROWS[:2]
         for found in [getattr(at, name)]
+        if name in real and math.isfinite(found.value)
     )
     return _folded(words, "; ")
 
 
-def depths(result: "Identified", *, whole: bool = False) -> ViewSection:
-    """Stiffness, damping and force at the working depths, with their marks where not trusted.
+def depths(result: "Identified") -> ViewSection:
+    """Stiffness, damping and force at both working depths, with both error bars.
 
-    Each with one standard error, hypot(statistical, systematic); both parts, and the truth where
-    the file states it, if ``whole``.
+    And with the truth where the file states it.
     """
-    truth, there = truth_at_rest(result) if whole else None, result.working_depths
     names = ["median" if result.depth is None else "--at", f"{DEEP:.0f}th percentile"]
-    headings, columns, marks = [result.law.remembers * "relaxed"], [], result.diagnosis.verdict
-    for each, name in zip(there, names, strict=False):
-        digits = 4 if whole else 3
-        headings.append(f"at {format_quantity(each.depth, 'm', digits)} ({name})")
-        real = None if truth is None else truth.at_rest(each.depth)
-        cells = []
+    headings, columns, known = [""], [], [_BARS]
+    for each, name in zip(result.working_depths, names, strict=False):
+        headings.append(f"at {format_quantity(each.depth, 'm', 4)} ({name})")
+        real, cells = truth_at(result, each.depth), []
+        known = [_BARS, _LEGEND] if real else known
         for quantity, unit in _ROWS:
             found: Quantity = getattr(each, quantity)
-            words = found.format(unit) if whole else f"{number(found)} {unit}"
-            if real is not None:
-                k = ("force", "stiffness", "damping").index(quantity)
-                words += f"\n{against_truth(found.value, real[k], found.whole_error)}"
+            words = found.format(unit)
+            if quantity in real:
+                words += f"\n{against_truth(found.value, real[quantity], found.whole_error)}"
             cells.append(words)
         columns.append(cells)
-    said = [_marked(m) if m != "trust" else "" for m in (marks.stiffness, marks.damping)]
-    rows = list(zip(dict(_ROWS), *columns, [*said, ""], strict=True))
-    known = [_BARS, *([_RELAXED] if result.law.remembers else []), *([_LEGEND] if truth else [])]
-    lines = [Line("; ".join(known), tone="soft")] if whole else []
-    return ViewSection("At working depth", lines, [*headings, ""], rows)
+    lines = [Line("; ".join(known), tone="soft"), Line(TRUST, tone="soft")]
+    return ViewSection(
+        "At working depth", lines, headings, [*zip(dict(_ROWS), *columns, strict=True)]
+    )
 
 
 def parts(result: "Identified", *, whole: bool = False) -> Iterator[ViewSection]:
@@ -317,7 +390,7 @@ def parts(result: "Identified", *, whole: bool = False) -> Iterator[ViewSection]
     rows: list[list[Cell]] = []
     for part in result.segments:
         found, time, place = part.diagnosis, part.contact.time, part.place
-        there, marks = found.working_depth, found.verdict
+        there = found.working_depth
         both_numbers = number(there.stiffness), number(there.damping)
         if place is None:
             times = _when(part).replace(" s to ", "\nto " if whole else " to ").removesuffix(" s")
@@ -328,14 +401,13 @@ def parts(result: "Identified", *, whole: bool = False) -> Iterator[ViewSection]
             at = ", ".join(f"{1e3 * each:.1f}" for each in place.position)
             depth = rounded(1e3 * there.depth, 4)
             modulus = _modulus_alone(part) if part.query.tip else ""
-            times = f"{time[0]:.1f}–{time[-1]:.1f}"
+            times = f"{time[0]:.1f}–{time[-1]:.1f}" if whole else ""
             cells = (times, at, depth, *both_numbers, modulus, "", "")
-        rows.append([*cells, _marked(marks.overall)])
+        rows.append([*cells, _hertz(part) if whole else "", *_both_marks(part)])
     if rows:
         headings = ["time\ns", ">at x, y, z\nmm", ">depth\nmm", *_NUMBERS, ">Young's modulus"]
-        yield ViewSection(
-            "Each by itself", (), [*headings, "contact model", ">fit", "verdict"], rows
-        )
+        headings += ["contact model", ">fit", ">frequency\nHz", *_MARKS]
+        yield ViewSection("Each by itself", (), headings, rows)
 
 
 def law(result: "Identified", *, whole: bool = False) -> ViewSection:
@@ -347,7 +419,7 @@ def law(result: "Identified", *, whole: bool = False) -> ViewSection:
             value, error = result.law.parameters[row.index], result.standard_errors[row.index]
             rows[-1].append(interval(float(value), float(error)) if row.estimated else "–")
             rows[-1].append(row.name.replace("_", " "))
-    lines = [_correlation(result), *_estimated(result.estimate), oscillation_against_truth(result)]
+    lines = [relaxed(result), _correlation(result), *_estimated(result.estimate)]
     lines += [law_verdict(result), _quality(result)]
     shown = [Line(each) for each in lines if each]
     title = f"Contact model: {law_name(result)}, by {result.method}"
@@ -366,7 +438,7 @@ def follows(result: "Identified", *, whole: bool = False) -> ViewSection:
         restitution = result.restitution()
         if query.impact_speed is not None or (trusted and _impact(restitution)):
             lines.append(_describe_restitution(restitution, whole=whole))
-    if query.frequency is not None or (whole and result.law.remembers):
+    if query.frequency is not None:
         lines += _oscillation(result, whole=whole)
     if whole and timed and result.energy.kind != "none":
         lines.append(_energy(result))
@@ -413,26 +485,29 @@ def findings(result: "Identified") -> ViewSection:
 def numbers(ordered: "Sequence[Identified]", exclusions: Sequence[str]) -> ViewSection:
     """Stiffness and damping at each method's working depth; what is not to be trusted, and why."""
     rows: list[tuple[Cell, ...]] = []
-    lines = [Line("± one standard error, statistical and systematic together", tone="soft")]
-    relaxed, verdicts = "", []
+    reasons: dict[str, list[str]] = {}
+    places = list({(_millimetres(each), _hertz(each)) for each in ordered})
     for result in ordered:
-        mark, depth = result.diagnosis.verdict.overall, result.diagnosis.working_depth.depth
-        values = (number(each) for each in felt(result))
-        rows.append((result.method, _marked(mark), rounded(1e3 * depth, 4), *values))
-        relaxed = relaxed or _relaxed(result)
-        if mark != "trust":
-            verdicts.append(Line(result.diagnosis.reason, result.method, mark))
-    if truth := truth_of(ordered[0].contact.provenance):
-        at = ordered[0].diagnosis.working_depth.depth
-        real = (rounded(each, 4) for each in (1e3 * at, *truth.at_rest(at)[1:]))
-        rows.append(("truth", "", *real))
-    if relaxed:
-        lines.append(Line(relaxed, tone="soft"))
-    lines += [*verdicts, *(Line(words, tone="warning") for words in exclusions)]
+        found = result.diagnosis
+        there = found.working_depth
+        values = number(there.stiffness), number(there.damping)
+        where = (_millimetres(result), _hertz(result)) if places[1:] else ("", "")
+        rows.append((result.method, *_both_marks(result), *where, *values))
+        if found.deciding is not None:
+            reasons.setdefault(found.reason, []).append(result.method)
+    at = ordered[0].diagnosis.working_depth.depth
+    if real := truth_at(ordered[0], at):
+        numbers = (rounded(real[name], 4) for name, _ in _ROWS[:2])
+        rows.append(("truth", "", "", rounded(1e3 * at, 4) if places[1:] else "", "", *numbers))
+    same = "" if places[1:] else f"at {places[0][0]} mm and {places[0][1]} Hz; "
+    words = f"{same}± one standard error, statistical and systematic together"
+    lines = [Line(words, tone="soft")]
+    lines += (Line(reason, ", ".join(methods)) for reason, methods in reasons.items())
+    lines += (Line(words, tone="warning") for words in exclusions)
     return ViewSection(
         "Methods on this contact, the best first",
         lines,
-        ["method", "verdict", ">depth\nmm", *_NUMBERS],
+        ["method", *_MARKS, ">depth\nmm", ">frequency\nHz", *_NUMBERS],
         rows,
     )
 
@@ -520,17 +595,28 @@ def _moves(stiffness: float, damping: float) -> str:
 
 
 def line(result: "Identified") -> str:
-    """What was identified, in a line: verdict, stiffness and damping at the working depth."""
-    there = result.diagnosis.working_depth
+    """What was identified, in a line: stiffness and damping, each with its mark."""
     name = Path(result.contact.source).name or "a contact"
-    method = (
-        f"{result.method}, {law_name(result)}" if result.estimator.chooses_law else result.method
+    numbers = (
+        f"{each.name} {each.value}" + (f" {each.at} ({spoken(each.mark)})" if each.mark else "")
+        for each in number_lines(result)
     )
-    return (
-        f"<Identification of {name} by {method}: {result.diagnosis.verdict.overall}; at "
-        f"{depth_of(there.depth)} stiffness {number(there.stiffness)} N/m, damping "
-        f"{number(there.damping)} N·s/m>"
-    )
+    return f"<Identification of {name} by {law_name(result)}: {', '.join(numbers)}>"
+
+
+def _millimetres(part: "Identified") -> str:
+    return rounded(1e3 * part.diagnosis.working_depth.depth, 4)
+
+
+def _hertz(part: "Identified") -> str:
+    return in_hertz(part.frequency).removesuffix(" Hz")
+
+
+def _both_marks(part: "Identified") -> tuple[Cell, Cell]:
+    """The marks of stiffness and damping; nothing of a damping that is not given."""
+    found = part.diagnosis
+    given = math.isfinite(found.working_depth.damping.value)
+    return _marked(found.verdict.stiffness), _marked(found.verdict.damping) if given else "–"
 
 
 def between(result: "Identified") -> "list[Identified]":
@@ -541,37 +627,6 @@ def between(result: "Identified") -> "list[Identified]":
 def _when(part: "Identified") -> str:
     time = part.contact.time
     return f"{rounded(float(time[0]), 4)} s to {rounded(float(time[-1]), 4)} s"
-
-
-def felt(result: "Identified") -> tuple[Quantity, Quantity]:
-    """Stiffness and damping at the working depth; K′ and B′ there of a law that remembers."""
-    if result.law.remembers:
-        with suppress(InvalidParameterError):  # of a probe that was held still
-            told = result.dynamic_stiffness()
-            return told.stiffness, told.damping
-    there = result.working_depths[0]
-    return there.stiffness, there.damping
-
-
-def _relaxed(result: "Identified") -> str:
-    """Why a law that relaxes has other numbers here than by itself; nothing for other laws."""
-    if not (result.law.remembers and dynamic_stiffness_at(result)):
-        return ""
-    at, there = in_hertz(result.dynamic_stiffness().frequency), result.working_depths[0]
-    after = f"{number(there.stiffness)} N/m and {number(there.damping)} N·s/m"
-    return f"{result.method}: K′ and B′ at {at}, which compare with other laws; relaxed, {after}"
-
-
-def dynamic_stiffness_at(result: "Identified") -> str:
-    """K′ and B′ at the motion's frequency, which other laws' values compare with; or nothing."""
-    if result.law.remembers:
-        with suppress(InvalidParameterError):
-            found = result.dynamic_stiffness()
-            both = f"{number(found.stiffness)} N/m and {number(found.damping)} N·s/m"
-            return (
-                f"K′ and B′ at {in_hertz(found.frequency)}: {both}; compare these with other laws"
-            )
-    return ""
 
 
 def _quality(result: "Identified") -> str:
@@ -754,4 +809,6 @@ def as_text(sections: Iterable[ViewSection], *, width: int = 100) -> str:
 
 def _plain_cell(cell: Cell) -> str:
     """With its severity, which has no colour here."""
-    return str(cell) if isinstance(cell, str) or cell.mark == cell.text else f"{cell.mark}: {cell}"
+    if isinstance(cell, str) or spoken(cell.mark) == spoken(cell.text):
+        return str(cell)
+    return f"{cell.mark}: {cell}"

@@ -1,0 +1,157 @@
+"""``python -m benchmarks.diagnosis.mix``: how right marks and bars are, of one mix of recordings.
+
+A third has no fault, the others one fault of a sensor each; two of three have little noise and
+several cycles, the others noise, few samples or one press. The material is Hunt and Crossley's in
+all, and the faults that another material would show as well are left out. ``--chosen`` more
+recordings without a fault show which law is selected, and whether its digits are those of variable
+projection.
+"""
+
+import json
+import math
+from collections.abc import Iterator
+from concurrent.futures import ProcessPoolExecutor
+from functools import partial
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from cyclopts import App
+
+from benchmarks.diagnosis.marks import BANKS, NONE, bar, marked
+from benchmarks.diagnosis.sensor_faults import SENSOR_FAULTS
+from benchmarks.diagnosis.tables import table
+from benchmarks.diagnosis.trials import Trial
+from palpate import PalpateError, identify
+from palpate.writing import write_text
+
+Row = dict[str, Any]
+Rows = list[Row]
+FAULTS = [fault for fault in SENSOR_FAULTS if fault.shown]
+#: Up to which a number may be trusted, of its size: the bar, and the error.
+LIMITS = {"stiffness": 0.10, "damping": 0.20}
+STOPS = {"stiffness": 0.25, "damping": 0.60}
+
+app = App(name="python -m benchmarks.diagnosis.mix", help_format="plaintext", version_flags=[])
+
+
+def recording(kind: str, number: int, first: int) -> tuple[Row, Trial]:
+    """Draw a recording: its names, and the trial as it was sampled."""
+    bank = "hard" if number % 3 == 2 else "good"
+    # A walk through the faults that meets all before it meets one again.
+    fault = NONE[0] if kind != "faulty" else FAULTS[37 * (number + first) % len(FAULTS)]
+    made = BANKS[bank](first + number, f"mix/{kind}/{fault.kind}/{fault.severity}")
+    if not fault.sampled:
+        fault.damage(made)
+    made.sample()
+    if fault.sampled:
+        fault.damage(made)
+    head = {"set": kind, "number": number, "bank": bank, "motion": made.motion, "rate": made.rate}
+    return {**head, "kind": fault.kind, "severity": fault.severity}, made
+
+
+def judged(job: tuple[str, int], first: int) -> Row:
+    """Return what palpate says of one recording."""
+    head, made = recording(*job, first)
+    said = vars(marked(made))
+    if job[0] == "faulty":
+        return head | said
+    try:
+        result, plain = identify(made.contact), identify(made.contact, law="hunt-crossley")
+    except PalpateError:
+        return head | said
+    verdict = result.law_verdict
+    head["law"] = "none" if verdict is None else str(verdict.candidate)
+    head["digits"] = bool(np.array_equal(result.law.parameters, plain.law.parameters))
+    return head | said
+
+
+def _share(each: list[bool]) -> str:
+    return f"{100.0 * float(np.mean(each)):.1f}" if each else "–"
+
+
+def _off(row: Row, name: str) -> float:
+    """The relative error; NaN where no number is given."""
+    return abs(float(row["errors"].get(name, math.nan)))
+
+
+def _relative(row: Row, name: str) -> float:
+    """The whole bar over the printed number."""
+    if name not in row["errors"]:
+        return math.nan
+    return bar(row, name) / abs(1.0 + float(row["errors"][name]))
+
+
+def _against(row: Row, name: str) -> bool:
+    """Whether a mark is better than its bar."""
+    limit = {"trust": LIMITS, "with-care": STOPS}.get(row[name])
+    return limit is not None and _relative(row, name) > limit[name] * (1.0 + 1e-9)
+
+
+def lines_of(rows: Rows) -> Iterator[list[object]]:
+    """A row of the table for each claim."""
+    mix = [row for row in rows if row["set"] != "chosen"]
+    for name, limit in LIMITS.items():
+        given = [row for row in mix if math.isfinite(_off(row, name))]
+        trusted = [row[name] == "trust" for row in mix]
+        wrong = [row[name] == "trust" and _off(row, name) > limit for row in mix]
+        within = [_off(row, name) <= 2.0 * bar(row, name) for row in given]
+        yield [f"{name}: trusted and off by > {limit:.0%}, %", _share(wrong)]
+        yield [f"{name}: mark better than its bar, %", _share([_against(r, name) for r in mix])]
+        yield [f"{name}: trusted, %", _share(trusted)]
+        yield [f"{name}: within two bars, %", _share(within)]
+        for kind in ("clean", "faulty"):
+            pairs = [(bar(r, name), _off(r, name)) for r in given if r["set"] == kind]
+            bars, errors = np.median(pairs, axis=0) if pairs else (math.nan, math.nan)
+            yield [f"{name}, {kind}: median bar over median error", f"{bars / errors:.2f}"]
+    plain = [row for row in rows if "digits" in row]
+    chosen = [row for row in plain if row["law"] == "Hunt–Crossley"]
+    selected = [row in chosen for row in plain]
+    yield [f"Hunt–Crossley chosen, of {len(plain)}, %", _share(selected)]
+    digits = [row["digits"] for row in chosen]
+    yield ["of these: digits of variable projection, %", _share(digits)]
+
+
+@app.default
+def main(
+    *,
+    clean: int = 100,
+    faulty: int = 200,
+    chosen: int = 100,
+    first: int = 0,
+    jobs: int = 1,
+    keep: Path | None = None,
+    kept: Path | None = None,
+) -> None:
+    """Measure, and print the table.
+
+    Parameters
+    ----------
+    clean, faulty, chosen
+        Recordings of each kind.
+    first
+        The first seed.
+    jobs
+        Worker processes.
+    keep
+        Write a line of JSON for each recording.
+    kept
+        Make the table from such a file instead.
+    """
+    counts = {"clean": clean, "faulty": faulty, "chosen": chosen}
+    todo = [(kind, k + (kind == "chosen") * clean) for kind, n in counts.items() for k in range(n)]
+    if kept is not None:
+        rows = [json.loads(line) for line in kept.read_text("utf-8").splitlines()]
+    elif jobs == 1:
+        rows = [judged(job, first) for job in todo]
+    else:
+        with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
+            rows = list(pool.map(partial(judged, first=first), todo, chunksize=8))
+    if keep is not None:
+        write_text(keep, "".join(json.dumps(row) + "\n" for row in rows))
+    print("\n".join(table(["what", "share"], list(lines_of(rows)))))
+
+
+if __name__ == "__main__":
+    app()
