@@ -69,8 +69,8 @@ def at_depth(result: Identified, names: Iterable[str] = _UNITS) -> str:
     for name in names:
         found: Quantity = getattr(there, name)
         words.append(f"{name} {found.format(_UNITS[name]).replace(' ', JOINED)}")
-    relaxed = ", relaxed" if result.law.remembers else ""
-    return f"at {depth_of(there.depth)}{relaxed}: {', '.join(words)}"
+    often = f", {in_hertz(result.frequency)}" if result.law.remembers else ""
+    return f"at {depth_of(there.depth)}{often}: {', '.join(words)}"
 
 
 def name_of(result: Identified) -> str:
@@ -80,8 +80,9 @@ def name_of(result: Identified) -> str:
 
 
 def verdict_of(result: Identified) -> str:
-    """Return the verdict and its reason."""
-    return f"{spoken(result.diagnosis.verdict.overall)}: {result.diagnosis.reason}"
+    """Return both marks and the reason."""
+    marks, reason = result.diagnosis.verdict, result.diagnosis.reason
+    return f"stiffness {spoken(marks.stiffness)}, damping {spoken(marks.damping)}: {reason}"
 
 
 def fit_of(result: Identified) -> str:
