@@ -154,7 +154,8 @@ def test_every_recording_loses_energy_in_its_loops_and_says_what_follows(path):
     assert energy.kind in ("touch", "cycle")
     assert 0.0 < energy.measured.value < energy.put_in  # each of these materials damps
     assert 0.0 < drop_restitution.coefficient.value < 1.0
-    assert 0.0 <= result.passivity.fraction < 0.05
+    if not result.law.remembers:  # whose force in an unknown state may be below the offset
+        assert 0.0 <= result.passivity.fraction < 0.05
     json.dumps(result.as_dict(), allow_nan=False)
 
 

@@ -119,7 +119,6 @@ def _settings(
     choosing: MethodOptions, diagnosis: Literal["none", "input", "full"], reading: ReadingOptions
 ) -> "Settings":
     """Return the settings of a run; preparation options with their default values are omitted."""
-    from palpate.estimators import ViscoelasticContact
     from palpate.fleet.tasks import AUTO, Settings
     from palpate.recordings.opening import MAX_SIZE
 
@@ -127,15 +126,12 @@ def _settings(
         if getattr(reading, option) is not None:
             name = option.replace("_", "-")
             raise InvalidParameterError(f"--{name} applies to one recording; omit it for a fleet")
-    given = choosing
-    if choosing.law is None and choosing.method is None:  # what only this method has chooses it
-        given = MethodOptions(method="variable-projection")
+    given = reading.by_default(choosing)
     estimator = {**given.settings, **reading.chosen(given.kind)}
-    auto = given is not choosing and set(estimator) <= set(ViscoelasticContact().settings)
     usual = ReadingOptions().preparation
     own = {name: value for name, value in reading.preparation.items() if value != usual[name]}
     return Settings(
-        method=AUTO if auto else given.kind.method,
+        method=given.kind.method if given is choosing else AUTO,
         estimator=estimator,
         preparation=own,
         diagnosis=diagnosis,

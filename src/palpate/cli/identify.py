@@ -101,13 +101,8 @@ def identify(
 def _estimator(
     contact: "Contact", choosing: MethodOptions, reading: ReadingOptions
 ) -> "tuple[MethodOptions, ContactEstimator]":
-    """The estimator that the options request, and the options that name it.
-
-    By default the one that selects a law; variable projection for what only that can do.
-    """
-    if choosing.law is None and choosing.method is None:
-        auto = reading.any_law and not contact.timeless
-        choosing = MethodOptions(law="auto") if auto else choosing
+    """The estimator that the options request, and the options that name it."""
+    choosing = reading.by_default(choosing, timeless=contact.timeless)
     kind = choosing.kind
     return choosing, kind(**reading.settings(contact, kind) | choosing.settings)
 

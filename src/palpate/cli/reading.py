@@ -14,6 +14,7 @@ from palpate.cli.options import (
     SIZES,
     Channel,
     Channels,
+    MethodOptions,
     Unit,
     in_si,
     quantities,
@@ -209,14 +210,19 @@ class ReadingOptions:
             if name != "save_config" and value != getattr(ReadingOptions, name)
         }
 
-    @property
-    def any_law(self) -> bool:
-        """Whether every law can do what the options request; some only variable projection can."""
+    def by_default(self, choosing: MethodOptions, *, timeless: bool = False) -> MethodOptions:
+        """Return the options with the default, where neither law nor method is requested.
+
+        It selects the law; variable projection does what only that can.
+        """
         from palpate.estimators import ViscoelasticContact
 
         low, high = ViscoelasticContact.exponents
         known = self.exponent is None or low <= self.exponent <= high
-        return known and self.weak_prior and self.surface != "estimate"
+        able = known and self.weak_prior and self.surface != "estimate" and not timeless
+        if choosing.law is None and choosing.method is None and able:
+            return MethodOptions(law="auto")
+        return choosing
 
     def settings(self, contact: "Contact", kind: "type[ContactEstimator]") -> dict[str, Any]:
         """Return the constructor arguments for an estimator of this kind, with its gate."""

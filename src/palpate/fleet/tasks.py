@@ -274,8 +274,11 @@ class Settings:
 
     @property
     def kind(self) -> type[ContactEstimator]:
-        """The estimator's class."""
-        return ViscoelasticContact if self.method == AUTO else estimator_named(self.method)
+        """The estimator's class; by default variable projection for what only that can do."""
+        if self.method != AUTO:
+            return estimator_named(self.method)
+        able = set(self.estimator) <= set(ViscoelasticContact().settings)
+        return ViscoelasticContact if able else VariableProjection
 
     @property
     def of_curves(self) -> "Settings":
