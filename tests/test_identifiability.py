@@ -128,7 +128,7 @@ def test_microrheology_is_flagged_or_not_trusted(name: str) -> None:
         part = contact.window(times[0], times[-1])
         assert flagged(identify(part, law="hunt-crossley").estimate)
     # All of it at once, the stroke too, is no contact of this law: slow where it is not quick.
-    assert identify(contact).diagnosis.verdict.overall == "do-not-trust"
+    assert identify(contact).diagnosis.verdict.overall != "trust"
 
 
 @pytest.mark.parametrize("samples", [30, 1000, 100_000])

@@ -110,7 +110,9 @@ def loops_of(contact: Contact, path: Path) -> Loops:
     a loop, however the depth of the strokes varies.
     """
     touches = _touches(contact, path)
-    counts = np.concatenate([[0], np.cumsum(path.inside)])
+    # A law that relaxes takes light samples too, of which a probe at rest on the surface has most.
+    firm = path.inside & (path.force > choose_gate(contact).make_force)
+    counts = np.concatenate([[0], np.cumsum(firm)])
     held = sum(counts[int(b) + 1] - counts[int(a)] for a, b in touches)
     whole = 2 * held >= counts[-1] > 0
     ends = np.array(touches if whole else _cycles(path), dtype=np.float64).reshape(-1, 2)
