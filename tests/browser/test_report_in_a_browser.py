@@ -58,8 +58,8 @@ def test_the_picture_is_on_the_first_screen_of_a_desk(reports, opened):
         at = page.locator(".drawing").first.bounding_box()
         assert at["y"] < 200
         assert at["x"] + at["width"] <= 1280
-        verdict = page.locator(".verdict").first.bounding_box()
-        assert verdict["y"] + verdict["height"] < 800
+        tile = page.locator(".tile").first.bounding_box()
+        assert tile["y"] + tile["height"] < 800
 
 
 @pytest.mark.parametrize("dark", [False, True])
