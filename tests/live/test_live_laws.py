@@ -231,7 +231,7 @@ def test_it_is_the_librarys_own(samples):
     diagnosis = palpate.identify(contact_of(known, 1e-3)).diagnosis
     assert page["verdict"] == diagnosis.verdict.as_dict()
     assert page["reason"] == diagnosis.reason
-    assert page["said"].startswith("trust")
+    assert page["said"].startswith("stiffness trust, damping trust: ")
     depth = page["working_depths"][0]
     stiffness = MATERIALS["ball"].stiffness_at(depth["depth"])
     bars = depth["stiffness"]
@@ -308,5 +308,5 @@ def test_it_says_its_verdict_while_the_loop_runs(tmp_path):
     source = Heard(palpate.Contact(**vars(pressed(30.0))))
     source.said = tmp_path / "said"
     status = run(source, None, [Diagnosing(every=1.0), Reading(source.said)])
-    assert source.said.read_text().startswith("trust")
+    assert source.said.read_text().startswith("stiffness trust, damping trust: ")
     assert status["counts"]["taken"] < 30_000

@@ -12,7 +12,7 @@ from palpate.digits import format_quantity, with_error
 from palpate.errors import OldName
 from palpate.estimators import ContactEstimator, LawVerdict
 from palpate.estimators.law_verdicts import verdict_of
-from palpate.findings import Finding, Mark, worst
+from palpate.findings import Finding, Mark, spoken, worst
 from palpate.force_laws import ForceLaw, GeneralisedHuntCrossley
 from palpate.validation import Plain
 
@@ -30,6 +30,11 @@ class Verdict(Plain):
     stiffness: Mark
     damping: Mark
     overall: Mark
+
+    @property
+    def both(self) -> str:
+        """Both marks as text: *stiffness trust, damping with care*."""
+        return f"stiffness {spoken(self.stiffness)}, damping {spoken(self.damping)}"
 
 
 @dataclass(frozen=True, slots=True)

@@ -33,7 +33,6 @@ from palpate.figures.style import (
     set_titles,
     shown,
 )
-from palpate.findings import spoken
 from palpate.force_laws import ForceLaw, GeneralisedHuntCrossley
 from palpate.identification.identified import Identified
 from palpate.quantities.derived import in_hertz
@@ -81,8 +80,7 @@ def name_of(result: Identified) -> str:
 
 def verdict_of(result: Identified) -> str:
     """Return both marks and the reason."""
-    marks, reason = result.diagnosis.verdict, result.diagnosis.reason
-    return f"stiffness {spoken(marks.stiffness)}, damping {spoken(marks.damping)}: {reason}"
+    return f"{result.diagnosis.verdict.both}: {result.diagnosis.reason}"
 
 
 def fit_of(result: Identified) -> str:

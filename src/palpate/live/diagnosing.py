@@ -128,7 +128,7 @@ def diagnosed(samples: Floats, status: dict[str, Any]) -> dict[str, Any]:
         return {**page, "verdict": None, "reason": str(error), "remedy": None, "said": str(error)}
     return {
         **page,
-        "said": f"{diagnosis.verdict.overall.replace('-', ' ')}: {diagnosis.reason}",
+        "said": f"{diagnosis.verdict.both}: {diagnosis.reason}",
         "verdict": diagnosis.verdict.as_dict(),
         "reason": diagnosis.reason,
         "remedy": diagnosis.remedy,

@@ -22,7 +22,7 @@ from palpate.estimators.law_verdicts import (
     verdict_of,
 )
 from palpate.estimators.viscoelastic import RelaxingEstimate, law_of
-from palpate.findings import Finding
+from palpate.findings import Finding, spoken
 from palpate.force_laws import GeneralisedHuntCrossley
 from palpate.live.sinks import NO_DIAGNOSIS_YET, UNDIAGNOSED
 from palpate.quantities.derived import in_hertz
@@ -463,7 +463,7 @@ def _verdict_line(found: Mapping[str, Any] | None) -> list[str]:
     return [
         f": {found['reason'].removesuffix('.')}.",
         _MARKS.get(mark, "open"),
-        mark.replace("-", " "),
+        spoken(mark),
     ]
 
 
@@ -477,7 +477,8 @@ def _diagnosis(found: Mapping[str, Any]) -> Iterator[list[str]]:
         both = []
         for name, unit in (("stiffness", "N/m"), ("damping", "N·s/m")):
             error = math.hypot(*(or_nan(there[name][e]) for e in ("standard_error", "systematic")))
-            both.append(f"{name} {with_error(or_nan(there[name]['value']), error, unit=unit)}")
+            value = with_error(or_nan(there[name]["value"]), error, unit=unit)
+            both.append(f"{name} {value} ({spoken(found['verdict'][name])})")
         yield [f"At {format_quantity(there['depth'], 'm')}{often}: {', '.join(both)}", ""]
     last = rounded(found["window"][1] - found["window"][0], 2)
     words = f"{found['method']}, the last {last} s at {found['at']}, {found['samples']} samples; "
