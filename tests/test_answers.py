@@ -2,13 +2,15 @@
 
 import math
 import re
+from dataclasses import replace
 
+import numpy as np
 import pytest
 from test_diagnosis import CAUSES, INPUTS
 from test_recordings import files, has_penetration
 
 import palpate
-from palpate import ESTIMATORS
+from palpate import ESTIMATORS, GeneralisedHuntCrossley, SingleRelaxation
 from palpate.cli.reading import ReadingOptions
 from palpate.findings import MARKS, MAY_CAP, worst
 
@@ -64,8 +66,8 @@ def faults_of(result: palpate.Identification) -> list[str]:
 
 
 def results_of(contact: palpate.Contact) -> list[palpate.Identification]:
-    """By the default method and by model selection."""
-    return [palpate.identify(contact, law=law, trace=False) for law in (None, "auto")]
+    """By Hunt and Crossley's law and by the selected one."""
+    return [palpate.identify(contact, law=law, trace=False) for law in ("hunt-crossley", None)]
 
 
 @pytest.mark.parametrize("name", FAULTS)
@@ -151,6 +153,40 @@ def test_a_law_that_relaxes_and_one_that_does_not_give_one_number(tmp_path, run)
     )
     assert "relaxed stiffness" in words
     assert "Hz" not in run("identify", file, "--law", "hunt-crossley")[1].splitlines()[1]
+
+
+def test_too_few_samples_to_compare_laws_give_the_numbers_of_hunt_and_crossley():
+    """A law with memory has then only its start, of which every bar is 10¹⁰⁰."""
+    whole = FAULTS["memory"]
+    channels = ("time", "penetration", "velocity", "force")
+    time, *others = (getattr(whole, name)[2000:2004] for name in channels)
+    few = palpate.Contact(time, **dict(zip(channels[1:], others, strict=True)))
+    result = palpate.identify(few)
+    assert not result.law.remembers
+    assert result.diagnosis.verdict.overall == "do-not-trust"
+    assert (result.standard_errors < 1e9).all()
+
+
+def test_a_reversed_force_is_refused_with_what_to_do():
+    """One sample of noise is then in contact, from which no law is estimated."""
+    contact = FAULTS["memory"]
+    with pytest.raises(palpate.RecordingError, match="must be positive"):
+        palpate.identify(replace(contact, force=-contact.force))
+
+
+def test_a_relaxed_stiffness_at_its_bound_is_not_given(tmp_path, run):
+    """Of a law without a spring in parallel, K = 0 fits best and its error is unknown."""
+    depth = 4e-3 + 2e-3 * np.sin(4.0 * np.pi * (time := 1e-3 * np.arange(6000)))
+    speed = 8e-3 * np.pi * np.cos(4.0 * np.pi * time)
+    law = GeneralisedHuntCrossley(0.0, 1.5, 1e3, 1.5, 1e5, SingleRelaxation(0.2))
+    force = law.force_along(depth, speed, np.full(time.size, 1e-3))
+    force += np.random.default_rng(0).normal(0.0, 0.01, time.size)
+    file = tmp_path / "fluid.csv"
+    contact = palpate.Contact(time, penetration=depth, velocity=speed, force=force)
+    palpate.write_contact(contact, file)
+    out = run("identify", file)[1]
+    assert "K = 0 N/m" in out
+    assert "relaxed stiffness not given" in out
 
 
 LIMITS = {"stiffness": (0.10, 0.25), "damping": (0.20, 0.60)}

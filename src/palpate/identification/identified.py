@@ -367,11 +367,13 @@ class Identified:
         return replace(answer, selected=found)
 
     def _takes_hunt_crossley(self) -> bool:
-        own = Candidate("hunt-crossley", "none")
-        if self.estimator.candidate == own:
+        own, selected = Candidate("hunt-crossley", "none"), self.estimator.candidate
+        if selected == own:
             return True
         if own not in self.estimator.offered:
             return False
+        if selected is None:  # too few samples to compare laws: nothing is estimated
+            return True
         return any(f.check in ("change", "adhesion") for f in self.diagnosis.findings)
 
     def _under_prior(self) -> Self:

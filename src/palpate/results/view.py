@@ -340,6 +340,8 @@ def relaxed(result: "Identified") -> str:
     found = result.relaxed_stiffness()
     if found.value < 0.0:
         return "relaxed stiffness not given: it would be negative"
+    if found.value == 0.0:  # K is at its bound, where its error is unknown
+        return "relaxed stiffness not given: the memory takes all of it (K = 0)"
     checks = (each.check for each in result.diagnosis.findings)
     caution = " (extrapolated)" if "relaxed stiffness" in checks else ""
     return f"relaxed stiffness {number(found)} N/m{caution}"
