@@ -242,7 +242,7 @@ def verdict_by(
 
 # Model selection on the samples that were identified.
 
-REMEDY = "let palpate select the law: run again without --law and --method"
+SELECT_LAW = "let palpate select the law: run again without --law and --method"
 TASK_SPEED = "record at the speed of the task"
 
 
@@ -282,7 +282,7 @@ def remedy_of_memory(laws: Laws | None, time: float) -> str:
         Relaxation time that the residual shows, s.
     """
     if laws is None:
-        return REMEDY
+        return SELECT_LAW
     if time > laws.longest:  # as likely the drift of a sensor
         return "tare the sensor before each touch"
     return TASK_SPEED

@@ -6,7 +6,7 @@ from operator import attrgetter
 
 import numpy as np
 
-from palpate.diagnosis.finding import REMEDY, Quantity, WorkingDepth
+from palpate.diagnosis.finding import SELECT_LAW, Quantity, WorkingDepth
 from palpate.diagnosis.fit import (
     FEWEST_FREE,
     FEWEST_ROWS,
@@ -323,7 +323,7 @@ def misfit(fit: Fit) -> Finding | None:
     if left <= UNEXPLAINED and not fit.misfits:
         return None
     part = rounded(left, 2) if left < 0.01 else f"{left:.0%}"
-    remedy = REMEDY if fit.laws is None else deeper_half(fit)
+    remedy = SELECT_LAW if fit.laws is None else deeper_half(fit)
     mark: Mark = "do-not-trust" if left > TOO_MUCH_UNEXPLAINED else "trust"
     return Finding.of_both(
         mark,

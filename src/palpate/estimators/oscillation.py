@@ -22,7 +22,7 @@ from palpate.validation import Floats
 # Laws whose rms error is at most so many times the least fit as well.
 AS_WELL = 1.05
 # Times ε, the rms of the residual's correlated part over the peak force: with 1 the bars hold 95 %
-# at two thirds of the width.
+# at two thirds of the width where no sensor is at fault, but not where one is.
 MISFIT = 2.0
 FEWEST_BLOCKS = 10
 # Of a damper of free sign, in standard errors: below it the force is late. Of 213 contacts without
