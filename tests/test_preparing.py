@@ -6,6 +6,7 @@ import pickle
 import sys
 import types
 
+import faults
 import numpy as np
 import pandas
 import polars
@@ -349,6 +350,30 @@ def test_a_slow_clock_with_a_gap_or_a_changing_rate_stays_within_its_ticks():
     late = contact.time - arrays["time"][keep]
     assert late.min() > -1e-9
     assert late.max() < 0.01
+
+
+@pytest.mark.parametrize("size", [2, 3, 8])
+def test_samples_that_arrive_in_packets_are_spread_evenly(size):
+    """Seed 3. Stamped 2 % of a step apart, on arrival."""
+    time, x, v = faults.motion()
+    noisy = faults.noisy(faults.pushed(x, v), seed=3)
+    place, step = np.arange(time.size), time[1] - time[0]
+    arrivals = time + 0.98 * step * (size - 1 - place % size)
+    contact = prepare(time=arrivals, penetration=x, force=noisy)
+    [finding] = contact.findings
+    assert finding.message.startswith(f"samples arrive in packets of about {size}, every ")
+    late = contact.time - time
+    assert np.ptp(late[size:-size]) < 0.05 * step
+    found = palpate.identify(contact).working_depths[0]
+    assert found.damping.value == pytest.approx(faults.LAW.damping_at(found.depth), rel=0.05)
+
+
+def test_samples_that_are_taken_in_bursts_keep_their_times():
+    """Eight samples within 0.14 ms, every 8 ms, of a motion that goes on meanwhile."""
+    bursts = np.arange(800) // 8 * 8e-3 + np.arange(800) % 8 * 2e-5
+    x = 2e-3 * (1.0 - np.cos(2.0 * np.pi * 2.0 * bursts))
+    contact = prepare(time=bursts, penetration=x, force=2e3 * x)
+    assert np.array_equal(contact.time, bursts)
 
 
 @pytest.mark.parametrize("way", ["arrays", "file", "frame"])

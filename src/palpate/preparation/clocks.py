@@ -135,10 +135,15 @@ def gaps(time: Floats, part: NDArray[np.int64]) -> NDArray[np.bool_]:
     return found
 
 
-# Several samples with one time: rows that were written twice, or a clock that ticks slowly.
+# Several samples with one time: rows that were written twice, a clock that ticks slowly, or samples
+# that arrive in packets.
 
 COARSE = 0.1  # of the samples repeat the time before; fewer are skipped one by one
 EXACT = 1000  # counts a sample; whole times of a finer unit stay whole numbers
+PAUSE = 5.0  # steps within a packet, at least
+LARGEST_PACKET = 64  # samples
+FEWEST_PACKETS = 10
+OF_ONE_SIZE = 0.9  # of the packets, to half a packet
 
 
 def settle_stamps(
@@ -149,7 +154,8 @@ def settle_stamps(
     A row is written twice if its time and all its channels equal those of the row before. Where
     over a tenth of the samples repeat a time with other values, the clock ticks more slowly than
     the samples come: each stretch gets the even times that lie within every tick, t ≤ a + b k <
-    t + tick, or else even times within each tick.
+    t + tick, or else even times within each tick. So do samples that arrive in packets, and are
+    stamped on arrival.
 
     Parameters
     ----------
@@ -166,6 +172,15 @@ def settle_stamps(
         The times, a mask of the rows to keep, and the findings.
     """
     keep, again = np.ones(time.size, dtype=bool), np.zeros(time.size, dtype=bool)
+    arrivals = _arrivals(time, columns)
+    if arrivals is not None:
+        times, tick = _spread(arrivals)
+        many = time.size / np.unique(arrivals).size
+        words = (
+            f"samples arrive in packets of about {many:.0f}, every "
+            f"{tick * size_of('time', unit) * 1e3:.3g} ms: palpate spread them evenly"
+        )
+        return times, keep, [Finding("clock", words, "stamp each sample when it is taken")]
     again[1:] = time[1:] == time[:-1]
     if not again.any():
         return time, keep, []
@@ -188,6 +203,51 @@ def settle_stamps(
     words = f"palpate dropped {count} row{'s' * (count > 1)} that {'were' if count > 1 else 'was'} "
     found = [Finding("rows", f"{words}written twice, of {time.size}", "check the recorder")]
     return time, ~copies, found if count else []
+
+
+def _arrivals(time: "Times", columns: Sequence[NDArray[Any]]) -> "Times | None":
+    """The time at which the packet of each sample arrived; None where there are no packets.
+
+    Packets are of one size, with a pause after each in which the channels move as far as between
+    any two samples. Where they move as far as the pause is long, samples are taken in bursts.
+    """
+    steps = np.diff(time)
+    usual = float(np.quantile(steps, 0.25)) if steps.size else 0.0  # of pairs half are pauses
+    if not usual > 0.0:
+        return None
+    last = np.flatnonzero(steps > PAUSE * usual)
+    sizes = np.diff(last)
+    if sizes.size < FEWEST_PACKETS:
+        return None
+    size, pause = float(np.median(sizes)), float(np.median(steps[last]))
+    alike = np.abs(sizes - size) <= 0.5 * size
+    if not 2.0 <= size <= LARGEST_PACKET or np.mean(alike) < OF_ONE_SIZE:
+        return None
+    by_count, by_stamps = 1.0 / size, pause / (pause + (size - 1.0) * usual)
+    shares = [_share_of_pauses(values, last) for column in columns for values in _moving(column)]
+    evenly = [0.5 * by_count < share < math.sqrt(by_count * by_stamps) for share in shares]
+    if not any(evenly) or any(share >= math.sqrt(by_count * by_stamps) for share in shares):
+        return None
+    own = np.searchsorted(last, np.arange(time.size))
+    return time[np.append(last, time.size - 1)[own]]
+
+
+def _moving(column: NDArray[Any]) -> list[Floats]:
+    """The components of a channel that are numbers."""
+    if column.dtype.kind not in "iuf":
+        return []
+    parts = np.asarray(column, dtype=np.float64).reshape(len(column), -1).T
+    return [values for values in parts if np.isfinite(values).all()]
+
+
+def _share_of_pauses(values: Floats, last: NDArray[np.intp]) -> float:
+    """Part of the motion that lies between packets: its regression on that of the packets around.
+
+    The two have no sample in common, so noise does not make it larger.
+    """
+    pauses = values[last[1:-1] + 1] - values[last[1:-1]]
+    around = 0.5 * (values[last[2:]] - values[last[:-2]])
+    return float(pauses @ around / max(float(around @ around), np.finfo(float).tiny))
 
 
 def _spread(time: "Times") -> tuple["Times", float]:
