@@ -239,6 +239,16 @@ TEST("each law is found where it is the truth, and no memory where there is none
   }
 }
 
+TEST("of forms of damping that fit alike to rounding the first is named") {
+  Verdict verdict;
+  verdict.mean_square = {9.0, 9.0, 9.0, 1.0, 1.0 - 1e-9, 1.0 - 2e-9, 1.0};
+  verdict.parameters.fill(4.0);
+  verdict.effective = 1000.0;
+  CHECK(verdict.chosen(false) == 3);
+  verdict.mean_square[4] = 0.99;
+  CHECK(verdict.chosen(false) == 4);
+}
+
 TEST("what forgetting weighs the sums with is brought back before it is too large") {
   ViscoelasticContact::Settings settings{.gate = gate, .scale = probing};
   settings.forgetting = {.initial_factor = 0.9, .rate = 0.0};

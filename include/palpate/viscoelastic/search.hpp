@@ -225,10 +225,11 @@ struct Verdict {
     const std::size_t plain = least(of, 0, first), relaxing = least(of, first, count);
     if (plain == count || relaxing == count) return std::min(plain, relaxing);
     const bool clear = mean_square[relaxing] < clearly * clearly * mean_square[plain];
-    // Among those with memory the numbers are as many, whichever happen to be above 0.
-    return clear && of(relaxing) < of(plain)
-               ? least([this](std::size_t i) noexcept { return mean_square[i]; }, first, count)
-               : plain;
+    if (!clear || !(of(relaxing) < of(plain))) return plain;
+    // Among those with memory the numbers are as many, whichever happen to be above 0. With a
+    // damper at 0 the forms of damping are one law, and rounding would choose: the first is taken.
+    const auto logarithm = [this](std::size_t i) noexcept { return std::log(mean_square[i]); };
+    return least(logarithm, first, count, 1e-6);
   }
 
   // The score less N_eff ln of the least RSS/N.
@@ -238,14 +239,15 @@ struct Verdict {
   }
 
  private:
+  // The first candidate that no later one is below by more than a margin.
   template <class Of>
-  std::size_t least(Of of, std::size_t begin, std::size_t end) const noexcept {
+  std::size_t least(Of of, std::size_t begin, std::size_t end, double margin = 0.0) const noexcept {
     std::size_t result = count;
     double smallest = 0.0;
     for (std::size_t i = begin; i < end; ++i) {
       if (!(mean_square[i] > 0.0)) continue;
       const double value = of(i);
-      if (result != count && !(value < smallest)) continue;
+      if (result != count && !(value < smallest - margin)) continue;
       result = i;
       smallest = value;
     }
