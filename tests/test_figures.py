@@ -18,6 +18,7 @@ from recordings import recording
 import palpate
 from palpate import ESTIMATORS, InvalidParameterError, RecordingError, figures, lab
 from palpate.design import Motion, design
+from palpate.design.figures import draw_design
 from palpate.figures import style
 from palpate.figures.panels import JOINED, draw_spectrum
 from palpate.figures.style import DARK, LIGHT
@@ -252,8 +253,8 @@ DRAWINGS = {
     "a change": (figures.draw, of_a_change),
     "a comparison": (figures.draw_comparison, all_methods),
     "residuals": (figures.draw_residuals, lambda: of_example("microscale")),
-    "a design": (figures.draw_design, lambda: design(LAW, noise=0.05)),
-    "a held probe": (figures.draw_design, lambda: design(LAW, Motion(5e-3), noise=1.0)),
+    "a design": (draw_design, lambda: design(LAW, noise=0.05)),
+    "a held probe": (draw_design, lambda: design(LAW, Motion(5e-3), noise=1.0)),
 }
 
 

@@ -7,7 +7,6 @@ from typing import Any, NamedTuple
 
 import palpate._core as _core
 from palpate.digits import format_quantity, rounded
-from palpate.errors import OldName
 from palpate.estimators.estimate import Estimate
 from palpate.findings import Finding
 from palpate.force_laws import ForceLaw, GeneralisedHuntCrossley
@@ -140,8 +139,6 @@ class LawVerdict(Plain):
     depth: float
     frequency: float
     findings: tuple[Finding, ...] = ()
-
-    standings, standing_of = OldName("model_ranking"), OldName("rank_of")
 
     @property
     def flags(self) -> tuple[str, ...]:
