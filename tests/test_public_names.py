@@ -32,15 +32,6 @@ def test_what_is_not_there_is_an_attribute_error():
     assert not hasattr(palpate, "__wrapped__")
 
 
-@pytest.mark.parametrize("code", ["from palpate import lanes", "import palpate; palpate.lanes"])
-def test_the_module_of_lanes_is_refused_in_a_line_that_names_what_replaces_it(code):
-    with pytest.raises(ImportError) as refused:
-        exec(code, {})
-    assert str(refused.value) == (
-        "palpate.lanes was removed: use palpate.identify_many or palpate.fit_curves"
-    )
-
-
 # --- every public name says what it is, and names each of its parameters
 
 # The registries are data: a comment says what they are.
