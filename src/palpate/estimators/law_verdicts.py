@@ -189,11 +189,10 @@ class LawVerdict(Plain):
 
         model_ranking = (
             RankedModel(candidate(each), or_nan(each["score"]), or_nan(each["rms_error"]))
-            for each in words["model_ranking" if "model_ranking" in words else "standings"]
+            for each in words["model_ranking"]
         )
         numbers = {name: or_nan(words[name]) for name in _NUMBERS}
-        found = words["findings"] if "findings" in words else words["flags"]  # in schema 1
-        findings = tuple(map(Finding.from_dict, found))
+        findings = tuple(map(Finding.from_dict, words["findings"]))
         return cls(candidate(words), tuple(model_ranking), **numbers, findings=findings)
 
     def rank_of(self, law: ForceLaw) -> RankedModel | None:
