@@ -180,7 +180,7 @@ def band_and_height(axes) -> tuple[float, float]:
 def test_the_band_of_every_parameter_is_seen(name):
     for axes in figure_of_example(name).axes[2:7]:
         band, height = band_and_height(axes)
-        # A twentieth of a panel is 4 mm on paper, and 1 mm in a column; it was a hundredth once.
+        # A twentieth of a panel is 4 mm on paper, and 1 mm in a column.
         assert 0.05 * height < band < height, axes.get_title(loc="left")
 
 
