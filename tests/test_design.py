@@ -14,7 +14,6 @@ from palpate import (
     HuntCrossley,
     InvalidParameterError,
     KelvinVoigt,
-    figures,
     lab,
 )
 from palpate.design import (
@@ -25,6 +24,7 @@ from palpate.design import (
     effective_noise,
     write_motion,
 )
+from palpate.design.figures import draw_design
 from palpate.design.precision import cramer_rao_bound, jacobian, mean_rounding_error
 
 BALL, SPONGE, PHANTOM = lab.BALL.law, lab.SPONGE.law, lab.PVC.law
@@ -379,7 +379,7 @@ def test_a_motion_goes_into_a_pipe_without_the_tables_and_both_into_a_figure(
 
 def test_a_figure_of_a_design_shows_motions_and_precision_of_both():
     result = design(BALL, noise=0.01, resolution=0.125)
-    figure = figures.draw_design(result, dark=True)
+    figure = draw_design(result, dark=True)
     titles = [axes.get_title(loc="left") for axes in figure.axes]
     assert titles[:2] == ["Penetration", "Velocity over penetration"]
     assert titles[2:] == [f"Relative standard error of {s}" for s in "KBn"]
@@ -389,7 +389,7 @@ def test_a_figure_of_a_design_shows_motions_and_precision_of_both():
         assert {"planned", "better"} <= set(lines)
         # A quick look counts one sample in several: 1 % at most.
         assert lines["better"].get_ydata()[-1] == pytest.approx(100.0 * expected[-1], rel=0.01)
-    held = figures.draw_design(design(BALL, Motion(5e-3), noise=0.1))
+    held = draw_design(design(BALL, Motion(5e-3), noise=0.1))
     for axes in held.axes[2:]:
         [words] = [text.get_text() for text in axes.get_legend().get_texts()]
         assert words == "planned: not identifiable"

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
+from ruamel.yaml import YAML
 
 import palpate
 from palpate import lab
@@ -185,6 +186,17 @@ def test_every_extra_that_a_message_or_a_page_names_can_be_installed():
             if isinstance(call, ast.Call) and ast.unparse(call.func).startswith("MissingExtra"):
                 named |= {each.value for each in call.args[-1:] if isinstance(each, ast.Constant)}
     assert {"figures", "report", "live"} <= named <= known
+
+
+def test_the_workflow_runs_the_readmes_tests_on_every_python_of_the_classifiers():
+    workflow = (ROOT / ".github" / "workflows" / "test.yml").read_text(encoding="utf-8")
+    job = YAML(typ="safe").load(workflow)["jobs"]["tests"]
+    with (ROOT / "pyproject.toml").open("rb") as file:
+        classifiers = tomllib.load(file)["project"]["classifiers"]
+    pythons = re.findall(r"Python :: (3\.\d+)", " ".join(classifiers))
+    assert job["strategy"]["matrix"]["python"] == pythons
+    steps = " && ".join(step["run"] for step in job["steps"] if "run" in step)
+    assert steps in [snippet.text.strip() for snippet in SNIPPETS[ROOT / "README.md"]]
 
 
 FALSE = "verdict on every number", "tens of nanoseconds", "1353", "no law and no error bars"

@@ -373,8 +373,6 @@ def test_a_time_step_is_counted_where_the_engine_takes_it_implicitly_and_said_wh
         ("mujoco", {"mass": 1.0, "model": "robot.xml"}, "pass either mass or model"),
         ("mujoco", {"geom": "tip"}, "add --model FILE"),
         ("unity", {}, "to must be one of mujoco"),
-        ("pybullet", {}, "no longer exports to pybullet; .*kelvin-v"),
-        ("gazebo-classic", {}, "no longer exports to gazebo-classic; .*kelvin-v"),
         ("gazebo", {}, "ignores the <kp> and <kd>"),  # with DART
     ],
 )

@@ -18,6 +18,7 @@ from recordings import recording
 import palpate
 from palpate import ESTIMATORS, InvalidParameterError, RecordingError, figures, lab
 from palpate.design import Motion, design
+from palpate.design.figures import draw_design
 from palpate.figures import style
 from palpate.figures.panels import JOINED, draw_spectrum
 from palpate.figures.style import DARK, LIGHT
@@ -179,7 +180,7 @@ def band_and_height(axes) -> tuple[float, float]:
 def test_the_band_of_every_parameter_is_seen(name):
     for axes in figure_of_example(name).axes[2:7]:
         band, height = band_and_height(axes)
-        # A twentieth of a panel is 4 mm on paper, and 1 mm in a column; it was a hundredth once.
+        # A twentieth of a panel is 4 mm on paper, and 1 mm in a column.
         assert 0.05 * height < band < height, axes.get_title(loc="left")
 
 
@@ -252,8 +253,8 @@ DRAWINGS = {
     "a change": (figures.draw, of_a_change),
     "a comparison": (figures.draw_comparison, all_methods),
     "residuals": (figures.draw_residuals, lambda: of_example("microscale")),
-    "a design": (figures.draw_design, lambda: design(LAW, noise=0.05)),
-    "a held probe": (figures.draw_design, lambda: design(LAW, Motion(5e-3), noise=1.0)),
+    "a design": (draw_design, lambda: design(LAW, noise=0.05)),
+    "a held probe": (draw_design, lambda: design(LAW, Motion(5e-3), noise=1.0)),
 }
 
 

@@ -553,7 +553,7 @@ def test_maps_are_drawn(printed, tmp_path, by):
 
 
 def test_scattered_places_and_those_without_a_number_are_drawn_as_dots():
-    from palpate.figures import draw_map
+    from palpate.fleet.figures import draw_map
 
     random = np.random.default_rng(2)
     value = np.r_[random.uniform(100.0, 200.0, 30), np.nan]

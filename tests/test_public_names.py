@@ -7,11 +7,10 @@ import re
 import subprocess
 import sys
 
-import numpy as np
 import pytest
 
 import palpate
-from palpate import exports, figures
+from palpate import figures
 from palpate.preparation import velocity
 
 
@@ -31,38 +30,6 @@ def test_what_is_not_there_is_an_attribute_error():
     with pytest.raises(AttributeError, match="module 'palpate' has no attribute 'identity'"):
         palpate.identity  # noqa: B018 - asking is the test
     assert not hasattr(palpate, "__wrapped__")
-
-
-@pytest.mark.parametrize("code", ["from palpate import lanes", "import palpate; palpate.lanes"])
-def test_the_module_of_lanes_is_refused_in_a_line_that_names_what_replaces_it(code):
-    with pytest.raises(ImportError) as refused:
-        exec(code, {})
-    assert str(refused.value) == (
-        "palpate.lanes was removed: use palpate.identify_many or palpate.fit_curves"
-    )
-
-
-def test_old_names_warn_and_give_what_has_the_new_one():
-    t = np.arange(2000) * 1e-3
-    x = 5e-3 * np.sin(6.0 * t)
-    force = np.where(x > 0.0, 2000.0 * x, 0.0)
-    contact = palpate.Contact(time=t, penetration=x, velocity=np.gradient(x, t), force=force)
-    result = palpate.identify(contact, trace=False)
-    pairs = [
-        (palpate, "Wanted", palpate.QueryOptions),
-        (exports, "Pressed", exports.SimulatedContact),
-        (exports, "Asked", exports.ExportRequest),
-        (exports, "Motion", exports.ProbeMotion),
-        (result, "stretches", ()),
-        (result, "wanted", result.query),
-        (result.law_verdict, "standings", result.law_verdict.model_ranking),
-        (palpate.Identification, "by_stretch", palpate.Identification.by_segment),
-        (palpate.CurveFits, "flag_words", palpate.CurveFits.describe_flags),
-        (palpate.ViscoelasticContact, "settle", palpate.ViscoelasticContact.finish_pending),
-    ]
-    for owner, old, new in pairs:
-        with pytest.warns(DeprecationWarning, match=f"{old} is now called"):
-            assert getattr(owner, old) == new
 
 
 # --- every public name says what it is, and names each of its parameters

@@ -17,14 +17,6 @@ else:
             from palpate._core import __version__
 
             return globals().setdefault(name, __version__)
-        if name == "lanes":
-            words = "was removed: use palpate.identify_many or palpate.fit_curves"
-            raise ImportError(f"palpate.lanes {words}")
-        if name == "Wanted":
-            from palpate.errors import warn_renamed
-
-            warn_renamed("palpate.Wanted", "QueryOptions")
-            return __getattr__("QueryOptions")
         if find_spec(f"palpate.{name}"):  # a module, for one of the package's own
             return import_module(f"palpate.{name}")
         public = vars(import_module("palpate._public"))

@@ -195,11 +195,6 @@ class Contact:
         source = shown(", ".join(Path(each).name for each in self.source.split(", ")), 40)
         return textwrap.fill(f"<Contact {source}: {len(self)} samples{span}{segments}>", 80)
 
-    @property
-    def remarks(self) -> tuple[Finding, ...]:
-        """Old name of ``findings``, kept for one release."""
-        return self.findings
-
     def segments(self) -> Iterator[slice]:
         """Slices of the separate contacts, in order."""
         return slices_of(self.segment)

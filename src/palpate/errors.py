@@ -1,6 +1,5 @@
 """palpate's exceptions. Every message says what is wrong, where, and what to do."""
 
-import warnings
 from importlib import import_module
 
 TYPE_CHECKING = False  # as in palpate/__init__.py
@@ -114,25 +113,3 @@ def needed(module: str, what: str, extra: str) -> "Any":
         return import_module(module)
     except ImportError as error:
         raise MissingExtraError.of(error, what, extra) from None
-
-
-# Old names (before 0.1), kept for one release.
-
-
-class OldName:
-    """An attribute or method under its old name: warns and returns the renamed one."""
-
-    def __init__(self, new: str) -> None:
-        self._new = new
-
-    def __set_name__(self, _: type, name: str) -> None:
-        self._old = name
-
-    def __get__(self, owner: "Any", kind: type) -> "Any":
-        warn_renamed(f"{kind.__name__}.{self._old}", self._new)
-        return getattr(kind if owner is None else owner, self._new)
-
-
-def warn_renamed(old: str, new: str) -> None:
-    """Warn the caller that a name is deprecated."""
-    warnings.warn(f"{old} is now called {new}", DeprecationWarning, stacklevel=3)

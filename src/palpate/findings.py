@@ -96,8 +96,3 @@ class Finding(Plain):
 
     def __str__(self) -> str:
         return f"{self.message} ({self.remedy})" if self.remedy else self.message
-
-    @property
-    def sentence(self) -> str:
-        """The message: its name before 0.1, for one release."""
-        return self.message

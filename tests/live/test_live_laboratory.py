@@ -9,8 +9,7 @@ import pytest
 
 from palpate import HuntCrossley, InvalidParameterError, lab
 from palpate.live.laboratory import Laboratory, Setup
-from palpate.live.publishing import open_publisher
-from palpate.live.sources import EndOfSourceError, open_source
+from palpate.live.sources import EndOfSourceError
 
 STEP = 1e-3
 
@@ -147,12 +146,3 @@ def test_without_mujoco_an_ideal_probe_is_taken_and_said(monkeypatch):
     assert probe == "ideal probe"
     assert "needs MuJoCo" in words
     assert len(bench.advance(10)) == 10
-
-
-@pytest.mark.parametrize("opened", [open_source, open_publisher])
-def test_ros_1_is_refused_in_one_line_that_says_what_to_use(opened):
-    with pytest.raises(
-        InvalidParameterError, match=r"no longer supports live ROS 1: .*dds:"
-    ) as told:
-        opened("ros1:/pose,/wrench")
-    assert "\n" not in str(told.value)

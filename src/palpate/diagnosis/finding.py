@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 
 from palpate.digits import format_quantity, with_error
-from palpate.errors import OldName
 from palpate.estimators import ContactEstimator, LawVerdict
 from palpate.estimators.law_verdicts import verdict_of
 from palpate.findings import Finding, Mark, spoken, worst
@@ -55,8 +54,6 @@ class Quantity(Plain):
     value: float
     standard_error: float
     systematic: float
-
-    words = OldName("format")
 
     @property
     def whole_error(self) -> float:

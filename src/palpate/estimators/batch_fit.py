@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 import palpate._core as _core
-from palpate.errors import InvalidParameterError, OldName
+from palpate.errors import InvalidParameterError
 from palpate.estimators.estimate import findings_of
 from palpate.estimators.variable_projection import projection_settings, surfaces_in
 from palpate.force_laws import HuntCrossley
@@ -61,8 +61,6 @@ class CurveFits:
     taken: NDArray[np.int64]
     flags: NDArray[np.uint8]
     status: NDArray[np.uint8]
-
-    words, flag_words = OldName("status_names"), OldName("describe_flags")
 
     def __len__(self) -> int:
         return len(self.status)

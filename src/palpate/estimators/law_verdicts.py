@@ -7,7 +7,6 @@ from typing import Any, NamedTuple
 
 import palpate._core as _core
 from palpate.digits import format_quantity, rounded
-from palpate.errors import OldName
 from palpate.estimators.estimate import Estimate
 from palpate.findings import Finding
 from palpate.force_laws import ForceLaw, GeneralisedHuntCrossley
@@ -141,8 +140,6 @@ class LawVerdict(Plain):
     frequency: float
     findings: tuple[Finding, ...] = ()
 
-    standings, standing_of = OldName("model_ranking"), OldName("rank_of")
-
     @property
     def flags(self) -> tuple[str, ...]:
         """The findings as text."""
@@ -192,11 +189,10 @@ class LawVerdict(Plain):
 
         model_ranking = (
             RankedModel(candidate(each), or_nan(each["score"]), or_nan(each["rms_error"]))
-            for each in words["model_ranking" if "model_ranking" in words else "standings"]
+            for each in words["model_ranking"]
         )
         numbers = {name: or_nan(words[name]) for name in _NUMBERS}
-        found = words["findings"] if "findings" in words else words["flags"]  # in schema 1
-        findings = tuple(map(Finding.from_dict, found))
+        findings = tuple(map(Finding.from_dict, words["findings"]))
         return cls(candidate(words), tuple(model_ranking), **numbers, findings=findings)
 
     def rank_of(self, law: ForceLaw) -> RankedModel | None:

@@ -6,7 +6,7 @@ from typing import Any, Literal
 import numpy as np
 
 import palpate._core as _core
-from palpate.errors import InvalidParameterError, OldName
+from palpate.errors import InvalidParameterError
 from palpate.estimators.contact_estimator import CompiledEstimator, Rejection, loop_settings
 from palpate.estimators.estimate import Estimate
 from palpate.estimators.law_verdicts import (
@@ -142,7 +142,6 @@ class ViscoelasticContact(CompiledEstimator, _core.ViscoelasticContact):
     chooses_samples = True
     knows_offset = True
     exponents = _DEFAULTS["exponent_range"]
-    settle = OldName("finish_pending")
 
     def __init__(
         self,

@@ -4,7 +4,6 @@ made = exports.export(palpate.load_result("ball"), to="mujoco", mass=1.0)
 made.save("ball-in-mujoco")
 """
 
-from palpate.errors import warn_renamed
 from palpate.exports.engine import Drop as Drop
 from palpate.exports.engine import Engine as Engine
 from palpate.exports.engine import ExportRequest as ExportRequest
@@ -18,12 +17,3 @@ from palpate.exports.exporting import SimulatedContact as SimulatedContact
 from palpate.exports.exporting import export as export
 from palpate.exports.statement import Compared as Compared
 from palpate.exports.statement import Statement as Statement
-
-_OLD_NAMES = {"Asked": "ExportRequest", "Pressed": "SimulatedContact", "Motion": "ProbeMotion"}
-
-
-def __getattr__(name: str) -> object:
-    if name not in _OLD_NAMES:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    warn_renamed(f"palpate.exports.{name}", _OLD_NAMES[name])
-    return globals()[_OLD_NAMES[name]]

@@ -684,13 +684,6 @@ MODULES: Mapping[str, str] = MappingProxyType(
     }
 )
 
-#: Engines without an export, whose two Kelvin–Voigt parameters a user can copy by hand.
-_BY_HAND: Mapping[str, str] = MappingProxyType(
-    {
-        "pybullet": "its contactStiffness and contactDamping are the K and B",
-        "gazebo-classic": "ODE's <kp> and <kd> are the K and B",
-    }
-)
 #: gz-physics issues 82 and 636, gz-sim issue 1961.
 _DART = (
     "Gazebo with DART ignores the <kp> and <kd> of a surface, so it cannot have the law; export to "
@@ -709,17 +702,12 @@ def engine_called(name: str) -> Engine:
     Raises
     ------
     InvalidParameterError
-        There is no such engine, or no longer.
+        There is no such engine.
     ExportRefusedError
         The engine ignores the parameters of a contact law.
     """
     if name in ("gazebo", "gz", "dart"):
         raise ExportRefusedError(_DART)
-    if name in _BY_HAND:
-        raise InvalidParameterError(
-            f"palpate no longer exports to {name}; {_BY_HAND[name]} printed by palpate identify "
-            "FILE --method kelvin-voigt"
-        )
     one_of("to", name, MODULES)
     engine: Engine = import_module(MODULES[name]).ENGINE
     return engine

@@ -122,7 +122,7 @@ class ExportedLaw:
                 judged, [found] = result, result.description["results"]
                 saved = (found.get("elastic_modulus") or {}).get("tip") or {}
                 radius = float(saved["radius"]) if saved.get("kind") == Sphere.kind else None
-                flags = found.get("flags", ())
+                flags = found["flags"]
             response, fitted = _response(result, judged), result
             if response is not None:
                 exponent = result.law.exponent if "exponent" in result.fixed else None

@@ -4,19 +4,9 @@ Other figures are in :mod:`palpate.design.figures`, :mod:`palpate.fleet.figures`
 :mod:`palpate.lab.figures`.
 """
 
-from importlib import import_module
-
 from palpate.figures.identified import draw as draw
 from palpate.figures.identified import draw_comparison as draw_comparison
 from palpate.figures.identified import draw_oscillations as draw_oscillations
 from palpate.figures.panels import draw_residuals as draw_residuals
 from palpate.figures.style import check_figure as check_figure
 from palpate.figures.style import save as save
-
-_MOVED = {"draw_design": "palpate.design.figures", "draw_map": "palpate.fleet.figures"}
-
-
-def __getattr__(name: str) -> object:
-    if name in _MOVED:  # for one release
-        return getattr(import_module(_MOVED[name]), name)
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -35,7 +35,7 @@ from palpate.diagnosis.timeless import (
     trace_without_time,
 )
 from palpate.digits import format_quantity, rounded, with_error
-from palpate.errors import InvalidParameterError, OldName, RecordingError
+from palpate.errors import InvalidParameterError, RecordingError
 from palpate.estimators import (
     ContactEstimator,
     LawVerdict,
@@ -287,9 +287,6 @@ class Identified:
     bounded: Estimate | None = None
     #: The identification that selected this one's law.
     selected: "Identified | None" = None
-
-    stretches, wanted = OldName("segments"), OldName("query")
-    by_stretch, wanting = OldName("by_segment"), OldName("with_query")
 
     @classmethod
     def of(

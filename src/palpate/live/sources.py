@@ -245,26 +245,16 @@ SOURCES: Mapping[str, Kind] = {
     "zenoh": Kind("zenoh", "Zenoh", "ZenohWire", "zenoh:/pose,/wrench", "ROS 2 over Zenoh"),
 }
 
-#: Error for an address that begins with ros1:, as a source or in --publish.
-NO_ROS1 = (
-    "palpate no longer supports live ROS 1: run ros1_bridge and use dds:, "
-    "or record a bag and identify it"
-)
-
 
 def wired(address: str) -> tuple[Kind | None, Any, str]:
     """Return the kind of an address, or None, its module, and the part after the colon.
 
     Raises
     ------
-    InvalidParameterError
-        The address is one of ROS 1.
     MissingExtraError
         A package that the source needs is not installed.
     """
     scheme, colon, rest = address.partition(":")
-    if scheme == "ros1":
-        raise InvalidParameterError(NO_ROS1)
     kind = SOURCES.get(scheme) if colon else None
     module = None if kind is None else needed(f"palpate.live.{kind.module}", scheme, "live")
     return kind, module, rest

@@ -135,7 +135,7 @@ def contact_and_trace(
     RecordingError
         A column is missing or holds invalid values.
     """
-    filtered = whole.get("velocity_filter")
+    filtered, delay = whole["velocity_filter"], whole["delay"]
     time, penetration, velocity, force = map(recording.numbers, FILE_NAMES.values())
     names = law.names()
     texts = recording.channels.get("status", np.empty(0, dtype=str)).astype(str)
@@ -166,11 +166,11 @@ def contact_and_trace(
         provenance=whole["provenance"],
         tare_deviation=whole["tare_deviation"],
         surface_deviation=whole["surface_deviation"],
-        delay=Delay(**whole["delay"]) if whole.get("delay") else None,
+        delay=delay and Delay(**delay),
         findings=[*map(Finding.from_dict, whole["findings"])],
         velocity_filter=filtered and VelocityFilter(**filtered),
-        stated_units=whole.get("stated_units", ()),
-        timeless=whole.get("timeless", False),
+        stated_units=whole["stated_units"],
+        timeless=whole["timeless"],
     )
     return contact, trace
 
@@ -368,8 +368,8 @@ def load_result(path: str | Path) -> SavedResult:
     Raises
     ------
     RecordingError
-        There is no result, it is damaged, another run wrote the trace beside it, or another version
-        of palpate wrote it in a way that this one does not know.
+        There is no result, it is damaged, another run wrote the trace beside it, or it has another
+        schema.
     """
     named = Path(path)
     if named.suffix != ".json" and named.is_file():
@@ -385,7 +385,7 @@ def load_result(path: str | Path) -> SavedResult:
             raise ValueError(f"{name!r} is not a trace of palpate")
         law = law_from(found["law"])
         recording = open_recording(file.parent / name)
-        if whole.get("trace_digest", digest := digest_of(file.parent / name)) != digest:
+        if whole["trace_digest"] != digest_of(file.parent / name):
             raise RecordingError(
                 f"{file}: {name} has changed or is from another run; save the result again"
             )
@@ -439,9 +439,8 @@ def _described(file: Path) -> dict[str, Any]:
         raise RecordingError(f"{file}: not a result of palpate: it has no schema_version")
     if version != SCHEMA_VERSION:
         raise RecordingError(
-            f"{file}: written by palpate {whole.get('palpate_version', 'of another version')} with "
-            f"schema {version}, but this one reads {SCHEMA_VERSION}; install that version or "
-            "identify again"
+            f"{file}: the result has schema {version}, but palpate {__version__} reads schema "
+            f"{SCHEMA_VERSION}; identify again"
         )
     if "trace" not in whole:
         raise RecordingError(
