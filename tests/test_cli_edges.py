@@ -202,7 +202,7 @@ def test_a_number_of_any_length_is_one_line(refused, tmp_path, option, digits):
 HELPED = f"""
 import sys
 from palpate.cli import main
-slow = "numpy", "matplotlib", "palpate.paper", "palpate.lab", "palpate.estimators"
+slow = "numpy", "matplotlib", "palpate.lab", "palpate.estimators"
 for command in ("--version", "", *{COMMANDS}):
     sys.argv[1:] = [command] if command == "--version" else [*command.split(), "--help"]
     main()
@@ -340,8 +340,8 @@ REFUSED = {
     "lab ball -o . --seconds 90000": ["this is a folder"],
     "lab ball -o o.svg --picture o.svg --seconds 90000": ["two outputs name this file"],
     "lab ball --probe ideal -o probe.csv --trajectory probe.csv": ["this is an input file"],
-    "paper --only fig05 fig99": ["fig99", "--only", "fig05, fig06"],
-    "paper --only fig05 -o probe.csv/below": ["probe.csv/below"],
+    "paper --only fig05": ["python -m paper"],
+    "paper --help": ["python -m paper"],
 }
 
 
@@ -400,7 +400,6 @@ TYPED = {
     "lab": (["ball", "--probe", "ideal", "--seconds", "2.5", "-o", "lab.csv"],
             ["--trajectory", "--seed", "--picture", "--stiffness", "--damping", "--probe",
              "--noise", "--resolution", "--bias", "--counts"]),
-    "paper": (["--only", "nothing"], ["-o", "--seeds", "--workers"]),
 }  # fmt: skip
 
 
@@ -413,8 +412,8 @@ def typed(chance: random.Random) -> list[str]:
         words.append(chance.choice(options))
         words += chance.choices(WORDS, k=chance.choice([0, 1, 1, 1, 2]))
     place = chance.randrange(len(words))
-    # Without --only the paper would run for minutes; and lab writes where it is asked to.
-    if chance.random() < 0.4 and name != "paper" and words[place] != "lab.csv":
+    # lab writes where it is asked to.
+    if chance.random() < 0.4 and words[place] != "lab.csv":
         words[place] = chance.choice(WORDS)
     return words
 

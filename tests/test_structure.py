@@ -14,7 +14,7 @@ FLOORS = (
     "_core errors", "validation digits writing stages", "settings force_laws findings", "contact",
     "estimators", "recordings", "preparation", "diagnosis", "quantities", "identification",
     "results", "figures", "reports", "identifying", "design", "lab", "fleet exports", "_public",
-    "palpate", "live", "paper", "cli", "__main__",
+    "palpate", "live", "cli", "__main__",
 )  # fmt: skip
 FLOOR = {name: k for k, names in enumerate(FLOORS) for name in names.split()}
 
@@ -74,3 +74,26 @@ def test_every_noun_is_one_class():
             if isinstance(node, ast.ClassDef):
                 nouns[node.name].append(name)
     assert not {noun: places for noun, places in nouns.items() if len(places) > 1}
+
+
+# What the reproduction of the paper needs that has no public name: the style of figures and pages,
+# files written completely or not at all, interrupts held back, and the check for MuJoCo.
+WITHOUT_A_PUBLIC_NAME = {
+    "palpate.figures.style", "palpate.reports", "palpate.reports.html", "palpate.writing",
+    "palpate.fleet.running", "palpate.lab.rig",
+}  # fmt: skip
+
+
+def test_the_reproduction_of_the_paper_uses_public_names():
+    public = {*palpate.__all__, "__version__", "lab"}
+    internal = set()
+    for path in (Path(__file__).parents[1] / "paper").glob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.ImportFrom) and node.module.startswith("palpate"):
+                names = {each.name for each in node.names}
+                if node.module == "palpate" and names <= public:
+                    continue
+                assert not [name for name in names if name.startswith("_")], path.name
+                if node.module != "palpate.lab":
+                    internal.add(node.module)
+    assert internal == WITHOUT_A_PUBLIC_NAME

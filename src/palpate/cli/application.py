@@ -21,7 +21,7 @@ from palpate.writing import write_text
 COMMANDS = {
     "identify": "identify", "diagnose": "identify", "compare": "identify", "info": "info",
     "fleet": "fleet", "map": "fleet", "design": "design", "lab": "lab", "export": "export",
-    "live": "live", "paper": "paper",
+    "live": "live",
 }  # fmt: skip
 _NOT_IN_A_FILE = ("config", "save-config", "no-color", "verbose")
 _Shell: TypeAlias = Literal["bash", "zsh", "fish", "powershell"]
@@ -118,6 +118,10 @@ def run(arguments: Sequence[str]) -> int:
     """
     # Standard input: cyclopts takes a lone hyphen for an option, and Path makes it of this again.
     words = ["./-" if word == "-" else word for word in arguments]
+    if words[:1] == ["paper"]:  # for one release
+        raise InvalidParameterError(
+            "'palpate paper' has moved: run python -m paper in a checkout of the repository palpate"
+        )
     # --help after a misspelt command would be that of palpate; __complete is the shell's.
     if words and words[0] not in COMMANDS and not words[0].startswith(("-", "__")):
         words = words[:1]

@@ -1,4 +1,4 @@
-"""``palpate paper``: judges, what runs and stays on disk, and a page that needs nothing else."""
+"""``python -m paper``: judges, what runs and stays on disk, and a page that needs nothing else."""
 
 import json
 import math
@@ -14,11 +14,13 @@ import pytest
 from paper_cases import Tiny, no_processes
 from test_report_page import Reading
 
-from palpate import PalpateError, RecordingError, paper
-from palpate.paper import EXPERIMENTS, Claim, SeedAnswer, running
-from palpate.paper.experiment import all_claims, claims_file
-from palpate.paper.judging import (
+from palpate import PalpateError, RecordingError
+from paper import command, experiments, running
+from paper.experiment import Claim, all_claims, claims_file
+from paper.experiments import EXPERIMENTS
+from paper.judging import (
     NEVER,
+    SeedAnswer,
     about,
     between,
     farthest_from,
@@ -28,7 +30,7 @@ from palpate.paper.judging import (
     least,
     number,
 )
-from palpate.paper.report import (
+from paper.report import (
     SIGNS,
     Judgement,
     Report,
@@ -38,7 +40,7 @@ from palpate.paper.report import (
     not_held,
     write_report,
 )
-from palpate.paper.running import run_paper
+from paper.running import run_paper
 
 DRAWING = """<?xml version="1.0"?>
 <svg xmlns="http://www.w3.org/2000/svg" width="9pt" height="9pt" viewBox="0 0 9 9">
@@ -147,18 +149,22 @@ def test_the_data_hold_the_same_and_what_is_held_against_nothing_with_its_reason
 
 
 @pytest.fixture
-def run(run):
-    """``palpate paper`` with these arguments."""
-    return lambda *arguments: run("paper", *arguments)
+def run(capsys):
+    """``python -m paper`` in this process: exit status, standard output, standard error."""
+
+    def call(*arguments) -> tuple[int, str, str]:
+        return (command.main([*map(str, arguments)]), *capsys.readouterr())
+
+    return call
 
 
 @pytest.fixture
 def tiny(monkeypatch):
-    monkeypatch.setattr(paper, "EXPERIMENTS", {name: Tiny(name) for name in ("a", "b")})
+    monkeypatch.setattr(experiments, "EXPERIMENTS", {name: Tiny(name) for name in ("a", "b")})
 
 
 def test_it_prints_the_claims_and_where_the_page_is(run, tiny, tmp_path, monkeypatch):
-    monkeypatch.setattr("palpate.paper.running.processes", no_processes)
+    monkeypatch.setattr("paper.running.processes", no_processes)
     folder = tmp_path / "report"
     status, out, err = run("-o", folder, "--seeds", 2, "--workers", 1)
     assert status == 0
@@ -169,6 +175,35 @@ def test_it_prints_the_claims_and_where_the_page_is(run, tiny, tmp_path, monkeyp
     status, out, err = run("-o", folder, "--seeds", 2, "--only", "b")
     assert err == "2 of 2 outcomes reused from an earlier run by the same code\n"
     assert "2 claims" in out
+
+
+REFUSED = {
+    "--only fig05 fig99": ["fig99", "--only", "fig05, fig06"],
+    "--only fig05 -o file/below": ["file/below"],
+    "--only fig05 --seeds 0": ["--seeds", '"0"'],
+    "--only fig05 --workers many": ["--workers", '"many"'],
+    "--onyl fig05": ["--onyl"],
+}
+
+
+@pytest.mark.parametrize("words", REFUSED)
+def test_a_bad_option_is_refused_in_a_line_and_nothing_is_written(
+    run, tmp_path, monkeypatch, words
+):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "file").touch()
+    status, out, err = run(*words.split())
+    assert (status, out, err.count("\n"), err[:7]) == (2, "", 1, "paper: ")
+    assert all(expected in err for expected in REFUSED[words])
+    assert [path.name for path in tmp_path.iterdir()] == ["file"]
+
+
+def test_the_module_runs_and_shows_its_help():
+    module = [sys.executable, "-m", "paper", "--help"]
+    root = Path(__file__).parents[2]
+    shown = subprocess.run(module, cwd=root, capture_output=True, text=True, check=True).stdout
+    assert shown.startswith("Usage: python -m paper")
+    assert all(option in shown for option in ("--only", "--output -o", "--seeds", "--workers"))
 
 
 @pytest.mark.parametrize("module, extra", [("matplotlib", "figures"), ("mujoco", "lab")])
@@ -333,8 +368,9 @@ def test_an_outcome_of_another_version_or_seed_or_a_damaged_one_is_not_reused(st
     content = change if isinstance(change, str) else json.dumps({**whole, **change})
     path.write_text(content, encoding="utf-8")
     assert running.read_outcome(folder, Tiny(), 1) is None
-    root = Path(running.__file__).parents[1]  # what judges and reports is other code
-    assert all((root / name).exists() for name in running.NOT_MEASURING)
+    # The code that judges and reports may change.
+    beside = {root.name: root.parent for root in running.ROOTS}
+    assert all((beside[name.split("/")[0]] / name).exists() for name in running.NOT_MEASURING)
 
 
 def test_a_run_writes_everything_and_a_second_runs_nothing_though_claims_are_reworded(
@@ -349,7 +385,7 @@ def test_a_run_writes_everything_and_a_second_runs_nothing_though_claims_are_rew
     assert files == {"a.svg", "a-dark.svg", "b.svg", "b-dark.svg", "claims.md", "outcomes",
                      "report.html", "report.json"}  # fmt: skip
     before = made(folder)
-    monkeypatch.setattr("palpate.paper.running.processes", None)  # none is started
+    monkeypatch.setattr("paper.running.processes", None)  # none is started
     begun = {"begun": lambda report: taken.append(len(report.outcomes))}
     again = ran(folder, Tiny("a"), Tiny("b"), **begun)
     assert (taken, again.summary) == ([4], report.summary)
@@ -362,7 +398,7 @@ def test_a_run_writes_everything_and_a_second_runs_nothing_though_claims_are_rew
 
 
 def test_a_failure_names_experiment_and_seed_and_the_rest_is_done(tmp_path, monkeypatch):
-    monkeypatch.setattr("palpate.paper.running.processes", no_processes)
+    monkeypatch.setattr("paper.running.processes", no_processes)
     experiments = Tiny("bad", fails_at=1), Tiny("ugly", undrawable=True), Tiny("good")
     with pytest.raises(PalpateError, match=r"^bad, seed 1: ArithmeticError: no such square") as end:
         ran(tmp_path, *experiments)
@@ -395,10 +431,9 @@ SLOW = Tiny("b", group="slow", seconds=60.0, slow_from=2)
 COMMAND = """
 import sys
 from paper_cases import Tiny
-from palpate import cli, paper
-paper.EXPERIMENTS = {"a": Tiny("a"), "b": Tiny("b", group="slow", seconds=60.0, slow_from=2)}
-sys.argv = ["palpate", "paper", "--seeds", "4", "--workers", "1", "-o", sys.argv[1]]
-cli.main()
+from paper import command, experiments
+experiments.EXPERIMENTS = {"a": Tiny("a"), "b": Tiny("b", group="slow", seconds=60.0, slow_from=2)}
+sys.exit(command.main(["--seeds", "4", "--workers", "1", "-o", sys.argv[1]]))
 """
 
 
@@ -406,7 +441,8 @@ cli.main()
 @pytest.mark.skipif(sys.platform == "win32", reason="no signal can be sent there")
 @pytest.mark.parametrize("how", ["to the parent", "as a terminal does", "kill -9"])
 def test_a_run_that_is_stopped_ends_at_once_and_is_resumed(tmp_path, how):
-    search = [str(Path(__file__).parent), *filter(None, [os.environ.get("PYTHONPATH")])]
+    here = Path(__file__).parent
+    search = [str(here), str(here.parents[1]), *filter(None, [os.environ.get("PYTHONPATH")])]
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(search)}
     process = subprocess.Popen(
         [sys.executable, "-c", COMMAND, str(tmp_path)], env=environment, text=True,
@@ -425,7 +461,7 @@ def test_a_run_that_is_stopped_ends_at_once_and_is_resumed(tmp_path, how):
     if how != "kill -9":
         assert (process.returncode, out) == (130, "")
         assert "Traceback" not in err
-        assert err.splitlines()[-1].startswith("palpate: interrupted")
+        assert err.splitlines()[-1].startswith("paper: interrupted")
         assert not [name for name in before if name.startswith(".")]
         page = (tmp_path / "report.html").read_text(encoding="utf-8")
         assert "Not finished" in page

@@ -12,20 +12,20 @@ import numpy as np
 
 import palpate
 from palpate import lab
-from palpate.force_laws import Floats
-from palpate.paper import experiment, rig
-from palpate.paper.experiment import (
+from paper import experiment, rig
+from paper.experiment import (
     UNITS,
     Curves,
     Experiment,
     Figure,
+    Floats,
     Measured,
     Outcome,
     Seeds,
     Table,
     by_symbol,
 )
-from palpate.paper.judging import named, number
+from paper.judging import named, number
 
 SINGLE, DOUBLE, LINEAR = palpate.SingleStageRLS, palpate.DoubleStageRLS, palpate.KelvinVoigtRLS
 PROJECTION = palpate.VariableProjection

@@ -10,11 +10,12 @@ from paper_cases import SEED
 from palpate import ConstantForgetting, HuntCrossley, KelvinVoigt, KelvinVoigtRLS, SingleStageRLS
 from palpate.estimators import DoubleStageRLS, ExtendedKelvinVoigtRLS
 from palpate.figures.style import as_svg
-from palpate.paper import EXPERIMENTS, Outcome, running
-from palpate.paper.changes import correction, palpated
-from palpate.paper.experiment import Seeds, all_claims
-from palpate.paper.judging import JUDGES, quantities
-from palpate.paper.rig import (
+from paper import running
+from paper.changes import correction, palpated
+from paper.experiment import Outcome, Seeds, all_claims
+from paper.experiments import EXPERIMENTS
+from paper.judging import JUDGES, quantities
+from paper.rig import (
     convergence_times,
     from_starts,
     identified,

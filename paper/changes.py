@@ -9,19 +9,19 @@ import numpy as np
 
 import palpate
 from palpate import lab
-from palpate.force_laws import Floats
-from palpate.paper import experiment
-from palpate.paper.experiment import (
+from paper import experiment
+from paper.experiment import (
     THEME,
     UNITS,
     Curves,
     Experiment,
     Figure,
+    Floats,
     Measured,
     Outcome,
     by_symbol,
 )
-from palpate.paper.rig import (
+from paper.rig import (
     AGREED,
     GATE,
     START,

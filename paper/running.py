@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import math
 import multiprocessing
 import os
 import platform
@@ -18,10 +19,9 @@ from typing import Any
 import palpate
 from palpate.figures.style import as_svg, recoloured
 from palpate.fleet.running import holding_interrupts
-from palpate.paper.experiment import Experiment, Outcome
-from palpate.paper.report import Report, figures_of, versions, write_report
-from palpate.validation import or_nan, plain
 from palpate.writing import check_own, make_folder, write_text
+from paper.experiment import Experiment, Outcome
+from paper.report import Report, figures_of, versions, write_report
 
 #: Called with the finished task, and the number of finished outcomes and figures and their total.
 Progress = Callable[[str, int, int], None]
@@ -30,8 +30,13 @@ Given = int | list[Outcome]
 Task = tuple[tuple[Experiment, ...], Given]
 #: The result of a task: an outcome, a figure for light and dark backgrounds, or an error message.
 Result = Outcome | tuple[str, str] | str
-# These modules do not affect measurements, so changing them does not invalidate outcomes.
-NOT_MEASURING = ("cli", "reports", "paper/judging.py", "paper/report.py")
+# The packages whose code measures, and their modules that do not affect measurements: changing
+# those does not invalidate outcomes.
+ROOTS = (Path(str(palpate.__file__)).parent, Path(__file__).parent)
+NOT_MEASURING = (
+    "palpate/cli", "palpate/reports",
+    "paper/__main__.py", "paper/command.py", "paper/judging.py", "paper/report.py",
+)  # fmt: skip
 
 
 def run_paper(
@@ -204,10 +209,11 @@ def _prepare_worker() -> None:
 @cache
 def code() -> str:
     """Return a hash of the measuring code, since a checkout changes without a new version."""
-    root, found = Path(str(palpate.__file__)).parent, hashlib.sha256()
-    for path in sorted(path for path in root.rglob("*") if path.suffix in (".py", ".so", ".pyd")):
-        if not path.relative_to(root).as_posix().startswith(NOT_MEASURING):
-            found.update(path.read_bytes())
+    found = hashlib.sha256()
+    for root in ROOTS:
+        for path in sorted(p for p in root.rglob("*") if p.suffix in (".py", ".so", ".pyd")):
+            if not path.relative_to(root.parent).as_posix().startswith(NOT_MEASURING):
+                found.update(path.read_bytes())
     return found.hexdigest()[:16]
 
 
@@ -228,8 +234,8 @@ def write_outcome(folder: Path, experiment: Experiment, outcome: Outcome) -> Non
         "experiment": experiment.name,
         "provenance": provenance(experiment),
         "seed": outcome.seed,
-        "numbers": plain(outcome.numbers),
-        "curves": plain(outcome.curves),
+        "numbers": {name: _or_null(value) for name, value in outcome.numbers.items()},
+        "curves": {name: list(map(_or_null, curve)) for name, curve in outcome.curves.items()},
     }
     text = json.dumps(whole, ensure_ascii=False, allow_nan=False)
     write_text(path_of(folder, experiment.name, outcome.seed), text + "\n")
@@ -240,12 +246,20 @@ def read_outcome(folder: Path, experiment: Experiment, seed: int) -> Outcome | N
     try:
         whole = json.loads(path_of(folder, experiment.name, seed).read_text(encoding="utf-8"))
         if (whole["provenance"], whole["seed"]) == (provenance(experiment), seed):
-            numbers = {name: or_nan(value) for name, value in whole["numbers"].items()}
-            curves = {name: list(map(or_nan, curve)) for name, curve in whole["curves"].items()}
+            numbers = {name: _or_nan(value) for name, value in whole["numbers"].items()}
+            curves = {name: list(map(_or_nan, curve)) for name, curve in whole["curves"].items()}
             return Outcome(seed, numbers, curves)
     except (OSError, ValueError, KeyError, TypeError, AttributeError):
         pass  # absent or damaged: measure again
     return None
+
+
+def _or_null(value: float) -> float | None:
+    return value if math.isfinite(value) else None
+
+
+def _or_nan(value: float | None) -> float:
+    return math.nan if value is None else float(value)
 
 
 def _remark(experiment: Experiment, seeds: int) -> str:

@@ -7,8 +7,8 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import ClassVar
 
-from palpate.paper import Claim, Experiment, Table
-from palpate.paper.judging import judge, number
+from paper.experiment import Claim, Experiment, Table
+from paper.judging import judge, number
 
 # One for all tests, whose presses then stay in memory.
 SEED = 3

@@ -17,12 +17,12 @@ from typing import Any
 
 import palpate
 from palpate import __version__, lab
-from palpate.paper.experiment import Claim, Experiment, Outcome, Seeds, Table, claims_file
-from palpate.paper.judging import SeedAnswer, format_values
-from palpate.paper.rig import GATE, START
 from palpate.reports import html
 from palpate.reports.html import DRAWINGS, STYLE, inline
 from palpate.writing import as_json, write_text
+from paper.experiment import Claim, Experiment, Outcome, Seeds, Table, claims_file
+from paper.judging import SeedAnswer, format_values
+from paper.rig import GATE, START
 
 TITLE = "Haddadi & Hashtrudi-Zaad (2012), run again"
 ABOUT = (

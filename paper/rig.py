@@ -11,7 +11,7 @@ import numpy as np
 
 import palpate
 from palpate import lab
-from palpate.force_laws import Floats
+from paper.experiment import Floats
 
 #: Time at which the motion begins, s; in the paper contact is made at 2 s.
 START = 2.0

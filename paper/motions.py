@@ -11,9 +11,8 @@ import numpy as np
 
 import palpate
 from palpate import lab
-from palpate.findings import MARKS
-from palpate.paper import experiment, rig
-from palpate.paper.experiment import (
+from paper import experiment, rig
+from paper.experiment import (
     THEME,
     Axes,
     Curves,
@@ -25,8 +24,8 @@ from palpate.paper.experiment import (
     Table,
     by_symbol,
 )
-from palpate.paper.judging import named
-from palpate.paper.methods import condition_number
+from paper.judging import named
+from paper.methods import condition_number
 
 # Fig. 10: near the surface.
 
@@ -265,6 +264,8 @@ METHODS: Mapping[str, tuple[rig.Method, Mapping[str, Any]]] = {
     "variable projection": (palpate.VariableProjection, {}),
     "relaxation: --law auto": (palpate.ViscoelasticContact, {}),
 }
+#: The marks of a verdict, from the best to the worst.
+MARKS = ("trust", "with-care", "do-not-trust")
 #: Possible advice of a diagnosis.
 ADVICE = ("nothing", "--law auto", "something else")
 QUANTITIES = {"K′": "N/m", "B′": "N·s/m"}

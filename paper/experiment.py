@@ -5,16 +5,17 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
-from importlib import resources
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes as Axes
+from matplotlib.figure import Figure as Figure
 from numpy.typing import ArrayLike, NDArray
 
 import palpate
-from palpate.figures.style import Look, style
-from palpate.force_laws import Floats, ForceLaw
-from palpate.paper.judging import (
+from palpate.figures.style import look_of, style
+from paper.judging import (
     JUDGES,
     Judge,
     Numbers,
@@ -24,15 +25,9 @@ from palpate.paper.judging import (
     quantities,
     unit_of,
 )
-from palpate.results.colours import LIGHT
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes as Axes
-    from matplotlib.figure import Figure as Figure
-else:  # importing matplotlib takes half a second, so it is imported only for drawing
-    Axes = Figure = Any
-
-THEME = LIGHT
+LOOK = look_of(dark=False, width=None)
+THEME = LOOK.theme
 #: Display names of the lab's materials.
 LABELS = {"ball": "ball", "sponge": "sponge", "pvc": "PVC phantom"}
 LABELS |= {"relaxing-sponge": "relaxing sponge"}
@@ -43,6 +38,7 @@ DASHES: tuple[Any, ...] = ("-", (0, (5, 2)), (0, (1.2, 1.6)), (0, (7, 2, 1.5, 2)
 # Points per line of a figure; more would look the same.
 POINTS = 400
 
+Floats = NDArray[np.float64]
 Curves = dict[str, Floats]
 #: The numbers (by name) and curves that an experiment measures.
 Measured = tuple[dict[str, float], Curves]
@@ -175,7 +171,7 @@ class Experiment(ABC):
 
     def figure(self, outcomes: Sequence[Outcome]) -> Figure:
         """Return the figure of some outcomes."""
-        with style(Look(THEME)) as new_figure:
+        with style(LOOK) as new_figure:
             figure = new_figure(figsize=self.size, layout="constrained")
             self.draw(figure, outcomes)
             figure.suptitle(self.title, fontsize=11)
@@ -188,7 +184,7 @@ class Experiment(ABC):
 @cache
 def claims_file() -> Mapping[str, Any]:
     """Return the content of ``claims.toml``."""
-    text = resources.files("palpate.paper").joinpath("claims.toml").read_text(encoding="utf-8")
+    text = Path(__file__).with_name("claims.toml").read_text(encoding="utf-8")
     return tomllib.loads(text)
 
 
@@ -214,7 +210,7 @@ def by_symbol(
     what: str,
     values: Iterable[float],
     unit: str | None = None,
-    law: ForceLaw | type[ForceLaw] = palpate.HuntCrossley,
+    law: palpate.ForceLaw | type[palpate.ForceLaw] = palpate.HuntCrossley,
 ) -> dict[str, float]:
     """Name a value for each parameter: "time α = 5 K [s]"; default unit: the parameter's."""
     units = law.units if unit is None else (unit,) * len(law.symbols)

@@ -8,9 +8,8 @@ import numpy as np
 
 import palpate
 from palpate import lab
-from palpate.force_laws import Floats
-from palpate.paper import experiment
-from palpate.paper.experiment import (
+from paper import experiment
+from paper.experiment import (
     LABELS,
     THEME,
     UNITS,
@@ -18,11 +17,12 @@ from palpate.paper.experiment import (
     Curves,
     Experiment,
     Figure,
+    Floats,
     Measured,
     Outcome,
     by_symbol,
 )
-from palpate.paper.rig import GATE, START, identified, off, session, simulated_contact, truth_of
+from paper.rig import GATE, START, identified, off, session, simulated_contact, truth_of
 
 MATERIALS = ("ball", "sponge", "pvc")
 REPETITIONS, THREE = 3, (10.5, 4.0)
