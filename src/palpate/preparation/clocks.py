@@ -206,7 +206,7 @@ def settle_stamps(
 
 
 def _arrivals(time: "Times", columns: Sequence[NDArray[Any]]) -> "Times | None":
-    """The time at which the packet of each sample arrived; None where there are no packets.
+    """Return the time at which the packet of each sample arrived; None where there are no packets.
 
     Packets are of one size, with a pause after each in which the channels move as far as between
     any two samples. Where they move as far as the pause is long, samples are taken in bursts.
@@ -229,7 +229,8 @@ def _arrivals(time: "Times", columns: Sequence[NDArray[Any]]) -> "Times | None":
     if not any(evenly) or any(share >= math.sqrt(by_count * by_stamps) for share in shares):
         return None
     own = np.searchsorted(last, np.arange(time.size))
-    return time[np.append(last, time.size - 1)[own]]
+    arrivals: Times = time[np.append(last, time.size - 1)[own]]
+    return arrivals
 
 
 def _moving(column: NDArray[Any]) -> list[Floats]:
