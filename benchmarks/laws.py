@@ -303,7 +303,7 @@ def main(
         console = Console(highlight=False, width=140)
     report.print_sections(sections, where, console)
     if markdown is not None:
-        write_text(markdown, report.as_markdown(sections, where))
+        write_text(markdown, report.page("Laws with memory", "benchmarks.laws", sections, where))
 
 
 def _run(todo: list[Case], seed: int, law: str, jobs: int) -> Outcomes:

@@ -21,7 +21,7 @@ from palpate import Identification, RecordingError, identify
 from palpate.digits import rounded, with_error
 from palpate.writing import check_writable, write_text
 
-PAGE = "docs/accuracy/working-depth.md"
+PAGE = "docs/validation/working-depth.md"
 MARKS = ("trust", "with-care", "do-not-trust")
 HEADINGS = (
     "recording",
