@@ -35,7 +35,7 @@ class ChangeDetector {
  public:
   struct Settings {
     // White noise has z = 1 on average; with 4 and 60 noise, white or correlated, alarmed once in
-    // 13 h, and 5 % of stiffness are found in 2 to 3 ms (docs/accuracy/alarms.md).
+    // 13 h, and 5 % of stiffness are found in 2 to 3 ms (docs/validation/accuracy/alarms.md).
     double drift = 4.0;  // of z, a sample
     double threshold = 60.0;
     double noise = 0.0;  // N, the least s; 0: from the first errors alone
