@@ -400,7 +400,7 @@ def test_another_estimator_brings_its_own_panels(page):
     page.click("text=Start this estimator")
     page.wait_for_selector("#answer:has-text('Request refused: factor must be in')")
     page.select_option("#method", "variable-projection")
-    page.check("#settings input[name=change_detector]")
+    page.check("#settings label[title*='misses small changes'] input[name=change_detector]")
     page.check("#settings input[name=outlier_rejection]")
     page.click("text=Start this estimator")
     page.wait_for_selector("figcaption b:text-is('n')")
