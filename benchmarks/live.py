@@ -30,7 +30,7 @@ from palpate.live.realtime import ask_for_realtime, undisturbed
 from palpate.live.recorder import Recorder
 from palpate.live.running import default_estimator
 from palpate.live.sinks import Session, Sink, Watching
-from palpate.live.view import describe_verdict, numbers_of, verdict_on
+from palpate.live.view import law_lines, verdict_on
 from palpate.preparation import OnlinePreparation
 from palpate.writing import write_text
 
@@ -202,7 +202,7 @@ def _section(
     ]  # fmt: skip
     notes = [f"{minutes:g} minutes; laboratory, diagnosis and browser are counted separately."]
     if verdict := verdict_on(status):
-        notes.append(f"law: {describe_verdict(verdict, numbers_of(verdict))}")
+        notes.extend(law_lines(verdict))
     notes += [f"message: {words}" for words in status["said"]]
     return Section("Live at 1 kHz", rows, notes)
 
