@@ -677,8 +677,8 @@ def _numbers(names: Sequence[str]) -> list[str]:
 def _differing_groups(names: list[str]) -> list[str]:
     """The groups above what all the names end with."""
     parts = [re.split(r"(?=[/.])", name) for name in names]
-    common = 0
-    while len({tuple(each[len(each) - common - 1 :]) for each in parts}) == 1:
+    common, most = 0, min(map(len, parts))
+    while common < most and len({tuple(each[len(each) - common - 1 :]) for each in parts}) == 1:
         common += 1
     return ["".join(each[: len(each) - common]) for each in parts]
 
