@@ -1,7 +1,7 @@
 """Batch fits of whole curves: the Hunt–Crossley law, thousands of curves a second.
 
-The same least squares as :class:`VariableProjection`, for complete contacts of which only the final
-estimate is needed; ``docs/curves.md`` has the cost and how it is minimised.
+The same least squares as :class:`VariableProjection`, for complete contacts that need only the
+final estimate; ``docs/curves.md`` defines the cost and explains how it is minimised.
 """
 
 from dataclasses import dataclass
@@ -21,7 +21,7 @@ from palpate.validation import Floats, all_good, arguments, instance, real_array
 _SIGNALS = ("penetration", "velocity", "force")
 _AT_ONCE = 2_000_000  # samples per call of the core; Ctrl-C takes effect between calls
 _RANGE: tuple[float, float] = _core.defaults["VariableProjection"]["exponent_range"]
-_MOST_SAMPLES = 1 << 20  # the noise levels of the error bars end there
+_MOST_SAMPLES = 1 << 20  # the noise levels of the error bars end at this many
 #: Names of the codes in :attr:`CurveFits.status`.
 STATUS_WORDS = ("fitted", "no contact", "did not settle", "surface at the edge of its range")
 
@@ -37,7 +37,7 @@ class CurveFits:
     offset, surface : numpy.ndarray, shape (k,)
         F₀, N, and d, m; 0 if not estimated.
     covariance : numpy.ndarray, shape (k, 5, 5)
-        Covariance of (K, B, n, F₀, d), SI; zero for what is not estimated.
+        Covariance of (K, B, n, F₀, d), SI; zero for parameters that are not estimated.
     noise : numpy.ndarray, shape (k,)
         Standard deviation of the force, N: from the residual, or as specified.
     cost : numpy.ndarray, shape (k,)
@@ -82,7 +82,7 @@ class CurveFits:
         return HuntCrossley(*(float(column[curve]) for column in columns))
 
     def describe_flags(self, curve: int) -> tuple[str, ...]:
-        """What the motion of one curve does not identify, and which motion would."""
+        """Parameters that the motion of one curve does not identify, and a motion that would."""
         return tuple(map(str, findings_of(int(self.flags[curve]))))
 
 
@@ -106,9 +106,10 @@ def fit_curves(
 
     min over (K, B, n, F₀, d) of Σ (F − K (x − d)ⁿ − B (x − d)ⁿ v − F₀)² + priors
 
-    Choice of samples, priors and error bars are those of :class:`VariableProjection`. Where the
-    surface is known, that estimator's sample-by-sample result is within a tenth of a standard error
-    of this minimum. Outliers are not rejected. ``docs/curves.md`` defines the cost.
+    The selection of samples, the priors and the error bars are the same as in
+    :class:`VariableProjection`. At a known surface, that estimator's sample-by-sample result is
+    within a tenth of a standard error of this minimum. Outliers are not rejected.
+    ``docs/curves.md`` defines the cost.
 
     Parameters
     ----------
@@ -129,11 +130,11 @@ def fit_curves(
     offset : bool
         Fit a constant force offset together with the law. Default: True.
     offset_deviation : float or array_like, shape (k,), optional
-        Standard deviation of the force offset after the tare, N, > 0, one or one per curve.
-        Default, and NaN: no tare.
+        Standard deviation of the force offset after the tare, N, > 0, for all curves or one per
+        curve. Default, and NaN: no tare.
     surface_deviation : float or array_like, shape (k,), optional
-        Standard deviation of the surface position, m, > 0, one or one per curve. Default, and NaN:
-        the surface is known exactly.
+        Standard deviation of the surface position, m, > 0, for all curves or one per curve.
+        Default, and NaN: the surface is known exactly.
     noise : float, optional
         Standard deviation of the force, N, > 0. Default: from the residual.
     scale : Scale, optional
@@ -207,7 +208,7 @@ def _checked_curves(*given: "ArrayLike") -> tuple[Floats, ...]:
 def _checked(count: int, settings: dict[str, Any]) -> tuple[Any, ...]:
     """The settings of :func:`fit_curves`, as the core takes them; 0 means not specified."""
     offset, scale = settings["offset"], settings["scale"]
-    # Each curve has its own prior of the offset.
+    # Each curve has its own offset prior.
     level, exponents, fixed, *_ = projection_settings({**settings, "offset_deviation": None})
     exponents = (fixed, fixed) if fixed else exponents
     instance("scale", scale, (Scale, type(None)))

@@ -1,4 +1,4 @@
-"""Which method identifies a law; and least squares for laws that no compiled method identifies.
+"""The choice of the method for a law, and least squares for laws without a compiled method.
 
 A law without memory does not depend on the order of its samples. They are therefore summed in the
 cells of a grid of penetration and velocity. The grid has a fixed size; when a sample lies outside,
@@ -37,19 +37,20 @@ CELLS = (64, 32)
 _SUMS = 9
 # Larger samples would overflow later products and squares.
 LARGEST = 1e30
-# Weights from the force at four nodes of a cell, √2 deviations off its middle, to force and slopes.
+# Weights that convert forces at four nodes of a cell, √2 deviations from its middle, to a mean and
+# slopes.
 _NODES = math.sqrt(2.0) * np.array([[1.0, -1.0, 0.0, 0.0], [0.0, 0.0, 1.0, -1.0]])
 _WEIGHTS = np.vstack([np.full(4, 0.25), _NODES / 4.0])
-# It fits again after an eighth more samples, and from many starts after twice as many.
+# A new fit follows after an eighth more samples, and one from many starts after twice as many.
 FEWEST, _GROWTH = 16, 9 / 8
-# Factors tried per parameter in which the force is not linear, by the number of such parameters.
+# Number of factors tried per nonlinear parameter, by the count of nonlinear parameters.
 _STARTS = {1: 33, 2: 11, 3: 6}
 _DECADES = 2.0
 _SEARCHED = 64  # cells used to compare starts
 _POLISHED = 3  # starts that are fitted to convergence
 # Relative gain of Σr² at which a fit ends: 1e-5 standard errors for a thousand rows.
 _ENOUGH = 1e-13
-# In standard errors: a larger step from a fit of an eighth fewer samples is discarded.
+# A step longer than this, in standard errors, from a fit of an eighth fewer samples is discarded.
 _NEAR = 3.0
 
 
@@ -72,8 +73,8 @@ class LeastSquaresOfLaw(PythonEstimator):
         F₀ ~ N(0, offset_deviation²). Default: no prior; in :func:`identify` the contact's
         ``tare_deviation``, if any.
     surface_deviation : float, optional
-        Standard deviation of the surface position, m, > 0: times F/x of the ``scale`` it widens
-        the prior, as in :class:`VariableProjection`.
+        Standard deviation of the surface position, m, > 0. Multiplied by F/x of the ``scale``, it
+        widens the prior, as in :class:`VariableProjection`.
     gate, outlier_rejection, sample_time, scale
         As in :class:`SingleStageRLS`.
     """
@@ -248,7 +249,7 @@ class _Rows:
         self.sizes = self.law.sizes(*rms.tolist())
 
     def at(self, found: Floats, noise: float) -> tuple[Floats, Floats]:
-        """Residual and Jacobian; the residual is ∞ where the law is not finite."""
+        """Residual and Jacobian; the residual is ∞ if the law is not finite."""
         with np.errstate(all="ignore"):
             force, gradient = self.law.force_and_gradient(found[:-1], self.x, self.v)
             zero = np.full_like(self.x, float(self.with_offset))
@@ -264,7 +265,7 @@ class _Rows:
         return residual, rows[1:].T
 
     def projected(self, found: Floats, noise: float) -> tuple[float, Floats]:
-        """Σr² and parameters after solving for those in which the force is linear."""
+        """Σr² and parameters after solving for the linear parameters."""
         residual, jacobian = self.at(found, noise)
         better, own = found.copy(), [*self.linear, len(found) - 1]
         if np.isfinite(residual).all():
@@ -300,7 +301,7 @@ class _Rows:
         return math.sqrt((within + energy) / max(self.samples - len(self.sizes) - 1, 1))
 
     def covariance(self, found: Floats, residual: Floats, jacobian: Floats) -> Floats:
-        """Covariance of parameters and offset for white noise; wide where not identifiable."""
+        """Covariance of parameters and offset for white noise; large if not identifiable."""
         if not np.isfinite(residual).all():
             return _unknown(found)
         size, energy = _sizes(jacobian), float(residual @ residual)
@@ -340,8 +341,8 @@ def _step(jacobian: Floats, residual: Floats) -> Floats:
 def linear_in(law: type[ForceLaw]) -> tuple[int, ...]:
     """Return the indices of the parameters in which the force is jointly linear.
 
-    The force is linear in a set of parameters if its gradient by them does not depend on them. This
-    is tested at two depths and speeds, with parameters of a probing hand's size.
+    The force is linear in a set of parameters if its gradient with respect to them does not depend
+    on them. The test uses two depths and speeds, and parameters typical of a probing hand.
     """
     x, v = np.array([3e-3, 9e-3]), np.array([-15e-3, 10e-3])
     sizes = law.sizes(10e-3, 20e-3, 1.0)
@@ -384,10 +385,10 @@ def watch(law: type[ForceLaw]) -> None:
         register(least_squares_of(law))
 
 
-# Estimators by the name of their law: what ``identify(law=…)`` and ``--law`` accept.
+# The estimators for each name of a law that ``identify(law=…)`` and ``--law`` accept.
 
 USUAL = "hunt-crossley"
-# Settings of :class:`ViscoelasticContact` by the name of the requested law.
+# Settings of :class:`ViscoelasticContact` for each requested law.
 _SETTINGS: dict[str, dict[str, str]] = {
     "auto": {},
     "half-space": {"damping": "half-space", "memory": "none"},
@@ -395,7 +396,7 @@ _SETTINGS: dict[str, dict[str, str]] = {
 
 
 def law_names() -> tuple[str, ...]:
-    """Return the names that ``law`` accepts: kinds of law, and ways to choose one."""
+    """Return the names that ``law`` accepts: kinds of law, and ways to select one."""
     plain = [kind for kind in FORCE_LAWS if kind != GeneralisedHuntCrossley.kind]
     able = {estimator.law_type.kind for estimator in ESTIMATORS.values()}
     return tuple(dict.fromkeys([USUAL, *_SETTINGS, *(kind for kind in plain if kind in able)]))
@@ -410,10 +411,10 @@ def estimator_by_law(
     ----------
     law : str, optional
         ``"hunt-crossley"``, ``"kelvin-voigt"`` or another law that one method identifies;
-        ``"auto"``, with the damping form that fits the samples best and a spectrum of relaxation
-        times where the material relaxes; or ``"half-space"``.
+        ``"auto"``, which selects the damping form that fits best and adds a spectrum of relaxation
+        times if the material relaxes; or ``"half-space"``.
     method : str, optional
-        Name of an estimator that identifies this law.
+        Name of a method for this law.
 
     Raises
     ------
@@ -430,7 +431,7 @@ def estimator_by_law(
     able = [each for each in ESTIMATORS.values() if each.law_type.kind == law]
     if settings is not None:
         able = [ViscoelasticContact]
-    found = given or able[0]  # the default before all others
+    found = given or able[0]  # the default method comes first
     if found not in able:
         own = f"the {found.law_type.kind} law"
         if found is ViscoelasticContact:

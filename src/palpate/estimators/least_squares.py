@@ -12,8 +12,8 @@ from palpate.settings import Configured
 from palpate.validation import Floats, arguments, covariance_matrix, signal
 
 MOST_STEPS = 25
-# Rows without shared windows, up to three periods of the motion, of which blocks are too few to
-# show how long noise is correlated; fewer still show nothing.
+# For this many rows without shared windows, up to three periods of the motion, there are too few
+# blocks to measure the correlation of the noise; fewer rows contain no information on it.
 FEW_ROWS = range(30, 65)
 POLES = 1.0 - 0.5 ** np.arange(0.0, 4.1, 0.25)
 
@@ -70,9 +70,10 @@ def robust_covariance(
 def _in_likeliest_noise(jacobian: Floats, residual: Floats) -> Floats:
     """Variances of a least-squares fit in the AR(1) noise of the greatest restricted likelihood.
 
-    A fit of four parameters to a single press takes up most of slow noise. Blocks of the residual
-    show what is left, but this likelihood allows for it (Patterson & Thompson 1971): in AR(1) noise
-    of 0.98, 86 instead of 73 % of 95 % intervals of stiffness hold the truth of 0.5 s presses.
+    A fit of four parameters to a single press absorbs most of slow noise. Blocks of the residual
+    measure only the rest, but this likelihood allows for it (Patterson & Thompson 1971): for 0.5 s
+    presses in AR(1) noise of 0.98 the 95 % intervals of stiffness contain the truth in 86 instead
+    of 73 % of cases.
     """
     rows, parameters = jacobian.shape
     both = np.column_stack([jacobian, residual])
@@ -92,7 +93,7 @@ def _in_likeliest_noise(jacobian: Floats, residual: Floats) -> Floats:
 
 
 class Fitted(NamedTuple):
-    """Parameters of the least Σ r², with r, shape (k,), and its negative slopes, shape (k, p)."""
+    """Parameters of the least Σ r², r, shape (k,), and the negative slopes of r, shape (k, p)."""
 
     parameters: Floats
     residual: Floats
@@ -113,14 +114,14 @@ def least_squares(
     Parameters
     ----------
     model : callable
-        Takes parameters and returns their residual, shape (k,), and the gradient of the force by
-        them, shape (k, p); a column of zeros keeps its parameter fixed.
+        Takes parameters and returns their residual, shape (k,), and the gradient of the force with
+        respect to them, shape (k, p); a column of zeros keeps its parameter fixed.
     start : numpy.ndarray, shape (p,)
         Starting values.
     bounds : tuple of numpy.ndarray
         Lower and upper bounds. Default: none.
     enough : float
-        It stops when a step reduces Σ r² by less than this fraction. Default: 1e-9.
+        The fit stops when a step reduces Σ r² by less than this fraction. Default: 1e-9.
     """
     best, damping, (low, high) = Fitted(start, *model(start)), 1e-9, bounds
     energy = float(best.residual @ best.residual)
