@@ -155,15 +155,17 @@ def fit_curves(
         A setting is outside its range, or the arrays differ in shape.
     """
     settings = arguments(locals())
-    curves = _checked_curves(*(settings.pop(name) for name in _SIGNALS))
+    curves = _check_curves(*(settings.pop(name) for name in _SIGNALS))
     shared = whole_in("threads", settings.pop("threads"), 1, 1024)
-    numbers, covariance, taken, codes = _fitted(curves, _checked(len(curves[0]), settings), shared)
+    numbers, covariance, taken, codes = _fit_rows(
+        curves, _check_settings(len(curves[0]), settings), shared
+    )
     *law, sigma, cost = numbers[:, :7].T.copy()
-    found: list[Any] = [*law, covariance, sigma, cost, taken, *codes.T.copy()]
-    return CurveFits(*found)
+    columns: list[Any] = [*law, covariance, sigma, cost, taken, *codes.T.copy()]
+    return CurveFits(*columns)
 
 
-def _fitted(
+def _fit_rows(
     curves: tuple[Floats, ...],
     settings: tuple[Any, ...],
     threads: int,
@@ -181,21 +183,21 @@ def _fitted(
     rows = max(1, _AT_ONCE // max(samples, 1)) * threads
     for first in range(0, count, rows):
         part = slice(first, first + rows)
-        given: list[Any] = [values[part] for values in curves]
-        given += exponents, offset, noise, offset_deviation[part], surface_deviation[part], *rest
-        given += [column[part] for column in (numbers, covariance, taken, codes)]
-        given += [None if roles is None else roles[part], threads]
-        _core.fit_curves(*given)
+        inputs: list[Any] = [values[part] for values in curves]
+        inputs += exponents, offset, noise, offset_deviation[part], surface_deviation[part], *rest
+        inputs += [column[part] for column in (numbers, covariance, taken, codes)]
+        inputs += [None if roles is None else roles[part], threads]
+        _core.fit_curves(*inputs)
     return numbers, covariance, taken, codes
 
 
-def _checked_curves(*given: "ArrayLike") -> tuple[Floats, ...]:
-    arrays = [real_array(name, values) for name, values in zip(_SIGNALS, given, strict=True)]
+def _check_curves(*channels: "ArrayLike") -> tuple[Floats, ...]:
+    arrays = [real_array(name, values) for name, values in zip(_SIGNALS, channels, strict=True)]
     shapes = {array.shape for array in arrays}
     if len(shapes) > 1 or arrays[0].ndim not in (1, 2):
-        found = ", ".join(str(array.shape) for array in arrays)
+        text = ", ".join(str(array.shape) for array in arrays)
         raise InvalidParameterError(
-            f"penetration, velocity and force must all have shape (curves, samples), not {found}"
+            f"penetration, velocity and force must all have shape (curves, samples), not {text}"
         )
     if arrays[0].shape[-1] > _MOST_SAMPLES:
         raise InvalidParameterError(
@@ -205,7 +207,7 @@ def _checked_curves(*given: "ArrayLike") -> tuple[Floats, ...]:
     return tuple(np.ascontiguousarray(np.atleast_2d(array)) for array in arrays)
 
 
-def _checked(count: int, settings: dict[str, Any]) -> tuple[Any, ...]:
+def _check_settings(count: int, settings: dict[str, Any]) -> tuple[Any, ...]:
     """The settings of :func:`fit_curves`, as the core takes them; 0 means not specified."""
     offset, scale = settings["offset"], settings["scale"]
     # Each curve has its own offset prior.
@@ -213,7 +215,8 @@ def _checked(count: int, settings: dict[str, Any]) -> tuple[Any, ...]:
     exponents = (fixed, fixed) if fixed else exponents
     instance("scale", scale, (Scale, type(None)))
     deviations = (
-        _of_each(name, settings[name], count) for name in ("offset_deviation", "surface_deviation")
+        _one_per_curve(name, settings[name], count)
+        for name in ("offset_deviation", "surface_deviation")
     )
     # A range of (0, 0) lets the core choose the surface's range.
     surfaces = surfaces_in(settings["surface"], settings["surface_range"], (0.0, 0.0), 1e30)
@@ -221,15 +224,15 @@ def _checked(count: int, settings: dict[str, Any]) -> tuple[Any, ...]:
     return exponents, offset, level, *deviations, surfaces, units
 
 
-def _of_each(name: str, value: "ArrayLike | None", count: int) -> Floats:
+def _one_per_curve(name: str, value: "ArrayLike | None", count: int) -> Floats:
     """Return one deviation per curve; 0 means none."""
     if value is None:
         return np.zeros(count)
-    given = real_array(name, value)
-    if given.shape not in ((), (1,), (count,)):
+    values = real_array(name, value)
+    if values.shape not in ((), (1,), (count,)):
         raise InvalidParameterError(
             f"{name} must be one number, or one for each of {count} curves, not an array of shape "
-            f"{given.shape}"
+            f"{values.shape}"
         )
-    all_good(name, given, np.isnan(given) | ((given > 0.0) & (given <= 1e30)), "in (0, 1e+30]")
-    return np.ascontiguousarray(np.broadcast_to(np.nan_to_num(given, nan=0.0), count))
+    all_good(name, values, np.isnan(values) | ((values > 0.0) & (values <= 1e30)), "in (0, 1e+30]")
+    return np.ascontiguousarray(np.broadcast_to(np.nan_to_num(values, nan=0.0), count))

@@ -153,14 +153,14 @@ class LeastSquaresOfLaw(PythonEstimator):
             scale = self._settings["scale"] or PROBING
             sizes = self.law_type.sizes(scale.penetration, scale.velocity, scale.force)
             found = np.append(sizes, 0.0)
-            joint = _unknown(found)
+            joint = _wide_covariance(found)
         else:
-            found, joint = self._gone_on(_Rows(self))
+            found, joint = self._one_step_update(_Rows(self))
         counts = self._status, self._samples, 1.0, 0, 0, self._rejected
         value = EstimateValue(found[:-1], joint.reshape(-1), *counts, offset=float(found[-1]))
         return Estimate(value, self.law_type)
 
-    def _gone_on(self, rows: "_Rows") -> tuple[Floats, Floats]:
+    def _one_step_update(self, rows: "_Rows") -> tuple[Floats, Floats]:
         """The last fit after one step on all samples, and its covariance; the fit itself stays."""
         found = self._found
         assert found is not None
@@ -207,10 +207,10 @@ class LeastSquaresOfLaw(PythonEstimator):
         self._samples += 1
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return _again, (self.law_type, self._settings, self._state())
+        return _rebuild, (self.law_type, self._settings, self._state())
 
 
-def _again(law: type[ForceLaw], settings: dict[str, Any], state: Any) -> LeastSquaresOfLaw:
+def _rebuild(law: type[ForceLaw], settings: dict[str, Any], state: Any) -> LeastSquaresOfLaw:
     made = least_squares_of(law)(**settings)
     made._restore(state)
     return made
@@ -267,10 +267,10 @@ class _Rows:
     def projected(self, found: Floats, noise: float) -> tuple[float, Floats]:
         """Σr² and parameters after solving for the linear parameters."""
         residual, jacobian = self.at(found, noise)
-        better, own = found.copy(), [*self.linear, len(found) - 1]
+        better, linear = found.copy(), [*self.linear, len(found) - 1]
         if np.isfinite(residual).all():
-            better[own] += _step(jacobian[:, own], residual)
-            residual -= jacobian[:, own] @ (better - found)[own]
+            better[linear] += _step(jacobian[:, linear], residual)
+            residual -= jacobian[:, linear] @ (better - found)[linear]
         return float(residual @ residual), better
 
     def solved(self, found: Floats, noise: float) -> tuple[float, Floats]:
@@ -303,7 +303,7 @@ class _Rows:
     def covariance(self, found: Floats, residual: Floats, jacobian: Floats) -> Floats:
         """Covariance of parameters and offset for white noise; large if not identifiable."""
         if not np.isfinite(residual).all():
-            return _unknown(found)
+            return _wide_covariance(found)
         size, energy = _sizes(jacobian), float(residual @ residual)
         values, vectors = np.linalg.eigh((jacobian / size).T @ (jacobian / size))
         scaled = vectors * (self.noise(energy) / np.sqrt(np.maximum(values, 1e-13)))
@@ -311,10 +311,10 @@ class _Rows:
         if not self.with_offset:
             joint[-1], joint[:, -1] = 0.0, 0.0
         joint = 0.5 * (joint + joint.T)
-        return joint if np.isfinite(joint).all() else _unknown(found)
+        return joint if np.isfinite(joint).all() else _wide_covariance(found)
 
 
-def _unknown(found: Floats) -> Floats:
+def _wide_covariance(found: Floats) -> Floats:
     """A covariance of unknown parameters: standard errors of a hundred times their values."""
     return np.diag(np.append((100.0 * found[:-1]) ** 2, 0.0))
 
@@ -353,16 +353,16 @@ def linear_in(law: type[ForceLaw]) -> tuple[int, ...]:
             moved[k] *= 1.3
         return law.from_parameters(moved).parameter_gradient(x, v)
 
-    found: list[int] = []
+    linear: list[int] = []
     before = gradient()
     for k in range(len(sizes)):
         after = gradient(k)
-        both = [*found, k]
+        both = [*linear, k]
         same = np.allclose(after[:, both], before[:, both], rtol=1e-9, atol=0.0)
-        others = (np.allclose(gradient(j)[:, k], before[:, k], rtol=1e-9, atol=0.0) for j in found)
+        others = (np.allclose(gradient(j)[:, k], before[:, k], rtol=1e-9, atol=0.0) for j in linear)
         if same and all(others):
-            found = both
-    return tuple(found)
+            linear = both
+    return tuple(linear)
 
 
 # One class for each registered law that no other method identifies.
@@ -373,9 +373,13 @@ _CLASSES: dict[type[ForceLaw], type[LeastSquaresOfLaw]] = {}
 
 def least_squares_of(law: type[ForceLaw]) -> type[LeastSquaresOfLaw]:
     """Return the least-squares estimator class of a law."""
-    own = {"law_type": law, "method": law.kind, "__doc__": f"Least squares of {law.__name__}."}
+    attributes = {
+        "law_type": law,
+        "method": law.kind,
+        "__doc__": f"Least squares of {law.__name__}.",
+    }
     if law not in _CLASSES:
-        _CLASSES[law] = type(f"{law.__name__}LeastSquares", (LeastSquaresOfLaw,), own)
+        _CLASSES[law] = type(f"{law.__name__}LeastSquares", (LeastSquaresOfLaw,), attributes)
     return _CLASSES[law]
 
 
@@ -421,22 +425,22 @@ def estimator_by_law(
     InvalidParameterError
         The law or the method does not exist, or the method does not identify the law.
     """
-    given = None if method is None else estimator_named(method)
+    requested = None if method is None else estimator_named(method)
     if law is None:
-        return given or VariableProjection, {}
+        return requested or VariableProjection, {}
     one_of("law", law, law_names())
     settings = _SETTINGS.get(law)
-    if given is ViscoelasticContact and law == USUAL:
+    if requested is ViscoelasticContact and law == USUAL:
         settings = {"damping": law, "memory": "none"}
     able = [each for each in ESTIMATORS.values() if each.law_type.kind == law]
     if settings is not None:
         able = [ViscoelasticContact]
-    found = given or able[0]  # the default method comes first
-    if found not in able:
-        own = f"the {found.law_type.kind} law"
-        if found is ViscoelasticContact:
-            own = ", ".join((USUAL, *_SETTINGS))
+    chosen = requested or able[0]  # the default method comes first
+    if chosen not in able:
+        laws = f"the {chosen.law_type.kind} law"
+        if chosen is ViscoelasticContact:
+            laws = ", ".join((USUAL, *_SETTINGS))
         raise InvalidParameterError(
-            f"method {found.method} does not identify law {law}, only {own}: pass one of the two"
+            f"method {chosen.method} does not identify law {law}, only {laws}: pass one of the two"
         )
-    return found, dict(settings or {})
+    return chosen, dict(settings or {})

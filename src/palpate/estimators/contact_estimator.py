@@ -221,10 +221,10 @@ def _rows(at: "ArrayLike | None", samples: int) -> NDArray[np.int64] | None:
     """Indices of the samples after which a trace contains the estimate; None: all samples."""
     if at is None:
         return None
-    given = signal("at", at)
-    rows = given.astype(np.int64) if np.isfinite(given).all() else np.array([-1])
-    sound = (rows >= 0).all() and (rows < samples).all() and (np.diff(rows) > 0).all()
-    if not sound or not np.array_equal(rows, given):
+    indices = signal("at", at)
+    rows = indices.astype(np.int64) if np.isfinite(indices).all() else np.array([-1])
+    valid = (rows >= 0).all() and (rows < samples).all() and (np.diff(rows) > 0).all()
+    if not valid or not np.array_equal(rows, indices):
         raise InvalidParameterError(
             f"at must be rising sample indices, whole numbers in [0, {samples}), not {shown(at)}"
         )

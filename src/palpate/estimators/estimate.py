@@ -161,9 +161,9 @@ class Estimate(EstimateValue):
             value = EstimateValue(law.parameters, matrix, status, samples, validity_margin)
         except ValueError as error:
             raise InvalidParameterError(f"{type(law).__name__}: {error}") from None
-        made = cls(value, type(law), fixed)
-        made._law = law  # the parameters alone do not contain relaxation times
-        return made
+        estimate = cls(value, type(law), fixed)
+        estimate._law = law  # the parameters alone do not contain relaxation times
+        return estimate
 
     @property
     def law(self) -> Any:  # an instance of law_type
@@ -202,7 +202,7 @@ class Estimate(EstimateValue):
         tuple of numpy.ndarray, shape (m,)
             The numbers, and their standard errors.
         """
-        parameters, covariance, of, plain = self._numbers()
+        parameters, covariance, law_from, unitless = self._numbers()
         values = np.array(numbers(self.law), dtype=np.float64)
         # Central differences over 1 % of each standard error, where a law is nearly linear. The
         # limit keeps the parameter's sign where its error is tens of times its value.
@@ -210,21 +210,21 @@ class Estimate(EstimateValue):
         steps = np.where(np.isfinite(errors), 0.01 * errors, 1.0)
         steps = np.where(sizes > 0.0, np.minimum(steps, 0.5 * sizes), steps)
         # An exponent changes by a half at most, to stay in its range.
-        steps = np.where(plain, np.minimum(steps, 0.5), steps)
+        steps = np.where(unitless, np.minimum(steps, 0.5), steps)
         gradient = np.zeros((len(values), len(steps)))
         with np.errstate(all="ignore"):  # before the first fit an error may be infinite
             for k in np.flatnonzero(steps).tolist():
                 up, down = parameters.copy(), parameters.copy()
                 up[k], down[k] = up[k] + steps[k], down[k] - steps[k]
-                change = np.subtract(numbers(of(up)), numbers(of(down)))
+                change = np.subtract(numbers(law_from(up)), numbers(law_from(down)))
                 gradient[:, k] = change / (2.0 * steps[k])
             variances = np.array([each @ covariance @ each for each in gradient])
             return values, np.sqrt(np.where(variances >= 0.0, variances, np.nan))
 
     def _numbers(self) -> tuple[Floats, Floats, Callable[[Floats], ForceLaw], Sequence[bool]]:
         """The law's numbers, their covariance, the law from them, and which have no unit."""
-        plain = [not unit for unit in self._law_type.units]
-        return self.parameters, self.covariance, self.law.with_parameters, plain
+        unitless = [not unit for unit in self._law_type.units]
+        return self.parameters, self.covariance, self.law.with_parameters, unitless
 
     @property
     def findings(self) -> tuple[Finding, ...]:
@@ -348,10 +348,10 @@ class Trace:
         """Rows of the estimates within a window, and their sample indices in that window."""
         if self.samples is None:
             return window, None
-        kept = np.arange(len(self))[window]
-        _, there, rows = np.intersect1d(kept, self.samples, return_indices=True)
-        order = np.argsort(there)
-        return rows[order], there[order]
+        window_samples = np.arange(len(self))[window]
+        _, places, rows = np.intersect1d(window_samples, self.samples, return_indices=True)
+        order = np.argsort(places)
+        return rows[order], places[order]
 
     @property
     def full(self) -> bool:

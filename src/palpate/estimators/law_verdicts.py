@@ -165,17 +165,17 @@ class LawVerdict(Plain):
     def comparison(self) -> str:
         """How the law compares with the best other law without memory, and the sample size."""
         error, rival = format_quantity(self.model_ranking[0].rms_error, "N"), self.rival
-        words = f"the only candidate, rms error {error}"
+        text = f"the only candidate, rms error {error}"
         if rival is not None:
             other, title = format_quantity(rival.rms_error, "N"), rival.candidate.title
             against = f"with {title}"
             if self.candidate.memory != "none":
                 against = f"without relaxation ({title})"
-            words = f"rms error {error}, {other} {against}"
+            text = f"rms error {error}, {other} {against}"
             if rival.score < UNDECIDED:
-                words = f"cannot be distinguished from {title}, {words}"
+                text = f"cannot be distinguished from {title}, {text}"
         effective, samples = rounded(self.effective_samples, 3), rounded(self.samples, 4)
-        return f"{words}; effective sample size {effective} of {samples}"
+        return f"{text}; effective sample size {effective} of {samples}"
 
     def __repr__(self) -> str:
         return f"LawVerdict({self})"
@@ -197,8 +197,8 @@ class LawVerdict(Plain):
 
     def rank_of(self, law: ForceLaw) -> RankedModel | None:
         """Return the rank of an identified law; None if it did not compete."""
-        wanted = law.candidate and Candidate(*law.candidate)
-        return next((each for each in self.model_ranking if each.candidate == wanted), None)
+        candidate = law.candidate and Candidate(*law.candidate)
+        return next((each for each in self.model_ranking if each.candidate == candidate), None)
 
     @property
     def known(self) -> bool:
@@ -290,15 +290,17 @@ ONE_WAY: float = _core.defaults["ViscoelasticContact"]["one_way"]
 _NOISY = 0.02
 
 
-def _open_law(
+def _law_findings(
     evidence: Evidence, model_ranking: tuple[RankedModel, ...], law: GeneralisedHuntCrossley
 ) -> Iterator[Finding]:
     """Findings on open questions about the law; none before the first verdict."""
     if not model_ranking:
         return
     # At one speed, as on an approach alone, only noise distinguishes a damper from a spring.
-    own = model_ranking[0].candidate
-    rivals = [each for each in model_ranking[1:] if each.candidate.memory == own.memory == "none"]
+    selected = model_ranking[0].candidate
+    rivals = [
+        each for each in model_ranking[1:] if each.candidate.memory == selected.memory == "none"
+    ]
     if tied := [each.candidate.title for each in rivals if each.score < UNDECIDED]:
         yield Finding(
             "which law",
@@ -306,8 +308,8 @@ def _open_law(
             "only if this law is the right one",
             "press and release several times, at different speeds",
         )
-    stand = {each.candidate for each in model_ranking}
-    if any(each.memory != "none" and each not in stand for each in evidence.laws):
+    ranked = {each.candidate for each in model_ranking}
+    if any(each.memory != "none" and each not in ranked for each in evidence.laws):
         yield Finding(
             "which law",
             "too few samples yet to compare laws with memory: one of them may be right, with other "
@@ -342,12 +344,14 @@ def _open_law(
 
 def verdict_of(evidence: Evidence, estimate: Estimate) -> LawVerdict:
     """Return the verdict from an estimator's evidence and its simultaneous estimate."""
-    own = next((score for index, score, _ in evidence.rows if index == evidence.chosen), 0.0)
+    selected_score = next(
+        (score for index, score, _ in evidence.rows if index == evidence.chosen), 0.0
+    )
     ranked = sorted(evidence.rows, key=lambda row: (row[0] != evidence.chosen, row[1]))
     model_ranking = tuple(
-        RankedModel(CANDIDATES[int(index)], score - own, math.sqrt(mean_square))
+        RankedModel(CANDIDATES[int(index)], score - selected_score, math.sqrt(mean_square))
         for index, score, mean_square in ranked
     )
-    findings = tuple(_open_law(evidence, model_ranking, estimate.law))
+    findings = tuple(_law_findings(evidence, model_ranking, estimate.law))
     numbers = {name: getattr(evidence, name) for name in _NUMBERS}
     return LawVerdict(CANDIDATES[evidence.chosen], model_ranking, **numbers, findings=findings)

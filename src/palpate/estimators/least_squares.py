@@ -60,14 +60,14 @@ def robust_covariance(
     every = len(shared) + 1
     if not others and len(residual[::every]) in FEW_ROWS:
         known = np.diag(covariance) > 0.0  # not those that are kept fixed
-        likeliest = _in_likeliest_noise(unit[::every], residual[::every]) / size**2
-        wider = float(np.mean(likeliest[known] / np.diag(covariance)[known]))
+        variances = _ar1_variances(unit[::every], residual[::every]) / size**2
+        wider = float(np.mean(variances[known] / np.diag(covariance)[known]))
         if 1.0 < wider < np.inf:
             covariance *= wider
     return covariance
 
 
-def _in_likeliest_noise(jacobian: Floats, residual: Floats) -> Floats:
+def _ar1_variances(jacobian: Floats, residual: Floats) -> Floats:
     """Variances of a least-squares fit in the AR(1) noise of the greatest restricted likelihood.
 
     A fit of four parameters to a single press absorbs most of slow noise. Blocks of the residual
@@ -126,15 +126,15 @@ def least_squares(
     best, damping, (low, high) = Fitted(start, *model(start)), 1e-9, bounds
     energy = float(best.residual @ best.residual)
     for _ in range(MOST_STEPS):
-        slope, at = best.jacobian.T @ best.residual, best.parameters
-        held = ((at <= low) & (slope < 0.0)) | ((at >= high) & (slope > 0.0))
+        slope, parameters = best.jacobian.T @ best.residual, best.parameters
+        held = ((parameters <= low) & (slope < 0.0)) | ((parameters >= high) & (slope > 0.0))
         jacobian = np.where(held, 0.0, best.jacobian)
         size = np.linalg.norm(jacobian, axis=0)
         size[size == 0.0] = 1.0
         unit = jacobian / size
         # Damping limits the condition number to 1e9, so the normal equations are accurate enough.
         normal = unit.T @ unit + max(damping, 1e-12) * np.eye(len(size))
-        trial = np.clip(at + np.linalg.solve(normal, slope / size) / size, low, high)
+        trial = np.clip(parameters + np.linalg.solve(normal, slope / size) / size, low, high)
         if not np.isfinite(trial).all():  # sums of absurd samples overflow
             break
         after = Fitted(trial, *model(trial))

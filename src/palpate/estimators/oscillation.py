@@ -84,25 +84,25 @@ class Oscillation:
             return None
         samples = _Samples(estimator, penetration, velocity, force, time_steps, taken)
         times, numbers, _, _ = estimator._spectrum()
-        own = _Columns(samples, candidate, numbers)
-        beside = [
+        columns = _Columns(samples, candidate, numbers)
+        fits = [
             estimator._beside(index, left_out, False)
             for index, law in enumerate(CANDIDATES)
             if law in evidence.laws
             for left_out in (_LEFT_OUT if law.memory != "none" else (0,))
         ]
-        least = min(mean_square for mean_square, _, _ in beside)
-        as_well = (
+        least = min(mean_square for mean_square, _, _ in fits)
+        equivalent = (
             law_of(times, other)
-            for mean_square, other, _ in beside
+            for mean_square, other, _ in fits
             if mean_square <= AS_WELL**2 * least
         )
-        laws = law_of(times, numbers), *as_well
+        laws = law_of(times, numbers), *equivalent
         # At a start in contact the columns of the unknown state absorb a lag, or imitate one: 18 of
         # 96 contacts were flagged.
         relaxes = candidate.memory != "none" and not evidence.begun
         late = _delay(samples, evidence.laws, evidence.depth) if relaxes else 0.0
-        return cls(laws, own.misfit, late, own)
+        return cls(laws, columns.misfit, late, columns)
 
     def at(self, depth: float, frequency: float) -> tuple[Floats, Floats]:
         """K′ [N/m] and B′ [N·s/m] at a depth [m] and a frequency ω [rad/s], each shape (2,).
@@ -119,8 +119,8 @@ class Oscillation:
         """Systematic standard errors of K′ and B′ around these values, √(spread² + misfit²)."""
         others = np.array([dynamic_response(law, depth, frequency) for law in self.laws])
         factor = MISFIT if self.laws[0].remembers else MISFIT_PLAIN
-        missed = factor * self.misfit * abs(values[0]) * np.array([1.0, 1.0 / frequency])
-        systematic: Floats = np.hypot(np.abs(others - values).max(axis=0), missed)
+        misfit = factor * self.misfit * abs(values[0]) * np.array([1.0, 1.0 / frequency])
+        systematic: Floats = np.hypot(np.abs(others - values).max(axis=0), misfit)
         return systematic
 
 
@@ -143,8 +143,8 @@ def _delay(samples: "_Samples", laws: tuple[Candidate, ...], depth: float) -> fl
     if not numbers[2] < LATE * error < 0.0:
         return 0.0
     n, p = numbers[1], numbers[3]
-    whole = n * depth ** (n - 1.0) * (numbers[0] + numbers[4:].sum())
-    return float(-numbers[2] * depth**p / whole)
+    stiffness = n * depth ** (n - 1.0) * (numbers[0] + numbers[4:].sum())
+    return float(-numbers[2] * depth**p / stiffness)
 
 
 def dynamic_response(law: GeneralisedHuntCrossley, depth: float, frequency: float) -> Floats:
@@ -190,9 +190,9 @@ class _Samples:
         away = abs(float(np.mean(force[free])) - estimate.offset)
         if away > 5.0 * math.hypot(estimate.offset_standard_error, float(np.std(force[free]))):
             return np.zeros_like(taken)
-        kept = np.zeros_like(taken)
-        kept[free[:: -(-free.size // max(int(np.count_nonzero(taken)), 1))]] = True
-        return kept
+        selected = np.zeros_like(taken)
+        selected[free[:: -(-free.size // max(int(np.count_nonzero(taken)), 1))]] = True
+        return selected
 
 
 class _Columns:
@@ -254,19 +254,19 @@ class _Columns:
     def scores(self) -> Floats:
         """Σ s sᵀ with s = Σ a r over blocks of 1, 2, 4 … rows, scaled to the count of all rows."""
         sums, rows = self.matrix * self.residual[:, None], len(self.residual)
-        found: list[Floats] = []
-        while len(sums) >= FEWEST_BLOCKS or not found:
+        sums_by_size: list[Floats] = []
+        while len(sums) >= FEWEST_BLOCKS or not sums_by_size:
             blocks = len(sums)
             used = blocks * (rows // blocks)
-            found.append(rows / used * blocks / max(blocks - 1, 1) * (sums.T @ sums))
+            sums_by_size.append(rows / used * blocks / max(blocks - 1, 1) * (sums.T @ sums))
             sums = sums[: blocks // 2 * 2].reshape(blocks // 2, 2, -1).sum(axis=1)
-        return np.array(found)
+        return np.array(sums_by_size)
 
     def errors(self, gradient: Floats) -> Floats:
         """Standard errors of functions of the numbers with this gradient, shape (m, 4 + rungs)."""
-        own = np.zeros((len(gradient), len(self.sizes)))
-        own[:, : len(self.moved)] = gradient[:, self.moved] / self.sizes[: len(self.moved)]
-        weights = own @ self.inverse
+        scaled = np.zeros((len(gradient), len(self.sizes)))
+        scaled[:, : len(self.moved)] = gradient[:, self.moved] / self.sizes[: len(self.moved)]
+        weights = scaled @ self.inverse
         variances = np.einsum("ij,kjl,il->ki", weights, self.scores, weights)
         errors: Floats = np.sqrt(np.maximum(variances.max(axis=0), 0.0))
         return errors
@@ -279,13 +279,13 @@ class _Columns:
             step = _STEP if place == 1 else 1e-4 * size
             ends = []
             for side in (step, -step):
-                there = self.numbers.copy()
-                there[place] += side
-                ends.append(self._felt(there, depth, frequency))
+                numbers = self.numbers.copy()
+                numbers[place] += side
+                ends.append(self._response(numbers, depth, frequency))
             gradient[:, place] = (ends[0] - ends[1]) / (2.0 * step)
         return self.errors(gradient)
 
-    def _felt(self, numbers: Floats, depth: float, omega: float) -> Floats:
+    def _response(self, numbers: Floats, depth: float, omega: float) -> Floats:
         stiffness, n, damping = numbers[:3]
         turn = 1j * omega * self.times
         whole = n * depth ** (n - 1.0) * (stiffness + numbers[4:] @ (turn / (1.0 + turn)))

@@ -159,7 +159,7 @@ def positive_or_none(name: str, value: float | None) -> float:
 def surfaces_in(
     surface: str | None,
     surface_range: tuple[float, float] | None,
-    usual: tuple[float, float],
+    default: tuple[float, float],
     widest: float,
 ) -> tuple[float, float] | None:
     """Check the range of an estimated surface position, m; None: not estimated."""
@@ -170,7 +170,7 @@ def surfaces_in(
             "surface_range needs surface='estimate'; otherwise the surface is at 0"
         )
     if surface_range is None:
-        return None if surface is None else usual
+        return None if surface is None else default
     low, high = pair_in("surface_range", surface_range, -widest, widest)
     if not high > low:
         raise InvalidParameterError(
@@ -290,8 +290,8 @@ def constrained(contact: Contact, trace: Trace, estimate: Estimate) -> Constrain
     if not one_way or (low <= law.exponent <= high and law.damping >= 0.0):
         return None
     width = max(x.size // BLOCKS, 1)
-    left = (force - law.force(x, v))[: x.size // width * width].reshape(-1, width).mean(axis=1)
-    if not math.sqrt(width * float(np.mean(left**2))) > MISFIT * noise_of(force):
+    means = (force - law.force(x, v))[: x.size // width * width].reshape(-1, width).mean(axis=1)
+    if not math.sqrt(width * float(np.mean(means**2))) > MISFIT * noise_of(force):
         return None
     deep, fast = float(x.max()), float(np.abs(v).max())
     local = HuntCrossley(float(force.max()), 0.0, float(np.clip(law.exponent, low, high)))
@@ -301,13 +301,13 @@ def constrained(contact: Contact, trace: Trace, estimate: Estimate) -> Constrain
         return force - predicted, slopes
 
     bounds = np.array([-np.inf, 0.0, low]), np.array([np.inf, np.inf, high])
-    found = least_squares(model, local.parameters, bounds)
-    law = HuntCrossley(*found.parameters).scaled(1.0 / deep, 1.0 / fast)
+    fit = least_squares(model, local.parameters, bounds)
+    law = HuntCrossley(*fit.parameters).scaled(1.0 / deep, 1.0 / fast)
     # From local units to SI: K = k/x_rⁿ, B = c/(V x_rⁿ).
     to_si = np.diag([deep**-law.exponent, deep**-law.exponent / fast, 1.0])
     to_si[:2, 2] = -law.parameters[:2] * math.log(deep)
     joint = np.zeros((4, 4))
-    joint[:3, :3] = to_si @ robust_covariance(found.jacobian, found.residual) @ to_si.T
+    joint[:3, :3] = to_si @ robust_covariance(fit.jacobian, fit.residual) @ to_si.T
     joint[3, 3] = estimate.offset_standard_error**2
     counts = estimate.status, estimate.samples, 1.0, 0, 0, estimate.rejected
     value = EstimateValue(law.parameters, joint.reshape(-1), *counts, offset=estimate.offset)

@@ -166,7 +166,7 @@ class ViscoelasticContact(CompiledEstimator, _core.ViscoelasticContact):
         low, high = self.exponents
         times = 4.0 * number("sample_time", self._step), 1e12
         super().__init__(
-            _offered(damping, memory),
+            _candidate_bits(damping, memory),
             0.0 if exponent is None else number_in("exponent", exponent, low, high),
             offset,
             positive_or_none("offset_deviation", offset_deviation),
@@ -195,7 +195,7 @@ class ViscoelasticContact(CompiledEstimator, _core.ViscoelasticContact):
 
     def evidence(self) -> Evidence:
         """Return the numbers of a verdict, in some microseconds, for use in another process."""
-        offered = _offered(self._settings["damping"], self._settings["memory"])
+        offered = _candidate_bits(self._settings["damping"], self._settings["memory"])
         gate = self._settings["gate"] or ContactGate()
         shallowest = None if gate.make_force else gate.minimum_penetration
         longest = float(self._spectrum()[3][-1][1])
@@ -239,11 +239,11 @@ class ViscoelasticContact(CompiledEstimator, _core.ViscoelasticContact):
             )
         x = verdict.depth if depth is None else number_in("depth", depth, 0.0, 1e100, open_low=True)
 
-        def felt(law: GeneralisedHuntCrossley) -> tuple[float, float]:
+        def response(law: GeneralisedHuntCrossley) -> tuple[float, float]:
             whole = law.dynamic_stiffness(x, omega)
             return whole.real, whole.imag / omega
 
-        (stiffness, damping), errors = estimate.with_errors(felt)
+        (stiffness, damping), errors = estimate.with_errors(response)
         return DynamicStiffness(
             x, omega, float(stiffness), float(errors[0]), float(damping), float(errors[1])
         )
@@ -254,7 +254,7 @@ class ViscoelasticContact(CompiledEstimator, _core.ViscoelasticContact):
         return SAMPLE_TIME if given is None else given
 
 
-def _offered(damping: str, memory: str) -> int:
+def _candidate_bits(damping: str, memory: str) -> int:
     """The candidates that compete, one bit each."""
     one_of("damping", damping, ("auto", *DAMPINGS))
     one_of("memory", memory, ("auto", "none"))
