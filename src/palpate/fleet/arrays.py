@@ -1,8 +1,8 @@
 """The whole-curve fit of contacts as arrays of equal length; and ``identify_many``.
 
-:class:`palpate.OutlierRejection` compares each sample with earlier ones. Here the whole contact is
-known, so outliers are single samples that depart from their neighbours on both sides, and forces at
-the end of the sensor's range.
+:class:`palpate.OutlierRejection` compares each sample with earlier ones. In this module the whole
+contact is known, so outliers are single samples that depart from their neighbours on both sides,
+and forces at the end of the sensor's range.
 """
 
 import json
@@ -76,8 +76,8 @@ class Curves:
         Number of each contact in the source.
     places : dict
         Positions ``x``, ``y`` and ``z`` of the contacts, m, if known.
-    degrees : list of int, optional
-        Degree of the filter that computed each row's velocity. Default: None, it was recorded.
+    filters : list of VelocityFilter, optional
+        Filter that computed each row's velocity. Default: None, the velocity was recorded.
     """
 
     time: Floats
@@ -98,7 +98,7 @@ class Curves:
         return clock
 
     def known(self, threads: int = 1) -> "Curves":
-        """Return the curves with a velocity, computed if there is none."""
+        """Return the curves with a velocity, which is computed if it is missing."""
         if self.velocity is not None:
             return self
         with np.errstate(divide="ignore", invalid="ignore"):  # repeated times
@@ -130,7 +130,7 @@ class Curves:
 def fitted(
     curves: Curves, chosen: dict[str, Any], *, rejects: bool, threads: int
 ) -> tuple[CurveFits, Curves, NDArray[np.int64]]:
-    """Fit curves with velocities; return fits, curves used, and numbers of excluded samples.
+    """Fit curves with velocities; return fits, fitted curves, and numbers of excluded samples.
 
     Parameters
     ----------
@@ -179,7 +179,7 @@ def _ends_of_range(curves: Curves, force: Floats, fits: CurveFits) -> NDArray[np
     return found
 
 
-# Contacts of equal length as arrays: by the whole-curve fit, or one by one by the recursion.
+# Contacts of equal length as arrays: in one whole-curve fit, or one after another in the recursion.
 
 #: Settings that variable projection and the whole-curve fit share.
 _SHARED = (
@@ -214,7 +214,7 @@ def _may_be_whole(settings: Settings) -> bool:
 
 
 def row_of_curve(contact: Contact, settings: Settings) -> dict[str, Any]:
-    """Identify one contact by the whole-curve fit, searching its whole range for the surface.
+    """Identify one contact with the whole-curve fit, which searches all of it for the surface.
 
     Raises
     ------
@@ -249,14 +249,15 @@ def identify_curves(
 ) -> tuple[Table, Floats]:
     """Identify curves; return a table of one row each, in order, and the time of each row, s.
 
-    By the whole-curve fit if it supports the settings, else one by one by the recursion.
+    The whole-curve fit is used if it supports the settings, else the recursion, one curve at a
+    time.
 
     Parameters
     ----------
     curves : Curves
         The contacts.
     settings : Settings
-        How they are identified.
+        The settings of the identification.
     threads : int
         Number of threads of the whole-curve fit. Default: 1.
     """
@@ -270,8 +271,8 @@ def identify_curves(
     return identify_each(zip(rows, contacts, strict=True), settings, curves=True)
 
 
-#: Columns known beforehand; and the contact, its recording, a function that makes it, or the
-#: exception that prevents it.
+#: Columns known beforehand, and one of: the contact, its recording, a function that returns it, or
+#: the exception that prevents it.
 Given: TypeAlias = tuple[Row, Any]
 
 
@@ -283,12 +284,12 @@ def identify_each(
     Parameters
     ----------
     contacts : iterable of (dict, object)
-        Columns known beforehand, and the contact or what it is made of.
+        Columns known beforehand, and the contact or its source.
     settings : Settings
-        How the contacts are prepared and identified.
+        The settings of preparation and identification.
     curves : bool
-        Whether these are curves of an array or a force map, which are Hunt–Crossley's by default
-        and may use the whole-curve fit. Default: False.
+        Whether these are curves of an array or a force map, for which Hunt–Crossley is the default
+        law and the whole-curve fit is possible. Default: False.
     """
     rows: list[Row] = []
     seconds: list[float] = []
@@ -378,7 +379,7 @@ def _without_load_transfer(curves: Curves) -> tuple[Curves, dict[int, Finding]]:
 def _creating_energy(
     curves: Curves, fits: CurveFits, columns: Mapping[str, Floats]
 ) -> NDArray[np.bool_]:
-    """Mark the rows with a negative damping, by the rule of :func:`palpate.identify`."""
+    """Mark the rows whose negative damping creates energy, as in :func:`palpate.identify`."""
     found = np.zeros(len(curves), dtype=np.bool_)
     rows = np.flatnonzero(fits.damping < 0.0)
     if not rows.size or curves.velocity is None:
@@ -433,9 +434,9 @@ def _numbers(fits: CurveFits, law: type[ForceLaw]) -> dict[str, Any]:
 def _at_depths(curves: Curves, fits: CurveFits, threads: int) -> dict[str, Floats]:
     """Return F = K xⁿ, S = n K xⁿ⁻¹, C = B xⁿ at x = X − d, X the median position of firm contact.
 
-    There an error of the surface d changes them as little as it changes the force. Firm contact is
-    that of the gate of :func:`palpate.choose_gate`, as in :func:`palpate.identify`; it depends on
-    the noise, not on the fit's residuals. NaN without firm contact.
+    At this depth an error of the surface d changes them as little as it changes the force. Firm
+    contact follows from the gate of :func:`palpate.choose_gate`, as in :func:`palpate.identify`; it
+    depends on the noise, not on the fit's residuals. NaN without firm contact.
     """
     depths = np.empty((len(curves), 2))
     _core.working_depths(curves.penetration, curves.force, fits.surface, depths, threads)
@@ -463,7 +464,7 @@ def _at_depths(curves: Curves, fits: CurveFits, threads: int) -> dict[str, Float
 
 
 def _flags(fits: CurveFits, left_out: NDArray[np.int64], giving: NDArray[np.bool_]) -> list[Any]:
-    few = fits.taken < 30  # ten samples a parameter
+    few = fits.taken < 30  # ten samples per parameter
     pulling = fits.stiffness < 0.0
     unsettled = fits.status == STATUS_WORDS.index("did not settle")
     flags: list[Any] = [_ADVICE_OF[bits] for bits in fits.flags.tolist()]
@@ -481,7 +482,7 @@ def _flags(fits: CurveFits, left_out: NDArray[np.int64], giving: NDArray[np.bool
 
 
 def _errors(curves: Curves, fits: CurveFits, settings: Settings) -> dict[int, str]:
-    """Return the errors of rows without numbers, worded as by :func:`palpate.identify`."""
+    """Return the errors of rows without numbers, in the words of :func:`palpate.identify`."""
     where = f"{curves.source}: " if curves.source else ""
     found = {}
     if settings.searches_surface:
@@ -502,7 +503,7 @@ def _errors(curves: Curves, fits: CurveFits, settings: Settings) -> dict[int, st
 
 
 def _made(curves: Curves, row: int, settings: Settings) -> Contact | str:
-    """Return a row as a contact, or the message why it cannot be one."""
+    """Return a row as a contact, or the message of the error that prevents it."""
     try:
         return curves.contact(row, settings)
     except Exception as error:
@@ -538,7 +539,7 @@ def identify_many(
 ) -> Table:
     """Identify many contacts; return a table with one row each.
 
-    Pass contacts of equal length as arrays: the default method then fits all of them at once by
+    Pass contacts of equal length as arrays: the default method then fits all of them in one call of
     :func:`palpate.fit_curves`, hundreds of times faster. Other methods run their recursion, one
     contact at a time.
 
@@ -548,11 +549,11 @@ def identify_many(
         Inputs of :func:`identify`. Default: none; pass arrays instead.
     method : ContactEstimator or str, optional
         Name of the method, or an estimator with its settings, such as
-        ``VariableProjection(surface="estimate")``. Default: for contacts that of
+        ``VariableProjection(surface="estimate")``. Default: for contacts the default of
         :func:`identify`, which selects the law; for arrays :class:`VariableProjection`.
     diagnosis : "none", "input" or "full"
         ``"input"`` (default) checks the data; ``"full"`` also checks the fits and gives each
-        contact a verdict, by the recursion, one contact at a time.
+        contact a verdict, which needs the recursion, one contact at a time.
     penetration, force : array_like, shape (k, samples), optional
         m and N, one row per contact; NaN marks a missing sample.
     velocity : array_like, shape (k, samples), optional
@@ -566,7 +567,7 @@ def identify_many(
     preparation : mapping, optional
         Options for :func:`prepare`, such as ``{"tare": "find"}``. Default: none.
     source : str
-        Name of the arrays' source, for their rows. Default: "".
+        Name of the arrays' source in the rows. Default: "".
     threads : int, optional
         Number of threads of the whole-curve fit. Default: one per core.
 

@@ -34,7 +34,7 @@ _PIECE = 1 << 20  # bytes per read of an object
 
 
 def is_array(name: str) -> bool:
-    """Whether a name is a Zarr group, judged by its ending or by the files in the folder."""
+    """Whether a name is a Zarr group, from its ending or from the files in the folder."""
     if name.rstrip("/").lower().endswith(_ZARR_ENDINGS):
         return True
     return "://" not in name and any(os.path.isfile(f"{name}/{mark}") for mark in _MARKS)  # noqa: PTH113 - a str
@@ -133,7 +133,7 @@ def curves_of(name: str, first: int, count: int) -> Curves:
 
 @contextmanager
 def on_this_machine(name: str) -> Iterator[Path]:
-    """Yield a source's path on this machine: its own, or that of a temporary copy of an object.
+    """Yield a source's path on this machine, or the path of a temporary copy of an object.
 
     Raises
     ------
@@ -149,7 +149,7 @@ def on_this_machine(name: str) -> Iterator[Path]:
 
 
 def _on_disk(name: str) -> str:
-    """Return a file's name as on disk: tables hold UTF-8 only, file names may hold any bytes."""
+    """Return a file's name on disk: tables contain UTF-8 only, file names may have any bytes."""
     if "\\x" not in name or os.path.lexists(name):
         return name
     raw = re.sub(
@@ -230,10 +230,10 @@ def _in_si(array: Any, kind: str, rows: slice, name: str) -> Floats:
 # The folder of a fleet's results: one Parquet file per batch, written completely or not at all.
 
 MANIFEST = "_fleet.json"
-#: Run times have a folder of their own: everything else is the same in two runs.
+#: Run times have a separate folder: everything else is the same in two runs.
 TIMES = "_seconds"
 REPORT = "report.html"
-# A file of results is named by its range of contacts, first and end.
+# The name of a file of results contains its range of contacts, first and end.
 _PART = re.compile(r"part-(\d{8,})-(\d{8,})\.parquet$")
 
 
@@ -254,7 +254,7 @@ class Results:
 
     @classmethod
     def begin(cls, folder: Path, settings: Settings, sources: Sequence[ContactSource]) -> "Results":
-        """Make the folder, or continue in that of an earlier run with equal settings and sources.
+        """Make the folder, or continue in the folder of an earlier run with the same arguments.
 
         Raises
         ------
@@ -288,7 +288,7 @@ class Results:
         return [part for part, _ in _parts(self.folder)]
 
     def error_kinds(self) -> list[str | None]:
-        """Return the class of error of each row so far; None of a row with numbers.
+        """Return the class of error of each row so far; None for a row with numbers.
 
         Raises
         ------
@@ -301,7 +301,7 @@ class Results:
         return kinds
 
     def write(self, batch: Batch, table: Table, seconds: Floats) -> None:
-        """Write the rows of a batch, its times first; each file completely or not at all.
+        """Write the rows of a batch, its times first, each file completely or not at all.
 
         Raises
         ------
@@ -359,7 +359,7 @@ def _parts(folder: Path) -> list[tuple[tuple[int, int], Path]]:
     matches = [(match, folder / name) for name in _names(folder) if (match := _PART.match(name))]
     found: list[tuple[tuple[int, int], Path]] = []
     for part, path in sorted(((int(match[1]), int(match[2])), path) for match, path in matches):
-        if not found or part[0] >= found[-1][0][1]:  # two runs at once may both have written it
+        if not found or part[0] >= found[-1][0][1]:  # two concurrent runs may both have written it
             found.append((part, path))
     return found
 
@@ -396,7 +396,7 @@ def manifest_of(folder: Path) -> dict[str, Any]:
 
 
 def _differences(there: Mapping[str, Any], wanted: Mapping[str, Any]) -> Iterator[str]:
-    """Yield how another run differs from this one."""
+    """Yield the differences between another run and this one."""
     if there["palpate"] != wanted["palpate"]:
         yield f"palpate {there['palpate']}, but this is {wanted['palpate']}"
     before, now = (run["settings"] for run in (there, wanted))
@@ -439,7 +439,7 @@ def sources_of(
         Files, patterns with ``*``, folders (searched recursively), Zarr groups, and addresses such
         as ``s3://bucket/folder``.
     leave_out : Path, optional
-        Folder to skip, such as that of the results.
+        Folder to skip, such as the folder of the results.
 
     Raises
     ------
@@ -477,16 +477,16 @@ def _local(text: str, results: str) -> Iterator[ContactSource]:
 
 
 def _at(path: Path, outside: tuple[str, ...], *, named: bool = False) -> Iterator[ContactSource]:
-    """Yield the sources at a path; a file named by the user counts whatever its ending.
+    """Yield the sources at a path; a file that the user named counts whatever its ending.
 
     An unreadable source found in a folder is listed, and its row gets the error; an unreadable
-    array named by the user raises it. Folders of results and cyclic links are skipped.
+    array that the user named raises it. Folders of results and cyclic links are skipped.
     """
     name, here = str(path), os.path.realpath(path)
     if is_array(name):
         yield described_array(name) if named else _found_array(name)
     elif not path.is_dir():
-        # Reading a pipe could wait for ever.
+        # A read from a pipe could wait forever.
         readable = path.name.lower().endswith(_ENDINGS) and (path.is_file() or not path.exists())
         if named or readable:
             yield _file(name, path)
@@ -499,7 +499,7 @@ def _at(path: Path, outside: tuple[str, ...], *, named: bool = False) -> Iterato
 
 
 def _found_array(name: str) -> ContactSource:
-    """Describe an array found in a folder; its row reports what is wrong with it."""
+    """Describe an array found in a folder; its row reports an unreadable one."""
     try:
         return described_array(name)
     except RecordingError:
@@ -550,7 +550,7 @@ def _remote(text: str) -> Iterator[ContactSource]:
 
 
 def _arrays_among(names: Iterable[str]) -> set[str]:
-    """Return the folders that are Zarr groups and not inside another one."""
+    """Return the folders that are Zarr groups and not inside another group."""
     marked = {name.rpartition("/")[0] for name in names if name.endswith(_MARKS[:2])}
     return {
         name

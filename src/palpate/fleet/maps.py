@@ -23,9 +23,10 @@ from palpate.validation import Floats, number_in, shown
 
 #: Quantities at working depth whose repeats are compared with their errors.
 JUDGED = ("stiffness", "damping")
-# Repeats disagree if χ² departs by more than so many σ: by chance one group in 700.
+# Repeats disagree if χ² departs by more than this many σ: by chance one group in 700 does.
 DISAGREES = 3.0
-# Robust standard deviations from the median of the logarithms: by chance none in 10⁶.
+# Distance of an outlier from the median of the logarithms, in robust standard deviations: by chance
+# fewer than one in 10⁶.
 OUTLIER = 5.0
 _NUMBER = re.compile(r"[-+]?\d[\d.,]*(?:[eE][-+]?\d+)?")
 
@@ -43,11 +44,12 @@ class Repeats:
     total : int
         Number of contacts.
     mean, error : float
-        Weighted mean and its standard error, SI, scaled by ``ratio`` where that is above 1.
+        Weighted mean and its standard error, SI; the error is scaled by ``ratio`` if that exceeds
+        1.
     ratio : float
         √(χ²/ν): scatter relative to the standard errors.
     z : float
-        Standard score of χ² by the Wilson–Hilferty transformation.
+        Standard score of χ² from the Wilson–Hilferty transformation.
     """
 
     name: str
@@ -91,9 +93,9 @@ def names_of(table: Table) -> list[str]:
     return found
 
 
-#: From the most to the least severe; the last two are of rows that have no verdict.
+#: From the most to the least severe; rows without a verdict have one of the last two.
 VERDICTS = ["failed", "do-not-trust", "with-care", "flagged", "trust", "no-finding", "not-checked"]
-#: Why rows have no verdict, by what was checked.
+#: The reason for a missing verdict, by the requested checks.
 NO_VERDICT = {
     "none": "palpate checked neither the data nor the fits; add --diagnosis input or full",
     "input": "palpate checked the data but not the fits; for verdicts add --diagnosis full",
@@ -103,7 +105,7 @@ NO_VERDICT = {
 def verdicts_of(table: Table) -> list[tuple[str, str]]:
     """Return the verdict of each row and its reason: the error, or the most severe finding or flag.
 
-    A row without a verdict has the severity of its findings or flags in place of one.
+    A row without a verdict has the severity of its findings or flags instead.
     """
     found = []
     columns = "source", "error", "verdict", "checked", "findings", "flags"
@@ -125,7 +127,7 @@ def _severity(of: Sequence[str]) -> int:
 
 
 def reasons_of_verdicts(names: Sequence[str], verdicts: Sequence[tuple[str, str]]) -> list[str]:
-    """Return a line per reason against trust, most severe and most frequent first."""
+    """Return a line per reason against trust, the most severe and most frequent first."""
     groups: dict[tuple[str, str], list[str]] = defaultdict(list)
     for name, (verdict, reason) in zip(names, verdicts, strict=True):
         if reason and verdict in VERDICTS[:4]:
@@ -146,8 +148,8 @@ def format_values(table: Table, quantity: str) -> list[str]:
 def repeats_of(table: Table, quantity: str) -> list[Repeats]:
     """Compare the scatter of repeated contacts with their errors: χ² = Σ (v − v̄)²/σ².
 
-    Repeats are contacts at exactly the same place, or, without places, recordings in the same
-    folder. Contacts of an array without places are not treated as repeats.
+    Repeats are contacts at exactly the same place, or, if there are no places, recordings in the
+    same folder. Contacts of an array without places are not repeats.
 
     Parameters
     ----------
@@ -202,14 +204,14 @@ def _judged(name: str, total: int, value: Floats, error: Floats) -> Repeats:
 # A lag of the rig: to first order a force that is early by τ adds K′τ to the damping of each file.
 
 _LEAST_FILES = 4
-_LEAST_SPAN = 2.0  # of the stiffness: in that of one material a lag is as likely its own damping
+_LEAST_SPAN = 2.0  # of the stiffness: for one material the ratio may as well be its damping
 _SAME = 0.1  # standard deviation of the ratios, relative to their median
 _ONE_FREQUENCY = 1.5  # span below which a constant loss tangent looks like a constant delay
 
 
 @dataclass(frozen=True, slots=True)
 class RigLag:
-    """One ratio of damping to stiffness for all files of a rig, whatever was touched.
+    """The ratio of damping to stiffness, if it is the same for all files of a rig.
 
     Attributes
     ----------
@@ -242,11 +244,11 @@ class RigLag:
 
 
 def rig_lag_of(table: Table) -> RigLag | None:
-    """Return the lag that a fleet's files suggest, each a contact of its own; None without one.
+    """Return the lag that a fleet's files suggest, with one contact per file; None if they do not.
 
-    At least four files with a positive stiffness, spanning a factor of two, whose B′/K′ agree
-    within 10 % (standard deviation over median). Files whose damping is not known to that are
-    left out.
+    It needs at least four files with a positive stiffness, spanning a factor of two, whose B′/K′
+    agree within 10 % (standard deviation over median). Files whose damping is less accurate than
+    that are excluded.
     """
     names = np.array([source or "" for source in table.column("source").to_pylist()])
     stiffness, damping = (numbers(table, f"{name}_at_depth") for name in JUDGED)
@@ -321,9 +323,9 @@ class Outlier:
 def outliers_of(table: Table) -> list[Outlier]:
     """Return rows whose stiffness or damping is beyond five robust deviations, farthest first.
 
-    The deviation σ is that of ln v, median absolute deviation over 0.6745, because materials differ
-    by factors; the row's own error is added in quadrature. Values that are not positive are
-    ignored.
+    The deviation σ refers to ln v, because materials differ by factors: it is the median absolute
+    deviation over 0.6745, and the row's own error is added in quadrature. Values that are not
+    positive are ignored.
     """
     found: list[Outlier] = []
     names = names_of(table)
@@ -382,14 +384,14 @@ class Map:
     depths : tuple of float
         Smallest and largest working depth, m.
     frequencies : str
-        Of the motions, in words, where the values depend on them; else empty.
+        Frequencies of the motions, as text, if the values depend on them; else empty.
     rows : int
         Number of rows, including those without a place.
     shallow : int
         Number of places without a value because the probe did not reach the depth.
     mistrusted : numpy.ndarray of bool, shape (k,)
-        Places with a value not to be trusted by verdict, findings or flags, or (except damping)
-        smaller than its error.
+        Places whose value the verdict, findings or flags do not trust, or (except damping) whose
+        value is smaller than its error.
     warnings : tuple of str
         Findings other than notes, with their numbers of places.
     """
@@ -411,7 +413,7 @@ class Map:
 
     @property
     def where(self) -> str:
-        """The depth of the values, in words."""
+        """The depth of the values, as text."""
         if self.quantity == "exponent":
             return "over the whole contact"
         if self.depth is not None:
@@ -438,7 +440,7 @@ class Map:
 
     @property
     def summary(self) -> str:
-        """The lines as one."""
+        """The lines joined into one."""
         return "; ".join(self.lines)
 
     @property
@@ -497,11 +499,11 @@ def map_of(
             )
     value, error, depths = _values(results, of, depth)
     short = np.zeros(len(value), dtype=bool)
-    if depth is not None and of != "exponent":  # deeper, the law would be extrapolated
+    if depth is not None and of != "exponent":  # deeper, the law is extrapolated
         short = np.isfinite(value) & ~(numbers(results, "largest_depth") >= depth)
         value, error = np.where(short, np.nan, value), np.where(short, np.nan, error)
     mistrusted = mistrusted_of(results, of)
-    if of != "damping":  # damping near zero has an error as large as itself
+    if of != "damping":  # a damping near zero has an error as large as itself
         mistrusted |= error > np.abs(value)
     there: NDArray[np.bool_] = np.all(np.isfinite(places), axis=1)
     fields = [results.schema.field(name) for name in axes]
@@ -518,9 +520,9 @@ def map_of(
 
 
 def describe_frequencies(results: Table, of: str) -> str:
-    """Describe the motions' frequencies, after a comma, where a quantity depends on them.
+    """Describe the motions' frequencies, after a comma, if a quantity depends on them.
 
-    The damping always does, the stiffness where the material relaxes.
+    The damping always does, the stiffness if the material relaxes.
     """
     frequency = numbers(results, "frequency")
     name = "relaxed_stiffness_at_depth"
@@ -533,7 +535,7 @@ def describe_frequencies(results: Table, of: str) -> str:
 
 
 def mistrusted_of(results: Table, of: str) -> NDArray[np.bool_]:
-    """Return a mask of the rows not to be trusted by verdict, findings or flags."""
+    """Return a mask of the rows that the verdict, findings or flags do not trust."""
     verdict = f"verdict_{of}" if of in ("stiffness", "damping") else "verdict"
     return np.array(
         [
@@ -547,7 +549,7 @@ def mistrusted_of(results: Table, of: str) -> NDArray[np.bool_]:
 
 
 def _distrusting(of: str) -> tuple[str, ...]:
-    """Return how the flags begin that make a quantity not to be trusted."""
+    """Return the beginnings of the flags that make a quantity not to be trusted."""
     return f"{of} not", f"{of} at the edge", NEGATIVE_STIFFNESS.message
 
 

@@ -118,7 +118,7 @@ def table_of_rows(rows: Sequence[Mapping[str, Any]], settings: Settings) -> Tabl
 
 
 def _nothing(schema: Any, settings: Settings) -> Row:
-    """Return a row without values, except how it was made."""
+    """Return a row without results, with the columns that describe the run."""
     unknown = {each.name: math.nan if each.type == "double" else None for each in schema}
     made = {"method": settings.method, "checked": settings.diagnosis, "version": settings.version}
     return {**unknown, **made, "settings": settings.digest}
@@ -130,22 +130,22 @@ def _nothing(schema: Any, settings: Settings) -> Row:
 def rows_of(
     contact: Contact, settings: Settings, *, columns: type[ForceLaw] | None = None
 ) -> Iterator[Row]:
-    """Identify a contact: yield one row, or one per place where the probe travels.
+    """Identify a contact: yield one row, or one per place if the probe travels.
 
     Parameters
     ----------
     contact : Contact
         The contact.
     settings : Settings
-        How it is identified.
+        The settings of the identification.
     columns : type of ForceLaw, optional
-        The law of the table's columns. Default: that of the settings.
+        The law of the table's columns. Default: the law of the settings.
 
     Raises
     ------
     PalpateError
-        A contact at one place cannot be identified. One of several places that cannot be is a row
-        with its error.
+        A contact at one place cannot be identified. If the contact has several places, a failing
+        place is a row with its error instead.
     """
     prepared = contact.prepared
     if prepared is None or not prepared.places:
@@ -162,7 +162,7 @@ def rows_of(
 
 
 def row_of(contact: Contact, settings: Settings, *, columns: type[ForceLaw] | None = None) -> Row:
-    """Identify a contact at one place by the recursive estimator; see :func:`rows_of`.
+    """Identify a contact at one place with the recursive estimator; see :func:`rows_of`.
 
     Raises
     ------
@@ -178,7 +178,7 @@ def row_of(contact: Contact, settings: Settings, *, columns: type[ForceLaw] | No
     if (columns or settings.law) is GeneralisedHuntCrossley and law.powers is not None:
         turned = in_columns(type(law))
         law, covariance = GeneralisedHuntCrossley.of(law), turned @ covariance @ turned.T
-    if not contact.timeless:  # that of the spring is not of the table's law
+    if not contact.timeless:  # the covariance of the spring does not belong to the table's law
         row["covariance"] = covariance.reshape(-1).tolist()
     with np.errstate(invalid="ignore"):
         errors = np.sqrt(np.diag(covariance)).tolist()
@@ -203,13 +203,13 @@ def row_of(contact: Contact, settings: Settings, *, columns: type[ForceLaw] | No
         return row | _diagnosed(result)
     if settings.diagnosis == "input":
         row["findings"] = [format_finding(finding) for finding in data.findings]
-    if law.remembers:  # its selection has diagnosed it
+    if law.remembers:  # the selection of this law has diagnosed it
         return row | _at_working_depth(result, systematic=False)
     return row | (at_depth(law, covariance, result.depths[0]) if result.depths else {})
 
 
 def in_columns(law: type[ForceLaw]) -> Floats:
-    """Derivatives of the generalised law's five parameters by those of a law of one power."""
+    """Derivatives of the generalised law's five parameters with respect to a power law's."""
     names = law.names()
     like = {"damping_exponent": "exponent", **{name: name for name in names}}
     columns = GeneralisedHuntCrossley.names()
@@ -221,13 +221,13 @@ def in_columns(law: type[ForceLaw]) -> Floats:
 
 
 def law_name(result: Identified) -> str:
-    """Return the name of the identified law: the selected one's, or its kind."""
+    """Return the name of the selected law, or the kind of an identified law."""
     estimator = result.estimator
     return str(estimator.candidate) if estimator.chooses_law else str(result.law.kind)
 
 
 def failure(error: Exception) -> Row:
-    """Return the columns of a contact that could not be identified: message and class."""
+    """Return the columns for a contact that could not be identified: message and class."""
     words = " ".join(str(error).split()) or type(error).__name__
     return {"error": words, "error_kind": type(error).__name__}
 
@@ -240,7 +240,7 @@ def format_finding(finding: Finding) -> str:
 def at_depth(law: ForceLaw, covariance: Floats, depth: float, frequency: float = math.nan) -> Row:
     """Return force, stiffness and damping at a depth; errors by the delta method: √(gᵀ C g).
 
-    Those of a law that relaxes are K′ and B′ at a frequency ω, rad/s.
+    For a law that relaxes stiffness and damping are K′ and B′ at a frequency ω, rad/s.
     """
     known = Estimate.from_law(law, covariance, status=Status.UPDATED, samples=1)
 

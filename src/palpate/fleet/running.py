@@ -60,7 +60,7 @@ def identify_batch(batch: Table, settings: Settings, *, threads: int = 1) -> Tab
         ``force`` and optionally ``velocity`` hold its samples, SI, and ``source`` and ``index``
         (optional) name it.
     settings : Settings
-        How the contacts are prepared and identified.
+        The settings of preparation and identification.
     threads : int
         Number of threads for contacts of equal length. Default: 1.
 
@@ -104,7 +104,7 @@ def timed_batch(batch: Table, settings: Settings, *, threads: int = 1) -> tuple[
 
 
 def _runs(batch: Table) -> Iterator[tuple[str, list[Named]]]:
-    """Group adjacent rows that are read together: of one array or map, or any files."""
+    """Group adjacent rows that are read together: rows of one array or map, or any files."""
     columns = (batch.column(name).to_pylist() for name in ("kind", "source", "index"))
     rows = zip(*columns, strict=True)
     for (kind, _), group in itertools.groupby(
@@ -156,7 +156,7 @@ def _in_files(kind: str, named: list[Named], settings: Settings) -> Iterator[Giv
 
 
 def _held(batch: Table, settings: Settings) -> Iterator[Given]:
-    """Make the contacts whose samples are in the batch itself."""
+    """Yield the contacts whose samples are in the batch itself."""
     columns = {name: batch.column(name) for name in batch.schema.names}
 
     def contact(k: int, source: str | None) -> Contact:
@@ -171,11 +171,11 @@ def _held(batch: Table, settings: Settings) -> Iterator[Given]:
         yield named, partial(contact, k, named.get("source"))
 
 
-# Where a fleet runs: processes of this machine, or the workers of a scheduler.
+# A fleet runs on processes of this machine, or on the workers of a scheduler.
 
-#: How long to wait for a scheduler's answer, s.
+#: The longest wait for a scheduler's answer, s.
 PATIENCE = 10.0
-_LONGEST_START = 60.0  # s, of the first worker; it takes 2 to 5 s on an idle machine
+_LONGEST_START = 60.0  # s, for the first worker; it takes 2 to 5 s on an idle machine
 LOOPBACK = "127.0.0.1"
 #: States in which a nanny no longer starts a worker.
 _GONE = ("failed", "closed")
@@ -239,8 +239,8 @@ def _check_address(scheduler: str) -> None:
 @contextmanager
 def _local(distributed: Any, workers: int, *, dashboard: bool) -> Iterator[Any]:
     dask = needed("dask", "a fleet")
-    # A task is not given up because its workers were stopped from outside: `_answer` finds the
-    # contact that ends workers by running each alone.
+    # A task whose workers were stopped from outside is not lost: `_answer` finds the contact that
+    # ends workers, because it runs each alone.
     settings = {
         "distributed.scheduler.dashboard.tasks.task-stream-length": 100,
         "distributed.nanny.pre-spawn-environ": _ONE_THREAD,
@@ -252,7 +252,7 @@ def _local(distributed: Any, workers: int, *, dashboard: bool) -> Iterator[Any]:
     others = set(multiprocessing.active_children())
     with dask.config.set(settings):
         with holding_interrupts():
-            # The workers start afterwards, so that an interrupt need not wait for them.
+            # The workers start afterwards, so that an interrupt does not wait for them.
             cluster = distributed.LocalCluster(
                 n_workers=0,
                 threads_per_worker=1,
@@ -263,7 +263,7 @@ def _local(distributed: Any, workers: int, *, dashboard: bool) -> Iterator[Any]:
                 worker_dashboard_address=None,
                 silence_logs=60,
                 scheduler_kwargs={"dashboard": dashboard},
-                # A connection runs any code it sends: only this run has the key, in memory.
+                # Whoever connects can run any code: only this run has the key, in memory.
                 security=distributed.Security.temporary(),
             )
         try:
@@ -276,7 +276,7 @@ def _local(distributed: Any, workers: int, *, dashboard: bool) -> Iterator[Any]:
         except BaseException:
             cluster.shutdown_on_close = False  # else Dask waits again when the interpreter ends
             for worker in set(multiprocessing.active_children()) - others:
-                worker.kill()  # one that still starts would hold up the cluster's end
+                worker.kill()  # one that still starts would delay the end of the cluster
             raise
         finally:
             with suppress(Exception):
@@ -284,7 +284,7 @@ def _local(distributed: Any, workers: int, *, dashboard: bool) -> Iterator[Any]:
 
 
 def _await_workers(cluster: Any, workers: int) -> None:
-    """Wait for the first workers, and a shorter time for all of them.
+    """Wait for the first worker, and a shorter time for all of them.
 
     Raises
     ------
@@ -307,8 +307,8 @@ def _await_workers(cluster: Any, workers: int) -> None:
 def _kept_at(cluster: Any, workers: int) -> Iterator[None]:
     """Request the workers repeatedly: a nanny does not always restart a worker that ended.
 
-    Seen where a worker ended just as it received a task, and where it ended before it had started:
-    its nanny fails but still counts as a worker. With no worker left, the run would wait for ever.
+    This happens if a worker ends just as it receives a task, or before it has started: its nanny
+    fails but still counts as a worker. With no worker left, the run would wait forever.
     """
     ended = threading.Event()
 
@@ -334,10 +334,11 @@ def _kept_at(cluster: Any, workers: int) -> Iterator[None]:
 
 @contextmanager
 def holding_interrupts() -> Iterator[None]:
-    """Hold Ctrl-C back until the end of the block; what starts in it never sees the signal.
+    """Delay Ctrl-C until the end of the block; processes that start in it never get the signal.
 
-    A terminal sends Ctrl-C to the processes too, but this one ends them in order. They inherit
-    the mask of their thread; the handler is for a thread of the caller's that does not block it.
+    A terminal sends Ctrl-C to those processes too, but this process ends them in order. They
+    inherit the signal mask of their thread; the handler covers threads of the caller that do not
+    block the signal.
     """
     if threading.current_thread() is not threading.main_thread():
         yield
@@ -398,7 +399,7 @@ def _check_workers(client: Any, scheduler: str) -> None:
 
 #: Called with the number of contacts done and their total.
 Progress = Callable[[int, int], None]
-# Batches sent per worker: with one waiting beyond the current one it never waits for the next.
+# Batches sent per worker: with a batch waiting beyond the current one it never waits for the next.
 _AHEAD = 3
 _ASK_AGAIN = 5.0  # s
 _PARTS = 16
@@ -418,9 +419,9 @@ class Fleet:
     reused : int
         Contacts that an earlier run had identified.
     failures : int
-        Rows with an error in place of numbers, including those of earlier runs.
+        Rows with an error in place of numbers, including rows of earlier runs.
     identified : int
-        Rows with numbers, including those of earlier runs.
+        Rows with numbers, including rows of earlier runs.
     rows : int
         Rows that this run wrote.
     seconds : float
@@ -512,7 +513,7 @@ def run_fleet(
 
 
 def _count(fleet: Fleet, kinds: Sequence[str | None]) -> None:
-    """Add rows to the counts by their class of error; None counts as identified."""
+    """Add rows to the counts for their class of error; None counts as identified."""
     failed = [kind for kind in kinds if kind is not None]
     fleet.failures += len(failed)
     fleet.identified += len(kinds) - len(failed)
@@ -547,9 +548,9 @@ def _answer(
 ) -> tuple[Table, Floats]:
     """Return a task's result; if it ended its workers, identify it in ever smaller parts.
 
-    Dask gives a task up after four workers have ended, because of one contact or by chance. The
-    parts run one after another, so that a contact that ends its worker alone is known to be the
-    cause; it becomes a row with its error.
+    Dask gives up a task after four workers have ended, because of one contact or by chance. The
+    parts run one after another, so that a contact that ends its worker while it runs alone is known
+    to be the cause; it becomes a row with its error.
     """
     distributed = needed("distributed", "a fleet")
     pa = needed("pyarrow", "a table of contacts")
