@@ -91,16 +91,16 @@ def timed_batch(batch: Table, settings: Settings, *, threads: int = 1) -> tuple[
     pa = needed("pyarrow", "a table of contacts")
     names = set(batch.schema.names)
     if {"penetration", "force", "time"} <= names:
-        return identify_each(_held(batch, settings), settings)
+        return identify_each(_contacts_in_batch(batch, settings), settings)
     if not {"source", "kind", "index"} <= names:
         raise InvalidParameterError(
             "a batch must have the columns source, kind and index, or time, penetration and force, "
             f"not {', '.join(sorted(names))}"
         )
-    found = [_identified(kind, rows, settings, threads) for kind, rows in _runs(batch)]
-    if not found:
+    parts = [_identify_rows(kind, rows, settings, threads) for kind, rows in _runs(batch)]
+    if not parts:
         return table_of_rows([], settings), np.empty(0)
-    return pa.concat_tables([table for table, _ in found]), np.concatenate([s for _, s in found])
+    return pa.concat_tables([table for table, _ in parts]), np.concatenate([s for _, s in parts])
 
 
 def _runs(batch: Table) -> Iterator[tuple[str, list[Named]]]:
@@ -113,11 +113,11 @@ def _runs(batch: Table) -> Iterator[tuple[str, list[Named]]]:
         yield kind, [(source, index) for _, source, index in group]
 
 
-def _identified(
+def _identify_rows(
     kind: str, named: list[Named], settings: Settings, threads: int
 ) -> tuple[Table, Floats]:
     if kind != "zarr":
-        return identify_each(_in_files(kind, named, settings), settings, curves=kind == "map")
+        return identify_each(_read_contacts(kind, named, settings), settings, curves=kind == "map")
     source, numbers = named[0][0], [index or 0 for _, index in named]
     first, count = min(numbers), max(numbers) - min(numbers) + 1
     try:
@@ -133,7 +133,7 @@ def _name(named: Named) -> Row:
     return dict(zip(_NAMES, named, strict=True))
 
 
-def _in_files(kind: str, named: list[Named], settings: Settings) -> Iterator[Given]:
+def _read_contacts(kind: str, named: list[Named], settings: Settings) -> Iterator[Given]:
     """Read the contacts from their files; a map is opened once for all of its curves."""
     for some in [named] if kind == "map" else ([each] for each in named):
         left, source, most = deque(some), some[0][0], settings.max_size
@@ -142,20 +142,20 @@ def _in_files(kind: str, named: list[Named], settings: Settings) -> Iterator[Giv
             with on_this_machine(source) as path:
                 if kind == "map":
                     numbers = [index or 0 for _, index in some]
-                    found = FORCE_CURVES.reader().read_curves(path, numbers, most)
+                    recordings = FORCE_CURVES.reader().read_curves(path, numbers, most)
                 else:
-                    found = iter([open_recording(path, curve=some[0][1], max_size=most)])
-                for recording in found:
+                    recordings = iter([open_recording(path, curve=some[0][1], max_size=most)])
+                for recording in recordings:
                     yield _name(left.popleft()), recording
         except Exception as error:
-            why = error
+            reason = error
             if "://" in source and isinstance(error, PalpateError):
                 # The name of the temporary copy would mean nothing to the user.
-                why = RecordingError(str(error).replace(printable(path), source))
-            yield from [(_name(each), why) for each in left]
+                reason = RecordingError(str(error).replace(printable(path), source))
+            yield from [(_name(each), reason) for each in left]
 
 
-def _held(batch: Table, settings: Settings) -> Iterator[Given]:
+def _contacts_in_batch(batch: Table, settings: Settings) -> Iterator[Given]:
     """Yield the contacts whose samples are in the batch itself."""
     columns = {name: batch.column(name) for name in batch.schema.names}
 
@@ -167,8 +167,8 @@ def _held(batch: Table, settings: Settings) -> Iterator[Given]:
         return prepare(source=source or "", **arrays, **settings.preparation)
 
     for k in range(batch.num_rows):
-        named = {name: columns[name][k].as_py() for name in _NAMES if name in columns}
-        yield named, partial(contact, k, named.get("source"))
+        known = {name: columns[name][k].as_py() for name in _NAMES if name in columns}
+        yield known, partial(contact, k, known.get("source"))
 
 
 # A fleet runs on processes of this machine, or on the workers of a scheduler.
@@ -229,11 +229,11 @@ def _check_address(scheduler: str) -> None:
     keys = needed("distributed.security", "a fleet").Security().get_connection_args("client")
 
     async def reach() -> None:
-        found = await comm.connect(scheduler, timeout=PATIENCE, **keys)
-        await found.close()
+        connection = await comm.connect(scheduler, timeout=PATIENCE, **keys)
+        await connection.close()
 
-    with ThreadPoolExecutor(1) as apart:  # the caller may run an event loop already
-        apart.submit(asyncio.run, reach()).result()
+    with ThreadPoolExecutor(1) as executor:  # the caller may run an event loop already
+        executor.submit(asyncio.run, reach()).result()
 
 
 @contextmanager
@@ -268,7 +268,7 @@ def _local(distributed: Any, workers: int, *, dashboard: bool) -> Iterator[Any]:
             )
         try:
             with (
-                _kept_at(cluster, workers),
+                _keep_workers(cluster, workers),
                 distributed.Client(cluster, set_as_default=False) as client,
             ):
                 _await_workers(cluster, workers)
@@ -304,7 +304,7 @@ def _await_workers(cluster: Any, workers: int) -> None:
 
 
 @contextmanager
-def _kept_at(cluster: Any, workers: int) -> Iterator[None]:
+def _keep_workers(cluster: Any, workers: int) -> Iterator[None]:
     """Request the workers repeatedly: a nanny does not always restart a worker that ended.
 
     This happens if a worker ends just as it receives a task, or before it has started: its nanny
@@ -384,10 +384,10 @@ def _check_workers(client: Any, scheduler: str) -> None:
         return f"palpate {__version__}"
 
     try:
-        found = client.run(version)
+        versions = client.run(version)
     except Exception as error:
         raise FleetError(f"{scheduler}: its workers do not answer: {first_line(error)}") from None
-    for worker, answer in sorted(found.items()):
+    for worker, answer in sorted(versions.items()):
         if answer != f"palpate {__version__}":
             raise FleetError(
                 f"{scheduler}: worker {worker} has {answer}, but this is palpate {__version__}; "
@@ -487,8 +487,8 @@ def run_fleet(
     needed("distributed", "a fleet")
     listed = sources_of(sources, leave_out=folder)
     results = Results.begin(folder, settings, listed)
-    there, total = results.done(), results.contacts
-    done = sum(end - first for first, end in there)
+    finished, total = results.done(), results.contacts
+    done = sum(end - first for first, end in finished)
     fleet = Fleet(folder, total, done)
     progress(done, total)
     _count(fleet, results.error_kinds())
@@ -501,8 +501,8 @@ def run_fleet(
     ]
     with client_of(workers=workers, scheduler=scheduler, dashboard=dashboard) as client:
         begun = time.perf_counter()
-        waiting = batches(listed, work, workers or sum(client.nthreads().values()) or 1, there)
-        for batch, (table, seconds) in _worked(client, waiting, settings):
+        waiting = batches(listed, work, workers or sum(client.nthreads().values()) or 1, finished)
+        for batch, (table, seconds) in _run_batches(client, waiting, settings):
             results.write(batch, table, seconds)
             _count(fleet, table["error_kind"].to_pylist())
             fleet.rows += table.num_rows
@@ -521,25 +521,25 @@ def _count(fleet: Fleet, kinds: Sequence[str | None]) -> None:
         fleet.reasons[kind] = fleet.reasons.get(kind, 0) + 1
 
 
-def _worked(
+def _run_batches(
     client: Any, waiting: Sequence[Batch], settings: Settings
 ) -> Iterator[tuple[Batch, Any]]:
     """Yield batches and their results as they finish, with few batches sent ahead per worker."""
     distributed = needed("distributed", "a fleet")
     left = deque(waiting)
-    out: dict[str, Batch] = {}
+    running: dict[str, Batch] = {}
     coming = distributed.as_completed(loop=client.loop)
     asked, most = -math.inf, 0
-    while left or out:
+    while left or running:
         if time.monotonic() - asked > _ASK_AGAIN:  # the number of workers may change
             asked, most = time.monotonic(), _AHEAD * (sum(client.nthreads().values()) or 1)
-        while left and len(out) < most:
+        while left and len(running) < most:
             batch = left.popleft()
             future = client.submit(timed_batch, batch.table, settings, pure=False)
-            out[future.key] = batch
+            running[future.key] = batch
             coming.add(future)
         future = next(coming)
-        batch = out.pop(future.key)
+        batch = running.pop(future.key)
         yield batch, _answer(client, future, batch.table, settings)
 
 
@@ -563,8 +563,8 @@ def _answer(
     except FleetError:
         raise
     except Exception as error:
-        words = f"{type(error).__name__}: {first_line(error)}"
-        raise FleetError(f"a worker failed: {words}") from None
+        text = f"{type(error).__name__}: {first_line(error)}"
+        raise FleetError(f"a worker failed: {text}") from None
     size = -(-table.num_rows // _PARTS)
     answers = []
     for first in range(0, table.num_rows, size):

@@ -168,20 +168,20 @@ def batches(
     each = [source for source in sources for _ in range(source.contacts)]
     index = [k for s in sources for k in ([None] if s.count is None else range(s.count))]
     whole = tasks_table([s.name for s in each], [s.kind for s in each], index)
-    found = [  # copies: Arrow would serialise the whole table for a slice
+    result = [  # copies: Arrow would serialise the whole table for a slice
         Batch(first, whole.take(np.arange(first, end)), float(work[first:end].sum()))
         for first, end in itertools.pairwise(sorted(edges))
         if waiting[first]
     ]
-    return sorted(found, key=lambda batch: -batch.seconds)
+    return sorted(result, key=lambda batch: -batch.seconds)
 
 
 def _cuts(
     sources: Iterable[ContactSource], seconds: Iterable[float], longest: float
 ) -> Iterator[int]:
     """Yield the first contact of each batch; a stored chunk stays in one batch if possible."""
-    at, load = 0, 0.0
-    yield at
+    position, load = 0, 0.0
+    yield position
     for source, each in zip(sources, seconds, strict=True):
         first = 0
         while first < source.contacts:
@@ -191,19 +191,19 @@ def _cuts(
             if fit > source.chunk:
                 fit -= (first + fit) % source.chunk
             fit = min(max(fit, load == 0.0), source.contacts - first)
-            first, at, load = first + fit, at + fit, load + fit * each
+            first, position, load = first + fit, position + fit, load + fit * each
             if first < source.contacts or load >= longest:
-                yield at
+                yield position
                 load = 0.0
 
 
 def digest_of(sources: Iterable[ContactSource]) -> str:
     """Return a digest that identifies these sources and their present content."""
-    found = hashlib.sha256()
+    digest = hashlib.sha256()
     for each in sources:
         parts = (each.name, each.kind, each.count, each.samples, each.chunk, each.stamp)
-        found.update("\t".join(map(str, parts)).encode("utf-8", "backslashreplace") + b"\n")
-    return found.hexdigest()[:16]
+        digest.update("\t".join(map(str, parts)).encode("utf-8", "backslashreplace") + b"\n")
+    return digest.hexdigest()[:16]
 
 
 # The settings of preparation and identification; every row has their digest.
@@ -298,16 +298,16 @@ class Settings:
         kind = self.kind
         if self.method == AUTO and contact.timeless:
             kind = VariableProjection
-        made = kind().replace(**self.estimator)
+        estimator = kind().replace(**self.estimator)
         asked = self.minimum_penetration, self.minimum_force
-        gate = gate_asked_for(contact, *asked, alone=made.chooses_samples)
-        return made if gate is None else made.replace(gate=gate)
+        gate = gate_asked_for(contact, *asked, alone=estimator.chooses_samples)
+        return estimator if gate is None else estimator.replace(gate=gate)
 
     def plain(self) -> dict[str, Any]:
         """Return the settings as JSON values."""
         values = {field.name: getattr(self, field.name) for field in dataclasses.fields(self)}
-        made: dict[str, Any] = json.loads(json.dumps(values, default=_plain, sort_keys=True))
-        return made
+        settings: dict[str, Any] = json.loads(json.dumps(values, default=_plain, sort_keys=True))
+        return settings
 
     @property
     def digest(self) -> str:
