@@ -2,8 +2,8 @@
 // by their autocorrelation. Three tests:
 //
 //   a cumulative sum of white errors, for abrupt changes;
-// a cumulative sum of the raw errors: the errors of a wrong law are as smooth as the motion, so
-// that whitening removes them however large a change makes them;
+//   a cumulative sum of the raw errors: the errors of a wrong law are as smooth as the motion, so
+//   that whitening removes them however large a change makes them;
 //   scores of blocks of white errors, for changes too small to show in single errors, such as of
 //   the damping alone.
 //

@@ -137,8 +137,8 @@ class LeastSquares {
     return step;
   }
 
-  // Without forgetting if P would not stay positive definite, and with a smaller gain if that is
-  // not enough. A separate function, so that the step of every sample stays in registers.
+  // The step without forgetting if P would not stay positive definite, and with a smaller gain if
+  // that is not enough. A separate function, so that the step of every sample stays in registers.
   [[gnu::cold, gnu::noinline]] constexpr Status guarded(const Vector<Order>& g, double spread,
                                                         double error) noexcept {
     const double noise = std::max(spread / detail::largest_gain, 1.0);

@@ -211,8 +211,8 @@ class VelocityFilter {
     return sum * per_sum_;
   }
 
-  // For any clock; NaN if the window is too long. Times count from the middle in units of the
-  // largest, so that no power of them leaves the range of a double.
+  // The slope for any clock; NaN if the window is too long. Times count from the middle in units of
+  // the largest, so that no power of them leaves the range of a double.
   [[gnu::noinline]] double slope() const noexcept {
     std::array<double, MaximumSamples> s, depth;
     const std::size_t h = half_;

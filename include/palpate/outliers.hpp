@@ -5,12 +5,12 @@
 // which outliers hardly influence. The definition of the departure depends on the use:
 //
 // - spike: departure from the median of five samples around it. LostPositions applies it to
-// positions before a velocity filter, where a dropout would spoil a whole window; for arrays
-// src/bindings/rows.hpp applies it to any channel, with σ, size and step from the whole array
-// instead of from the samples so far;
+//   positions before a velocity filter, where a dropout would spoil a whole window; for arrays
+//   src/bindings/rows.hpp applies it to any channel, with σ, size and step from the whole array
+//   instead of from the samples so far;
 // - outlier: departure from the extrapolation of the previous sample. OutlierRejection applies it
-// in a loop that must accept or reject a sample before the next one. On an array it also finds the
-// force at which the sensor saturates.
+//   in a loop that must accept or reject a sample before the next one. On an array it also finds
+//   the force at which the sensor saturates.
 #pragma once
 
 #include <algorithm>
@@ -158,8 +158,8 @@ class LostPositions {
 //
 //   force:   |F − F′| > max(10 σ, a tenth of the median force),     three in a row at most
 //   motion:  |x − x′ − ½(v + v′)T| > max(10 σ, 1.2 T median |v|),   twenty in a row at most
-// range:   F = F_max, after five equal forces at the highest value so far while the force of the
-// law changed
+//   range:   F = F_max, from the fifth of equal forces at the highest value so far, while the force
+//            of the law changed
 //
 // x′, v′, F′ is the last accepted sample and T the time since then; σ is the running median of the
 // left-hand side in contact, over 0.6745. If the previous sample departed as much, the cause is a

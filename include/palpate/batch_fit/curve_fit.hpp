@@ -210,8 +210,8 @@ class CurveFitter {
   }
 
   CurveMinimum with_surface() const noexcept {
-    // Above this exponent J is smooth enough; within this margin a minimum below it may become
-    // lowest.
+    // Above the exponent `kinked` J is smooth enough. Below it a minimum that is higher than the
+    // best by up to `margin`, in σ², may lead to the lowest one.
     constexpr double kinked = 1.5, margin = 6.0;
     // The condensed cost of a rival may be too high by this much: 99 in 100 are nearer.
     constexpr double rough = 0.1;

@@ -47,7 +47,7 @@ typedef double Doubles __attribute__((vector_size(8 * register_size)));
 typedef std::uint64_t Bits __attribute__((vector_size(8 * register_size)));
 typedef double StoredDoubles __attribute__((vector_size(8 * register_size), aligned(8), may_alias));
 
-#else  // a compiler without vectors of its own goes one by one
+#else  // without vectors in the compiler a register has one number
 
 inline constexpr std::size_t register_size = 1;
 using Doubles = double;

@@ -16,7 +16,7 @@ namespace palpate::detail {
 // If it drifts as assumed, the prediction errors are uncorrelated. If it drifts r times as far in a
 // second, the filter lags behind, and successive errors are correlated:
 //
-// E[e_k e_{k−1}] = P (r² − 1)/2,   where P is the variance of the predicted force
+//   E[e_k e_{k−1}] = P (r² − 1)/2,   where P is the variance of the predicted force
 //
 // so the ratio of their means, over about the last thousand samples, gives r for any white noise.
 // Correlated noise has the same effect and cannot be distinguished from drift by the errors.

@@ -349,7 +349,7 @@ class RegressionMethod {
     return status;
   }
 
-  // From the old answer, as uncertain as at the start.
+  // Restarts at the present estimate, with the initial covariance.
   void reinitialise() noexcept {
     least_squares_ = LeastSquares<order>({least_squares_.parameters(), initial_covariance_});
     light_ = {};
@@ -372,7 +372,7 @@ class RegressionMethod {
     Fit<Law> fit{
         now, detail::congruence(jacobian, detail::among_known<size>(least_squares_.scaled_root()))};
     if constexpr (logarithmic) {
-      // A factor of 1.4 lowers the coverage of 95 % to 84 %.
+      // An excess of 1.4 lowers the coverage of 95 % to 84 %.
       constexpr double most = 1.4;
       for (std::size_t i = 0; i < size && light_.measured(); ++i) {
         Vector<order> slope;
@@ -420,8 +420,8 @@ class DoubleStageMethod {
 
   struct Settings {
     Law initial{0.1, 0.0, 1.0};
-    // Of [K, B], in scaled units, and of n, with no covariance between the stages. In SI φ² is near
-    // 1e-4: a smaller variance would keep K at its start.
+    // The covariance of [K, B], in scaled units, and the variance of n, with no covariance between
+    // the stages. In SI φ² is near 1e-4: a smaller variance would keep K at its start.
     Matrix<3> initial_covariance = diagonal<3>({1e8, 1e8, 1e3});
     // The exponent of the start is known, as for a tip of known shape: no stage 2.
     bool exponent_known = false;
@@ -478,7 +478,7 @@ class DoubleStageMethod {
     return second == Status::updated ? status : second;
   }
 
-  // From the old answer, as uncertain as at the start.
+  // Restarts at the present estimate, with the initial covariance.
   void reinitialise() noexcept {
     stage_one_ = LeastSquares<2>({stage_one_.parameters(), of_stage_one(settings_)});
     stage_two_ = LeastSquares<1>({stage_two_.parameters(), of_stage_two(settings_)});

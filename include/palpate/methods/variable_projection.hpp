@@ -25,7 +25,7 @@ namespace detail {
 // poorly that K overshoots by half. So the old exponent is kept until the samples reject it:
 //
 //   n ~ N(n_old, 0.02²), c/k ~ N(old, 0.5²)   while   J_kept − J_open ≤ 9 σ²,
-// n ~ N(n_old, 0.3²),  c/k ~ N(old, 0.1²)   afterwards (J_open).
+//   n ~ N(n_old, 0.3²),  c/k ~ N(old, 0.1²)   afterwards (J_open).
 //
 // An exponent that was not identifiable carries no information: the weak priors remain.
 class KeptExponent {

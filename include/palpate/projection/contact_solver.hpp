@@ -255,7 +255,7 @@ class ContactSolver {
     return unshifted(sums, prior);
   }
 
-  // For sums whose forces are relative to the prior's mean.
+  // The solution for sums whose forces are relative to the prior's mean.
   [[gnu::noinline]] ProjectionSolution unshifted(const PowerSums& sums,
                                                  const OffsetPrior& prior) const noexcept {
     ProjectionSettings settings = settings_;

@@ -121,7 +121,7 @@ inline Curve curve_at(const ProjectionProblem& problem, const ProjectionPoint& p
   const double a12 = without_offset(0, 1) - damping_weight * prior;
   const double a22 = without_offset(1, 1) + damping_weight, h1 = without_offset(0, 2);
   const double h2 = without_offset(1, 2), h = without_offset(2, 2);
-  // By elimination, because the determinant underflows if columns are small.
+  // Elimination, because the determinant underflows if columns are small.
   double projected = 0.0;
   if (a11 > smallest_sum) {
     projected = h1 * h1 / a11;
