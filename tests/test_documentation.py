@@ -153,6 +153,16 @@ def test_the_result_that_is_shown_is_the_result_that_is_printed(page, run, monke
     assert run("identify", "examples/recordings/ball.csv")[1].split() == shown.text.split()
 
 
+def test_the_statement_that_is_shown_is_the_statement_that_is_printed(run, at_home):
+    mujoco = pytest.importorskip("mujoco")
+    [shown] = [s for s in SNIPPETS[ROOT / "docs" / "exports.md"] if s.language == "text"]
+    if f"MuJoCo {mujoco.__version__}" not in shown.text:
+        pytest.skip("the page shows another version of MuJoCo")
+    run("identify", "examples/recordings/ball.csv", "-o", "ball")
+    printed = run("export", "ball", "--to", "mujoco", "--mass", "1.0", "-o", "exported")[1]
+    assert " ".join(printed.split()).startswith(" ".join(shown.text.split()))
+
+
 def test_the_json_that_is_shown_has_the_keys_that_are_printed(run):
     [shown] = [s for s in SNIPPETS[ROOT / "docs" / "results.md"] if s.language == "json"]
     recording = ROOT / "examples" / "recordings" / "ball.csv"

@@ -35,7 +35,8 @@ class ChangeDetector {
  public:
   struct Settings {
     // White noise has z = 1 on average. With 4 and 60, noise, white or correlated, caused one alarm
-    // in 13 h, and a change of stiffness by 5 % is found in 2 to 3 ms (docs/accuracy/alarms.md).
+    // in 13 h, and a change of stiffness by 5 % is found in 2 to 3 ms
+    // (docs/validation/accuracy/alarms.md).
     double drift = 4.0;  // subtracted from z at each sample
     double threshold = 60.0;
     double noise = 0.0;  // N, lower bound on s; 0: from the first errors alone

@@ -73,7 +73,7 @@ class Evidence {
 class Autoregression {
  public:
   // Order four models noise of AR(1) up to 0.98 and of second-order low-pass filters: none of these
-  // causes alarms (docs/accuracy/alarms.md).
+  // causes alarms (docs/validation/accuracy/alarms.md).
   static constexpr std::size_t order = 4;
 
   // The number of stored errors: a power of two, so that a remainder is a mask.

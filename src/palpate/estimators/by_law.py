@@ -5,6 +5,7 @@ cells of a grid of penetration and velocity. The grid has a fixed size; when a s
 pairs of cells merge. The fit uses the mean force and its two slopes in each cell.
 """
 
+import atexit
 import itertools
 import math
 from operator import itemgetter
@@ -387,6 +388,17 @@ def watch(law: type[ForceLaw]) -> None:
     """Register the least squares of a law, unless it has memory or another method."""
     if not law.relaxes and all(each.law_type is not law for each in ESTIMATORS.values()):
         register(least_squares_of(law))
+
+
+@atexit.register
+def forget_laws() -> None:
+    """Empty the registries when the interpreter ends.
+
+    A law that a script registers refers to the script's globals, and to a result among them: its
+    compiled objects would outlive the compiled module.
+    """
+    for registry in (FORCE_LAWS, ESTIMATORS, _CLASSES):
+        registry.clear()
 
 
 # The estimators for each name of a law that ``identify(law=…)`` and ``--law`` accept.
