@@ -10,50 +10,38 @@ from numpy.typing import ArrayLike, NDArray
 from palpate._core import EstimateValue, Status
 from palpate.digits import with_error
 from palpate.errors import InvalidParameterError
-from palpate.findings import Finding
+from palpate.findings import Check, Finding
 from palpate.force_laws import ForceLaw
 from palpate.validation import Floats, number_in, shown, signals, whole_in
 
 # Keys: the bits of IdentifiabilityFlag in include/palpate/estimate.hpp.
 ADVICE = {
-    1: Finding(
-        "exponent",
+    1: Check.EXPONENT.finding(
         "exponent not identifiable from this motion",
         "alternate between shallow and deep penetrations",
     ),
-    2: Finding(
-        "damping",
-        "damping not identifiable",
-        "press and release several times, at different speeds",
+    2: Check.DAMPING.finding(
+        "damping not identifiable", "press and release several times, at different speeds"
     ),
-    4: Finding(
-        "exponent range",
-        "exponent at the edge of its range",
-        "check that the penetration is 0 at the surface",
+    4: Check.EXPONENT_RANGE.finding(
+        "exponent at the edge of its range", "check that the penetration is 0 at the surface"
     ),
-    8: Finding(
-        "surface range",
-        "surface at the edge of its range",
-        "record the approach through free air",
+    8: Check.SURFACE_RANGE.finding(
+        "surface at the edge of its range", "record the approach through free air"
     ),
-    64: Finding(
-        "offset",
-        "force offset larger than the tare's uncertainty allows",
-        "tare again out of contact",
+    64: Check.OFFSET_PRIOR.finding(
+        "force offset larger than the tare's uncertainty allows", "tare again out of contact"
     ),
-    16: Finding(
-        "tracking",
+    16: Check.TRACKING.finding(
         "not tracking yet: the exponent is not yet identifiable from this motion",
         "alternate between shallow and deep penetrations",
     ),
-    32: Finding(
-        "tracking",
+    32: Check.TRACKING.finding(
         "the material drifts faster than the random walk allows, or the noise is correlated: the "
         "standard errors may be too small",
         "raise stiffness_drift",
     ),
-    256: Finding(
-        "light contact",
+    256: Check.LIGHT_CONTACT.finding(
         "light contact biases the logarithm of the force: the standard errors are too small",
         "raise the gate's forces well above the noise, or use --method variable-projection",
     ),

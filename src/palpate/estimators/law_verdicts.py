@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import palpate._core as _core
 from palpate.digits import format_quantity, rounded
 from palpate.estimators.estimate import Estimate
-from palpate.findings import Finding
+from palpate.findings import Check, Finding, Mark
 from palpate.force_laws import ForceLaw, GeneralisedHuntCrossley
 from palpate.validation import Plain, defined, or_nan
 
@@ -290,6 +290,23 @@ ONE_WAY: float = _core.defaults["ViscoelasticContact"]["one_way"]
 _NOISY = 0.02
 
 
+def one_way(stiffness: Mark = "trust", damping: Mark = "trust") -> Finding:
+    """Report a motion that goes one way at nearly one speed.
+
+    At one speed v spring, damper and memory are functions of the depth alone, x = vt, of which the
+    residual shows nothing: that of Hunt and Crossley, K xⁿ + B v xⁿ, is one power. Of laws that
+    are compared any may win there, and a half-space's spring even come out negative.
+    """
+    return Check.ONE_WAY.finding(
+        "the probe moves one way at nearly one speed: only the shape of the law separates "
+        "stiffness, damping and relaxation, which the error bars do not include",
+        "press and release, at several speeds",
+        stiffness=stiffness,
+        damping=damping,
+        brief="the probe moves one way",
+    )
+
+
 def _law_findings(
     evidence: Evidence, model_ranking: tuple[RankedModel, ...], law: GeneralisedHuntCrossley
 ) -> Iterator[Finding]:
@@ -302,27 +319,19 @@ def _law_findings(
         each for each in model_ranking[1:] if each.candidate.memory == selected.memory == "none"
     ]
     if tied := [each.candidate.title for each in rivals if each.score < UNDECIDED]:
-        yield Finding(
-            "which law",
+        yield Check.WHICH_LAW.finding(
             f"the samples do not distinguish it from {' or '.join(tied)}: the standard errors hold "
             "only if this law is the right one",
             "press and release several times, at different speeds",
         )
     ranked = {each.candidate for each in model_ranking}
     if any(each.memory != "none" and each not in ranked for each in evidence.laws):
-        yield Finding(
-            "which law",
+        yield Check.WHICH_LAW.finding(
             "too few samples yet to compare laws with memory: one of them may be right, with other "
-            "stiffness and damping",
+            "stiffness and damping"
         )
-    # At one speed v damping, memory and stiffness are all functions of the depth alone, x = vt.
     if abs(evidence.one_way) > ONE_WAY:
-        yield Finding(
-            "one way",
-            "the probe moves one way at nearly one speed: only the assumed shape of the law "
-            "separates damping, memory and stiffness, which may be far off",
-            "press and release several times, at different speeds",
-        )
+        yield one_way()
     # Light samples are selected by their own force. If noise makes it negative, they count as out
     # of contact: the mean of the others is too high, E(F | F > 0) > F, and the stiffness too low.
     depth, shallowest = evidence.depth, evidence.shallowest
@@ -334,8 +343,7 @@ def _law_findings(
     if noise > _NOISY * force and force * (shallowest / depth) ** n < 2.0 * noise:
         # At this depth the force is three times the noise.
         needed = depth * (3.0 * noise / force) ** (1.0 / n)
-        yield Finding(
-            "gate",
+        yield Check.GATE.finding(
             "the contact gate selects light samples by a force within the noise, so K′ and K are "
             "too low",
             f"set gate=ContactGate(minimum_penetration={needed:.2g})",

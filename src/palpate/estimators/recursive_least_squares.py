@@ -16,7 +16,7 @@ from palpate.estimators.contact_estimator import (
     loop_settings,
 )
 from palpate.estimators.estimate import Estimate
-from palpate.findings import Finding
+from palpate.findings import Check, Finding
 from palpate.force_laws import ExtendedKelvinVoigt, ForceLaw, HuntCrossley, KelvinVoigt
 from palpate.settings import (
     SAMPLE_TIME,
@@ -146,8 +146,7 @@ class HuntCrossleyRLS(RecursiveLeastSquaresEstimator):
 
 # With white noise of 0.05 N and five seconds of three sines, the 95 % interval of the stiffness at
 # working depth contains the truth in 55 of 100 cases on the ball and in none on the sponge.
-TOO_SMALL = Finding(
-    "standard errors",
+TOO_SMALL = Check.STANDARD_ERRORS.finding(
     "the standard errors of this estimate are too small: they assume white noise of the logarithm "
     "of the force, and no offset",
     "use VariableProjection, or identify the whole recording, whose diagnosis has wider ones",

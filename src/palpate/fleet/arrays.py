@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 import palpate._core as _core
 from palpate.contact import Contact, VelocityFilter
 from palpate.diagnosis import Data
-from palpate.diagnosis.diagnosing import outliers
+from palpate.diagnosis.sensor import outlier_finding
 from palpate.errors import FleetError, InvalidParameterError, RecordingError
 from palpate.estimators import ContactEstimator, VariableProjection
 from palpate.estimators.batch_fit import STATUS_WORDS, CurveFits, fit_curves
@@ -39,15 +39,13 @@ from palpate.fleet.rows import (
 )
 from palpate.fleet.tasks import AUTO, DiagnosisDepth, Settings, Table, cores
 from palpate.force_laws import ForceLaw, GeneralisedHuntCrossley, HuntCrossley
-from palpate.identification.identified import (
-    FEWEST_ABOVE,
+from palpate.identification.estimate_checks import (
     NEGATIVE_DAMPING,
     NEGATIVE_STIFFNESS,
     creates_energy,
-    no_approach,
-    no_contact_message,
 )
-from palpate.identification.replaying import estimator_of
+from palpate.identification.refusals import FEWEST_ABOVE, no_approach, no_contact_message
+from palpate.identification.replaying import resolve_estimator
 from palpate.preparation.gates import choose_gate, load_transfer, resolutions_of
 from palpate.preparation.preparing import Recorded, prepare
 from palpate.preparation.velocity import spikes_of_rows, velocities_of_rows
@@ -479,7 +477,7 @@ def _flags(fits: CurveFits, left_out: NDArray[np.int64], creating: NDArray[np.bo
             str(NEGATIVE_STIFFNESS): pulling[k],
             str(NEGATIVE_DAMPING): creating[k],
             "the least-squares search did not converge: another fit may be better": unsettled[k],
-            str(outliers(count, max(count + taken, 1))): count,
+            str(outlier_finding(count, max(count + taken, 1))): count,
         }
         flags[k] = [*flags[k], *(words for words, so in more.items() if so)]
     return flags
@@ -594,7 +592,7 @@ def identify_many(
     MissingExtraError
         pyarrow is not installed.
     """
-    chosen = estimator_of(VariableProjection() if method is None else method)
+    chosen = resolve_estimator(VariableProjection() if method is None else method)
     usual = type(chosen)().settings
     settings = Settings(
         method=AUTO if method is None and contacts is not None else chosen.method,

@@ -17,8 +17,8 @@ from palpate.errors import InvalidParameterError
 from palpate.fleet.rows import AT_DEPTH, at_depth
 from palpate.fleet.tasks import Table
 from palpate.force_laws import FORCE_LAWS, law_from
-from palpate.identification.identified import NEGATIVE_STIFFNESS
-from palpate.results.view import depth_of
+from palpate.identification.estimate_checks import NEGATIVE_STIFFNESS
+from palpate.results.view import format_depth
 from palpate.validation import Floats, number_in, shown
 
 #: Quantities at working depth whose repeats are compared with their errors.
@@ -419,8 +419,8 @@ class Map:
         if self.quantity == "exponent":
             return "over the whole contact"
         if self.depth is not None:
-            return f"at {depth_of(self.depth)}{self.frequencies}"
-        low, high = map(depth_of, self.depths)
+            return f"at {format_depth(self.depth)}{self.frequencies}"
+        low, high = map(format_depth, self.depths)
         span = low if low == high else f"{low} to {high}"
         return f"at the working depth of each contact, {span}{self.frequencies}"
 

@@ -1,9 +1,8 @@
-"""The parts of a diagnosis: findings, a verdict, and numbers at the working depth."""
+"""A diagnosis: findings, marks, and numbers with error bars at the working depth."""
 
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from operator import attrgetter
 from typing import Any
 
 import numpy as np
@@ -11,7 +10,7 @@ import numpy as np
 from palpate.digits import format_quantity, with_error
 from palpate.estimators import ContactEstimator, LawVerdict
 from palpate.estimators.law_verdicts import verdict_of
-from palpate.findings import Finding, Mark, spoken, worst
+from palpate.findings import Finding, Mark, spoken
 from palpate.force_laws import ForceLaw, GeneralisedHuntCrossley
 from palpate.validation import Plain
 
@@ -96,7 +95,7 @@ class WorkingDepth(Plain):
     damping: Quantity
 
 
-def stacked(depths: Sequence[WorkingDepth], shape: tuple[int, ...]) -> WorkingDepth:
+def stack_depths(depths: Sequence[WorkingDepth], shape: tuple[int, ...]) -> WorkingDepth:
     """Return the numbers at several depths as one, with arrays of a shape; floats for ()."""
 
     def column(values: Iterable[float]) -> Any:
@@ -219,32 +218,11 @@ class Diagnosis(Plain):
         }
 
 
-def verdict_by(
-    findings: Sequence[Finding], at: WorkingDepth
-) -> tuple[Verdict, tuple[Finding | None, Finding | None]]:
-    """Return the marks by findings, and the finding that decides that of each number."""
-    marks, limits = [], []
-    # A fault of the recording says more than a wide bar.
-    ordered = sorted(findings, key=lambda each: each.check == "precision")
-    for mark_by in map(attrgetter, ("stiffness", "damping")):
-        mark = worst(*map(mark_by, ordered))
-        deciding = (each for each in ordered if mark_by(each) == mark)
-        marks.append(mark)
-        limits.append(None if mark == "trust" else next(deciding))
-    # A damping that is not given has no say.
-    given = math.isfinite(at.damping.value)
-    overall = worst(*marks) if given else marks[0]
-    return Verdict(marks[0], marks[1], overall), (limits[0], limits[1])
-
-
-# Model selection on the samples that were identified.
-
 SELECT_LAW = "let palpate select the law: run again without --law and --method"
-TASK_SPEED = "record at the speed of the task"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Laws:
+class ModelSelection:
     """Which law was selected, and by what evidence.
 
     Attributes
@@ -262,24 +240,7 @@ class Laws:
     longest: float = 0.0
 
     @classmethod
-    def of(cls, estimator: ContactEstimator) -> "Laws":
+    def of(cls, estimator: ContactEstimator) -> "ModelSelection":
         """Return the selection of an estimator that has learned the samples."""
         evidence, estimate = estimator.evidence(), estimator.estimate()
         return cls(estimate.law, verdict_of(evidence, estimate), evidence.longest)
-
-
-def remedy_of_memory(laws: Laws | None, time: float) -> str:
-    """Return the next step for relaxation in the residual.
-
-    Parameters
-    ----------
-    laws : Laws, optional
-        The selection, where there was one.
-    time : float
-        Relaxation time that the residual shows, s.
-    """
-    if laws is None:
-        return SELECT_LAW
-    if time > laws.longest:  # as likely the drift of a sensor
-        return "tare the sensor before each touch"
-    return TASK_SPEED

@@ -1,41 +1,13 @@
-"""What a law leaves open: samples that it fails to predict, and the end of a relaxation."""
+"""The last third of a recording, as the law of the rows before it predicts it."""
 
 import math
 
 import numpy as np
 
-from palpate.diagnosis.fit import FEWEST_ROWS, Fit
+from palpate.diagnosis.fit import Fit
+from palpate.diagnosis.windows import FEWEST_ROWS
 from palpate.digits import rounded
-from palpate.findings import Finding
-
-# How far a material relaxes in the end: what only a hold shows.
-
-HOLD = 3.0  # relaxation times, after which e⁻³ = 5 % is left
-STILL = 0.05  # of the rms velocity
-
-
-def relaxed_stiffness(fit: Fit) -> Finding | None:
-    """The stiffness after relaxation is extrapolated where no hold of three times was recorded."""
-    if fit.laws is None or fit.equivalent is None or not fit.laws.law.remembers:
-        return None
-    inside, data = np.flatnonzero(fit.inside), fit.data
-    still = np.abs(data.velocity[inside]) < STILL * fit.speed
-    ends = np.flatnonzero(np.diff(still, prepend=False, append=False)).reshape(-1, 2)
-    time = data.time[inside]
-    held = max((float(time[end - 1] - time[begin]) for begin, end in ends.tolist()), default=0.0)
-    relaxation = fit.laws.law.relaxation
-    assert relaxation is not None
-    if held >= HOLD * relaxation.longest_time:
-        return None
-    return Finding(
-        "relaxed stiffness",
-        "the relaxed stiffness is extrapolated: no hold as long as three relaxation times was "
-        "recorded; K′ and B′ at the motion's frequency do not need it",
-        f"press, and hold for {rounded(HOLD * relaxation.longest_time, 2)} s",
-    )
-
-
-# The last third of a recording, as the law of the rows before it predicts it.
+from palpate.findings import Check, Finding
 
 PARTS = 3  # of the rows in the band: the last is predicted
 CARE, STOP = 0.25, 1.0  # of the force
@@ -45,34 +17,32 @@ FADES = 0.8  # of the error by all rows before
 CYCLES = 6.0  # periods of the motion: a ramp and its hold are no change of the material
 
 
-def ahead(fit: Fit) -> Finding | None:
+def check_forecast(fit: Fit) -> Finding | None:
     """The law of the first two thirds does not predict the last, or less well than the second does.
 
     By one linear step from the law of all rows, of which every third shares no window with others.
     """
-    rows = len(fit.band)
+    rows = len(fit.windows)
     if rows < FEWEST_ROWS:
         return None
     third, last = rows // PARTS, rows - rows // PARTS
     size = math.sqrt(float(np.mean((fit.force[last:] - fit.solution.offset) ** 2)))
-    whole, expected = _held_out(fit, slice(0, last, 3))
-    if not whole > UNEXPECTED * fit.floor:
+    whole, expected = _prediction_error(fit, slice(0, last, 3))
+    if not whole > UNEXPECTED * fit.noise_floor:
         return None
     if whole > max(CARE * size, UNEXPECTED * expected):
-        return Finding.of_both(
-            "do-not-trust" if whole > STOP * size else "trust",
-            "forecast",
+        return Check.FORECAST.finding(
             "identified on its first two thirds, the recording's last third is off by "
             f"{whole / size:.0%} of the force",
             "record the motion of the task, and repeat it",
+            mark="do-not-trust" if whole > STOP * size else "trust",
         )
-    recent, _ = _held_out(fit, slice(third, last, 3))
+    recent, _ = _prediction_error(fit, slice(third, last, 3))
     cycles = fit.time[-1] - fit.time[0] > CYCLES * fit.period > 0.0
     if not (cycles and recent < FADES * whole and (fit.time[:last] < fit.time[last]).all()):
         return None
     parts = (f"{rounded(100.0 * error / size, 2)} %" for error in (recent, whole))
-    return Finding(
-        "forecast",
+    return Check.FORECAST.finding(
         "the force settles, or the material or a sensor changes slowly: the third before the last "
         "predicts that to {} of the force, all before it to {}".format(*parts),
         "to predict what comes next, identify the latest part alone: "
@@ -80,7 +50,7 @@ def ahead(fit: Fit) -> Finding | None:
     )
 
 
-def _held_out(fit: Fit, before: slice) -> tuple[float, float]:
+def _prediction_error(fit: Fit, before: slice) -> tuple[float, float]:
     """Rms error with which the law of some rows predicts those after, and the expected one, N."""
     jacobian, residual = fit.solution.jacobian, fit.solution.residual
     after = slice(before.stop, None, before.step)
@@ -91,5 +61,5 @@ def _held_out(fit: Fit, before: slice) -> tuple[float, float]:
     change = inverse @ (own.T @ residual[before])
     error, left = residual[after] - others @ change, residual[before] - own @ change
     leverage = float(np.mean(np.sum((others @ inverse) * others, axis=1)))
-    noise = max(float(np.mean(left**2)), fit.floor**2)
+    noise = max(float(np.mean(left**2)), fit.noise_floor**2)
     return math.sqrt(float(np.mean(error**2))), math.sqrt(noise * (1.0 + leverage))
