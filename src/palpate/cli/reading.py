@@ -247,9 +247,9 @@ class ReadingOptions:
         return compare(contact, gate=self._gate(contact), **settings)
 
     def _gate(self, contact: "Contact", *, alone: bool = False) -> "ContactGate | None":
-        from palpate.preparation.gates import gate_asked_for
+        from palpate.preparation.gates import requested_gate
 
-        return gate_asked_for(contact, self.min_penetration, self.min_force, alone=alone)
+        return requested_gate(contact, self.min_penetration, self.min_force, alone=alone)
 
 
 def flipped(options: Any) -> tuple[str, ...]:

@@ -11,7 +11,7 @@ from palpate.digits import format_quantity
 from palpate.estimators.least_squares import robust_covariance
 from palpate.findings import Check, Finding
 from palpate.force_laws import ForceLaw, HuntCrossley
-from palpate.preparation.gates import dead_band_of
+from palpate.preparation.resolution import find_dead_band
 from palpate.preparation.surfaces import assumed_surface, placed
 from palpate.validation import Floats
 
@@ -97,7 +97,7 @@ def _surface_cause(
 def _thin_samples(fit: Fit) -> Floats:
     """Contact, free approach and what lies between, thinned."""
     between, chosen = fit.outside & (fit.penetration >= 0.0), []
-    if band := dead_band_of(fit.data.contact):  # where the sensor shows no force that is there
+    if band := find_dead_band(fit.data.contact):  # where the sensor shows no force that is there
         between &= fit.data.force >= band
     for kept, most in ((fit.inside, MOST_IN_CONTACT), (fit.free, MOST_FREE), (between, MOST_FREE)):
         index = np.flatnonzero(kept)

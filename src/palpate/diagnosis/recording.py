@@ -15,8 +15,9 @@ from palpate.contact import Contact, slices_of
 from palpate.diagnosis.outcome import ModelSelection
 from palpate.digits import format_quantity, rounded
 from palpate.findings import Check, Finding
-from palpate.preparation.gates import dead_band_of, exclude_load_transfer, noise_of
 from palpate.preparation.held import beat_of, held_channel
+from palpate.preparation.load_transfer import exclude_load_transfer
+from palpate.preparation.resolution import find_dead_band, noise_of
 from palpate.preparation.velocity import largest_of, noise_gain, spiked, step_of, window_samples
 from palpate.validation import Floats
 
@@ -249,7 +250,7 @@ def check_force_jump(data: Data) -> Finding | None:
     """
     changes, moves = np.diff(data.force), np.abs(np.diff(data.penetration))
     least = max(JUMP * data.peak_force, FAR * data.force_noise, 3.0 * data.force_step)
-    beyond, jumps, band = changes.copy(), list[int](), dead_band_of(data.contact)
+    beyond, jumps, band = changes.copy(), list[int](), find_dead_band(data.contact)
     for k in np.flatnonzero(np.abs(changes) > least).tolist():
         near = [j for j in range(max(k - 3, 0), min(k + 4, len(changes))) if j != k]
         before, after = data.velocity[max(k - 3, 0)], data.velocity[min(k + 4, len(data) - 1)]

@@ -16,8 +16,8 @@ from palpate.diagnosis.windows import FEWEST_FREE
 from palpate.digits import format_quantity, rough_percent, rounded
 from palpate.estimators.least_squares import mean_error
 from palpate.findings import Check, Finding, Mark
-from palpate.preparation.gates import dead_band_of
 from palpate.preparation.held import beat_of
+from palpate.preparation.resolution import find_dead_band
 
 SHORTEST = 5  # samples
 MOVES = 4.0  # of the noise or the step, that the law's force moves meanwhile
@@ -39,7 +39,7 @@ def check_saturation(fit: Fit) -> Finding | None:
     lengths, began = np.diff(borders), borders[:-1]
     # The samples of a sensor that was lost are not taken: the one before is.
     long = (lengths >= shortest) & below[began] & (inside[began] | inside[np.maximum(began - 1, 0)])
-    if band := dead_band_of(fit.data.contact):
+    if band := find_dead_band(fit.data.contact):
         long &= force[began] >= band
     if not long.any():
         return None
@@ -70,7 +70,7 @@ def check_saturation(fit: Fit) -> Finding | None:
 
 def check_dead_band(fit: Fit) -> Finding | None:
     """The force is one value in air and at light touch, and none between it and a larger one."""
-    band = dead_band_of(fit.data.contact)
+    band = find_dead_band(fit.data.contact)
     if not band:
         return None
     return Check.DEAD_BAND.finding(

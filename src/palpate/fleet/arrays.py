@@ -46,8 +46,10 @@ from palpate.identification.estimate_checks import (
 )
 from palpate.identification.refusals import FEWEST_ABOVE, no_approach, no_contact_message
 from palpate.identification.replaying import resolve_estimator
-from palpate.preparation.gates import choose_gate, load_transfer, resolutions_of
+from palpate.preparation.gates import choose_gate
+from palpate.preparation.load_transfer import find_load_transfer
 from palpate.preparation.preparing import Recorded, prepare
+from palpate.preparation.resolution import resolutions_of
 from palpate.preparation.velocity import spikes_of_rows, velocities_of_rows
 from palpate.recordings.recording import Recording, printable
 from palpate.validation import Floats, number_in, real_array, whole_in
@@ -372,7 +374,7 @@ def _exclude_load_transfer(curves: Curves) -> tuple[Curves, dict[int, Finding]]:
     force, findings = curves.force.copy(), {}
     segment = np.zeros(force.shape[1], dtype=np.int64)
     for k, channels in enumerate(zip(curves.penetration, curves.velocity, force, strict=True)):
-        if (transfer := load_transfer(*channels, segment)) is not None:
+        if (transfer := find_load_transfer(*channels, segment)) is not None:
             force[k, transfer[0]] = np.nan
             findings[k] = transfer[1]
     return replace(curves, force=force), findings

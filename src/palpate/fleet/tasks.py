@@ -24,7 +24,7 @@ from palpate.estimators import (
 )
 from palpate.force_laws import ForceLaw
 from palpate.preparation import Columns
-from palpate.preparation.gates import gate_asked_for
+from palpate.preparation.gates import requested_gate
 from palpate.preparation.settings import Preparation
 from palpate.recordings.opening import MAX_SIZE
 from palpate.validation import shown
@@ -300,7 +300,7 @@ class Settings:
             kind = VariableProjection
         estimator = kind().replace(**self.estimator)
         asked = self.minimum_penetration, self.minimum_force
-        gate = gate_asked_for(contact, *asked, alone=estimator.chooses_samples)
+        gate = requested_gate(contact, *asked, alone=estimator.chooses_samples)
         return estimator if gate is None else estimator.replace(gate=gate)
 
     def plain(self) -> dict[str, Any]:

@@ -23,12 +23,8 @@ from palpate.estimators.estimate import Estimate, Trace, Traced, thinned
 from palpate.estimators.least_squares import long_run_covariance
 from palpate.estimators.viscoelastic import RelaxingEstimate
 from palpate.force_laws import ForceLaw, steps_over_breaks
-from palpate.preparation.gates import (
-    choose_gate,
-    dead_band_of,
-    suggest_scale,
-    suggest_surface_deviation,
-)
+from palpate.preparation.gates import choose_gate, suggest_scale
+from palpate.preparation.resolution import find_dead_band, suggest_surface_deviation
 from palpate.settings import ContactGate, OutlierRejection
 from palpate.stages import timed
 from palpate.validation import Floats, shown
@@ -66,7 +62,7 @@ def _half_the_record(contact: Contact) -> float:
 
 def _gate_above_dead_band(contact: Contact) -> ContactGate | None:
     """The gate of a method that chooses its samples: only above a dead band."""
-    band = dead_band_of(contact)
+    band = find_dead_band(contact)
     return ContactGate(0.0, band, band) if band else None
 
 

@@ -24,7 +24,7 @@ from palpate.live.choices import LiveCommand, LoopCounts, State, chosen, main_se
 from palpate.live.ring import MOST_PARAMETERS, Writer
 from palpate.live.sources import Arrival, EndOfSourceError, Source, Value
 from palpate.preparation import OnlinePreparation
-from palpate.preparation.gates import noise_of
+from palpate.preparation.resolution import noise_of
 from palpate.preparation.velocity import step_of
 from palpate.validation import Floats, defined, number_in
 

@@ -13,8 +13,8 @@ from palpate.errors import InvalidParameterError, RecordingError
 from palpate.findings import Check, Finding
 from palpate.preparation.clocks import Signals, measurable, settle_stamps
 from palpate.preparation.delay import in_step
-from palpate.preparation.gates import exclude_load_transfer
 from palpate.preparation.held import held_channels
+from palpate.preparation.load_transfer import exclude_load_transfer
 from palpate.preparation.roles import Columns, Roles
 from palpate.preparation.settings import Normal, Preparation
 from palpate.preparation.surfaces import (

@@ -10,7 +10,7 @@ import numpy as np
 
 from palpate.errors import InvalidParameterError, RecordingError
 from palpate.findings import Check, Finding
-from palpate.preparation.gates import noise_of
+from palpate.preparation.resolution import noise_of
 from palpate.preparation.roles import Columns, Roles
 from palpate.preparation.surfaces import RADIUS, SurfaceRule
 from palpate.recordings import Recording

@@ -19,8 +19,8 @@ from palpate.preparation.along_penetration import (
 )
 from palpate.preparation.clocks import Signals
 from palpate.preparation.delay import in_step
-from palpate.preparation.gates import noise_of
 from palpate.preparation.held import held_channels
+from palpate.preparation.resolution import noise_of
 from palpate.preparation.roles import Roles
 from palpate.preparation.settings import (
     Normal,

@@ -15,7 +15,7 @@ from palpate.errors import RecordingError
 from palpate.estimators.least_squares import Fitted, robust_covariance
 from palpate.findings import Check, Finding
 from palpate.force_laws import HuntCrossley
-from palpate.preparation.gates import noise_of
+from palpate.preparation.resolution import noise_of
 from palpate.validation import Floats
 
 # The force in free air: its samples, its mean and its drift.

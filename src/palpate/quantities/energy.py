@@ -12,7 +12,8 @@ from palpate.contact import Contact
 from palpate.diagnosis.outcome import Quantity, WorkingDepth
 from palpate.digits import rounded
 from palpate.force_laws import ForceLaw, steps_over_breaks
-from palpate.preparation.gates import choose_gate, touches_of
+from palpate.preparation.gates import choose_gate
+from palpate.preparation.touches import find_touches
 from palpate.quantities.restitution import UNKNOWN
 from palpate.validation import Floats, Plain, defined
 
@@ -125,7 +126,7 @@ def _touches(contact: Contact, path: Path) -> list[tuple[float, float]]:
     for part in contact.segments():
         first, last = _ends(path, int(contact.segment[part.start]))
         time, cores = path.time[first : last + 1], []
-        for touch in touches_of(contact.taken(part), gate):
+        for touch in find_touches(contact.taken(part), gate):
             start = first + int(np.searchsorted(time, touch.start))
             stop = first + int(np.searchsorted(time, touch.stop, side="right")) - 1
             if path.inside[start : stop + 1].any():  # a rejected spike is not a touch

@@ -24,7 +24,7 @@ from palpate.estimators.estimate import Trace
 from palpate.findings import MARKS, Finding
 from palpate.force_laws import ForceLaw, law_from
 from palpate.identification.ranking import rank
-from palpate.preparation.gates import touches_of
+from palpate.preparation.touches import find_touches
 from palpate.recordings import open_recording
 from palpate.recordings.recording import Recording
 from palpate.validation import Floats, defined, or_nan, plain
@@ -205,7 +205,7 @@ def describe_contact(files: Sequence[Path], results: "Sequence[Identified]") -> 
         "file": ", ".join(map(str, files)) or contact.source,
         **({"files": [str(file) for file in files]} if len(files) > 1 else {}),
         "samples": len(contact),
-        "touches": [touch.as_dict() for touch in touches_of(contact)],
+        "touches": [touch.as_dict() for touch in find_touches(contact)],
         "provenance": dict(contact.provenance),
         "findings": [each.as_dict() for each in contact.findings],
         "tare_deviation": contact.tare_deviation,

@@ -22,7 +22,7 @@ from palpate.errors import InvalidParameterError
 from palpate.estimators import VariableProjection
 from palpate.findings import MARKS, Check, Mark, spoken
 from palpate.identification.ranking import rank
-from palpate.preparation.gates import touches_of
+from palpate.preparation.touches import find_touches
 from palpate.quantities.derived import band_of, in_hertz
 from palpate.recordings.recording import truth_of
 from palpate.results.parameters import (
@@ -323,7 +323,7 @@ def _fold(parts: Iterable[str], between: str, width: int = _FOLD[1]) -> str:
 
 def _fit(result: "Identified") -> str:
     """Error, samples and contacts; what else fits in the line."""
-    touches, estimate = len(touches_of(result.contact)), result.estimate
+    touches, estimate = len(find_touches(result.contact)), result.estimate
     words = (
         f"{format_percent(result.fit_rmse_percent)} rms, {estimate.samples} samples, {touches} "
         f"contact{'s' * (touches != 1)}"
@@ -657,7 +657,7 @@ def _quality(result: "Identified") -> str:
 
 def _samples(result: "Identified") -> str:
     contact, gate, scale = result.contact, result.gate, result.scale
-    touches = len(touches_of(contact))
+    touches = len(find_touches(contact))
     force = f"force > {rounded(gate.make_force, 3)} N"
     if isinstance(result.estimator, VariableProjection) and not gate.make_force:
         force = "selected by the force of their neighbours"
