@@ -176,6 +176,7 @@ def opened(
     *,
     strict: bool,
     curve: int | None,
+    sheet: str | None,
     max_size: float | None,
 ) -> "Recording":
     """Open a recording, with a bar while it is read."""
@@ -185,7 +186,13 @@ def opened(
     most = MAX_SIZE if max_size is None else max_size
     with bar(f"reading {file}") as progress:
         return open_recording(
-            file, channels, strict=strict, curve=curve, progress=progress, max_size=most
+            file,
+            channels,
+            strict=strict,
+            curve=curve,
+            sheet=sheet,
+            progress=progress,
+            max_size=most,
         )
 
 
