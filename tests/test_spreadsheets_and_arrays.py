@@ -20,6 +20,7 @@ BALL = MATERIALS["ball"]
 SIGNALS = exciting(BALL, seconds=3.0, noise=0.02, seed=1)
 TIME, DEPTH, FORCE = SIGNALS.time, SIGNALS.penetration, SIGNALS.force
 MM = 1e3 * DEPTH
+ROWS, NOTHING = [*zip(TIME.tolist(), MM.tolist(), FORCE.tolist(), strict=True)], [None] * len(TIME)
 NAMES = ("time_s", "penetration_m", "force_N")
 COLUMNS = dict(zip(NAMES, (TIME, DEPTH, FORCE), strict=True))
 
@@ -27,7 +28,7 @@ COLUMNS = dict(zip(NAMES, (TIME, DEPTH, FORCE), strict=True))
 def write_xlsx(path, above=(), below=(), columns=(TIME, MM, FORCE), **sheets):
     """A sheet with a table between other rows; and further sheets of rows."""
     book = openpyxl.Workbook()
-    numbers = [list(map(float, row)) for row in zip(*columns, strict=True)]
+    numbers = [[v if v is None else float(v) for v in row] for row in zip(*columns, strict=True)]
     for name, rows in {"Press": [*above, *numbers, *below], **sheets}.items():
         sheet = book.create_sheet(name)
         for row in rows:
@@ -53,8 +54,7 @@ def write_json(path, whole, lines=False):
 
 
 def samples():
-    rows = zip(TIME.tolist(), MM.tolist(), FORCE.tolist(), strict=True)
-    return [{"t": t, "probe": {"depth_mm": x}, "ft": [0.0, f]} for t, x, f in rows]
+    return [{"t": t, "probe": {"depth_mm": x}, "ft": [0.0, f]} for t, x, f in ROWS]
 
 
 LISTS = {name: values.tolist() for name, values in COLUMNS.items()}
@@ -68,6 +68,14 @@ WAYS = {
     "a report.xlsx": lambda path: write_xlsx(path, [*REPORT, *BELOW, []], [[], ["Mean", 1.0, 2.0]]),
     "a list of results.xlsx": lambda path: write_xlsx(
         path, BELOW, Results=[["Test", "Fmax", "dL"], [1, 25.0, 12.0]], Info=[["Operator", "X"]]
+    ),
+    "results beside.xlsx": lambda path: write_xlsx(
+        path,
+        [["", "Speed", 0.5], ["", *BELOW[0], "", "Force max [N]"], [None, *BELOW[1]]],
+        columns=(NOTHING, TIME, MM, FORCE, NOTHING, [25.0, *NOTHING[1:]]),
+    ),
+    "pasted as text.xlsx": lambda path: write_xlsx(
+        path, [*BELOW, *([f"{v:.9f}".replace(".", ",") for v in row] for row in ROWS)], columns=()
     ),
     "a.npz": write_npz,
     "fields.npy": write_npy,
@@ -120,7 +128,7 @@ def test_values_come_back_to_the_last_bit_with_units_notes_and_rows(tmp_path):
 
 
 def test_each_sheet_with_a_table_is_a_contact_and_an_option_chooses_one(tmp_path, run):
-    rows = [*BELOW, *zip(TIME.tolist(), MM.tolist(), FORCE.tolist(), strict=True)]
+    rows = [*BELOW, *ROWS]
     path = write_xlsx(tmp_path / "a.xlsx", BELOW, Second=rows[:-200], List=[["Fmax"], [1, 2]])
     lengths = [part.stop - part.start for part in palpate.prepare(path).segments()]
     assert lengths == [len(TIME), len(TIME) - 200]

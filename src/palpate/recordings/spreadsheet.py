@@ -5,12 +5,15 @@ import io
 import warnings
 import zipfile
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from datetime import timedelta
 from pathlib import Path
 from typing import Any, TypeAlias
 
+import numpy as np
+from numpy.typing import NDArray
 from openpyxl import load_workbook
 
 from palpate.errors import RecordingError, listed
@@ -20,6 +23,7 @@ from palpate.recordings.recording import (
     OTHER_UNITS,
     WEIGHTS,
     Recording,
+    number_in_text,
     plain_unit,
     printable,
 )
@@ -52,27 +56,24 @@ def read(path: Path, request: Request) -> Recording:
         The file is no spreadsheet, is damaged, has no such sheet, or none of them holds a table.
     """
     draft, tables = Draft(printable(path), request), dict[str, Recording]()
-    try:
-        with path.open("rb") as file, warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # extensions and styles that openpyxl does not know
+    with path.open("rb") as file:
+        with _damage_explained(draft):
             _check_sizes(file, draft)
             book = load_workbook(file, read_only=True, data_only=True)
-            for name in _chosen_sheets([sheet.title for sheet in book.worksheets], draft):
+        for name in _chosen_sheets([sheet.title for sheet in book.worksheets], draft):
+            with _damage_explained(draft):
                 rows = _rows_of(book[name], draft)
-                begin, end = _table_in(rows)
-                table = _parsed(rows[:begin], rows[begin:end], draft) if end else Recording({})
-                filled = {n: v for n, v in table.channels.items() if v.dtype != object or any(v)}
-                if (not end or len(filled) < len(table.channels)) and _has_formulas(file, name):
-                    draft.lose(f"sheet {name!r}", _FORMULAS)
-                if end:
-                    tables[name] = replace(table, channels=filled)
-                else:
-                    draft.omit(f"sheet {name!r}", _NO_TABLE)
-    except RecordingError:
-        raise
-    except Exception as error:  # what openpyxl raises on damaged XML is of many kinds
-        words = f"the spreadsheet is damaged or has a password ({first_line(error)})"
-        raise draft.error(f"{words}; open it in a spreadsheet program and save it again") from None
+            begin, end = _table_in(rows)
+            table = _parsed(rows[:begin], rows[begin:end], draft) if end else Recording({})
+            filled = {n: values for n, values in table.channels.items() if _is_filled(values)}
+            if end:
+                tables[name] = replace(table, channels=filled)
+            else:
+                draft.omit(f"sheet {name!r}", _NO_TABLE)
+            if not end or len(filled) < len(table.channels):
+                with _damage_explained(draft):
+                    if _has_formulas(file, name):
+                        draft.lose(f"sheet {name!r}", _FORMULAS)
     if not tables:
         raise draft.error([*draft.losses, *draft.omissions][0])
     counts = {name: len(table.rows or ()) for name, table in tables.items()}
@@ -81,6 +82,20 @@ def read(path: Path, request: Request) -> Recording:
             draft.omit(f"sheet {name!r}", f"holds only {count} rows of numbers")
             del tables[name]
     return _joined(tables, draft)
+
+
+@contextmanager
+def _damage_explained(draft: Draft) -> Iterator[None]:
+    """Name the file and the remedy where openpyxl cannot read it."""
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # extensions and styles that openpyxl does not know
+            yield
+    except RecordingError:
+        raise
+    except Exception as error:  # what openpyxl raises on damaged XML is of many kinds
+        words = f"the spreadsheet is damaged or has a password ({first_line(error)})"
+        raise draft.error(f"{words}; open it in a spreadsheet program and save it again") from None
 
 
 def _check_sizes(file: Any, draft: Draft) -> None:
@@ -119,7 +134,7 @@ def _table_in(rows: Sequence[_Row]) -> tuple[int, int]:
     same: dict[frozenset[int], frozenset[int]] = {}  # a set of its own for each row takes 200 bytes
     numbers = []
     for row in rows:
-        places = frozenset(k for k, cell in enumerate(row) if type(cell) in (int, float))
+        places = frozenset(k for k, cell in enumerate(row) if _is_number(cell))
         numbers.append(same.setdefault(places, places))
     counts = Counter(places for places in numbers if len(places) > 1)
     if not counts:
@@ -138,16 +153,24 @@ def _table_in(rows: Sequence[_Row]) -> tuple[int, int]:
     return begin, end
 
 
+def _is_number(cell: Any) -> bool:
+    """Whether a cell holds a number, or one that was pasted as text."""
+    try:
+        return type(cell) in (int, float) or number_in_text(cell.replace(",", ".")) is not None
+    except (AttributeError, TypeError, ValueError):
+        return False
+
+
 def _parsed(above: Sequence[_Row], body: Sequence[_Row], draft: Draft) -> Recording:
     """Parse a table by the text reader, with the rows above as notes; row numbers stay."""
     text = io.StringIO()
     lines = csv.writer(text, delimiter="\t", lineterminator="\n")
-    names = _header_rows(above)
+    names, width = _header_rows(above), max(map(len, body))
     for k, row in enumerate(above):
         cells = [" ".join(_words(cell).split()) for cell in row]
         filled = [cell for cell in cells if cell]
         if k in names:
-            lines.writerow(cells)
+            lines.writerow([*cells, *[""] * width][:width])
         elif len(filled) > 1:
             text.write(f"# {filled[0].rstrip(':')}: {' '.join(filled[1:])}\n")
         else:
@@ -162,8 +185,9 @@ def _parsed(above: Sequence[_Row], body: Sequence[_Row], draft: Draft) -> Record
 
 def _header_rows(above: Sequence[_Row]) -> list[int]:
     """The places of the row of names, and of the row of units below it if there is one."""
-    filled = [k for k, row in enumerate(above) if sum(cell is not None for cell in row) > 1]
-    cells = [plain_unit(str(cell)) for k in filled[-1:] for cell in above[k] if cell is not None]
+    words = [[cell for cell in row if cell is not None] for row in above]
+    filled = [k for k, row in enumerate(words) if len(row) > 1 and set(map(type, row)) == {str}]
+    cells = [plain_unit(cell) for k in filled[-1:] for cell in words[k]]
     known = sum(cell in KNOWN or cell in OTHER_UNITS or cell in WEIGHTS for cell in cells)
     return filled[-2:] if 2 * known >= len(cells) else filled[-1:]
 
@@ -202,6 +226,12 @@ def _clock_of(table: Recording) -> str | None:
     ranks = {name: rank for name in table.channels if (rank := clock_rank(name)) is not None}
     timed = [name for name in table.channels if table.unit_of(name) in SECONDS]
     return min(ranks, key=ranks.__getitem__) if ranks else next(iter(timed), None)
+
+
+def _is_filled(values: NDArray[Any]) -> bool:
+    """Whether a column belongs to the table, not to a list of results beside it."""
+    count = np.count_nonzero(values != "" if values.dtype == object else values == values)
+    return bool(count >= min(_FEWEST_ROWS, 0.1 * len(values)) and count)
 
 
 def _has_formulas(file: Any, name: str) -> bool:
