@@ -48,15 +48,7 @@ _NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(\D*2?)\
 #: In rad/s; a bare number is in Hz.
 _FREQUENCIES = {"Hz": math.tau, "rad/s": 1.0, "mHz": 1e-3 * math.tau, "kHz": 1e3 * math.tau}
 _FORMS = "sphere:radius=5mm, punch:diameter=4mm or cone:angle=30deg (between axis and side)"
-_AREAS = {
-    "m2": 1.0,
-    "mm2": 1e-6,
-    "cm2": 1e-4,
-    "m²": 1.0,
-    "mm²": 1e-6,
-    "cm²": 1e-4,
-    "in2": 25.4e-3**2,
-}
+_AREAS = {"m2": 1.0, "mm2": 1e-6, "cm2": 1e-4, "m²": 1.0, "mm²": 1e-6, "cm²": 1e-4}
 _ANGLE = re.compile(r"\s*(\d+\.?\d*|\.\d+)\s*(deg|°|rad)\s*$")
 
 
@@ -229,8 +221,6 @@ class QuantityOptions:
             ratio = number_in("--poisson", ratio, -1.0, 0.5, open_low=True)
         tip = None if self.tip is None else tip_of(self.tip)
         specimen = None if self.specimen is None else specimen_of(self.specimen)
-        if tip is not None and specimen is not None:
-            raise InvalidParameterError("--tip and --specimen exclude each other: drop one of them")
         frequency = positive("--frequency", self.frequency, _FREQUENCIES, 1e12)
         return QueryOptions(speed, tip, ratio, frequency, specimen)
 

@@ -192,16 +192,15 @@ def _recording_of_arrays(given: Mapping[str, ArrayLike], settings: Preparation) 
             "a position needs a force and one of time, rate and no_time, and excludes a "
             "penetration and a velocity"
         )
-    channels: dict[str, NDArray[Any]] = {}
-    for name, values in given.items():
-        array = np.asanyarray(values)
-        columns = array.T if array.ndim > 1 else [array]
-        for k, column in enumerate(columns):
-            channels[f"{name}[{k}]" if array.ndim > 1 else name] = column
-    if len({each.shape for each in channels.values()}) != 1 or "position[3]" in channels:
+    arrays = {name: np.asanyarray(values) for name, values in given.items()}
+    shapes = {array.shape[1:] for array in arrays.values()}
+    if not shapes <= {(), (3,)} or len({array.shape[:1] for array in arrays.values()}) != 1:
         raise InvalidParameterError(
             "time, position and force must have one row for each sample, with one number or three"
         )
+    channels = {name: array for name, array in arrays.items() if array.ndim == 1}
+    for name in arrays.keys() - channels.keys():
+        channels |= {f"{name}[{k}]": arrays[name][:, k] for k in range(3)}
     return Recording(channels)
 
 

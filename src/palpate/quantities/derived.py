@@ -71,8 +71,8 @@ class QueryOptions:
             instance("specimen", self.specimen, Specimen)
             if self.tip is not None:
                 raise InvalidParameterError(
-                    "tip and specimen exclude each other: a tip presses into a half-space, a "
-                    "specimen is compressed between plates"
+                    "tip and specimen exclude each other: a tip presses into a large body, a "
+                    "specimen is compressed between plates; drop one of them"
                 )
         ranges = {
             "impact_speed": (0.0, 1e6),

@@ -184,7 +184,7 @@ def open_recording(
     *,
     strict: bool = False,
     curve: int | None = None,
-    sheet: str | None = None,
+    sheet: str | int | None = None,
     progress: Callable[[float], None] | None = None,
     max_size: float = MAX_SIZE,
 ) -> Recording:
@@ -203,7 +203,7 @@ def open_recording(
         rest.
     curve : int, optional
         Index, from 0, of the curve to read in a file with several.
-    sheet : str, optional
+    sheet : str or int, optional
         Name, or number from 1, of the sheet to read in a spreadsheet. Default: all with a table.
     progress : callable, optional
         Called at intervals with the fraction read so far.
@@ -229,7 +229,8 @@ def open_recording(
         raise InvalidParameterError(f"max_size must be in [1, 1e+18] bytes, not {max_size!r}")
     begun = time.perf_counter()
     source = "standard input" if str(file) == "-" else printable(file)
-    recording = _read(file, Request(wanted, strict, curve, progress, int(max_size), source, sheet))
+    named = None if sheet is None else str(sheet)
+    recording = _read(file, Request(wanted, strict, curve, progress, int(max_size), source, named))
     _log(recording, time.perf_counter() - begun)
     return recording
 
