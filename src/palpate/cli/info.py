@@ -52,9 +52,7 @@ def info(
         from palpate.figures import check_figure
 
         check_figure(figure, inputs=[file])
-    recording = opened(
-        file, channel or None, strict=False, curve=curve, sheet=sheet, max_size=max_size
-    )
+    recording = opened(file, channel or None, max_size=max_size, curve=curve, sheet=sheet)
     surveyed = survey(recording)
     if figure is not None:
         from palpate import figures

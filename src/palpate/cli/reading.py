@@ -137,14 +137,8 @@ class ReadingOptions:
 
         recording = None
         try:
-            recording = opened(
-                file,
-                self._channels,
-                strict=self.strict,
-                curve=self.curve,
-                sheet=self.sheet,
-                max_size=self.max_size,
-            )
+            options = {name: getattr(self, name) for name in ("strict", "curve", "sheet")}
+            recording = opened(file, self._channels, max_size=self.max_size, **options)
             return prepare(recording, **self.preparation)
         except MissingChannelError as error:
             if recording is not None and recording.losses:  # the column may be in what is lost

@@ -230,7 +230,8 @@ def open_recording(
     begun = time.perf_counter()
     source = "standard input" if str(file) == "-" else printable(file)
     named = None if sheet is None else str(sheet)
-    recording = _read(file, Request(wanted, strict, curve, progress, int(max_size), source, named))
+    request = Request(wanted, strict, curve, progress, int(max_size), source, sheet=named)
+    recording = _read(file, request)
     _log(recording, time.perf_counter() - begun)
     return recording
 
