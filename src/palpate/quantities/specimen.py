@@ -12,7 +12,7 @@ from palpate.diagnosis.finding import Diagnosis, Quantity
 from palpate.digits import rounded
 from palpate.quantities.elastic_modulus import SMALL_STRAIN
 from palpate.quantities.restitution import UNKNOWN
-from palpate.validation import Plain, kept
+from palpate.validation import Plain, defined, kept
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,7 +65,7 @@ class CompressionModulus:
         return {
             **self.value.as_dict(),
             "specimen": self.specimen.as_dict(),
-            "strain": self.strain,
+            "strain": defined(self.strain),
             "refused": self.refused,
             "remarks": list(self.remarks),
         }
