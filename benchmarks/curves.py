@@ -65,7 +65,9 @@ def main(
         console = Console(highlight=False, width=140)
     report.print_sections(sections, where, console)
     if markdown is not None:
-        write_text(markdown, report.as_markdown(sections, where))
+        write_text(
+            markdown, report.page("Fits of whole curves", "benchmarks.curves", sections, where)
+        )
 
 
 def measure_rates(count: int) -> Section:

@@ -4,15 +4,20 @@ python -m benchmarks.design_bounds [--seeds 100]
 """
 
 import argparse
+import shlex
+import sys
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 
 from benchmarks.accuracy.probing import BALL, PVC, SPONGE
+from benchmarks.diagnosis.tables import table
 from palpate import VariableProjection
 from palpate.design import Design, design
 from palpate.design.precision import PredictedPrecision
 from palpate.validation import Floats
+from palpate.writing import write_text
 
 # The laboratory's, with exponents between the nodes of the method's grid, 0.3 + 0.1 j.
 MATERIALS = {
@@ -22,6 +27,10 @@ MATERIALS = {
 }
 SENSORS = ((0.05, 0.0), (0.05, 0.125), (0.01, 0.125))  # N
 DURATIONS = (1.0, 5.0, 20.0)  # s
+WHAT = (
+    "Errors of `VariableProjection` over those that `palpate design` expects: the least and the "
+    "largest ratio of K, B and n of ball, sponge and PVC, with an unknown offset."
+)
 
 
 def ratios(plan: Design, predicted: PredictedPrecision, duration: float, seeds: int) -> Floats:
@@ -47,9 +56,9 @@ def ratios(plan: Design, predicted: PredictedPrecision, duration: float, seeds: 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seeds", type=int, default=100)
-    seeds = parser.parse_args().seeds
-    print("| sensor | motion |", *(f"{duration:g} s |" for duration in DURATIONS))
-    print("|---|---|" + "---|" * len(DURATIONS))
+    parser.add_argument("--markdown", type=Path, help="write the page to this file too")
+    given = parser.parse_args()
+    seeds, rows = given.seeds, []
     for noise, step in SENSORS:
         plans = [
             design(law, noise=noise, resolution=step, durations=DURATIONS)
@@ -60,7 +69,22 @@ def main() -> None:
             for duration in DURATIONS:
                 found = [ratios(p, getattr(p, name), duration, seeds) for p in plans]
                 cells.append(f"{np.min(found):.2f}–{np.max(found):.2f}")
-            print(f"| {noise:g} N, steps of {step:g} N | {name} |", " | ".join(cells), "|")
+            rows.append([f"{noise:g} N, steps of {step:g} N", name, *cells])
+    lines = table(["sensor", "motion", *(f"{duration:g} s" for duration in DURATIONS)], rows)
+    print("\n".join(lines))
+    if given.markdown is not None:
+        command = shlex.join(["python", "-m", "benchmarks.design_bounds", *sys.argv[1:]])
+        page = [
+            f"<!-- Written by {command} -->",
+            "",
+            "# Designed motions",
+            "",
+            WHAT,
+            "",
+            *lines,
+            "",
+        ]
+        write_text(given.markdown, "\n".join(page))
 
 
 if __name__ == "__main__":

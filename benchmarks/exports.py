@@ -2,7 +2,7 @@
 
 Laws: ball, sponge and PVC of the laboratory, and a Hertzian one of F = 2e4 x^1.5 + 3e4 x^1.5 v.
 Motion: the paper's three sines, judged deeper than 2 mm. Engines that are not installed are
-skipped. ``docs/exports.md`` has the tables.
+skipped. ``docs/validation/exports.md`` has the tables.
 """
 
 from collections.abc import Callable, Iterator
@@ -243,7 +243,12 @@ def main(*, only: str | None = None, markdown: Path | None = None) -> None:
     where = machine.describe("")
     console.print(report.verdict(sections), style="bold")
     if markdown is not None:
-        write_text(markdown, report.as_markdown(sections, where))
+        write_text(
+            markdown,
+            report.page(
+                "Exported contacts, replayed in the engines", "benchmarks.exports", sections, where
+            ),
+        )
 
 
 if __name__ == "__main__":

@@ -13,7 +13,7 @@ from rich.console import Console
 
 from benchmarks.fleets import arrays, balance, files, kills, nanite, objects
 from benchmarks.machine import describe
-from benchmarks.report import Section, as_markdown, print_sections
+from benchmarks.report import Section, page, print_sections
 
 
 def parts(options: argparse.Namespace) -> dict[str, Callable[[], Section]]:
@@ -46,7 +46,9 @@ def main() -> None:
     machine = describe("none")
     print_sections(sections, machine, Console())
     if options.markdown is not None:
-        options.markdown.write_text(as_markdown(sections, machine), encoding="utf-8")
+        options.markdown.write_text(
+            page("Fleets", "benchmarks.fleet", sections, machine), encoding="utf-8"
+        )
 
 
 if __name__ == "__main__":

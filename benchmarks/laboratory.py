@@ -2,7 +2,7 @@
 
 Every material of the laboratory that a Hunt–Crossley law describes, pressed by the twin pantograph,
 measured by the paper's sensors, identified with the default method; and some of other laws, with
-memory and without, by the viscoelastic one. ``docs/lab.md`` keeps it.
+memory and without, by the viscoelastic one. ``docs/validation/laboratory.md`` keeps it.
 """
 
 import sys
@@ -36,6 +36,11 @@ REMEMBERING: dict[str, GeneralisedHuntCrossley] = {
     "tissue": cast(GeneralisedHuntCrossley, lab.TISSUE.law),
 }
 
+PAGE = "docs/validation/laboratory.md"
+QUESTION = (
+    "How often does the truth lie within three standard errors (s.e.) when the laboratory's "
+    "materials are pressed for 10 s along three sines? Normal errors do in 99.7 %, each."
+)
 app = App(name="python -m benchmarks.laboratory", help_format="plaintext")
 
 
@@ -69,7 +74,8 @@ def laboratory(
         report.print_group(group, console)
     console.print(report.words(facts))
     if markdown is not None:
-        write_text(markdown, report.markdown(groups, facts))
+        command = f"python -m benchmarks.laboratory --seeds {seeds} --markdown {PAGE}"
+        write_text(markdown, report.page("The laboratory", QUESTION, command, groups, facts))
 
 
 def _group(campaign: Campaign, title: str, counts: float) -> Group:

@@ -30,8 +30,9 @@ from palpate.live.realtime import ask_for_realtime, undisturbed
 from palpate.live.recorder import Recorder
 from palpate.live.running import default_estimator
 from palpate.live.sinks import Session, Sink, Watching
-from palpate.live.view import describe_verdict, numbers_of, verdict_on
+from palpate.live.view import law_lines, verdict_on
 from palpate.preparation import OnlinePreparation
+from palpate.writing import write_text
 
 TARE = 1.6  # s, of the 2 s for which the laboratory pauses
 _EVERY = 1.0  # s between two measurements of the processes
@@ -201,7 +202,7 @@ def _section(
     ]  # fmt: skip
     notes = [f"{minutes:g} minutes; laboratory, diagnosis and browser are counted separately."]
     if verdict := verdict_on(status):
-        notes.append(f"law: {describe_verdict(verdict, numbers_of(verdict))}")
+        notes.extend(law_lines(verdict))
     notes += [f"message: {words}" for words in status["said"]]
     return Section("Live at 1 kHz", rows, notes)
 
@@ -240,6 +241,7 @@ def main() -> None:
         "--plain", action="store_true", help="variable projection without rejection and detection"
     )
     parser.add_argument("--law", help="as palpate live --law, such as auto")
+    parser.add_argument("--markdown", type=Path, help="write the table to this file too")
     given = parser.parse_args()
     where = machine.describe("")
     method: ContactEstimator | None = VariableProjection() if given.plain else None
@@ -248,6 +250,10 @@ def main() -> None:
         method = default_estimator(kind, **settings)
     section = measure(given.minutes, realtime=given.realtime, method=method)
     report.print_sections([section], where, Console(highlight=False, width=120))
+    if given.markdown is not None:
+        write_text(
+            given.markdown, report.page("Live at 1 kHz", "benchmarks.live", [section], where)
+        )
 
 
 if __name__ == "__main__":

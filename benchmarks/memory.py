@@ -11,6 +11,8 @@ import sys
 from dataclasses import fields
 from pathlib import Path
 
+import numpy as np
+
 from benchmarks.motion import contact_arrays
 from benchmarks.report import Limit, Row, Section
 from benchmarks.timing import Effort
@@ -36,7 +38,8 @@ def extra_bytes(samples: int) -> dict[str, int]:
     before = resident("VmRSS")
     trace = SingleStageRLS().replay(*arrays)
     grown = resident("VmHWM") - before
-    size = sum(getattr(trace, field.name).nbytes for field in fields(trace))
+    columns = (getattr(trace, field.name) for field in fields(trace))
+    size = sum(column.nbytes for column in columns if isinstance(column, np.ndarray))
     inputs = sum(array.nbytes for array in arrays)
     return {"inputs": inputs, "trace": size, "extra": grown - size}
 

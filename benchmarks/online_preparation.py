@@ -1,5 +1,6 @@
 """``python -m benchmarks.online_preparation``: the cost of velocity in real time."""
 
+import argparse
 import subprocess
 import tempfile
 from collections.abc import Callable
@@ -16,6 +17,7 @@ from benchmarks.native_programs import BuildError, native_programs
 from benchmarks.report import Row, Section
 from benchmarks.timing import Case, Clock, Effort, clock
 from palpate import OnlinePreparation, SingleStageRLS, VariableProjection
+from palpate.writing import write_text
 
 PASSES = 5
 UPDATE, TIMED = "OnlinePreparation.update", "OnlinePreparation.update, time given"
@@ -112,10 +114,16 @@ def _native(effort: Effort) -> dict[str, float]:
 
 def main() -> None:
     """Measure, and print a table."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--markdown", type=Path, help="write the table to this file too")
+    markdown = parser.parse_args().markdown
     with clock() as running:
         section = measure_preparation(running, Effort())
     where = machine.describe(native_programs().compiler)
     report.print_sections([section], where, Console(highlight=False, width=140))
+    if markdown is not None:
+        title, module = "Preparing samples in a loop", "benchmarks.online_preparation"
+        write_text(markdown, report.page(title, module, [section], where))
 
 
 if __name__ == "__main__":

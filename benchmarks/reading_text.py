@@ -20,6 +20,7 @@ from benchmarks import machine, report
 from benchmarks.memory import resident
 from benchmarks.report import Limit, Row, Section
 from palpate.recordings import open_recording
+from palpate.writing import write_text
 
 app = App(name="python -m benchmarks.reading_text", help_format="plaintext", version_flags=[])
 WRITTEN = 100_000  # rows at once
@@ -115,7 +116,9 @@ def main(
     sections = [Section("Reading text", found, ["One run each, in a separate process."])]
     report.print_sections(sections, where, Console(highlight=False, width=120))
     if markdown is not None:
-        markdown.write_text(report.as_markdown(sections, where))
+        write_text(
+            markdown, report.page("Reading text", "benchmarks.reading_text", sections, where)
+        )
 
 
 if __name__ == "__main__":

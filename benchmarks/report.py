@@ -1,5 +1,7 @@
 """Rows, sections and limits, and how they are printed and written."""
 
+import shlex
+import sys
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
@@ -103,6 +105,13 @@ def as_markdown(sections: Sequence[Section], machine: dict[str, str]) -> str:
     lines += [f"**{verdict(sections)}.**", ""]
     lines += [f"- {name}: {value}" for name, value in machine.items()]
     return "\n".join(lines) + "\n"
+
+
+def page(title: str, module: str, sections: Sequence[Section], machine: dict[str, str]) -> str:
+    """Return a page of ``docs/validation``: the command that wrote it, a title, the tables."""
+    command = shlex.join(["python", "-m", module, *sys.argv[1:]])
+    tables = as_markdown(sections, machine).replace("### ", "## ")
+    return f"<!-- Written by {command} -->\n\n# {title}\n\n{tables}"
 
 
 def as_dict(sections: Sequence[Section], machine: dict[str, str]) -> dict[str, Any]:

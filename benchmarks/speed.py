@@ -68,7 +68,15 @@ def main(
         content = json.dumps(report.as_dict(sections, where), indent=1, ensure_ascii=False)
         write_text(as_json, content + "\n")
     if markdown is not None:
-        write_text(markdown, report.as_markdown(sections, where))
+        write_text(
+            markdown,
+            report.page(
+                "Speed and memory, compared with other packages",
+                "benchmarks.speed",
+                sections,
+                where,
+            ),
+        )
 
 
 def _compiler() -> str:

@@ -21,7 +21,7 @@ from palpate import Identification, RecordingError, identify
 from palpate.digits import rounded, with_error
 from palpate.writing import check_writable, write_text
 
-PAGE = "docs/accuracy/working-depth.md"
+PAGE = "docs/validation/working-depth.md"
 MARKS = ("trust", "with-care", "do-not-trust")
 HEADINGS = (
     "recording",
@@ -41,11 +41,11 @@ WHY = (
     "exponent."
 )
 NOTE = (
-    "Each recording is identified by `palpate identify` with its defaults (variable projection). "
-    "The stiffness is ∂F/∂x at the median penetration. Its statistical error is from the scatter "
-    "of the residual and the uncertainty of the surface; the total error adds the systematic "
-    "uncertainty from the diagnosis. K's error is from the scatter and the surface only. Errors "
-    "are one standard deviation, in per cent of the value's size."
+    "Each recording is identified by `palpate identify --law hunt-crossley`. The stiffness is "
+    "∂F/∂x at the median penetration. Its statistical error is from the scatter of the residual "
+    "and the uncertainty of the surface; the total error adds the systematic uncertainty from the "
+    "diagnosis. K's error is from the scatter and the surface only. Errors are one standard "
+    "deviation, in per cent of the value's size."
 )
 
 app = App(name="python -m benchmarks.working_depth", help_format="plaintext", version_flags=[])
@@ -95,7 +95,7 @@ def main(markdown: Path | None = None) -> None:
     rows, skipped = [], []
     for file in recorded():
         try:
-            rows.append(row_of(file.stem, identify(file)))
+            rows.append(row_of(file.stem, identify(file, law="hunt-crossley")))
         except RecordingError as error:
             skipped.append(f"{file.stem}: skipped, {str(error).removeprefix(f'{file}: ')}.")
         console.print(f"{file.stem}: done", style="dim")

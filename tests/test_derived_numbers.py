@@ -17,7 +17,7 @@ from palpate.digits import with_error
 from palpate.preparation.gates import touches_of
 from palpate.quantities.derived import path_of
 from palpate.quantities.energy import loops_of
-from palpate.results.saved import derived
+from palpate.results.saved import derived_dict
 
 LAW = faults.LAW
 
@@ -357,7 +357,7 @@ def test_the_page_shows_the_keys_that_there_are():
     [shown] = re.findall(r"^```json\n(.*?)^```$", page.read_text(encoding="utf-8"), re.M | re.S)
     recording = "examples/recordings/tapping.csv"
     wanted = QueryOptions(impact_speed=0.3, tip=palpate.Cone(math.radians(60.0)))
-    numbers = derived(identify(page.parents[1] / recording).with_query(wanted))
+    numbers = derived_dict(identify(page.parents[1] / recording).with_query(wanted))
     keys = [*numbers, *(key for part in numbers.values() for key in part)]
     keys += ["Flores", "kind", "half_angle", "of_tip"]
     assert sorted(re.findall(r'"(\w+)":', shown)) == sorted(keys)

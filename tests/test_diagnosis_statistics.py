@@ -1,4 +1,4 @@
-"""How often the diagnosis is right, over seeds; `docs/diagnosis.md` has it for many more faults."""
+"""How often the diagnosis is right, over seeds; `benchmarks.diagnosis` has many more faults."""
 
 import faults
 import numpy as np

@@ -19,6 +19,7 @@ from ruamel.yaml import YAML
 
 import palpate
 from palpate import lab
+from palpate.findings import MAY_CAP, Check
 
 ROOT = Path(__file__).parents[1]
 PAGES = sorted([*ROOT.glob("*.md"), *ROOT.glob("docs/**/*.md")])
@@ -153,6 +154,16 @@ def test_the_result_that_is_shown_is_the_result_that_is_printed(page, run, monke
     assert run("identify", "examples/recordings/ball.csv")[1].split() == shown.text.split()
 
 
+def test_the_statement_that_is_shown_is_the_statement_that_is_printed(run, at_home):
+    mujoco = pytest.importorskip("mujoco")
+    [shown] = [s for s in SNIPPETS[ROOT / "docs" / "exports.md"] if s.language == "text"]
+    if f"MuJoCo {mujoco.__version__}" not in shown.text:
+        pytest.skip("the page shows another version of MuJoCo")
+    run("identify", "examples/recordings/ball.csv", "-o", "ball")
+    printed = run("export", "ball", "--to", "mujoco", "--mass", "1.0", "-o", "exported")[1]
+    assert " ".join(printed.split()).startswith(" ".join(shown.text.split()))
+
+
 def test_the_json_that_is_shown_has_the_keys_that_are_printed(run):
     [shown] = [s for s in SNIPPETS[ROOT / "docs" / "results.md"] if s.language == "json"]
     recording = ROOT / "examples" / "recordings" / "ball.csv"
@@ -267,3 +278,11 @@ def _shown(cell) -> list[tuple[str, ...]]:
         if kind or kinds[-1:] != [()]:  # printed lines come in as many pieces as they like
             kinds.append(kind)
     return kinds
+
+
+def test_the_docs_have_a_place_for_each_check_and_name_those_that_may_cap_a_mark():
+    text = (ROOT / "docs" / "diagnosis.md").read_text("utf-8").lower()
+    subjects = {check.subject for check in Check} - {"export"}  # of which docs/exports.md speaks
+    assert {f"### {subject}\n" in text for subject in subjects} == {True}
+    named = text.replace("penetration, force, time unit", "penetration unit, force unit, time unit")
+    assert [check for check in MAY_CAP if check not in named] == []

@@ -1,4 +1,4 @@
 """How accurate identification is: every result with its bound and the paper's method.
 
-``python -m benchmarks.accuracy`` runs all parts; ``docs/accuracy`` has the results.
+``python -m benchmarks.accuracy`` runs all parts; ``docs/validation/accuracy`` has the results.
 """

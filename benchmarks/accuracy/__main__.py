@@ -29,6 +29,8 @@ from benchmarks.accuracy.campaign import Campaign
 from benchmarks.accuracy.table import Group
 from palpate.writing import check_writable, make_folder, write_text
 
+FOLDER = "docs/validation/accuracy"
+
 
 @dataclass(frozen=True, slots=True)
 class Part:
@@ -187,8 +189,9 @@ def accuracy(
                 report.print_group(group, console)
             groups += found
             if markdown is not None:
-                part, arguments = PARTS[name], f"--only {name}"
-                page = report.page(part.title, part.question, arguments, found, facts)
+                part, options = PARTS[name], f"--only {name} --markdown {FOLDER}"
+                command = f"python -m benchmarks.accuracy {options}"
+                page = report.page(part.title, part.question, command, found, facts)
                 write_text(markdown / f"{name}.md", page)
     console.print(report.words(facts))
     if json is not None:

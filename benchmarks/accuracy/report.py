@@ -67,10 +67,9 @@ def markdown(groups: list[Group], facts: dict[str, Any]) -> str:
 
 
 def page(
-    title: str, question: str, arguments: str, groups: list[Group], facts: dict[str, Any]
+    title: str, question: str, command: str, groups: list[Group], facts: dict[str, Any]
 ) -> str:
     """Return a separate page: its command, a question, the answer in a line, the tables."""
-    command = f"python -m benchmarks.accuracy {arguments} --markdown docs/accuracy"
     tables = markdown(groups, facts).replace("### ", "## ")
     return f"<!-- Written by {command} -->\n\n# {title}\n\n{question} {_answer(groups)}\n\n{tables}"
 

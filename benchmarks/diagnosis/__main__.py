@@ -47,7 +47,7 @@ def diagnosis(
     store
         File with every outcome as a line of JSON; remove it after a change of the code.
     markdown
-        Write the tables to this file, after its line ``<!-- measured -->``.
+        Write the page to this file, such as ``docs/validation/diagnosis.md``.
     """
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     if markdown is not None:
@@ -60,12 +60,11 @@ def diagnosis(
     rows = done(store, jobs, workers)
     facts = report.circumstances(seeds)
     command = " ".join(["python -m benchmarks.diagnosis", *sys.argv[1:]])
-    pages = [tables.page(rows, f"`{command}`. {report.words(facts)}"), *mark_page(rows), ""]
+    pages = [tables.page(rows, report.words(facts)), *mark_page(rows), ""]
     text = "\n".join(pages)
     print(text)
     if markdown is not None:
-        kept = markdown.read_text().partition(tables.MARK)[0]
-        write_text(markdown, f"{kept}{tables.MARK}\n\n{text}")
+        write_text(markdown, f"<!-- Written by {command} -->\n\n# {tables.TITLE}\n\n{text}")
 
 
 if __name__ == "__main__":

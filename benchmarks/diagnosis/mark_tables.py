@@ -22,12 +22,12 @@ def mark_page(rows: Rows) -> list[str]:
     lines: list[str] = []
     banks = [bank for bank in ("good", "hard") if of[bank]]
     if banks:
-        lines += ["", "### Marks beside lies", "", *_marks(_parts(of))]
+        lines += ["", "## Marks beside lies", "", *_marks(_parts(of))]
     if of["clean"]:
-        lines += ["", "### Recordings without a fault", "", *_clean(of["clean"])]
-        lines += ["", "### Coverage of 95 % bars", "", *_coverage(of["clean"])]
+        lines += ["", "## Recordings without a fault", "", *_clean(of["clean"])]
+        lines += ["", "## Coverage of 95 % bars", "", *_coverage(of["clean"])]
     if banks:
-        lines += ["", "### Lies by fault", "", *_by_fault({bank: of[bank] for bank in banks})]
+        lines += ["", "## Lies by fault", "", *_by_fault({bank: of[bank] for bank in banks})]
     return lines
 
 
@@ -177,10 +177,17 @@ def _coverage(rows: Rows) -> list[str]:
 
 
 def _held(rows: Rows) -> dict[str, float]:
-    """Return the share of runs in which the truth is within 1.96 bars, by quantity."""
+    """Return the share of runs in which the truth is within 1.96 bars, by quantity.
+
+    Runs with another law, whose parameters are other numbers, count as not within for K, B and n.
+    """
     found = [row for row in rows if row["overall"] != "refused"]
+    other = (np.inf, np.inf, np.inf)
     off = [
-        [*np.abs(row["deviations"]), *(abs(row["errors"][q]) / bar(row, q) for q in QUANTITIES)]
+        [
+            *np.abs(row["deviations"] or other),
+            *(abs(row["errors"][q]) / bar(row, q) for q in QUANTITIES),
+        ]
         for row in found
     ]
     return dict(zip(COVERED, np.mean(np.array(off) <= 1.96, axis=0).tolist(), strict=True))

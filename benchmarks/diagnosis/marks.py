@@ -9,6 +9,7 @@ import numpy as np
 
 from benchmarks.diagnosis.material_faults import MATERIAL_FAULTS
 from benchmarks.diagnosis.noises import LENGTHS, MOTION, NOISES, clean
+from benchmarks.diagnosis.outcome import named_by
 from benchmarks.diagnosis.sensor_faults import SENSOR_FAULTS
 from benchmarks.diagnosis.trials import Trial, Unseen, good, hard
 from palpate import PalpateError, identify
@@ -37,7 +38,7 @@ class Marked:
         Of K, B and n without the fault, in the standard errors of the estimate, where
         Hunt and Crossley's law was selected.
     named : tuple of str
-        Checks of the findings above a note, the most severe first.
+        The checks of :func:`named_by`, the most severe first.
     seconds : float
         CPU of the diagnosis.
     """
@@ -102,7 +103,7 @@ def marked(made: Trial) -> Marked:
         found.verdict.overall,
         found.verdict.stiffness,
         found.verdict.damping,
-        named=tuple(f.check for f in found.findings if f.severity != "note"),
+        named=named_by(result),
         sentence=found.reason,
         seconds=seconds,
     )

@@ -4,20 +4,24 @@ A third has no fault, the others one fault of a sensor each; two of three have l
 several cycles, the others noise, few samples or one press. The material is Hunt and Crossley's in
 all, and the faults that another material would show as well are left out. ``--chosen`` more
 recordings without a fault show which law is selected, and whether its digits are those of variable
-projection.
+projection. ``--docs`` writes the table to ``docs/validation/mix.md``, and its sentence between the
+markers ``<!-- mix -->`` of the pages that quote it.
 """
 
 import json
 import math
+import re
+import shlex
+import sys
 from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
 from functools import partial
 from multiprocessing import get_context
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
-from cyclopts import App
+from cyclopts import App, Parameter
 
 from benchmarks.diagnosis.marks import BANKS, NONE, bar, marked
 from benchmarks.diagnosis.sensor_faults import SENSOR_FAULTS
@@ -32,6 +36,9 @@ FAULTS = [fault for fault in SENSOR_FAULTS if fault.shown]
 #: Up to which a number may be trusted, of its size: the bar, and the error.
 LIMITS = {"stiffness": 0.10, "damping": 0.20}
 STOPS = {"stiffness": 0.25, "damping": 0.60}
+ROOT = Path(__file__).parents[2]
+PAGE, QUOTING = "docs/validation/mix.md", ("README.md", "docs/diagnosis.md")
+MARKED = re.compile(r"(?<=<!-- mix -->\n).*?(?=<!-- /mix -->)", re.DOTALL)
 
 app = App(name="python -m benchmarks.diagnosis.mix", help_format="plaintext", version_flags=[])
 
@@ -89,14 +96,49 @@ def _against(row: Row, name: str) -> bool:
     return limit is not None and _relative(row, name) > limit[name] * (1.0 + 1e-9)
 
 
+def shares_of(rows: Rows, name: str) -> tuple[list[bool], list[bool], list[bool]]:
+    """Return which are trusted and wrong, which are trusted, and which are within two bars."""
+    mix = [row for row in rows if row["set"] != "chosen"]
+    trusted = [row[name] == "trust" for row in mix]
+    wrong = [row[name] == "trust" and _off(row, name) > LIMITS[name] for row in mix]
+    given = [row for row in mix if math.isfinite(_off(row, name))]
+    return wrong, trusted, [_off(row, name) <= 2.0 * bar(row, name) for row in given]
+
+
+def sentence_of(rows: Rows) -> str:
+    """Return the three figures that matter, in words."""
+    of = {name: shares_of(rows, name) for name in LIMITS}
+    wrong, trusted, within = ([_share(of[name][k]) for name in LIMITS] for k in range(3))
+    clean = sum(row["set"] == "clean" for row in rows)
+    return (
+        f"Of {len(of['stiffness'][0])} simulated recordings, {clean} of them without a fault, "
+        f"{wrong[0]} % have a stiffness that is\nmarked *trust* and more than 10 % off, and "
+        f"{wrong[1]} % a damping that is marked *trust* and more than 20 % off.\n*Trust* is on "
+        f"{trusted[0]} % of the stiffnesses and {trusted[1]} % of the dampings; {within[0]} % and "
+        f"{within[1]} % of them are within two standard\nerrors of the truth.\n"
+    )
+
+
+def write_docs(rows: Rows) -> None:
+    """Write the page, and the sentence into the pages that quote it."""
+    command = shlex.join(["python", "-m", "benchmarks.diagnosis.mix", *sys.argv[1:]])
+    lines = "\n".join(table(["what", "share"], list(lines_of(rows))))
+    about = " ".join((__doc__ or "").split(":", 1)[1].split("``--chosen``")[0].split())
+    page = f"<!-- Written by {command} -->\n\n# Marks and bars of a mix of recordings\n\n"
+    write_text(
+        ROOT / PAGE, f"{page}{about[0].upper()}{about[1:]}\n\n{sentence_of(rows)}\n{lines}\n"
+    )
+    for name in QUOTING:
+        text = (ROOT / name).read_text("utf-8")
+        write_text(ROOT / name, MARKED.sub(sentence_of(rows), text))
+
+
 def lines_of(rows: Rows) -> Iterator[list[object]]:
     """A row of the table for each claim."""
     mix = [row for row in rows if row["set"] != "chosen"]
     for name, limit in LIMITS.items():
         given = [row for row in mix if math.isfinite(_off(row, name))]
-        trusted = [row[name] == "trust" for row in mix]
-        wrong = [row[name] == "trust" and _off(row, name) > limit for row in mix]
-        within = [_off(row, name) <= 2.0 * bar(row, name) for row in given]
+        wrong, trusted, within = shares_of(rows, name)
         yield [f"{name}: trusted and off by > {limit:.0%}, %", _share(wrong)]
         yield [f"{name}: mark better than its bar, %", _share([_against(r, name) for r in mix])]
         yield [f"{name}: trusted, %", _share(trusted)]
@@ -123,6 +165,7 @@ def main(
     jobs: int = 1,
     keep: Path | None = None,
     kept: Path | None = None,
+    docs: Annotated[bool, Parameter(negative="")] = False,
 ) -> None:
     """Measure, and print the table.
 
@@ -138,6 +181,8 @@ def main(
         Write a line of JSON for each recording.
     kept
         Make the table from such a file instead.
+    docs
+        Write ``docs/validation/mix.md``, and the sentence of the pages that quote it.
     """
     counts = {"clean": clean, "faulty": faulty, "chosen": chosen}
     todo = [(kind, k + (kind == "chosen") * clean) for kind, n in counts.items() for k in range(n)]
@@ -151,6 +196,8 @@ def main(
     if keep is not None:
         write_text(keep, "".join(json.dumps(row) + "\n" for row in rows))
     print("\n".join(table(["what", "share"], list(lines_of(rows)))))
+    if docs:
+        write_docs(rows)
 
 
 if __name__ == "__main__":

@@ -4,11 +4,9 @@ import math
 import re
 from dataclasses import dataclass
 
-import numpy as np
-
 from benchmarks.diagnosis.faults import Fault
 from benchmarks.diagnosis.probing import Probing, measured, probing
-from palpate import RecordingError, identify
+from palpate import GeneralisedHuntCrossley, RecordingError, identify
 from palpate.diagnosis import Diagnosis
 from palpate.identifying import Identification
 
@@ -24,7 +22,7 @@ class Outcome:
     overall : str
         The verdict; ``"refused"`` if it was not identified.
     named : tuple of str
-        The checks of the findings that are more than a note, the most severe first.
+        The checks of :func:`named_by`, the most severe first.
     lie, parameters_lie : bool
         Whether stiffness or damping at working depth was wrong, and K, B or n.
     flagged : bool
@@ -80,59 +78,56 @@ def judged(made: Probing, result: Identification, fault: Fault) -> Outcome:
     """Compare an identification with the truth."""
     found, law, errors = result.diagnosis, result.law, result.estimate.standard_errors
     depth = found.working_depth.depth
-    stiffness, damping = law.stiffness_at(depth), law.damping_at(depth)
+    printed_s, printed_c = found.working_depth.stiffness, found.working_depth.damping
+    stiffness, damping = printed_s.value, printed_c.value
     wrong_s, wrong_c = stiffness / made.stiffness - 1.0, damping / made.damping - 1.0
-    bars = printed_errors(result, depth)
-    lie = _wrong(stiffness - made.stiffness, bars[0], made.stiffness)
-    lie |= _wrong(damping - made.damping, bars[1], made.damping)
-    parameters = made.law_is_true and any(
+    lie = _wrong(stiffness - made.stiffness, printed_s.whole_error, made.stiffness)
+    lie |= _wrong(damping - made.damping, printed_c.whole_error, made.damping)
+    # K, B and n of another law are other numbers.
+    comparable = made.law_is_true and type(law) is type(made.law)
+    parameters = comparable and any(
         _wrong(given - true, error, true)
         for given, true, error in zip(law.parameters, made.law.parameters, errors, strict=True)
     )
-    grave = tuple(f.check for f in found.findings if f.severity != "note")
     return Outcome(
         found.verdict.overall,
-        grave,
+        named_by(result),
         lie or fault.stops,
         parameters,
         bool(result.flags),
         wrong_s,
         wrong_c,
-        (stiffness - made.law.stiffness_at(depth)) / found.working_depth.stiffness.standard_error,
-        (damping - made.law.damping_at(depth)) / found.working_depth.damping.standard_error,
+        _in_bars(stiffness - made.law.stiffness_at(depth), printed_s.whole_error),
+        _in_bars(damping - made.law.damping_at(depth), printed_c.whole_error),
         _delay(found),
         tuple(episode.start for episode in found.episodes[1:]),
         found.reason,
     )
 
 
+def named_by(result: Identification) -> tuple[str, ...]:
+    """Return checks whose findings are significant or cost a mark, and what the law itself says."""
+    law, found = result.law, result.diagnosis.findings
+    said = [f.check for f in found if f.severity != "note" or math.isfinite(f.z)]
+    if isinstance(law, GeneralisedHuntCrossley):
+        if law.relaxation_stiffness > 0.0:
+            said.append("memory")
+        if law.damping_exponent != law.exponent:
+            said.append("damping form")
+    return tuple(name for name in dict.fromkeys(said) if name != "precision")
+
+
 def _delay(found: Diagnosis) -> float:
     """Return the delay in the message ``the force is 5.0 ± 0.1 ms late …``, s."""
-    grave = [f for f in found.findings if f.check == "delay" and f.severity != "note"]
-    number = re.search(r"is (\S+) ± \S+ ms (late|early)", grave[0].message if grave else "")
+    messages = [f.message for f in found.findings if f.check == "delay"]
+    number = re.search(r"is (\S+) ± \S+ ms (late|early)", messages[0] if messages else "")
     if number is None:
         return math.nan
     return float(number[1]) * (1e-3 if number[2] == "late" else -1e-3)
 
 
-def printed_errors(result: Identification, depth: float) -> tuple[float, float]:
-    """Return standard errors of stiffness and damping at a depth by the estimate's covariance."""
-    law, covariance = result.law, result.estimate.covariance
-    rows = []
-    for k, value in enumerate(law.parameters):
-        step = 1e-6 * abs(value) or 1e-9
-        high, low = law.parameters, law.parameters
-        high[k], low[k] = value + step, value - step
-        pair = type(law)(*high), type(law)(*low)
-        rows.append(
-            [
-                (pair[0].stiffness_at(depth) - pair[1].stiffness_at(depth)) / (2.0 * step),
-                (pair[0].damping_at(depth) - pair[1].damping_at(depth)) / (2.0 * step),
-            ]
-        )
-    gradient = np.array(rows).T
-    errors = np.sqrt(np.maximum(np.diag(gradient @ covariance @ gradient.T), 0.0))
-    return float(errors[0]), float(errors[1])
+def _in_bars(error: float, bar: float) -> float:
+    return error / bar if bar > 0.0 else math.nan
 
 
 def _wrong(error: float, bar: float, size: float) -> bool:

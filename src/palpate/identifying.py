@@ -66,7 +66,7 @@ class Identification(Identified):
     segments: tuple["Identification", ...]
 
     def __repr__(self) -> str:
-        return view.line(self)
+        return view.one_line(self)
 
     def _repr_html_(self) -> str:
         """Card for a notebook: the numbers with their marks, and the law."""
@@ -137,9 +137,9 @@ class Identification(Identified):
 
     def as_dict(self) -> dict[str, Any]:
         """Return the result as plain numbers and text; undefined values are None."""
-        from palpate.results.saved import of_one
+        from palpate.results.saved import result_dict
 
-        return of_one(self)
+        return result_dict(self)
 
 
 def identify(

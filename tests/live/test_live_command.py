@@ -96,7 +96,9 @@ def test_a_recording_is_replayed_printed_and_recorded(recording, tmp_path):
     assert any(each.startswith(f"{recording}: 2000 samples, 19") for each in lines)
     assert any(each.startswith("update, estimate") for each in lines)
     assert "0 lost before the loop" in out
-    assert re.search(r"contact · (20\d\d|199\d).* N/m, .* N·s/m at .* mm", out)
+    assert re.search(
+        r"contact · stiffness (20\d\d|199\d).* N/m at .* mm.*; damping .* N·s/m at .* mm.*Hz", out
+    )
     assert f"recorded 2000 rows to {copy}" in out
 
 

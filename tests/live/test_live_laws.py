@@ -15,14 +15,14 @@ from palpate import FlatSpectrum, GeneralisedHuntCrossley, OnlinePreparation, Si
 from palpate.estimators.by_law import estimator_by_law
 from palpate.live import run
 from palpate.live.choices import LiveCommand
-from palpate.live.diagnosing import Diagnosing, contact_of, diagnosed, outdated, recent
+from palpate.live.diagnosing import Diagnosing, contact_of, diagnosed, recent
 from palpate.live.loop import Loop
 from palpate.live.page.watch import plain
-from palpate.live.publishing import Fields, describe_status
+from palpate.live.publishing import AFTER, Fields, describe_status
 from palpate.live.recorder import described
 from palpate.live.ring import COLUMNS
 from palpate.live.running import default_estimator
-from palpate.live.sinks import Watching
+from palpate.live.sinks import Watching, outdated
 from palpate.live.sources import EndOfSourceError, Replay
 from palpate.live.view import (
     NUMBERS,
@@ -30,9 +30,12 @@ from palpate.live.view import (
     certainty,
     describe_verdict,
     fields_of,
+    headline,
     numbers_of,
     verdict_on,
+    where,
 )
+from palpate.results.view import number_lines
 
 BOX = FlatSpectrum(2e-3, 2.048)
 LAWS = {
@@ -118,7 +121,7 @@ def test_before_the_first_sample_there_is_no_law_and_no_number():
     fields = fields_of(before)
     assert fields["law"] == ""
     assert not any(math.isfinite(fields[name]) for name in (*NUMBERS, "depth", "frequency"))
-    assert describe_verdict(before, numbers_of(before)) == "no law yet"
+    assert describe_verdict(before) == "no law yet"
     card = plain(card_of(before, math.nan))
     assert (card["law-name"], card["law-badge"]) == ("Not known yet", "not known yet")
     assert {words for _, words in card["law-numbers"]} == {"–"}
@@ -150,7 +153,7 @@ def test_a_change_of_the_material_gives_the_evidence_up_until_there_is_a_verdict
     assert given_up
     for page in given_up:  # until then the last verdict is marked as outdated
         assert certainty(page) == "before"
-        assert "outdated" in describe_verdict(page, {})
+        assert "outdated" in describe_verdict(page)
         assert numbers_of(page) == {}
         assert page["changes"] == 0
 
@@ -202,8 +205,9 @@ def test_a_known_exponent_is_given_and_no_estimate():
     size = len(estimator.law_type.symbols)
     values = [0.0] * 10 + verdict["parameters"] + estimator.estimate().standard_errors.tolist()
     fields = Fields(0, tuple(estimator.law_type.names()), 10**12)
-    said = describe_status(page, fields, dict(zip(fields.names, [*values, 2.0, 0.0], strict=True)))
-    assert len(values) == 10 + 2 * size
+    values += [0.0] * len(AFTER)
+    said = describe_status(page, fields, dict(zip(fields.names, values, strict=True)))
+    assert len(values) == 10 + 2 * size + len(AFTER)
     assert said["exponent"] == 1.5
     assert "exponent 1.5 (fixed)" in said["words"]
     assert "damping_exponent" not in said
@@ -236,6 +240,39 @@ def test_it_is_the_librarys_own(samples):
     stiffness = MATERIALS["ball"].stiffness_at(depth["depth"])
     bars = depth["stiffness"]
     assert abs(bars["value"] - stiffness) < 4.0 * bars["standard_error"] + bars["systematic"]
+
+
+def test_the_headline_is_the_answer_of_identify_until_it_is_outdated():
+    script = arrivals(*swung(MEMORY, 4.0))
+    loop, rows = looped(script)
+    status, known = loop.status(), recent(rows[:, SAMPLE], 20.0, LATE)
+    page = diagnosed(known, status)
+    result = palpate.identify(contact_of(known, 1e-3))
+    assert result.law.remembers
+    assert headline(page, status, {}, "") == (lines := number_lines(result))
+    assert all(line.mark for line in lines)
+    now = {"stiffness": (500.0, 1.0), "damping": (4.0, 0.1)}
+    at = where(9e-3, 2.0)
+    for found, why in ((None, "--no-diagnosis"), ({}, "first"), (page, "material has changed")):
+        first, second = headline(found, {**status, "counts": {"changes": 1}}, now, at)
+        assert (first.name, first.value, first.at, first.mark) == (
+            "stiffness",
+            "500.0 ± 1.0 N/m",
+            at,
+            None,
+        )
+        assert second.value == "4.00 ± 0.10 N·s/m"
+        assert why in first.reason
+
+
+def test_the_diagnosis_uses_a_known_exponent_and_the_chosen_depth(samples):
+    known = recent(samples, 20.0, LATE)
+    page = diagnosed(known, {**STATUS, "exponent": 1.2, "depth": 5e-3})
+    estimator = palpate.VariableProjection(exponent=1.2)
+    result = palpate.identify(contact_of(known, 1e-3), estimator).at_depth(5e-3)
+    assert page["working_depths"][0] == result.diagnosis.working_depth.as_dict()
+    assert page["working_depths"][0]["depth"] == 5e-3
+    assert {line["at"].split(",")[0] for line in page["numbers"]} == {"at 5 mm"}
 
 
 def test_it_is_of_the_last_seconds_of_one_clock(samples):

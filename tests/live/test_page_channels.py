@@ -144,6 +144,18 @@ def test_a_clock_that_is_set_back_voids_what_was_before(history):
     np.testing.assert_array_equal(frame(history, 5, 7)[1], [5.001, 5.002])
 
 
+def test_the_response_of_a_law_that_relaxes_is_that_of_its_time_and_of_one_depth(history):
+    history.show(GeneralisedHuntCrossley, 0.01, 0.0)
+    for k, response in enumerate(([900.0, 5.0, 30.0, 1.0], [950.0, 4.0, 31.0, 0.9])):
+        history.response = np.array(response)
+        history.add(rows_of([k * 1e-3]), DELAY)
+    values = frame(history, 0, 2)[2]
+    found = [values[name].tolist() for name in ("stiffness", "stiffness_error", "damping")]
+    assert found == [[900.0, 950.0], [5.0, 4.0], [30.0, 31.0]]
+    history.show(GeneralisedHuntCrossley, 0.02, 0.0)
+    assert np.isnan(frame(history, 0, 2)[2]["stiffness"]).all()
+
+
 def test_no_line_leads_from_one_estimator_to_the_next(history):
     history.show(HuntCrossley, 0.01, 0.0)
     history.add(rows_of(np.arange(6) * 1e-3, method=[0, 0, 0, 1, 1, 1]), DELAY)

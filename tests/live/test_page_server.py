@@ -194,6 +194,8 @@ def test_a_chosen_depth_is_the_one_of_all_that_is_shown(page):
         assert values["stiffness"][-1] == pytest.approx(expected, rel=1e-5)
         client.send(json.dumps({"ask": "depth", "value": None}))
         received(client, dict, lambda each: each.get("depth", {}).get("chosen") is False)
+    asked = [page.commands.recv() for _ in range(2)]  # so that the diagnosis is at that depth
+    assert asked == [LiveCommand("depth", {"value": value}) for value in (0.004, None)]
 
 
 def test_a_browser_that_asks_for_fewer_samples_gets_every_fourth(page):

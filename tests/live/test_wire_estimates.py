@@ -13,6 +13,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 import zmq
+from cases import MATERIALS
 from scripted import arrivals, in_a_process, looped, measured, pressed
 from wire_robots import ROBOTS, free_port
 
@@ -22,14 +23,16 @@ from palpate.errors import InvalidParameterError, PalpateError
 from palpate.live import run
 from palpate.live.choices import State
 from palpate.live.diagnosing import diagnosed, recent
-from palpate.live.publishing import Publisher, open_publisher
+from palpate.live.publishing import AFTER, Publisher, open_publisher
 from palpate.live.sinks import PLACE, UNDIAGNOSED, diagnosis_of
 from palpate.live.sources import Replay
 
 NAMES = [
     "time", "prepared_time", "penetration", "velocity", "force", "predicted_force", "state",
-    "offset", "surface", "margin", "stiffness", "damping", "exponent", "stiffness_standard_error",
-    "damping_standard_error", "exponent_standard_error", "verdict", "age",
+    "offset", "surface", "margin", "stiffness", "exponent", "damping", "damping_exponent",
+    "relaxation_stiffness", "stiffness_standard_error", "exponent_standard_error",
+    "damping_standard_error", "damping_exponent_standard_error",
+    "relaxation_stiffness_standard_error", *AFTER,
 ]  # fmt: skip
 
 
@@ -90,11 +93,11 @@ class BinaryListener(ZeroMQListener):
     def take(self, data: bytes) -> None:
         number, *values = struct.unpack("<Q26d", data)
         assert number == len(self.estimates) + 1
-        self.names = NAMES[:-2]  # verdict and age are in the status
-        # Room for eight parameters and their errors; the law has three.
-        assert np.isnan(values[13:18]).all()
-        assert np.isnan(values[21:26]).all()
-        self.estimates.append([*values[:13], *values[18:21]])
+        self.names = NAMES[: -len(AFTER)]  # the diagnosis and the age are in the status
+        # Room for eight parameters and their errors; the law has five.
+        assert np.isnan(values[15:18]).all()
+        assert np.isnan(values[23:26]).all()
+        self.estimates.append([*values[:15], *values[18:23]])
 
 
 TYPES = {
@@ -230,15 +233,16 @@ def test_every_estimate_is_published_with_names_and_units(kind) -> None:
     assert 0.0 < last["stiffness_standard_error"] < last["stiffness"]
     said = listener.said[-1]
     assert said["state"] in ("contact", "free", "changed", "lost")
-    assert said["method"] == "variable-projection"
-    assert (said["law"], float(said["schema"])) == ("hunt-crossley", 2)
+    assert said["method"] == "viscoelastic"
+    assert (said["law"], float(said["schema"])) == ("generalised-hunt-crossley", 2)
     assert re.match("stiffness .*±", said["words"])
     numbers = [said[name] for name in ("lost", "age", "stiffness_standard_error", "stiffness")]
     assert sorted(map(float, numbers)) == [*map(float, numbers)]
     # In JSON they are numbers; in ROS every value is text.
     assert issubclass(kind, RosListener) or {type(each) for each in numbers} <= {int, float}
     # Nothing diagnoses it: no reader may take that for trust.
-    assert np.isnan(values[:, 16:17]).all()
+    assert np.isnan(values[:, 20 : len(NAMES) - 1]).all()
+    assert (said["stiffness_verdict"], said["answer"]) == ("not diagnosed yet", "")
     assert (said["verdict"], said["reason"]) == ("not diagnosed yet", UNDIAGNOSED)
 
 
@@ -293,13 +297,20 @@ def test_a_verdict_is_published_until_it_is_not_of_what_the_loop_does():
         pages["now"] = page = diagnosed(recent(samples, 20.0, 0.0), status)
         estimate, said = heard(1100)
         assert (estimate["verdict"], estimate["age"]) == (2.0, 0.0)
+        assert estimate["stiffness_verdict"] == estimate["damping_verdict"] == 2.0
+        depth, bars = estimate["working_depth"], estimate["dynamic_stiffness_standard_error"]
+        exact = MATERIALS["ball"].stiffness_at(depth)
+        assert abs(said["dynamic_stiffness"] - exact) < 4.0 * bars < 0.1 * exact
+        assert said["answer"] == page["answer"]
         assert said["verdict"] == said["stiffness_verdict"] == said["damping_verdict"] == "trust"
         assert said["reason"] == page["reason"]
         assert said["diagnosis_time"] == pytest.approx(1000.0 + rows[-1, 0], abs=0.05)
         estimate, said = heard(1200, status=Status.WAITING)
         assert said["age"] >= estimate["age"] == pytest.approx(0.1)
         # Of a change the board does not know yet; then it does.
-        assert math.isnan(heard(1300, state=State.CHANGED)[0]["verdict"])
+        changed, _ = heard(1300, state=State.CHANGED)
+        assert math.isnan(changed["verdict"])
+        assert math.isnan(changed["dynamic_stiffness"])
         status["counts"]["changes"] += 1
         estimate, said = heard(1400)
         assert math.isnan(estimate["verdict"])

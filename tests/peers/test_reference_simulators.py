@@ -79,9 +79,8 @@ def test_an_engine_shows_the_force_of_the_law_that_it_documents(name) -> None:
         (lambda law: VariableProjection(), 1e-3),
         # Started at what was set: from most other starts it freezes, as the paper found.
         (lambda law: DoubleStageRLS(initial=law), EXACT),
-        # The sensor's noise is given: a Kalman filter that finds none at all trusts its start in
-        # the first 0.1 s of light touch, and is then off by 0.5 % in K and 7 % in B
-        # (docs/reference-simulators.md).
+        # The sensor's noise is given: a Kalman filter that finds none at all is off by 1e-4 in B
+        # (docs/validation/reference-simulators.md).
         (lambda law: DriftTracking(noise=NOISE), 1e-3),
     ],
     ids=["variable projection", "double stage", "drift tracking"],

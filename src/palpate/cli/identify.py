@@ -151,13 +151,13 @@ def diagnose(
         Print one JSON object instead of text.
     """
     from palpate.identifying import identify as run
-    from palpate.results.saved import described
+    from palpate.results.saved import describe_contact
 
     depth, contact = judging.depth, reading.contact(files, choosing.options)
     result = run(contact, _estimator(contact, choosing, reading)[1], trace=False)
     result = result if depth is None else result.at_depth(depth)
     if as_json:
-        print_json(described(files, [result]))
+        print_json(describe_contact(files, [result]))
     else:
         print_diagnosis(result)
     return judging.status([result.diagnosis.verdict])

@@ -164,7 +164,7 @@ def live(
     For example:
 
         palpate live lab:ball --open
-        palpate live sponge.csv --law auto --open
+        palpate live sponge.csv --law half-space --open
         palpate live probing.mcap --speed 2 --tare 1s --no-page
         palpate live zmq:tcp://127.0.0.1:5555 --direction 0,0,-1 --record touch.mcap
 
@@ -174,8 +174,8 @@ def live(
         The laboratory, such as lab:ball; the path of a recording, which is replayed; or the address
         of a robot, which begins with zmq:, dds: or zenoh:.
     law
-        Force law: auto, the damping form that fits best, with relaxation where the material
-        relaxes; or one law, such as half-space (default: hunt-crossley).
+        Force law: auto, the one that fits best, with relaxation where the material relaxes; or one
+        law, such as half-space (default: auto).
     method
         Estimator, such as single-stage (default: depends on the law). The page can change it.
     exponent
@@ -192,7 +192,7 @@ def live(
 
     if looping.seconds is not None:
         number_in("--seconds", looping.seconds, 0.0, 1e9)
-    choosing = MethodOptions(law, method)
+    choosing = MethodOptions(law, method).by_default(exponent)
     chosen = default_estimator(choosing.kind, **choosing.settings)
     if exponent is not None:
         chosen = chosen.replace(exponent=kept_exponent(exponent, type(chosen)))

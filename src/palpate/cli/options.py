@@ -100,6 +100,14 @@ class MethodOptions:
 
         return estimator_by_law(self.law, self.method)
 
+    def by_default(self, exponent: float | None = None) -> "MethodOptions":
+        """Return law auto where neither law nor method is requested and it knows the exponent."""
+        from palpate.estimators import ViscoelasticContact
+
+        low, high = ViscoelasticContact.exponents
+        known = exponent is None or low <= exponent <= high
+        return self if self.options or not known else MethodOptions(law="auto")
+
     def check(self) -> None:
         """Raise if there is no such law or method, before anything is read."""
         assert self._found

@@ -212,14 +212,8 @@ class ReadingOptions:
 
         It selects the law; variable projection does what only that can.
         """
-        from palpate.estimators import ViscoelasticContact
-
-        low, high = ViscoelasticContact.exponents
-        known = self.exponent is None or low <= self.exponent <= high
-        able = known and self.weak_prior and self.surface != "estimate" and not timeless
-        if choosing.law is None and choosing.method is None and able:
-            return MethodOptions(law="auto")
-        return choosing
+        able = self.weak_prior and self.surface != "estimate" and not timeless
+        return choosing.by_default(self.exponent) if able else choosing
 
     def settings(self, contact: "Contact", kind: "type[ContactEstimator]") -> dict[str, Any]:
         """Return the constructor arguments for an estimator of this kind, with its gate."""

@@ -8,9 +8,12 @@ from operator import attrgetter
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.diagnosis.fit import WINDOWS_A_PERIOD, Fit, MisfitHypothesis
+from palpate.diagnosis.causes import MisfitHypothesis
+from palpate.diagnosis.fit import Fit
+from palpate.diagnosis.windows import WINDOWS_A_PERIOD
 from palpate.digits import rounded
 from palpate.estimators.least_squares import Fitted, least_squares, robust_covariance
+from palpate.findings import Check
 from palpate.force_laws import ForceLaw
 from palpate.validation import Floats
 
@@ -61,13 +64,13 @@ class Cut:
         return float(self.least.residual @ self.least.residual)
 
 
-def changes(fit: Fit) -> Changes | None:
+def find_changes(fit: Fit) -> Changes | None:
     """Cut by dynamic programming, for own (k, c) an episode and common n and F₀.
 
     None where there is none that is significant (z > 6), of 3 % or more, in episodes of two
     periods or more.
     """
-    rows = len(fit.band)
+    rows = len(fit.windows)
     if rows < 4 * BLOCKS:
         return None
     law = fit.solution.law
@@ -75,48 +78,63 @@ def changes(fit: Fit) -> Changes | None:
         return None
     starts = (law.parameters[2], *EXPONENTS) if law.power_law else (math.nan,)
     starts = starts[:1] if fit.fixed else starts
-    costs = {float(n): _cost(fit, float(n), fit.solution.offset) for n in starts}
+    columns_of = _EpisodeColumns(fit)
+    costs = {float(n): _block_costs(columns_of, float(n), fit.solution.offset) for n in starts}
     found = None
     energy, duration = fit.solution.energy, float(fit.time[-1] - fit.time[0])
     for count in range(1, MOST_CHANGES + 1):
         if duration / (count + 1) <= FEWEST_PERIODS * fit.period:
             break
-        cuts = [_fitted(fit, _programme(fit, c, count), n, held=True) for n, c in costs.items()]
-        best = _refined(fit, min(cuts, key=_ENERGY), count)
+        cuts = [
+            _fit_segments(columns_of, _best_borders(fit, c, count), n, held=True)
+            for n, c in costs.items()
+        ]
+        best = _refine_borders(columns_of, min(cuts, key=_ENERGY), count)
         if best.energy > (1.0 - WORTH_ANOTHER) * energy and found is not None:
             break
         found, energy = best, best.energy
-    return None if found is None else _judged(fit, _sharpened(fit, found))
+    return None if found is None else _significant_changes(fit, _sharpen_borders(columns_of, found))
 
 
-def _basis(fit: Fit, exponent: float, *, logarithm: bool = False) -> Floats:
+class _EpisodeColumns:
     """Columns of an episode's own coefficients: xⁿ and xⁿv, by n if so, or other linear ones."""
-    if math.isnan(exponent):
-        return fit.solution.jacobian[:, fit.linear]
-    if (exponent, logarithm) not in fit.powers:  # the searches come back to the same exponents
-        depth = np.maximum(fit.x, 1e-12)
-        power = depth**exponent * (np.log(depth) if logarithm else 1.0)
-        fit.powers[exponent, logarithm] = fit.band.mean(np.column_stack([power, power * fit.v]))
-    return fit.powers[exponent, logarithm]
+
+    def __init__(self, fit: Fit) -> None:
+        self.fit = fit
+        # The searches come back to the same exponents.
+        self._powers: dict[tuple[float, bool], Floats] = {}
+
+    def __call__(self, exponent: float, *, logarithm: bool = False) -> Floats:
+        fit = self.fit
+        if math.isnan(exponent):
+            return fit.solution.jacobian[:, fit.linear]
+        key = exponent, logarithm
+        if key not in self._powers:
+            depth = np.maximum(fit.x, 1e-12)
+            power = depth**exponent * (np.log(depth) if logarithm else 1.0)
+            self._powers[key] = fit.windows.mean(np.column_stack([power, power * fit.v]))
+        return self._powers[key]
 
 
-def _refined(fit: Fit, start: Cut, count: int) -> Cut:
+def _refine_borders(columns_of: _EpisodeColumns, start: Cut, count: int) -> Cut:
     """The best borders of so many changes, near a start; exponent and borders in turn."""
-    cut = _fitted(fit, start.borders, start.exponent)
+    fit = columns_of.fit
+    cut = _fit_segments(columns_of, start.borders, start.exponent)
     for _ in range(2):
-        borders = _programme(fit, _cost(fit, cut.exponent, cut.offset), count)
+        borders = _best_borders(fit, _block_costs(columns_of, cut.exponent, cut.offset), count)
         if borders == cut.borders:
             break
-        again = _fitted(fit, borders, cut.exponent)
+        again = _fit_segments(columns_of, borders, cut.exponent)
         if again.energy >= cut.energy * (1.0 - 1e-6):
             break
         cut = again
     return cut
 
 
-def _cost(fit: Fit, exponent: float, offset: float) -> Floats:
+def _block_costs(columns_of: _EpisodeColumns, exponent: float, offset: float) -> Floats:
     """Energy that own coefficients leave of blocks i … j − 1, shape (49, 49)."""
-    basis = _basis(fit, exponent)
+    fit = columns_of.fit
+    basis = columns_of(exponent)
     wide = np.column_stack([basis, fit.by_linear - offset])
     products = np.add.reduceat(wide[:, :, None] * wide[:, None, :], _edges(fit)[:-1], axis=0)
     sums = np.concatenate([np.zeros((1, *products.shape[1:])), np.cumsum(products, axis=0)])
@@ -133,10 +151,10 @@ def _cost(fit: Fit, exponent: float, offset: float) -> Floats:
 
 def _edges(fit: Fit) -> NDArray[np.intp]:
     """The rows at which blocks begin, and the end."""
-    return np.linspace(0, len(fit.band), BLOCKS + 1).astype(np.intp)
+    return np.linspace(0, len(fit.windows), BLOCKS + 1).astype(np.intp)
 
 
-def _programme(fit: Fit, cost: Floats, count: int) -> list[int]:
+def _best_borders(fit: Fit, cost: Floats, count: int) -> list[int]:
     """The rows at which ``count`` changes leave the least."""
     best, chosen = cost[0].copy(), []
     for _ in range(count):
@@ -153,20 +171,23 @@ def _programme(fit: Fit, cost: Floats, count: int) -> list[int]:
 
 def _episodes(fit: Fit, borders: list[int]) -> list[slice]:
     """The rows of each episode."""
-    return list(itertools.starmap(slice, itertools.pairwise([0, *borders, len(fit.band)])))
+    return list(itertools.starmap(slice, itertools.pairwise([0, *borders, len(fit.windows)])))
 
 
-def _fitted(fit: Fit, borders: list[int], exponent: float, *, held: bool = False) -> Cut:
+def _fit_segments(
+    columns_of: _EpisodeColumns, borders: list[int], exponent: float, *, held: bool = False
+) -> Cut:
     """Coefficients of each episode, and a common offset and exponent, which may be held."""
+    fit = columns_of.fit
     parts, linear = _episodes(fit, borders), math.isnan(exponent)
     held = held or linear or bool(fit.fixed)
-    first = _basis(fit, exponent)
+    first = columns_of(exponent)
     own, start = first.shape[1], 0.0 if linear else exponent
 
     def model(parameters: Floats) -> tuple[Floats, Floats]:
         coefficients, n = parameters[:-2].reshape(-1, own), float(parameters[-2])
-        basis = first if held else _basis(fit, n)
-        slopes = None if held else _basis(fit, n, logarithm=True)
+        basis = first if held else columns_of(n)
+        slopes = None if held else columns_of(n, logarithm=True)
         columns = np.zeros((len(basis), len(parameters)))
         for k, part in enumerate(parts):
             columns[part, k * own : (k + 1) * own] = basis[part]
@@ -187,24 +208,26 @@ def _fitted(fit: Fit, borders: list[int], exponent: float, *, held: bool = False
     return Cut(borders, math.nan if linear else n, offset, shares, found)
 
 
-def _sharpened(fit: Fit, cut: Cut) -> Cut:
+def _sharpen_borders(columns_of: _EpisodeColumns, cut: Cut) -> Cut:
     """Move each border to the row where one law's residual becomes smaller than the other's."""
-    basis, half = _basis(fit, cut.exponent), len(fit.band) // BLOCKS
+    fit = columns_of.fit
+    basis, half = columns_of(cut.exponent), len(fit.windows) // BLOCKS
     target = fit.by_linear - cut.offset
     borders = []
     for k, border in enumerate(cut.borders):
         near = slice(max(border - half, 1), min(border + half, len(target) - 1))
         left, right = (target[near] - basis[near] @ cut.coefficients[k + m] for m in (0, 1))
         borders.append(near.start + int(np.argmin(np.cumsum(left**2 - right**2))) + 1)
-    return _without_slivers(fit, _fitted(fit, sorted(set(borders)), cut.exponent))
+    return _drop_slivers(columns_of, _fit_segments(columns_of, sorted(set(borders)), cut.exponent))
 
 
-def _without_slivers(fit: Fit, cut: Cut) -> Cut:
+def _drop_slivers(columns_of: _EpisodeColumns, cut: Cut) -> Cut:
     """Drop borders nearer than half a period to another or to an end.
 
     A filtered velocity smears a change over some rows, which no law describes, and which are no
     material; nor are the few rows at an end where it sees but half of its window.
     """
+    fit = columns_of.fit
     while True:
         lengths = np.diff(fit.time[[0, *cut.borders, -1]])
         if not cut.borders or lengths.min() >= 0.5 * fit.period:
@@ -212,10 +235,10 @@ def _without_slivers(fit: Fit, cut: Cut) -> Cut:
         near = int(np.argmin(lengths))
         drops = {max(near - 1, 0), min(near, len(cut.borders) - 1)}
         kept = [[b for k, b in enumerate(cut.borders) if k != drop] for drop in drops]
-        cut = min((_fitted(fit, each, cut.exponent) for each in kept), key=_ENERGY)
+        cut = min((_fit_segments(columns_of, each, cut.exponent) for each in kept), key=_ENERGY)
 
 
-def _law_of(fit: Fit, cut: Cut, own: Floats) -> ForceLaw:
+def _segment_law(fit: Fit, cut: Cut, own: Floats) -> ForceLaw:
     law = fit.solution.law
     parameters = law.parameters
     parameters[fit.linear] = own
@@ -224,10 +247,10 @@ def _law_of(fit: Fit, cut: Cut, own: Floats) -> ForceLaw:
     return law.from_parameters(parameters)
 
 
-def _judged(fit: Fit, cut: Cut) -> Changes | None:
+def _significant_changes(fit: Fit, cut: Cut) -> Changes | None:
     own, residual = cut.coefficients.shape[1], cut.least.residual
     columns = np.delete(cut.least.jacobian, [-2] if fit.with_offset else [-2, -1], axis=1)
-    covariance = robust_covariance(columns, residual, fit.band.shared)
+    covariance = robust_covariance(columns, residual, fit.windows.shared)
     steps = np.diff(cut.coefficients, axis=0)
     wald = []
     for k, step in enumerate(steps):
@@ -235,29 +258,37 @@ def _judged(fit: Fit, cut: Cut) -> Changes | None:
         spread = covariance[first, first] + covariance[second, second]
         spread = spread - covariance[first, second] - covariance[second, first]
         wald.append(math.sqrt(max(float(step @ np.linalg.pinv(spread) @ step), 0.0)))
-    laws = tuple(fit.units.restored(_law_of(fit, cut, row)) for row in cut.coefficients)
+    laws = tuple(fit.units.restored(_segment_law(fit, cut, row)) for row in cut.coefficients)
     values = [fit.stiffness(fit.units.local(law)) for law in laws]
     size = [abs(b / a - 1.0) if a else math.inf for a, b in itertools.pairwise(values)]
     if min(wald, default=0.0) <= SIGNIFICANT or max(size) <= SMALLEST_STEP:
         return None
-    found = min(wald), fit.gain(float(residual @ residual)), 0.0
-    times = tuple(_to_the_sample(fit, cut, laws, k) for k in range(len(cut.borders)))
+    found = min(wald), fit.explained_fraction(float(residual @ residual)), 0.0
+    times = tuple(_border_time(fit, cut, laws, k) for k in range(len(cut.borders)))
     when = ", ".join(f"{rounded(time, 3)} s" for time in times)
     levels = " → ".join(rounded(value, 3) for value in values)
 
-    def moves(other: Fit) -> tuple[float, float]:
-        pooled = other.stiffness(other.solution.law)
-        moved = (other.stiffness(other.units.local(law)) - pooled for law in laws)
-        return max(moved, key=abs) / other.sizes[0], 0.0
-
     sentence = f"the material changes at {when}: stiffness at working depth {levels} N/m"
     remedy = "identify each segment separately: --changes"
-    return Changes(
-        MisfitHypothesis("change", *found, sentence, remedy, moves, *moves(fit)), times, laws
-    )
+    change = SeveralLaws(laws)
+    cause = MisfitHypothesis(Check.CHANGE, *found, sentence, remedy, change, *change.relative(fit))
+    return Changes(cause, times, laws)
 
 
-def _to_the_sample(fit: Fit, cut: Cut, laws: tuple[ForceLaw, ...], border: int) -> float:
+@dataclass(frozen=True, slots=True, eq=False)
+class SeveralLaws:
+    """One law after another, SI: the one whose stiffness differs most counts."""
+
+    laws: tuple[ForceLaw, ...]
+
+    def relative(self, fit: Fit) -> tuple[float, float]:
+        """Return the change of stiffness at the fit's depth over its scale, and none of damping."""
+        pooled = fit.stiffness(fit.solution.law)
+        changes = (fit.stiffness(fit.units.local(law)) - pooled for law in self.laws)
+        return max(changes, key=abs) / fit.reference_scales[0], 0.0
+
+
+def _border_time(fit: Fit, cut: Cut, laws: tuple[ForceLaw, ...], border: int) -> float:
     """Time of the first sample that the next law fits better from there on, s."""
     row, data = cut.borders[border], fit.data
     reach = 2.0 * fit.period / WINDOWS_A_PERIOD + 2.0 * data.sample_time

@@ -10,32 +10,23 @@ from dataclasses import replace
 
 import numpy as np
 
-from palpate.diagnosis.finding import Diagnosis, Quantity, verdict_by
+from palpate.diagnosis.misfit import misfit_without_time
+from palpate.diagnosis.outcome import Diagnosis, Quantity
+from palpate.diagnosis.verdict import decide_marks
 from palpate.estimators.estimate import Estimate, Trace
-from palpate.findings import SEVERITIES, Finding, worst
+from palpate.findings import HOLD_WITHOUT_TIME, SEVERITIES, Check, Finding, worst
 from palpate.force_laws.laws import Spring
 from palpate.validation import Floats
 
 #: Places of K and n among the parameters of Hunt–Crossley.
 _SPRING = np.array([0, 2])
 
-NO_TIME = Finding(
-    "no time",
+NO_TIME = Check.NO_TIME.finding(
     "the recording has no time: palpate gives the stiffness alone, and no damping",
     "record the time of each sample",
     damping="do-not-trust",
     brief="the recording has no time",
 )
-_UNNAMED = "the force differs from that of a spring, and without time palpate cannot say why"
-
-#: Checks that concern neither time nor damping; of others only the mark of the stiffness is kept.
-_WITHOUT_TIME = frozenset([
-    "channels", "clock", "coarse steps", "dead band", "depth", "direction", "episodes", "exponent",
-    "exponent range", "force axes", "force frame", "force jump", "force unit", "guard",
-    "light contact", "load transfer", "negative stiffness", "no time", "offset", "one way",
-    "options", "orientation", "outliers", "peak force", "penetration unit", "rows", "saturation",
-    "signs", "spikes", "stuck force", "surface range", "tare", "tool weight", "units",
-])  # fmt: skip
 
 
 class SpringEstimate(Estimate):
@@ -92,13 +83,13 @@ def findings_without_time(findings: Iterable[Finding]) -> tuple[Finding, ...]:
     """Return the findings that hold without time; one without words for the others that mark S."""
     kept, marks = list[Finding](), []
     for finding in findings:
-        if finding.check in _WITHOUT_TIME:
+        if finding.check in HOLD_WITHOUT_TIME:
             alone = replace(finding, damping="trust", moves_damping_percent=math.nan)
             kept.append(finding if finding is NO_TIME else alone)
         else:
             marks.append(finding.stiffness)
     if (mark := worst(*marks)) != "trust":
-        kept.append(Finding("misfit", _UNNAMED, "record the time of each sample", stiffness=mark))
+        kept.append(misfit_without_time(mark))
     return tuple(kept)
 
 
@@ -108,5 +99,5 @@ def diagnosis_without_time(found: Diagnosis) -> Diagnosis:
     in_order = sorted(findings, key=lambda each: -SEVERITIES.index(each.severity))
     unknown = Quantity(math.nan, math.nan, math.nan)
     depths = tuple(replace(depth, damping=unknown) for depth in found.working_depths)
-    verdict, limits = verdict_by(in_order, depths[0])
+    verdict, limits = decide_marks(in_order, depths[0])
     return Diagnosis(verdict, tuple(in_order), depths, limits=limits)

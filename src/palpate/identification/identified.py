@@ -1,9 +1,8 @@
-"""What a whole contact gave: law, error bars, diagnosis; why there is none; which is best."""
+"""What a whole contact gave: law, error bars, diagnosis."""
 
-import itertools
 import logging
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property, wraps
@@ -11,7 +10,7 @@ from itertools import pairwise
 from typing import Any, Self, TypeAlias, TypeVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from palpate._core import Status
 from palpate.contact import Contact
@@ -19,29 +18,22 @@ from palpate.diagnosis import (
     Data,
     Diagnosis,
     Episode,
-    Laws,
+    ModelSelection,
     Quantity,
     WorkingDepth,
     diagnose_parts,
-    stacked,
+    stack_depths,
 )
-from palpate.diagnosis.diagnosing import outliers
-from palpate.diagnosis.fit import DEEP, reference_scale
-from palpate.diagnosis.marks import CARE, STOP_STIFFNESS, mark_of
+from palpate.diagnosis.fit import DEEP
 from palpate.diagnosis.timeless import (
     SpringEstimate,
     diagnosis_without_time,
     findings_without_time,
     trace_without_time,
 )
-from palpate.digits import format_quantity, rounded, with_error
+from palpate.digits import format_quantity
 from palpate.errors import InvalidParameterError, RecordingError
-from palpate.estimators import (
-    ContactEstimator,
-    LawVerdict,
-    VariableProjection,
-    ViscoelasticContact,
-)
+from palpate.estimators import ContactEstimator, LawVerdict, VariableProjection, ViscoelasticContact
 from palpate.estimators.estimate import (
     Estimate,
     Trace,
@@ -53,16 +45,19 @@ from palpate.estimators.estimate import (
 )
 from palpate.estimators.law_verdicts import Candidate
 from palpate.estimators.oscillation import Oscillation
-from palpate.estimators.variable_projection import EXPONENTS, constrained
-from palpate.findings import MARKS, Finding
+from palpate.estimators.variable_projection import constrained
+from palpate.findings import Check, Finding
 from palpate.force_laws import steps_over_breaks
+from palpate.identification.estimate_checks import check_estimate
+from palpate.identification.refusals import check_approach, why_nothing
 from palpate.identification.replaying import (
     defaults_from_data,
-    estimator_of,
     joint_covariance,
-    predicted_force,
-    replayed,
+    predict_force,
+    replay,
+    resolve_estimator,
 )
+from palpate.identification.weak_prior import prior_finding
 from palpate.preparation.along_penetration import Place, at_places
 from palpate.preparation.gates import choose_gate
 from palpate.preparation.velocity import window_samples
@@ -83,169 +78,10 @@ from palpate.validation import Floats, number_in, positive
 
 # Of the peak force: a misfit of a law that relaxes beyond which its memory may have another form.
 CLEAR_MISFIT = 0.01
-# Samples above the surface that a search for it needs: the force out of contact is then known to a
-# quarter of σ.
-FEWEST_ABOVE = 20
-
-
-def why_nothing(data: Data, gate: ContactGate) -> str:
-    """Describe why no sample was taken: the most severe finding of the data, if any."""
-    for finding in data.findings:
-        if finding.severity == "do-not-trust":
-            where = f"{data.contact.source}: " if data.contact.source else ""
-            return f"{where}{finding}"
-    return no_contact_message(data.contact, gate)
-
-
-def no_contact_message(contact: Contact, gate: ContactGate) -> str:
-    """Describe why no sample was taken."""
-    where = f"{contact.source}: " if contact.source else ""
-    if not len(contact):
-        return f"{where}there are no samples"
-    inside = gate.makes(contact.penetration, contact.force)
-    if inside.any() and not np.isfinite(contact.velocity[inside]).any():
-        return (
-            f"{where}no sample in contact has a velocity: {not_finite(contact)}; pass "
-            "--velocity none to differentiate the penetration instead"
-        )
-    return (
-        f"{where}no contact found: no sample has penetration above "
-        f"{rounded(gate.minimum_penetration, 3)} m and force above {rounded(gate.make_force, 3)} N "
-        f"(the largest are {_largest(contact.penetration)} m and {_largest(contact.force)} N); "
-        "check units and signs, or pass a smaller --min-penetration or --min-force"
-    )
-
-
-def not_finite(contact: Contact) -> str:
-    """Describe which channels are not finite, where they come from, and how often."""
-    penetration, force = ~np.isfinite(contact.penetration), ~np.isfinite(contact.force)
-    velocity = ~np.isfinite(contact.velocity) & ~penetration  # beyond what follows from the depth
-    words = []
-    for name, wrong in {"penetration": penetration, "velocity": velocity, "force": force}.items():
-        if wrong.any():
-            origin = f" ({contact.provenance[name]})" if name in contact.provenance else ""
-            words.append(f"{name}{origin} is NaN or infinite in {wrong.sum()}")
-    return f"{', '.join(words)} of {len(contact)} samples"
-
-
-def _largest(values: Floats) -> str:
-    known = values[~np.isnan(values)]
-    return rounded(known.max(), 3) if known.size else "no"
-
-
-def check_approach(contact: Contact, trace: Trace, surface: float) -> None:
-    """A surface is where the force begins: without samples before it, it is a guess from below."""
-    above = int(np.count_nonzero(contact.penetration[trace.taken] < surface))
-    if above < FEWEST_ABOVE:
-        raise RecordingError.of(contact.source, no_approach(above, len(contact), surface))
-
-
-def no_approach(above: int, samples: int, surface: float) -> str:
-    """Describe that too few samples lie above the surface that was found."""
-    return (
-        f"cannot estimate the surface without a free approach: {above} of {samples} samples lie "
-        f"above the best surface, {rounded(surface, 3)} m, and at least {FEWEST_ABOVE} must; "
-        "start the recording before the touch, or pass the position of the surface"
-    )
-
-
-# What a reader should know before trusting the numbers of an identification.
-
-NEGATIVE_STIFFNESS = Finding(
-    "negative stiffness",
-    "negative stiffness: in this law the force falls with depth",
-    "check the signs of penetration and force",
-)
-NEGATIVE_DAMPING = Finding(
-    "negative damping",
-    "negative damping: this law creates energy, which no passive material does",
-)
-
-
-def findings_of(contact: Contact, trace: Trace, estimator: ContactEstimator) -> Iterator[Finding]:
-    """Return what the last estimate does not determine, and what is special about the samples."""
-    estimate = estimator.estimate()
-    law = estimate.law
-    yield from estimate.motion_findings
-    if estimate.samples < 10 * len(law.symbols):
-        yield Finding("excitation", f"only {estimate.samples} samples in contact")
-    pulls = (law.power_law or law.relaxes) and not law.remembers
-    if pulls and law.stiffness < 0.0:
-        yield NEGATIVE_STIFFNESS
-    if law.as_dict().get("damping", 0.0) < 0.0 and _creates_energy(contact, trace, estimate):
-        yield NEGATIVE_DAMPING
-    violated = violated_fraction(trace) if estimator.needs_condition_10 else 0.0
-    if violated > 0.0:
-        yield Finding(
-            "condition 10",
-            f"|v| ≥ 0.1 K/B in {violated:.1%} of the contact, where the method is biased",
-        )
-    if math.isnan(prediction_rmse_percent(trace, contact.force, contact.time_steps)):
-        yield Finding("prediction", "less than 0.2 s of contact: no prediction error")
-    if estimate.guarded:
-        yield Finding("guard", f"the covariance was limited on {estimate.guarded} samples")
-    if left_out := int(np.count_nonzero(trace.rejected)):
-        taken = int(np.count_nonzero(trace.taken))
-        yield outliers(left_out, left_out + taken)
-    if (verdict := estimator.verdict()) is not None:
-        yield from verdict.findings
-    for refusal in (Status.NOT_FINITE, Status.INVALID_STEP, Status.OUT_OF_RANGE):
-        if count := int(np.count_nonzero(trace.status == refusal)):
-            words = refusal.name.lower().replace("_", " ")
-            if refusal == Status.NOT_FINITE:
-                words += f": {not_finite(contact)}"
-            yield Finding("rows", f"{count} samples rejected: {words}")
-
-
-def _creates_energy(contact: Contact, trace: Trace, estimate: Estimate) -> bool:
-    taken = trace.taken
-    depth = float(np.median(contact.penetration[taken])) - estimate.surface if taken.any() else 0.0
-    if not depth > 0.0:
-        return False
-    with np.errstate(all="ignore"):
-        (force, _, damping), errors = estimate.with_errors(lambda of: of.at_rest(depth))
-        speed = np.sqrt(np.mean(contact.velocity[taken] ** 2))
-        return bool(creates_energy(damping, errors[2], force, speed))
-
-
-def creates_energy(damping: Any, error: Any, force: Any, speed: Any) -> Any:
-    """Whether a damping at a depth is negative, by two standard errors and by the diagnosis's rule.
-
-    Parameters
-    ----------
-    damping, error : float or numpy.ndarray
-        N·s/m.
-    force : float or numpy.ndarray
-        At that depth and at rest, N.
-    speed : float or numpy.ndarray
-        Root mean square in contact, m/s.
-    """
-    size = reference_scale(damping, force, speed)
-    return damping < -np.maximum(2.0 * error, CARE * size)
-
-
-def prior_finding(own: Estimate, bounded: Estimate, depth: float) -> Finding:
-    """Describe that the answer is under the weak prior, and what the least squares gives."""
-    moved = bounded.law.stiffness_at(depth) / own.law.stiffness_at(depth) - 1.0
-    sign = "negative" if own.law.damping < 0.0 else "positive"
-    return Finding(
-        "weak prior",
-        "the probe moves one way at nearly one speed, which leaves n and B open: the answer is the "
-        f"least squares with B ≥ 0 and n from {EXPONENTS[0]:g} to {EXPONENTS[1]:g}; without this "
-        f"prior n is {own.law.exponent:.2f} and B {sign}",
-        "press and release, at several speeds; without the prior: --no-weak-prior",
-        stiffness=mark_of(abs(moved), STOP_STIFFNESS),
-        damping="do-not-trust",
-        moves_stiffness_percent=100.0 * moved,
-    )
-
-
-# What a whole contact gave.
-
 _Derived = TypeVar("_Derived", bound=Callable[..., Any])
 
 
-def _with_time(derived: _Derived) -> _Derived:
+def _require_time(derived: _Derived) -> _Derived:
     """The same function of an identification, which refuses one of a recording without time."""
 
     @wraps(derived)
@@ -261,7 +97,6 @@ def _with_time(derived: _Derived) -> _Derived:
 
 
 _LOGGER = logging.getLogger(__name__)
-
 _Placed: TypeAlias = tuple[Place, Contact]
 
 
@@ -310,7 +145,7 @@ class Identified:
             Which estimates are written down.
         """
         timeless = data.contact.timeless
-        given, traced = estimator_of(estimator, timeless=timeless), checked_trace(trace)
+        given, traced = resolve_estimator(estimator, timeless=timeless), checked_trace(trace)
         data = data.samples(rejecting=given.rejects_outliers)
         contact = data.contact
         if contact.timeless and type(given) is not VariableProjection:
@@ -319,18 +154,18 @@ class Identified:
             )
         chosen = defaults_from_data(contact, given)
         fresh = given.replace(**chosen)
-        written = replayed(contact, fresh, traced)
+        written = replay(contact, fresh, traced)
         if type(fresh) is VariableProjection and not any(
             fresh.settings[name] for name in ("forgetting", "change_detector")
         ):
             again = fresh.replace()
             if again._unround_as(fresh):
-                fresh, written = again, replayed(contact, again, traced)
+                fresh, written = again, replay(contact, again, traced)
         if _LOGGER.isEnabledFor(logging.INFO):
             words = (f"{name}={value}" for name, value in chosen.items() if value is not None)
             known = ", ".join(words) or "nothing"
             _LOGGER.info("%s: chosen from the data: %s", fresh.method, known)
-        found = tuple(findings_of(contact, written, fresh))
+        found = tuple(check_estimate(contact, written, fresh))
         if contact.timeless:
             found, written = findings_without_time(found), trace_without_time(written)
         taken = np.count_nonzero(written.taken)
@@ -372,7 +207,7 @@ class Identified:
             return False
         if selected is None:  # too few samples to compare laws: nothing is estimated
             return True
-        return any(f.check in ("change", "adhesion") for f in self.diagnosis.findings)
+        return any(f.check in (Check.CHANGE, Check.ADHESION) for f in self.diagnosis.findings)
 
     def _under_prior(self) -> Self:
         """Return it with the estimate under the weak prior, if its own is outside of that."""
@@ -393,7 +228,7 @@ class Identified:
         found = self._diagnosed_at(self.depths)
         if not self.segments:
             return found
-        parts = (replace(f, remedy=None) if f.check == "change" else f for f in found.findings)
+        parts = (replace(f, remedy=None) if f.check == Check.CHANGE else f for f in found.findings)
         return replace(found, findings=tuple(parts))  # each segment is identified already
 
     @cached_property
@@ -418,8 +253,7 @@ class Identified:
         words = f"the force is at least {format_quantity(found.delay, 's')} late"
         if found.misfit > CLEAR_MISFIT:
             words += ", or the material's memory has another form"
-        yield Finding(
-            "late force",
+        yield Check.LATE_FORCE.finding(
             f"the damper beside the relaxation is negative: {words}",
             "run again with --delay find",
             damping="with-care",
@@ -429,7 +263,7 @@ class Identified:
         data = self.data or Data(self.contact)
         timeless = self.contact.timeless
         by = self.selected or self
-        laws = Laws.of(by.estimator) if by.estimator.chooses_law else None
+        laws = ModelSelection.of(by.estimator) if by.estimator.chooses_law else None
         found = diagnose_parts(
             data,
             self.trace,
@@ -519,7 +353,7 @@ class Identified:
         first = self.diagnosis.working_depth.depth
         depths = (first, *query.reshape(-1).tolist())
         found = self._diagnosed_at(depths).working_depths[1:]
-        return stacked(found, query.shape)
+        return stack_depths(found, query.shape)
 
     def force_at(self, depth: "ArrayLike") -> Quantity:
         """Force at depths [m] and at rest, N, with both error bars; see :meth:`at`."""
@@ -534,13 +368,13 @@ class Identified:
         return self.at(depth).damping
 
     # What follows from the law: each is documented where it is worked out.
-    dynamic_stiffness = _with_time(oscillation_of)
+    dynamic_stiffness = _require_time(oscillation_of)
     relaxed_stiffness = relaxed_stiffness_of
     instantaneous_stiffness = instantaneous_stiffness_of
     relaxation_time = property(relaxation_time_of)
-    restitution = _with_time(restitution_from)
-    energy = cached_property(_with_time(energy_from))
-    passivity = cached_property(_with_time(passivity_from))
+    restitution = _require_time(restitution_from)
+    energy = cached_property(_require_time(energy_from))
+    passivity = cached_property(_require_time(passivity_from))
     elastic_modulus = elastic_modulus_from
     compression_modulus = compression_modulus_from
 
@@ -613,7 +447,7 @@ class Identified:
         if settings.get("change_detector", self) is not None:
             return self.trace
         watched = self.estimator.replace(change_detector=ChangeDetector())
-        return replayed(self.contact, watched, self.traced)
+        return replay(self.contact, watched, self.traced)
 
     @property
     def flags(self) -> tuple[str, ...]:
@@ -736,7 +570,7 @@ class Identified:
         own = self.contact
         same = len(contact) and len(own) and contact.time[0] == own.time[0]
         begins = bool(same and contact.penetration[0] == own.penetration[0])
-        return predicted_force(self.estimate, contact, begins=begins)
+        return predict_force(self.estimate, contact, begins=begins)
 
     @property
     def violated_fraction(self) -> float:
@@ -751,114 +585,3 @@ class Identified:
         trace = self.noticed or self.trace
         times: Floats = self.contact.time[trace.status == Status.RESTARTED]
         return times
-
-
-# Methods side by side: which to take, which fail, and whose error bars exclude each other.
-
-EXCLUDED = 3.0  # standard errors of the difference
-
-
-@dataclass(frozen=True, slots=True)
-class Ranking:
-    """What a comparison comes to.
-
-    Attributes
-    ----------
-    recommended : str or None
-        The method to take; None where none is to be trusted.
-    order : tuple of str
-        The methods, the best first: by verdict, without those of a law that another is clearly
-        better than, then by what their law leaves unexplained.
-    failing : tuple of str
-        Methods whose answer is not the least squares of their own law, or that found none.
-    exclusions : tuple of str
-        A sentence for each pair whose error bars exclude each other.
-    """
-
-    recommended: str | None
-    order: tuple[str, ...]
-    failing: tuple[str, ...]
-    exclusions: tuple[str, ...]
-
-
-def rank(results: "Mapping[str, Identified]") -> Ranking:
-    """Rank what :func:`palpate.compare` returned.
-
-    Parameters
-    ----------
-    results : mapping
-        An identification by the name of its method.
-    """
-    common = np.logical_and.reduce([result.trace.taken for result in results.values()])
-    left = {name: _left(result, common) for name, result in results.items()}
-    outdone = _outdone(results, left)
-    order = tuple(
-        sorted(results, key=lambda name: _badness(results[name], left[name], name in outdone))
-    )
-    failing = tuple(name for name in order if fails(results[name]))
-    pairs = itertools.combinations(order, 2)
-    words = (_exclusion(results[a], results[b]) for a, b in pairs)
-    hopeless = all(r.diagnosis.verdict.overall == "do-not-trust" for r in results.values())
-    best = None if hopeless else order[0]
-    return Ranking(best, order, failing, tuple(each for each in words if each))
-
-
-def fails(result: "Identified") -> bool:
-    """Whether the method's answer is not the least squares of its own law on these samples."""
-    moves = (
-        max(abs(f.moves_stiffness_percent), abs(f.moves_damping_percent))
-        for f in result.diagnosis.findings
-        if f.check == "method"
-    )
-    return any(each > 100.0 * CARE for each in moves)
-
-
-def _left(result: "Identified", common: NDArray[np.bool_]) -> float:
-    """RMSE% on the samples that every method took: variable projection takes light ones too."""
-    fit = rmse_percent(result.contact.force[common], result.fitted_force[common])
-    return fit if math.isfinite(fit) else math.inf
-
-
-# Of what another law leaves: a selected law that relaxes has clearly less.
-CLEARLY = 0.9
-
-
-def _outdone(results: "Mapping[str, Identified]", left: Mapping[str, float]) -> set[str]:
-    """Methods that leave clearly more than the one that chooses a law, where one was named."""
-    method = ViscoelasticContact.method
-    if method not in results or not results[method].law.remembers:
-        return set()
-    return {name for name, fit in left.items() if left[method] <= CLEARLY * fit}
-
-
-def _badness(result: "Identified", left: float, outdone: bool) -> tuple[float, ...]:
-    verdict = result.diagnosis.verdict
-    overall, *others = (
-        MARKS.index(mark) for mark in (verdict.overall, verdict.stiffness, verdict.damping)
-    )
-    # To a tenth: methods of one law that fit alike stay in the order of the registry.
-    return overall, outdone, *others, round(left, 1)
-
-
-def _exclusion(one: "Identified", other: "Identified") -> str | None:
-    if one.law.remembers or other.law.remembers:
-        return None  # the stiffness of a relaxed material is no other's
-    first, second = one.diagnosis.working_depth, other.diagnosis.working_depth
-    words = []
-    for name, a, b in (
-        ("stiffness", first.stiffness, second.stiffness),
-        ("damping", first.damping, second.damping),
-    ):
-        apart = abs(a.value - b.value) / math.hypot(_bar(a), _bar(b))
-        if apart > EXCLUDED:
-            both = f"{with_error(a.value, _bar(a))} and {with_error(b.value, _bar(b))}"
-            words.append(f"{name} {both} ({rounded(apart, 2)} standard errors)")
-    if not words:
-        return None
-    return f"{one.method} and {other.method} exclude each other: {', '.join(words)}"
-
-
-def _bar(quantity: Quantity) -> float:
-    """Both error bars together; infinite where the repeatable one is not known."""
-    bar = quantity.whole_error
-    return bar if math.isfinite(bar) and bar > 0.0 else math.inf

@@ -78,7 +78,7 @@ def _surface_deviation(contact: Contact) -> float | None:
     return math.hypot(contact.surface_deviation, resolved or 0.0)
 
 
-def estimator_of(
+def resolve_estimator(
     given: ContactEstimator | str | None, *, timeless: bool = False
 ) -> ContactEstimator:
     """The requested estimator: itself, by its name, or the default, which selects a law."""
@@ -95,7 +95,7 @@ def estimator_of(
 
 
 @timed("replay")
-def replayed(contact: Contact, estimator: ContactEstimator, trace: Traced) -> Trace:
+def replay(contact: Contact, estimator: ContactEstimator, trace: Traced) -> Trace:
     """Replay a contact, a segment at a time; the estimator has then learned all of it.
 
     The trace has the contact's clock, thinned as requested.
@@ -149,7 +149,7 @@ def joint_covariance(contact: Contact, trace: Trace, estimator: ContactEstimator
     if deviation is None or estimate.surface_standard_error > 0.0:
         return own
     off, deeper = estimator.replace(), contact.penetration - deviation
-    replayed(replace(contact, penetration=deeper), off, trace=False)
+    replay(replace(contact, penetration=deeper), off, trace=False)
     moved = off.estimate().parameters - estimate.parameters
     whole: Floats = own + np.outer(moved, moved)
     return whole if np.isfinite(whole).all() else own
@@ -229,7 +229,7 @@ def widening(
     return factors
 
 
-def predicted_force(estimate: Estimate, contact: Contact, *, begins: bool = False) -> Floats:
+def predict_force(estimate: Estimate, contact: Contact, *, begins: bool = False) -> Floats:
     """Force by an estimate's law, and offset, at every sample of a contact, N.
 
     Parameters

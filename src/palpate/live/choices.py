@@ -87,7 +87,7 @@ def _setting(name: str, value: Any, known: dict[str, Any]) -> dict[str, Any]:
 
 # The user's commands to a running loop.
 
-Name = Literal["tare", "hold", "resume", "reset", "estimator", "source", "record", "stop"]
+Name = Literal["tare", "hold", "resume", "reset", "estimator", "source", "depth", "record", "stop"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,8 +99,8 @@ class LiveCommand:
     name : str
         ``"tare"``, ``"hold"``, ``"resume"``, ``"reset"``, ``"estimator"`` (``method`` and its
         settings), ``"source"`` (an option that the source offers, such as the laboratory's
-        material), ``"record"`` (``path``; or ``on``: whether to record, to a file that the
-        recorder names) or ``"stop"``.
+        material), ``"depth"`` (``value``: the working depth, m; None for the median), ``"record"``
+        (``path``; or ``on``: whether to record, to a file that the recorder names) or ``"stop"``.
     options : dict
         Options of the command.
     """

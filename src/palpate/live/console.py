@@ -14,22 +14,32 @@ from typing import Any
 import numpy as np
 
 from palpate._core import Status
-from palpate.digits import rounded, with_error
 from palpate.errors import printable
 from palpate.estimators.estimate import Estimate
 from palpate.force_laws import FORCE_LAWS
 from palpate.live.choices import State
-from palpate.live.sinks import PLACE, Session, Watching, parameters_of, printed
+from palpate.live.sinks import (
+    NOT_DIAGNOSED,
+    PLACE,
+    Session,
+    Watching,
+    parameters_of,
+    printed,
+    undiagnosed,
+)
 from palpate.live.view import (
     COUNTED,
+    answer,
     describe_verdict,
+    headline,
     law_lines,
     numbers_of,
     seconds,
     times_of,
     verdict_on,
+    where,
 )
-from palpate.validation import Floats
+from palpate.validation import Floats, or_nan
 
 _IN_CONTACT = (State.CONTACT, State.CHANGED)
 _LOOKED_AT_EVERY = 0.04  # s of the samples' clock between the penetrations used
@@ -82,22 +92,44 @@ class ShownDepth:
             if len(self._seen) >= _LEAST:
                 self.value = self._shown.see(float(np.median(self._seen)), times[place])
 
-    def verdict(self, status: dict[str, Any], time: float) -> dict[str, Any] | None:
-        """Return the verdict in a status, with a steady depth and frequency."""
+    def verdict(
+        self, status: dict[str, Any], time: float, depth: float = math.nan
+    ) -> dict[str, Any] | None:
+        """Return the verdict in a status, with a steady frequency, and depth if none is given."""
         verdict = verdict_on(status)
         if verdict is None:
             return None
         known = [name for name in self._of_law if verdict[name]]
-        return verdict | {name: self._of_law[name].see(verdict[name], time) for name in known}
+        steady = {name: self._of_law[name].see(verdict[name], time) for name in known}
+        if steady.get("depth") and math.isfinite(depth):
+            steady["depth"] = depth
+        return verdict | steady
 
 
 def at_depth(
-    status: dict[str, Any], row: Floats, depth: float, verdict: dict[str, Any] | None = None
+    status: dict[str, Any],
+    row: Floats,
+    depth: float,
+    verdict: dict[str, Any] | None = None,
+    found: dict[str, Any] | None = None,
 ) -> str:
-    """Describe stiffness and damping at a depth, m, with standard errors, from a row of the ring.
+    """Describe stiffness and damping with their marks, as diagnosed or, before, as estimated now.
 
-    If the estimator compares laws: the preferred law, with its dynamic stiffness and damping.
+    Parameters
+    ----------
+    status : dict
+        Of the loop.
+    row : numpy.ndarray
+        The last row of the ring.
+    depth : float
+        m, of the present estimate.
+    verdict : dict, optional
+        If the estimator compares laws.
+    found : dict, optional
+        The last status of the diagnosis.
     """
+    if found and not undiagnosed(found, status) and found.get("numbers"):
+        return answer(headline(found, status, {}, ""), reasons=False)
     kind = FORCE_LAWS.get(status.get("law", {}).get("kind", ""))
     if kind is None or not depth > 0.0:
         return "no contact yet"
@@ -107,12 +139,14 @@ def at_depth(
     if not np.isfinite(parameters).all():
         return "no estimate yet"
     if verdict:
-        return describe_verdict(verdict, numbers_of(verdict))
+        if not (now := numbers_of(verdict)):
+            return describe_verdict(verdict)
+        at = where(depth, verdict["frequency"])
+        return f"{answer(headline(found, status, now, at))}, {NOT_DIAGNOSED}"
     law, taken = kind.from_parameters(parameters), Status(int(row[PLACE["status"]]))
     estimate = Estimate.from_law(law, covariance, status=taken, samples=1)
-    stiffness = with_error(*estimate.stiffness_at(depth), unit="N/m")
-    damping = with_error(*estimate.damping_at(depth), unit="N·s/m")
-    return f"{stiffness}, {damping} at {rounded(1e3 * depth, 2)} mm"
+    now = {"stiffness": estimate.stiffness_at(depth), "damping": estimate.damping_at(depth)}
+    return f"{answer(headline(found, status, now, where(depth, None)))}, {NOT_DIAGNOSED}"
 
 
 # The status line where the loop was started, and the summary at the end.
@@ -152,7 +186,7 @@ class Console:
         status = self._watching.status()
         if len(now := self._watching.reader.now()) and not self._quiet:
             # A short run may end before its first line.
-            self._print(printable(_line(status, now[0], self._depth)))
+            self._print(printable(self._line(status, now[0])))
         if status and not status.get("stopped"):
             self._print("the loop has ended unexpectedly; its last counts:")
         for line in summary(status, self._watching.others()):
@@ -170,8 +204,25 @@ class Console:
             self._print(printable(sentence))
         now = self._watching.reader.now()
         if not self._quiet and len(now) and not status.get("stopped"):
-            self._show(printable(_line(status, now[0], self._depth)))
+            self._show(printable(self._line(status, now[0])))
         self._watching.tell({})
+
+    def _line(self, status: dict[str, Any], row: Floats) -> str:
+        counts = status.get("counts", {})
+        wrong = [f"{counts[key]} {words}" for key, words in COUNTED.items() if counts.get(key)]
+        lateness = status.get("lateness", {})
+        state = "lost"  # then there is no new row
+        if status.get("state") != "lost":
+            state = State(int(row[PLACE["state"]])).name.lower()
+        depth = or_nan(status.get("depth") or self._depth.value)
+        verdict = self._depth.verdict(status, row[PLACE["arrived"]], depth)
+        parts = [
+            state.ljust(7),
+            at_depth(status, row, depth, verdict, self._watching.others().get("diagnosis")),
+            *(wrong or ["none lost or late"]),  # a narrow terminal cuts off the end
+            f"{counts.get('taken', 0)} samples, 99 % done within {seconds(lateness.get('p99'))}",
+        ]
+        return " · ".join(parts)
 
     def _new(self, status: dict[str, Any]) -> Iterator[str]:
         """Yield the messages since the last call."""
@@ -195,25 +246,11 @@ class Console:
             self._print("\r\x1b[K", end="")
 
 
-def _line(status: dict[str, Any], row: Floats, shown: ShownDepth) -> str:
-    counts = status.get("counts", {})
-    wrong = [f"{counts[key]} {words}" for key, words in COUNTED.items() if counts.get(key)]
-    lateness = status.get("lateness", {})
-    state = "lost"  # then there is no new row
-    if status.get("state") != "lost":
-        state = State(int(row[PLACE["state"]])).name.lower()
-    parts = [
-        state.ljust(7),
-        at_depth(status, row, shown.value, shown.verdict(status, row[PLACE["arrived"]])),
-        *(wrong or ["none lost or late"]),  # a narrow terminal cuts off the end
-        f"{counts.get('taken', 0)} samples, 99 % done within {seconds(lateness.get('p99'))}",
-    ]
-    return " · ".join(parts)
-
-
 def summary(status: dict[str, Any], others: dict[str, dict[str, Any]]) -> Iterator[str]:
     """Yield the lines that summarise a run, from the last statuses of the loop and the sinks."""
     counts = status.get("counts", {})
+    if (found := others.get("diagnosis")) and not undiagnosed(found, status):
+        yield from (answer([each]) for each in headline(found, status, {}, ""))
     if verdict := verdict_on(status):
         yield from law_lines(verdict)
     taken, learned = counts.get("taken", 0), counts.get("learned", 0)

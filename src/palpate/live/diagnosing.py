@@ -13,7 +13,10 @@ from palpate.estimators import ContactEstimator, estimator_named
 from palpate.identifying import identify
 from palpate.live.choices import CHOICES
 from palpate.live.realtime import lower_priority
-from palpate.live.sinks import PLACE, Session, Watching, basis_of, outdated
+from palpate.live.sinks import PLACE, Session, Watching, basis_of
+from palpate.live.view import answer
+from palpate.results.parameters import law_name
+from palpate.results.view import number_lines
 from palpate.validation import Floats, defined
 
 WINDOW = 20.0  # s
@@ -29,7 +32,9 @@ _SMEARED = 3.0
 
 
 class Diagnosing:
-    """Identifies the last seconds by the loop's method and diagnoses the result, repeatedly.
+    """Identifies the last seconds as ``palpate identify`` does, and diagnoses them, repeatedly.
+
+    By the method and the laws of the loop.
 
     Parameters
     ----------
@@ -60,7 +65,7 @@ class Diagnosing:
             if time.monotonic() >= due and len(samples) >= _LEAST:
                 page = diagnosed(samples, status)
                 due = time.monotonic() + self._every
-            watching.tell({**page, "outdated": outdated(page, status)} if page else page)
+            watching.tell(page)
         watching.close()
 
 
@@ -102,11 +107,14 @@ def contact_of(
 
 
 def _estimator(status: dict[str, Any]) -> ContactEstimator | None:
-    """Return an estimator of the loop's method that compares the same laws."""
+    """Return an estimator of the loop's method with the same laws and the same known exponent."""
     method, settings = status.get("method"), status.get("settings", {})
     if method is None:
         return None
-    return estimator_named(method)(**{name: settings[name] for name in CHOICES if name in settings})
+    known = {name: settings[name] for name in CHOICES if name in settings}
+    if (exponent := status.get("exponent")) is not None:
+        known["exponent"] = exponent
+    return estimator_named(method)(**known)
 
 
 def diagnosed(samples: Floats, status: dict[str, Any]) -> dict[str, Any]:
@@ -123,7 +131,9 @@ def diagnosed(samples: Floats, status: dict[str, Any]) -> dict[str, Any]:
         step = float(status.get("sample_time", 1e-3))
         contact = contact_of(samples, step, used and VelocityFilter(**used))
         result = identify(contact, _estimator(status), trace=False)
-        diagnosis = result.diagnosis
+        if (depth := status.get("depth")) is not None:
+            result = result.at_depth(depth)
+        diagnosis, lines = result.diagnosis, number_lines(result)
     except PalpateError as error:  # the probe touched nothing
         return {**page, "verdict": None, "reason": str(error), "remedy": None, "said": str(error)}
     return {
@@ -132,6 +142,10 @@ def diagnosed(samples: Floats, status: dict[str, Any]) -> dict[str, Any]:
         "verdict": diagnosis.verdict.as_dict(),
         "reason": diagnosis.reason,
         "remedy": diagnosis.remedy,
-        "working_depths": [depth.as_dict() for depth in diagnosis.working_depths],
+        "law": law_name(result),
+        "method": result.method,
+        "numbers": [line._asdict() for line in lines],
+        "answer": answer(lines),
+        "working_depths": [each.as_dict() for each in diagnosis.working_depths],
         "frequency": defined(result.frequency),
     }

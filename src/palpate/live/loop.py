@@ -86,8 +86,6 @@ class LawsInForce:
     ----------
     shown : list of int
         Indices of the parameters that at least one compared law has.
-    remembers : bool
-        Whether a compared law has memory, so that K is the relaxed stiffness.
     now : Candidate, optional
         The preferred law.
     changes : int
@@ -97,7 +95,6 @@ class LawsInForce:
     """
 
     shown: list[int]
-    remembers: bool
     now: Candidate | None = None
     changes: int = 0
     turns: deque[Any] = field(default_factory=lambda: deque(maxlen=_REMEMBERED))
@@ -107,10 +104,9 @@ class LawsInForce:
         """Return the initial state for an estimator without samples."""
         names = estimator.law_type.names()
         if not estimator.chooses_law:
-            return cls(list(range(len(names))), remembers=False)
+            return cls(list(range(len(names))))
         own = {name for law in estimator.offered for name in law.own}
-        shown = [place for place, name in enumerate(names) if name in own]
-        return cls(shown, remembers=any(law.memory != "none" for law in estimator.offered))
+        return cls([place for place, name in enumerate(names) if name in own])
 
     def see(self, time: float, estimator: ContactEstimator) -> None:
         """Note the preferred law after a sample, if the estimator compares laws."""
@@ -322,6 +318,8 @@ class Loop:
     said: list[str] = field(default_factory=list)
     #: The last request to the recorder, and how many there were.
     record: dict[str, Any] = field(default_factory=lambda: {"wish": 0, "on": False})
+    #: Chosen working depth, m; None for the median of the motion.
+    depth: float | None = None
     laws: LawsInForce = field(init=False)
     watchdog: Watchdog = field(init=False)
     generation: int = 0
@@ -548,6 +546,8 @@ class Loop:
             if ask is None:
                 raise InvalidParameterError(f"{self.source.name} has no options to change")
             self.say(ask(options))
+        elif command.name == "depth":
+            self.depth = options["value"]
         elif command.name == "record":
             path = options.get("path")
             on = bool(options.get("on", path is not None))
@@ -586,6 +586,8 @@ class Loop:
             "velocity_filter": self.preparation.velocity_filter.as_dict(),
             "method": estimator.method,
             "settings": main_settings(estimator),
+            "exponent": estimator.settings.get("exponent"),
+            "depth": self.depth,
             "generation": self.generation,
             "law": {
                 "kind": law.kind,
@@ -594,7 +596,6 @@ class Loop:
                 "units": law.units,
                 # Indices of the parameters that at least one compared law has.
                 "shown": self.laws.shown,
-                "remembers": self.laws.remembers,
             },
             "verdict": self.laws.page(estimator),
             "flags": estimator.estimate().flags,

@@ -39,8 +39,14 @@ BEFORE = (
     ("surface", "surface"),  # m
     ("margin", "margin"),  # validity margin of the linearisation (condition 10)
 )
-#: Fields at the end: the verdict as a number, and the time since the last update, s.
-AFTER = ("verdict", "age")
+#: Fields of the last diagnosis: K′ and B′ with their standard errors, where they hold, and marks.
+DIAGNOSED = (
+    "dynamic_stiffness", "dynamic_stiffness_standard_error",
+    "dynamic_damping", "dynamic_damping_standard_error",
+    "working_depth", "frequency", "stiffness_verdict", "damping_verdict", "verdict",
+)  # fmt: skip
+#: Fields at the end: those, and the time since the last update, s.
+AFTER = (*DIAGNOSED, "age")
 #: Version of the published fields; it rises when a field is removed or changes its meaning.
 SCHEMA = 2
 _TIMES = (0, 1)
@@ -255,15 +261,17 @@ class Publisher:
         return rows[rows[:, GENERATION] > fields.generation]
 
     def _after(self, page: dict[str, Any], rows: Floats) -> Floats:
-        """Return the verdict as a number, NaN if none, and the time since the last update, s."""
-        level = LEVELS.get(str(self._watching.diagnosis(page)["verdict"]), math.nan)
+        """Return the diagnosis as numbers, NaN if none, and the time since the last update, s."""
+        found = self._watching.diagnosis(page)
+        diagnosed = np.array([[_level(found[name]) for name in DIAGNOSED]])
         # The status reports a change of material only a little later.
-        levels = np.where(rows[:, PLACE["state"]] == State.CHANGED, math.nan, level)
+        changed = rows[:, PLACE["state"]] == State.CHANGED
+        diagnosed = np.where(changed[:, None], math.nan, diagnosed)
         times, taken = rows[:, PLACE["arrived"]], np.isin(rows[:, PLACE["status"]], list(TAKEN))
         latest = np.maximum.accumulate(np.where(taken, np.arange(len(rows)), -1))
         learned = np.where(latest < 0, self._learned, times[latest])
         self._learned = float(learned[-1])
-        return np.column_stack([levels, times - learned])
+        return np.column_stack([diagnosed, times - learned])
 
     def _tell(self, page: dict[str, Any], *, silent: bool) -> None:
         """Publish the status, also without new rows, so that a lost source is reported."""
@@ -279,6 +287,10 @@ class Publisher:
         said |= self._watching.diagnosis(page)
         self._wire.put(1, self._wire.status(state, page["source"], stamp, said))
         self._watching.tell({})
+
+
+def _level(value: str | float) -> float:
+    return LEVELS.get(value, math.nan) if isinstance(value, str) else value
 
 
 def describe_status(

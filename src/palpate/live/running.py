@@ -30,17 +30,17 @@ _LOOKED_EVERY = 0.1  # s between checks for Ctrl-C meanwhile
 
 
 def default_estimator(
-    kind: type[ContactEstimator] = VariableProjection, **settings: Any
+    kind: type[ContactEstimator] = ViscoelasticContact, **settings: Any
 ) -> ContactEstimator:
     """Return an estimator with the default settings of a live run.
 
-    Variable projection, and the estimator that compares laws, reject outliers and detect changes of
-    material. Other methods keep the settings of their publications.
+    The default selects the law, as :func:`palpate.identify` does. It and variable projection reject
+    outliers and detect changes of material. Other methods keep the settings of their publications.
 
     Parameters
     ----------
     kind : type
-        Class of the estimator. Default: :class:`palpate.VariableProjection`.
+        Class of the estimator. Default: :class:`palpate.ViscoelasticContact`.
     settings
         Further settings of the estimator.
     """

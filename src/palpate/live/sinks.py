@@ -4,6 +4,7 @@ import math
 import multiprocessing
 import sys
 import time
+from collections.abc import Mapping
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from typing import Any, Protocol
@@ -11,7 +12,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from palpate.live.ring import COLUMNS, MOST_PARAMETERS, Address, RowReader, SharedJson, Taken
-from palpate.validation import Floats
+from palpate.validation import Floats, or_nan
 from palpate.writing import abandon_output
 
 # Printing to a terminal that may have gone.
@@ -100,39 +101,55 @@ _SINCE = {
     "method": "the estimator was changed since",
     "changes": "the material has changed since",
     "tare": "the force was tared since",
+    "depth": "another working depth was chosen since",
 }
 
 
-def basis_of(status: dict[str, Any]) -> dict[str, Any]:
+def basis_of(status: Mapping[str, Any]) -> dict[str, Any]:
     """Return what a diagnosis depends on; it is outdated as soon as one of these differs."""
     changes = status.get("counts", {}).get("changes", 0)
     method = [status.get("method"), status.get("generation")]
-    return {"method": method, "changes": changes, "tare": status.get("tare")}
+    shared = {name: status.get(name) for name in ("tare", "depth")}
+    return {"method": method, "changes": changes, **shared}
 
 
-def outdated(page: dict[str, Any], status: dict[str, Any]) -> str:
+def outdated(page: Mapping[str, Any], status: Mapping[str, Any]) -> str:
     """Return why the last diagnosis is outdated; empty if it is not."""
     now = basis_of(status)
     return " and ".join(words for name, words in _SINCE.items() if page["of"][name] != now[name])
 
 
-def diagnosis_of(page: dict[str, Any] | None, status: dict[str, Any]) -> dict[str, str | float]:
-    """Return the published fields of a diagnosis; without a verdict if it is outdated or None."""
-    marks = dict.fromkeys(("overall", "stiffness", "damping"), NOT_DIAGNOSED)
-    time = math.nan
+def undiagnosed(page: Mapping[str, Any] | None, status: Mapping[str, Any]) -> str:
+    """Return why no diagnosis holds; empty if the last one does."""
     if page is None or "of" not in page:
-        reason = UNDIAGNOSED if page is None else NO_DIAGNOSIS_YET
-    elif since := outdated(page, status):
-        reason = since
-    else:
+        return UNDIAGNOSED if page is None else NO_DIAGNOSIS_YET
+    return outdated(page, status)
+
+
+def diagnosis_of(page: dict[str, Any] | None, status: dict[str, Any]) -> dict[str, str | float]:
+    """Return the published fields of a diagnosis; without numbers if it is outdated or None."""
+    marks = dict.fromkeys(("overall", "stiffness", "damping"), NOT_DIAGNOSED)
+    reason, time, answer, numbers = undiagnosed(page, status), math.nan, "", dict[str, Any]()
+    if page is not None and not reason:
         reason, marks = page["reason"], page["verdict"] or marks
         time = 1e-9 * status.get("origin", 0) + page["window"][1]
-    return {
-        "verdict": marks["overall"],
-        "stiffness_verdict": marks["stiffness"],
-        "damping_verdict": marks["damping"],
+        if depths := page.get("working_depths"):
+            answer, numbers = page["answer"], {**depths[0], "frequency": page["frequency"]}
+    fields: dict[str, str | float] = {"answer": answer}
+    for name in ("stiffness", "damping"):
+        there = numbers.get(name, {})
+        errors = (or_nan(there.get(part)) for part in ("standard_error", "systematic"))
+        fields |= {
+            f"{name}_verdict": marks[name],
+            f"dynamic_{name}": or_nan(there.get("value")),
+            f"dynamic_{name}_standard_error": math.hypot(*errors),
+        }
+    return fields | {
+        "working_depth": or_nan(numbers.get("depth")),
+        "frequency": or_nan(numbers.get("frequency")),
         "reason": reason,
         "diagnosis_time": time,
+        "verdict": marks["overall"],
     }
 
 

@@ -6,7 +6,7 @@ loop cannot spare. Each key of the page's text is the id of an element in its do
 
 import math
 from base64 import b64decode
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
 import numpy as np
@@ -22,11 +22,12 @@ from palpate.estimators.law_verdicts import (
     verdict_of,
 )
 from palpate.estimators.viscoelastic import RelaxingEstimate, law_of
-from palpate.findings import Finding, spoken
+from palpate.findings import Check, Finding, spoken
 from palpate.force_laws import GeneralisedHuntCrossley
-from palpate.live.sinks import NO_DIAGNOSIS_YET, UNDIAGNOSED
+from palpate.live.sinks import undiagnosed
 from palpate.quantities.derived import in_hertz
 from palpate.results.parameters import describe_relaxation
+from palpate.results.view import NumberLine
 from palpate.validation import or_nan
 
 # Effective sample size over samples: AR(1) noise of 0.875 gives 1/15, of 0.9 it gives 1/19.
@@ -80,26 +81,27 @@ def _open(page: Mapping[str, Any], verdict: LawVerdict, estimate: Estimate) -> I
     # Two changes while the samples doubled. The first law after a restart is no change.
     if (count := min(len(late), page["changes"])) >= 2:
         words = f"the preferred law is not settled: {count} changes while the samples doubled"
-        yield Finding("which law", words)
+        yield Check.UNSETTLED_LAW.finding(words)
     if verdict.effective_samples < _FEW * verdict.samples:
-        yield Finding(
-            "misfit",
+        yield Check.CORRELATED_RESIDUALS.finding(
             "the residuals of the best law are correlated: either the sensor noise is, or no "
-            "compared law holds and the error bars are too small",
+            "compared law holds and the error bars are too small"
         )
     damping, error = estimate.parameters[_DAMPING], estimate.standard_errors[_DAMPING]
     if verdict.candidate.damping != "none" and abs(damping) < 1e-6 * error:
-        yield Finding("damping", "B is 0: laws that differ only in their damper are equivalent")
+        yield Check.NO_DAMPER.finding(
+            "B is 0: laws that differ only in their damper are equivalent"
+        )
 
 
-#: Unit, short name and long name of each number.
-NUMBERS: Mapping[str, tuple[str, str, str]] = {
-    "stiffness": ("N/m", "K′", "Dynamic stiffness K′"),
-    "damping": ("N·s/m", "B′", "Dynamic damping B′"),
-    "loss_tangent": ("", "tan δ", "Loss tangent tan δ"),
-    "instantaneous_stiffness": ("N/m", "instantaneous", "Instantaneous stiffness"),
-    "relaxed_stiffness": ("N/m", "relaxed", "Relaxed stiffness"),
-    "relaxation_time": ("s", "relaxation time", "Relaxation time"),
+#: Unit and name of each number.
+NUMBERS: Mapping[str, tuple[str, str]] = {
+    "stiffness": ("N/m", "Dynamic stiffness K′"),
+    "damping": ("N·s/m", "Dynamic damping B′"),
+    "loss_tangent": ("", "Loss tangent tan δ"),
+    "instantaneous_stiffness": ("N/m", "Instantaneous stiffness"),
+    "relaxed_stiffness": ("N/m", "Relaxed stiffness"),
+    "relaxation_time": ("s", "Relaxation time"),
 }
 _FELT = tuple(NUMBERS)[:5]
 
@@ -163,34 +165,18 @@ def lead_of(verdict: Mapping[str, Any]) -> float:
     return math.nan if rival is None else rival.score
 
 
-def describe_verdict(verdict: Mapping[str, Any], numbers: Numbers) -> str:
+def describe_verdict(verdict: Mapping[str, Any]) -> str:
     """Describe the verdict in one line."""
-    if verdict["parameters"] is None:
-        return "no law yet"
-    words = f"{verdict['law']} ({standing(verdict)})"
-    if numbers:
-        named = [
-            f"{NUMBERS[name][1]} {written(numbers, name)}" for name in ("stiffness", "damping")
-        ]
-        depth, often = rounded(1e3 * verdict["depth"], 2), in_hertz(verdict["frequency"])
-        words += f", {', '.join(named)} at {depth} mm and {often}"
-    return words
+    known = verdict["parameters"] is not None
+    return f"{verdict['law']} ({standing(verdict)})" if known else "no law yet"
 
 
 def law_lines(verdict: Mapping[str, Any]) -> Iterator[str]:
     """Yield the lines that describe the verdict at the end of a run."""
-    numbers, changes = numbers_of(verdict), int(verdict["changes"])
+    changes = int(verdict["changes"])
     turned = f", changed {changes} times" if changes and verdict["known"] else ""
-    yield f"law: {describe_verdict(verdict, {})}{turned}"
-    if numbers:
-        named = [f"{NUMBERS[name][1]} {written(numbers, name)}" for name in numbers]
-        yield f"{_about(verdict)}: {', '.join(named)}"
+    yield f"law: {describe_verdict(verdict)}{turned}"
     yield from verdict["flags"]
-
-
-def _about(verdict: Mapping[str, Any]) -> str:
-    often, depth = in_hertz(verdict["frequency"]), format_quantity(verdict["depth"], "m")
-    return f"small oscillation at {often} about {depth}"
 
 
 def written(numbers: Numbers, name: str) -> str:
@@ -221,6 +207,56 @@ def fields_of(verdict: Mapping[str, Any], origin: float = 0.0) -> dict[str, floa
         fields |= {name: value, f"{name}_standard_error": error}
     fields["flags"] = "; ".join(verdict["flags"])
     return fields
+
+
+# The answer: stiffness and damping at the working depth and the motion's frequency.
+
+_UNITS = {"stiffness": "N/m", "damping": "N·s/m"}
+
+
+def headline(
+    found: Mapping[str, Any] | None, status: Mapping[str, Any], now: Numbers, at: str
+) -> list[NumberLine]:
+    """Return the two numbers as diagnosed; while no diagnosis holds, as estimated now at a place.
+
+    Parameters
+    ----------
+    found, status : mapping
+        The last status of the diagnosis, if there is one, and of the loop.
+    now : mapping
+        The present estimate of each number, with its standard error.
+    at : str
+        Where the present estimate holds, such as ``"at 8.8 mm, 1.8 Hz"``.
+    """
+    why = undiagnosed(found, status)
+    if found and not why and found.get("numbers"):
+        return [NumberLine(**each) for each in found["numbers"]]
+    reason = why or (found or {}).get("reason") or ""
+    return [NumberLine(name, _present(now, name), at, None, reason) for name in _UNITS]
+
+
+def _present(now: Numbers, name: str) -> str:
+    """Format the present estimate of a number."""
+    value, error = now.get(name, (math.nan, math.nan))
+    return with_error(value, error, unit=_UNITS[name]) if math.isfinite(value) else "unknown"
+
+
+def where(depth: float, frequency: float | None) -> str:
+    """Format a working depth and, if known, a frequency: ``at 8.8 mm, 1.8 Hz``."""
+    often = f", {in_hertz(frequency)}" if frequency else ""
+    return f"at {format_quantity(depth, 'm')}{often}"
+
+
+def answer(lines: Iterable[NumberLine], *, reasons: bool = True) -> str:
+    """Return the numbers in one line, each with its mark and what sets that."""
+    texts = []
+    for each in lines:
+        text = " ".join(filter(None, (each.name, each.value, each.at)))
+        if each.mark is not None:
+            why = "; ".join(filter(None, (each.reason, each.skew))) if reasons else ""
+            text += f" ({': '.join(filter(None, (spoken(each.mark), why)))})"
+        texts.append(text)
+    return "; ".join(texts)
 
 
 # Times and counts of a run.
@@ -294,18 +330,11 @@ Words = dict[str, Any]
 def view_of(page: Mapping[str, Any], verdict: Mapping[str, Any] | None, now: float) -> Words:
     """Return the texts that stand still while the view is paused; ``now`` is a sample's time, s."""
     loop, depth, found = page["loop"], page["depth"], page["now"]
-    law = loop.get("law") or {}
-    known = math.isfinite(depth["value"])
-    at = f" at {format_quantity(depth['value'], 'm')}" if known else " at working depth"
-    names = "Stiffness", "Damping"
-    if law.get("remembers"):
-        names = "Relaxed stiffness", "Viscous damping"
-    chosen = " (chosen)" if known and depth["chosen"] else ""
-    tiles = [
-        [f"{name}{at}{chosen} [{unit}]", with_error(*found.get(key, (math.nan, math.nan)))]
-        for name, key, unit in zip(names, ("stiffness", "damping"), ("N/m", "N·s/m"), strict=True)
+    law, tiles = loop.get("law") or {}, []
+    panels = [
+        [f"{name.capitalize()} {_at(depth)}", unit, name, f"{name}_error"]
+        for name, unit in _UNITS.items()
     ]
-    panels = [[f"{names[0]}{at}", "N/m", "stiffness", "stiffness_error"]]
     for k in law.get("shown", ()):
         symbol, unit, name = law["symbols"][k], law["units"][k], law["names"][k]
         words = _parameter(found, name, k, verdict)
@@ -320,9 +349,15 @@ def view_of(page: Mapping[str, Any], verdict: Mapping[str, Any] | None, now: flo
         ]
         for each in reversed(page["changes"])
     ]
-    view: Words = {"working": tiles[:2], "numbers": tiles[2:], "curves": panels}
+    view: Words = {"numbers": tiles, "curves": panels}
     view["changes"] = changes or [["none"]]
     return view | (card_of(verdict, now) if verdict else {})
+
+
+def _at(depth: Mapping[str, Any]) -> str:
+    """Format the working depth of the page, and the motion's frequency."""
+    known = math.isfinite(depth["value"])
+    return where(depth["value"], depth["frequency"]) if known else "at working depth"
 
 
 def _parameter(
@@ -363,7 +398,7 @@ def card_of(verdict: Mapping[str, Any], now: float) -> Words:
     if sure not in ("none", "before") and math.isfinite(verdict["since"]):
         turned = f"; changed {count} times" if (count := verdict["changes"]) else ""
         since = f"Preferred for {_ago(now, verdict['since'])}{turned}."
-    numbers = numbers_of(verdict)
+    numbers, often = numbers_of(verdict), verdict["frequency"]
     return {
         "law-name": "Not known yet" if sure == "none" else verdict["law"],
         "law-badge": badge,
@@ -374,10 +409,10 @@ def card_of(verdict: Mapping[str, Any], now: float) -> Words:
             *(f"{_ago(now, time)} ago: {law or 'restarted'}" for time, law in turns),
             *[""] * (_TURNS - len(turns)),
         ],
-        "law-at": _about(verdict) if numbers else "",
+        "law-at": f"small oscillation {where(verdict['depth'], often)}" if numbers else "",
         "law-numbers": [
             [long, written(numbers, name) if name in numbers else _absent(verdict, numbers, name)]
-            for name, (_, _, long) in NUMBERS.items()
+            for name, (_, long) in NUMBERS.items()
         ],
         "law-flags": verdict["flags"] or ["no warnings"],
     }
@@ -398,7 +433,7 @@ def _absent(verdict: Mapping[str, Any], numbers: Numbers, name: str) -> str:
 
 
 def facts_of(page: Mapping[str, Any], state: str, contact_force: float | None = None) -> Words:
-    """Return the texts that go on while the view is paused: verdict, state, counts, times.
+    """Return the texts that go on while the view is paused: answer, state, counts, times.
 
     ``contact_force`` is the present force, N, if the probe is in contact.
     """
@@ -427,7 +462,7 @@ def facts_of(page: Mapping[str, Any], state: str, contact_force: float | None = 
     if contact_force is not None:
         contact = f"The probe is in contact with {rounded(contact_force, 3)} N."
         facts["tare-warning"] = f"{contact} palpate refuses a tare while the probe presses."
-    facts["verdict-line"] = [_verdict_line(found := others.get("diagnosis"))]
+    facts["working"] = list(_tiles(page, found := others.get("diagnosis")))
     if found and found.get("at"):
         facts["diagnosis"] = list(_diagnosis(found))
     return facts
@@ -453,33 +488,22 @@ def _counts(
 _FINE = {"taken": "samples", "learned": "used", "changes": "changes"}
 
 
-def _verdict_line(found: Mapping[str, Any] | None) -> list[str]:
-    """Return the reason, class and badge of the last diagnosis."""
-    if not (found and found.get("at")):
-        return [f": {UNDIAGNOSED if found is None else NO_DIAGNOSIS_YET}.", "open", "no verdict"]
-    if found.get("outdated"):
-        return [f": {found['outdated']}.", "open", "outdated"]
-    mark = (found.get("verdict") or {}).get("overall", "no-verdict")
-    return [
-        f": {found['reason'].removesuffix('.')}.",
-        _MARKS.get(mark, "open"),
-        spoken(mark),
-    ]
+def _tiles(page: Mapping[str, Any], found: Mapping[str, Any] | None) -> Iterator[list[str]]:
+    """Yield title, value, class and text of the mark, reason, and estimate now of each number."""
+    now, depth = page["now"], page["depth"]
+    for line in headline(found, page["loop"], now, _at(depth)):
+        title = f"{line.name.capitalize()} {line.at}{' (chosen)' * depth['chosen']}"
+        why, mark, last = "; ".join(filter(None, (line.reason, line.skew))), "no verdict", ""
+        if line.mark is not None:
+            mark, last = spoken(line.mark), f"now {_present(now, line.name)}"
+        yield [title, line.value, _MARKS.get(line.mark or "", "open"), mark, why, last]
 
 
 def _diagnosis(found: Mapping[str, Any]) -> Iterator[list[str]]:
-    """Yield what to do, the result at each working depth, and what was diagnosed: text, class."""
+    """Yield what to do and what was diagnosed: text, class."""
     if found.get("remedy"):
         yield [found["remedy"], ""]
-    frequency = found.get("frequency")
-    often = "" if frequency is None else f" and {in_hertz(frequency)}"
-    for there in found.get("working_depths", ()):
-        both = []
-        for name, unit in (("stiffness", "N/m"), ("damping", "N·s/m")):
-            error = math.hypot(*(or_nan(there[name][e]) for e in ("standard_error", "systematic")))
-            value = with_error(or_nan(there[name]["value"]), error, unit=unit)
-            both.append(f"{name} {value} ({spoken(found['verdict'][name])})")
-        yield [f"At {format_quantity(there['depth'], 'm')}{often}: {', '.join(both)}", ""]
     last = rounded(found["window"][1] - found["window"][0], 2)
-    words = f"{found['method']}, the last {last} s at {found['at']}, {found['samples']} samples; "
+    how = ", by ".join(filter(None, (found.get("law"), found["method"])))
+    words = f"{how}, the last {last} s at {found['at']}, {found['samples']} samples; "
     yield [f"{words}± includes the systematic uncertainty", "soft"]

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from palpate.contact import Contact, VelocityFilter
 from palpate.errors import InvalidParameterError, RecordingError
-from palpate.findings import Finding
+from palpate.findings import Check, Finding
 from palpate.preparation.clocks import Signals, measurable, settle_stamps
 from palpate.preparation.delay import in_step
 from palpate.preparation.gates import exclude_load_transfer
@@ -290,7 +290,7 @@ def _surface_found(contact: Contact, done: Prepared) -> tuple[Contact, Prepared]
 
 # The contacts of a travelling probe, one at each place.
 
-OF_THE_WHOLE = ("episodes", "surface", "orientation")
+OF_THE_WHOLE = (Check.EPISODES, Check.SURFACE, Check.ORIENTATION)
 
 
 def at_places(contact: Contact, *, rejecting: bool) -> Iterator[tuple[Place, Contact]]:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 import palpate._core as _core
 from palpate._core import noise_of as noise_of
 from palpate.contact import Contact, slices_of
-from palpate.findings import Finding
+from palpate.findings import Check, Finding
 from palpate.settings import ContactGate, Scale
 from palpate.validation import Floats, Plain, number_in
 
@@ -203,7 +203,6 @@ def resolutions_of(penetration: Floats, *, threads: int = 1) -> Floats:
 
 # Parts of a touch that are no contact with one place: the force rises on the way out.
 
-LOAD_TRANSFER = "load transfer"
 # No passive material pushes harder at less depth, on the way out, than where the probe turned. A
 # heel does when the foot has rolled on: 5 to 60 % more, while it rises by a fifth. A force that is
 # 20 ms late rises on too, but only while the depth is still within a few per cent.
@@ -224,7 +223,7 @@ def exclude_load_transfer(contact: Contact) -> Contact:
     contact : Contact
         Returned as it is if that is little of it, or leaves little, or is excluded already.
     """
-    if any(finding.check == LOAD_TRANSFER for finding in contact.findings):
+    if any(finding.check == Check.LOAD_TRANSFER for finding in contact.findings):
         return contact
     found = load_transfer(contact.penetration, contact.velocity, contact.force, contact.segment)
     if found is None:
@@ -272,11 +271,10 @@ def load_transfer(
     of = sum(np.count_nonzero(inside[touch]) >= SHORTEST for touch in touches)
     if parts < max(FEWEST, 0.5 * of) or not LEAST_PART < share < MOST_PART:
         return None
-    finding = Finding(
-        LOAD_TRANSFER,
+    finding = Check.LOAD_TRANSFER.finding(
         f"in {parts} touches the force rises while the probe withdraws, so that another place "
         f"carries the load: the rest of them, {share:.0%} of the contact, is left out",
         "if it is the material's own force, run again with --no-reject-outliers",
-        "with-care",
+        severity="with-care",
     )
     return out, finding

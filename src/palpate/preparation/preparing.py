@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from palpate.contact import Contact, VelocityFilter
 from palpate.errors import InvalidParameterError
-from palpate.findings import Finding
+from palpate.findings import Check, Finding
 from palpate.preparation.along_penetration import along_penetration, contact_of_arrays
 from palpate.preparation.clocks import signals_of
 from palpate.preparation.roles import Columns, Roles, contact_groups, is_wanted, roles_of
@@ -273,7 +273,7 @@ def _contacts_of_groups(
     )
     remedy = f"if they are several objects, choose one: --position {groups[0]} --force {groups[0]}"
     contact = joined(contacts)
-    findings = (*recording.findings, Finding("channels", words, remedy), *contact.findings)
+    findings = (*recording.findings, Check.CHANNELS.finding(words, remedy), *contact.findings)
     return dataclasses.replace(contact, source=recording.source, findings=findings)
 
 
@@ -298,7 +298,7 @@ def _commanded(roles: Roles) -> list[Finding]:
             if kind == "position":
                 words += ": the robot's own compliance is in the numbers"
             remedy = f"record the measured {kind} and name its channel with --{kind}"
-            found.append(Finding.of_both("with-care", "channels", words, remedy))
+            found.append(Check.CHANNELS.finding(words, remedy, mark="with-care"))
     return found
 
 
@@ -312,7 +312,7 @@ def _unused(settings: Preparation, roles: Roles, *, pressing: bool) -> list[Find
     }
     idle = [name for name, (value, unused) in options.items() if unused and value is not None]
     words = f"{' and '.join(idle)} had no effect: position and force do not both have three axes"
-    finding = Finding("options", words, f"drop {' and '.join(idle)}")
+    finding = Check.OPTIONS.finding(words, f"drop {' and '.join(idle)}")
     return [finding] if idle else []
 
 

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 
 from palpate.errors import MissingChannelError, RecordingError, listed
-from palpate.findings import Finding
+from palpate.findings import Check, Finding
 from palpate.recordings import Recording
 from palpate.recordings.opening import within
 from palpate.recordings.recording import UNITS, holds_numbers, plain_unit, size_of, stated_unit
@@ -661,7 +661,7 @@ class _Choosing:
             listed = " and ".join(", ".join(names) for names in arrays)
             words = f"palpate takes {listed} for x, y and z, because of their numbers"
             remedy = "if they are runs or sensors, choose one with --position and --force"
-            yield Finding("channels", words, remedy)
+            yield Check.VECTORS.finding(words, remedy)
 
     def _is(self, vector: Vector, kind: str) -> bool:
         if vector.second:

@@ -14,8 +14,8 @@ from palpate.validation import Floats, number_in
 
 Indices = NDArray[np.intp]
 
-# The default window of a parabola smooths the motion of a probe no more (docs/methods: B within
-# 0.5 % at 15 ms); that of a spline is at most twice as long.
+# The default window of a parabola hardly smooths the motion of a probe (B within 0.5 % at 15 ms);
+# that of a spline is at most twice as long.
 LONGEST_WINDOW = 15e-3  # s
 MOST_SAMPLES = 15
 FEWEST_SAMPLES = 5

@@ -10,12 +10,13 @@ from numpy.typing import NDArray
 
 from palpate.contact import Contact
 from palpate.diagnosis import Data, Diagnosis
-from palpate.diagnosis.finding import Quantity, WorkingDepth
+from palpate.diagnosis.outcome import Quantity, WorkingDepth
 from palpate.digits import rounded
 from palpate.errors import InvalidParameterError
 from palpate.estimators import ContactEstimator
 from palpate.estimators.estimate import Estimate, Trace
 from palpate.estimators.law_verdicts import band_about
+from palpate.findings import Check
 from palpate.quantities.energy import (
     EnergyLoss,
     Passivity,
@@ -362,7 +363,7 @@ def energy_from(result: Derivable) -> EnergyLoss:
         result.diagnosis.working_depth.damping,
         force_noise=data.force_noise,
         depth_noise=data.penetration_noise,
-        skewed=bool({"delay", "skew jump"} & checks),
+        skewed=bool({Check.DELAY, Check.SKEW_JUMP} & checks),
         drifting="offset drift" in checks,
     )
 

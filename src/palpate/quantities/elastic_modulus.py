@@ -10,9 +10,10 @@ import math
 from dataclasses import dataclass, fields
 from typing import Any, ClassVar
 
-from palpate.diagnosis.finding import Diagnosis, Quantity, WorkingDepth
-from palpate.diagnosis.marks import STOPPED
+from palpate.diagnosis.bars import STOPPED
+from palpate.diagnosis.outcome import Diagnosis, Quantity, WorkingDepth
 from palpate.digits import format_quantity
+from palpate.findings import Check
 from palpate.force_laws import ForceLaw
 from palpate.quantities.restitution import UNKNOWN
 from palpate.validation import defined, kept
@@ -318,7 +319,7 @@ def _remarks(found: Diagnosis, exponent: Quantity, tip: Tip) -> list[str]:
         remarks.append(
             f"the exponent, {exponent.combined.format()}, is too uncertain to confirm a {tip.kind}"
         )
-    if any(finding.check == "surface" for finding in found.findings):
+    if any(finding.check == Check.SURFACE for finding in found.findings):
         remarks.append(
             "the surface position is uncertain (see palpate diagnose): an error of 1 % in depth "
             f"changes the modulus by {tip.exponent:g} %"

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.contact import Contact
-from palpate.diagnosis.finding import Quantity, WorkingDepth
+from palpate.diagnosis.outcome import Quantity, WorkingDepth
 from palpate.digits import rounded
 from palpate.force_laws import ForceLaw, steps_over_breaks
 from palpate.preparation.gates import choose_gate, touches_of

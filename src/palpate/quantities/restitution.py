@@ -26,7 +26,7 @@ from typing import overload
 import numpy as np
 from numpy.typing import ArrayLike
 
-from palpate.diagnosis.finding import Quantity, WorkingDepth
+from palpate.diagnosis.outcome import Quantity, WorkingDepth
 from palpate.digits import rounded
 from palpate.force_laws import ForceLaw
 from palpate.validation import Floats, Plain, all_good, together

@@ -8,7 +8,7 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
-from palpate.diagnosis.finding import Diagnosis, Quantity
+from palpate.diagnosis.outcome import Diagnosis, Quantity
 from palpate.digits import rounded
 from palpate.quantities.elastic_modulus import SMALL_STRAIN
 from palpate.quantities.restitution import UNKNOWN

@@ -20,7 +20,7 @@ from rich.filesize import decimal as format_bytes
 
 from palpate.contact import Contact
 from palpate.errors import InvalidParameterError, RecordingError, needed
-from palpate.findings import Finding
+from palpate.findings import Check
 from palpate.recordings.recording import Faults, Recording, printable
 from palpate.writing import scratch_file, write_bytes, write_text
 
@@ -414,8 +414,8 @@ class Draft:
             raise self.error(f"{self.losses[0]}{more}; {rest}")
         mappings = ("units", "notes", "clocks", "frames", "types", "faults", "plots")
         own: dict[str, Any] = {name: getattr(self, name) for name in mappings}
-        lost = [Finding("file", words, _USED, "with-care") for words in self.losses]
-        findings = (*lost, *(Finding("file", words) for words in self.omissions))
+        lost = [Check.FILE.finding(words, _USED, severity="with-care") for words in self.losses]
+        findings = (*lost, *(Check.FILE.finding(words) for words in self.omissions))
         return Recording(self.channels, source=self.source, rows=rows, findings=findings, **own)
 
 

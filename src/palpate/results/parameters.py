@@ -49,7 +49,7 @@ class ParameterRow:
         return f"{self.symbol} = {self.with_unit}"
 
 
-def terms_of(result: "Identified") -> str:
+def parameter_terms(result: "Identified") -> str:
     """Return a line for each parameter: ``K = 2002.0 ± 1.9 N/mⁿ``."""
     return "\n".join(map(str, parameter_rows(result)))
 
@@ -76,7 +76,7 @@ def _number(result: "Identified", k: int, unit: str | None = None) -> ParameterR
 
 def _generalised(result: "Identified", law: GeneralisedHuntCrossley) -> Iterator[ParameterRow]:
     stiffness, n, damping, p, relaxing = range(len(law.symbols))
-    verdict, growth = result.estimator.verdict(), _growth_of(law)
+    verdict, growth = result.estimator.verdict(), _growth(law)
     chosen = None if verdict is None else verdict.candidate
     linear = chosen is not None and chosen.linear
     yield _number(result, stiffness, "N/m" if linear else None)
@@ -108,7 +108,7 @@ def relaxation_range(law: GeneralisedHuntCrossley) -> str:
     return " to ".join(_time(float(each)) for each in present[[0, -1]])
 
 
-def _growth_of(law: GeneralisedHuntCrossley) -> str | None:
+def _growth(law: GeneralisedHuntCrossley) -> str | None:
     """Return how the damper goes with the spring: ``n`` or ``n − 1``; None where by neither."""
     if law.damping_exponent == law.exponent:
         return "n"
@@ -130,7 +130,7 @@ def _bound(law: ForceLaw, k: int, words: str) -> ParameterRow:
 _SAME_TIME = 0.05
 
 
-def truth_at(result: "Identified", depth: float) -> dict[str, float]:
+def stated_truth(result: "Identified", depth: float) -> dict[str, float]:
     """Return the stated truth of the numbers at a depth, SI, by name; empty where there is none.
 
     Where one of the two laws relaxes: K′ and B′ at the motion's frequency, and no force.
@@ -179,10 +179,10 @@ def _same_memory(law: GeneralisedHuntCrossley, truth: GeneralisedHuntCrossley) -
 
 def against_truth(value: float, truth: float, error: float, unit: str = "") -> str:
     """Return the truth, and how many standard errors away from it a number is."""
-    words = f"truth {rounded(truth, 5)} {unit}".rstrip()
+    words = f"{rounded(truth, 5)} {unit}".rstrip()
     if not (error > 0.0 and math.isfinite(value) and math.isfinite(error)):
         return words
-    return f"{words}, {signed((value - truth) / error, 2)} σ"
+    return f"{words}, {format_signed((value - truth) / error, 2)} σ"
 
 
 def truths(result: "Identified") -> list[str]:
@@ -199,10 +199,11 @@ def truths(result: "Identified") -> list[str]:
     for row in rows:
         error = float(result.standard_errors[row.index]) if row.name in same else 0.0
         known = row.name in real and row.estimated
-        words.append(against_truth(values[row.name], real[row.name], error) if known else "")
+        truth_words = against_truth(values[row.name], real[row.name], error)
+        words.append(f"truth {truth_words}" if known else "")
     return words
 
 
-def signed(value: float, digits: int) -> str:
+def format_signed(value: float, digits: int) -> str:
     """A number in so many digits, with its sign."""
     return f"{'-' if value < 0.0 else '+'}{rounded(abs(value), digits)}"

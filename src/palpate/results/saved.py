@@ -23,7 +23,7 @@ from palpate.estimators import LawVerdict
 from palpate.estimators.estimate import Trace
 from palpate.findings import MARKS, Finding
 from palpate.force_laws import ForceLaw, law_from
-from palpate.identification.identified import rank
+from palpate.identification.ranking import rank
 from palpate.preparation.gates import touches_of
 from palpate.recordings import open_recording
 from palpate.recordings.recording import Recording
@@ -120,7 +120,7 @@ def trace_columns(result: "Identified") -> tuple[dict[str, NDArray[Any]], dict[s
 Column = TypeVar("Column")
 
 
-def in_file(columns: Mapping[str, Column]) -> dict[str, Column]:
+def toml_text(columns: Mapping[str, Column]) -> dict[str, Column]:
     """The same columns by their names in a file."""
     return {FILE_NAMES.get(name, name): column for name, column in columns.items()}
 
@@ -185,7 +185,7 @@ def _names() -> NDArray[np.str_]:
 SCHEMA_VERSION = 3
 
 
-def described(files: Sequence[Path], results: "Sequence[Identified]") -> dict[str, Any]:
+def describe_contact(files: Sequence[Path], results: "Sequence[Identified]") -> dict[str, Any]:
     """Return the results of files, by one method or several, as plain numbers and text.
 
     Parameters
@@ -216,12 +216,12 @@ def described(files: Sequence[Path], results: "Sequence[Identified]") -> dict[st
         "delay": None if contact.delay is None else asdict(contact.delay),
         "gate": asdict(gate),
         "scale": asdict(scale),
-        "results": [of_one(result) for result in results],
+        "results": [result_dict(result) for result in results],
         **({"ranking": ranking} if ranking else {}),
     }
 
 
-def of_one(result: "Identified") -> dict[str, Any]:
+def result_dict(result: "Identified") -> dict[str, Any]:
     """Return the result of one method; undefined values are None."""
     law, estimate, trace = result.law, result.estimate, result.trace
     beside: dict[str, float] = {}
@@ -241,7 +241,7 @@ def of_one(result: "Identified") -> dict[str, Any]:
         **({"fixed": list(result.fixed)} if result.fixed else {}),
         "correlations": [[*map(defined, row)] for row in result.correlations.tolist()],
         **beside,
-        **derived(result),
+        **derived_dict(result),
         "prediction_rmse_percent": defined(result.prediction_rmse_percent),
         "fit_rmse_percent": defined(result.fit_rmse_percent),
         "violated_fraction": defined(result.violated_fraction),
@@ -274,11 +274,11 @@ def _episode(stretch: "Identified") -> dict[str, Any]:
         **own.as_dict(),
         "verdict": found.verdict.as_dict(),
         **there,
-        **derived(stretch),
+        **derived_dict(stretch),
     }
 
 
-def derived(result: "Identified") -> dict[str, Any]:
+def derived_dict(result: "Identified") -> dict[str, Any]:
     """Return the derived quantities as plain numbers and text."""
     modulus = {}
     if result.query.tip is not None:
@@ -380,14 +380,14 @@ def load_result(path: str | Path) -> SavedResult:
             "and pass that folder"
         )
     file = named if named.suffix == ".json" and not named.is_dir() else named / RESULT
-    whole = _described(file)
+    whole = _describe(file)
     try:
         [found], name = whole["results"], whole["trace"]
         if name not in TRACES:
             raise ValueError(f"{name!r} is not a trace of palpate")
         law = law_from(found["law"])
         recording = open_recording(file.parent / name)
-        if whole["trace_digest"] != digest_of(file.parent / name):
+        if whole["trace_digest"] != trace_digest(file.parent / name):
             raise RecordingError(
                 f"{file}: {name} has changed or is from another run; save the result again"
             )
@@ -419,14 +419,14 @@ def load_result(path: str | Path) -> SavedResult:
         raise RecordingError(f"{file}: the result is damaged ({reason}); identify again") from None
 
 
-def digest_of(trace: Path) -> dict[str, Any]:
+def trace_digest(trace: Path) -> dict[str, Any]:
     """Return length and SHA-256 of a trace's file, which identify it."""
     with trace.open("rb") as file:
         found = hashlib.file_digest(file, "sha256").hexdigest()
         return {"bytes": file.tell(), "sha256": found}
 
 
-def _described(file: Path) -> dict[str, Any]:
+def _describe(file: Path) -> dict[str, Any]:
     try:
         whole = json.loads(file.read_bytes())
     except OSError as error:

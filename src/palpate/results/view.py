@@ -20,8 +20,8 @@ from palpate.diagnosis.fit import DEEP
 from palpate.digits import format_quantity, interval, rounded, with_error
 from palpate.errors import InvalidParameterError
 from palpate.estimators import VariableProjection
-from palpate.findings import MARKS, Mark, spoken
-from palpate.identification.identified import rank
+from palpate.findings import MARKS, Check, Mark, spoken
+from palpate.identification.ranking import rank
 from palpate.preparation.gates import touches_of
 from palpate.quantities.derived import band_of, in_hertz
 from palpate.recordings.recording import truth_of
@@ -29,12 +29,12 @@ from palpate.results.parameters import (
     RELAXATION,
     ParameterRow,
     against_truth,
+    format_signed,
     law_name,
     parameter_rows,
+    parameter_terms,
     relaxation_range,
-    signed,
-    terms_of,
-    truth_at,
+    stated_truth,
     truths,
 )
 
@@ -44,7 +44,7 @@ if TYPE_CHECKING:
     from palpate.quantities.restitution import Restitution
 
 
-class Marked(NamedTuple):
+class Styled(NamedTuple):
     """Words in the colour of a verdict or a severity, and what stands around them."""
 
     text: str
@@ -56,12 +56,12 @@ class Marked(NamedTuple):
         return f"{self.before}{self.text}{self.after}"
 
 
-def _marked(mark: str) -> Marked:
-    return Marked(spoken(mark), mark)
+def _mark_cell(mark: str) -> Styled:
+    return Styled(spoken(mark), mark)
 
 
 #: Of a table; it may have several lines.
-Cell: TypeAlias = str | Marked
+Cell: TypeAlias = str | Styled
 _NOTHING = {"", "–"}
 
 
@@ -106,7 +106,7 @@ class ViewSection(NamedTuple):
 # Which sections an identification, a diagnosis and a comparison have.
 
 
-def answer(result: "Identified", names: Sequence[str]) -> Iterator[ViewSection]:
+def short_answer(result: "Identified", names: Sequence[str]) -> Iterator[ViewSection]:
     """Compose the short answer of ``palpate identify``: a line a number, the next step, the law.
 
     Parameters
@@ -117,49 +117,49 @@ def answer(result: "Identified", names: Sequence[str]) -> Iterator[ViewSection]:
         Of the files, as a shell takes them, for the commands that show more.
     """
     places = [part for part in result.segments if part.place is not None]
-    yield ViewSection("Verdict", [*_verdicts_of(places)]) if places else verdict(result)
+    yield ViewSection("Verdict", [*_count_verdicts(places)]) if places else verdict_section(result)
     # The worst three places, or every segment between changes.
-    shown = by_verdict(places)[:3] or list(result.segments)
-    yield from parts(replace(result, segments=tuple(shown)))
+    shown = sort_by_verdict(places)[:3] or list(result.segments)
+    yield from segment_table(replace(result, segments=tuple(shown)))
     yield ViewSection("", headings=("", ""), rows=_fit_rows(result, names), prose=1)
 
 
-def of_identification(
+def identification_sections(
     result: "Identified", *, with_findings: bool = False
 ) -> Iterator[ViewSection]:
     """Compose what ``palpate identify -v`` prints; with the findings of ``diagnose`` if wanted."""
-    yield verdict(result)
-    yield depths(result)
-    yield from parts(result, whole=True)
-    yield law(result, whole=True)
-    yield follows(result, whole=True)
-    yield preparation([result], whole=with_findings)
+    yield verdict_section(result)
+    yield depth_table(result)
+    yield from segment_table(result, whole=True)
+    yield law_section(result, whole=True)
+    yield derived_section(result, whole=True)
+    yield preparation_section([result], whole=with_findings)
     if with_findings:
-        yield findings(result)
+        yield findings_section(result)
 
 
 def summary(result: "Identified") -> str:
     """Return everything as text: all findings, and 95 % intervals."""
-    text = as_text(of_identification(result, with_findings=True))
+    text = as_text(identification_sections(result, with_findings=True))
     return f"{result.contact.source or 'contact'}, by {result.method}\n{text}"
 
 
-def of_diagnosis(result: "Identified") -> Iterator[ViewSection]:
+def diagnosis_sections(result: "Identified") -> Iterator[ViewSection]:
     """Compose what ``palpate diagnose`` prints."""
-    yield verdict(result)
-    yield depths(result)
-    yield findings(result)
+    yield verdict_section(result)
+    yield depth_table(result)
+    yield findings_section(result)
 
 
-def of_comparison(results: "Sequence[Identified]") -> Iterator[ViewSection]:
+def comparison_sections(results: "Sequence[Identified]") -> Iterator[ViewSection]:
     """Compose what ``palpate compare`` prints: the methods and their laws."""
     by_name = {result.method: result for result in results}
     ranking = rank(by_name)
     ordered = [by_name[name] for name in ranking.order]
     words = f"recommended method: {ranking.recommended or 'none'}"
     yield ViewSection("Methods", [Line(words, tone="strong")])
-    yield numbers(ordered, ranking.exclusions)
-    yield laws(ordered)
+    yield number_table(ordered, ranking.exclusions)
+    yield model_table(ordered)
 
 
 # The sections.
@@ -217,7 +217,9 @@ def number_lines(result: "Identified") -> list[NumberLine]:
         skew = _skew(there) if k else ""
         same = bool(k and reason and reason == reasons[0])
         words = "for the same reason" if same else reason
-        lines.append(NumberLine(name, f"{number(quantity)} {unit}", at, marks[k], words, skew))
+        lines.append(
+            NumberLine(name, f"{format_number(quantity)} {unit}", at, marks[k], words, skew)
+        )
     return lines
 
 
@@ -229,31 +231,31 @@ def _skew(there: WorkingDepth) -> str:
     return f"1 ms of skew changes it by {rounded(100.0 * part, 2)} %" if known else ""
 
 
-def verdict(result: "Identified") -> ViewSection:
+def verdict_section(result: "Identified") -> ViewSection:
     """A line for each number: value, depth, frequency, mark and reason; then the next step."""
     numbers, rows = number_lines(result), list[tuple[Cell, ...]]()
     values = max(len(each.value) for each in numbers if each.mark is not None)
     places = max(len(each.at) for each in numbers)
     for each in numbers:
         if each.mark is None:
-            rows.append((each.name, _words(each.value)))
+            rows.append((each.name, _capitalise(each.value)))
             continue
         words = "; ".join(filter(None, (each.reason, each.skew)))
         before = f"{each.value.ljust(values)}  {each.at.ljust(places)}  "
         beside = len(before) + len(spoken(each.mark)) + 2 + len(words) <= _FOLD[0]
-        after = (f": {words}" if beside else f"\n{_words(words)}") if words else ""
-        rows.append((each.name, Marked(spoken(each.mark), each.mark, before, after)))
+        after = (f": {words}" if beside else f"\n{_capitalise(words)}") if words else ""
+        rows.append((each.name, Styled(spoken(each.mark), each.mark, before, after)))
     if remedy := result.diagnosis.remedy:
-        rows.append(("next", _words(remedy)))
+        rows.append(("next", _capitalise(remedy)))
     return ViewSection("Verdict", (), ("", ""), rows)
 
 
-def _words(text: str) -> str:
+def _capitalise(text: str) -> str:
     """Fold a sentence beside the labels of the two numbers."""
-    return _folded(text.split(" "), " ", _FOLD[0])
+    return _fold(text.split(" "), " ", _FOLD[0])
 
 
-def _verdicts_of(places: "Sequence[Identified]") -> Iterator[Line]:
+def _count_verdicts(places: "Sequence[Identified]") -> Iterator[Line]:
     """How many places have each mark, and the next step for the worst."""
     counts = []
     for number in ("stiffness", "damping"):
@@ -261,11 +263,11 @@ def _verdicts_of(places: "Sequence[Identified]") -> Iterator[Line]:
         each = ", ".join(f"{marks.count(mark)} {spoken(mark)}" for mark in MARKS if mark in marks)
         counts.append(f"{number} {each}")
     yield Line(f"{len(places)} places: {'; '.join(counts)}; below the worst three.")
-    if remedy := next((part.diagnosis.remedy for part in by_verdict(places)), None):
+    if remedy := next((part.diagnosis.remedy for part in sort_by_verdict(places)), None):
         yield Line(_sentence(remedy), "next step, for the worst place")
 
 
-def by_verdict(places: "Iterable[Identified]") -> "list[Identified]":
+def sort_by_verdict(places: "Iterable[Identified]") -> "list[Identified]":
     """Return places, the worst first: by verdict, then by the error of the stiffness."""
 
     def badness(part: "Identified") -> tuple[int, float]:
@@ -289,13 +291,17 @@ def _fit_rows(result: "Identified", names: Sequence[str]) -> list[tuple[str, str
         shown = (row for row in parameter_rows(result) if row.name != "relaxation_stiffness")
         terms = (_parameter(result, row) for row in shown)
         # Which moves K, B and n by far more than stiffness and damping.
-        checks = (f.check == "surface" and math.isfinite(f.z) for f in result.diagnosis.findings)
+        checks = (
+            f.check == Check.SURFACE and math.isfinite(f.z) for f in result.diagnosis.findings
+        )
         doubt = "(surface in doubt: -v)" if any(checks) else ""
-        parts = f"{law_name(result)}:", *terms, doubt, relaxed(result)
-        rows.append(("law", _folded(filter(None, parts), "  ")))
+        parts = f"{law_name(result)}:", *terms, doubt, describe_relaxed_stiffness(result)
+        rows.append(("law", _fold(filter(None, parts), "  ")))
     rows.append(("fit", _fit(result)))
     rows.append(("truth", _truth(result)))
-    rows += [(each.name, "\n".join((each.text, *each.remarks))) for each in follows(result).lines]
+    rows += [
+        (each.name, "\n".join((each.text, *each.remarks))) for each in derived_section(result).lines
+    ]
     rows = [(name, words) for name, words in rows if words]
     return [*rows, ("more", f"palpate diagnose {' '.join(names)}, or -v, -o report/")]
 
@@ -305,7 +311,7 @@ def _parameter(result: "Identified", row: ParameterRow) -> str:
     return f"{row.symbol} = {relaxation_range(result.law)}" if several else str(row)
 
 
-def _folded(parts: Iterable[str], between: str, width: int = _FOLD[1]) -> str:
+def _fold(parts: Iterable[str], between: str, width: int = _FOLD[1]) -> str:
     """Join parts; those that do not fit beside the others begin another line."""
     lines = [""]
     for part in parts:
@@ -319,7 +325,7 @@ def _fit(result: "Identified") -> str:
     """Error, samples and contacts; what else fits in the line."""
     touches, estimate = len(touches_of(result.contact)), result.estimate
     words = (
-        f"{percent(result.fit_rmse_percent)} rms, {estimate.samples} samples, {touches} "
+        f"{format_percent(result.fit_rmse_percent)} rms, {estimate.samples} samples, {touches} "
         f"contact{'s' * (touches != 1)}"
     )
     parts = []
@@ -327,13 +333,13 @@ def _fit(result: "Identified") -> str:
         parts.append(f"method {result.method}")
     if rejected := int(np.count_nonzero(result.trace.rejected)):
         parts.append(f"{rejected} outlier{'s' * (rejected > 1)} excluded")
-    for part in (*parts, *_estimated(estimate)):
+    for part in (*parts, *_describe_settings(estimate)):
         if len(longer := f"{words}; {part}") <= _FOLD[1]:
             words = longer
     return words
 
 
-def relaxed(result: "Identified") -> str:
+def describe_relaxed_stiffness(result: "Identified") -> str:
     """The relaxed stiffness of a law that relaxes, and whether it is extrapolated."""
     if not result.law.remembers:
         return ""
@@ -343,24 +349,24 @@ def relaxed(result: "Identified") -> str:
     if found.value == 0.0:  # K is at its bound, where its error is unknown
         return "relaxed stiffness not given: the memory takes all of it (K = 0)"
     checks = (each.check for each in result.diagnosis.findings)
-    caution = " (extrapolated)" if "relaxed stiffness" in checks else ""
-    return f"relaxed stiffness {number(found)} N/m{caution}"
+    caution = " (extrapolated)" if Check.RELAXED_STIFFNESS in checks else ""
+    return f"relaxed stiffness {format_number(found)} N/m{caution}"
 
 
 def _truth(result: "Identified") -> str:
     """The truth that the file states of stiffness and damping at working depth."""
     at = result.working_depths[0]
-    real = {} if result.segments else truth_at(result, at.depth)
+    real = {} if result.segments else stated_truth(result, at.depth)
     words = (
-        f"{name} {against_truth(found.value, real[name], found.whole_error, unit)[6:]}"
+        f"{name} {against_truth(found.value, real[name], found.whole_error, unit)}"
         for name, unit in _ROWS[:2]
         for found in [getattr(at, name)]
         if name in real and math.isfinite(found.value)
     )
-    return _folded(words, "; ")
+    return _fold(words, "; ")
 
 
-def depths(result: "Identified") -> ViewSection:
+def depth_table(result: "Identified") -> ViewSection:
     """Stiffness, damping and force at both working depths, with both error bars.
 
     And with the truth where the file states it.
@@ -369,13 +375,13 @@ def depths(result: "Identified") -> ViewSection:
     headings, columns, known = [""], [], [_BARS]
     for each, name in zip(result.working_depths, names, strict=False):
         headings.append(f"at {format_quantity(each.depth, 'm', 4)} ({name})")
-        real, cells = truth_at(result, each.depth), []
+        real, cells = stated_truth(result, each.depth), []
         known = [_BARS, _LEGEND] if real else known
         for quantity, unit in _ROWS:
             found: Quantity = getattr(each, quantity)
             words = found.format(unit)
             if quantity in real:
-                words += f"\n{against_truth(found.value, real[quantity], found.whole_error)}"
+                words += f"\ntruth {against_truth(found.value, real[quantity], found.whole_error)}"
             cells.append(words)
         columns.append(cells)
     lines = [Line("; ".join(known), tone="soft"), Line(TRUST, tone="soft")]
@@ -384,7 +390,7 @@ def depths(result: "Identified") -> ViewSection:
     )
 
 
-def parts(result: "Identified", *, whole: bool = False) -> Iterator[ViewSection]:
+def segment_table(result: "Identified", *, whole: bool = False) -> Iterator[ViewSection]:
     """Each segment between changes, or each place; nothing for one material.
 
     With the law and the fit of each segment if ``whole``.
@@ -393,11 +399,11 @@ def parts(result: "Identified", *, whole: bool = False) -> Iterator[ViewSection]
     for part in result.segments:
         found, time, place = part.diagnosis, part.contact.time, part.place
         there = found.working_depth
-        both_numbers = number(there.stiffness), number(there.damping)
+        both_numbers = format_number(there.stiffness), format_number(there.damping)
         if place is None:
             times = _when(part).replace(" s to ", "\nto " if whole else " to ").removesuffix(" s")
-            terms = terms_of(part) if whole else ""
-            fit = percent(part.fit_rmse_percent) if whole else ""
+            terms = parameter_terms(part) if whole else ""
+            fit = format_percent(part.fit_rmse_percent) if whole else ""
             cells = (times, "", "", *both_numbers, "", terms, fit)
         else:
             at = ", ".join(f"{1e3 * each:.1f}" for each in place.position)
@@ -412,7 +418,7 @@ def parts(result: "Identified", *, whole: bool = False) -> Iterator[ViewSection]
         yield ViewSection("Each by itself", (), headings, rows)
 
 
-def law(result: "Identified", *, whole: bool = False) -> ViewSection:
+def law_section(result: "Identified", *, whole: bool = False) -> ViewSection:
     """The law's parameters, with the truth where the file states it, and how well it fits."""
     headings, rows = ["contact model", ""], []
     for row, truth in zip(parameter_rows(result), truths(result), strict=True):
@@ -421,14 +427,18 @@ def law(result: "Identified", *, whole: bool = False) -> ViewSection:
             value, error = result.law.parameters[row.index], result.standard_errors[row.index]
             rows[-1].append(interval(float(value), float(error)) if row.estimated else "–")
             rows[-1].append(row.name.replace("_", " "))
-    lines = [relaxed(result), _correlation(result), *_estimated(result.estimate)]
-    lines += [law_verdict(result), _quality(result)]
+    lines = [
+        describe_relaxed_stiffness(result),
+        _correlation(result),
+        *_describe_settings(result.estimate),
+    ]
+    lines += [describe_model_selection(result), _quality(result)]
     shown = [Line(each) for each in lines if each]
     title = f"Contact model: {law_name(result)}, by {result.method}"
     return ViewSection(title, shown, headings + ["95 % interval", "parameter"] * whole, rows)
 
 
-def follows(result: "Identified", *, whole: bool = False) -> ViewSection:
+def derived_section(result: "Identified", *, whole: bool = False) -> ViewSection:
     """Quantities derived from the law: those requested; if ``whole``, all that apply.
 
     Restitution applies where the contact dissipates at least 1 % of an impact's speed, energy where
@@ -447,7 +457,7 @@ def follows(result: "Identified", *, whole: bool = False) -> ViewSection:
     if whole and timed and trusted:
         lines.append(_passivity(result))
     if query.tip is not None or query.specimen is not None:
-        parts = [("", result), *((_when(part), part) for part in between(result))]
+        parts = [("", result), *((_when(part), part) for part in segments_between_changes(result))]
         lines += [_modulus(part, when, whole=whole) for when, part in parts]
     if result.noticed is not None:  # when a control loop would have known of the changes
         times = ", ".join(f"{rounded(time, 4)} s" for time in result.changes.tolist())
@@ -456,7 +466,7 @@ def follows(result: "Identified", *, whole: bool = False) -> ViewSection:
         lines.append(Line(words, "online"))
     if whole:
         for finding in result.diagnosis.findings:  # an assumption, and no fault of the stiffness
-            if finding.check == "surface" and finding.severity == "note":
+            if finding.check == Check.SURFACE and finding.severity == "note":
                 lines.insert(0, Line(finding.message, "note"))
     return ViewSection("Derived quantities", lines)
 
@@ -466,14 +476,14 @@ def _impact(found: "Restitution") -> bool:
     return math.isfinite(found.coefficient.value) and 1.0 - found.coefficient.value > _QUASI_STATIC
 
 
-def findings(result: "Identified") -> ViewSection:
+def findings_section(result: "Identified") -> ViewSection:
     """Every finding with its next step and how far it moves the result; each segment's own law."""
     rows = []
     for each in result.diagnosis.findings:
         words = "\n→ ".join(filter(None, (each.message, each.remedy)))
         z = "–" if math.isnan(each.z) else rounded(each.z, 3)
         moves = _moves(each.moves_stiffness_percent, each.moves_damping_percent)
-        rows.append((Marked(each.check, each.severity), words, z, moves))
+        rows.append((Styled(each.check, each.severity), words, z, moves))
     lines = [Line(_CHECKS, tone="soft")]
     for episode in result.diagnosis.episodes:
         terms = (f"{name} = {rounded(v, 4)}" for name, v in episode.law.as_dict().items())
@@ -484,7 +494,7 @@ def findings(result: "Identified") -> ViewSection:
     return ViewSection("Findings, the most severe first", lines, headings, rows, prose=1)
 
 
-def numbers(ordered: "Sequence[Identified]", exclusions: Sequence[str]) -> ViewSection:
+def number_table(ordered: "Sequence[Identified]", exclusions: Sequence[str]) -> ViewSection:
     """Stiffness and damping at each method's working depth; what is not to be trusted, and why."""
     rows: list[tuple[Cell, ...]] = []
     reasons: dict[str, list[str]] = {}
@@ -492,13 +502,13 @@ def numbers(ordered: "Sequence[Identified]", exclusions: Sequence[str]) -> ViewS
     for result in ordered:
         found = result.diagnosis
         there = found.working_depth
-        values = number(there.stiffness), number(there.damping)
+        values = format_number(there.stiffness), format_number(there.damping)
         where = (_millimetres(result), _hertz(result)) if places[1:] else ("", "")
         rows.append((result.method, *_both_marks(result), *where, *values))
         if found.deciding is not None:
             reasons.setdefault(found.reason, []).append(result.method)
     at = ordered[0].diagnosis.working_depth.depth
-    if real := truth_at(ordered[0], at):
+    if real := stated_truth(ordered[0], at):
         numbers = (rounded(real[name], 4) for name, _ in _ROWS[:2])
         rows.append(("truth", "", "", rounded(1e3 * at, 4) if places[1:] else "", "", *numbers))
     same = "" if places[1:] else f"at {places[0][0]} mm and {places[0][1]} Hz; "
@@ -514,12 +524,14 @@ def numbers(ordered: "Sequence[Identified]", exclusions: Sequence[str]) -> ViewS
     )
 
 
-def laws(ordered: "Sequence[Identified]") -> ViewSection:
+def model_table(ordered: "Sequence[Identified]") -> ViewSection:
     """Each method's law, and how well it predicts and fits."""
     rows = []
     for each in ordered:
-        errors = percent(each.prediction_rmse_percent), percent(each.fit_rmse_percent)
-        rows.append((each.method, terms_of(each), *errors, share(each.violated_fraction)))
+        errors = format_percent(each.prediction_rmse_percent), format_percent(each.fit_rmse_percent)
+        rows.append(
+            (each.method, parameter_terms(each), *errors, format_share(each.violated_fraction))
+        )
     if truth := truth_of(ordered[0].contact.provenance):
         named = zip(truth.symbols, truth.parameters, truth.units, strict=True)
         terms = (f"{name} = {rounded(value, 5)} {unit}".rstrip() for name, value, unit in named)
@@ -528,19 +540,19 @@ def laws(ordered: "Sequence[Identified]") -> ViewSection:
     return ViewSection("Their laws", [Line(_QUALITY, tone="soft")], headings, rows)
 
 
-def preparation(results: "Sequence[Identified]", *, whole: bool = False) -> ViewSection:
+def preparation_section(results: "Sequence[Identified]", *, whole: bool = False) -> ViewSection:
     """The samples, how the contact was prepared, and the flags of the methods.
 
     Without the messages that the verdict shows too or, if ``whole``, the diagnosis.
     """
     first = results[0]
     found = first.diagnosis
-    shown = "\n".join(each.message for each in found.findings) if whole else found.reason
+    shown = {each.check for each in (found.findings if whole else (found.deciding,)) if each}
     lines = [Line(_samples(first))]
     lines += (
         Line(each.message, each.check, remedy=each.remedy)
         for each in first.contact.findings
-        if each.message not in shown
+        if each.check not in shown
     )
     for result in results:
         # One law for two materials is not identifiable by any motion: its flags would mislead.
@@ -552,27 +564,27 @@ def preparation(results: "Sequence[Identified]", *, whole: bool = False) -> View
 # Of one number.
 
 
-def depth_of(depth: float) -> str:
+def format_depth(depth: float) -> str:
     """A depth below the surface."""
     return format_quantity(depth, "m", digits=4)
 
 
-def number(quantity: Quantity) -> str:
+def format_number(quantity: Quantity) -> str:
     """A number with both error bars as one."""
     return with_error(quantity.value, quantity.whole_error)
 
 
-def percent(value: float) -> str:
+def format_percent(value: float) -> str:
     """Return a percentage of the force; a dash where it is not defined."""
     return "–" if math.isnan(value) else f"{value:.2f} %"
 
 
-def share(value: float) -> str:
+def format_share(value: float) -> str:
     """Return a fraction as a percentage; a dash where it is not defined."""
     return "–" if math.isnan(value) else f"{value:.1%}"
 
 
-def with_prefix(quantity: Quantity, unit: str, *, as_of: float | None = None) -> str:
+def format_with_prefix(quantity: Quantity, unit: str, *, as_of: float | None = None) -> str:
     """A quantity, SI, with its errors and a prefix to the unit, that of a value or its own."""
     value = quantity.value if as_of is None else as_of
     size = abs(value) if math.isfinite(value) and value else 1.0
@@ -581,14 +593,14 @@ def with_prefix(quantity: Quantity, unit: str, *, as_of: float | None = None) ->
 
 
 def _plain(value: float, unit: str) -> str:
-    return with_prefix(Quantity(value, 0.0, 0.0), unit)
+    return format_with_prefix(Quantity(value, 0.0, 0.0), unit)
 
 
 def _moves(stiffness: float, damping: float) -> str:
     if math.isnan(stiffness) or math.isnan(damping):
         return "–"
     return ", ".join(
-        f"{round(value, 1) + 0.0:+.1f} %" if abs(value) < 1000.0 else f"{signed(value, 3)} %"
+        f"{round(value, 1) + 0.0:+.1f} %" if abs(value) < 1000.0 else f"{format_signed(value, 3)} %"
         for value in (stiffness, damping)
     )
 
@@ -596,7 +608,7 @@ def _moves(stiffness: float, damping: float) -> str:
 # Of one result.
 
 
-def line(result: "Identified") -> str:
+def one_line(result: "Identified") -> str:
     """What was identified, in a line: stiffness and damping, each with its mark."""
     name = Path(result.contact.source).name or "a contact"
     numbers = (
@@ -618,10 +630,10 @@ def _both_marks(part: "Identified") -> tuple[Cell, Cell]:
     """The marks of stiffness and damping; nothing of a damping that is not given."""
     found = part.diagnosis
     given = math.isfinite(found.working_depth.damping.value)
-    return _marked(found.verdict.stiffness), _marked(found.verdict.damping) if given else "–"
+    return _mark_cell(found.verdict.stiffness), _mark_cell(found.verdict.damping) if given else "–"
 
 
-def between(result: "Identified") -> "list[Identified]":
+def segments_between_changes(result: "Identified") -> "list[Identified]":
     """Return the segments between changes of the material."""
     return [part for part in result.segments if part.place is None]
 
@@ -635,11 +647,11 @@ def _quality(result: "Identified") -> str:
     fit = "fit (each part by its own law)" if result.segments else "fit"
     words = (
         f"method {result.method}; rms error of the force: {fit} "
-        f"{percent(result.fit_rmse_percent)}, one-step prediction "
-        f"{percent(result.prediction_rmse_percent)}"
+        f"{format_percent(result.fit_rmse_percent)}, one-step prediction "
+        f"{format_percent(result.prediction_rmse_percent)}"
     )
     if result.law.has_condition_10:
-        words += f"; |v| ≥ 0.1 K/B in {share(result.violated_fraction)} of the contact"
+        words += f"; |v| ≥ 0.1 K/B in {format_share(result.violated_fraction)} of the contact"
     return words
 
 
@@ -658,7 +670,7 @@ def _samples(result: "Identified") -> str:
     )
 
 
-def law_verdict(result: "Identified") -> str:
+def describe_model_selection(result: "Identified") -> str:
     """The selected law, and how it compares; empty where no laws were compared."""
     found = result.law_verdict
     known = found is not None and found.known
@@ -677,7 +689,7 @@ def _correlation(result: "Identified") -> str:
     return f"correlation {', '.join(words)}" if words else ""
 
 
-def _estimated(estimate: "Estimate") -> list[str]:
+def _describe_settings(estimate: "Estimate") -> list[str]:
     """Offset and surface, if they were estimated together with the law."""
     words = []
     if estimate.offset_standard_error > 0.0:
@@ -732,9 +744,9 @@ def _describe_restitution(found: "Restitution", *, whole: bool) -> Line:
 def _energy(result: "Identified") -> Line:
     found = result.energy
     words = (
-        f"{with_prefix(found.measured, 'J')} measured, "
+        f"{format_with_prefix(found.measured, 'J')} measured, "
         f"{found.fraction.scaled(100.0).format()} % of the energy put in; "
-        f"{with_prefix(found.predicted, 'J', as_of=found.measured.value)} by the model"
+        f"{format_with_prefix(found.predicted, 'J', as_of=found.measured.value)} by the model"
     )
     return Line(words, f"energy dissipated per {found.kind}", remarks=found.remarks)
 
@@ -778,7 +790,7 @@ def _modulus(part: "Identified", when: str, *, whole: bool) -> Line:
         return Line(f"{at}not determined: {found.refused}", name)
     ratio = f"{'assumed ' if found.assumed else ''}Poisson's ratio {found.poisson_ratio:g}"
     value = found.value if whole else found.value.combined
-    words = f"{at}{with_prefix(value, 'Pa')} for {tip}, {ratio}"
+    words = f"{at}{format_with_prefix(value, 'Pa')} for {tip}, {ratio}"
     return Line(words, name, remarks=found.remarks)
 
 
@@ -787,7 +799,7 @@ def _compression_modulus(part: "Identified", when: str, *, whole: bool) -> Line:
     size, name = found.specimen, "Young's modulus"
     if found.refused:
         return Line(f"{at}not determined: {found.refused}", name)
-    value = with_prefix(found.value if whole else found.value.combined, "Pa")
+    value = format_with_prefix(found.value if whole else found.value.combined, "Pa")
     area, height = rounded(1e6 * size.area, 4), _plain(size.height, "m")
     words = f"{at}{value} for a specimen of {area} mm² and {height} height"
     return Line(f"{words}, at a strain of {rounded(found.strain, 2)}", name, remarks=found.remarks)
@@ -796,7 +808,7 @@ def _compression_modulus(part: "Identified", when: str, *, whole: bool) -> Line:
 def _modulus_alone(part: "Identified") -> str:
     """With its whole error; the JSON says why there is none."""
     found = part.compression_modulus() if part.query.specimen else part.elastic_modulus()
-    return "refused" if found.refused else with_prefix(found.value.combined, "Pa")
+    return "refused" if found.refused else format_with_prefix(found.value.combined, "Pa")
 
 
 # Sections as plain text.

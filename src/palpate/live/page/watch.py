@@ -14,8 +14,8 @@ from palpate._core import Status
 from palpate.force_laws import FORCE_LAWS, ForceLaw, GeneralisedHuntCrossley
 from palpate.live.console import ShownDepth
 from palpate.live.ring import COLUMNS, MOST_PARAMETERS
-from palpate.live.sinks import PLACE, Session, Watching, parameters_of
-from palpate.live.view import certainty, describe_change, facts_of, view_of
+from palpate.live.sinks import PLACE, Session, Watching, parameters_of, undiagnosed
+from palpate.live.view import certainty, describe_change, facts_of, numbers_of, view_of
 from palpate.validation import Floats, plain
 
 #: Channels of a frame, after the time, in this order.
@@ -31,6 +31,7 @@ _NUMBERS = slice(8, 8 + MOST_PARAMETERS)
 _ERRORS = slice(8 + MOST_PARAMETERS, 8 + 2 * MOST_PARAMETERS)
 _AS_THEY_ARE = [PLACE[name] for name in ("penetration", "velocity", "force", "predicted_force")]
 _LAST = [PLACE[name] for name in ("margin", "state", "lateness")]
+_RESPONSE = slice(len(COLUMNS), len(COLUMNS) + 4)  # in the rows of a history, after the ring's
 _LARGEST = 3.4e38  # of a float32: larger values are not drawn
 
 
@@ -76,7 +77,7 @@ def channels_of(rows: Floats, law: type[ForceLaw] | None, depth: float) -> NDArr
     Parameters
     ----------
     rows : numpy.ndarray, shape (k, columns)
-        Rows as the loop wrote them.
+        Rows as the loop wrote them, or of :class:`History`.
     law : type, optional
         The estimator's force law; if unknown, stiffness and damping are NaN.
     depth : float
@@ -88,7 +89,10 @@ def channels_of(rows: Floats, law: type[ForceLaw] | None, depth: float) -> NDArr
     found[_NUMBERS], found[_ERRORS] = parameters.T, errors.T
     if law is GeneralisedHuntCrossley:  # parameters that its law lacks are not drawn
         found[_NUMBERS][found[_ERRORS] == 0.0] = np.nan
-    if law is not None and math.isfinite(depth):
+    if law is not None and law.relaxes:  # its parameters alone do not tell them
+        numbers = rows[:, _RESPONSE].T
+        found[4 : 4 + len(numbers)] = numbers
+    elif law is not None and math.isfinite(depth):
         number, first = column(rows, "estimate"), np.ones(len(rows), dtype=bool)
         first[1:] = number[1:] != number[:-1]  # compute each estimate's values once
         parameters, _, covariance = parameters_of(rows[first], len(law.symbols))
@@ -127,7 +131,9 @@ class History:
         # With room for a source that is a fifth faster than its nominal rate.
         wanted = math.ceil(1.2 * SHOWN / max(sample_time, 1e-6))
         self._most = min(max(wanted, _LEAST_KEPT), _MOST_KEPT)
-        self._rows = np.empty((2 * self._most, len(COLUMNS)))
+        self._rows = np.empty((2 * self._most, _RESPONSE.stop))
+        #: K′, its error, B′ and its error for the next rows, by a law that relaxes.
+        self.response: Floats = np.full(4, np.nan)
         self._end = self.total = self.begins = 0
         self._law: type[ForceLaw] | None = None
         self._generations: list[float] = []
@@ -139,7 +145,7 @@ class History:
         return max(self.total - min(self._end, self._most), self.begins)
 
     def rows(self) -> Floats:
-        """Return the rows kept, as the loop wrote them, with times made non-decreasing."""
+        """Return the rows kept, with times made non-decreasing, each followed by its response."""
         return self._rows[self._end - (self.total - self.oldest) : self._end]
 
     def show(self, law: type[ForceLaw] | None, depth: float, generation: float) -> bool:
@@ -160,6 +166,8 @@ class History:
         if law is not self._law:
             self._generations.clear()
         self._generations = [*self._generations[-_MOST_GENERATIONS:], generation]
+        if not same_depth:  # those of another depth are not shown
+            self._rows[:, _RESPONSE] = np.nan
         self._law, self._depth = law, depth
         return True
 
@@ -195,7 +203,8 @@ class History:
             self._rows[: self._most] = self._rows[self._end - self._most : self._end]
             self._end = self._most
         new = self._rows[self._end : self._end + len(rows)]
-        new[:], new[:, PLACE["time"]] = rows, times
+        new[:, : len(COLUMNS)], new[:, _RESPONSE] = rows, self.response
+        new[:, PLACE["time"]] = times
         self._end += len(rows)
 
     def frame(self, first: int, until: int, *, every: int, dropped: int, void: bool) -> bytes:
@@ -251,6 +260,8 @@ class Watch:
         self._changed_in = math.nan
         self._changed_law: type[ForceLaw] | None = None
         self._sign, self._moved = (-1, -1), time.monotonic()
+        self._verdict: dict[str, Any] | None = None
+        self._noticed = 0  # changes of the material
 
     def take(self) -> None:
         """Read the rows that the loop wrote since the last call."""
@@ -284,6 +295,15 @@ class Watch:
         generation = float(self.loop.get("generation", math.nan))
         if self.history.show(self._law, self.depth, generation):
             self.recast += 1
+        row, found = self.run.reader.now(), dict[str, tuple[float, float]]()
+        arrived = float(column(row, "arrived")[0]) if len(row) else math.nan
+        self._verdict = self._shown.verdict(self.loop, arrived, self.depth)
+        # The status reports a change of material only a little later.
+        late = self.loop.get("counts", {}).get("changes", 0) < self._noticed
+        if self._verdict and len(row) and self._knows(column(row, "method")[0]) and not late:
+            found = numbers_of(self._verdict)
+        both = [found.get(name, (math.nan, math.nan)) for name in ("stiffness", "damping")]
+        self.history.response = np.ravel(both)
 
     def _read(self) -> None:
         self.loop = self.run.status() or self.loop
@@ -298,11 +318,13 @@ class Watch:
             moment = float(column(rows, "time")[place])
             self._changed_in = float(column(rows, "method")[place])
             self._changed_law = self._law if self._knows(self._changed_in) else None
+            self._noticed += 1
             kept = self.history.rows()
             kept = kept[column(kept, "method") == self._changed_in]  # by the same estimator
             # The samples between a change and its detection have biased the estimate already.
             settled = kept[column(kept, "time") <= moment - _NOTICED][-1:]
             before = self._of(settled if len(settled) else kept[:1], self._changed_law)
+            self.history.response = np.full(4, np.nan)
             self.changes.append(
                 {"time": moment, "law": dict(self.loop.get("law") or {}), "before": before}
             )
@@ -319,7 +341,10 @@ class Watch:
         if law is None or not len(row):
             return {}
         parameters, errors, covariance = parameters_of(row, len(law.symbols))
-        stiffness = at_depth(law, parameters, covariance, self.depth)[:, 0].tolist()
+        if law.relaxes:  # a row of the ring is the present one
+            stiffness = [*row[0, _RESPONSE].tolist(), *self.history.response.tolist()][:4]
+        else:
+            stiffness = at_depth(law, parameters, covariance, self.depth)[:, 0].tolist()
         # Parameters that the preferred law lacks.
         void = (errors == 0.0) & (law is GeneralisedHuntCrossley)
         return {
@@ -328,6 +353,18 @@ class Watch:
             "stiffness": stiffness[:2],
             "damping": stiffness[2:],
         }
+
+    def _where_diagnosed(self, row: Floats, diagnosis: Mapping[str, Any]) -> dict[str, Any]:
+        """Return the present stiffness and damping at the depth and frequency of the diagnosis."""
+        depth, law = diagnosis["working_depths"][0]["depth"], self._law
+        if self._verdict:
+            frequency = diagnosis["frequency"]
+            return numbers_of({**self._verdict, "depth": depth, "frequency": frequency})
+        if law is None or law.relaxes:
+            return {}
+        parameters, _, covariance = parameters_of(row, len(law.symbols))
+        values = at_depth(law, parameters, covariance, depth)[:, 0].tolist()
+        return {"stiffness": values[:2], "damping": values[2:]}
 
     def _curve(self, row: Floats) -> dict[str, Any]:
         """Return the quasi-static force over the penetrations that are shown."""
@@ -349,12 +386,18 @@ class Watch:
     def page(self, served: Mapping[str, Any], *, ended: bool = False) -> dict[str, Any]:
         """Return the page's text, with the server's counts, and the estimate, ready for JSON."""
         now: dict[str, Any] = {}
-        row, arrived, force = self.run.reader.now(), math.nan, math.nan
+        row, force = self.run.reader.now(), math.nan
         if len(row):
-            arrived, force = float(column(row, "arrived")[0]), float(column(row, "force")[0])
+            force = float(column(row, "force")[0])
             if self._knows(float(column(row, "method")[0])):
                 now = {**self._of(row, self._law), "curve": self._curve(row)}
-        verdict, kept = self._shown.verdict(self.loop, arrived), self.history.rows()
+        verdict, kept, others = self._verdict, self.history.rows(), self.run.others()
+        diagnosis = others.get("diagnosis") or {}
+        if now and diagnosis.get("numbers") and not undiagnosed(diagnosis, self.loop):
+            now |= self._where_diagnosed(row, diagnosis)
+        # The motion's frequency, by the loop's law or by the last diagnosis.
+        frequency = (verdict or diagnosis).get("frequency")
+        chosen = math.isfinite(self.chosen_depth)
         sure = None
         if verdict:
             sure = {"certainty": certainty(verdict)}
@@ -365,10 +408,10 @@ class Watch:
             state = "ended"
         page: dict[str, Any] = {
             "loop": self.loop,
-            "others": self.run.others(),
+            "others": others,
             "state": state,
             "ended": ended,
-            "depth": {"value": self.depth, "chosen": math.isfinite(self.chosen_depth)},
+            "depth": {"value": self.depth, "chosen": chosen, "frequency": frequency},
             "now": now,
             "changes": [{**each, "words": describe_change(each)} for each in self.changes],
             "page": {**served, "dropped": self.run.dropped},

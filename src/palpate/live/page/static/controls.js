@@ -7,6 +7,10 @@ const SETTINGS = {
   forgetting_factor: "forgetting factor", damping: "damper", memory: "memory", stiffness_drift: "stiffness drift",
   dissipation_drift: "dissipation drift", exponent_drift: "exponent drift",
 };
+const HINTS = {
+  change_detector: "In slow noise (AR(1) 0.9 to 0.99) it misses small changes: of damping + 10 % 29 to 97 %, "
+    + "of damping + 20 % up to 53 %, of stiffness + 5 % of a soft sponge up to 56 %; none of stiffness + 10 % or damping + 50 %.",
+};
 const OFFERS = { material: "Material", motion: "Motion", change: "Sudden change to" };
 
 export class Controls {
@@ -56,7 +60,7 @@ export class Controls {
       const label = SETTINGS[name] ?? name.replaceAll("_", " ");
       if (typeof value === "boolean") {
         const box = element("input", { type: "checkbox", name, checked: value });
-        return element("label", {}, box, ` ${label}`);
+        return element("label", { title: HINTS[name] ?? "" }, box, ` ${label}`);
       }
       if (this.choices[name]) {
         const list = element("select", { name }, ...this.choices[name].map((each) => element("option", { value: each }, each)));

@@ -93,11 +93,11 @@ function showLaw({ loop: { verdict }, view }) {
 
 /** Make the panels of the identified law, again whenever the law changes. */
 function build({ loop, view }) {
-  const [[atDepth], ...shown] = view.curves;
+  const [[stiffness], [damping], ...shown] = view.curves;
   const key = JSON.stringify([loop.law?.kind, shown, loop.needs_condition_10]);
   if (key === built) {
-    panels[1].name = atDepth;
-    panels[1].entitle();
+    [panels[1].name, panels[2].name] = [stiffness, damping];
+    for (const panel of panels.slice(1, 3)) panel.entitle();
     return;
   }
   built = key;

@@ -18,8 +18,9 @@ const tile = ([name, words]) => element("div", { className: "number-tile" },
 // How a row is made: by the id of its parent, else by the parent's tag.
 const ROWS = {
   numbers: tile,
-  working: tile,
-  "verdict-line": ([words, kind, badge]) => element("p", {}, element("b", { className: `badge ${kind}` }, badge), words),
+  working: ([name, words, kind, badge, why, now]) => element("div", { className: `number-tile ${kind}` },
+    element("small", {}, name), element("b", {}, words), element("span", { className: "now" }, now),
+    element("p", {}, element("b", { className: `badge ${kind}` }, badge), why && `: ${why}`)),
   diagnosis: ([words, kind]) => element("p", { className: kind }, words),
   DL: ([name, words, kind = ""]) => element("div", { className: kind },
     element("dt", {}, name), element("dd", {}, words)),

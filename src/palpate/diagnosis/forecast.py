@@ -1,0 +1,65 @@
+"""The last third of a recording, as the law of the rows before it predicts it."""
+
+import math
+
+import numpy as np
+
+from palpate.diagnosis.fit import Fit
+from palpate.diagnosis.windows import FEWEST_ROWS
+from palpate.digits import rounded
+from palpate.findings import Check, Finding
+
+PARTS = 3  # of the rows in the band: the last is predicted
+CARE, STOP = 0.25, 1.0  # of the force
+# Times the error that noise, misfit and another motion let expect.
+UNEXPECTED = 3.0
+FADES = 0.8  # of the error by all rows before
+CYCLES = 6.0  # periods of the motion: a ramp and its hold are no change of the material
+
+
+def check_forecast(fit: Fit) -> Finding | None:
+    """The law of the first two thirds does not predict the last, or less well than the second does.
+
+    By one linear step from the law of all rows, of which every third shares no window with others.
+    """
+    rows = len(fit.windows)
+    if rows < FEWEST_ROWS:
+        return None
+    third, last = rows // PARTS, rows - rows // PARTS
+    size = math.sqrt(float(np.mean((fit.force[last:] - fit.solution.offset) ** 2)))
+    whole, expected = _prediction_error(fit, slice(0, last, 3))
+    if not whole > UNEXPECTED * fit.noise_floor:
+        return None
+    if whole > max(CARE * size, UNEXPECTED * expected):
+        return Check.FORECAST.finding(
+            "identified on its first two thirds, the recording's last third is off by "
+            f"{whole / size:.0%} of the force",
+            "record the motion of the task, and repeat it",
+            mark="do-not-trust" if whole > STOP * size else "trust",
+        )
+    recent, _ = _prediction_error(fit, slice(third, last, 3))
+    cycles = fit.time[-1] - fit.time[0] > CYCLES * fit.period > 0.0
+    if not (cycles and recent < FADES * whole and (fit.time[:last] < fit.time[last]).all()):
+        return None
+    parts = (f"{rounded(100.0 * error / size, 2)} %" for error in (recent, whole))
+    return Check.FORECAST.finding(
+        "the force settles, or the material or a sensor changes slowly: the third before the last "
+        "predicts that to {} of the force, all before it to {}".format(*parts),
+        "to predict what comes next, identify the latest part alone: "
+        f"--start {rounded(float(fit.time[last]), 4)}",
+    )
+
+
+def _prediction_error(fit: Fit, before: slice) -> tuple[float, float]:
+    """Rms error with which the law of some rows predicts those after, and the expected one, N."""
+    jacobian, residual = fit.solution.jacobian, fit.solution.residual
+    after = slice(before.stop, None, before.step)
+    own, others = jacobian[before], jacobian[after]
+    size = np.maximum(np.linalg.norm(own, axis=0), 1e-300)
+    own, others = own / size, others / size
+    inverse = np.linalg.pinv(own.T @ own, rcond=1e-12, hermitian=True)
+    change = inverse @ (own.T @ residual[before])
+    error, left = residual[after] - others @ change, residual[before] - own @ change
+    leverage = float(np.mean(np.sum((others @ inverse) * others, axis=1)))
+    noise = max(float(np.mean(left**2)), fit.noise_floor**2)
+    return math.sqrt(float(np.mean(error**2))), math.sqrt(noise * (1.0 + leverage))

@@ -1,0 +1,325 @@
+"""What the material does beyond the law: friction, other damping, relaxation, adhesion."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from palpate.diagnosis.causes import (
+    SURE,
+    MisfitHypothesis,
+    cause_from_column,
+    causes_from_columns,
+    relative_time,
+)
+from palpate.diagnosis.change import find_changes
+from palpate.diagnosis.fit import SIGNIFICANT, Fit, deeper_half_remedy, fit_with_column
+from palpate.diagnosis.outcome import SELECT_LAW, ModelSelection
+from palpate.diagnosis.windows import FEWEST_FREE
+from palpate.digits import format_quantity, rounded
+from palpate.estimators.least_squares import mean_error
+from palpate.findings import Check, Finding
+from palpate.force_laws import ForceLaw
+from palpate.validation import Floats
+
+
+def find_material_causes(fit: Fit) -> list[MisfitHypothesis]:
+    """Friction, a material that changes slowly, another damping, another shape: a column each."""
+    law, time = fit.solution.law, relative_time(fit)
+    x, rest = np.maximum(fit.x, 1e-12), np.zeros_like(fit.x)
+    # Without units: depth over the working depth, speed over its rms.
+    depth, speed = x * fit.units.depth / fit.reference, fit.v * fit.units.speed / fit.speed
+    spring, slope = law.force(x, rest), law.penetration_gradient(x, rest)
+    spring = spring / (float(np.median(spring)) or 1.0)  # ξⁿ of a power law
+    slope = slope / (float(np.median(slope)) or 1.0)  # ξⁿ⁻¹ of a power law
+    logarithm = np.log(np.maximum(depth, 1e-12))
+    columns = {
+        Check.GAIN_DRIFT: law.force(x, fit.v) * time,
+        Check.FRICTION: spring * np.tanh(20.0 * speed),
+        # Of a law whose damping grows as xⁿ. Beside a constant damper, K₁ v + 2 K₂ x v would be
+        # that damper but for some rounding of K₂.
+        Check.DAMPING_FORM: slope * speed if law.power_law else rest,
+        Check.DAMPING_WITH_DEPTH: spring * speed,
+        # ∂²F/∂n², or where the exponent is fixed ∂F/∂n: xⁿ is the tip's as far as that is known.
+        Check.SHAPE: spring * (logarithm if fit.fixed else logarithm**2),
+        Check.SQUARE_SPEED: spring * speed * np.abs(speed),
+    }
+    return causes_from_columns(fit, columns, _explain_column)
+
+
+def _explain_column(fit: Fit, check: Check, amount: float) -> tuple[str, str]:
+    """What so much of a column means, and the next step."""
+    part = abs(amount) / max(abs(fit.force_at_depth(fit.solution.law)), 1e-300)
+    half = rounded(float(np.median(fit.data.time)), 3)
+    return {
+        Check.GAIN_DRIFT: (
+            f"the material {'hardens' if amount > 0.0 else 'softens'} by {abs(amount):.1%} during "
+            "the recording",
+            f"identify the two halves separately: --stop {half}, then --start {half}",
+        ),
+        Check.FRICTION: (
+            f"friction of {part:.1%} of the force: it depends on the direction of motion, not on "
+            "the speed",
+            "press along the surface normal",
+        ),
+        Check.DAMPING_FORM: (
+            "the damping grows with depth differently than in the law",
+            "use the damping at the working depth only",
+        ),
+        Check.DAMPING_WITH_DEPTH: (
+            "the damping grows with depth, but not in this law",
+            "run again with --method variable-projection, whose damping grows with depth",
+        ),
+        Check.SHAPE: (
+            "the force does not grow with depth by the exponent that was passed"
+            if fit.fixed
+            else "the force grows with depth differently than in the law",
+            deeper_half_remedy(fit),
+        ),
+        Check.SQUARE_SPEED: ("the damping force is not proportional to the speed", TASK_SPEED),
+    }[check]
+
+
+TIMES = 7  # relaxation times tried, from P/30 to 0.7 of the recording
+BLOCK = 64  # samples that are relaxed at once
+
+
+def find_relaxation(fit: Fit) -> list[MisfitHypothesis]:
+    """Fit dh/dt = d(ξⁿ)/dt − h/τ beside the law, with the best of seven τ.
+
+    At the motion's frequency ω the branch adds q²/(1 + q²) of its force to the stiffness and
+    τ/(1 + q²) to the damping, q = ωτ: without that a dynamic stiffness is called 50 % wrong.
+    """
+    data = fit.data
+    steps = np.diff(data.time, prepend=data.time[0])
+    duration = float(steps.sum())
+    shortest = max(8.0 * data.sample_time, fit.period / 30.0)
+    if not 0.0 < shortest < 0.7 * duration:
+        return []
+    law, x = fit.solution.law, np.maximum(fit.penetration / fit.units.depth, 0.0)
+    at_depth = fit.force_at_depth(law) or 1.0
+    spring = law.force(x, np.zeros_like(x)) / at_depth
+    best, time = None, shortest
+    for tau in np.geomspace(shortest, 0.7 * duration, TIMES):
+        state = relaxation_state(spring, steps, float(tau), data.sample_time)
+        found = fit_with_column(fit, fit.windows.mean(state[fit.windows.samples]))
+        if found is not None and (
+            best is None or found.explained_fraction > best.explained_fraction
+        ):
+            best, time = found, float(tau)
+    if best is None:
+        return []
+    turn = 2.0 * math.pi * time / fit.period
+    branch = best.amount / (1.0 + turn**2) / at_depth
+    change = BranchChange(law, best.change, turn**2 * branch, time * branch)
+    words = _describe_relaxation(fit, time)
+    numbers = best.z, best.explained_fraction, 0.0
+    return [MisfitHypothesis(Check.MEMORY, *numbers, *words, change, *change.relative(fit))]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class BranchChange:
+    """A change of the parameters, and a branch that relaxes beside the law.
+
+    Its stiffness and its damping [s] are multiples of the law's stiffness.
+    """
+
+    law: ForceLaw
+    parameters: Floats
+    stiffness: float
+    damping: float
+
+    def relative(self, fit: Fit) -> tuple[float, float]:
+        """Return the change of stiffness and damping at the fit's depth over their scales."""
+        stiffness, damping = fit.relative_change(self.parameters)
+        slope = fit.stiffness(self.law)
+        by_stiffness = self.stiffness * slope / fit.reference_scales[0]
+        by_damping = self.damping * slope / fit.reference_scales[1]
+        return stiffness + by_stiffness, damping + by_damping
+
+
+def _describe_relaxation(fit: Fit, time: float) -> tuple[str, str]:
+    """What was found, and the next step; a law that relaxes may leave some relaxation over."""
+    over, tare = f"about {rounded(time, 2)} s", "tare the sensor before each touch"
+    if fit.equivalent is None:
+        return (
+            f"stress relaxation over {over}: the stiffness holds at "
+            f"{rounded(1.0 / fit.period, 2)} Hz",
+            relaxation_remedy(fit.laws, time),
+        )
+    if fit.equivalent.longest == 0.0:
+        return (
+            f"the force relaxes over {over}, which no compared law describes better: sensor drift, "
+            "or a material that changes",
+            tare,
+        )
+    if time > fit.equivalent.longest:
+        return (
+            f"the force relaxes over {over}, longer than the law does: sensor drift, or a material "
+            "that softens",
+            tare,
+        )
+    return (
+        f"the force relaxes over {over} differently than the law",
+        relaxation_remedy(fit.laws, time),
+    )
+
+
+def relaxation_state(drive: Floats, steps: Floats, tau: float, sample_time: float) -> Floats:
+    """State h of dh = d(drive) − h dt/τ, from h = 0; on the median step within a block of samples.
+
+    Exact on an even time base. On an uneven one the decay over a block of 64 is that of its own
+    time, and within it that of the median step.
+    """
+    decay = math.exp(-sample_time / tau)
+    power = decay ** np.arange(BLOCK + 1)
+    blocks = -(-len(drive) // BLOCK)
+    rise = np.zeros(blocks * BLOCK)
+    rise[1 : len(drive)] = np.diff(drive)
+    local, span = rise.reshape(blocks, BLOCK), 1
+    while span < BLOCK:  # Σ aⁱz⁻ⁱ = (1 + az⁻¹)(1 + a²z⁻²)(1 + a⁴z⁻⁴)…
+        local[:, span:] += power[span] * local[:, :-span]
+        span *= 2
+    elapsed = np.zeros(blocks * BLOCK)
+    elapsed[: len(drive)] = steps
+    over = np.exp(-elapsed.reshape(blocks, BLOCK).sum(axis=1) / tau).tolist()
+    carried, state = np.empty(blocks), 0.0
+    for block, (end, fade) in enumerate(zip(local[:, -1].tolist(), over, strict=True)):
+        carried[block] = state
+        state = end + fade * state
+    return (local + carried[:, None] * power[1:]).reshape(-1)[: len(drive)]
+
+
+# Of the working depth: where a pull is looked for, in so many pieces.
+LIGHT, PIECES = (-0.2, 0.5), 8
+FEWEST_PULLED = 10  # samples of a piece
+PULL_Z, LEAST_PULL = 4.0, 0.003  # standard errors; of the largest force
+REACHES = (0.1, 0.2, 0.4, 0.8)  # of the working depth, over which a neck lets go
+
+
+def find_adhesion_or_relaxation(fit: Fit) -> list[MisfitHypothesis]:
+    """Relaxation; or adhesion, where the force is below zero and adhesion explains about as much.
+
+    Its columns are −exp(−ξ/r) on withdrawal, a neck that lets go, and −√ξ on withdrawal or both
+    ways, as of Johnson, Kendall and Roberts. No relaxation pulls, but that of a law may: then it
+    explains far more.
+    """
+    found = find_relaxation(fit)
+    pull = largest_pull(fit)
+    if not pull > 0.0:
+        return found
+    depth = np.maximum(fit.x, 0.0) * fit.units.depth / fit.reference
+    root = np.sqrt(depth)
+    shapes = np.array([*(np.exp(-depth / reach) for reach in REACHES), root])
+    columns = fit.windows.mean(-np.vstack([np.where(fit.v < 0.0, shapes, 0.0), root]).T).T
+    fits = (fit_with_column(fit, column) for column in columns)
+    pulls = [each for each in fits if each is not None and each.amount > 0.0]
+    if not pulls:
+        return found
+    best = max(pulls, key=lambda each: each.explained_fraction)
+    if found and 1.0 - found[0].explained_fraction < SURE * (1.0 - best.explained_fraction):
+        return found
+    force = format_quantity(pull, "N")
+    sentence = f"adhesion: near the surface the material pulls the probe with {force}"
+    remedy = f"record a motion that stays in contact, or {deeper_half_remedy(fit)}"
+    return [cause_from_column(fit, Check.ADHESION, best, sentence, remedy)]
+
+
+def largest_pull(fit: Fit) -> float:
+    """How far the force is below that in free air as the probe withdraws, N; 0 if it is not.
+
+    Below that of any direction, for friction of the probe, and of what pulls on the probe in air.
+    """
+    free = np.flatnonzero(fit.free)
+    if free.size < FEWEST_FREE:
+        return 0.0
+    x, force = fit.penetration / fit.reference, fit.data.contact.force[fit.data.known]
+    leaves = (fit.data.velocity < -0.1 * fit.speed) & ~fit.rejected
+    still = [each for each in (free, free[leaves[free]]) if each.size]
+    away = [each[x[each] <= np.median(x[each])] for each in still]
+    zero = min((force[each] for each in away), key=np.mean)
+    comes, slope = free[~leaves[free]], 0.0
+    if comes.size and np.ptp(x[comes]) > 0.0:
+        # Sums about the means: they also exist where the places differ in their last digits only.
+        off = x[comes] - x[comes].mean()
+        slope = min(float(off @ force[comes] / max(off @ off, float(np.finfo(float).tiny))), 0.0)
+    place = (x - LIGHT[0]) * PIECES / (LIGHT[1] - LIGHT[0])
+    least, largest = LEAST_PULL * fit.data.peak_force, 0.0
+    for piece in range(PIECES):
+        there = leaves & (place >= piece) & (place < piece + 1)
+        if np.count_nonzero(there) < FEWEST_PULLED:
+            continue
+        below = zero.mean() + slope * (x[there] - float(np.mean(x[away[0]]))) - force[there]
+        pull = float(below.mean())
+        if pull > max(least, largest) and pull > PULL_Z * math.hypot(
+            mean_error(below), mean_error(zero)
+        ):
+            largest = pull
+    return largest
+
+
+HOLD = 3.0  # relaxation times, after which e⁻³ = 5 % is left
+STILL = 0.05  # of the rms velocity
+
+
+def check_relaxed_stiffness(fit: Fit) -> Finding | None:
+    """The stiffness after relaxation is extrapolated where no hold of three times was recorded."""
+    if fit.laws is None or fit.equivalent is None or not fit.laws.law.remembers:
+        return None
+    inside, data = np.flatnonzero(fit.inside), fit.data
+    still = np.abs(data.velocity[inside]) < STILL * fit.speed
+    ends = np.flatnonzero(np.diff(still, prepend=False, append=False)).reshape(-1, 2)
+    time = data.time[inside]
+    held = max((float(time[end - 1] - time[begin]) for begin, end in ends.tolist()), default=0.0)
+    relaxation = fit.laws.law.relaxation
+    assert relaxation is not None
+    if held >= HOLD * relaxation.longest_time:
+        return None
+    return Check.RELAXED_STIFFNESS.finding(
+        "the relaxed stiffness is extrapolated: no hold as long as three relaxation times was "
+        "recorded; K′ and B′ at the motion's frequency do not need it",
+        f"press, and hold for {rounded(HOLD * relaxation.longest_time, 2)} s",
+    )
+
+
+def check_behind_relaxation(fit: Fit) -> list[Finding]:
+    """Adhesion, or a change of the material, that a law which relaxes has taken for its own.
+
+    By Hunt and Crossley's law of the same samples: with adhesion it leaves about as little as the
+    law that was selected, or with a change far less.
+    """
+    given, trace, _ = fit._given
+    plain, left = Fit(given, trace, fit.estimate, fit.depth), fit.solution.energy
+    causes = []
+    if largest_pull(plain) > 0.0:
+        pulls = (
+            each for each in find_adhesion_or_relaxation(plain) if each.check is Check.ADHESION
+        )
+        causes += [(each, left / SURE) for each in pulls if each.z > SIGNIFICANT]
+    if not fit.at_noise_floor and (changed := find_changes(plain)) is not None:
+        causes.append((changed.cause, left * SURE))
+    return [
+        each.check.finding(each.sentence, each.remedy, each.z, mark="with-care")
+        for each, most in causes
+        if (1.0 - each.explained_fraction) * plain.solution.energy < most
+    ]
+
+
+TASK_SPEED = "record at the speed of the task"
+
+
+def relaxation_remedy(laws: ModelSelection | None, time: float) -> str:
+    """Return the next step for relaxation in the residual.
+
+    Parameters
+    ----------
+    laws : Laws, optional
+        The selection, where there was one.
+    time : float
+        Relaxation time that the residual shows, s.
+    """
+    if laws is None:
+        return SELECT_LAW
+    if time > laws.longest:  # as likely the drift of a sensor
+        return "tare the sensor before each touch"
+    return TASK_SPEED

@@ -1,0 +1,449 @@
+"""Checks of the recording: units, signs, clocks, steps and spikes, and what all of them share.
+
+Each looks at the data once, whatever law is fitted. To add one: a function of a :class:`Data`, and
+its name in ``CHECKS``.
+"""
+
+import math
+from collections.abc import Callable, Iterator
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate.contact import Contact, slices_of
+from palpate.diagnosis.outcome import ModelSelection
+from palpate.digits import format_quantity, rounded
+from palpate.findings import Check, Finding
+from palpate.preparation.gates import dead_band_of, exclude_load_transfer, noise_of
+from palpate.preparation.held import beat_of, held_channel
+from palpate.preparation.velocity import largest_of, noise_gain, spiked, step_of, window_samples
+from palpate.validation import Floats
+
+
+class Data:
+    """A contact without the samples that are not finite, and what is known of its channels.
+
+    Parameters
+    ----------
+    contact : Contact
+        As it was prepared.
+    """
+
+    def __init__(self, contact: Contact) -> None:
+        self.contact = contact
+        channels = contact.penetration, contact.velocity, contact.force
+        self.known: NDArray[np.bool_] = np.all(np.isfinite(channels), axis=0)
+        self.time = contact.time[self.known]
+        self.penetration = contact.penetration[self.known]
+        self.velocity = contact.velocity[self.known]
+        self.force = contact.force[self.known]
+        self.segment = contact.segment[self.known]
+        self.sample_time = contact.sample_time
+        #: How the velocity was computed from the penetration; None: it was recorded.
+        self.velocity_filter = contact.velocity_filter
+        #: By how they were compared: methods of one contact share them.
+        self.laws: dict[str, ModelSelection] = {}
+
+    def __len__(self) -> int:
+        return len(self.time)
+
+    def samples(self, *, rejecting: bool) -> "Data":
+        """Return the data without load transfer where outliers are rejected, else itself."""
+        return self._without_load_transfer if rejecting else self
+
+    @cached_property
+    def _without_load_transfer(self) -> "Data":
+        contact = exclude_load_transfer(self.contact)
+        return self if contact is self.contact else Data(contact)
+
+    def segments(self) -> Iterator[slice]:
+        """Slices of the separate contacts, in order."""
+        return slices_of(self.segment)
+
+    @cached_property
+    def force_step(self) -> float:
+        """Median gap between the distinct values of the force, N."""
+        return step_of(self.force)
+
+    @cached_property
+    def force_noise(self) -> float:
+        """Standard deviation of the force's noise, N, its rounding included."""
+        return max(noise_of(self.force), self.force_step / math.sqrt(12.0))
+
+    @cached_property
+    def penetration_noise(self) -> float:
+        """Standard deviation of the penetration's noise, m, its rounding included."""
+        return max(noise_of(self.penetration), step_of(self.penetration) / math.sqrt(12.0))
+
+    @cached_property
+    def velocity_noise(self) -> float:
+        """Standard deviation of the velocity's noise, m/s, by the filter in white noise of x."""
+        if self.velocity_filter is None:
+            return noise_of(self.velocity)
+        return self.penetration_noise * noise_gain(self.velocity_filter) / self.sample_time
+
+    @property
+    def filter_samples(self) -> int:
+        """Samples in the window of the velocity's filter."""
+        own = self.velocity_filter
+        return window_samples(self.sample_time) if own is None else own.samples
+
+    @property
+    def wider_window(self) -> str:
+        """Next step where a differentiated velocity is noisy: twice the filter's window."""
+        window = self.filter_samples * self.sample_time
+        return f"run again with --velocity-window {2.0 * window:.2g}"
+
+    @cached_property
+    def findings(self) -> tuple[Finding, ...]:
+        """What the checks of the data found, and the findings of its preparation."""
+        with np.errstate(all="ignore"):  # absurd samples overflow, and are then found
+            found = [check(self) for check in (CHECKS if len(self) >= FEWEST_SAMPLES else ())]
+        return (*(each for each in found if each is not None), *self.contact.findings)
+
+    @cached_property
+    def peak_force(self) -> float:
+        """99.9th percentile of the force's size, N, so that a spike sets nothing."""
+        return largest_of(self.force)
+
+    @cached_property
+    def peak_penetration(self) -> float:
+        """99.9th percentile of the penetration, m."""
+        return float(np.percentile(self.penetration, 99.9)) if len(self) else 0.0
+
+
+FORCE_STEP = 0.04  # of the largest force
+# Of the largest penetration: with 0.8 % the velocity's noise makes the damping 3 % too small, with
+# 1.5 % 16 % (three draws each).
+PENETRATION_STEP = 0.01
+# Of the samples that repeat the one before; noise dithers the lab's steps of 1/8 N: 55 % repeat.
+REPEATED = 0.85
+
+
+def check_steps(data: Data) -> Finding | None:
+    """Steps above 4 % of the force or 1 % of the penetration, and over 85 % of samples repeat."""
+    if _has_coarse_steps(data.force, data.force_step, FORCE_STEP * data.peak_force):
+        part = data.force_step / data.peak_force
+        return Check.COARSE_STEPS.finding(
+            f"the force is quantised in steps of {format_quantity(data.force_step, 'N')}, "
+            f"{part:.1%} of its largest value",
+            "set the force sensor to a finer range",
+            mark="with-care",
+        )
+    step = step_of(data.penetration)
+    if _has_coarse_steps(data.penetration, step, PENETRATION_STEP * data.peak_penetration):
+        return Check.COARSE_STEPS.finding(
+            f"the penetration is quantised in steps of {format_quantity(step, 'm')}, "
+            f"{step / data.peak_penetration:.1%} of its largest value: the velocity is coarse and "
+            "the damping too small",
+            data.wider_window if data.velocity_filter else VELOCITY_NONE,
+            mark="with-care",
+        )
+    return None
+
+
+def _has_coarse_steps(values: Floats, step: float, largest: float) -> bool:
+    return 0.0 < largest < step and float(np.mean(np.diff(values) == 0.0)) > REPEATED
+
+
+def check_held_channel(data: Data) -> Finding | None:
+    """Changes every k ≤ 60 samples: a delay of (k − 1)/2 samples, or k/2 of two clocks apart."""
+    for name, values in (("force", data.force), ("penetration", data.penetration)):
+        beat = beat_of(values)
+        if beat:
+            samples = 0.5 * (beat - (beat == round(beat)))
+            return held_channel(name, beat, samples * data.sample_time)
+    return None
+
+
+MOST_RANKED = 5000  # samples whose ranks are taken
+RANKS_AGAINST = -0.3  # rank correlation; recordings with the right signs have 0.4 and more
+
+
+def check_signs(data: Data) -> Finding | None:
+    """Rank correlation of x and F below −0.3, and less force at the deepest 5 % than at the least.
+
+    Looked at before any gate, which would throw away what tells it.
+    """
+    every = -(-len(data) // MOST_RANKED)
+    x, force = data.penetration[::every], data.force[::every]
+    if np.ptp(x) == 0.0 or np.ptp(force) == 0.0:
+        return None
+    if np.corrcoef(_ranks(x), _ranks(force))[0, 1] >= RANKS_AGAINST:
+        return None
+    low, high = np.percentile(x, [5.0, 95.0])
+    deep, shallow = float(force[x >= high].mean()), float(force[x <= low].mean())
+    if deep >= shallow:
+        return None
+    remedy = "run again with --flip-penetration"
+    words = (
+        f"the force falls from {rounded(shallow, 3)} N to {rounded(deep, 3)} N as the "
+        "penetration grows: the penetration must be positive into the material"
+    )
+    if deep < 0.0 and abs(deep) > abs(shallow):
+        remedy = "run again with --flip-force"
+        words = (
+            f"the force is negative, {rounded(deep, 3)} N, where the penetration is largest: "
+            "compression must be positive"
+        )
+    return Check.SIGNS.finding(words, remedy, mark="do-not-trust")
+
+
+def _ranks(values: Floats) -> Floats:
+    ranks = np.empty(len(values))
+    ranks[np.argsort(values, kind="stable")] = np.arange(len(values))
+    return ranks
+
+
+SOME, MANY = 1e-3, 2e-2  # of the samples
+# Of the rms of the velocity: below it the probe turns, and friction jumps from side to side within
+# a sample (on the robot at up to 0.26). Spikes come at any speed, so they are counted above it.
+SLOW = 1.0 / 3.0
+# Of the largest force, and of its noise: heavier tails than a Gaussian's are no spikes.
+LARGE, FAR = 0.05, 16.0
+FEWEST_SPIKES = 3.0
+FEWEST_FAST = 0.2  # of the samples; with fewer all are counted
+
+
+def _distance_to_neighbours(data: Data, at: NDArray[np.intp]) -> Floats:
+    """How far samples of the force are from the mean of their neighbours, N."""
+    before, after = np.maximum(at - 1, 0), np.minimum(at + 1, len(data) - 1)
+    leaps: Floats = np.abs(data.force[at] - 0.5 * (data.force[before] + data.force[after]))
+    return leaps
+
+
+def check_spikes(data: Data) -> Finding | None:
+    """More than 0.1 % of the samples are spikes; of the force only where the probe moves."""
+    force, penetration = spiked(data.force), spiked(data.penetration)
+    force[force] = _distance_to_neighbours(data, np.flatnonzero(force)) > max(
+        LARGE * data.peak_force, FAR * data.force_noise
+    )
+    speed = np.abs(data.velocity)
+    fast = speed > SLOW * np.sqrt(np.mean(speed**2))
+    if np.mean(fast) < FEWEST_FAST:
+        fast = np.ones_like(fast)
+    fractions = {"force": float(np.mean(force[fast])), "penetration": float(np.mean(penetration))}
+    name = max(fractions, key=fractions.__getitem__)
+    part = fractions[name]
+    if part <= SOME or part * len(data) < FEWEST_SPIKES:
+        return None
+    return Check.SPIKES.finding(
+        f"{part:.2%} of the {name} samples are spikes",
+        f"check the {name} sensor's cable",
+        mark="do-not-trust" if part > MANY else "with-care",
+    )
+
+
+JUMP, MUCH = 0.05, 0.20  # of the largest force
+USUAL = 4.0  # times the scatter of the changes of three samples before and after
+ONE_WAY = 0.5  # of the sum of sizes; jumps up and down are friction, or a sensor that was lost
+MOST_JUMPS = 3  # friction that jumps as the probe turns does so at every turn
+PRESSING = 0.05  # of the largest force
+
+
+def check_force_jump(data: Data) -> Finding | None:
+    """One change of the force that leaves those of three samples around by 5 % of the largest.
+
+    The position must not jump with it, nor the motion reverse: friction does jump then.
+    """
+    changes, moves = np.diff(data.force), np.abs(np.diff(data.penetration))
+    least = max(JUMP * data.peak_force, FAR * data.force_noise, 3.0 * data.force_step)
+    beyond, jumps, band = changes.copy(), list[int](), dead_band_of(data.contact)
+    for k in np.flatnonzero(np.abs(changes) > least).tolist():
+        near = [j for j in range(max(k - 3, 0), min(k + 4, len(changes))) if j != k]
+        before, after = data.velocity[max(k - 3, 0)], data.velocity[min(k + 4, len(data) - 1)]
+        pressed = np.max(data.force[k : k + 2]) > PRESSING * data.peak_force
+        usual = float(np.median(changes[near]))
+        beyond[k] -= usual
+        if (
+            pressed
+            and (not band or np.min(data.force[k : k + 2]) >= band)
+            and data.segment[k] == data.segment[k + 1]
+            and len(near) == 6
+            and abs(beyond[k]) > max(USUAL * np.max(np.abs(changes[near] - usual)), least)
+            and moves[k] <= 2.0 * np.max(moves[near])
+            and before * after >= -1e-2 * np.mean(data.velocity**2)
+        ):
+            jumps.append(k)
+    if not 0 < len(jumps) <= MOST_JUMPS or beat_of(data.force):
+        return None
+    found = beyond[jumps]
+    if abs(found.sum()) < ONE_WAY * np.abs(found).sum():
+        return None
+    largest = jumps[int(np.argmax(np.abs(found)))]
+    size, when = beyond[largest], rounded(float(data.time[largest]), 4)
+    return Check.FORCE_JUMP.finding(
+        f"the force jumps by {format_quantity(float(size), 'N')} within a sample at {when} s while "
+        "the probe presses: the sensor was zeroed in contact, or the material gave way",
+        f"use the samples before it: --stop {when}, or zero the sensor in free air",
+        mark="do-not-trust" if abs(size) > MUCH * data.peak_force else "with-care",
+    )
+
+
+WIDTH = 7  # samples of a local parabola
+MOST_STAMPS = 20_000  # samples that are looked at
+# Residual against the stamps over that against the index: recordings have 1.13 and less, jittered
+# stamps 4 to 7.5, and missing samples 0.4 to 0.7.
+RATIO = 2.0
+UNEVEN = 0.2  # sd(Δt)/mean
+
+
+def check_time_stamps(data: Data) -> Finding | None:
+    """A parabola in time that fits twice worse by the stamps than by the count of samples."""
+    part = slice(0, MOST_STAMPS)
+    time, x = data.time[part], data.penetration[part]
+    steps = np.diff(time)
+    steps = steps[(np.diff(data.segment[part]) == 0) & (steps > 0.0)]
+    if steps.size < 10 * WIDTH or float(steps.std()) <= UNEVEN * float(steps.mean()):
+        return None
+    by_index = _distance_to_parabola(np.arange(len(x), dtype=np.float64), x)
+    ratio = _distance_to_parabola(time, x) / by_index if by_index > 0.0 else 0.0
+    if ratio <= RATIO:
+        return None
+    return Check.TIME_STAMPS.finding(
+        "the time stamps jump where the penetration is smooth: they are times of arrival, not of "
+        "sampling",
+        "record the time at which the sensor is sampled",
+        z=ratio,
+        mark="with-care",
+    )
+
+
+def _distance_to_parabola(time: Floats, x: Floats) -> float:
+    """Median residual of the middle of a window against the parabola through it."""
+    windows = np.lib.stride_tricks.sliding_window_view(np.arange(len(x)), WIDTH)
+    t = time[windows] - time[windows[:, WIDTH // 2], None]
+    t = t / np.maximum(np.abs(t).max(axis=1, keepdims=True), 1e-300)
+    basis = np.stack([np.ones_like(t), t, t**2], axis=2)
+    normal = basis.transpose(0, 2, 1) @ basis + 1e-9 * np.eye(3)
+    right = (basis * x[windows][:, :, None]).sum(axis=1)
+    middle = np.linalg.solve(normal, right[:, :, None])[:, 0, 0]
+    return float(np.median(np.abs(x[windows[:, WIDTH // 2]] - middle)))
+
+
+DEEPEST, FASTEST = 0.25, 3.0  # m, m/s; of the recordings the largest are 19 mm and 0.84 m/s
+# F/x², a modulus that no geometry changes much: recordings show 6e3 to 7e7 Pa.
+SOFTEST, HARDEST = 2.0, 5e8  # never by depth**2, which overflows
+LARGEST_FORCE = 5e3  # N; TPU under a testing machine is pressed with 2.6 kN
+SLOWEST = 0.2  # s between samples
+
+
+def check_penetration_unit(data: Data) -> Finding | None:
+    """Largest x > 0.25 m, rms v > 3 m/s, or F/x² < 2 Pa."""
+    depth, force = data.peak_penetration, data.peak_force
+    if depth <= 0.0 or "penetration" in data.contact.stated_units:
+        return None
+    touched = data.penetration > 0.0
+    speed = float(np.sqrt(np.mean(data.velocity[touched] ** 2))) if touched.any() else 0.0
+    if depth <= DEEPEST and speed <= FASTEST and force / depth >= SOFTEST * depth:
+        return None
+    return Check.PENETRATION_UNIT.finding(
+        f"the penetration reaches {rounded(depth, 3)} m at {rounded(force, 3)} N: it may be in "
+        "millimetres, or swapped with another column",
+        _unit_remedy("penetration", "mm", "m"),
+        mark="do-not-trust",
+    )
+
+
+def check_force_unit(data: Data) -> Finding | None:
+    """F > 5 kN or F/x² > 5e8 Pa; it sees 87 % of the cases, so the peak force is always printed."""
+    depth, force = data.peak_penetration, data.peak_force
+    if depth <= 0.0 or "force" in data.contact.stated_units:
+        return None
+    if force <= LARGEST_FORCE and force / depth <= HARDEST * depth:
+        return None
+    return Check.FORCE_UNIT.finding(
+        f"the force reaches {rounded(force, 3)} N at {rounded(1e3 * depth, 3)} mm: it may be in "
+        "millinewtons",
+        _unit_remedy("force", "mN", "N"),
+        mark="do-not-trust",
+    )
+
+
+def check_time_unit(data: Data) -> Finding | None:
+    """Median step > 0.2 s: a slow recording where position and force are plausible."""
+    contact = data.contact
+    if data.sample_time <= SLOWEST or "time" in contact.stated_units or contact.timeless:
+        return None
+    words = f"there is a sample every {rounded(data.sample_time, 3)} s: the times may be in "
+    said = f"{words}milliseconds", _unit_remedy("time", "ms", "s")
+    if check_penetration_unit(data) is None and check_force_unit(data) is None:
+        return Check.TIME_UNIT.finding(*said)
+    return Check.TIME_UNIT.finding(*said, mark="do-not-trust")
+
+
+def _unit_remedy(channel: str, guess: str, si: str) -> str:
+    """Next step where a unit is a guess: state that one, or the one that was taken."""
+    option = f"--unit {channel}="
+    return f"run again with {option}{guess}, or with {option}{si} if it is right"
+
+
+VELOCITY_NONE = "differentiate the penetration instead: --velocity none"
+OTHER = ": it may have another unit or sign, or be another channel"
+MEAN = 15  # samples of a piece, over which noise averages out
+STOP = (0.8, 1.25)  # slopes; recorded columns have 1.01 to 1.08
+CARE = 0.05  # of the damping, as for every cause
+ALIKE = 0.9  # correlation, above which a slope means something
+VELOCITIES_AGAINST = -0.5
+
+
+def check_velocity_column(data: Data) -> Finding | None:
+    """Slope of ∫v dt on Δx, over pieces of 15 samples, where the two are correlated.
+
+    Beyond 0.8 … 1.25, or where they run against each other, it is another channel; within, the
+    damping B = ∂F/∂v is wrong by the slope.
+    """
+    if data.velocity_filter is not None or len(data) < 4 * MEAN:
+        return None
+    way, integral = _displacements(data)
+    if way.size < 4 or np.ptp(way) == 0.0 or np.ptp(integral) == 0.0:
+        return None
+    alike = float(np.corrcoef(way, integral)[0, 1])
+    if alike < VELOCITIES_AGAINST:
+        words = "the velocity column runs against the rate of the penetration" + OTHER
+        return Check.VELOCITY_COLUMN.finding(words, VELOCITY_NONE, mark="do-not-trust")
+    if alike <= ALIKE:
+        return None
+    # Noise in one of the two lowers the first and raises the second: the one nearer to 1 is sure.
+    slopes = float(way @ integral / (way @ way)), float(integral @ integral / (way @ integral))
+    slope = min(slopes, key=lambda each: abs(each - 1.0))
+    words = f"the velocity column is {rounded(slope, 3)} times the rate of the penetration"
+    if not STOP[0] <= slope <= STOP[1]:
+        return Check.VELOCITY_COLUMN.finding(words + OTHER, VELOCITY_NONE, mark="do-not-trust")
+    if abs(slope - 1.0) <= CARE:
+        return None
+    wrong = f"{abs(slope - 1.0):.0%} too {'small' if slope > 1.0 else 'large'}"
+    return Check.VELOCITY_COLUMN.finding(
+        f"{words}: the damping is {wrong} if the penetration is right",
+        VELOCITY_NONE,
+        damping="with-care",
+        moves_percent=(0.0, 100.0 * (slope - 1.0)),
+    )
+
+
+def _displacements(data: Data) -> tuple[Floats, Floats]:
+    """Way of each piece by the penetration, and by the velocity's integral, m."""
+    ends = np.arange(0, (len(data) // MEAN) * MEAN, MEAN)
+    last = ends + MEAN - 1
+    whole = data.segment[ends] == data.segment[last]
+    ends, last = ends[whole], last[whole]
+    steps = 0.5 * (data.velocity[1:] + data.velocity[:-1]) * np.diff(data.time)
+    gone = np.concatenate([[0.0], np.cumsum(steps)])
+    return data.penetration[last] - data.penetration[ends], gone[last] - gone[ends]
+
+
+#: Every check of the data.
+CHECKS: tuple[Callable[[Data], Finding | None], ...] = (
+    check_penetration_unit,
+    check_force_unit,
+    check_time_unit,
+    check_signs,
+    check_velocity_column,
+    check_time_stamps,
+    check_held_channel,
+    check_force_jump,
+    check_spikes,
+    check_steps,
+)
+FEWEST_SAMPLES = 20  # samples, below which a recording is only short
