@@ -6,7 +6,6 @@ from pathlib import Path
 
 import h5py
 import numpy as np
-import openpyxl
 import pyarrow as pa
 import pyarrow.feather
 import pyarrow.parquet
@@ -31,14 +30,6 @@ def write_hdf5(path: Path, columns: Mapping = COLUMNS, **more) -> Path:
     with h5py.File(path, "w") as file:
         for name, values in columns.items():
             file.create_dataset(name, data=values, **more)
-    return path
-
-
-def write_xlsx(path: Path, columns: Mapping = COLUMNS) -> Path:
-    book = openpyxl.Workbook()
-    for row in [list(columns), *zip(*map(np.ndarray.tolist, columns.values()), strict=True)]:
-        book.active.append(row)
-    book.save(path)
     return path
 
 

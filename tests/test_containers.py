@@ -27,7 +27,6 @@ from containers import (
     write_mat5,
     write_mat73,
     write_parquet,
-    write_xlsx,
 )
 
 from palpate import MissingExtraError, RecordingError, errors, prepare
@@ -442,7 +441,7 @@ DAMAGED = {
     "a.feather": partial(write_feather, chunksize=100),
     "a.h5": partial(write_hdf5, compression="gzip", chunks=(100,)),
     "a.mat": partial(write_mat5, do_compression=True),
-    "a.xlsx": write_xlsx,
+    "a.xlsx": lambda path: pandas.DataFrame(COLUMNS).to_excel(path, index=False) or path,
     "a.npz": lambda path: np.savez(path, **COLUMNS) or path,
     "a.jsonl": lambda path: (
         pandas.DataFrame(COLUMNS).to_json(path, orient="records", lines=True) or path
