@@ -13,7 +13,7 @@ from palpate.estimators.contact_estimator import Rejection, known_exponent
 from palpate.estimators.estimate import Traced, checked_trace
 from palpate.identification.identified import Identified
 from palpate.preparation.gates import choose_gate
-from palpate.preparation.preparing import Recorded, prepare
+from palpate.preparation.preparing import BY_NAME, Recorded, prepare
 from palpate.results import view
 from palpate.settings import ContactGate
 
@@ -145,13 +145,15 @@ class Identification(Identified):
 def identify(
     source: "Contact | Recorded | None" = None,
     estimator: ContactEstimator | str | None = None,
-    *,
+    *arrays: object,
     method: str | None = None,
     law: str | None = None,
     trace: Traced = 2000,
     no_time: bool = False,
     time: "ArrayLike | None" = None,
+    rate: float | None = None,
     penetration: "ArrayLike | None" = None,
+    position: "ArrayLike | None" = None,
     force: "ArrayLike | None" = None,
     velocity: "ArrayLike | None" = None,
 ) -> Identification:
@@ -163,13 +165,16 @@ def identify(
     ----------
     source : Contact, Recording, path or frame, optional
         Prepared by :func:`prepare`, with its default columns, unless it is a contact. Or pass
-        arrays in its place: ``time``, ``penetration`` and ``force``.
+        arrays in its place, by their names: ``time`` (or ``rate``), ``penetration`` (or
+        ``position``) and ``force``.
     estimator : ContactEstimator or str, optional
         Method with settings, which is not modified, or the name of a method. Default: as
         ``law="auto"``; :class:`VariableProjection` without time. A ``gate`` or ``scale`` of None
         is chosen from the data: see :mod:`palpate.preparation.gates`. Variable projection selects
         its samples itself, and uses the contact's ``tare_deviation`` as the prior of its offset.
         :class:`OutlierRejection` excludes outliers unless ``outlier_rejection`` is False.
+    *arrays : array_like
+        Refused: pass arrays by their names.
     method : str, optional
         Name of a method, such as ``"single-stage"``, in place of ``estimator``.
     law : str, optional
@@ -189,6 +194,11 @@ def identify(
         Identify the stiffness alone, of a curve without time, as in :func:`prepare`.
     time, penetration, force : array_like, shape (k,), optional
         s, m (positive inside the material) and N (compression positive), in place of ``source``.
+    rate : float, optional
+        Sample rate, Hz, in place of ``time``.
+    position : array_like, shape (k,) or (k, 3), optional
+        m, in place of ``penetration``: a coordinate, or a position in space, of which
+        :func:`prepare` finds the direction and the surface. ``force`` may have the same shape.
     velocity : array_like, shape (k,), optional
         m/s, positive while penetrating, next to those arrays. Default: differentiated.
 
@@ -201,12 +211,15 @@ def identify(
         The source or ``trace`` has another type; there is no such method or law; or arguments
         exclude each other.
     """
+    if arrays:
+        raise InvalidParameterError(BY_NAME)
     if method is not None and estimator is not None:
         raise InvalidParameterError(f"pass estimator or method={method!r}, not both")
     traced = checked_trace(trace)  # before reading anything
     estimator = _with_law(method if estimator is None else estimator, law)
-    arrays = {"time": time, "penetration": penetration, "force": force, "velocity": velocity}
-    given = {name: values for name, values in arrays.items() if values is not None}
+    signals = {"time": time, "penetration": penetration, "force": force, "velocity": velocity}
+    signals |= {"position": position, "rate": rate}
+    given = {name: values for name, values in signals.items() if values is not None}
     if not isinstance(source, Contact) or given or no_time:
         source = prepare(source, no_time=no_time, **given)  # type: ignore[arg-type]  # it refuses a contact with arrays
     return Identification.selected_law(Data(source), estimator, trace=traced)

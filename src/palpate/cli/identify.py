@@ -61,8 +61,8 @@ def identify(
     Parameters
     ----------
     files
-        A recording, or several of one object; - is standard input. CSV, Parquet, HDF5, MATLAB, ROS
-        bags, MCAP, force curves: palpate info FILE shows what is in it.
+        A recording, or several of one object; - is standard input. CSV, XLSX, NumPy, JSON,
+        Parquet, HDF5, MATLAB, ROS bags, MCAP, force curves: palpate info FILE shows what is in it.
     changes
         Identify each segment between changes of the material separately.
     output

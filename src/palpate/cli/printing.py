@@ -171,22 +171,15 @@ def _width(words: str) -> int:
 
 
 def opened(
-    file: Path,
-    channels: Sequence[str] | None,
-    *,
-    strict: bool,
-    curve: int | None,
-    max_size: float | None,
+    file: Path, channels: Sequence[str] | None, *, max_size: float | None, **options: Any
 ) -> "Recording":
-    """Open a recording, with a bar while it is read."""
+    """Open a recording with options of :func:`palpate.open_recording`, and show a bar."""
     from palpate.recordings import open_recording
     from palpate.recordings.opening import MAX_SIZE
 
     most = MAX_SIZE if max_size is None else max_size
     with bar(f"reading {file}") as progress:
-        return open_recording(
-            file, channels, strict=strict, curve=curve, progress=progress, max_size=most
-        )
+        return open_recording(file, channels, progress=progress, max_size=most, **options)
 
 
 @contextmanager

@@ -424,7 +424,8 @@ def _check_empty(folder: Path) -> None:
 
 #: Endings of files that hold several force curves.
 _MAPS = (".jpk-force-map", ".jpk-qi-data", ".jpk-qi-series")
-_ENDINGS = tuple(ending for each in FORMATS for ending in each.suffixes)
+# In a folder of recordings a .json mostly holds settings or results.
+_ENDINGS = tuple(end for each in FORMATS for end in each.suffixes if end != ".json")
 _BAG = "metadata.yaml"
 
 

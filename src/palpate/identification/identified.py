@@ -63,6 +63,7 @@ from palpate.preparation.gates import choose_gate
 from palpate.preparation.velocity import window_samples
 from palpate.quantities.derived import (
     QueryOptions,
+    compression_modulus_from,
     elastic_modulus_from,
     energy_from,
     instantaneous_stiffness_of,
@@ -375,13 +376,14 @@ class Identified:
     energy = cached_property(_require_time(energy_from))
     passivity = cached_property(_require_time(passivity_from))
     elastic_modulus = elastic_modulus_from
+    compression_modulus = compression_modulus_from
 
     def at_depth(self, depth: float) -> Self:
         """Return the same with another working depth, m, for its diagnosis."""
         return replace(self, depth=number_in("depth", depth, 0.0, 1e100, open_low=True))
 
     def with_query(self, query: QueryOptions) -> Self:
-        """Return the same with derived numbers for an impact and a tip."""
+        """Return the same with derived numbers for an impact and a tip or specimen."""
         other = replace(self, query=query)
         if "diagnosis" in vars(self):  # which no query changes
             vars(other)["diagnosis"] = self.diagnosis

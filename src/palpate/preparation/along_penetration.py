@@ -140,10 +140,16 @@ def contact_of_arrays(given: Mapping[str, ArrayLike], settings: Preparation) -> 
         if "time" in given or "velocity" in given:
             raise InvalidParameterError("no_time excludes a time and a velocity: leave them out")
         given = {**given, "time": np.arange(np.size(given.get("force", ())), dtype=float)}
+    elif settings.rate is not None:
+        if "time" in given:
+            raise InvalidParameterError("pass time or rate, not both: time is measured, rate even")
+        given = {**given, "time": np.arange(np.size(given.get("force", ()))) / settings.rate}
     missing = [name for name in ("time", "penetration", "force") if name not in given]
     if missing:
         raise InvalidParameterError(
-            f"{missing[0]} is missing: pass it as an array, or pass a recording instead of arrays"
+            f"{missing[0]} is missing: pass it as an array"
+            f"{', or the sample rate as rate' if missing[0] == 'time' else ''}, or pass a "
+            "recording instead of arrays"
         )
     made, values = dict[str, str](), dict(given)
     for channel, unit in settings.units.items():

@@ -39,6 +39,8 @@ class Frame(Protocol):
         """Return a column."""
 
 
+#: How to pass arrays.
+BY_NAME = "pass arrays by their names: palpate.identify(time=t, penetration=x, force=F)"
 #: What a contact can be prepared from: a recording, a file, or a pandas or polars frame.
 Recorded: TypeAlias = Recording | str | os.PathLike[str] | Frame
 
@@ -52,6 +54,7 @@ def prepare(
     force: "ArrayLike | None" = None,
     velocity: "ArrayLike | None" = None,
     segment: "ArrayLike | None" = None,
+    position: "ArrayLike | None" = None,
     velocity_window: float | None = None,
     source: str | None = None,
     provenance: Mapping[str, str] | None = None,
@@ -89,6 +92,9 @@ def prepare(
         m/s, positive while penetrating, in addition to these arrays.
     segment : array_like, shape (k,), optional
         One label per sample, in addition to these arrays; a new label starts a new contact.
+    position : array_like, shape (k,) or (k, 3), optional
+        m, the position of the probe along one axis or in space, in place of a penetration; then
+        ``force`` may have the same shape.
     velocity_window : float, optional
         Length of the velocity filter, s, if there is no velocity. Default: 15 samples, at most 15
         ms, at least 5 samples.
@@ -124,7 +130,7 @@ def prepare(
     tool_weight : float, optional
         Weight of the tool to subtract, N, along −z of the position's frame.
     rate : float, optional
-        Sample rate, Hz, of a recording without time.
+        Sample rate, Hz, of a recording or arrays without time.
     no_time : bool
         Identify the stiffness alone, of a curve without time or of one whose time is ignored:
         ``time`` counts the samples, as does ``window``. Default: False.
@@ -155,9 +161,12 @@ def prepare(
     asked = {name: value for name, value in locals().items() if name in Preparation.__slots__}
     settings = Preparation(**{**asked, "columns": columns or Columns(), "units": units or {}})
     arrays = {"time": time, "penetration": penetration, "force": force, "velocity": velocity}
-    arrays["segment"] = segment
+    arrays |= {"segment": segment, "position": position}
     given = {name: values for name, values in arrays.items() if values is not None}
-    if recording is None:
+    if recording is None and position is not None:
+        settings = replace(settings, columns=Columns(force="force", position="position"))
+        contact = prepared_contact(_recording_of_arrays(given, settings), settings)
+    elif recording is None:
         contact = contact_of_arrays(given, settings)
     elif given:
         raise InvalidParameterError(
@@ -172,6 +181,27 @@ def prepare(
         source=contact.source if source is None else source,
         provenance={**(provenance or {}), **contact.provenance},
     )
+
+
+def _recording_of_arrays(given: Mapping[str, ArrayLike], settings: Preparation) -> Recording:
+    """Return a recording of a position and a force, along one axis or in space."""
+    clocks = [settings.rate is not None, settings.no_time, "time" in given]
+    excluded = not given.keys().isdisjoint(("penetration", "velocity"))
+    if excluded or "force" not in given or sum(clocks) != 1:
+        raise InvalidParameterError(
+            "a position needs a force and one of time, rate and no_time, and excludes a "
+            "penetration and a velocity"
+        )
+    arrays = {name: np.asanyarray(values) for name, values in given.items()}
+    shapes = {array.shape[1:] for array in arrays.values()}
+    if not shapes <= {(), (3,)} or len({array.shape[:1] for array in arrays.values()}) != 1:
+        raise InvalidParameterError(
+            "time, position and force must have one row for each sample, with one number or three"
+        )
+    channels = {name: array for name, array in arrays.items() if array.ndim == 1}
+    for name in arrays.keys() - channels.keys():
+        channels |= {f"{name}[{k}]": arrays[name][:, k] for k in range(3)}
+    return Recording(channels)
 
 
 def prepared_contact(recording: Recording, settings: Preparation) -> Contact:
@@ -305,7 +335,7 @@ def as_recording(recorded: Recorded, *, strict: bool = False) -> Recording:
     except (AttributeError, TypeError, KeyError, ValueError):
         raise InvalidParameterError(
             "recording must be a Recording, a path, or a pandas or polars DataFrame, not "
-            f"{type(recorded).__name__}"
+            f"{type(recorded).__name__}; {BY_NAME}"
         ) from None
     return Recording(channels)
 

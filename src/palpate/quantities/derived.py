@@ -33,11 +33,12 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from palpate.quantities.elastic_modulus import ElasticModulus, Tip
+    from palpate.quantities.specimen import CompressionModulus, Specimen
 
 
 @dataclass(frozen=True, slots=True)
 class QueryOptions:
-    """The impact, tip and oscillation for which derived numbers are computed.
+    """The impact, tip or specimen, and oscillation for which derived numbers are computed.
 
     Parameters
     ----------
@@ -50,18 +51,30 @@ class QueryOptions:
         The material's, in (−1, 0.5]. Default: 0.5, incompressible as soft tissue nearly is.
     frequency : float, optional
         Frequency of a small oscillation, rad/s, > 0. Default: the motion's mean frequency.
+    specimen : Specimen, optional
+        Size of a specimen compressed between plates; excludes a tip. Default: none.
     """
 
     impact_speed: float | None = None
     tip: "Tip | None" = None
     poisson_ratio: float | None = None
     frequency: float | None = None
+    specimen: "Specimen | None" = None
 
     def __post_init__(self) -> None:
         if self.tip is not None:
             from palpate.quantities.elastic_modulus import Tip
 
             instance("tip", self.tip, Tip)
+        if self.specimen is not None:
+            from palpate.quantities.specimen import Specimen
+
+            instance("specimen", self.specimen, Specimen)
+            if self.tip is not None:
+                raise InvalidParameterError(
+                    "tip and specimen exclude each other: a tip presses into a large body, a "
+                    "specimen is compressed between plates; drop one of them"
+                )
         ranges = {
             "impact_speed": (0.0, 1e6),
             "poisson_ratio": (-1.0, 0.5),
@@ -397,3 +410,30 @@ def elastic_modulus_from(
         return found
     unchecked = "the exponent was fixed, so it does not confirm the shape of the tip"
     return replace(found, remarks=(*found.remarks, unchecked))
+
+
+def compression_modulus_from(
+    result: Derivable, specimen: "Specimen | None" = None
+) -> "CompressionModulus":
+    """Young's modulus E = S h/A of a specimen that is compressed between plates.
+
+    Parameters
+    ----------
+    result : Identification
+        The identification.
+    specimen : Specimen, optional
+        Such as ``Specimen(area=3e-4, height=0.02)``. Default: that of :attr:`query`.
+
+    Raises
+    ------
+    InvalidParameterError
+        There is no specimen.
+    """
+    from palpate.quantities.specimen import compression_modulus_of
+
+    specimen = specimen or result.query.specimen
+    if specimen is None:
+        raise InvalidParameterError(
+            "specimen is missing: pass one, such as specimen=Specimen(area=3e-4, height=0.02)"
+        )
+    return compression_modulus_of(result.diagnosis, specimen)

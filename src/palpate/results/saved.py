@@ -283,6 +283,8 @@ def derived_dict(result: "Identified") -> dict[str, Any]:
     modulus = {}
     if result.query.tip is not None:
         modulus = {"elastic_modulus": result.elastic_modulus().as_dict()}
+    elif result.query.specimen is not None:
+        modulus = {"compression_modulus": result.compression_modulus().as_dict()}
     names = ("restitution", "energy", "passivity", "small_oscillation")
     if result.contact.timeless:
         return {**dict.fromkeys(names), **modulus}

@@ -408,7 +408,7 @@ def segment_table(result: "Identified", *, whole: bool = False) -> Iterator[View
         else:
             at = ", ".join(f"{1e3 * each:.1f}" for each in place.position)
             depth = rounded(1e3 * there.depth, 4)
-            modulus = _modulus_alone(part) if part.query.tip else ""
+            modulus = _modulus_alone(part) if part.query.tip or part.query.specimen else ""
             times = f"{time[0]:.1f}–{time[-1]:.1f}" if whole else ""
             cells = (times, at, depth, *both_numbers, modulus, "", "")
         rows.append([*cells, _hertz(part) if whole else "", *_both_marks(part)])
@@ -456,7 +456,7 @@ def derived_section(result: "Identified", *, whole: bool = False) -> ViewSection
         lines.append(_energy(result))
     if whole and timed and trusted:
         lines.append(_passivity(result))
-    if query.tip is not None:
+    if query.tip is not None or query.specimen is not None:
         parts = [("", result), *((_when(part), part) for part in segments_between_changes(result))]
         lines += [_modulus(part, when, whole=whole) for when, part in parts]
     if result.noticed is not None:  # when a control loop would have known of the changes
@@ -777,6 +777,8 @@ def _passivity(result: "Identified") -> Line:
 
 
 def _modulus(part: "Identified", when: str, *, whole: bool) -> Line:
+    if part.query.specimen is not None:
+        return _compression_modulus(part, when, whole=whole)
     found = part.elastic_modulus()
     size = found.tip.as_dict()
     tip = f"a {found.tip.kind} of {_plain(size.get('radius', math.nan), 'm')} radius"
@@ -792,9 +794,20 @@ def _modulus(part: "Identified", when: str, *, whole: bool) -> Line:
     return Line(words, name, remarks=found.remarks)
 
 
+def _compression_modulus(part: "Identified", when: str, *, whole: bool) -> Line:
+    found, at = part.compression_modulus(), f"{when}: " * bool(when)
+    size, name = found.specimen, "Young's modulus"
+    if found.refused:
+        return Line(f"{at}not determined: {found.refused}", name)
+    value = format_with_prefix(found.value if whole else found.value.combined, "Pa")
+    area, height = rounded(1e6 * size.area, 4), _plain(size.height, "m")
+    words = f"{at}{value} for a specimen of {area} mm² and {height} height"
+    return Line(f"{words}, at a strain of {rounded(found.strain, 2)}", name, remarks=found.remarks)
+
+
 def _modulus_alone(part: "Identified") -> str:
     """With its whole error; the JSON says why there is none."""
-    found = part.elastic_modulus()
+    found = part.compression_modulus() if part.query.specimen else part.elastic_modulus()
     return "refused" if found.refused else format_with_prefix(found.value.combined, "Pa")
 
 
