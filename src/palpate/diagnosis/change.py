@@ -1,4 +1,4 @@
-"""Change of the material within the recording: where, how often, and how far."""
+"""Changes of the material within the recording: their times, their number and their sizes."""
 
 import itertools
 import math
@@ -17,21 +17,21 @@ from palpate.findings import Check
 from palpate.force_laws import ForceLaw
 from palpate.validation import Floats
 
-BLOCKS = 48  # among whose borders changes are sought
+BLOCKS = 48  # changes are searched for at the borders of these blocks
 MOST_CHANGES = 3
-WORTH_ANOTHER = 0.2  # of what is left, that one more change has to remove
-# A search among borders has a larger maximum than one test: 5.4 on 196 clean recordings, with steps
-# that are far below 3 %.
+WORTH_ANOTHER = 0.2  # fraction of the remaining energy that another change must remove
+# A search over borders has a larger maximum than a single test: 5.4 on 196 clean recordings, for
+# steps far below 3 %.
 SIGNIFICANT = 6.0
 SMALLEST_STEP = 0.03  # relative; below it a slow drift looks like steps
-FEWEST_PERIODS = 2.0  # an episode; one stroke cannot tell a change from memory
-EXPONENTS = (1.0, 1.5, 2.0)  # starts: the exponent pooled over two materials is nonsense
+FEWEST_PERIODS = 2.0  # of an episode; one stroke cannot distinguish change from relaxation
+EXPONENTS = (1.0, 1.5, 2.0)  # starts: the exponent pooled over two materials is useless
 _ENERGY = attrgetter("energy")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Changes:
-    """A recording cut where its material changes.
+    """Times at which the material changes, and the laws between them.
 
     Attributes
     ----------
@@ -50,25 +50,25 @@ class Changes:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Cut:
-    """Episodes with their own coefficients, and a common exponent and offset."""
+    """A fit with separate coefficients for each episode and a common exponent and offset."""
 
-    borders: list[int]  # rows at which another begins
+    borders: list[int]  # rows at which the next episode begins
     exponent: float
     offset: float
-    coefficients: Floats  # (episodes, own)
-    least: Fitted  # of coefficients, exponent and offset
+    coefficients: Floats  # (episodes, coefficients)
+    least: Fitted  # fit of coefficients, exponent and offset
 
     @property
     def energy(self) -> float:
-        """Sum of squares that it leaves, N²."""
+        """Sum of squares of the residual, N²."""
         return float(self.least.residual @ self.least.residual)
 
 
 def find_changes(fit: Fit) -> Changes | None:
-    """Cut by dynamic programming, for own (k, c) an episode and common n and F₀.
+    """Find changes by dynamic programming, with (k, c) for each episode and common n and F₀.
 
-    None where there is none that is significant (z > 6), of 3 % or more, in episodes of two
-    periods or more.
+    Return None without a change that is significant (z > 6) and 3 % or more, between episodes of at
+    least two periods.
     """
     rows = len(fit.windows)
     if rows < 4 * BLOCKS:
@@ -97,11 +97,11 @@ def find_changes(fit: Fit) -> Changes | None:
 
 
 class _EpisodeColumns:
-    """Columns of an episode's own coefficients: xⁿ and xⁿv, by n if so, or other linear ones."""
+    """Columns of an episode's coefficients: xⁿ and xⁿv for a power law, else the linear ones."""
 
     def __init__(self, fit: Fit) -> None:
         self.fit = fit
-        # The searches come back to the same exponents.
+        # Cached because the searches return to the same exponents.
         self._powers: dict[tuple[float, bool], Floats] = {}
 
     def __call__(self, exponent: float, *, logarithm: bool = False) -> Floats:
@@ -117,7 +117,7 @@ class _EpisodeColumns:
 
 
 def _refine_borders(columns_of: _EpisodeColumns, start: Cut, count: int) -> Cut:
-    """The best borders of so many changes, near a start; exponent and borders in turn."""
+    """Return the best ``count`` borders near a start, improving exponent and borders in turn."""
     fit = columns_of.fit
     cut = _fit_segments(columns_of, start.borders, start.exponent)
     for _ in range(2):
@@ -132,7 +132,7 @@ def _refine_borders(columns_of: _EpisodeColumns, start: Cut, count: int) -> Cut:
 
 
 def _block_costs(columns_of: _EpisodeColumns, exponent: float, offset: float) -> Floats:
-    """Energy that own coefficients leave of blocks i … j − 1, shape (49, 49)."""
+    """Residual energy of a separate fit to blocks i … j − 1, shape (49, 49)."""
     fit = columns_of.fit
     basis = columns_of(exponent)
     wide = np.column_stack([basis, fit.by_linear - offset])
@@ -150,12 +150,12 @@ def _block_costs(columns_of: _EpisodeColumns, exponent: float, offset: float) ->
 
 
 def _edges(fit: Fit) -> NDArray[np.intp]:
-    """The rows at which blocks begin, and the end."""
+    """Return the rows at which blocks begin, and the end."""
     return np.linspace(0, len(fit.windows), BLOCKS + 1).astype(np.intp)
 
 
 def _best_borders(fit: Fit, cost: Floats, count: int) -> list[int]:
-    """The rows at which ``count`` changes leave the least."""
+    """Return the rows at which ``count`` changes leave the least energy."""
     best, chosen = cost[0].copy(), []
     for _ in range(count):
         total = best[:, None] + cost
@@ -170,14 +170,14 @@ def _best_borders(fit: Fit, cost: Floats, count: int) -> list[int]:
 
 
 def _episodes(fit: Fit, borders: list[int]) -> list[slice]:
-    """The rows of each episode."""
+    """Return the rows of each episode."""
     return list(itertools.starmap(slice, itertools.pairwise([0, *borders, len(fit.windows)])))
 
 
 def _fit_segments(
     columns_of: _EpisodeColumns, borders: list[int], exponent: float, *, held: bool = False
 ) -> Cut:
-    """Coefficients of each episode, and a common offset and exponent, which may be held."""
+    """Fit coefficients for each episode, a common offset, and a common exponent unless held."""
     fit = columns_of.fit
     parts, linear = _episodes(fit, borders), math.isnan(exponent)
     held = held or linear or bool(fit.fixed)
@@ -209,7 +209,7 @@ def _fit_segments(
 
 
 def _sharpen_borders(columns_of: _EpisodeColumns, cut: Cut) -> Cut:
-    """Move each border to the row where one law's residual becomes smaller than the other's."""
+    """Move each border to the row from which the next law has the smaller residual."""
     fit = columns_of.fit
     basis, half = columns_of(cut.exponent), len(fit.windows) // BLOCKS
     target = fit.by_linear - cut.offset
@@ -222,10 +222,10 @@ def _sharpen_borders(columns_of: _EpisodeColumns, cut: Cut) -> Cut:
 
 
 def _drop_slivers(columns_of: _EpisodeColumns, cut: Cut) -> Cut:
-    """Drop borders nearer than half a period to another or to an end.
+    """Drop borders nearer than half a period to another border or to an end.
 
-    A filtered velocity smears a change over some rows, which no law describes, and which are no
-    material; nor are the few rows at an end where it sees but half of its window.
+    A filtered velocity smears a change over some rows, which then look like another material. At an
+    end of the recording the filter sees only half of its window.
     """
     fit = columns_of.fit
     while True:
@@ -277,19 +277,19 @@ def _significant_changes(fit: Fit, cut: Cut) -> Changes | None:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SeveralLaws:
-    """One law after another, SI: the one whose stiffness differs most counts."""
+    """Consecutive laws, SI; the one whose stiffness differs most counts."""
 
     laws: tuple[ForceLaw, ...]
 
     def relative(self, fit: Fit) -> tuple[float, float]:
-        """Return the change of stiffness at the fit's depth over its scale, and none of damping."""
+        """Return the change of stiffness at the fit's depth over its scale, and 0 for damping."""
         pooled = fit.stiffness(fit.solution.law)
         changes = (fit.stiffness(fit.units.local(law)) - pooled for law in self.laws)
         return max(changes, key=abs) / fit.reference_scales[0], 0.0
 
 
 def _border_time(fit: Fit, cut: Cut, laws: tuple[ForceLaw, ...], border: int) -> float:
-    """Time of the first sample that the next law fits better from there on, s."""
+    """Return the time from which on the next law fits the samples better, s."""
     row, data = cut.borders[border], fit.data
     reach = 2.0 * fit.period / WINDOWS_A_PERIOD + 2.0 * data.sample_time
     middle = 0.5 * (fit.time[row - 1] + fit.time[row])

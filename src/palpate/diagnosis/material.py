@@ -1,4 +1,4 @@
-"""What the material does beyond the law: friction, other damping, relaxation, adhesion."""
+"""Effects of the material beyond the law: friction, other damping, relaxation, adhesion."""
 
 import math
 from dataclasses import dataclass
@@ -24,10 +24,10 @@ from palpate.validation import Floats
 
 
 def find_material_causes(fit: Fit) -> list[MisfitHypothesis]:
-    """Friction, a material that changes slowly, another damping, another shape: a column each."""
+    """Fit one column each for friction, slow change, other damping and other shape."""
     law, time = fit.solution.law, relative_time(fit)
     x, rest = np.maximum(fit.x, 1e-12), np.zeros_like(fit.x)
-    # Without units: depth over the working depth, speed over its rms.
+    # Dimensionless: depth over the working depth, speed over its rms.
     depth, speed = x * fit.units.depth / fit.reference, fit.v * fit.units.speed / fit.speed
     spring, slope = law.force(x, rest), law.penetration_gradient(x, rest)
     spring = spring / (float(np.median(spring)) or 1.0)  # ξⁿ of a power law
@@ -36,11 +36,12 @@ def find_material_causes(fit: Fit) -> list[MisfitHypothesis]:
     columns = {
         Check.GAIN_DRIFT: law.force(x, fit.v) * time,
         Check.FRICTION: spring * np.tanh(20.0 * speed),
-        # Of a law whose damping grows as xⁿ. Beside a constant damper, K₁ v + 2 K₂ x v would be
-        # that damper but for some rounding of K₂.
+        # Only for laws whose damping grows as xⁿ. For a constant damper, K₁ v + 2 K₂ x v would
+        # equal that damper except for rounding of K₂.
         Check.DAMPING_FORM: slope * speed if law.power_law else rest,
         Check.DAMPING_WITH_DEPTH: spring * speed,
-        # ∂²F/∂n², or where the exponent is fixed ∂F/∂n: xⁿ is the tip's as far as that is known.
+        # ∂²F/∂n², or ∂F/∂n if the exponent is fixed, because the true exponent is then only
+        # assumed.
         Check.SHAPE: spring * (logarithm if fit.fixed else logarithm**2),
         Check.SQUARE_SPEED: spring * speed * np.abs(speed),
     }
@@ -48,7 +49,7 @@ def find_material_causes(fit: Fit) -> list[MisfitHypothesis]:
 
 
 def _explain_column(fit: Fit, check: Check, amount: float) -> tuple[str, str]:
-    """What so much of a column means, and the next step."""
+    """Return the sentence and the next step for an amount of a column."""
     part = abs(amount) / max(abs(fit.force_at_depth(fit.solution.law)), 1e-300)
     half = rounded(float(np.median(fit.data.time)), 3)
     return {
@@ -81,14 +82,15 @@ def _explain_column(fit: Fit, check: Check, amount: float) -> tuple[str, str]:
 
 
 TIMES = 7  # relaxation times tried, from P/30 to 0.7 of the recording
-BLOCK = 64  # samples that are relaxed at once
+BLOCK = 64  # samples whose state is computed in one vectorised step
 
 
 def find_relaxation(fit: Fit) -> list[MisfitHypothesis]:
-    """Fit dh/dt = d(ξⁿ)/dt − h/τ beside the law, with the best of seven τ.
+    """Fit a relaxation branch dh/dt = d(ξⁿ)/dt − h/τ next to the law, with the best of seven τ.
 
-    At the motion's frequency ω the branch adds q²/(1 + q²) of its force to the stiffness and
-    τ/(1 + q²) to the damping, q = ωτ: without that a dynamic stiffness is called 50 % wrong.
+    With q = ωτ at the motion's frequency ω, the branch adds q²/(1 + q²) of its force to the
+    stiffness and τ/(1 + q²) to the damping. Without these terms a dynamic stiffness would be
+    reported as 50 % wrong.
     """
     data = fit.data
     steps = np.diff(data.time, prepend=data.time[0])
@@ -119,9 +121,9 @@ def find_relaxation(fit: Fit) -> list[MisfitHypothesis]:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class BranchChange:
-    """A change of the parameters, and a branch that relaxes beside the law.
+    """A change of the parameters, and an added relaxation branch.
 
-    Its stiffness and its damping [s] are multiples of the law's stiffness.
+    The branch's stiffness and damping [s] are multiples of the law's stiffness.
     """
 
     law: ForceLaw
@@ -139,7 +141,7 @@ class BranchChange:
 
 
 def _describe_relaxation(fit: Fit, time: float) -> tuple[str, str]:
-    """What was found, and the next step; a law that relaxes may leave some relaxation over."""
+    """Return the sentence and the next step for relaxation in the residual."""
     over, tare = f"about {rounded(time, 2)} s", "tare the sensor before each touch"
     if fit.equivalent is None:
         return (
@@ -166,10 +168,10 @@ def _describe_relaxation(fit: Fit, time: float) -> tuple[str, str]:
 
 
 def relaxation_state(drive: Floats, steps: Floats, tau: float, sample_time: float) -> Floats:
-    """State h of dh = d(drive) − h dt/τ, from h = 0; on the median step within a block of samples.
+    """State h of dh = d(drive) − h dt/τ, from h = 0, with the median time step within blocks.
 
-    Exact on an even time base. On an uneven one the decay over a block of 64 is that of its own
-    time, and within it that of the median step.
+    Exact for even time steps. For uneven steps the decay over a block of 64 samples uses the
+    block's own duration, and the decay within it the median step.
     """
     decay = math.exp(-sample_time / tau)
     power = decay ** np.arange(BLOCK + 1)
@@ -190,19 +192,20 @@ def relaxation_state(drive: Floats, steps: Floats, tau: float, sample_time: floa
     return (local + carried[:, None] * power[1:]).reshape(-1)[: len(drive)]
 
 
-# Of the working depth: where a pull is looked for, in so many pieces.
+# Depth range over the working depth in which adhesion is searched for, and its number of pieces.
 LIGHT, PIECES = (-0.2, 0.5), 8
-FEWEST_PULLED = 10  # samples of a piece
-PULL_Z, LEAST_PULL = 4.0, 0.003  # standard errors; of the largest force
-REACHES = (0.1, 0.2, 0.4, 0.8)  # of the working depth, over which a neck lets go
+FEWEST_PULLED = 10  # samples in a piece
+PULL_Z, LEAST_PULL = 4.0, 0.003  # standard errors; fraction of the largest force
+REACHES = (0.1, 0.2, 0.4, 0.8)  # lengths of an adhesive neck over the working depth
 
 
 def find_adhesion_or_relaxation(fit: Fit) -> list[MisfitHypothesis]:
-    """Relaxation; or adhesion, where the force is below zero and adhesion explains about as much.
+    """Return adhesion if the force is negative and adhesion fits as well, else relaxation.
 
-    Its columns are −exp(−ξ/r) on withdrawal, a neck that lets go, and −√ξ on withdrawal or both
-    ways, as of Johnson, Kendall and Roberts. No relaxation pulls, but that of a law may: then it
-    explains far more.
+    The columns of adhesion are −exp(−ξ/r) on withdrawal, a neck that breaks, and −√ξ on withdrawal
+    or in both directions, as in the theory of Johnson, Kendall and Roberts. Relaxation of
+    a material causes no negative force. A relaxing law may still have one; it then explains far
+    more than adhesion.
     """
     found = find_relaxation(fit)
     pull = largest_pull(fit)
@@ -226,9 +229,10 @@ def find_adhesion_or_relaxation(fit: Fit) -> list[MisfitHypothesis]:
 
 
 def largest_pull(fit: Fit) -> float:
-    """How far the force is below that in free air as the probe withdraws, N; 0 if it is not.
+    """Return the largest adhesive force during withdrawal, relative to free air, N; 0 without.
 
-    Below that of any direction, for friction of the probe, and of what pulls on the probe in air.
+    The reference is the lower of two means in free air, of all samples and of those in withdrawal,
+    so that friction of the probe does not count, and follows the slope of the approach in air.
     """
     free = np.flatnonzero(fit.free)
     if free.size < FEWEST_FREE:
@@ -240,7 +244,7 @@ def largest_pull(fit: Fit) -> float:
     zero = min((force[each] for each in away), key=np.mean)
     comes, slope = free[~leaves[free]], 0.0
     if comes.size and np.ptp(x[comes]) > 0.0:
-        # Sums about the means: they also exist where the places differ in their last digits only.
+        # Centred sums, which are defined even if the positions differ in their last digits only.
         off = x[comes] - x[comes].mean()
         slope = min(float(off @ force[comes] / max(off @ off, float(np.finfo(float).tiny))), 0.0)
     place = (x - LIGHT[0]) * PIECES / (LIGHT[1] - LIGHT[0])
@@ -258,12 +262,12 @@ def largest_pull(fit: Fit) -> float:
     return largest
 
 
-HOLD = 3.0  # relaxation times, after which e⁻³ = 5 % is left
-STILL = 0.05  # of the rms velocity
+HOLD = 3.0  # relaxation times, after which e⁻³ = 5 % remains
+STILL = 0.05  # fraction of the rms velocity
 
 
 def check_relaxed_stiffness(fit: Fit) -> Finding | None:
-    """The stiffness after relaxation is extrapolated where no hold of three times was recorded."""
+    """The relaxed stiffness is extrapolated: no hold of three relaxation times was recorded."""
     if fit.laws is None or fit.equivalent is None or not fit.laws.law.remembers:
         return None
     inside, data = np.flatnonzero(fit.inside), fit.data
@@ -283,10 +287,10 @@ def check_relaxed_stiffness(fit: Fit) -> Finding | None:
 
 
 def check_behind_relaxation(fit: Fit) -> list[Finding]:
-    """Adhesion, or a change of the material, that a law which relaxes has taken for its own.
+    """Report adhesion, or a change of the material, that a relaxing law has absorbed.
 
-    By Hunt and Crossley's law of the same samples: with adhesion it leaves about as little as the
-    law that was selected, or with a change far less.
+    The Hunt–Crossley law is fitted to the same samples. With adhesion its residual is about as
+    small as the residual of the selected law, with a change of the material far smaller.
     """
     given, trace, _ = fit._given
     plain, left = Fit(given, trace, fit.estimate, fit.depth), fit.solution.energy
@@ -313,13 +317,13 @@ def relaxation_remedy(laws: ModelSelection | None, time: float) -> str:
 
     Parameters
     ----------
-    laws : Laws, optional
-        The selection, where there was one.
+    laws : ModelSelection, optional
+        The model selection, if the law was selected.
     time : float
-        Relaxation time that the residual shows, s.
+        Relaxation time in the residual, s.
     """
     if laws is None:
         return SELECT_LAW
-    if time > laws.longest:  # as likely the drift of a sensor
+    if time > laws.longest:  # sensor drift is as likely
         return "tare the sensor before each touch"
     return TASK_SPEED

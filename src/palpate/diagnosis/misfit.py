@@ -1,4 +1,4 @@
-"""What the law leaves unexplained, and how far a method is off the least squares of its law."""
+"""Force that the law does not explain, and distance of a method from its law's least squares."""
 
 import math
 
@@ -16,8 +16,8 @@ from palpate.digits import rounded
 from palpate.estimators.variable_projection import ConstrainedEstimate
 from palpate.findings import Check, Finding, Mark
 
-UNEXPLAINED, TOO_MUCH_UNEXPLAINED = 0.05, 0.30  # of the force
-METHOD_Z = 5.0  # a method that is off by more, but by no more than calls for care, gets a note
+UNEXPLAINED, TOO_MUCH_UNEXPLAINED = 0.05, 0.30  # fractions of the force
+METHOD_Z = 5.0  # standard errors; a larger distance is at least a note
 
 
 def fraction_unexplained(fit: Fit) -> float:
@@ -28,7 +28,7 @@ def fraction_unexplained(fit: Fit) -> float:
 
 
 def check_misfit(fit: Fit) -> Finding | None:
-    """The law leaves more than 5 % of the force, or three times the noise."""
+    """The law leaves more than 5 % of the force unexplained, or more than three times the noise."""
     left, times = fraction_unexplained(fit), fit.residual_to_noise
     if left <= UNEXPLAINED and not fit.exceeds_noise:
         return None
@@ -44,7 +44,7 @@ def check_misfit(fit: Fit) -> Finding | None:
 
 
 def misfit_without_time(stiffness: Mark) -> Finding:
-    """Report a misfit whose cause a recording without time does not show."""
+    """Report a misfit whose cause cannot be found without time."""
     return Check.MISFIT.finding(
         "the force differs from that of a spring, and without time palpate cannot say why",
         "record the time of each sample",
@@ -53,9 +53,9 @@ def misfit_without_time(stiffness: Mark) -> Finding:
 
 
 def check_method(fit: Fit) -> Finding | None:
-    """The method's own answer is not the least squares of its law on these samples."""
+    """The method's estimate is not the least squares of its law on these samples."""
     if isinstance(fit.estimate, ConstrainedEstimate):
-        return None  # under a prior, and reported
+        return None  # a prior constrains it, and this is reported
     apart = distance_to_least_squares(fit)[1:]
     z = float(np.max(np.abs(apart) / np.maximum(standard_errors(fit)[1:], 1e-300)))
     if z <= METHOD_Z:
