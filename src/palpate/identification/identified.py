@@ -1,4 +1,4 @@
-"""What a whole contact gave: law, error bars, diagnosis."""
+"""The identification of a whole contact: law, error bars, diagnosis."""
 
 import logging
 import math
@@ -75,13 +75,14 @@ from palpate.quantities.derived import (
 from palpate.settings import ChangeDetector, ContactGate, Scale
 from palpate.validation import Floats, number_in, positive
 
-# Of the peak force: a misfit of a law that relaxes beyond which its memory may have another form.
+# Fraction of the peak force: above this misfit of a relaxing law, its relaxation may have another
+# form.
 CLEAR_MISFIT = 0.01
 _Derived = TypeVar("_Derived", bound=Callable[..., Any])
 
 
 def _require_time(derived: _Derived) -> _Derived:
-    """The same function of an identification, which refuses one of a recording without time."""
+    """Return the function of an identification, but refuse a recording without time."""
 
     @wraps(derived)
     def refusing(result: "Identified", *query: Any, **named: Any) -> Any:
@@ -99,11 +100,11 @@ _LOGGER = logging.getLogger(__name__)
 _Placed: TypeAlias = tuple[Place, Contact]
 
 
-@dataclass(frozen=True, eq=False, repr=False)  # no slots: the diagnosis is kept in the instance
+@dataclass(frozen=True, eq=False, repr=False)  # no slots: the instance caches the diagnosis
 class Identified:
-    """What a whole contact gave, in numbers; :class:`palpate.Identification` shows them.
+    """Identification of a whole contact as numbers; :class:`palpate.Identification` formats them.
 
-    That class says what each field is.
+    The fields are documented in that class.
     """
 
     contact: Contact
@@ -118,7 +119,7 @@ class Identified:
     chosen: tuple[str, ...] = ()
     query: QueryOptions = field(default_factory=QueryOptions)
     traced: Traced = 2000
-    #: The estimate under a weak prior, where the motion leaves the estimator's own open.
+    #: The estimate under a weak prior, if the motion does not determine the estimator's own.
     bounded: Estimate | None = None
     #: The identification that selected this one's law.
     selected: "Identified | None" = None
@@ -131,17 +132,17 @@ class Identified:
         *,
         trace: Traced = 2000,
     ) -> Self:
-        """Identify a contact that is prepared; :func:`palpate.identify` says the rest.
+        """Identify a prepared contact; see :func:`palpate.identify`.
 
         Parameters
         ----------
         data : Data
-            The contact with the checks of its channels. Where the load goes elsewhere, its samples
-            are excluded, unless the estimator keeps outliers.
+            The contact with the checks of its channels. Samples in which another place carries
+            the load are excluded, unless the estimator keeps outliers.
         estimator : ContactEstimator or str, optional
             Method and settings. Default: variable projection.
         trace : int, float, "full" or False
-            Which estimates are written down.
+            Which estimates are recorded.
         """
         timeless = data.contact.timeless
         given, traced = resolve_estimator(estimator, timeless=timeless), checked_trace(trace)
@@ -184,10 +185,10 @@ class Identified:
         *,
         trace: Traced = 2000,
     ) -> Self:
-        """Identify a contact; where Hunt and Crossley's law is selected, by variable projection.
+        """Identify a contact; if Hunt–Crossley is selected, identify it by variable projection.
 
-        That has the smaller error of K, B and n. It also answers where the material pulls or
-        changes, which a law with memory would take for its own.
+        Variable projection has smaller errors of K, B and n. It is also used if the contact is
+        adhesive or changes, which a relaxing law would absorb.
         """
         found = cls.of(data, estimator, trace=trace)
         if not found.estimator.chooses_law or not found._takes_hunt_crossley():
@@ -209,7 +210,7 @@ class Identified:
         return any(f.check in (Check.CHANGE, Check.ADHESION) for f in self.diagnosis.findings)
 
     def _under_prior(self) -> Self:
-        """Return it with the estimate under the weak prior, if its own is outside of that."""
+        """Return it with an estimate under the weak prior, if its own violates the prior."""
         own, settings = self.estimator.estimate(), self.estimator.settings
         given = ("exponent", "forgetting", "change_detector", "surface")
         if not self.depths or any(settings[name] is not None for name in given):
@@ -223,16 +224,16 @@ class Identified:
 
     @cached_property
     def diagnosis(self) -> Diagnosis:
-        """What may be wrong, and how far to trust it; worked out when it is first needed."""
+        """Findings, marks and error bars; computed when first needed."""
         found = self._diagnosed_at(self.depths)
         if not self.segments:
             return found
         parts = (replace(f, remedy=None) if f.check == Check.CHANGE else f for f in found.findings)
-        return replace(found, findings=tuple(parts))  # each segment is identified already
+        return replace(found, findings=tuple(parts))  # the segments are identified already
 
     @cached_property
     def oscillation(self) -> Oscillation | None:
-        """What the samples say of small oscillations where a law was selected; otherwise None."""
+        """Small oscillations if a law was selected, otherwise None."""
         if self.selected is not None:
             return self.selected.oscillation
         if not isinstance(self.estimator, ViscoelasticContact):
@@ -245,7 +246,7 @@ class Identified:
         return Oscillation.of(self.estimator, *channels, steps, taken)
 
     def _late(self) -> Iterator[Finding]:
-        """A damper that gives energy back, beside a spectrum that may take it."""
+        """Report a negative damper next to a relaxation spectrum, which may compensate it."""
         found = self.oscillation
         if found is None or not found.delay > 0.0:
             return
@@ -278,11 +279,11 @@ class Identified:
 
     @cached_property
     def depths(self) -> tuple[float, ...]:
-        """Working depth, and the 90th percentile of the penetration, m; none without firm contact.
+        """Working depth, and the 90th percentile of the penetration, m; empty without firm contact.
 
-        Of the samples taken that a gate would take: a method that chooses its samples takes light
-        ones too, and a probe that rests at the surface would leave its working depth there. The
-        diagnosis is made at these; asking for them does not make it.
+        They are percentiles of the taken samples that a gate would also take. A method that selects
+        its samples takes shallow ones too, and for a probe that rests at the surface these would
+        give a working depth at the surface. The depths are computed without a diagnosis.
         """
         penetration = self._firm_penetration
         depths = np.percentile(penetration, (50.0, DEEP)).tolist() if penetration.size else []
@@ -366,7 +367,7 @@ class Identified:
         """∂F/∂v at depths [m], N·s/m, with both error bars; see :meth:`at`."""
         return self.at(depth).damping
 
-    # What follows from the law: each is documented where it is worked out.
+    # Quantities derived from the law; each is documented where it is computed.
     dynamic_stiffness = _require_time(oscillation_of)
     relaxed_stiffness = relaxed_stiffness_of
     instantaneous_stiffness = instantaneous_stiffness_of
@@ -383,16 +384,17 @@ class Identified:
     def with_query(self, query: QueryOptions) -> Self:
         """Return the same with derived numbers for an impact and a tip."""
         other = replace(self, query=query)
-        if "diagnosis" in vars(self):  # which no query changes
+        if "diagnosis" in vars(self):  # a query does not change it
             vars(other)["diagnosis"] = self.diagnosis
         return other
 
     def by_segment(self) -> Self:
         """Return a copy with ``segments``: each segment between changes identified separately.
 
-        With the same settings and working depth. Segments that cannot be identified are omitted,
-        and so are samples at a border within the velocity filter. Without a change there are none.
-        ``noticed`` is a replay with a change detector: when a control loop would have noticed.
+        The settings and the working depth are the same. Segments that cannot be identified are
+        omitted, and so are samples nearer to a border than the velocity filter's window. Without a
+        change there are no segments. ``noticed`` is a replay with a change detector: it shows when
+        a control loop would have noticed.
         """
         parts = (self.segment_of(episode) for episode in self.diagnosis.episodes)
         found = tuple(part for part in parts if part is not None)
@@ -401,15 +403,15 @@ class Identified:
     def by_place(self, watch: "Callable[[Sequence[_Placed]], Iterable[_Placed]]" = iter) -> Self:
         """Return a copy with ``segments``: each place of a travelling probe identified separately.
 
-        With the same settings, each at its own working depth. Places that cannot be identified are
-        omitted. A probe that stays at one place has none.
+        The settings are the same; each place has its own working depth. Places that cannot be
+        identified are omitted. A probe that stays at one place has no segments.
 
         Parameters
         ----------
         watch : callable
-            Iterates over the places, such as with a progress bar.
+            Iterates over the places, for example with a progress bar.
         """
-        # Of the same settings, but for those that were chosen from these data.
+        # Keep the settings, except those that were chosen from these data.
         own = self.selected or self
         found, fresh = [], own.estimator.replace(**dict.fromkeys(own.chosen))
         for place, contact in watch(
@@ -421,7 +423,7 @@ class Identified:
         return replace(self, segments=tuple(found))
 
     def answers(self, estimator: ContactEstimator, trace: Traced) -> bool:
-        """Whether it is what :meth:`of` would make of its contact by an estimator, as a whole."""
+        """Whether :meth:`of` would give the same for its whole contact with an estimator."""
         if self.segments or self.depth is not None or self.traced != trace:
             return False
         own, asked = self.estimator.settings, estimator.settings
@@ -429,7 +431,7 @@ class Identified:
         return self.method == estimator.method and repr(own) == repr({**asked, **left})
 
     def segment_of(self, episode: Episode) -> Self | None:
-        """Identify an episode of the diagnosis by itself; None where that cannot be."""
+        """Identify an episode of the diagnosis separately; None if that is not possible."""
         step, used = self.contact.sample_time, self.contact.velocity_filter
         smear = step * (window_samples(step) if used is None else used.samples)
         with suppress(RecordingError):
@@ -440,7 +442,7 @@ class Identified:
         return None
 
     def _watched(self) -> Trace:
-        """The trace with a change detector, where the estimator can have one."""
+        """Return the trace with a change detector, if the estimator supports one."""
         settings = self.estimator.settings
         if settings.get("change_detector", self) is not None:
             return self.trace
@@ -449,7 +451,7 @@ class Identified:
 
     @property
     def flags(self) -> tuple[str, ...]:
-        """The findings in words."""
+        """The findings as text."""
         return tuple(map(str, self.findings))
 
     @property
@@ -459,16 +461,16 @@ class Identified:
 
     @property
     def estimate(self) -> Estimate:
-        """What the estimator knew at the end; under the weak prior, where that applies."""
+        """The final estimate; under the weak prior if it applies."""
         return self.reported(self._whole_estimate)
 
     def reported(self, estimate: Estimate) -> Estimate:
-        """Return an estimate of its estimator as it is reported: without time its spring alone."""
+        """Return an estimate as it is reported: without time only its spring."""
         return SpringEstimate(estimate) if self.contact.timeless else estimate
 
     @property
     def _whole_estimate(self) -> Estimate:
-        """The same; without time the damper in units of the samples too."""
+        """The final estimate; without time it still includes the damper in units of the samples."""
         return self.estimator.estimate() if self.bounded is None else self.bounded
 
     @property
@@ -478,15 +480,15 @@ class Identified:
 
     @property
     def fixed(self) -> tuple[str, ...]:
-        """The law's parameters that were given, such as a known exponent, and not identified."""
+        """Parameters of the law that were fixed, such as a known exponent, and not identified."""
         return self.estimate.fixed
 
     @property
     def law_verdict(self) -> LawVerdict | None:
         """Model selection: the preferred law, and the evidence.
 
-        The choice of a method that selects a law. For another method's Hunt–Crossley or
-        Kelvin–Voigt law, model selection among the common laws; None for other laws.
+        For a method that selects a law, its selection. For Hunt–Crossley or Kelvin–Voigt laws of
+        other methods, model selection among the common laws; None for other laws.
         """
         return self.diagnosis.law_verdict
 
@@ -494,19 +496,19 @@ class Identified:
     def standard_errors(self) -> Floats:
         """Standard errors of the law's parameters, SI: square roots of the variances.
 
-        0 of a parameter that is :attr:`fixed`.
+        0 for a :attr:`fixed` parameter.
         """
         errors: Floats = np.sqrt(np.diag(self.covariance))
         return errors
 
     @cached_property
     def covariance(self) -> Floats:
-        """Joint covariance of the law's parameters, SI, as wide as a correlated residual asks for.
+        """Joint covariance of the law's parameters, SI, for a correlated residual.
 
-        That of the estimate, but for methods that take their residual for white, the paper's:
-        there as much wider as its correlation makes the least squares of the samples that they took
-        since their last restart. Where the preparation found the surface, with what the parameters
-        are elsewhere when that is off by its deviation.
+        For methods that assume a white residual (the paper's) it is the covariance of the estimate,
+        widened for the correlation of the residual of the samples taken since the last restart. For
+        others it is the covariance of the estimate. If the preparation found the surface, the
+        change of the parameters for a surface shifted by its standard deviation is added.
         """
         if self.bounded is not None:
             return self.estimate.covariance
@@ -519,7 +521,7 @@ class Identified:
 
     @property
     def correlations(self) -> Floats:
-        """Correlations of the law's parameters, shape (p, p); NaN beside one without an error."""
+        """Correlations of the law's parameters, shape (p, p); NaN without a standard error."""
         errors = self.standard_errors
         with np.errstate(invalid="ignore", divide="ignore"):
             found: Floats = self.covariance / np.outer(errors, errors)
@@ -537,20 +539,20 @@ class Identified:
 
     @property
     def prediction_rmse_percent(self) -> float:
-        """RMSE% of the a-priori force after 0.2 s of contact."""
+        """RMSE% of the one-step prediction of the force after 0.2 s of contact."""
         return prediction_rmse_percent(self.trace, self.contact.force, self.contact.time_steps)
 
     @property
     def fit_rmse_percent(self) -> float:
-        """RMSE% of the final law, and offset where one is estimated, over every sample taken."""
+        """RMSE% of the final law, and offset if estimated, over every sample taken."""
         taken = self.trace.taken
         return rmse_percent(self.contact.force[taken], self.fitted_force[taken])
 
     @property
     def fitted_force(self) -> Floats:
-        """Force by the final law, and offset where one is estimated, at every sample, N.
+        """Force of the final law, and offset if estimated, at every sample, N.
 
-        With segments, the law of the one that began last.
+        With segments, it is the force of the segment that began last.
         """
         contact, parts = self.contact, self.segments
         fitted = (parts[0] if parts else self).predicted_force(contact)
@@ -561,9 +563,9 @@ class Identified:
         return fitted
 
     def predicted_force(self, contact: Contact) -> Floats:
-        """Force by the final law, and offset, at every sample of a contact, N.
+        """Force of the final law, with its offset, at every sample of a contact, N.
 
-        A contact that begins with the samples that were identified begins in their state.
+        If the contact begins with the identified samples, it begins in their relaxation state.
         """
         own = self.contact
         same = len(contact) and len(own) and contact.time[0] == own.time[0]
@@ -572,7 +574,7 @@ class Identified:
 
     @property
     def violated_fraction(self) -> float:
-        """Fraction of contact without condition 10; NaN for laws that it does not concern."""
+        """Fraction of contact that violates condition 10; NaN for laws without this condition."""
         if not self.law.has_condition_10:
             return math.nan
         return violated_fraction(self.trace)
