@@ -1,4 +1,4 @@
-"""The numbers derived from an identification; modulus, energy and restitution have own modules."""
+"""Quantities derived from an identification; modulus, energy and restitution have own modules."""
 
 import math
 from collections.abc import Callable
@@ -47,7 +47,8 @@ class QueryOptions:
     tip : Tip, optional
         :class:`Sphere`, :class:`FlatPunch` or :class:`Cone`. Default: none, and no modulus.
     poisson_ratio : float, optional
-        The material's, in (−1, 0.5]. Default: 0.5, incompressible as soft tissue nearly is.
+        Poisson's ratio of the material, in (−1, 0.5]. Default: 0.5, incompressible; soft tissue is
+        nearly incompressible.
     frequency : float, optional
         Frequency of a small oscillation, rad/s, > 0. Default: the motion's mean frequency.
     """
@@ -148,10 +149,10 @@ class SmallOscillation(Plain):
 def oscillation_of(
     result: Derivable, frequency: float | None = None, depth: float | None = None
 ) -> SmallOscillation:
-    """Dynamic stiffness K′ + iωB′ for small oscillations about a depth, by a law of any kind.
+    """Dynamic stiffness K′ + iωB′ for small oscillations about a depth, for any law.
 
-    By default the numbers of the working depth; at another frequency those of the law, with the
-    same relative errors.
+    At the motion's frequency these are the numbers of the diagnosis; at another frequency the
+    values of the law, with the same relative errors.
 
     Parameters
     ----------
@@ -174,7 +175,7 @@ def oscillation_of(
         law = result.law
         own = complex(law.dynamic_stiffness(there.depth, result.frequency))
         other = complex(law.dynamic_stiffness(there.depth, omega))
-        # The bars are those at the motion's own frequency, in proportion.
+        # The relative errors are known at the motion's frequency only.
         stiffness = stiffness.scaled(other.real / own.real)
         damping = damping.scaled(other.imag * result.frequency / (own.imag * omega))
     tangent = _tangent(omega, stiffness, damping)
@@ -249,7 +250,7 @@ def _by_law(
 
 
 def _at(result: Derivable, depth: float | None) -> WorkingDepth:
-    """The numbers at a depth; for None or the working depth, the diagnosis' own."""
+    """Return the numbers at a depth; None means the working depth."""
     known = result.diagnosis.working_depth
     if depth is None and not 0.0 < known.depth <= 1e100:
         raise InvalidParameterError(
@@ -278,7 +279,7 @@ def _tangent(omega: float, stiffness: Quantity, damping: Quantity) -> Quantity:
 
 # From an identification to the numbers derived from its law and its motion.
 
-# In sample times: over a longer gap the probe's path is unknown.
+# Multiple of the sample time: over a longer gap the probe's path is unknown.
 LONGEST_GAP = 20.0
 
 # Overflows, such as the square of 1e200 N, give undefined numbers without a warning.
@@ -305,7 +306,7 @@ def path_of(result: Derivable) -> Path:
 
 
 def _going_on(contact: Contact) -> NDArray[np.int64]:
-    """The number of each sample's segment; segments end where the time jumps or goes back."""
+    """Return each sample's segment number; segments end where the time jumps or goes back."""
     usual = np.empty(len(contact))  # time between samples, which may differ between segments
     for part in contact.segments():
         steps = np.diff(contact.time[part])
@@ -324,7 +325,7 @@ def restitution_from(result: Derivable, speed: float | None = None) -> Restituti
     result : Identification
         The identification.
     speed : float, optional
-        m/s, > 0. Default: that of :attr:`query`, or the fastest approach in contact.
+        m/s, > 0. Default: the speed in :attr:`query`, or the fastest approach in contact.
     """
     if speed is not None:
         number_in("speed", speed, 0.0, 1e6, open_low=True)
@@ -339,7 +340,7 @@ def restitution_from(result: Derivable, speed: float | None = None) -> Restituti
 
 @_absurd_numbers
 def energy_from(result: Derivable) -> EnergyLoss:
-    """Energy dissipated per touch, or per cycle in lasting contact: measured and by the model."""
+    """Energy dissipated per touch, or per cycle in lasting contact: measured and from the law."""
     data, path = result.data or Data(result.contact), path_of(result)
     going_on = replace(result.contact, segment=_going_on(result.contact))
     checks = {each.check for each in result.diagnosis.findings}
@@ -373,9 +374,9 @@ def elastic_modulus_from(
     result : Identification
         The identification.
     tip : Tip, optional
-        Such as ``Sphere(radius=5e-3)``. Default: that of :attr:`query`.
+        For example ``Sphere(radius=5e-3)``. Default: the tip in :attr:`query`.
     poisson_ratio : float, optional
-        The material's, in (−1, 0.5]. Default: that of :attr:`query`, or 0.5.
+        Poisson's ratio of the material, in (−1, 0.5]. Default: the ratio in :attr:`query`, or 0.5.
 
     Raises
     ------

@@ -73,15 +73,7 @@ class Path:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Loops:
-    """Parts of a path that begin and end at equal depth.
-
-    Attributes
-    ----------
-    kind : str
-        ``"touch"`` or ``"cycle"``.
-    starts, stops : numpy.ndarray, shape (m,)
-        Sample indices, from 0; fractional for cycles.
-    """
+    """Loops of a path, which begin and end at equal depth."""
 
     kind: str
     starts: Floats
@@ -110,7 +102,8 @@ def loops_of(contact: Contact, path: Path) -> Loops:
     a loop, however the depth of the strokes varies.
     """
     touches = _touches(contact, path)
-    # A law that relaxes takes light samples too, of which a probe at rest on the surface has most.
+    # A relaxing law also takes shallow samples, and a probe at rest on the surface has many of
+    # them.
     firm = path.inside & (path.force > choose_gate(contact).make_force)
     counts = np.concatenate([[0], np.cumsum(firm)])
     held = sum(counts[int(b) + 1] - counts[int(a)] for a, b in touches)
@@ -221,7 +214,7 @@ def _turns(values: Floats, least: float) -> list[float]:
 
 # The energy that a material dissipates in a loop, measured and by the model.
 
-# Fraction of the measured loss: palpate reports a larger difference between law and measurement.
+# Relative difference of loss between law and measurement above which palpate reports it.
 UNACCOUNTED = 0.10
 
 
@@ -272,7 +265,7 @@ class EnergyLoss:
         return f"EnergyLoss({measured} measured, {predicted} by the model; {loops})"
 
     def as_dict(self) -> dict[str, Any]:
-        """Return the means as plain numbers and text; undefined ones are None."""
+        """Return the means as plain numbers and text, with None for undefined values."""
         return {
             "kind": self.kind,
             "loops": len(self.lost),
@@ -463,6 +456,6 @@ def passivity_of(path: Path, law: ForceLaw, there: WorkingDepth, force_noise: fl
 
 
 def fastest_of(velocity: Floats) -> float:
-    """99.9th percentile of the positive velocities, m/s (robust to spikes); 0 if there are none."""
+    """99.9th percentile of the positive velocities, m/s (robust to spikes); 0 without any."""
     inwards = velocity[velocity > 0.0]
     return float(np.percentile(inwards, 99.9)) if inwards.size else 0.0
