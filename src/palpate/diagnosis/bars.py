@@ -229,11 +229,11 @@ IN_STEP = "if one clock stamps both, run again with --skew 0.1ms"
 
 def check_precision(fit: Fit, at: WorkingDepth, systematic: SystematicErrors) -> list[Finding]:
     """Report the numbers whose error bars are too wide to trust, with the main reason."""
-    found = []
+    findings = []
     for number, (name, unit) in enumerate((("stiffness", "N/m"), ("damping", "N·s/m"))):
         quantity: Quantity = getattr(at, name)
         error, size = quantity.whole_error, abs(quantity.value)
-        words, sign = (
+        sentence, sign = (
             f"the {name} is known to ± {rough_percent(error / size if size else math.inf)}",
             "",
         )
@@ -243,10 +243,10 @@ def check_precision(fit: Fit, at: WorkingDepth, systematic: SystematicErrors) ->
         if not size > 2.0 * error:
             mark, sign = "do-not-trust", "its sign is open, "
             value = with_error(quantity.value, error, unit=unit)
-            words = f"the sign of the {name} is open: {value}"
+            sentence = f"the sign of the {name} is open: {value}"
         elif quantity.value < 0.0:  # passive materials have none
             mark, sign = "do-not-trust", "it is negative, "
-            words = f"the {name} is negative, {with_error(quantity.value, error, unit=unit)}"
+            sentence = f"the {name} is negative, {with_error(quantity.value, error, unit=unit)}"
         reason, remedy = _largest_part(fit, systematic, number, quantity)
         if mark == "trust":
             if not (number and systematic.skew):
@@ -257,8 +257,8 @@ def check_precision(fit: Fit, at: WorkingDepth, systematic: SystematicErrors) ->
             step = format_quantity(systematic.skew, "s", digits=1)
             reason = f"if force and position are in step to {step}: this law cannot tell"
         marks: dict[str, Mark] = {name: mark}
-        message = f"{words}, {reason}"
-        found.append(
+        message = f"{sentence}, {reason}"
+        findings.append(
             Check.PRECISION.finding(
                 message,
                 remedy,
@@ -267,7 +267,7 @@ def check_precision(fit: Fit, at: WorkingDepth, systematic: SystematicErrors) ->
                 brief=f"{sign}{reason}",
             )
         )
-    return found
+    return findings
 
 
 def _largest_part(
@@ -279,6 +279,6 @@ def _largest_part(
     if fit.response is not None:
         spread = float(_law_spread(fit)[number]) / scale
         parts.append((spread, "since other laws fit as well", "record a longer motion"))
-    wide = "move faster and over a wider range of depths"
-    parts.append((quantity.standard_error / scale, "by the noise and the motion", wide))
+    remedy = "move faster and over a wider range of depths"
+    parts.append((quantity.standard_error / scale, "by the noise and the motion", remedy))
     return max(parts, key=lambda part: part[0])[1:]

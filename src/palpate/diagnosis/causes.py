@@ -122,7 +122,7 @@ def cause_from_column(
     parameter = float(moved[0]) / max(abs(float(law.parameters[0])), 1e-300)
     if law.power_law:
         parameter -= float(moved[2]) * math.log(fit.units.depth)
-    left = fit.residual_to_noise * math.sqrt(max(1.0 - result.explained_fraction, 0.0))
+    residual_after = fit.residual_to_noise * math.sqrt(max(1.0 - result.explained_fraction, 0.0))
     change = change or ParameterChange(moved)
     return MisfitHypothesis(
         check,
@@ -133,7 +133,7 @@ def cause_from_column(
         remedy,
         change,
         *change.relative(fit),
-        fits_to_noise=check is not Check.SHAPE or left < MISFIT,
+        fits_to_noise=check is not Check.SHAPE or residual_after < MISFIT,
     )
 
 
@@ -267,8 +267,8 @@ def _sum_undetected(causes: list[MisfitHypothesis]) -> tuple[float, float]:
     changes = [(0.0, 0.0)]
     for cause in causes:
         if cause.check in UNDETECTED and 0.0 < cause.z <= SIGNIFICANT:
-            wide = max(1.0, UNDETECTED_ERRORS / cause.z)
-            changes.append((wide * abs(cause.stiffness), wide * abs(cause.damping)))
+            factor = max(1.0, UNDETECTED_ERRORS / cause.z)
+            changes.append((factor * abs(cause.stiffness), factor * abs(cause.damping)))
     stiffness, damping = np.max(changes, axis=0).tolist()
     return stiffness * (stiffness > MATTERS), damping * (damping > MATTERS)
 

@@ -80,7 +80,7 @@ def find_changes(fit: Fit) -> Changes | None:
     starts = starts[:1] if fit.fixed else starts
     columns_of = _EpisodeColumns(fit)
     costs = {float(n): _block_costs(columns_of, float(n), fit.solution.offset) for n in starts}
-    found = None
+    cut = None
     energy, duration = fit.solution.energy, float(fit.time[-1] - fit.time[0])
     for count in range(1, MOST_CHANGES + 1):
         if duration / (count + 1) <= FEWEST_PERIODS * fit.period:
@@ -90,10 +90,10 @@ def find_changes(fit: Fit) -> Changes | None:
             for n, c in costs.items()
         ]
         best = _refine_borders(columns_of, min(cuts, key=_ENERGY), count)
-        if best.energy > (1.0 - WORTH_ANOTHER) * energy and found is not None:
+        if best.energy > (1.0 - WORTH_ANOTHER) * energy and cut is not None:
             break
-        found, energy = best, best.energy
-    return None if found is None else _significant_changes(fit, _sharpen_borders(columns_of, found))
+        cut, energy = best, best.energy
+    return None if cut is None else _significant_changes(fit, _sharpen_borders(columns_of, cut))
 
 
 class _EpisodeColumns:
@@ -135,17 +135,17 @@ def _block_costs(columns_of: _EpisodeColumns, exponent: float, offset: float) ->
     """Residual energy of a separate fit to blocks i … j − 1, shape (49, 49)."""
     fit = columns_of.fit
     basis = columns_of(exponent)
-    wide = np.column_stack([basis, fit.by_linear - offset])
-    products = np.add.reduceat(wide[:, :, None] * wide[:, None, :], _edges(fit)[:-1], axis=0)
+    joint = np.column_stack([basis, fit.by_linear - offset])
+    products = np.add.reduceat(joint[:, :, None] * joint[:, None, :], _edges(fit)[:-1], axis=0)
     sums = np.concatenate([np.zeros((1, *products.shape[1:])), np.cumsum(products, axis=0)])
-    of = sums[None, :] - sums[:, None]
-    own = basis.shape[1]
+    block_sums = sums[None, :] - sums[:, None]
+    size = basis.shape[1]
     i, j = np.triu_indices(BLOCKS + 1, 1)
-    normal, right = of[i, j, :own, :own], of[i, j, :own, own]
-    ridge = 1e-10 * np.trace(normal, axis1=1, axis2=2)[:, None, None] * np.eye(own)
+    normal, right = block_sums[i, j, :size, :size], block_sums[i, j, :size, size]
+    ridge = 1e-10 * np.trace(normal, axis1=1, axis2=2)[:, None, None] * np.eye(size)
     solved = np.linalg.solve(normal + ridge, right[:, :, None])[:, :, 0]
     cost = np.full((BLOCKS + 1, BLOCKS + 1), np.inf)
-    cost[i, j] = of[i, j, own, own] - (solved * right).sum(axis=1)
+    cost[i, j] = block_sums[i, j, size, size] - (solved * right).sum(axis=1)
     return cost
 
 
@@ -182,30 +182,30 @@ def _fit_segments(
     parts, linear = _episodes(fit, borders), math.isnan(exponent)
     held = held or linear or bool(fit.fixed)
     first = columns_of(exponent)
-    own, start = first.shape[1], 0.0 if linear else exponent
+    count, start = first.shape[1], 0.0 if linear else exponent
 
     def model(parameters: Floats) -> tuple[Floats, Floats]:
-        coefficients, n = parameters[:-2].reshape(-1, own), float(parameters[-2])
+        coefficients, n = parameters[:-2].reshape(-1, count), float(parameters[-2])
         basis = first if held else columns_of(n)
         slopes = None if held else columns_of(n, logarithm=True)
         columns = np.zeros((len(basis), len(parameters)))
         for k, part in enumerate(parts):
-            columns[part, k * own : (k + 1) * own] = basis[part]
+            columns[part, k * count : (k + 1) * count] = basis[part]
             if slopes is not None:
                 columns[part, -2] = slopes[part] @ coefficients[k]
         columns[:, -1] = fit.with_offset
         residual = fit.by_linear - columns[:, :-2] @ parameters[:-2] - parameters[-1]
         return residual, columns
 
-    high = np.full(own * len(parts) + 2, np.inf)
+    high = np.full(count * len(parts) + 2, np.inf)
     low = -high
     low[-2], high[-2] = (start, start) if held else (max(start - 0.4, 0.3), start + 0.4)
-    given = np.zeros(len(high))
-    given[-2] = start
-    found = least_squares(model, given, (low, high), 1e-6)
-    *coefficients, n, offset = found.parameters.tolist()
-    shares = np.reshape(coefficients, (-1, own))
-    return Cut(borders, math.nan if linear else n, offset, shares, found)
+    initial = np.zeros(len(high))
+    initial[-2] = start
+    fitted = least_squares(model, initial, (low, high), 1e-6)
+    *coefficients, n, offset = fitted.parameters.tolist()
+    shares = np.reshape(coefficients, (-1, count))
+    return Cut(borders, math.nan if linear else n, offset, shares, fitted)
 
 
 def _sharpen_borders(columns_of: _EpisodeColumns, cut: Cut) -> Cut:
@@ -238,23 +238,23 @@ def _drop_slivers(columns_of: _EpisodeColumns, cut: Cut) -> Cut:
         cut = min((_fit_segments(columns_of, each, cut.exponent) for each in kept), key=_ENERGY)
 
 
-def _segment_law(fit: Fit, cut: Cut, own: Floats) -> ForceLaw:
+def _segment_law(fit: Fit, cut: Cut, coefficients: Floats) -> ForceLaw:
     law = fit.solution.law
     parameters = law.parameters
-    parameters[fit.linear] = own
+    parameters[fit.linear] = coefficients
     if not math.isnan(cut.exponent):
         parameters[2] = cut.exponent
     return law.from_parameters(parameters)
 
 
 def _significant_changes(fit: Fit, cut: Cut) -> Changes | None:
-    own, residual = cut.coefficients.shape[1], cut.least.residual
+    count, residual = cut.coefficients.shape[1], cut.least.residual
     columns = np.delete(cut.least.jacobian, [-2] if fit.with_offset else [-2, -1], axis=1)
     covariance = robust_covariance(columns, residual, fit.windows.shared)
     steps = np.diff(cut.coefficients, axis=0)
     wald = []
     for k, step in enumerate(steps):
-        first, second = slice(k * own, (k + 1) * own), slice((k + 1) * own, (k + 2) * own)
+        first, second = slice(k * count, (k + 1) * count), slice((k + 1) * count, (k + 2) * count)
         spread = covariance[first, first] + covariance[second, second]
         spread = spread - covariance[first, second] - covariance[second, first]
         wald.append(math.sqrt(max(float(step @ np.linalg.pinv(spread) @ step), 0.0)))
@@ -263,7 +263,7 @@ def _significant_changes(fit: Fit, cut: Cut) -> Changes | None:
     size = [abs(b / a - 1.0) if a else math.inf for a, b in itertools.pairwise(values)]
     if min(wald, default=0.0) <= SIGNIFICANT or max(size) <= SMALLEST_STEP:
         return None
-    found = min(wald), fit.explained_fraction(float(residual @ residual)), 0.0
+    stats = min(wald), fit.explained_fraction(float(residual @ residual)), 0.0
     times = tuple(_border_time(fit, cut, laws, k) for k in range(len(cut.borders)))
     when = ", ".join(f"{rounded(time, 3)} s" for time in times)
     levels = " → ".join(rounded(value, 3) for value in values)
@@ -271,7 +271,7 @@ def _significant_changes(fit: Fit, cut: Cut) -> Changes | None:
     sentence = f"the material changes at {when}: stiffness at working depth {levels} N/m"
     remedy = "identify each segment separately: --changes"
     change = SeveralLaws(laws)
-    cause = MisfitHypothesis(Check.CHANGE, *found, sentence, remedy, change, *change.relative(fit))
+    cause = MisfitHypothesis(Check.CHANGE, *stats, sentence, remedy, change, *change.relative(fit))
     return Changes(cause, times, laws)
 
 
@@ -297,7 +297,7 @@ def _border_time(fit: Fit, cut: Cut, laws: tuple[ForceLaw, ...], border: int) ->
     if not near.size:
         return float(middle)
     x, v = fit.penetration[near], data.velocity[near]
-    wanted = data.force[near] - cut.offset
-    left, right = (wanted - laws[border + m].force(x, v) for m in (0, 1))
-    last = int(np.argmin(np.cumsum(left**2 - right**2)))
+    force = data.force[near] - cut.offset
+    before, after = (force - laws[border + m].force(x, v) for m in (0, 1))
+    last = int(np.argmin(np.cumsum(before**2 - after**2)))
     return float(data.time[near[min(last + 1, near.size - 1)]])

@@ -34,8 +34,8 @@ def find_delay(fit: Fit) -> list[MisfitHypothesis]:
     moved, shift = _best_shift(fit, reach)
     before, late, result = fit.solution, fine.amount, fine
     if shift:  # the change is the refit minus the fit without a shift
-        left = moved.without(_force_by_delay(fit, shift))
-        rest = float(left @ moved.residual / max(float(left @ left), 1e-300))
+        remainder = moved.without(_force_by_delay(fit, shift))
+        rest = float(remainder @ moved.residual / max(float(remainder @ remainder), 1e-300))
         late = shift * step + min(max(rest, -step), step)
         change = np.zeros_like(fine.change)
         change[: len(before.law.symbols)] = moved.law.parameters - before.law.parameters
@@ -76,7 +76,7 @@ def find_skew_jump(fit: Fit) -> list[MisfitHypothesis]:
     whole = fit_with_column(fit, slope)
     if whole is None:
         return []
-    beside = Solution(
+    with_delay = Solution(
         solution.law,
         solution.offset,
         np.column_stack([solution.jacobian, slope]),
@@ -95,13 +95,13 @@ def find_skew_jump(fit: Fit) -> list[MisfitHypothesis]:
         if not borders.size:
             return []
         later = np.where(np.arange(rows)[:, None] >= borders, slope[:, None], 0.0)
-        left = later - beside.jacobian @ (beside.inverse @ later)
-        energy = np.square(left).sum(axis=0)
-        removed = (left.T @ beside.residual) ** 2 / np.maximum(energy, 1e-300)
+        remainders = later - with_delay.jacobian @ (with_delay.inverse @ later)
+        energy = np.square(remainders).sum(axis=0)
+        removed = (remainders.T @ with_delay.residual) ** 2 / np.maximum(energy, 1e-300)
         place = int(borders[np.argmax(np.where(energy > 0.0, removed, 0.0))])
         step = -(-(between[1] - between[0]) // (BORDERS + 1))
         between = place - step, place + step
-    result = fit_with_column(fit, np.where(np.arange(rows) >= place, slope, 0.0), beside)
+    result = fit_with_column(fit, np.where(np.arange(rows) >= place, slope, 0.0), with_delay)
     if result is None or result.z < JUMP_Z:
         return []
     if abs(result.amount) < LEAST_JUMP * fit.data.sample_time:
@@ -164,8 +164,8 @@ def _shift_motion(fit: Fit, shift: int, windows: WindowedSamples, force: Floats)
 def _earlier_samples(fit: Fit, windows: WindowedSamples, shift: int) -> NDArray[np.intp]:
     """Return the samples ``shift`` earlier, clipped to the segment."""
     segment = fit.data.segment
-    own = segment[windows.samples]
-    first, last = np.searchsorted(segment, own), np.searchsorted(segment, own, "right") - 1
+    parts = segment[windows.samples]
+    first, last = np.searchsorted(segment, parts), np.searchsorted(segment, parts, "right") - 1
     place: NDArray[np.intp] = np.clip(windows.samples - shift, first, last)
     return place
 

@@ -68,6 +68,6 @@ def equivalent_hunt_crossley(
     n = law.exponent
     equivalent = HuntCrossley(stiffness / (n * depth ** (n - 1.0)), damping / depth**n, n)
     corrected = copy(data)
-    own = equivalent.force(data.penetration - estimate.surface, data.velocity)
-    corrected.force = data.force - (force - own)
+    equivalent_force = equivalent.force(data.penetration - estimate.surface, data.velocity)
+    corrected.force = data.force - (force - equivalent_force)
     return corrected, EquivalentEstimate(estimate, equivalent, depth, frequency)

@@ -96,8 +96,8 @@ class Solution:
 
     def without(self, column: Floats) -> Floats:
         """Return the component of a column orthogonal to the Jacobian's columns."""
-        left: Floats = column - self.jacobian @ (self.inverse @ column)
-        return left
+        remainder: Floats = column - self.jacobian @ (self.inverse @ column)
+        return remainder
 
 
 def reference_scale(value: Floats | float, force: Floats | float, by: Floats | float) -> Floats:
@@ -178,7 +178,7 @@ class Fit:
         self.period = 2.0 * math.pi * float(np.std(x)) / self.speed
         scaled = self.reference, self.speed
         self.units = Units(*scaled) if estimate.law.power_law else Units(1.0, 1.0)
-        self.windows: WindowedSamples = self._band()
+        self.windows: WindowedSamples = self._windows_in_contact()
         self.x = self.penetration[self.windows.samples] / self.units.depth
         self.v = data.velocity[self.windows.samples] / self.units.speed
         # Cached for each depth, the only difference between the copies that ``at_depth`` makes.
@@ -187,7 +187,7 @@ class Fit:
         self.time = self.windows.mean(data.time[self.windows.samples])
         self.force = self.windows.mean(data.force[self.windows.samples])
 
-    def _band(self) -> WindowedSamples:
+    def _windows_in_contact(self) -> WindowedSamples:
         """Return windows over the samples in contact; an excluded outlier does not end a window."""
         kept = np.flatnonzero(~self.rejected)
         segment, sample_time = self.data.segment[kept], self.data.sample_time
@@ -223,8 +223,8 @@ class Fit:
         """Whether the least squares is finite, the depth varies, and the law resists the probe."""
         solution, sizes = self.solution, np.array(self.reference_scales)
         numbers = [solution.law.parameters, solution.residual, solution.jacobian.reshape(-1), sizes]
-        known = bool(np.isfinite(np.concatenate(numbers)).all())
-        return known and bool(np.ptp(self.x) > 0.0 and (sizes > 0.0).all())
+        finite = bool(np.isfinite(np.concatenate(numbers)).all())
+        return finite and bool(np.ptp(self.x) > 0.0 and (sizes > 0.0).all())
 
     @property
     def checkable(self) -> bool:
@@ -255,8 +255,8 @@ class Fit:
         """Force minus the part of the law that does not depend on the linear parameters, N."""
         if self.law.linear:
             return self.force
-        own, found = self.linear, self.solution
-        return found.residual + found.offset + found.jacobian[:, own] @ found.law.parameters[own]
+        linear, best = self.linear, self.solution
+        return best.residual + best.offset + best.jacobian[:, linear] @ best.law.parameters[linear]
 
     @cached_property
     def covariance(self) -> Floats:
@@ -439,11 +439,11 @@ class Fit:
         """Whether the residual is more than noise."""
         # The noise is known from one period of free air, and proportionally more if it is
         # correlated over longer than a window.
-        known = (
+        noise_known = (
             self.free_air.windows * (1.0 + len(self.windows.shared))
             >= FEWEST_AIR * self.correlated_rows
         )
-        return self.residual_to_noise > (MISFIT if known else MISFIT_UNKNOWN)
+        return self.residual_to_noise > (MISFIT if noise_known else MISFIT_UNKNOWN)
 
     @cached_property
     def free_air(self) -> "FreeAir":
@@ -521,22 +521,22 @@ def fit_with_column(
     """
     solution = solution or fit.solution
     jacobian, residual = solution.jacobian, solution.residual
-    own, left = solution.inverse @ column, solution.without(column)
-    if not np.isfinite(left).all() or float(left @ left) <= COLLINEAR**2 * float(column @ column):
+    shares, rest = solution.inverse @ column, solution.without(column)
+    if not np.isfinite(rest).all() or float(rest @ rest) <= COLLINEAR**2 * float(column @ column):
         return None
-    amount = float(left @ residual / (left @ left))
-    after = residual - amount * left
+    amount = float(rest @ residual / (rest @ rest))
+    after = residual - amount * rest
     # The remainder is orthogonal to the other columns, so its standard error does not need them.
     others = jacobian.shape[1]
-    error = math.sqrt(robust_covariance(left[:, None], after, fit.windows.shared, others)[0, 0])
+    error = math.sqrt(robust_covariance(rest[:, None], after, fit.windows.shared, others)[0, 0])
     z, gain = abs(amount) / max(error, 1e-300), fit.explained_fraction(float(after @ after))
     if z > SIGNIFICANT and fit.noise_floor > 0.0:
         # A short residual does not show the correlation length of slow noise; free air does.
-        known = (
+        largest_z = (
             math.sqrt(max(gain, 0.0) * fit.solution.energy / fit.correlated_rows) / fit.noise_floor
         )
-        z = min(z, known)
-    return AugmentedFit(-amount * own, amount, *((z, gain) if math.isfinite(z) else (0.0, 0.0)))
+        z = min(z, largest_z)
+    return AugmentedFit(-amount * shares, amount, *((z, gain) if math.isfinite(z) else (0.0, 0.0)))
 
 
 def deeper_half_remedy(fit: Fit) -> str:
@@ -569,5 +569,5 @@ def distance_to_least_squares(fit: Fit) -> Floats:
     The standard errors of the least squares do not cover this difference. A method has it if it
     forgets, or if it weighs shallow contact as much as deep contact.
     """
-    own, best = fit.units.local(fit.estimate.law), fit.solution.law
-    return fit.force_stiffness_damping(own) - fit.force_stiffness_damping(best)
+    identified, best = fit.units.local(fit.estimate.law), fit.solution.law
+    return fit.force_stiffness_damping(identified) - fit.force_stiffness_damping(best)

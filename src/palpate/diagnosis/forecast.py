@@ -55,12 +55,12 @@ def _prediction_error(fit: Fit, before: slice) -> tuple[float, float]:
     """Return the rms error of predicting later rows from earlier ones, and its expectation, N."""
     jacobian, residual = fit.solution.jacobian, fit.solution.residual
     after = slice(before.stop, None, before.step)
-    own, others = jacobian[before], jacobian[after]
-    size = np.maximum(np.linalg.norm(own, axis=0), 1e-300)
-    own, others = own / size, others / size
-    inverse = np.linalg.pinv(own.T @ own, rcond=1e-12, hermitian=True)
-    change = inverse @ (own.T @ residual[before])
-    error, left = residual[after] - others @ change, residual[before] - own @ change
-    leverage = float(np.mean(np.sum((others @ inverse) * others, axis=1)))
-    noise = max(float(np.mean(left**2)), fit.noise_floor**2)
+    earlier, later = jacobian[before], jacobian[after]
+    size = np.maximum(np.linalg.norm(earlier, axis=0), 1e-300)
+    earlier, later = earlier / size, later / size
+    inverse = np.linalg.pinv(earlier.T @ earlier, rcond=1e-12, hermitian=True)
+    change = inverse @ (earlier.T @ residual[before])
+    error, earlier_residual = residual[after] - later @ change, residual[before] - earlier @ change
+    leverage = float(np.mean(np.sum((later @ inverse) * later, axis=1)))
+    noise = max(float(np.mean(earlier_residual**2)), fit.noise_floor**2)
     return math.sqrt(float(np.mean(error**2))), math.sqrt(noise * (1.0 + leverage))

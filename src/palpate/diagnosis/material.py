@@ -104,11 +104,11 @@ def find_relaxation(fit: Fit) -> list[MisfitHypothesis]:
     best, time = None, shortest
     for tau in np.geomspace(shortest, 0.7 * duration, TIMES):
         state = relaxation_state(spring, steps, float(tau), data.sample_time)
-        found = fit_with_column(fit, fit.windows.mean(state[fit.windows.samples]))
-        if found is not None and (
-            best is None or found.explained_fraction > best.explained_fraction
+        result = fit_with_column(fit, fit.windows.mean(state[fit.windows.samples]))
+        if result is not None and (
+            best is None or result.explained_fraction > best.explained_fraction
         ):
-            best, time = found, float(tau)
+            best, time = result, float(tau)
     if best is None:
         return []
     turn = 2.0 * math.pi * time / fit.period
@@ -207,10 +207,10 @@ def find_adhesion_or_relaxation(fit: Fit) -> list[MisfitHypothesis]:
     a material causes no negative force. A relaxing law may still have one; it then explains far
     more than adhesion.
     """
-    found = find_relaxation(fit)
+    causes = find_relaxation(fit)
     pull = largest_pull(fit)
     if not pull > 0.0:
-        return found
+        return causes
     depth = np.maximum(fit.x, 0.0) * fit.units.depth / fit.reference
     root = np.sqrt(depth)
     shapes = np.array([*(np.exp(-depth / reach) for reach in REACHES), root])
@@ -218,10 +218,10 @@ def find_adhesion_or_relaxation(fit: Fit) -> list[MisfitHypothesis]:
     fits = (fit_with_column(fit, column) for column in columns)
     pulls = [each for each in fits if each is not None and each.amount > 0.0]
     if not pulls:
-        return found
+        return causes
     best = max(pulls, key=lambda each: each.explained_fraction)
-    if found and 1.0 - found[0].explained_fraction < SURE * (1.0 - best.explained_fraction):
-        return found
+    if causes and 1.0 - causes[0].explained_fraction < SURE * (1.0 - best.explained_fraction):
+        return causes
     force = format_quantity(pull, "N")
     sentence = f"adhesion: near the surface the material pulls the probe with {force}"
     remedy = f"record a motion that stays in contact, or {deeper_half_remedy(fit)}"
@@ -250,10 +250,10 @@ def largest_pull(fit: Fit) -> float:
     place = (x - LIGHT[0]) * PIECES / (LIGHT[1] - LIGHT[0])
     least, largest = LEAST_PULL * fit.data.peak_force, 0.0
     for piece in range(PIECES):
-        there = leaves & (place >= piece) & (place < piece + 1)
-        if np.count_nonzero(there) < FEWEST_PULLED:
+        in_piece = leaves & (place >= piece) & (place < piece + 1)
+        if np.count_nonzero(in_piece) < FEWEST_PULLED:
             continue
-        below = zero.mean() + slope * (x[there] - float(np.mean(x[away[0]]))) - force[there]
+        below = zero.mean() + slope * (x[in_piece] - float(np.mean(x[away[0]]))) - force[in_piece]
         pull = float(below.mean())
         if pull > max(least, largest) and pull > PULL_Z * math.hypot(
             mean_error(below), mean_error(zero)
@@ -292,16 +292,16 @@ def check_behind_relaxation(fit: Fit) -> list[Finding]:
     The Hunt–Crossley law is fitted to the same samples. With adhesion its residual is about as
     small as the residual of the selected law, with a change of the material far smaller.
     """
-    given, trace, _ = fit._given
-    plain, left = Fit(given, trace, fit.estimate, fit.depth), fit.solution.energy
+    data, trace, _ = fit._given
+    plain, energy = Fit(data, trace, fit.estimate, fit.depth), fit.solution.energy
     causes = []
     if largest_pull(plain) > 0.0:
         pulls = (
             each for each in find_adhesion_or_relaxation(plain) if each.check is Check.ADHESION
         )
-        causes += [(each, left / SURE) for each in pulls if each.z > SIGNIFICANT]
+        causes += [(each, energy / SURE) for each in pulls if each.z > SIGNIFICANT]
     if not fit.at_noise_floor and (changed := find_changes(plain)) is not None:
-        causes.append((changed.cause, left * SURE))
+        causes.append((changed.cause, energy * SURE))
     return [
         each.check.finding(each.sentence, each.remedy, each.z, mark="with-care")
         for each, most in causes

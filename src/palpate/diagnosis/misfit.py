@@ -29,12 +29,12 @@ def fraction_unexplained(fit: Fit) -> float:
 
 def check_misfit(fit: Fit) -> Finding | None:
     """The law leaves more than 5 % of the force unexplained, or more than three times the noise."""
-    left, times = fraction_unexplained(fit), fit.residual_to_noise
-    if left <= UNEXPLAINED and not fit.exceeds_noise:
+    unexplained, times = fraction_unexplained(fit), fit.residual_to_noise
+    if unexplained <= UNEXPLAINED and not fit.exceeds_noise:
         return None
-    part = rounded(left, 2) if left < 0.01 else f"{left:.0%}"
+    part = rounded(unexplained, 2) if unexplained < 0.01 else f"{unexplained:.0%}"
     remedy = SELECT_LAW if fit.laws is None else deeper_half_remedy(fit)
-    mark: Mark = "do-not-trust" if left > TOO_MUCH_UNEXPLAINED else "trust"
+    mark: Mark = "do-not-trust" if unexplained > TOO_MUCH_UNEXPLAINED else "trust"
     return Check.MISFIT.finding(
         f"the law leaves {part} of the force unexplained ({rounded(times, 2)} times the noise)",
         remedy,
@@ -56,14 +56,14 @@ def check_method(fit: Fit) -> Finding | None:
     """The method's estimate is not the least squares of its law on these samples."""
     if isinstance(fit.estimate, ConstrainedEstimate):
         return None  # a prior constrains it, and this is reported
-    apart = distance_to_least_squares(fit)[1:]
-    z = float(np.max(np.abs(apart) / np.maximum(standard_errors(fit)[1:], 1e-300)))
+    distance = distance_to_least_squares(fit)[1:]
+    z = float(np.max(np.abs(distance) / np.maximum(standard_errors(fit)[1:], 1e-300)))
     if z <= METHOD_Z:
         return None
-    off_s, off_c = (apart / fit.reference_scales).tolist()
+    off_s, off_c = (distance / fit.reference_scales).tolist()
     large = max(abs(off_s), abs(off_c)) > CARE
-    own = fit.method == "variable-projection"
-    remedy = deeper_half_remedy(fit) if own else "run again with --method variable-projection"
+    exact = fit.method == "variable-projection"
+    remedy = deeper_half_remedy(fit) if exact else "run again with --method variable-projection"
     whose = f"{fit.method} fails here: its" if large else "the method's"
     return Check.METHOD.finding(
         f"{whose} stiffness is {off_s:+.1%} and its damping {off_c:+.1%} off the least-squares fit "

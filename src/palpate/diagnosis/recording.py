@@ -271,10 +271,10 @@ def check_force_jump(data: Data) -> Finding | None:
             jumps.append(k)
     if not 0 < len(jumps) <= MOST_JUMPS or beat_of(data.force):
         return None
-    found = beyond[jumps]
-    if abs(found.sum()) < ONE_WAY * np.abs(found).sum():
+    jump_sizes = beyond[jumps]
+    if abs(jump_sizes.sum()) < ONE_WAY * np.abs(jump_sizes).sum():
         return None
-    largest = jumps[int(np.argmax(np.abs(found)))]
+    largest = jumps[int(np.argmax(np.abs(jump_sizes)))]
     size, when = beyond[largest], rounded(float(data.time[largest]), 4)
     return Check.FORCE_JUMP.finding(
         f"the force jumps by {format_quantity(float(size), 'N')} within a sample at {when} s while "
@@ -370,10 +370,10 @@ def check_time_unit(data: Data) -> Finding | None:
     if data.sample_time <= SLOWEST or "time" in contact.stated_units or contact.timeless:
         return None
     words = f"there is a sample every {rounded(data.sample_time, 3)} s: the times may be in "
-    said = f"{words}milliseconds", _unit_remedy("time", "ms", "s")
+    explanation = f"{words}milliseconds", _unit_remedy("time", "ms", "s")
     if check_penetration_unit(data) is None and check_force_unit(data) is None:
-        return Check.TIME_UNIT.finding(*said)
-    return Check.TIME_UNIT.finding(*said, mark="do-not-trust")
+        return Check.TIME_UNIT.finding(*explanation)
+    return Check.TIME_UNIT.finding(*explanation, mark="do-not-trust")
 
 
 def _unit_remedy(channel: str, guess: str, si: str) -> str:
@@ -399,18 +399,18 @@ def check_velocity_column(data: Data) -> Finding | None:
     """
     if data.velocity_filter is not None or len(data) < 4 * MEAN:
         return None
-    way, integral = _displacements(data)
-    if way.size < 4 or np.ptp(way) == 0.0 or np.ptp(integral) == 0.0:
+    dx, integral = _displacements(data)
+    if dx.size < 4 or np.ptp(dx) == 0.0 or np.ptp(integral) == 0.0:
         return None
-    alike = float(np.corrcoef(way, integral)[0, 1])
-    if alike < VELOCITIES_AGAINST:
+    correlation = float(np.corrcoef(dx, integral)[0, 1])
+    if correlation < VELOCITIES_AGAINST:
         words = "the velocity column runs against the rate of the penetration" + OTHER
         return Check.VELOCITY_COLUMN.finding(words, VELOCITY_NONE, mark="do-not-trust")
-    if alike <= ALIKE:
+    if correlation <= ALIKE:
         return None
     # Noise in Δx lowers the first slope, noise in ∫v dt raises the second: the one nearer to 1 is
     # less biased.
-    slopes = float(way @ integral / (way @ way)), float(integral @ integral / (way @ integral))
+    slopes = float(dx @ integral / (dx @ dx)), float(integral @ integral / (dx @ integral))
     slope = min(slopes, key=lambda each: abs(each - 1.0))
     words = f"the velocity column is {rounded(slope, 3)} times the rate of the penetration"
     if not STOP[0] <= slope <= STOP[1]:

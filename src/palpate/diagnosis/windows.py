@@ -139,21 +139,21 @@ def free_air_statistics(data: Data, windows: WindowedSamples) -> FreeAir:
     """Return statistics of the force over windows in free air."""
     starts = windows.samples[windows.places[0]]
     step = max(windows.width // 3, 1)
-    stretch = np.cumsum(np.diff(starts, prepend=starts[:1]) > max(windows.width, 2 * step))
-    count = np.bincount(stretch) * step / windows.width  # windows that do not overlap
-    long = (count >= FEWEST_WINDOWS)[stretch]
+    interval = np.cumsum(np.diff(starts, prepend=starts[:1]) > max(windows.width, 2 * step))
+    count = np.bincount(interval) * step / windows.width  # windows that do not overlap
+    long = (count >= FEWEST_WINDOWS)[interval]
     if not long.any():
         return FreeAir()
     at = windows.samples
     rows = windows.mean(np.column_stack([data.force[at], data.penetration[at], data.velocity[at]]))
-    means = np.array([np.bincount(stretch, column) for column in rows.T])
-    rows = (rows - (means / np.bincount(stretch)).T[stretch])[long]
+    means = np.array([np.bincount(interval, column) for column in rows.T])
+    rows = (rows - (means / np.bincount(interval)).T[interval])[long]
     force, motion = rows[:, 0], rows[:, 1:]
     counted = count[count >= FEWEST_WINDOWS]
-    left = 1.0 - counted.size / float(counted.sum())  # a mean of each interval is fitted
+    freedom = 1.0 - counted.size / float(counted.sum())  # a mean of each interval is fitted
     slopes, *_ = np.linalg.lstsq(motion, force, rcond=1e-9)
     residual = force - motion @ slopes
-    noise = math.sqrt(float(residual @ residual) / len(residual) / left)
+    noise = math.sqrt(float(residual @ residual) / len(residual) / freedom)
     if counted.size < 2:  # on one approach slow noise and drift look like a slope
         return FreeAir(noise, float(counted.sum()))
     errors = np.sqrt(np.maximum(np.diag(robust_covariance(motion, residual)), 0.0))

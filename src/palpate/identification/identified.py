@@ -154,28 +154,28 @@ class Identified:
             )
         chosen = defaults_from_data(contact, given)
         fresh = given.replace(**chosen)
-        written = replay(contact, fresh, traced)
+        recorded = replay(contact, fresh, traced)
         if type(fresh) is VariableProjection and not any(
             fresh.settings[name] for name in ("forgetting", "change_detector")
         ):
             again = fresh.replace()
             if again._unround_as(fresh):
-                fresh, written = again, replay(contact, again, traced)
+                fresh, recorded = again, replay(contact, again, traced)
         if _LOGGER.isEnabledFor(logging.INFO):
             words = (f"{name}={value}" for name, value in chosen.items() if value is not None)
             known = ", ".join(words) or "nothing"
             _LOGGER.info("%s: chosen from the data: %s", fresh.method, known)
-        found = tuple(check_estimate(contact, written, fresh))
+        findings = tuple(check_estimate(contact, recorded, fresh))
         if contact.timeless:
-            found, written = findings_without_time(found), trace_without_time(written)
-        taken = np.count_nonzero(written.taken)
+            findings, recorded = findings_without_time(findings), trace_without_time(recorded)
+        taken = np.count_nonzero(recorded.taken)
         _LOGGER.info("%s: took %d of %d samples", fresh.method, taken, len(contact))
-        result = cls(contact, fresh, written, found, data, chosen=tuple(chosen), traced=traced)
-        if not (written.taken & ~(contact.force <= 0.0)).any():
+        result = cls(contact, fresh, recorded, findings, data, chosen=tuple(chosen), traced=traced)
+        if not (recorded.taken & ~(contact.force <= 0.0)).any():
             raise RecordingError(why_nothing(data, result.gate))
         if fresh.settings.get("surface") == "estimate":
-            check_approach(contact, written, result.estimate.surface)
-        return result._under_prior() if fresh.settings.get("weak_prior") else result
+            check_approach(contact, recorded, result.estimate.surface)
+        return result._apply_weak_prior() if fresh.settings.get("weak_prior") else result
 
     @classmethod
     def selected_law(
@@ -190,16 +190,16 @@ class Identified:
         Variable projection has smaller errors of K, B and n. It is also used if the contact is
         adhesive or changes, which a relaxing law would absorb.
         """
-        found = cls.of(data, estimator, trace=trace)
-        if not found.estimator.chooses_law or not found._takes_hunt_crossley():
-            return found
-        given, plain = found.estimator.settings, VariableProjection()
-        shared = {name for name in plain.settings if name in given}.difference(found.chosen)
+        selection = cls.of(data, estimator, trace=trace)
+        if not selection.estimator.chooses_law or not selection._prefers_hunt_crossley():
+            return selection
+        given, plain = selection.estimator.settings, VariableProjection()
+        shared = {name for name in plain.settings if name in given}.difference(selection.chosen)
         plain = plain.replace(**{name: given[name] for name in shared})
-        answer = cls.of(found.data or data, plain, trace=trace)
-        return replace(answer, selected=found)
+        answer = cls.of(selection.data or data, plain, trace=trace)
+        return replace(answer, selected=selection)
 
-    def _takes_hunt_crossley(self) -> bool:
+    def _prefers_hunt_crossley(self) -> bool:
         own, selected = Candidate("hunt-crossley", "none"), self.estimator.candidate
         if selected == own:
             return True
@@ -209,7 +209,7 @@ class Identified:
             return True
         return any(f.check in (Check.CHANGE, Check.ADHESION) for f in self.diagnosis.findings)
 
-    def _under_prior(self) -> Self:
+    def _apply_weak_prior(self) -> Self:
         """Return it with an estimate under the weak prior, if its own violates the prior."""
         own, settings = self.estimator.estimate(), self.estimator.settings
         given = ("exponent", "forgetting", "change_detector", "surface")
@@ -219,13 +219,13 @@ class Identified:
         if bounded is None:
             return self
         found = [prior_finding(own, bounded, self.depths[0])]
-        said = findings_without_time(found) if self.contact.timeless else found
-        return replace(self, bounded=bounded, findings=(*self.findings, *said))
+        findings = findings_without_time(found) if self.contact.timeless else found
+        return replace(self, bounded=bounded, findings=(*self.findings, *findings))
 
     @cached_property
     def diagnosis(self) -> Diagnosis:
         """Findings, marks and error bars; computed when first needed."""
-        found = self._diagnosed_at(self.depths)
+        found = self._diagnose_at(self.depths)
         if not self.segments:
             return found
         parts = (replace(f, remedy=None) if f.check == Check.CHANGE else f for f in found.findings)
@@ -245,7 +245,7 @@ class Identified:
         steps = steps_over_breaks(contact.time, contact.penetration, contact.sample_time)
         return Oscillation.of(self.estimator, *channels, steps, taken)
 
-    def _late(self) -> Iterator[Finding]:
+    def _check_late_force(self) -> Iterator[Finding]:
         """Report a negative damper next to a relaxation spectrum, which may compensate it."""
         found = self.oscillation
         if found is None or not found.delay > 0.0:
@@ -259,7 +259,7 @@ class Identified:
             damping="with-care",
         )
 
-    def _diagnosed_at(self, depths: Sequence[float]) -> Diagnosis:
+    def _diagnose_at(self, depths: Sequence[float]) -> Diagnosis:
         data = self.data or Data(self.contact)
         timeless = self.contact.timeless
         by = self.selected or self
@@ -270,7 +270,7 @@ class Identified:
             self._whole_estimate,
             depths=depths,
             laws=laws,
-            notes=(*self.findings, *self._late()),
+            notes=(*self.findings, *self._check_late_force()),
             method=self.method,
             response=self.oscillation,
             frequency=self.frequency,
@@ -352,7 +352,7 @@ class Identified:
         query = positive("depth", depth)
         first = self.diagnosis.working_depth.depth
         depths = (first, *query.reshape(-1).tolist())
-        found = self._diagnosed_at(depths).working_depths[1:]
+        found = self._diagnose_at(depths).working_depths[1:]
         return stack_depths(found, query.shape)
 
     def force_at(self, depth: "ArrayLike") -> Quantity:
@@ -397,8 +397,8 @@ class Identified:
         a control loop would have noticed.
         """
         parts = (self.segment_of(episode) for episode in self.diagnosis.episodes)
-        found = tuple(part for part in parts if part is not None)
-        return replace(self, segments=found, noticed=self._watched())
+        segments = tuple(part for part in parts if part is not None)
+        return replace(self, segments=segments, noticed=self._detect_changes())
 
     def by_place(self, watch: "Callable[[Sequence[_Placed]], Iterable[_Placed]]" = iter) -> Self:
         """Return a copy with ``segments``: each place of a travelling probe identified separately.
@@ -412,23 +412,23 @@ class Identified:
             Iterates over the places, for example with a progress bar.
         """
         # Keep the settings, except those that were chosen from these data.
-        own = self.selected or self
-        found, fresh = [], own.estimator.replace(**dict.fromkeys(own.chosen))
+        selection = self.selected or self
+        segments, fresh = [], selection.estimator.replace(**dict.fromkeys(selection.chosen))
         for place, contact in watch(
             list(at_places(self.contact, rejecting=fresh.rejects_outliers))
         ):
             with suppress(RecordingError):
                 part = self.selected_law(Data(contact), fresh, trace=self.traced)
-                found.append(replace(part, place=place, query=self.query))
-        return replace(self, segments=tuple(found))
+                segments.append(replace(part, place=place, query=self.query))
+        return replace(self, segments=tuple(segments))
 
     def answers(self, estimator: ContactEstimator, trace: Traced) -> bool:
         """Whether :meth:`of` would give the same for its whole contact with an estimator."""
         if self.segments or self.depth is not None or self.traced != trace:
             return False
-        own, asked = self.estimator.settings, estimator.settings
-        left = {name: own[name] for name in self.chosen if asked.get(name) is None}
-        return self.method == estimator.method and repr(own) == repr({**asked, **left})
+        own, requested = self.estimator.settings, estimator.settings
+        chosen = {name: own[name] for name in self.chosen if requested.get(name) is None}
+        return self.method == estimator.method and repr(own) == repr({**requested, **chosen})
 
     def segment_of(self, episode: Episode) -> Self | None:
         """Identify an episode of the diagnosis separately; None if that is not possible."""
@@ -436,12 +436,12 @@ class Identified:
         smear = step * (window_samples(step) if used is None else used.samples)
         with suppress(RecordingError):
             part = self.contact.window(episode.start + smear, episode.stop - smear)
-            found = self.of(Data(part), self.estimator.replace(), trace=self.traced)
-            there = self.diagnosis.working_depth
-            return replace(found.at_depth(there.depth), query=self.query)
+            result = self.of(Data(part), self.estimator.replace(), trace=self.traced)
+            working_depth = self.diagnosis.working_depth
+            return replace(result.at_depth(working_depth.depth), query=self.query)
         return None
 
-    def _watched(self) -> Trace:
+    def _detect_changes(self) -> Trace:
         """Return the trace with a change detector, if the estimator supports one."""
         settings = self.estimator.settings
         if settings.get("change_detector", self) is not None:

@@ -51,10 +51,10 @@ def rank(results: "Mapping[str, Identified]") -> Ranking:
         Identifications by the names of their methods.
     """
     common = np.logical_and.reduce([result.trace.taken for result in results.values()])
-    left = {name: _common_rmse(result, common) for name, result in results.items()}
-    outdone = _clearly_worse(results, left)
+    errors = {name: _common_rmse(result, common) for name, result in results.items()}
+    outdone = _clearly_worse(results, errors)
     order = tuple(
-        sorted(results, key=lambda name: _badness(results[name], left[name], name in outdone))
+        sorted(results, key=lambda name: _badness(results[name], errors[name], name in outdone))
     )
     failing = tuple(name for name in order if method_fails(results[name]))
     pairs = itertools.combinations(order, 2)
@@ -84,21 +84,21 @@ def _common_rmse(result: "Identified", common: NDArray[np.bool_]) -> float:
 CLEARLY = 0.9
 
 
-def _clearly_worse(results: "Mapping[str, Identified]", left: Mapping[str, float]) -> set[str]:
+def _clearly_worse(results: "Mapping[str, Identified]", errors: Mapping[str, float]) -> set[str]:
     """Return the methods that fit clearly worse than a relaxing law that was selected."""
     method = ViscoelasticContact.method
     if method not in results or not results[method].law.remembers:
         return set()
-    return {name for name, fit in left.items() if left[method] <= CLEARLY * fit}
+    return {name for name, fit in errors.items() if errors[method] <= CLEARLY * fit}
 
 
-def _badness(result: "Identified", left: float, outdone: bool) -> tuple[float, ...]:
+def _badness(result: "Identified", error: float, outdone: bool) -> tuple[float, ...]:
     verdict = result.diagnosis.verdict
     overall, *others = (
         MARKS.index(mark) for mark in (verdict.overall, verdict.stiffness, verdict.damping)
     )
     # Rounded to a tenth, so that methods with one law and equal fit keep the order of the registry.
-    return overall, outdone, *others, round(left, 1)
+    return overall, outdone, *others, round(error, 1)
 
 
 def _exclusion(one: "Identified", other: "Identified") -> str | None:

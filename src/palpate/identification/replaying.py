@@ -43,7 +43,7 @@ def defaults_from_data(contact: Contact, given: ContactEstimator) -> dict[str, A
         "scale": suggest_scale,
         "outlier_rejection": lambda _: OutlierRejection(),
         "sample_time": attrgetter("sample_time"),
-        "longest_time": _half_the_record,
+        "longest_time": _longest_relaxation_time,
     }
     ways["gate"] = _gate_above_dead_band if given.chooses_samples else choose_gate
     # An estimator of the surface uses the free approach instead.
@@ -57,7 +57,7 @@ def defaults_from_data(contact: Contact, given: ContactEstimator) -> dict[str, A
     }
 
 
-def _half_the_record(contact: Contact) -> float:
+def _longest_relaxation_time(contact: Contact) -> float:
     """Return the longest relaxation time that a recording can distinguish from a constant, s."""
     return max(
         0.5 * float(np.ptp(contact.time)) if len(contact) else 0.0, 4.0 * contact.sample_time
@@ -143,19 +143,19 @@ def joint_covariance(contact: Contact, trace: Trace, estimator: ContactEstimator
     estimator : ContactEstimator
         The estimator after all samples.
     """
-    estimate, widths = estimator.estimate(), _widths(contact, trace, estimator)
-    own: Floats = estimate.covariance * np.outer(widths, widths)
+    estimate, widths = estimator.estimate(), _widening_factors(contact, trace, estimator)
+    covariance: Floats = estimate.covariance * np.outer(widths, widths)
     deviation = contact.surface_deviation
     if deviation is None or estimate.surface_standard_error > 0.0:
-        return own
+        return covariance
     off, deeper = estimator.replace(), contact.penetration - deviation
     replay(replace(contact, penetration=deeper), off, trace=False)
     moved = off.estimate().parameters - estimate.parameters
-    whole: Floats = own + np.outer(moved, moved)
-    return whole if np.isfinite(whole).all() else own
+    whole: Floats = covariance + np.outer(moved, moved)
+    return whole if np.isfinite(whole).all() else covariance
 
 
-def _widths(contact: Contact, trace: Trace, estimator: ContactEstimator) -> Floats:
+def _widening_factors(contact: Contact, trace: Trace, estimator: ContactEstimator) -> Floats:
     """Factors on the method's standard errors that account for a correlated residual."""
     estimate = estimator.estimate()
     law = estimate.law
@@ -202,9 +202,9 @@ def widening(
     fixed : tuple of str
         The law's parameters that were not identified; their factors are 1.
     """
-    own = np.array([name not in fixed for name in law.names()])
-    factors, model = np.ones(len(own)), law.force(penetration, velocity)
-    slopes = law.parameter_gradient(penetration, velocity)[:, own]
+    free = np.array([name not in fixed for name in law.names()])
+    factors, model = np.ones(len(free)), law.force(penetration, velocity)
+    slopes = law.parameter_gradient(penetration, velocity)[:, free]
     if logarithmic:
         used = (model > 0.0) & (force > 0.0)
         slopes, model, force = slopes[used], model[used], force[used]
@@ -223,10 +223,10 @@ def widening(
         inverse = np.linalg.pinv(information / np.outer(units, units), hermitian=True)
         white = np.diag(inverse) * (np.sum(weight * residual**2) / freedom)
         scores = (weighted / units) @ inverse
-        found = np.diag(long_run_covariance(scores, residual / noise, fitted=len(units)))
-        wide = np.sqrt(np.maximum(found * noise**2 / white, 1.0))
+        correlated = np.diag(long_run_covariance(scores, residual / noise, fitted=len(units)))
+        ratios = np.sqrt(np.maximum(correlated * noise**2 / white, 1.0))
     if (white > 0.0).all():
-        factors[own] = np.where(np.isfinite(wide), wide, 1.0)
+        factors[free] = np.where(np.isfinite(ratios), ratios, 1.0)
     return factors
 
 

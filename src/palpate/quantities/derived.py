@@ -169,7 +169,7 @@ def oscillation_of(
         The frequency is outside half to twice the motion's mean frequency, or the depth is out of
         its range.
     """
-    omega, there = _in_band(result, frequency), _at(result, depth)
+    omega, there = _check_frequency(result, frequency), _numbers_at(result, depth)
     stiffness, damping = there.stiffness, there.damping
     if result.law.relaxes and omega != result.frequency:
         law = result.law
@@ -178,25 +178,25 @@ def oscillation_of(
         # The relative errors are known at the motion's frequency only.
         stiffness = stiffness.scaled(other.real / own.real)
         damping = damping.scaled(other.imag * result.frequency / (own.imag * omega))
-    tangent = _tangent(omega, stiffness, damping)
+    tangent = _loss_tangent(omega, stiffness, damping)
     return SmallOscillation(there.depth, omega, stiffness, damping, tangent)
 
 
 def relaxed_stiffness_of(result: Derivable, depth: float | None = None) -> Quantity:
     """∂F/∂x of the fully relaxed material, N/m, at a depth [m]; default: the working depth."""
-    there = _at(result, depth)
+    there = _numbers_at(result, depth)
     if not result.law.relaxes:
         return there.stiffness
-    found = _by_law(result, there.depth, lambda law, at: float(law.relaxed().stiffness_at(at)))
+    found = _evaluate(result, there.depth, lambda law, at: float(law.relaxed().stiffness_at(at)))
     return Quantity(*found, 0.0)
 
 
 def instantaneous_stiffness_of(result: Derivable, depth: float | None = None) -> Quantity:
     """∂F/∂x before any relaxation, N/m, at a depth [m]; default: the working depth."""
-    there = _at(result, depth)
+    there = _numbers_at(result, depth)
     if not result.law.relaxes:
         return there.stiffness
-    found = _by_law(
+    found = _evaluate(
         result, there.depth, lambda law, at: float(law.instantaneous().stiffness_at(at))
     )
     return Quantity(*found, 0.0)
@@ -221,7 +221,7 @@ def in_hertz(frequency: float) -> str:
     return f"{rounded(frequency / _TURN, 3)} Hz"
 
 
-def _in_band(result: Derivable, frequency: float | None) -> float:
+def _check_frequency(result: Derivable, frequency: float | None) -> float:
     low, high = band_of(result)
     if not (low > 0.0 and math.isfinite(high)):
         raise InvalidParameterError(
@@ -239,7 +239,7 @@ def _in_band(result: Derivable, frequency: float | None) -> float:
     return omega
 
 
-def _by_law(
+def _evaluate(
     result: Derivable, depth: float, value: Callable[[Any, float], float]
 ) -> tuple[float, float]:
     """A function of the law at a depth, with its standard error including the surface's."""
@@ -249,7 +249,7 @@ def _by_law(
     return found, math.hypot(error, 0.5 * moved)
 
 
-def _at(result: Derivable, depth: float | None) -> WorkingDepth:
+def _numbers_at(result: Derivable, depth: float | None) -> WorkingDepth:
     """Return the numbers at a depth; None means the working depth."""
     known = result.diagnosis.working_depth
     if depth is None and not 0.0 < known.depth <= 1e100:
@@ -261,7 +261,7 @@ def _at(result: Derivable, depth: float | None) -> WorkingDepth:
     return known if known.depth == x else result.at(x)
 
 
-def _tangent(omega: float, stiffness: Quantity, damping: Quantity) -> Quantity:
+def _loss_tangent(omega: float, stiffness: Quantity, damping: Quantity) -> Quantity:
     """ωB′/K′, with the errors of both propagated as independent."""
     if not stiffness.value:
         return Quantity(math.nan, math.nan, math.nan)
@@ -300,12 +300,12 @@ def path_of(result: Derivable) -> Path:
         contact.penetration[kept] - estimate.surface,
         contact.velocity[kept],
         contact.force[kept] - estimate.offset,
-        _going_on(contact)[kept],
+        _segment_numbers(contact)[kept],
         trace.taken[kept],
     )
 
 
-def _going_on(contact: Contact) -> NDArray[np.int64]:
+def _segment_numbers(contact: Contact) -> NDArray[np.int64]:
     """Return each sample's segment number; segments end where the time jumps or goes back."""
     usual = np.empty(len(contact))  # time between samples, which may differ between segments
     for part in contact.segments():
@@ -342,7 +342,7 @@ def restitution_from(result: Derivable, speed: float | None = None) -> Restituti
 def energy_from(result: Derivable) -> EnergyLoss:
     """Energy dissipated per touch, or per cycle in lasting contact: measured and from the law."""
     data, path = result.data or Data(result.contact), path_of(result)
-    going_on = replace(result.contact, segment=_going_on(result.contact))
+    going_on = replace(result.contact, segment=_segment_numbers(result.contact))
     checks = {each.check for each in result.diagnosis.findings}
     return energy_of(
         path,

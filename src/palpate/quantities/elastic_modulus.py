@@ -272,7 +272,7 @@ def elastic_modulus_of(
         for depth in (depths[0], there.depth, depths[1])
     )
     spread = 0.5 * abs(high - low) / modulus
-    refused = _another_shape(exponent, spread, tip)
+    refused = _shape_mismatch(exponent, spread, tip)
     if refused:
         return ElasticModulus(UNKNOWN, *known, refused)
     moved = there.stiffness.systematic / abs(there.stiffness.value)
@@ -301,7 +301,7 @@ def _exponent(there: WorkingDepth) -> Quantity:
     return there.stiffness.scaled(there.depth / there.force.value)
 
 
-def _another_shape(exponent: Quantity, spread: float, tip: Tip) -> str | None:
+def _shape_mismatch(exponent: Quantity, spread: float, tip: Tip) -> str | None:
     """Return why the force does not grow with depth as for this tip; None if it does."""
     words = (
         f"the force grows with depth to the power {exponent.combined.format()}, but under a "

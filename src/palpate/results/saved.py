@@ -49,17 +49,17 @@ def as_toml(options: Mapping[str, Any], comments: Iterable[str]) -> str:
     comments : iterable of str
         One line each.
     """
-    lines = [f"{name} = {_value(value)}" for name, value in options.items()]
+    lines = [f"{name} = {_toml_value(value)}" for name, value in options.items()]
     lines += [""] if lines else []
     lines += [f"# {_CONTROL.sub('?', ' '.join(each.split()))}" for each in comments]
     return "\n".join(lines) + "\n"
 
 
-def _value(value: Any) -> str:
+def _toml_value(value: Any) -> str:
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, tuple | list):
-        return f"[{', '.join(_value(each) for each in value)}]"
+        return f"[{', '.join(_toml_value(each) for each in value)}]"
     if isinstance(value, int | float):
         return repr(value)
     # JSON's escapes are valid TOML, except escapes of characters beyond 16 bits, which are written
@@ -103,7 +103,7 @@ def trace_columns(result: "Identified") -> tuple[dict[str, NDArray[Any]], dict[s
         "segment": contact.segment,
         "predicted_force": trace.predicted_force,
         "fitted_force": result.fitted_force,
-        "status": _names()[trace.status],
+        "status": _status_names()[trace.status],
         "validity_margin": trace.validity_margin,
     }
     units = {**_CONTACT, "predicted_force": "N", "fitted_force": "N"}
@@ -139,7 +139,7 @@ def contact_and_trace(
     time, penetration, velocity, force = map(recording.numbers, FILE_NAMES.values())
     names = law.names()
     texts = recording.channels.get("status", np.empty(0, dtype=str)).astype(str)
-    known = {str(name): value for value, name in enumerate(_names())}
+    known = {str(name): value for value, name in enumerate(_status_names())}
     if not set(texts.tolist()) <= set(known):
         raise RecordingError(f"{recording.source}: column 'status' holds an unknown status")
     parameters = np.column_stack([recording.numbers(name) for name in names])
@@ -175,7 +175,7 @@ def contact_and_trace(
     return contact, trace
 
 
-def _names() -> NDArray[np.str_]:
+def _status_names() -> NDArray[np.str_]:
     """Return the names of the statuses in lower case, indexed by their numbers."""
     names = {int(status.value): status.name.lower() for status in Status}
     return np.array([names.get(k, "") for k in range(max(names) + 1)])
@@ -225,13 +225,13 @@ def describe_contact(files: Sequence[Path], results: "Sequence[Identified]") -> 
 def result_dict(result: "Identified") -> dict[str, Any]:
     """Return the result of one method, with None for undefined values."""
     law, estimate, trace = result.law, result.estimate, result.trace
-    beside: dict[str, float] = {}
+    estimated: dict[str, float] = {}
     for name in ("offset", "surface"):
         value, error = getattr(estimate, name), getattr(estimate, f"{name}_standard_error")
         # The number is also written if its error bar is undefined, or is 0 for samples without
         # noise.
         if value != 0.0 or error > 0.0:
-            beside |= {name: value, f"{name}_standard_error": error}
+            estimated |= {name: value, f"{name}_standard_error": error}
     return {
         "method": result.method,
         "frequency": defined(result.frequency),
@@ -242,7 +242,7 @@ def result_dict(result: "Identified") -> dict[str, Any]:
         "standard_errors": dict(zip(law.as_dict(), result.standard_errors.tolist(), strict=True)),
         **({"fixed": list(result.fixed)} if result.fixed else {}),
         "correlations": [[*map(defined, row)] for row in result.correlations.tolist()],
-        **beside,
+        **estimated,
         **derived_dict(result),
         "prediction_rmse_percent": defined(result.prediction_rmse_percent),
         "fit_rmse_percent": defined(result.fit_rmse_percent),
@@ -265,18 +265,18 @@ def _episodes(result: "Identified") -> list[dict[str, Any]]:
     ]
 
 
-def _episode(stretch: "Identified") -> dict[str, Any]:
+def _episode(part: "Identified") -> dict[str, Any]:
     """Return one segment or place of a longer contact."""
-    found, time = stretch.diagnosis, stretch.contact.time
-    own = Episode(float(time[0]), float(time[-1]), stretch.law, found.working_depth)
-    there: dict[str, Any] = {}
-    if stretch.place is not None:
-        there = {"kind": "place", "place": stretch.place.as_dict()}
+    found, time = part.diagnosis, part.contact.time
+    episode = Episode(float(time[0]), float(time[-1]), part.law, found.working_depth)
+    location: dict[str, Any] = {}
+    if part.place is not None:
+        location = {"kind": "place", "place": part.place.as_dict()}
     return {
-        **own.as_dict(),
+        **episode.as_dict(),
         "verdict": found.verdict.as_dict(),
-        **there,
-        **derived_dict(stretch),
+        **location,
+        **derived_dict(part),
     }
 
 
@@ -288,14 +288,14 @@ def derived_dict(result: "Identified") -> dict[str, Any]:
     names = ("restitution", "energy", "passivity", "small_oscillation")
     if result.contact.timeless:
         return {**dict.fromkeys(names), **modulus}
-    felt: dict[str, Any] | None = None
+    oscillation: dict[str, Any] | None = None
     with suppress(InvalidParameterError):  # a probe held still, or out of a segment's band
-        felt = result.dynamic_stiffness(result.query.frequency).as_dict()
+        oscillation = result.dynamic_stiffness(result.query.frequency).as_dict()
     return {
         "restitution": result.restitution().as_dict(),
         "energy": result.energy.as_dict(),
         "passivity": result.passivity.as_dict(),
-        "small_oscillation": felt,
+        "small_oscillation": oscillation,
         **modulus,
     }
 
@@ -380,7 +380,7 @@ def load_result(path: str | Path) -> SavedResult:
             "and pass that folder"
         )
     file = named if named.suffix == ".json" and not named.is_dir() else named / RESULT
-    whole = _describe(file)
+    whole = _read_json(file)
     try:
         [found], name = whole["results"], whole["trace"]
         if name not in TRACES:
@@ -426,7 +426,7 @@ def trace_digest(trace: Path) -> dict[str, Any]:
         return {"bytes": file.tell(), "sha256": found}
 
 
-def _describe(file: Path) -> dict[str, Any]:
+def _read_json(file: Path) -> dict[str, Any]:
     try:
         whole = json.loads(file.read_bytes())
     except OSError as error:

@@ -201,20 +201,20 @@ class NumberLine(NamedTuple):
 
 def number_lines(result: "Identified") -> list[NumberLine]:
     """Return stiffness and damping at the working depth and the motion's frequency."""
-    found, lines = result.diagnosis, list[NumberLine]()
-    there, often = found.working_depth, result.frequency
-    marks = found.verdict.stiffness, found.verdict.damping
-    reasons = ["" if each is None else each.brief or each.message for each in found.limits]
+    diagnosis, lines = result.diagnosis, list[NumberLine]()
+    at_depth, frequency = diagnosis.working_depth, result.frequency
+    marks = diagnosis.verdict.stiffness, diagnosis.verdict.damping
+    reasons = ["" if each is None else each.brief or each.message for each in diagnosis.limits]
     for k, (name, unit) in enumerate(_ROWS[:2]):
-        quantity: Quantity = getattr(there, name)
+        quantity: Quantity = getattr(at_depth, name)
         reason = reasons[k]
         if k and math.isnan(quantity.value):
             lines.append(NumberLine(name, f"not given: {reason}", "", None))
             continue
-        at = f"at {format_quantity(there.depth, 'm')}"
-        if math.isfinite(often) and (k or result.law.remembers):
-            at += f", {in_hertz(often)}"
-        skew = _skew(there) if k else ""
+        at = f"at {format_quantity(at_depth.depth, 'm')}"
+        if math.isfinite(frequency) and (k or result.law.remembers):
+            at += f", {in_hertz(frequency)}"
+        skew = _describe_skew(at_depth) if k else ""
         same = bool(k and reason and reason == reasons[0])
         words = "for the same reason" if same else reason
         lines.append(
@@ -223,7 +223,7 @@ def number_lines(result: "Identified") -> list[NumberLine]:
     return lines
 
 
-def _skew(there: WorkingDepth) -> str:
+def _describe_skew(there: WorkingDepth) -> str:
     """Describe the change of the damping by 1 ms of skew, if it is above 5 %."""
     stiffness, damping = abs(there.stiffness.value), abs(there.damping.value)
     part = 1e-3 * stiffness / damping if damping > 0.0 else math.inf
@@ -238,19 +238,19 @@ def verdict_section(result: "Identified") -> ViewSection:
     places = max(len(each.at) for each in numbers)
     for each in numbers:
         if each.mark is None:
-            rows.append((each.name, _capitalise(each.value)))
+            rows.append((each.name, _fold_sentence(each.value)))
             continue
         words = "; ".join(filter(None, (each.reason, each.skew)))
         before = f"{each.value.ljust(values)}  {each.at.ljust(places)}  "
         beside = len(before) + len(spoken(each.mark)) + 2 + len(words) <= _FOLD[0]
-        after = (f": {words}" if beside else f"\n{_capitalise(words)}") if words else ""
+        after = (f": {words}" if beside else f"\n{_fold_sentence(words)}") if words else ""
         rows.append((each.name, Styled(spoken(each.mark), each.mark, before, after)))
     if remedy := result.diagnosis.remedy:
-        rows.append(("next", _capitalise(remedy)))
+        rows.append(("next", _fold_sentence(remedy)))
     return ViewSection("Verdict", (), ("", ""), rows)
 
 
-def _capitalise(text: str) -> str:
+def _fold_sentence(text: str) -> str:
     """Wrap a sentence to the width next to the labels of the two numbers."""
     return _fold(text.split(" "), " ", _FOLD[0])
 
@@ -297,8 +297,8 @@ def _fit_rows(result: "Identified", names: Sequence[str]) -> list[tuple[str, str
         doubt = "(surface in doubt: -v)" if any(checks) else ""
         parts = f"{law_name(result)}:", *terms, doubt, describe_relaxed_stiffness(result)
         rows.append(("law", _fold(filter(None, parts), "  ")))
-    rows.append(("fit", _fit(result)))
-    rows.append(("truth", _truth(result)))
+    rows.append(("fit", _describe_fit(result)))
+    rows.append(("truth", _describe_truth(result)))
     rows += [
         (each.name, "\n".join((each.text, *each.remarks))) for each in derived_section(result).lines
     ]
@@ -321,7 +321,7 @@ def _fold(parts: Iterable[str], between: str, width: int = _FOLD[1]) -> str:
     return "\n".join(lines)
 
 
-def _fit(result: "Identified") -> str:
+def _describe_fit(result: "Identified") -> str:
     """Describe error, samples and contacts; then the settings that fit in the line."""
     touches, estimate = len(touches_of(result.contact)), result.estimate
     words = (
@@ -353,7 +353,7 @@ def describe_relaxed_stiffness(result: "Identified") -> str:
     return f"relaxed stiffness {format_number(found)} N/m{caution}"
 
 
-def _truth(result: "Identified") -> str:
+def _describe_truth(result: "Identified") -> str:
     """Describe the truth of stiffness and damping at working depth, as stated in the file."""
     at = result.working_depths[0]
     real = {} if result.segments else stated_truth(result, at.depth)
@@ -401,14 +401,14 @@ def segment_table(result: "Identified", *, whole: bool = False) -> Iterator[View
         there = found.working_depth
         both_numbers = format_number(there.stiffness), format_number(there.damping)
         if place is None:
-            times = _when(part).replace(" s to ", "\nto " if whole else " to ").removesuffix(" s")
+            times = _span(part).replace(" s to ", "\nto " if whole else " to ").removesuffix(" s")
             terms = parameter_terms(part) if whole else ""
             fit = format_percent(part.fit_rmse_percent) if whole else ""
             cells = (times, "", "", *both_numbers, "", terms, fit)
         else:
             at = ", ".join(f"{1e3 * each:.1f}" for each in place.position)
             depth = rounded(1e3 * there.depth, 4)
-            modulus = _modulus_alone(part) if part.query.tip else ""
+            modulus = _format_modulus(part) if part.query.tip else ""
             times = f"{time[0]:.1f}–{time[-1]:.1f}" if whole else ""
             cells = (times, at, depth, *both_numbers, modulus, "", "")
         rows.append([*cells, _hertz(part) if whole else "", *_both_marks(part)])
@@ -429,10 +429,10 @@ def law_section(result: "Identified", *, whole: bool = False) -> ViewSection:
             rows[-1].append(row.name.replace("_", " "))
     lines = [
         describe_relaxed_stiffness(result),
-        _correlation(result),
+        _describe_correlation(result),
         *_describe_settings(result.estimate),
     ]
-    lines += [describe_model_selection(result), _quality(result)]
+    lines += [describe_model_selection(result), _describe_fit_errors(result)]
     shown = [Line(each) for each in lines if each]
     title = f"Contact model: {law_name(result)}, by {result.method}"
     return ViewSection(title, shown, headings + ["95 % interval", "parameter"] * whole, rows)
@@ -451,14 +451,14 @@ def derived_section(result: "Identified", *, whole: bool = False) -> ViewSection
         if query.impact_speed is not None or (trusted and _impact(restitution)):
             lines.append(_describe_restitution(restitution, whole=whole))
     if query.frequency is not None:
-        lines += _oscillation(result, whole=whole)
+        lines += _describe_oscillation(result, whole=whole)
     if whole and timed and result.energy.kind != "none":
-        lines.append(_energy(result))
+        lines.append(_describe_energy(result))
     if whole and timed and trusted:
-        lines.append(_passivity(result))
+        lines.append(_describe_passivity(result))
     if query.tip is not None:
-        parts = [("", result), *((_when(part), part) for part in segments_between_changes(result))]
-        lines += [_modulus(part, when, whole=whole) for when, part in parts]
+        parts = [("", result), *((_span(part), part) for part in segments_between_changes(result))]
+        lines += [_describe_modulus(part, when, whole=whole) for when, part in parts]
     if result.noticed is not None:  # when a control loop would have noticed
         times = ", ".join(f"{rounded(time, 4)} s" for time in result.changes.tolist())
         alarms = f"an alarm at {times}" if times else "no alarm"
@@ -482,7 +482,7 @@ def findings_section(result: "Identified") -> ViewSection:
     for each in result.diagnosis.findings:
         words = "\n→ ".join(filter(None, (each.message, each.remedy)))
         z = "–" if math.isnan(each.z) else rounded(each.z, 3)
-        moves = _moves(each.moves_stiffness_percent, each.moves_damping_percent)
+        moves = _format_changes(each.moves_stiffness_percent, each.moves_damping_percent)
         rows.append((Styled(each.check, each.severity), words, z, moves))
     lines = [Line(_CHECKS, tone="soft")]
     for episode in result.diagnosis.episodes:
@@ -548,7 +548,7 @@ def preparation_section(results: "Sequence[Identified]", *, whole: bool = False)
     first = results[0]
     found = first.diagnosis
     shown = {each.check for each in (found.findings if whole else (found.deciding,)) if each}
-    lines = [Line(_samples(first))]
+    lines = [Line(_describe_samples(first))]
     lines += (
         Line(each.message, each.check, remedy=each.remedy)
         for each in first.contact.findings
@@ -596,7 +596,7 @@ def _plain(value: float, unit: str) -> str:
     return format_with_prefix(Quantity(value, 0.0, 0.0), unit)
 
 
-def _moves(stiffness: float, damping: float) -> str:
+def _format_changes(stiffness: float, damping: float) -> str:
     if math.isnan(stiffness) or math.isnan(damping):
         return "–"
     return ", ".join(
@@ -629,8 +629,8 @@ def _hertz(part: "Identified") -> str:
 def _both_marks(part: "Identified") -> tuple[Cell, Cell]:
     """Return the marks of stiffness and damping; a dash for a damping without a value."""
     found = part.diagnosis
-    given = math.isfinite(found.working_depth.damping.value)
-    return _mark_cell(found.verdict.stiffness), _mark_cell(found.verdict.damping) if given else "–"
+    finite = math.isfinite(found.working_depth.damping.value)
+    return _mark_cell(found.verdict.stiffness), _mark_cell(found.verdict.damping) if finite else "–"
 
 
 def segments_between_changes(result: "Identified") -> "list[Identified]":
@@ -638,12 +638,12 @@ def segments_between_changes(result: "Identified") -> "list[Identified]":
     return [part for part in result.segments if part.place is None]
 
 
-def _when(part: "Identified") -> str:
+def _span(part: "Identified") -> str:
     time = part.contact.time
     return f"{rounded(float(time[0]), 4)} s to {rounded(float(time[-1]), 4)} s"
 
 
-def _quality(result: "Identified") -> str:
+def _describe_fit_errors(result: "Identified") -> str:
     fit = "fit (each part by its own law)" if result.segments else "fit"
     words = (
         f"method {result.method}; rms error of the force: {fit} "
@@ -655,7 +655,7 @@ def _quality(result: "Identified") -> str:
     return words
 
 
-def _samples(result: "Identified") -> str:
+def _describe_samples(result: "Identified") -> str:
     contact, gate, scale = result.contact, result.gate, result.scale
     touches = len(touches_of(contact))
     force = f"force > {rounded(gate.make_force, 3)} N"
@@ -677,7 +677,7 @@ def describe_model_selection(result: "Identified") -> str:
     return f"Model selection: {str(found).removeprefix('law: ')}" if known else ""
 
 
-def _correlation(result: "Identified") -> str:
+def _describe_correlation(result: "Identified") -> str:
     matrix, words = result.correlations, []
     estimated = [row for row in parameter_rows(result) if row.estimated]
     for one, other in itertools.combinations(estimated, 2):
@@ -707,15 +707,15 @@ _MANY = 0.01  # fraction of the samples in contact; fewer may be noise in shallo
 _QUASI_STATIC = 0.01  # fraction of the speed; a smaller loss is not shown
 
 
-def _oscillation(result: "Identified", *, whole: bool) -> list[Line]:
+def _describe_oscillation(result: "Identified", *, whole: bool) -> list[Line]:
     """Describe stiffness and damping of a small oscillation; empty for a probe held still."""
     with suppress(InvalidParameterError):
-        felt = result.dynamic_stiffness(result.query.frequency)
-        parts = felt.stiffness, felt.damping, felt.loss_tangent
+        response = result.dynamic_stiffness(result.query.frequency)
+        parts = response.stiffness, response.damping, response.loss_tangent
         k, b, tangent = (each if whole else each.combined for each in parts)
-        often, depth = in_hertz(felt.frequency), format_quantity(felt.depth, "m")
+        frequency, depth = in_hertz(response.frequency), format_quantity(response.depth, "m")
         words = (
-            f"at {often} and {depth}: K′ = {k.format('N/m')}, B′ = {b.format('N·s/m')}, "
+            f"at {frequency} and {depth}: K′ = {k.format('N/m')}, B′ = {b.format('N·s/m')}, "
             f"tan δ = {tangent.format()}"
         )
         low, high = band_of(result)
@@ -741,7 +741,7 @@ def _describe_restitution(found: "Restitution", *, whole: bool) -> Line:
     return Line(words, "restitution", remarks=(*remarks, *found.remarks))
 
 
-def _energy(result: "Identified") -> Line:
+def _describe_energy(result: "Identified") -> Line:
     found = result.energy
     words = (
         f"{format_with_prefix(found.measured, 'J')} measured, "
@@ -751,7 +751,7 @@ def _energy(result: "Identified") -> Line:
     return Line(words, f"energy dissipated per {found.kind}", remarks=found.remarks)
 
 
-def _passivity(result: "Identified") -> Line:
+def _describe_passivity(result: "Identified") -> Line:
     found, words = result.passivity, "the law is never adhesive (its force is never negative)"
     if found.fraction > 0.0:
         part = rounded(100.0 * found.fraction, 2)
@@ -776,7 +776,7 @@ def _passivity(result: "Identified") -> Line:
     return Line(words, "passivity", remarks=(remark,))
 
 
-def _modulus(part: "Identified", when: str, *, whole: bool) -> Line:
+def _describe_modulus(part: "Identified", when: str, *, whole: bool) -> Line:
     found = part.elastic_modulus()
     size = found.tip.as_dict()
     tip = f"a {found.tip.kind} of {_plain(size.get('radius', math.nan), 'm')} radius"
@@ -792,7 +792,7 @@ def _modulus(part: "Identified", when: str, *, whole: bool) -> Line:
     return Line(words, name, remarks=found.remarks)
 
 
-def _modulus_alone(part: "Identified") -> str:
+def _format_modulus(part: "Identified") -> str:
     """Format the modulus with its whole error; the JSON has the reason of a refusal."""
     found = part.elastic_modulus()
     return "refused" if found.refused else format_with_prefix(found.value.combined, "Pa")
