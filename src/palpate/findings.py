@@ -1,4 +1,4 @@
-"""The one kind of message with a severity: what was found, what to do, what it changes."""
+"""Findings: messages with a severity, a remedy and their effect on the result, and their ids."""
 
 import math
 from collections.abc import Mapping
@@ -12,14 +12,15 @@ Mark: TypeAlias = Literal["trust", "with-care", "do-not-trust"]
 Severity: TypeAlias = Literal["note", "with-care", "do-not-trust"]
 #: From the best to the worst.
 MARKS: tuple[Mark, ...] = ("trust", "with-care", "do-not-trust")
-#: The overall verdict that each causes, in the same order.
+#: Overall verdicts for the marks in MARKS, in the same order.
 SEVERITIES: tuple[Severity, ...] = ("note", "with-care", "do-not-trust")
 
 
 class Holds(Flag):
-    """What a finding holds in spite of: the error bars, or a recording without time."""
+    """Limits that a finding is not subject to: the error bars, or a recording without time."""
 
-    CAPS = auto()  # it may lower a mark beyond what the error bars say: no error bar can hold it
+    # It may lower a mark below the one that the error bars give, because no error bar covers it.
+    CAPS = auto()
     TIMELESS = auto()  # it concerns neither time nor damping
 
 
@@ -29,8 +30,8 @@ CAPS, TIMELESS = Holds
 class Check(StrEnum):
     """The id of every check, with its subject: a heading of ``docs/diagnosis.md``.
 
-    The file that makes a finding writes its sentence. A finding that may not cap a mark changes
-    error bars only.
+    The sentence of a finding is written in the file that makes the finding. A finding that may not
+    cap a mark only changes error bars.
     """
 
     subject: str
@@ -128,7 +129,7 @@ class Check(StrEnum):
 
     @property
     def may_cap(self) -> bool:
-        """Whether it may lower a mark beyond what the error bars say."""
+        """Whether it may lower a mark below the one that the error bars give."""
         return CAPS in self.holds
 
     @property
@@ -149,14 +150,14 @@ class Check(StrEnum):
         moves_percent: tuple[float, float] = (math.nan, math.nan),
         brief: str = "",
     ) -> "Finding":
-        """Return what the check found; the arguments are fields of :class:`Finding`.
+        """Return the finding of the check; the arguments are fields of :class:`Finding`.
 
         Parameters
         ----------
         mark : str
-            That of stiffness and damping where they have none of their own.
+            Mark of stiffness and damping, unless they are passed separately.
         moves_percent : tuple of float
-            How far it changes stiffness and damping, in per cent of their size.
+            Change of stiffness and damping, in per cent of their size.
         """
         marks: tuple[Mark, Mark] = stiffness or mark, damping or mark
         return Finding(self, message, remedy, severity, z, *marks, *moves_percent, brief)
@@ -166,14 +167,14 @@ class Check(StrEnum):
 
 
 CHECKS_BY_ID: Mapping[str, Check] = {check.value: check for check in Check}
-#: Checks whose findings may lower a mark beyond what the error bars say.
+#: Checks whose findings may lower a mark below the one that the error bars give.
 MAY_CAP = frozenset(check for check in Check if check.may_cap)
 #: Checks that concern neither time nor damping.
 HOLD_WITHOUT_TIME = frozenset(check for check in Check if check.holds_without_time)
 
 
 def worst(*marks: Mark) -> Mark:
-    """Return the worst of some marks; *trust* of none."""
+    """Return the worst of some marks; *trust* without any."""
     return MARKS[max(map(MARKS.index, marks), default=0)]
 
 
@@ -189,24 +190,24 @@ class Finding(Plain):
     Attributes
     ----------
     check : str
-        The :class:`Check` that found it, such as ``"delay"``; or the id of a check of your own.
+        The id of the :class:`Check`, such as ``"delay"``, or of a check of your own.
     message : str
-        What was found.
+        One sentence about what happened.
     remedy : str or None
         The next step: one sentence, perhaps with options of ``palpate identify``.
     severity : str
-        ``"note"``, ``"with-care"`` or ``"do-not-trust"``: the overall verdict is at least that. It
-        follows the marks: that of the stiffness counts in full, a damping that is not trusted calls
-        for care.
+        ``"note"``, ``"with-care"`` or ``"do-not-trust"``: the overall verdict is at least this. It
+        follows the marks: the mark of the stiffness counts in full, an untrusted damping calls for
+        care.
     z : float
         Significance, in standard errors; NaN if the check has none.
     stiffness, damping : str
-        The marks that it alone gives at working depth: ``"trust"``, ``"with-care"`` or
+        The marks at working depth due to this finding alone: ``"trust"``, ``"with-care"`` or
         ``"do-not-trust"``.
     moves_stiffness_percent, moves_damping_percent : float
-        How far it changes them, in per cent of their size; NaN if unknown.
+        Change of stiffness and damping, in per cent of their size; NaN if unknown.
     brief : str
-        The message in fewer words, for the line of a number; empty if it is short enough.
+        A shorter message for the line of a number; empty if the message is short enough.
     """
 
     check: str
@@ -227,7 +228,7 @@ class Finding(Plain):
 
     @classmethod
     def from_dict(cls, words: Mapping[str, Any]) -> "Finding":
-        """Return the finding of :meth:`as_dict`."""
+        """Return the finding from the output of :meth:`as_dict`."""
         given = {**words, "check": CHECKS_BY_ID.get(words["check"], words["check"])}
         for name in ("z", "moves_stiffness_percent", "moves_damping_percent"):
             given[name] = or_nan(given.get(name))  # JSON's null is NaN

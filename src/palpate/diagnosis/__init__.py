@@ -1,10 +1,9 @@
-"""What may be wrong with an identification: checks of the data and of the fit, and the verdict.
+"""Checks of the data and of the fit, error bars, and the verdict of an identification.
 
-``recording`` has the checks of the data. ``fit`` fits the law again to means over windows
-(``windows``). ``sensor``, ``delay``, ``material``, ``change``, ``geometry``, ``excitation``,
-``forecast`` and ``misfit`` look for causes and faults in that fit. ``causes`` names one cause and
-weighs all, ``bars`` turns them into error bars, and ``verdict`` runs everything.
-``docs/diagnosis.md`` says what each sentence means.
+``recording`` checks the data. ``fit`` fits the law again to window means (``windows``). ``sensor``,
+``delay``, ``material``, ``change``, ``geometry``, ``excitation``, ``forecast`` and ``misfit``
+search that fit for causes and faults. ``causes`` names one cause and weighs all of them, ``bars``
+computes error bars, and ``verdict`` runs everything. ``docs/diagnosis.md`` explains each message.
 """
 
 from palpate.diagnosis.outcome import Diagnosis as Diagnosis

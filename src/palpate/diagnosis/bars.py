@@ -16,20 +16,21 @@ from palpate.findings import Check, Finding, Mark
 from palpate.preparation.velocity import filter_gain
 from palpate.validation import Floats
 
-# Distances below so many standard errors widen no bar by more than an eighth.
+# A distance of half a standard error, added in quadrature, widens a bar by an eighth; smaller
+# distances are ignored.
 NEGLIGIBLE_ERRORS = 0.5
 
 
 @dataclass(frozen=True, slots=True)
 class SystematicPart:
-    """A part of the error of stiffness and damping that no residual shows.
+    """A systematic error of stiffness and damping that does not show in the residual.
 
     Attributes
     ----------
     stiffness, damping : float
         Relative errors.
     reason : str
-        The end of a sentence: *known to ± 20 % …*.
+        End of the sentence *the stiffness is known to ± 20 %, …*.
     remedy : str or None
         The next step.
     """
@@ -40,23 +41,23 @@ class SystematicPart:
     remedy: str | None
 
     def of(self, number: int) -> float:
-        """Return the part of the stiffness (0) or of the damping (1)."""
+        """Return the relative error of the stiffness (0) or of the damping (1)."""
         return self.damping if number else self.stiffness
 
 
 @dataclass(frozen=True, slots=True)
 class SystematicErrors:
-    """All systematic parts of a fit; the largest counts.
+    """All systematic errors of a fit; the largest counts.
 
     Attributes
     ----------
     causes : CauseAssessment
-        Causes of misfit, whose parts depend on the depth.
+        Causes of misfit, whose errors depend on the depth.
     parts : tuple of SystematicPart
-        The others.
+        The other errors.
     skew : float
-        Skew between force and position that the law cannot tell from damping, s; 0 where it can, or
-        where the clocks are known.
+        Skew between force and position that the law cannot separate from damping, s; 0 if it can,
+        or if the clocks are known.
     """
 
     causes: CauseAssessment
@@ -64,7 +65,7 @@ class SystematicErrors:
     skew: float
 
     def at(self, fit: Fit) -> list[SystematicPart]:
-        """Return all parts at the fit's depth."""
+        """Return all systematic errors at the fit's depth."""
         parts = list(self.parts)
         for cause, weight in self.causes.counted:
             stiffness, damping = (weight * abs(each) for each in cause.change.relative(fit))
@@ -76,12 +77,12 @@ class SystematicErrors:
 def systematic_errors(
     fit: Fit, causes: CauseAssessment, findings: Sequence[Finding]
 ) -> SystematicErrors:
-    """Collect causes, what is undetected, an applied delay, the skew, the velocity and free air."""
+    """Collect the systematic errors: of causes, delay, skew, velocity and free air."""
     skew = _skew_budget(fit)
     return SystematicErrors(causes, tuple(_parts(fit, causes, findings, skew)), skew)
 
 
-#: Checks whose findings say how far they change the numbers; none of them is a column of the fit.
+#: Checks whose findings state their effect on the result; none of them is a column of the fit.
 OWN_CHANGES = (Check.VELOCITY_NOISE, Check.VELOCITY_COLUMN, Check.FREE_AIR)
 
 
@@ -102,7 +103,7 @@ def _parts(
         if finding.check in OWN_CHANGES:
             changes = finding.moves_stiffness_percent, finding.moves_damping_percent
             by_stiffness, by_damping = 0.01 * np.abs(np.nan_to_num(changes, posinf=0.0))
-            if finding.check != Check.FREE_AIR:  # of the damping itself, not of its scale
+            if finding.check != Check.FREE_AIR:  # relative to the damping, not to its scale
                 by_damping *= damping / scale
             reason = f"since {finding.brief or finding.message}"
             yield SystematicPart(float(by_stiffness), float(by_damping), reason, finding.remedy)
@@ -113,31 +114,33 @@ def _parts(
             yield SystematicPart(0.0, error / scale, reason, fit.data.wider_window)
 
 
-#: Skew between force and position that is allowed for where nothing is known of their clocks, s.
-#: Half a sample at 66 Hz would make the bar of a damping 140 % that repeats to 8 %.
+#: Skew between force and position that is assumed possible if nothing is known of their clocks, s.
+#: Half a sample at 66 Hz would instead give 140 % to a damping that repeats to 8 %.
 USUAL_SKEW = 1e-3
 
 
 def _skew_budget(fit: Fit) -> float:
-    """Return the skew that the law cannot tell from damping, s; 0 for Hunt–Crossley.
+    """Return the skew that the law cannot distinguish from damping, s; 0 for Hunt–Crossley.
 
-    K n xⁿ⁻¹ v is not B xⁿ v; but it is what a half-space, a linear damper or a branch adds.
+    A skew τ adds K n xⁿ⁻¹ v τ, which differs from the damping force B xⁿ v of Hunt–Crossley but not
+    from the force of half-space damping, of a linear damper or of a relaxation branch.
     """
-    # A delay that was taken out has a standard error, which counts in place of the budget.
+    # If a delay was subtracted, its standard error counts instead.
     if fit.identified_law.power_law or fit.data.contact.delay is not None:
         return 0.0
     return max(USUAL_SKEW, 0.0 if fit.response is None else fit.response.delay)
 
 
 def _velocity_error(fit: Fit, used: VelocityFilter) -> float:
-    """Relative error of the damping by the velocity's filter: its loss, and the noise it leaves.
+    """Relative error of the damping due to the velocity filter: attenuation and noise.
 
-    At a frequency ω the slope of a parabola through a window of T loses (ωT/2)²/10 of the velocity,
-    where ω² = ⟨a²⟩/⟨v²⟩ counts, and a spline λ h ω⁴, where ω⁴ = ⟨ä²⟩/⟨v²⟩ counts, ä the jerk. The
-    damping becomes as much larger, and by noise smaller, as in ``check_velocity_noise``.
+    At a frequency ω the slope of a parabola through a window of T loses (ωT/2)²/10 of the velocity;
+    the effective frequency is ω² = ⟨a²⟩/⟨v²⟩. A spline loses λ h ω⁴ with ω⁴ = ⟨ä²⟩/⟨v²⟩, where ä is
+    the jerk. The attenuation raises the damping by this fraction; noise lowers it, as in
+    ``check_velocity_noise``.
     """
     speed = fit.v * fit.units.speed
-    if used.degree == 2:  # of order ω², the mean over a window keeps it and lowers the noise
+    if used.degree == 2:  # of order ω²: window means preserve it and lower the noise
         rate = np.linalg.norm(fit.windows.mean(fit.acceleration))
         turn = float(rate / np.linalg.norm(fit.windows.mean(speed)))
     else:
@@ -150,7 +153,7 @@ def _velocity_error(fit: Fit, used: VelocityFilter) -> float:
 
 
 def numbers_at_depth(fit: Fit, systematic: SystematicErrors) -> WorkingDepth:
-    """Return force, stiffness and damping at the fit's depth, with both errors."""
+    """Return force, stiffness and damping at the fit's depth, with both standard errors."""
     errors = standard_errors(fit)
     parts = systematic.at(fit)
     largest = [max(part.of(number) for part in parts) for number in (0, 1)]
@@ -160,7 +163,7 @@ def numbers_at_depth(fit: Fit, systematic: SystematicErrors) -> WorkingDepth:
     if not fit.with_offset:
         wrong = np.maximum(wrong, _offset_sensitivity(fit))
     if fit.equivalent is not None:
-        # Relaxation was subtracted from the force; the least squares take it for known.
+        # Relaxation was subtracted from the force, so the least squares treats it as known.
         by_law = fit.equivalent.law_errors
         errors = np.where(by_law > errors, by_law, errors)
     if fit.response is not None:
@@ -171,7 +174,7 @@ def numbers_at_depth(fit: Fit, systematic: SystematicErrors) -> WorkingDepth:
 
 
 def unknown_working_depth(fit: Fit) -> WorkingDepth:
-    """Return the numbers at the depth of a fit that could not be checked."""
+    """Return the numbers at the depth of a fit that could not be checked, with unknown errors."""
     unknown = np.full(3, math.nan)
     return _working_depth(fit, unknown, np.zeros(3) if math.isfinite(fit.depth) else unknown)
 
@@ -183,16 +186,17 @@ def _working_depth(fit: Fit, errors: Floats, wrong: Floats) -> WorkingDepth:
 
 
 def _law_spread(fit: Fit) -> Floats:
-    """How far stiffness and damping differ in other laws that fit as well, or by the misfit."""
+    """Systematic error of K′ and B′: spread over laws that fit equally well, and the misfit."""
     assert fit.response is not None
     values = np.array(fit.estimate.law.at_rest(fit.depth)[1:])
     return fit.response.systematic(values, fit.depth, fit.frequency)
 
 
 def _offset_sensitivity(fit: Fit) -> Floats:
-    """How far the numbers of a method without an offset change when one is fitted as well.
+    """Absolute changes of force, stiffness and damping when an offset is fitted too, shape (3,).
 
-    No tare is exact; what it leaves is in no residual that a stiffness can take up.
+    For a method without an offset. No tare is exact, and a stiffness can absorb the remaining
+    offset, which then does not show in the residual.
     """
     result = fit_with_column(fit, np.ones(len(fit.windows)))
     if result is None:
@@ -202,9 +206,9 @@ def _offset_sensitivity(fit: Fit) -> Floats:
 
 
 def _add_surface_error(fit: Fit, errors: Floats) -> Floats:
-    """Add how far the numbers change with the depth, by the deviation of the surface.
+    """Add the effect of the surface's standard deviation on the numbers at the depth.
 
-    The law holds where the probe was; how deep that is, no fit knows better than the surface.
+    The law was fitted where the probe was; no fit knows that depth better than the surface.
     """
     law, depth = fit.estimate.law, fit.depth
     deviation = min(fit.data.contact.surface_deviation or 0.0, 0.5 * depth)
@@ -217,19 +221,19 @@ def _add_surface_error(fit: Fit, errors: Floats) -> Floats:
 
 # The marks that the bars allow.
 
-#: Relative standard errors, all causes together: up to the first a number is trusted, beyond the
-#: second it is not.
+#: Limits of the relative standard error, all causes together: a number is trusted below the first
+#: and not trusted above the second.
 TRUSTED, STOPPED = (0.10, 0.20), (0.25, 0.60)
 IN_STEP = "if one clock stamps both, run again with --skew 0.1ms"
 
 
 def check_precision(fit: Fit, at: WorkingDepth, systematic: SystematicErrors) -> list[Finding]:
-    """Find the numbers that their error bars do not let a reader trust, and what sets the bar."""
-    found = []
+    """Report the numbers whose error bars are too wide to trust, with the main reason."""
+    findings = []
     for number, (name, unit) in enumerate((("stiffness", "N/m"), ("damping", "N·s/m"))):
         quantity: Quantity = getattr(at, name)
         error, size = quantity.whole_error, abs(quantity.value)
-        words, sign = (
+        sentence, sign = (
             f"the {name} is known to ± {rough_percent(error / size if size else math.inf)}",
             "",
         )
@@ -239,21 +243,22 @@ def check_precision(fit: Fit, at: WorkingDepth, systematic: SystematicErrors) ->
         if not size > 2.0 * error:
             mark, sign = "do-not-trust", "its sign is open, "
             value = with_error(quantity.value, error, unit=unit)
-            words = f"the sign of the {name} is open: {value}"
-        elif quantity.value < 0.0:  # no passive material has one
+            sentence = f"the sign of the {name} is open: {value}"
+        elif quantity.value < 0.0:  # passive materials have none
             mark, sign = "do-not-trust", "it is negative, "
-            words = f"the {name} is negative, {with_error(quantity.value, error, unit=unit)}"
+            sentence = f"the {name} is negative, {with_error(quantity.value, error, unit=unit)}"
         reason, remedy = _largest_part(fit, systematic, number, quantity)
         if mark == "trust":
             if not (number and systematic.skew):
                 continue
-            # Of 46 such laws that a sensor's fault had made of Hunt and Crossley's, 13 were beyond.
+            # 13 of 46 such laws were beyond this limit; they had been selected for Hunt–Crossley
+            # contacts with a sensor fault.
             mark, remedy = "with-care", IN_STEP
             step = format_quantity(systematic.skew, "s", digits=1)
             reason = f"if force and position are in step to {step}: this law cannot tell"
         marks: dict[str, Mark] = {name: mark}
-        message = f"{words}, {reason}"
-        found.append(
+        message = f"{sentence}, {reason}"
+        findings.append(
             Check.PRECISION.finding(
                 message,
                 remedy,
@@ -262,18 +267,18 @@ def check_precision(fit: Fit, at: WorkingDepth, systematic: SystematicErrors) ->
                 brief=f"{sign}{reason}",
             )
         )
-    return found
+    return findings
 
 
 def _largest_part(
     fit: Fit, systematic: SystematicErrors, number: int, quantity: Quantity
 ) -> tuple[str, str | None]:
-    """Return what sets most of the bar of stiffness (0) or damping (1), and the next step."""
+    """Return the main reason for the bar of stiffness (0) or damping (1), and the next step."""
     scale = fit.reference_scales[number]
     parts = [(part.of(number), part.reason, part.remedy) for part in systematic.at(fit)]
     if fit.response is not None:
         spread = float(_law_spread(fit)[number]) / scale
         parts.append((spread, "since other laws fit as well", "record a longer motion"))
-    wide = "move faster and over a wider range of depths"
-    parts.append((quantity.standard_error / scale, "by the noise and the motion", wide))
+    remedy = "move faster and over a wider range of depths"
+    parts.append((quantity.standard_error / scale, "by the noise and the motion", remedy))
     return max(parts, key=lambda part: part[0])[1:]

@@ -1,4 +1,4 @@
-"""Causes of misfit: what one would explain, which is named, and how much each counts."""
+"""Causes of misfit: the effect of each, the choice of the one to name, and their weights."""
 
 import math
 from collections.abc import Callable, Mapping
@@ -13,11 +13,12 @@ from palpate.findings import Check, Finding
 from palpate.force_laws import ForceLaw
 from palpate.validation import Floats
 
-# How far a cause changes stiffness and damping: values, from which the change at any depth follows.
+# Changes of stiffness and damping due to a cause. They are frozen values, so that the change can be
+# computed at any depth.
 
 
 class LawChange(Protocol):
-    """How a cause changes the law."""
+    """The change of the law due to a cause."""
 
     def relative(self, fit: Fit) -> tuple[float, float]:
         """Return the change of stiffness and damping at the fit's depth over their scales."""
@@ -36,7 +37,7 @@ class ParameterChange:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class OtherLaw:
-    """Another law in place of one, in the units of the fit."""
+    """Replacement of one law by another, in the units of the fit."""
 
     law: ForceLaw
     before: ForceLaw
@@ -49,7 +50,7 @@ class OtherLaw:
 
 @dataclass(frozen=True, slots=True)
 class MisfitHypothesis:
-    """What one cause would explain in addition to the law.
+    """Result of fitting one cause in addition to the law.
 
     Attributes
     ----------
@@ -62,11 +63,11 @@ class MisfitHypothesis:
     parameter : float
         Relative change of the law's stiffness parameter.
     sentence : str
-        What would have happened.
+        Description of the cause.
     remedy : str
         The next step.
     change : LawChange
-        How it changes the law.
+        Its change of the law.
     stiffness, damping : float
         Relative change of both at the depth of the fit in which it was found.
     fits_to_noise : bool
@@ -86,16 +87,16 @@ class MisfitHypothesis:
 
     @property
     def group(self) -> Check:
-        """Drift and change are one, a slow change of the material; so are a delay and its jump."""
+        """The check that this one counts as: drift as a change, a jump of the delay as a delay."""
         groups = {Check.GAIN_DRIFT: Check.CHANGE, Check.SKEW_JUMP: Check.DELAY}
         return groups.get(self.check, self.check)
 
     @property
     def negligible(self) -> bool:
-        """Whether it changes S and C by less than 2 %, K by less than 3 %.
+        """Whether it changes S and C by less than 2 % and K by less than 3 %.
 
-        Half an encoder count is a dead band; it is significant on a stiff material and changes the
-        damping by 1 %: in 18 of 200 clean runs of the robot.
+        A dead band of half an encoder count is such a cause: on a stiff material it is significant
+        and changes the damping by 1 %, in 18 of 200 clean runs of the robot.
         """
         changed = max(abs(self.stiffness), abs(self.damping))
         return changed < 0.02 and abs(self.parameter) < 0.03
@@ -112,13 +113,16 @@ def cause_from_column(
     remedy: str,
     change: LawChange | None = None,
 ) -> MisfitHypothesis:
-    """Return the cause that a column describes; ``change``: default, that of the parameters."""
+    """Return the cause that a column describes.
+
+    ``change``: default, the change of the parameters in the fit with the column.
+    """
     law, moved = fit.solution.law, result.change
     # Relative change of the law's first parameter, SI: Δk/k − Δn ln x_r for a power law.
     parameter = float(moved[0]) / max(abs(float(law.parameters[0])), 1e-300)
     if law.power_law:
         parameter -= float(moved[2]) * math.log(fit.units.depth)
-    left = fit.residual_to_noise * math.sqrt(max(1.0 - result.explained_fraction, 0.0))
+    residual_after = fit.residual_to_noise * math.sqrt(max(1.0 - result.explained_fraction, 0.0))
     change = change or ParameterChange(moved)
     return MisfitHypothesis(
         check,
@@ -129,7 +133,7 @@ def cause_from_column(
         remedy,
         change,
         *change.relative(fit),
-        fits_to_noise=check is not Check.SHAPE or left < MISFIT,
+        fits_to_noise=check is not Check.SHAPE or residual_after < MISFIT,
     )
 
 
@@ -138,7 +142,7 @@ def causes_from_columns(
     columns: Mapping[Check, Floats],
     explain: Callable[[Fit, Check, float], tuple[str, str] | None],
 ) -> list[MisfitHypothesis]:
-    """Fit one column at a time together with the law's own.
+    """Fit columns one at a time together with the law's columns.
 
     Parameters
     ----------
@@ -147,7 +151,8 @@ def causes_from_columns(
     columns : mapping
         For each cause a column at the samples of the windows, N.
     explain : callable
-        Describes a cause of a given amount, and the next step; None: it is not that cause.
+        Returns the sentence and the remedy for a cause and its amount, or None if the amount
+        excludes the cause.
     """
     causes = []
     means = fit.windows.mean(np.array([*columns.values()]).T).T
@@ -160,7 +165,7 @@ def causes_from_columns(
 
 
 def relative_time(fit: Fit) -> Floats:
-    """Return the time at the samples of the windows, from −½ to ½."""
+    """Return the time at the samples of the windows, scaled to −½ … ½."""
     time = fit.data.time[fit.windows.samples]
     relative: Floats = (time - time.mean()) / (float(np.ptp(time)) or 1.0)
     return relative
@@ -168,26 +173,26 @@ def relative_time(fit: Fit) -> Floats:
 
 # Which cause is named, and how much of each is in the error bars.
 
-# Causes of the material. Where a law was selected they change no bar: it has them, or not.
+# Causes of the material. They widen no bar if the law was selected: the selection has decided them.
 MATERIAL = frozenset([
     Check.MEMORY, Check.DAMPING_FORM, Check.DAMPING_WITH_DEPTH, Check.SHAPE, Check.SQUARE_SPEED,
 ])  # fmt: skip
-# A relative change that matters: judgement, not calibration.
+# Relative change that calls for care; chosen by judgement, not calibrated.
 CARE = 0.05
-# The surface is named before a cause that removes so little more, in a fit that is no worse: looked
-# up on recordings, not calibrated.
+# The surface is named instead of the leading cause if it removes at most this much less and the law
+# leaves at most this fraction of the force; chosen on recordings, not calibrated.
 NEAR, MOST_UNEXPLAINED = 0.25, 0.15
-ALIKE = 0.7  # of the leading cause's explained fraction: such a rival counts in full
-SURE = 0.6  # (1 − g₁)/(1 − g₂) below which a cause is named by itself
-SOUGHT = (Check.CHANGE, Check.SKEW_JUMP)  # among borders
+ALIKE = 0.7  # a rival that explains more than this fraction of the leading cause's counts in full
+SURE = 0.6  # (1 − g₁)/(1 − g₂) below which the first cause is named without the second
+SOUGHT = (Check.CHANGE, Check.SKEW_JUMP)  # found by a search over borders
 UNDETECTED = (Check.FRICTION, Check.DELAY)
 UNDETECTED_ERRORS = 2.0
-MATTERS = 0.02  # of a number
+MATTERS = 0.02  # relative change of a number
 
 
 @dataclass(frozen=True, slots=True)
 class CauseAssessment:
-    """The significant causes, and what all of them may do to stiffness and damping.
+    """The significant causes, and the effect of all causes on stiffness and damping.
 
     Attributes
     ----------
@@ -216,18 +221,18 @@ def assess_causes(
     at_noise_floor: bool,
     law_selected: bool = False,
 ) -> CauseAssessment:
-    """Name one of the significant causes, and weigh all of them.
+    """Choose the leading cause among the significant ones, and weigh all of them.
 
     Parameters
     ----------
     causes : list of MisfitHypothesis
-        All that were tried.
+        All causes that were fitted.
     unexplained : float
-        Fraction of the force that the law leaves.
+        Fraction of the force that the law does not explain.
     at_noise_floor : bool
-        Whether what it leaves is little more than noise.
+        Whether the residual is little more than noise.
     law_selected : bool
-        Whether the law was selected, so that causes of the material are its own.
+        Whether the law was selected, so that it already includes causes of the material.
     """
     significant = [cause for cause in causes if cause.z > SIGNIFICANT]
     significant.sort(key=attrgetter("explained_fraction"), reverse=True)
@@ -254,25 +259,25 @@ def assess_causes(
 
 
 def _sum_undetected(causes: list[MisfitHypothesis]) -> tuple[float, float]:
-    """Return how far friction or a skew that is not significant may change both numbers.
+    """Return the relative change that friction or a skew may cause without being significant.
 
-    Each counts by its estimate, or by two standard errors of that if they are larger; a change that
-    matters to nobody does not count.
+    Each counts with its estimate, or with two standard errors if that is larger. Changes of at most
+    2 % do not count.
     """
     changes = [(0.0, 0.0)]
     for cause in causes:
         if cause.check in UNDETECTED and 0.0 < cause.z <= SIGNIFICANT:
-            wide = max(1.0, UNDETECTED_ERRORS / cause.z)
-            changes.append((wide * abs(cause.stiffness), wide * abs(cause.damping)))
+            factor = max(1.0, UNDETECTED_ERRORS / cause.z)
+            changes.append((factor * abs(cause.stiffness), factor * abs(cause.damping)))
     stiffness, damping = np.max(changes, axis=0).tolist()
     return stiffness * (stiffness > MATTERS), damping * (damping > MATTERS)
 
 
 def _leading_cause(significant: list[MisfitHypothesis], unexplained: float) -> MisfitHypothesis:
-    """Return the cause that explains most; or the surface, where it explains nearly as much.
+    """Return the cause that explains most, or the surface if it explains nearly as much.
 
-    The surface hardly shows in the residual. It is not named where the first is clearly better: a
-    surface fits some of any damper of another form.
+    A wrong surface changes the residual little. The surface is not named if the first cause is
+    clearly better, because moving the surface fits part of any damping of another form.
     """
     first = significant[0]
     for cause in significant:
@@ -284,10 +289,10 @@ def _leading_cause(significant: list[MisfitHypothesis], unexplained: float) -> M
 
 
 def _is_subsumed(leading: MisfitHypothesis, rival: MisfitHypothesis) -> bool:
-    """Whether a change, or a jump, is only what a border anywhere fits of another cause.
+    """Whether a change, or a jump of the delay, only fits part of the leading cause.
 
-    Borders are searched for, so they fit some of any misfit: a change that explains far less than
-    the leading cause was listed for one in ten stationary recordings.
+    A search over borders fits part of any misfit: without this rule one in ten stationary
+    recordings had a change that explains far less than the leading cause.
     """
     if rival.check not in SOUGHT or leading.group == rival.group:
         return False
@@ -313,7 +318,7 @@ def _mention_alternative(
 
 
 def _cause_finding(cause: MisfitHypothesis, *, at_noise_floor: bool) -> Finding:
-    """Return a cause as a finding; no single law describes a change of material or adhesion."""
+    """Return the finding of a cause, with care unless the cause is negligible."""
     uncertain = cause.check.may_cap and not (cause.negligible and at_noise_floor)
     return cause.check.finding(
         cause.sentence,

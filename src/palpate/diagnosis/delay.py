@@ -1,4 +1,4 @@
-"""A force that is late or early against the penetration, or becomes so midway."""
+"""A constant delay of the force against the penetration, or one that starts midway."""
 
 import math
 from functools import cache
@@ -13,16 +13,16 @@ from palpate.digits import rounded, with_error
 from palpate.findings import Check, Finding
 from palpate.validation import Floats
 
-LONGEST = 25e-3  # s; beyond that a recording is out of step, not late
-MOST_ROWS = 700  # on which whole shifts are tried
-ROUGHLY = 1e-3  # of the energy, to which a shift is tried: one sample more changes it by more
+LONGEST = 25e-3  # s; with more the recording is misaligned, not delayed
+MOST_ROWS = 700  # rows that are used to compare shifts of whole samples
+ROUGHLY = 1e-3  # relative accuracy of the energy of a shift; one more sample changes it by more
 
 
 def find_delay(fit: Fit) -> list[MisfitHypothesis]:
-    """Shift penetration and velocity by whole samples, refit, and take the best of them.
+    """Shift penetration and velocity by whole samples, refit, and choose the best shift.
 
-    Whole samples, because to interpolate them smooths them, and half a sample then fits clean data
-    better. What is left of a sample is a column, dF/dτ by a central difference.
+    Interpolation between samples smooths them, and half a sample would then fit clean data better.
+    The remaining fraction of a sample is fitted as a column, dF/dτ by a central difference.
     """
     step = fit.data.sample_time
     reach = int(min(max(LONGEST, 3.0 * step), fit.period / 6.0) / step)
@@ -33,9 +33,9 @@ def find_delay(fit: Fit) -> list[MisfitHypothesis]:
         return []
     moved, shift = _best_shift(fit, reach)
     before, late, result = fit.solution, fine.amount, fine
-    if shift:  # its influence is the refit less the same fit without it
-        left = moved.without(_force_by_delay(fit, shift))
-        rest = float(left @ moved.residual / max(float(left @ left), 1e-300))
+    if shift:  # the change is the refit minus the fit without a shift
+        remainder = moved.without(_force_by_delay(fit, shift))
+        rest = float(remainder @ moved.residual / max(float(remainder @ remainder), 1e-300))
         late = shift * step + min(max(rest, -step), step)
         change = np.zeros_like(fine.change)
         change[: len(before.law.symbols)] = moved.law.parameters - before.law.parameters
@@ -53,7 +53,7 @@ def find_delay(fit: Fit) -> list[MisfitHypothesis]:
         f"{'' if applied is None else ' in total'}, or the damping follows another law (the "
         "recording cannot tell which)"
     )
-    # Found already, what is left is by the law that is identified here.
+    # If a delay was found and applied before, the rest depends on the law identified here.
     found = applied is not None and applied.found
     known = f"{total * 1e3:.4g}ms+-{error * 1e3:.2g}ms" if found else "find"
     remedy = f"run again with --delay {known} if the sensors can be out of step by that much"
@@ -62,21 +62,21 @@ def find_delay(fit: Fit) -> list[MisfitHypothesis]:
     return [cause_from_column(fit, Check.DELAY, result, sentence, remedy, other_law)]
 
 
-BORDERS = 24  # at which it is looked for; then as many between the neighbours of the best one
-# The largest z of 96 clean recordings, in white and in slow noise, is 4.6; the least of 30 with a
-# jump of 2 to 20 ms is 10.5.
+BORDERS = 24  # borders that are tried, then as many between the neighbours of the best one
+# The largest z of 96 clean recordings, in white and in slow noise, is 4.6; the smallest of 30 with
+# a jump of 2 to 20 ms is 10.5.
 JUMP_Z = 6.0
-BOTH_WAYS = 0.1  # least share of either direction in a part
-LEAST_JUMP = 0.25  # of a sample
+BOTH_WAYS = 0.1  # smallest fraction of pressing and of withdrawing samples in each part
+LEAST_JUMP = 0.25  # fraction of a sample
 
 
 def find_skew_jump(fit: Fit) -> list[MisfitHypothesis]:
-    """Fit dF̂/dτ, and dF̂/dτ from a border on, next to the law's columns; with the best border."""
+    """Fit a delay dF̂/dτ for the whole recording, and a second one from the best border on."""
     slope, solution = _force_by_delay(fit, 0), fit.solution
     whole = fit_with_column(fit, slope)
     if whole is None:
         return []
-    beside = Solution(
+    with_delay = Solution(
         solution.law,
         solution.offset,
         np.column_stack([solution.jacobian, slope]),
@@ -88,20 +88,20 @@ def find_skew_jump(fit: Fit) -> list[MisfitHypothesis]:
     for _ in range(2):
         borders = np.unique(np.linspace(*between, BORDERS + 2)[1:-1].astype(int))
         borders = borders[(borders > 0) & (borders < rows)]
-        # A part that only presses or only withdraws does not tell a delay from the law.
+        # A part that only presses or only withdraws cannot distinguish a delay from damping.
         before = pressing[borders - 1]
         shares = np.stack([before / borders, (pressing[-1] - before) / (rows - borders)])
         borders = borders[np.all((shares > BOTH_WAYS) & (shares < 1.0 - BOTH_WAYS), axis=0)]
         if not borders.size:
             return []
         later = np.where(np.arange(rows)[:, None] >= borders, slope[:, None], 0.0)
-        left = later - beside.jacobian @ (beside.inverse @ later)
-        energy = np.square(left).sum(axis=0)
-        removed = (left.T @ beside.residual) ** 2 / np.maximum(energy, 1e-300)
+        remainders = later - with_delay.jacobian @ (with_delay.inverse @ later)
+        energy = np.square(remainders).sum(axis=0)
+        removed = (remainders.T @ with_delay.residual) ** 2 / np.maximum(energy, 1e-300)
         place = int(borders[np.argmax(np.where(energy > 0.0, removed, 0.0))])
         step = -(-(between[1] - between[0]) // (BORDERS + 1))
         between = place - step, place + step
-    result = fit_with_column(fit, np.where(np.arange(rows) >= place, slope, 0.0), beside)
+    result = fit_with_column(fit, np.where(np.arange(rows) >= place, slope, 0.0), with_delay)
     if result is None or result.z < JUMP_Z:
         return []
     if abs(result.amount) < LEAST_JUMP * fit.data.sample_time:
@@ -139,14 +139,14 @@ def check_skew(fit: Fit) -> Finding:
 
 
 def delay_systematic(fit: Fit) -> float:
-    """How far the standard error of an applied delay moves the damping, of its size: S SE(τ)."""
+    """Return the relative error of the damping for an applied delay's standard error: S SE(τ)."""
     applied = fit.data.contact.delay
     error = 0.0 if applied is None else applied.standard_error
     return abs(fit.stiffness(fit.solution.law)) * error / fit.reference_scales[1]
 
 
 def _force_by_delay(fit: Fit, shift: int) -> Floats:
-    """dF̂/dτ at a shift of whole samples, N/s."""
+    """Return dF̂/dτ at a shift of whole samples, N/s."""
     law, step = fit.solution.law, fit.data.sample_time
     later, earlier = (_shift_motion(fit, shift + by, fit.windows, fit.force) for by in (1, -1))
     more = law.force(np.maximum(later.x, 0.0), later.v)
@@ -155,23 +155,23 @@ def _force_by_delay(fit: Fit, shift: int) -> Floats:
 
 
 def _shift_motion(fit: Fit, shift: int, windows: WindowedSamples, force: Floats) -> MovedSamples:
-    """The motion that a force later by some samples answers to."""
+    """Return the earlier motion that belongs to a force delayed by some samples."""
     place = _earlier_samples(fit, windows, shift)
     x = fit.penetration[place] / fit.units.depth
     return MovedSamples(x, fit.data.velocity[place] / fit.units.speed, windows, force)
 
 
 def _earlier_samples(fit: Fit, windows: WindowedSamples, shift: int) -> NDArray[np.intp]:
-    """The samples that were some earlier, none across the border of a segment."""
+    """Return the samples ``shift`` earlier, clipped to the segment."""
     segment = fit.data.segment
-    own = segment[windows.samples]
-    first, last = np.searchsorted(segment, own), np.searchsorted(segment, own, "right") - 1
+    parts = segment[windows.samples]
+    first, last = np.searchsorted(segment, parts), np.searchsorted(segment, parts, "right") - 1
     place: NDArray[np.intp] = np.clip(windows.samples - shift, first, last)
     return place
 
 
 def _best_shift(fit: Fit, reach: int) -> tuple[Solution, int]:
-    """The whole shift that fits best: a coarse scan, then single samples around its best."""
+    """Return the best shift of whole samples, by a coarse and then a fine scan."""
     every = max(-(-len(fit.windows) // MOST_ROWS), 1)
     windows, force = fit.windows.thinned(every) if every > 1 else fit.windows, fit.force[::every]
     law, offset = fit.solution.law, fit.solution.offset

@@ -1,4 +1,4 @@
-"""A law that relaxes as the Hunt–Crossley law that acts alike at one depth and frequency."""
+"""The Hunt–Crossley law equivalent to a relaxing law at one depth and frequency."""
 
 from copy import copy
 
@@ -13,14 +13,14 @@ from palpate.validation import Floats
 
 
 class EquivalentEstimate(Estimate):
-    """An estimate of which the law is taken for another.
+    """An estimate with the equivalent Hunt–Crossley law in place of its law.
 
     Attributes
     ----------
     law_errors : numpy.ndarray, shape (3,)
-        Standard errors of force, stiffness and damping at the depth, by the identified law.
+        Standard errors of force, stiffness and damping at the depth, from the identified law.
     longest : float
-        The longest time that the law relaxed over, s; 0 for one without memory.
+        The longest relaxation time of the identified law, s; 0 for a law without relaxation.
     """
 
     __slots__ = ("_equivalent", "law_errors", "longest")
@@ -46,7 +46,7 @@ class EquivalentEstimate(Estimate):
 
 
 def force_along(data: Data, estimate: Estimate) -> Floats:
-    """Force of a generalised law, and of its unknown start, at every sample, N."""
+    """Return the force of a generalised law at every sample, with its unknown initial state, N."""
     x = data.penetration - estimate.surface
     steps = steps_over_breaks(data.time, x, data.sample_time)
     force: Floats = estimate.law.force_along(x, data.velocity, steps)
@@ -58,16 +58,16 @@ def force_along(data: Data, estimate: Estimate) -> Floats:
 def equivalent_hunt_crossley(
     data: Data, estimate: Estimate, depth: float, frequency: float, force: Floats
 ) -> tuple[Data, EquivalentEstimate]:
-    """Subtract from the force what a generalised law adds to a Hunt–Crossley law.
+    """Subtract from the force the difference of a generalised law and its equivalent law.
 
-    What is left is compared with that law, which has the same K′ and B′ at a depth [m] and a
-    frequency ω [rad/s]: the residual is the same.
+    The equivalent Hunt–Crossley law has the same K′ and B′ at a depth [m] and a frequency ω
+    [rad/s]. Compared with the corrected force it has the same residual as the generalised law.
     """
     law: GeneralisedHuntCrossley = estimate.law
     stiffness, damping = dynamic_response(law, depth, frequency).tolist()
     n = law.exponent
     equivalent = HuntCrossley(stiffness / (n * depth ** (n - 1.0)), damping / depth**n, n)
     corrected = copy(data)
-    own = equivalent.force(data.penetration - estimate.surface, data.velocity)
-    corrected.force = data.force - (force - own)
+    equivalent_force = equivalent.force(data.penetration - estimate.surface, data.velocity)
+    corrected.force = data.force - (force - equivalent_force)
     return corrected, EquivalentEstimate(estimate, equivalent, depth, frequency)

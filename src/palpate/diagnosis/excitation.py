@@ -1,4 +1,4 @@
-"""Whether the motion says enough: samples, directions, depths."""
+"""Checks that the motion is informative enough: samples, directions, depths."""
 
 import numpy as np
 
@@ -11,7 +11,7 @@ FEWEST_SAMPLES = 60
 
 
 def check_excitation(fit: Fit) -> Finding | None:
-    """There are too few samples to check the law."""
+    """Too few samples in contact to check the law."""
     count = int(np.count_nonzero(fit.inside))
     return few_samples(count, "do-not-trust") if count < FEWEST_SAMPLES else None
 
@@ -26,13 +26,13 @@ def explain_no_check(fit: Fit) -> Finding:
 
 
 def few_samples(count: int, mark: Mark = "trust") -> Finding:
-    """Report how few samples are in contact."""
+    """Report the number of samples in contact as too small."""
     words = f"only {count} sample{'s' * (count != 1)} in contact"
     return Check.EXCITATION.finding(words, "record longer", mark=mark)
 
 
 def check_extrapolation(fit: Fit) -> Finding | None:
-    """The working depth that is asked for is not among the depths of the recording."""
+    """The requested working depth is outside the depths of the recording."""
     least, peak = fit.range
     if least <= fit.depth <= peak:
         return None
@@ -45,7 +45,7 @@ def check_extrapolation(fit: Fit) -> Finding | None:
 
 
 def check_one_way(fit: Fit) -> Finding | None:
-    """Mean velocity in contact over its root mean square is nearly ±1."""
+    """The mean velocity in contact is close to ±1 times its rms: the probe moves one way."""
     v = fit.data.velocity[fit.inside]
     if not abs(float(v.mean())) > ONE_WAY * fit.speed:
         return None

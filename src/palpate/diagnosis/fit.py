@@ -1,4 +1,4 @@
-"""The law fitted again to window means: least squares, noise floor, and one more column."""
+"""The law fitted again to window means by least squares, its noise floor, and augmented fits."""
 
 import math
 from copy import copy
@@ -29,22 +29,24 @@ from palpate.estimators.oscillation import Oscillation
 from palpate.force_laws import ForceLaw
 from palpate.validation import Floats
 
-# Times the noise; clean recordings have 0.67 to 1.5. Without free air slow noise is not known: in
-# AR(1) noise of 0.98 the residual of a good law is then up to 8 times what is.
+# Residual over noise floor above which the residual is reported; clean recordings have 0.67 to 1.5.
+# Without free air the slow noise is unknown: in AR(1) noise of coefficient 0.98 the residual of a
+# correct law is then up to 8 times the estimated noise.
 MISFIT, MISFIT_UNKNOWN = 3.0, 10.0
-FEWEST_AIR = 20.0  # windows of free air by which noise is known
-NOISE_LIKE = 1.5  # times the noise
-SLOW = 2.0  # windows; over more, free air's own share of the noise is uncertain
-# Times quicker noise: more is no noise, but a force that begins above the surface.
+FEWEST_AIR = 20.0  # windows of free air that are enough to estimate the noise
+NOISE_LIKE = 1.5  # residual over noise floor
+SLOW = 2.0  # windows; noise correlated over more is poorly known from free air
+# Largest ratio of slow to fast noise. Beyond it, it is not noise: the force begins above the
+# surface.
 MOST_SLOW = 10.0
 FOURTH = 70.0  # 1 + 16 + 36 + 16 + 1, the variance of a fourth difference of white noise
 EXPONENTS = (0.2, 6.0)  # beyond what any material shows; keeps powers finite
-DEEP = 90.0  # percentile of the penetration that is looked at beside the working depth
+DEEP = 90.0  # percentile of the penetration that is reported as a second depth
 
 
 @dataclass(frozen=True, slots=True)
 class Units:
-    """In which penetration and velocity are counted, so that a power law's K and n part."""
+    """Units of penetration and velocity in which K and n of a power law are nearly uncorrelated."""
 
     depth: float
     speed: float
@@ -54,13 +56,13 @@ class Units:
         return law.scaled(self.depth, self.speed)
 
     def restored(self, law: ForceLaw) -> ForceLaw:
-        """Return a law that is in these units, in SI."""
+        """Return the law in SI, for a law in these units."""
         return Units(1.0 / self.depth, 1.0 / self.speed).local(law)
 
 
-@dataclass(frozen=True, eq=False)  # no slots: the inverse is kept in the instance
+@dataclass(frozen=True, eq=False)  # no slots: the instance caches the inverse
 class Solution:
-    """A law in local units and an offset, with what they leave of the force.
+    """A least-squares solution: a law in local units, an offset, and the residual of the force.
 
     Attributes
     ----------
@@ -69,7 +71,7 @@ class Solution:
     offset : float
         N; 0 where none is estimated.
     jacobian : numpy.ndarray, shape (rows, q)
-        Columns of the law's parameters and, last, of the offset.
+        Columns of the law's parameters, then one of the offset.
     residual : numpy.ndarray, shape (rows,)
         N.
     """
@@ -93,39 +95,39 @@ class Solution:
         return inverse
 
     def without(self, column: Floats) -> Floats:
-        """What is left of a column beside those of the Jacobian."""
-        left: Floats = column - self.jacobian @ (self.inverse @ column)
-        return left
+        """Return the component of a column orthogonal to the Jacobian's columns."""
+        remainder: Floats = column - self.jacobian @ (self.inverse @ column)
+        return remainder
 
 
 def reference_scale(value: Floats | float, force: Floats | float, by: Floats | float) -> Floats:
-    """Return what a stiffness or damping is compared with: itself, or a tenth of F/x or F/V."""
+    """Return max(|value|, 0.1 F/by), the scale for relative changes of a stiffness or damping."""
     return np.maximum(np.abs(value), 0.1 * np.abs(force) / by)
 
 
 class Fit:
-    """A law's least squares of force in the motion's band.
+    """Least-squares fit of a law to the force, averaged over windows.
 
     Parameters
     ----------
     data : Data
         The recording.
     trace : Trace
-        Says which samples were taken.
+        Marks the samples that the estimator took.
     estimate : Estimate
-        Where the search for the least squares starts.
+        Starting point of the least squares.
     depth : float, optional
         The working depth, m. Default: the median penetration in contact.
-    laws : Laws, optional
-        The selection of the law, where there was one.
+    laws : ModelSelection, optional
+        The model selection, if the law was selected.
     method : str
-        That made the estimate, for remedies.
+        Name of the method that made the estimate, for remedies.
     response : Oscillation, optional
-        What the selection says of K′ and B′.
+        Small oscillations of the selected law, which give K′ and B′.
     frequency : float, optional
-        ω of the motion, rad/s. Default: by the samples in contact.
+        ω of the motion, rad/s. Default: computed from the samples in contact.
     force : numpy.ndarray, optional
-        That of a law that relaxes, by :func:`force_along`, where it is known already.
+        Force of a relaxing law from :func:`force_along`, to avoid computing it again.
     """
 
     def __init__(
@@ -143,12 +145,12 @@ class Fit:
         self._given, self.laws, self.method = (data, trace, estimate), laws, method
         self.response = response if frequency > 0.0 else None
         self.frequency = frequency
-        #: Of a law that relaxes: the equivalent Hunt–Crossley law.
+        #: The equivalent Hunt–Crossley law; None unless the law relaxes.
         self.equivalent: EquivalentEstimate | None = None
         if estimate.law.relaxes:
             known = data.penetration[trace.taken[data.known]] - estimate.surface
             middle = float(np.median(known[known > 0.0])) if (known > 0.0).any() else 1.0
-            # A probe that is held still has no frequency of its own.
+            # A probe held still has no frequency.
             turn = frequency if frequency > 0.0 else 1.0
             self._force = force_along(data, estimate) if force is None else force
             by = depth or middle, turn, self._force
@@ -160,12 +162,12 @@ class Fit:
         self.fixed = [k for k, name in enumerate(names) if name in estimate.fixed]
         self.penetration = data.penetration - estimate.surface
         self.inside: NDArray[np.bool_] = trace.taken[data.known] & (self.penetration > 0.0)
-        self.rejected: NDArray[np.bool_] = trace.rejected[data.known]  # left out as outliers
+        self.rejected: NDArray[np.bool_] = trace.rejected[data.known]  # excluded as outliers
         self.outside: NDArray[np.bool_] = ~(self.inside | self.rejected)
-        #: Above the surface, by the penetration.
+        #: Samples above the surface according to the penetration.
         self.free: NDArray[np.bool_] = (self.penetration < 0.0) & ~self.rejected
-        # At whatever penetration is given for them: a probe that rests 0.5 mm above the material
-        # has no samples above a surface that is 0.7 mm off.
+        # Counted at any penetration: a probe that rests 0.5 mm above the material has no samples
+        # above a surface that is 0.7 mm off.
         self.has_free_air = int(np.count_nonzero(self.outside)) >= FEWEST_FREE
         x, v = self.penetration[self.inside], data.velocity[self.inside]
         self.reference = float(np.median(x)) if x.size else math.nan
@@ -176,17 +178,17 @@ class Fit:
         self.period = 2.0 * math.pi * float(np.std(x)) / self.speed
         scaled = self.reference, self.speed
         self.units = Units(*scaled) if estimate.law.power_law else Units(1.0, 1.0)
-        self.windows: WindowedSamples = self._band()
+        self.windows: WindowedSamples = self._windows_in_contact()
         self.x = self.penetration[self.windows.samples] / self.units.depth
         self.v = data.velocity[self.windows.samples] / self.units.speed
-        # By the depth, which is the only thing that differs between the copies of ``at_depth``.
+        # Cached for each depth, the only difference between the copies that ``at_depth`` makes.
         self._gradients: dict[float, Floats] = {}
         self._scales: dict[float, tuple[float, float]] = {}
         self.time = self.windows.mean(data.time[self.windows.samples])
         self.force = self.windows.mean(data.force[self.windows.samples])
 
-    def _band(self) -> WindowedSamples:
-        """Windows over the samples taken; one that was left out ends none."""
+    def _windows_in_contact(self) -> WindowedSamples:
+        """Return windows over the samples in contact; an excluded outlier does not end a window."""
         kept = np.flatnonzero(~self.rejected)
         segment, sample_time = self.data.segment[kept], self.data.sample_time
         band = windows_in_contact(self.inside[kept], segment, self.period, sample_time)
@@ -195,7 +197,7 @@ class Fit:
     def at_depth(self, depth: float) -> "Fit":
         """Return the same fit with another working depth, m.
 
-        Only an equivalent law has to be fitted again: it is equivalent at one depth.
+        Only a relaxing law is fitted again: its equivalent law holds at one depth.
         """
         if self._given[2].law.relaxes:
             by_law = self.response, self.frequency, self._force
@@ -206,7 +208,7 @@ class Fit:
 
     @property
     def identified_law(self) -> ForceLaw:
-        """The law that was identified; of one that relaxes :attr:`law` is only the equivalent."""
+        """The identified law; for a relaxing law :attr:`law` is only its equivalent."""
         law: ForceLaw = self._given[2].law
         return law
 
@@ -218,11 +220,11 @@ class Fit:
 
     @cached_property
     def finite(self) -> bool:
-        """Whether a least squares of finite numbers was found, of a law that resists at all."""
+        """Whether the least squares is finite, the depth varies, and the law resists the probe."""
         solution, sizes = self.solution, np.array(self.reference_scales)
         numbers = [solution.law.parameters, solution.residual, solution.jacobian.reshape(-1), sizes]
-        known = bool(np.isfinite(np.concatenate(numbers)).all())
-        return known and bool(np.ptp(self.x) > 0.0 and (sizes > 0.0).all())
+        finite = bool(np.isfinite(np.concatenate(numbers)).all())
+        return finite and bool(np.ptp(self.x) > 0.0 and (sizes > 0.0).all())
 
     @property
     def checkable(self) -> bool:
@@ -231,7 +233,7 @@ class Fit:
 
     @cached_property
     def solution(self) -> Solution:
-        """The least squares in the band."""
+        """The least-squares solution over the windows."""
         return self.solve(self.units.local(self.estimate.law), self.estimate.offset)
 
     @cached_property
@@ -240,25 +242,25 @@ class Fit:
         return self.units.restored(self.solution.law)
 
     def explained_fraction(self, energy: float) -> float:
-        """Fraction of the solution's energy that is gone where so much is left."""
+        """Return 1 − energy/(energy of the solution): the fraction that a better fit removes."""
         return 1.0 - energy / max(self.solution.energy, np.finfo(float).tiny)
 
     @cached_property
     def linear(self) -> list[int]:
-        """Places of the law's parameters in which the force is linear."""
+        """Indices of the parameters in which the force is linear."""
         return list(range(self.law.linear) or linear_in(type(self.law)))
 
     @cached_property
     def by_linear(self) -> Floats:
-        """The force less what is there of the law where these are 0, N."""
+        """Force minus the part of the law that does not depend on the linear parameters, N."""
         if self.law.linear:
             return self.force
-        own, found = self.linear, self.solution
-        return found.residual + found.offset + found.jacobian[:, own] @ found.law.parameters[own]
+        linear, best = self.linear, self.solution
+        return best.residual + best.offset + best.jacobian[:, linear] @ best.law.parameters[linear]
 
     @cached_property
     def covariance(self) -> Floats:
-        """Of the solution's parameters and offset, in local units, for a correlated residual."""
+        """Covariance of parameters and offset, local units, for a correlated residual."""
         return robust_covariance(
             self.solution.jacobian, self.solution.residual, self.windows.shared
         )
@@ -270,7 +272,7 @@ class Fit:
         moved: "MovedSamples | None" = None,
         enough: float = 1e-9,
     ) -> Solution:
-        """The least squares next to a law in local units, within ``enough`` of its energy."""
+        """Return the least squares from a starting law in local units, to a relative ``enough``."""
         motion = moved or MovedSamples(self.x, self.v, self.windows, self.force)
         x, names = np.maximum(motion.x, 1e-12), len(law.symbols)
         high = np.full(names + 1, np.inf)
@@ -286,7 +288,7 @@ class Fit:
             else:
                 both = law.force_and_gradient(parameters[:names], x, motion.v)
                 force, gradient = map(motion.band.mean, both)
-            gradient[:, self.fixed] = 0.0  # what was given no least squares moves
+            gradient[:, self.fixed] = 0.0  # a fixed parameter has no gradient
             zero = np.full(len(gradient), float(self.with_offset))
             return motion.force - force - parameters[names], np.column_stack([gradient, zero])
 
@@ -312,7 +314,7 @@ class Fit:
 
     @property
     def gradients(self) -> Floats:
-        """Of force, stiffness and damping at the working depth by the solution's parameters."""
+        """Derivatives of force, stiffness, damping at the working depth in each parameter."""
         if self.depth in self._gradients:
             return self._gradients[self.depth]
         law = self.solution.law
@@ -332,9 +334,9 @@ class Fit:
 
     @property
     def reference_scales(self) -> tuple[float, float]:
-        """What changes of stiffness and damping are relative to: |S|, |C|, or a tenth of the force.
+        """Scales of relative changes, max(|S|, 0.1 F/x) and max(|C|, 0.1 F/V).
 
-        max(|S|, 0.1 F/x) and max(|C|, 0.1 F/V), for a quantity near zero.
+        The second term keeps the scale above zero where the quantity is near zero.
         """
         if self.depth not in self._scales:
             law = self.solution.law
@@ -348,16 +350,16 @@ class Fit:
     def relative_difference(
         self, numbers: tuple[float, float], law: ForceLaw
     ) -> tuple[float, float]:
-        """Differences of stiffness and damping to those of a law, over the scales."""
+        """Return stiffness and damping minus a law's, each over its scale."""
         return (
             (numbers[0] - self.stiffness(law)) / self.reference_scales[0],
             (numbers[1] - self.damping(law)) / self.reference_scales[1],
         )
 
     def relative_change(self, change: Floats) -> tuple[float, float]:
-        """Changes of stiffness and damping over the scales by a linear change of the parameters.
+        """Return relative changes of stiffness and damping for a linear change of the parameters.
 
-        Linear, n Δk + k Δn: the product of large changes would say 34 % where it is 2 %.
+        They are linear, n Δk + k Δn: the product of large changes would give 34 % instead of 2 %.
         """
         moved = self.gradients[1:] @ change[: len(self.solution.law.symbols)]
         return float(moved[0] / self.reference_scales[0]), float(
@@ -366,11 +368,11 @@ class Fit:
 
     @cached_property
     def noise_floor(self) -> float:
-        """What noise leaves of a row of the band, N.
+        """Standard deviation of a window mean due to noise, N.
 
-        White noise is that of a sample, √(σ² + S²σ_x² + C²σ_v²), in contact, where it may grow with
-        the force. Of slow noise the force in free air tells, or without free air what the residual
-        shows above the band of the motion.
+        The white part is the noise of a sample in contact, √(σ² + S²σ_x² + C²σ_v²), where σ may
+        grow with the force. The slow part comes from the force in free air; without free air it
+        comes from the residual at frequencies above the motion.
         """
         x = np.maximum(self.x, 1e-12)
         slope = self.solution.law.penetration_gradient(x, self.v) / self.units.depth
@@ -388,7 +390,7 @@ class Fit:
 
     @property
     def _noise_in_contact(self) -> float:
-        """Rms of the force's white noise in contact, N, by fourth differences."""
+        """Rms of the force's white noise in contact, N, from fourth differences."""
         inside, force = self.inside, self.data.force
         whole = inside[:-4] & inside[1:-3] & inside[2:-2] & inside[3:-1] & inside[4:]
         differences = np.diff(force, 4)[whole]
@@ -396,9 +398,10 @@ class Fit:
 
     @cached_property
     def correlated_rows(self) -> float:
-        """Rows of the band over which noise is correlated, by free air.
+        """Number of windows over which noise is correlated, estimated from free air.
 
-        Of AR(1) noise the variance over that of its fourth differences is 0.9 correlation times.
+        For AR(1) noise the ratio of its variance to the variance of its fourth differences is 0.9
+        correlation times.
         """
         above = self._above_band
         slow = (self.noise_floor / above) ** 2 if self.free_air.noise and above > 0.0 else 1.0
@@ -406,18 +409,18 @@ class Fit:
 
     @property
     def residual_to_noise(self) -> float:
-        """Residual of the band over its noise floor; 1 where the law holds to the noise."""
+        """Rms residual of the window means over the noise floor; 1 if only noise remains."""
         rms = math.sqrt(self.solution.energy / max(len(self.windows), 1))
         return rms / self.noise_floor if self.noise_floor > 0.0 else math.inf
 
     @cached_property
     def acceleration(self) -> Floats:
-        """At the band's samples, m/s²."""
+        """Acceleration at the samples of the windows, m/s²."""
         return self._rate_of(self.data.velocity)[self.windows.samples]
 
     @cached_property
     def jerk(self) -> Floats:
-        """Rate of the acceleration at the band's samples, m/s³."""
+        """Rate of the acceleration at the samples of the windows, m/s³."""
         return self._rate_of(self._rate_of(self.data.velocity))[self.windows.samples]
 
     def _rate_of(self, values: Floats) -> Floats:
@@ -427,27 +430,28 @@ class Fit:
 
     @property
     def at_noise_floor(self) -> bool:
-        """Whether the residual is so near noise that a cause that moves little is but a note."""
+        """Whether the residual is so small that a cause with a small effect is only a note."""
         slow = self.correlated_rows > SLOW * (1.0 + len(self.windows.shared))
         return self.residual_to_noise < (MISFIT if slow else NOISE_LIKE)
 
     @property
     def exceeds_noise(self) -> bool:
         """Whether the residual is more than noise."""
-        # A period of free air, and so many times more as noise is slower than a window.
-        known = (
+        # The noise is known from one period of free air, and proportionally more if it is
+        # correlated over longer than a window.
+        noise_known = (
             self.free_air.windows * (1.0 + len(self.windows.shared))
             >= FEWEST_AIR * self.correlated_rows
         )
-        return self.residual_to_noise > (MISFIT if known else MISFIT_UNKNOWN)
+        return self.residual_to_noise > (MISFIT if noise_known else MISFIT_UNKNOWN)
 
     @cached_property
     def free_air(self) -> "FreeAir":
-        """The force in free air, in windows as long as the band's."""
+        """The force in free air, over windows as long as those in contact."""
         free = np.flatnonzero(self.free)
         if free.size < FEWEST_FREE:
             return FreeAir()
-        # The uppermost are left out: they touch where the surface is higher than assumed.
+        # Exclude the uppermost: they are in contact if the surface is higher than assumed.
         above = self.penetration <= np.percentile(self.penetration[free], LOWEST_FREE)
         windows = windows_over(
             self.free & above, self.data.segment, self.period, self.windows.width
@@ -456,7 +460,7 @@ class Fit:
 
     @property
     def _above_band(self) -> float:
-        """Noise of a row by fourth differences of the residual, from window to window, N."""
+        """Noise of a window mean from fourth differences of the residual between windows, N."""
         starts = self.windows.samples[self.windows.places[0]]
         step = int(np.median(np.diff(starts))) if len(starts) > 1 else 0
         lag = -(-self.windows.width // step) if step else 1
@@ -472,7 +476,7 @@ class Fit:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MovedSamples:
-    """Samples in local units and the windows over them, in place of the fit's own."""
+    """Samples in local units with their windows, used in place of the fit's own samples."""
 
     x: Floats
     v: Floats
@@ -480,26 +484,26 @@ class MovedSamples:
     force: Floats
 
 
-# A column of which less than this is left beside the fit's own is the fit's own.
+# A column is collinear with the fit's columns if less than this fraction of it is orthogonal.
 COLLINEAR = 1e-5
-# The largest z of a cause that moves any number is 3.7 on 196 clean recordings, of probe and robot.
+# On 196 clean recordings of probe and robot, a cause that changes a result has z ≤ 3.7.
 SIGNIFICANT = 4.5
 
 
 @dataclass(frozen=True, slots=True)
 class AugmentedFit:
-    """A column fitted together with the law's own.
+    """Result of a fit with one additional column.
 
     Attributes
     ----------
     change : numpy.ndarray
-        Of the fit's parameters, with the column against without.
+        Change of the fit's parameters when the column is added.
     amount : float
         Coefficient of the column.
     z : float
-        The same in standard errors, for a correlated residual.
+        The coefficient in standard errors, for a correlated residual.
     explained_fraction : float
-        Fraction of the residual's energy that it removes.
+        Fraction of the residual's energy that the column removes.
     """
 
     change: Floats
@@ -511,32 +515,32 @@ class AugmentedFit:
 def fit_with_column(
     fit: Fit, column: Floats, solution: Solution | None = None
 ) -> AugmentedFit | None:
-    """Fit a column together with the law's Jacobian; None if it is collinear with that.
+    """Fit a column together with the law's Jacobian; None if it is collinear with the Jacobian.
 
-    ``solution``: with columns next to the law's. Default: that of the fit.
+    ``solution``: a solution with additional columns. Default: the solution of the fit.
     """
     solution = solution or fit.solution
     jacobian, residual = solution.jacobian, solution.residual
-    own, left = solution.inverse @ column, solution.without(column)
-    if not np.isfinite(left).all() or float(left @ left) <= COLLINEAR**2 * float(column @ column):
+    shares, rest = solution.inverse @ column, solution.without(column)
+    if not np.isfinite(rest).all() or float(rest @ rest) <= COLLINEAR**2 * float(column @ column):
         return None
-    amount = float(left @ residual / (left @ left))
-    after = residual - amount * left
-    # What is left of the column is orthogonal to the others: its own error needs none of them.
+    amount = float(rest @ residual / (rest @ rest))
+    after = residual - amount * rest
+    # The remainder is orthogonal to the other columns, so its standard error does not need them.
     others = jacobian.shape[1]
-    error = math.sqrt(robust_covariance(left[:, None], after, fit.windows.shared, others)[0, 0])
+    error = math.sqrt(robust_covariance(rest[:, None], after, fit.windows.shared, others)[0, 0])
     z, gain = abs(amount) / max(error, 1e-300), fit.explained_fraction(float(after @ after))
     if z > SIGNIFICANT and fit.noise_floor > 0.0:
-        # In slow noise a short residual does not show how long it is correlated; free air does.
-        known = (
+        # A short residual does not show the correlation length of slow noise; free air does.
+        largest_z = (
             math.sqrt(max(gain, 0.0) * fit.solution.energy / fit.correlated_rows) / fit.noise_floor
         )
-        z = min(z, known)
-    return AugmentedFit(-amount * own, amount, *((z, gain) if math.isfinite(z) else (0.0, 0.0)))
+        z = min(z, largest_z)
+    return AugmentedFit(-amount * shares, amount, *((z, gain) if math.isfinite(z) else (0.0, 0.0)))
 
 
 def deeper_half_remedy(fit: Fit) -> str:
-    """Next step where a law holds in no wide range of depths: half the working depth and deeper."""
+    """Remedy for a law that fails over a wide range of depths: use the deeper half only."""
     from_here = 0.5 * fit.depth + fit.estimate.surface
     if fit.range[0] + fit.estimate.surface >= from_here:
         return "use stiffness and damping at the working depth only"
@@ -544,10 +548,11 @@ def deeper_half_remedy(fit: Fit) -> str:
 
 
 def standard_errors(fit: Fit) -> Floats:
-    """Of force, stiffness and damping at the working depth, SI, shape (3,).
+    """Standard errors of force, stiffness and damping at the working depth, SI, shape (3,).
 
-    The covariance takes the noise to be the same at all depths. Where it is larger where it matters
-    (White 1980), as in proportion to force, Σ u² e² exceeds Σ u² ⟨e²⟩ by the influences u.
+    The covariance assumes the same noise at all depths. If the noise is larger where the influences
+    u are larger (White 1980), as for noise proportional to force, Σ u² e² exceeds Σ u² ⟨e²⟩; the
+    variance is then scaled by their ratio.
     """
     names, residual = len(fit.solution.law.symbols), fit.solution.residual
     variances = np.diag(fit.gradients @ fit.covariance[:names, :names] @ fit.gradients.T)
@@ -559,10 +564,10 @@ def standard_errors(fit: Fit) -> Floats:
 
 
 def distance_to_least_squares(fit: Fit) -> Floats:
-    """How far the method's force, stiffness and damping are off its law's least squares, SI, (3,).
+    """The method's force, stiffness and damping minus the least-squares values, SI, shape (3,).
 
-    A method that forgets, or weighs light touch as much as firm, has an answer of its own, and no
-    error bar of the least squares is about it.
+    The standard errors of the least squares do not cover this difference. A method has it if it
+    forgets, or if it weighs shallow contact as much as deep contact.
     """
-    own, best = fit.units.local(fit.estimate.law), fit.solution.law
-    return fit.force_stiffness_damping(own) - fit.force_stiffness_damping(best)
+    identified, best = fit.units.local(fit.estimate.law), fit.solution.law
+    return fit.force_stiffness_damping(identified) - fit.force_stiffness_damping(best)

@@ -1,4 +1,4 @@
-"""The last third of a recording, as the law of the rows before it predicts it."""
+"""Prediction of the last third of a recording from the law of the first two."""
 
 import math
 
@@ -9,18 +9,19 @@ from palpate.diagnosis.windows import FEWEST_ROWS
 from palpate.digits import rounded
 from palpate.findings import Check, Finding
 
-PARTS = 3  # of the rows in the band: the last is predicted
-CARE, STOP = 0.25, 1.0  # of the force
-# Times the error that noise, misfit and another motion let expect.
+PARTS = 3  # parts of the rows; the last part is predicted
+CARE, STOP = 0.25, 1.0  # fractions of the force
+# Multiple of the error expected from noise, misfit and a different motion
 UNEXPECTED = 3.0
-FADES = 0.8  # of the error by all rows before
-CYCLES = 6.0  # periods of the motion: a ramp and its hold are no change of the material
+FADES = 0.8  # ratio to the error of a law of all rows before
+CYCLES = 6.0  # periods of the motion; a ramp with its hold is not a change of the material
 
 
 def check_forecast(fit: Fit) -> Finding | None:
-    """The law of the first two thirds does not predict the last, or less well than the second does.
+    """The law of the first two thirds predicts the last badly, or worse than the second third does.
 
-    By one linear step from the law of all rows, of which every third shares no window with others.
+    The law of some rows is one linear step from the law of all rows. Only every third row is used:
+    those windows do not overlap.
     """
     rows = len(fit.windows)
     if rows < FEWEST_ROWS:
@@ -51,15 +52,15 @@ def check_forecast(fit: Fit) -> Finding | None:
 
 
 def _prediction_error(fit: Fit, before: slice) -> tuple[float, float]:
-    """Rms error with which the law of some rows predicts those after, and the expected one, N."""
+    """Return the rms error of predicting later rows from earlier ones, and its expectation, N."""
     jacobian, residual = fit.solution.jacobian, fit.solution.residual
     after = slice(before.stop, None, before.step)
-    own, others = jacobian[before], jacobian[after]
-    size = np.maximum(np.linalg.norm(own, axis=0), 1e-300)
-    own, others = own / size, others / size
-    inverse = np.linalg.pinv(own.T @ own, rcond=1e-12, hermitian=True)
-    change = inverse @ (own.T @ residual[before])
-    error, left = residual[after] - others @ change, residual[before] - own @ change
-    leverage = float(np.mean(np.sum((others @ inverse) * others, axis=1)))
-    noise = max(float(np.mean(left**2)), fit.noise_floor**2)
+    earlier, later = jacobian[before], jacobian[after]
+    size = np.maximum(np.linalg.norm(earlier, axis=0), 1e-300)
+    earlier, later = earlier / size, later / size
+    inverse = np.linalg.pinv(earlier.T @ earlier, rcond=1e-12, hermitian=True)
+    change = inverse @ (earlier.T @ residual[before])
+    error, earlier_residual = residual[after] - later @ change, residual[before] - earlier @ change
+    leverage = float(np.mean(np.sum((later @ inverse) * later, axis=1)))
+    noise = max(float(np.mean(earlier_residual**2)), fit.noise_floor**2)
     return math.sqrt(float(np.mean(error**2))), math.sqrt(noise * (1.0 + leverage))

@@ -1,4 +1,4 @@
-"""Where the surface is, and what no recording shows of the direction and of the mount."""
+"""The surface position, and errors of direction and mount that no recording shows."""
 
 import math
 from dataclasses import dataclass
@@ -16,14 +16,14 @@ from palpate.preparation.surfaces import assumed_surface, placed
 from palpate.validation import Floats
 
 MOST_IN_CONTACT, MOST_FREE = 3000, 1500
-STARTS = (-1.0, -0.3, -0.1, 0.0, 0.1)  # of the working depth
-FEWEST_MOVED = 0.005  # of the working depth; less moves no number by more than noise does
-# Times the penetration's noise, its steps included: half an encoder count is no other surface.
+STARTS = (-1.0, -0.3, -0.1, 0.0, 0.1)  # fractions of the working depth
+FEWEST_MOVED = 0.005  # of the working depth; a smaller shift has less effect than noise
+# Multiple of the penetration's noise including its steps: half an encoder count is not a shift.
 RESOLVED = 5.0
 
 
 def find_surface(fit: Fit) -> list[MisfitHypothesis]:
-    """Levenberg–Marquardt on (k, c, n, F₀, d), the free approach included; Hunt–Crossley only."""
+    """Fit (k, c, n, F₀, d) with the free approach by Levenberg–Marquardt; Hunt–Crossley only."""
     law = fit.solution.law
     if not law.power_law or not fit.with_offset:
         return []
@@ -36,7 +36,7 @@ def find_surface(fit: Fit) -> list[MisfitHypothesis]:
     if abs(depth) < max(FEWEST_MOVED, RESOLVED * fit.data.penetration_noise / fit.reference):
         return []
     error = math.sqrt(robust_covariance(after.jacobian, after.residual)[-1, -1])
-    # Energy in the windows of a fit below this surface.
+    # Energy over the windows, refitted with this surface.
     motion = MovedSamples(np.maximum(fit.x - depth, 1e-9), fit.v, fit.windows, fit.force)
     law, zero = HuntCrossley(*after.parameters[:3]), float(after.parameters[3])
     energy = fit.solve(law, zero, motion).energy
@@ -47,7 +47,7 @@ def find_surface(fit: Fit) -> list[MisfitHypothesis]:
 
 @dataclass(frozen=True, slots=True)
 class MovedSurface:
-    """Another law in place of one, below a surface that is deeper by a part of the reference."""
+    """Replacement of the law by another below a surface that is deeper by ``depth`` references."""
 
     law: HuntCrossley
     before: ForceLaw
@@ -95,9 +95,9 @@ def _surface_cause(
 
 
 def _thin_samples(fit: Fit) -> Floats:
-    """Contact, free approach and what lies between, thinned."""
+    """Return samples of contact, of free approach and between them, thinned."""
     between, chosen = fit.outside & (fit.penetration >= 0.0), []
-    if band := find_dead_band(fit.data.contact):  # where the sensor shows no force that is there
+    if band := find_dead_band(fit.data.contact):  # the sensor suppresses smaller forces
         between &= fit.data.force >= band
     for kept, most in ((fit.inside, MOST_IN_CONTACT), (fit.free, MOST_FREE), (between, MOST_FREE)):
         index = np.flatnonzero(kept)
@@ -107,14 +107,15 @@ def _thin_samples(fit: Fit) -> Floats:
     return np.array([x, v, data.force[at]])
 
 
-OFF_AXIS, SOFT_MOUNT = 10.0, 0.05  # degrees; part of the stiffness
+OFF_AXIS, SOFT_MOUNT = 10.0, 0.05  # degrees; fraction of the stiffness
 
 
 def check_unobservable(fit: Fit) -> Finding:
-    """Report what no recording can show, and what it would cost.
+    """Report errors that no recording can show, and their size.
 
-    At θ to the normal both x and F are their projections: S = ∂F/∂x keeps cosᵖ⁺¹ θ and C cosᵖ⁺² θ,
-    with p = x S/F, which is n of a power law. A mount of stiffness k in series leaves S k/(S + k).
+    At an angle θ to the normal both x and F are projections: S = ∂F/∂x is reduced by cosᵖ⁺¹ θ and C
+    by cosᵖ⁺² θ, with p = x S/F, which is n for a power law. A mount of stiffness k in series
+    reduces S to S k/(S + k).
     """
     law, part = fit.solution.law, math.cos(math.radians(OFF_AXIS))
     stiffness, force = fit.stiffness(law), fit.force_at_depth(law)
@@ -129,7 +130,7 @@ def check_unobservable(fit: Fit) -> Finding:
 
 
 def check_known_surface(fit: Fit) -> Finding | None:
-    """The recording has no free air, and nothing else says where the surface is."""
+    """The recording has no free air, and the surface is not known otherwise."""
     contact = fit.data.contact
     reported = any(finding.check == Check.SURFACE for finding in contact.findings)
     if fit.has_free_air or reported or contact.surface_deviation is not None:

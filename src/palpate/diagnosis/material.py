@@ -1,4 +1,4 @@
-"""What the material does beyond the law: friction, other damping, relaxation, adhesion."""
+"""Effects of the material beyond the law: friction, other damping, relaxation, adhesion."""
 
 import math
 from dataclasses import dataclass
@@ -24,10 +24,10 @@ from palpate.validation import Floats
 
 
 def find_material_causes(fit: Fit) -> list[MisfitHypothesis]:
-    """Friction, a material that changes slowly, another damping, another shape: a column each."""
+    """Fit one column each for friction, slow change, other damping and other shape."""
     law, time = fit.solution.law, relative_time(fit)
     x, rest = np.maximum(fit.x, 1e-12), np.zeros_like(fit.x)
-    # Without units: depth over the working depth, speed over its rms.
+    # Dimensionless: depth over the working depth, speed over its rms.
     depth, speed = x * fit.units.depth / fit.reference, fit.v * fit.units.speed / fit.speed
     spring, slope = law.force(x, rest), law.penetration_gradient(x, rest)
     spring = spring / (float(np.median(spring)) or 1.0)  # ξⁿ of a power law
@@ -36,11 +36,12 @@ def find_material_causes(fit: Fit) -> list[MisfitHypothesis]:
     columns = {
         Check.GAIN_DRIFT: law.force(x, fit.v) * time,
         Check.FRICTION: spring * np.tanh(20.0 * speed),
-        # Of a law whose damping grows as xⁿ. Beside a constant damper, K₁ v + 2 K₂ x v would be
-        # that damper but for some rounding of K₂.
+        # Only for laws whose damping grows as xⁿ. For a constant damper, K₁ v + 2 K₂ x v would
+        # equal that damper except for rounding of K₂.
         Check.DAMPING_FORM: slope * speed if law.power_law else rest,
         Check.DAMPING_WITH_DEPTH: spring * speed,
-        # ∂²F/∂n², or where the exponent is fixed ∂F/∂n: xⁿ is the tip's as far as that is known.
+        # ∂²F/∂n², or ∂F/∂n if the exponent is fixed, because the true exponent is then only
+        # assumed.
         Check.SHAPE: spring * (logarithm if fit.fixed else logarithm**2),
         Check.SQUARE_SPEED: spring * speed * np.abs(speed),
     }
@@ -48,7 +49,7 @@ def find_material_causes(fit: Fit) -> list[MisfitHypothesis]:
 
 
 def _explain_column(fit: Fit, check: Check, amount: float) -> tuple[str, str]:
-    """What so much of a column means, and the next step."""
+    """Return the sentence and the next step for an amount of a column."""
     part = abs(amount) / max(abs(fit.force_at_depth(fit.solution.law)), 1e-300)
     half = rounded(float(np.median(fit.data.time)), 3)
     return {
@@ -81,14 +82,15 @@ def _explain_column(fit: Fit, check: Check, amount: float) -> tuple[str, str]:
 
 
 TIMES = 7  # relaxation times tried, from P/30 to 0.7 of the recording
-BLOCK = 64  # samples that are relaxed at once
+BLOCK = 64  # samples whose state is computed in one vectorised step
 
 
 def find_relaxation(fit: Fit) -> list[MisfitHypothesis]:
-    """Fit dh/dt = d(ξⁿ)/dt − h/τ beside the law, with the best of seven τ.
+    """Fit a relaxation branch dh/dt = d(ξⁿ)/dt − h/τ next to the law, with the best of seven τ.
 
-    At the motion's frequency ω the branch adds q²/(1 + q²) of its force to the stiffness and
-    τ/(1 + q²) to the damping, q = ωτ: without that a dynamic stiffness is called 50 % wrong.
+    With q = ωτ at the motion's frequency ω, the branch adds q²/(1 + q²) of its force to the
+    stiffness and τ/(1 + q²) to the damping. Without these terms a dynamic stiffness would be
+    reported as 50 % wrong.
     """
     data = fit.data
     steps = np.diff(data.time, prepend=data.time[0])
@@ -102,11 +104,11 @@ def find_relaxation(fit: Fit) -> list[MisfitHypothesis]:
     best, time = None, shortest
     for tau in np.geomspace(shortest, 0.7 * duration, TIMES):
         state = relaxation_state(spring, steps, float(tau), data.sample_time)
-        found = fit_with_column(fit, fit.windows.mean(state[fit.windows.samples]))
-        if found is not None and (
-            best is None or found.explained_fraction > best.explained_fraction
+        result = fit_with_column(fit, fit.windows.mean(state[fit.windows.samples]))
+        if result is not None and (
+            best is None or result.explained_fraction > best.explained_fraction
         ):
-            best, time = found, float(tau)
+            best, time = result, float(tau)
     if best is None:
         return []
     turn = 2.0 * math.pi * time / fit.period
@@ -119,9 +121,9 @@ def find_relaxation(fit: Fit) -> list[MisfitHypothesis]:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class BranchChange:
-    """A change of the parameters, and a branch that relaxes beside the law.
+    """A change of the parameters, and an added relaxation branch.
 
-    Its stiffness and its damping [s] are multiples of the law's stiffness.
+    The branch's stiffness and damping [s] are multiples of the law's stiffness.
     """
 
     law: ForceLaw
@@ -139,7 +141,7 @@ class BranchChange:
 
 
 def _describe_relaxation(fit: Fit, time: float) -> tuple[str, str]:
-    """What was found, and the next step; a law that relaxes may leave some relaxation over."""
+    """Return the sentence and the next step for relaxation in the residual."""
     over, tare = f"about {rounded(time, 2)} s", "tare the sensor before each touch"
     if fit.equivalent is None:
         return (
@@ -166,10 +168,10 @@ def _describe_relaxation(fit: Fit, time: float) -> tuple[str, str]:
 
 
 def relaxation_state(drive: Floats, steps: Floats, tau: float, sample_time: float) -> Floats:
-    """State h of dh = d(drive) − h dt/τ, from h = 0; on the median step within a block of samples.
+    """State h of dh = d(drive) − h dt/τ, from h = 0, with the median time step within blocks.
 
-    Exact on an even time base. On an uneven one the decay over a block of 64 is that of its own
-    time, and within it that of the median step.
+    Exact for even time steps. For uneven steps the decay over a block of 64 samples uses the
+    block's own duration, and the decay within it the median step.
     """
     decay = math.exp(-sample_time / tau)
     power = decay ** np.arange(BLOCK + 1)
@@ -190,24 +192,25 @@ def relaxation_state(drive: Floats, steps: Floats, tau: float, sample_time: floa
     return (local + carried[:, None] * power[1:]).reshape(-1)[: len(drive)]
 
 
-# Of the working depth: where a pull is looked for, in so many pieces.
+# Depth range over the working depth in which adhesion is searched for, and its number of pieces.
 LIGHT, PIECES = (-0.2, 0.5), 8
-FEWEST_PULLED = 10  # samples of a piece
-PULL_Z, LEAST_PULL = 4.0, 0.003  # standard errors; of the largest force
-REACHES = (0.1, 0.2, 0.4, 0.8)  # of the working depth, over which a neck lets go
+FEWEST_PULLED = 10  # samples in a piece
+PULL_Z, LEAST_PULL = 4.0, 0.003  # standard errors; fraction of the largest force
+REACHES = (0.1, 0.2, 0.4, 0.8)  # lengths of an adhesive neck over the working depth
 
 
 def find_adhesion_or_relaxation(fit: Fit) -> list[MisfitHypothesis]:
-    """Relaxation; or adhesion, where the force is below zero and adhesion explains about as much.
+    """Return adhesion if the force is negative and adhesion fits as well, else relaxation.
 
-    Its columns are −exp(−ξ/r) on withdrawal, a neck that lets go, and −√ξ on withdrawal or both
-    ways, as of Johnson, Kendall and Roberts. No relaxation pulls, but that of a law may: then it
-    explains far more.
+    The columns of adhesion are −exp(−ξ/r) on withdrawal, a neck that breaks, and −√ξ on withdrawal
+    or in both directions, as in the theory of Johnson, Kendall and Roberts. Relaxation of
+    a material causes no negative force. A relaxing law may still have one; it then explains far
+    more than adhesion.
     """
-    found = find_relaxation(fit)
+    causes = find_relaxation(fit)
     pull = largest_pull(fit)
     if not pull > 0.0:
-        return found
+        return causes
     depth = np.maximum(fit.x, 0.0) * fit.units.depth / fit.reference
     root = np.sqrt(depth)
     shapes = np.array([*(np.exp(-depth / reach) for reach in REACHES), root])
@@ -215,10 +218,10 @@ def find_adhesion_or_relaxation(fit: Fit) -> list[MisfitHypothesis]:
     fits = (fit_with_column(fit, column) for column in columns)
     pulls = [each for each in fits if each is not None and each.amount > 0.0]
     if not pulls:
-        return found
+        return causes
     best = max(pulls, key=lambda each: each.explained_fraction)
-    if found and 1.0 - found[0].explained_fraction < SURE * (1.0 - best.explained_fraction):
-        return found
+    if causes and 1.0 - causes[0].explained_fraction < SURE * (1.0 - best.explained_fraction):
+        return causes
     force = format_quantity(pull, "N")
     sentence = f"adhesion: near the surface the material pulls the probe with {force}"
     remedy = f"record a motion that stays in contact, or {deeper_half_remedy(fit)}"
@@ -226,9 +229,10 @@ def find_adhesion_or_relaxation(fit: Fit) -> list[MisfitHypothesis]:
 
 
 def largest_pull(fit: Fit) -> float:
-    """How far the force is below that in free air as the probe withdraws, N; 0 if it is not.
+    """Return the largest adhesive force during withdrawal, relative to free air, N; 0 without.
 
-    Below that of any direction, for friction of the probe, and of what pulls on the probe in air.
+    The reference is the lower of two means in free air, of all samples and of those in withdrawal,
+    so that friction of the probe does not count, and follows the slope of the approach in air.
     """
     free = np.flatnonzero(fit.free)
     if free.size < FEWEST_FREE:
@@ -240,16 +244,16 @@ def largest_pull(fit: Fit) -> float:
     zero = min((force[each] for each in away), key=np.mean)
     comes, slope = free[~leaves[free]], 0.0
     if comes.size and np.ptp(x[comes]) > 0.0:
-        # Sums about the means: they also exist where the places differ in their last digits only.
+        # Centred sums, which are defined even if the positions differ in their last digits only.
         off = x[comes] - x[comes].mean()
         slope = min(float(off @ force[comes] / max(off @ off, float(np.finfo(float).tiny))), 0.0)
     place = (x - LIGHT[0]) * PIECES / (LIGHT[1] - LIGHT[0])
     least, largest = LEAST_PULL * fit.data.peak_force, 0.0
     for piece in range(PIECES):
-        there = leaves & (place >= piece) & (place < piece + 1)
-        if np.count_nonzero(there) < FEWEST_PULLED:
+        in_piece = leaves & (place >= piece) & (place < piece + 1)
+        if np.count_nonzero(in_piece) < FEWEST_PULLED:
             continue
-        below = zero.mean() + slope * (x[there] - float(np.mean(x[away[0]]))) - force[there]
+        below = zero.mean() + slope * (x[in_piece] - float(np.mean(x[away[0]]))) - force[in_piece]
         pull = float(below.mean())
         if pull > max(least, largest) and pull > PULL_Z * math.hypot(
             mean_error(below), mean_error(zero)
@@ -258,12 +262,12 @@ def largest_pull(fit: Fit) -> float:
     return largest
 
 
-HOLD = 3.0  # relaxation times, after which e⁻³ = 5 % is left
-STILL = 0.05  # of the rms velocity
+HOLD = 3.0  # relaxation times, after which e⁻³ = 5 % remains
+STILL = 0.05  # fraction of the rms velocity
 
 
 def check_relaxed_stiffness(fit: Fit) -> Finding | None:
-    """The stiffness after relaxation is extrapolated where no hold of three times was recorded."""
+    """The relaxed stiffness is extrapolated: no hold of three relaxation times was recorded."""
     if fit.laws is None or fit.equivalent is None or not fit.laws.law.remembers:
         return None
     inside, data = np.flatnonzero(fit.inside), fit.data
@@ -283,21 +287,21 @@ def check_relaxed_stiffness(fit: Fit) -> Finding | None:
 
 
 def check_behind_relaxation(fit: Fit) -> list[Finding]:
-    """Adhesion, or a change of the material, that a law which relaxes has taken for its own.
+    """Report adhesion, or a change of the material, that a relaxing law has absorbed.
 
-    By Hunt and Crossley's law of the same samples: with adhesion it leaves about as little as the
-    law that was selected, or with a change far less.
+    The Hunt–Crossley law is fitted to the same samples. With adhesion its residual is about as
+    small as the residual of the selected law, with a change of the material far smaller.
     """
-    given, trace, _ = fit._given
-    plain, left = Fit(given, trace, fit.estimate, fit.depth), fit.solution.energy
+    data, trace, _ = fit._given
+    plain, energy = Fit(data, trace, fit.estimate, fit.depth), fit.solution.energy
     causes = []
     if largest_pull(plain) > 0.0:
         pulls = (
             each for each in find_adhesion_or_relaxation(plain) if each.check is Check.ADHESION
         )
-        causes += [(each, left / SURE) for each in pulls if each.z > SIGNIFICANT]
+        causes += [(each, energy / SURE) for each in pulls if each.z > SIGNIFICANT]
     if not fit.at_noise_floor and (changed := find_changes(plain)) is not None:
-        causes.append((changed.cause, left * SURE))
+        causes.append((changed.cause, energy * SURE))
     return [
         each.check.finding(each.sentence, each.remedy, each.z, mark="with-care")
         for each, most in causes
@@ -313,13 +317,13 @@ def relaxation_remedy(laws: ModelSelection | None, time: float) -> str:
 
     Parameters
     ----------
-    laws : Laws, optional
-        The selection, where there was one.
+    laws : ModelSelection, optional
+        The model selection, if the law was selected.
     time : float
-        Relaxation time that the residual shows, s.
+        Relaxation time in the residual, s.
     """
     if laws is None:
         return SELECT_LAW
-    if time > laws.longest:  # as likely the drift of a sensor
+    if time > laws.longest:  # sensor drift is as likely
         return "tare the sensor before each touch"
     return TASK_SPEED

@@ -1,4 +1,4 @@
-"""What the law leaves unexplained, and how far a method is off the least squares of its law."""
+"""Force that the law does not explain, and distance of a method from its law's least squares."""
 
 import math
 
@@ -16,8 +16,8 @@ from palpate.digits import rounded
 from palpate.estimators.variable_projection import ConstrainedEstimate
 from palpate.findings import Check, Finding, Mark
 
-UNEXPLAINED, TOO_MUCH_UNEXPLAINED = 0.05, 0.30  # of the force
-METHOD_Z = 5.0  # a method that is off by more, but by no more than calls for care, gets a note
+UNEXPLAINED, TOO_MUCH_UNEXPLAINED = 0.05, 0.30  # fractions of the force
+METHOD_Z = 5.0  # standard errors; a larger distance is at least a note
 
 
 def fraction_unexplained(fit: Fit) -> float:
@@ -28,13 +28,13 @@ def fraction_unexplained(fit: Fit) -> float:
 
 
 def check_misfit(fit: Fit) -> Finding | None:
-    """The law leaves more than 5 % of the force, or three times the noise."""
-    left, times = fraction_unexplained(fit), fit.residual_to_noise
-    if left <= UNEXPLAINED and not fit.exceeds_noise:
+    """The law leaves more than 5 % of the force unexplained, or more than three times the noise."""
+    unexplained, times = fraction_unexplained(fit), fit.residual_to_noise
+    if unexplained <= UNEXPLAINED and not fit.exceeds_noise:
         return None
-    part = rounded(left, 2) if left < 0.01 else f"{left:.0%}"
+    part = rounded(unexplained, 2) if unexplained < 0.01 else f"{unexplained:.0%}"
     remedy = SELECT_LAW if fit.laws is None else deeper_half_remedy(fit)
-    mark: Mark = "do-not-trust" if left > TOO_MUCH_UNEXPLAINED else "trust"
+    mark: Mark = "do-not-trust" if unexplained > TOO_MUCH_UNEXPLAINED else "trust"
     return Check.MISFIT.finding(
         f"the law leaves {part} of the force unexplained ({rounded(times, 2)} times the noise)",
         remedy,
@@ -44,7 +44,7 @@ def check_misfit(fit: Fit) -> Finding | None:
 
 
 def misfit_without_time(stiffness: Mark) -> Finding:
-    """Report a misfit whose cause a recording without time does not show."""
+    """Report a misfit whose cause cannot be found without time."""
     return Check.MISFIT.finding(
         "the force differs from that of a spring, and without time palpate cannot say why",
         "record the time of each sample",
@@ -53,17 +53,17 @@ def misfit_without_time(stiffness: Mark) -> Finding:
 
 
 def check_method(fit: Fit) -> Finding | None:
-    """The method's own answer is not the least squares of its law on these samples."""
+    """The method's estimate is not the least squares of its law on these samples."""
     if isinstance(fit.estimate, ConstrainedEstimate):
-        return None  # under a prior, and reported
-    apart = distance_to_least_squares(fit)[1:]
-    z = float(np.max(np.abs(apart) / np.maximum(standard_errors(fit)[1:], 1e-300)))
+        return None  # a prior constrains it, and this is reported
+    distance = distance_to_least_squares(fit)[1:]
+    z = float(np.max(np.abs(distance) / np.maximum(standard_errors(fit)[1:], 1e-300)))
     if z <= METHOD_Z:
         return None
-    off_s, off_c = (apart / fit.reference_scales).tolist()
+    off_s, off_c = (distance / fit.reference_scales).tolist()
     large = max(abs(off_s), abs(off_c)) > CARE
-    own = fit.method == "variable-projection"
-    remedy = deeper_half_remedy(fit) if own else "run again with --method variable-projection"
+    exact = fit.method == "variable-projection"
+    remedy = deeper_half_remedy(fit) if exact else "run again with --method variable-projection"
     whose = f"{fit.method} fails here: its" if large else "the method's"
     return Check.METHOD.finding(
         f"{whose} stiffness is {off_s:+.1%} and its damping {off_c:+.1%} off the least-squares fit "

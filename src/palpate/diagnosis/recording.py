@@ -1,7 +1,7 @@
-"""Checks of the recording: units, signs, clocks, steps and spikes, and what all of them share.
+"""The channels of a recording and their checks: units, signs, clocks, steps and spikes.
 
-Each looks at the data once, whatever law is fitted. To add one: a function of a :class:`Data`, and
-its name in ``CHECKS``.
+Each check looks at the data once, independent of the fitted law. To add one: a function of a
+:class:`Data`, and its name in ``CHECKS``.
 """
 
 import math
@@ -23,12 +23,12 @@ from palpate.validation import Floats
 
 
 class Data:
-    """A contact without the samples that are not finite, and what is known of its channels.
+    """The finite samples of a contact, and properties of its channels.
 
     Parameters
     ----------
     contact : Contact
-        As it was prepared.
+        The prepared contact.
     """
 
     def __init__(self, contact: Contact) -> None:
@@ -43,14 +43,14 @@ class Data:
         self.sample_time = contact.sample_time
         #: How the velocity was computed from the penetration; None: it was recorded.
         self.velocity_filter = contact.velocity_filter
-        #: By how they were compared: methods of one contact share them.
+        #: Model selections, keyed by how laws were compared; the methods of one contact share them.
         self.laws: dict[str, ModelSelection] = {}
 
     def __len__(self) -> int:
         return len(self.time)
 
     def samples(self, *, rejecting: bool) -> "Data":
-        """Return the data without load transfer where outliers are rejected, else itself."""
+        """Return the data without load transfer if outliers are rejected, else the data itself."""
         return self._without_load_transfer if rejecting else self
 
     @cached_property
@@ -69,43 +69,43 @@ class Data:
 
     @cached_property
     def force_noise(self) -> float:
-        """Standard deviation of the force's noise, N, its rounding included."""
+        """Standard deviation of the force's noise, N, including its rounding."""
         return max(noise_of(self.force), self.force_step / math.sqrt(12.0))
 
     @cached_property
     def penetration_noise(self) -> float:
-        """Standard deviation of the penetration's noise, m, its rounding included."""
+        """Standard deviation of the penetration's noise, m, including its rounding."""
         return max(noise_of(self.penetration), step_of(self.penetration) / math.sqrt(12.0))
 
     @cached_property
     def velocity_noise(self) -> float:
-        """Standard deviation of the velocity's noise, m/s, by the filter in white noise of x."""
+        """Standard deviation of the velocity's noise, m/s; after a filter, for white noise of x."""
         if self.velocity_filter is None:
             return noise_of(self.velocity)
         return self.penetration_noise * noise_gain(self.velocity_filter) / self.sample_time
 
     @property
     def filter_samples(self) -> int:
-        """Samples in the window of the velocity's filter."""
+        """Samples in the window of the velocity filter."""
         own = self.velocity_filter
         return window_samples(self.sample_time) if own is None else own.samples
 
     @property
     def wider_window(self) -> str:
-        """Next step where a differentiated velocity is noisy: twice the filter's window."""
+        """Remedy for a differentiated velocity that is noisy: twice the filter's window."""
         window = self.filter_samples * self.sample_time
         return f"run again with --velocity-window {2.0 * window:.2g}"
 
     @cached_property
     def findings(self) -> tuple[Finding, ...]:
-        """What the checks of the data found, and the findings of its preparation."""
-        with np.errstate(all="ignore"):  # absurd samples overflow, and are then found
+        """Findings of the checks of the data, then findings of the preparation."""
+        with np.errstate(all="ignore"):  # absurd samples overflow; a check then finds them
             found = [check(self) for check in (CHECKS if len(self) >= FEWEST_SAMPLES else ())]
         return (*(each for each in found if each is not None), *self.contact.findings)
 
     @cached_property
     def peak_force(self) -> float:
-        """99.9th percentile of the force's size, N, so that a spike sets nothing."""
+        """99.9th percentile of |force|, N, on which single spikes have no effect."""
         return largest_of(self.force)
 
     @cached_property
@@ -114,11 +114,12 @@ class Data:
         return float(np.percentile(self.penetration, 99.9)) if len(self) else 0.0
 
 
-FORCE_STEP = 0.04  # of the largest force
-# Of the largest penetration: with 0.8 % the velocity's noise makes the damping 3 % too small, with
-# 1.5 % 16 % (three draws each).
+FORCE_STEP = 0.04  # fraction of the largest force
+# Fraction of the largest penetration. With 0.8 % the velocity's noise makes the damping 3 % too
+# small, with 1.5 % it makes it 16 % too small (three draws each).
 PENETRATION_STEP = 0.01
-# Of the samples that repeat the one before; noise dithers the lab's steps of 1/8 N: 55 % repeat.
+# Fraction of samples that equal the previous one. Noise dithers the lab's steps of 1/8 N: 55 %
+# repeat.
 REPEATED = 0.85
 
 
@@ -149,7 +150,7 @@ def _has_coarse_steps(values: Floats, step: float, largest: float) -> bool:
 
 
 def check_held_channel(data: Data) -> Finding | None:
-    """Changes every k ≤ 60 samples: a delay of (k − 1)/2 samples, or k/2 of two clocks apart."""
+    """Changes every k ≤ 60 samples: a delay of (k − 1)/2 samples, or of k/2 with two clocks."""
     for name, values in (("force", data.force), ("penetration", data.penetration)):
         beat = beat_of(values)
         if beat:
@@ -165,7 +166,7 @@ RANKS_AGAINST = -0.3  # rank correlation; recordings with the right signs have 0
 def check_signs(data: Data) -> Finding | None:
     """Rank correlation of x and F below −0.3, and less force at the deepest 5 % than at the least.
 
-    Looked at before any gate, which would throw away what tells it.
+    It runs before any gate, because a gate removes the samples that show the wrong sign.
     """
     every = -(-len(data) // MOST_RANKED)
     x, force = data.penetration[::every], data.force[::every]
@@ -197,25 +198,27 @@ def _ranks(values: Floats) -> Floats:
     return ranks
 
 
-SOME, MANY = 1e-3, 2e-2  # of the samples
-# Of the rms of the velocity: below it the probe turns, and friction jumps from side to side within
-# a sample (on the robot at up to 0.26). Spikes come at any speed, so they are counted above it.
+SOME, MANY = 1e-3, 2e-2  # fractions of the samples
+# Fraction of the rms velocity. At slower speeds the probe reverses and friction jumps between its
+# two signs within a sample (on the robot at up to 0.26). Spikes occur at any speed, so they are
+# counted at faster speeds only.
 SLOW = 1.0 / 3.0
-# Of the largest force, and of its noise: heavier tails than a Gaussian's are no spikes.
+# Fraction of the largest force, and multiple of its noise: tails heavier than a Gaussian's are not
+# spikes.
 LARGE, FAR = 0.05, 16.0
 FEWEST_SPIKES = 3.0
-FEWEST_FAST = 0.2  # of the samples; with fewer all are counted
+FEWEST_FAST = 0.2  # fraction of the samples; with fewer all samples are counted
 
 
 def _distance_to_neighbours(data: Data, at: NDArray[np.intp]) -> Floats:
-    """How far samples of the force are from the mean of their neighbours, N."""
+    """Distance of force samples from the mean of their two neighbours, N."""
     before, after = np.maximum(at - 1, 0), np.minimum(at + 1, len(data) - 1)
     leaps: Floats = np.abs(data.force[at] - 0.5 * (data.force[before] + data.force[after]))
     return leaps
 
 
 def check_spikes(data: Data) -> Finding | None:
-    """More than 0.1 % of the samples are spikes; of the force only where the probe moves."""
+    """More than 0.1 % of the samples are spikes; force spikes count only while the probe moves."""
     force, penetration = spiked(data.force), spiked(data.penetration)
     force[force] = _distance_to_neighbours(data, np.flatnonzero(force)) > max(
         LARGE * data.peak_force, FAR * data.force_noise
@@ -236,17 +239,17 @@ def check_spikes(data: Data) -> Finding | None:
     )
 
 
-JUMP, MUCH = 0.05, 0.20  # of the largest force
-USUAL = 4.0  # times the scatter of the changes of three samples before and after
-ONE_WAY = 0.5  # of the sum of sizes; jumps up and down are friction, or a sensor that was lost
-MOST_JUMPS = 3  # friction that jumps as the probe turns does so at every turn
-PRESSING = 0.05  # of the largest force
+JUMP, MUCH = 0.05, 0.20  # fractions of the largest force
+USUAL = 4.0  # multiple of the scatter of the changes of three samples before and after
+ONE_WAY = 0.5  # |sum| over the sum of sizes; jumps up and down are friction or sensor dropouts
+MOST_JUMPS = 3  # friction jumps at every reversal of the probe, so it makes more jumps
+PRESSING = 0.05  # fraction of the largest force
 
 
 def check_force_jump(data: Data) -> Finding | None:
-    """One change of the force that leaves those of three samples around by 5 % of the largest.
+    """One change of the force deviates from its six neighbours by 5 % of the largest force.
 
-    The position must not jump with it, nor the motion reverse: friction does jump then.
+    The position must not jump with it, and the motion must not reverse, since friction jumps then.
     """
     changes, moves = np.diff(data.force), np.abs(np.diff(data.penetration))
     least = max(JUMP * data.peak_force, FAR * data.force_noise, 3.0 * data.force_step)
@@ -269,10 +272,10 @@ def check_force_jump(data: Data) -> Finding | None:
             jumps.append(k)
     if not 0 < len(jumps) <= MOST_JUMPS or beat_of(data.force):
         return None
-    found = beyond[jumps]
-    if abs(found.sum()) < ONE_WAY * np.abs(found).sum():
+    jump_sizes = beyond[jumps]
+    if abs(jump_sizes.sum()) < ONE_WAY * np.abs(jump_sizes).sum():
         return None
-    largest = jumps[int(np.argmax(np.abs(found)))]
+    largest = jumps[int(np.argmax(np.abs(jump_sizes)))]
     size, when = beyond[largest], rounded(float(data.time[largest]), 4)
     return Check.FORCE_JUMP.finding(
         f"the force jumps by {format_quantity(float(size), 'N')} within a sample at {when} s while "
@@ -283,15 +286,15 @@ def check_force_jump(data: Data) -> Finding | None:
 
 
 WIDTH = 7  # samples of a local parabola
-MOST_STAMPS = 20_000  # samples that are looked at
-# Residual against the stamps over that against the index: recordings have 1.13 and less, jittered
-# stamps 4 to 7.5, and missing samples 0.4 to 0.7.
+MOST_STAMPS = 20_000  # samples that are used
+# Ratio of the residual against the time stamps to the residual against the sample index: recordings
+# have at most 1.13, jittered time stamps 4 to 7.5, and missing samples 0.4 to 0.7.
 RATIO = 2.0
 UNEVEN = 0.2  # sd(Δt)/mean
 
 
 def check_time_stamps(data: Data) -> Finding | None:
-    """A parabola in time that fits twice worse by the stamps than by the count of samples."""
+    """A local parabola fits the time stamps twice worse than it fits the sample index."""
     part = slice(0, MOST_STAMPS)
     time, x = data.time[part], data.penetration[part]
     steps = np.diff(time)
@@ -312,7 +315,7 @@ def check_time_stamps(data: Data) -> Finding | None:
 
 
 def _distance_to_parabola(time: Floats, x: Floats) -> float:
-    """Median residual of the middle of a window against the parabola through it."""
+    """Median residual of the middle sample of a window against a parabola through the window."""
     windows = np.lib.stride_tricks.sliding_window_view(np.arange(len(x)), WIDTH)
     t = time[windows] - time[windows[:, WIDTH // 2], None]
     t = t / np.maximum(np.abs(t).max(axis=1, keepdims=True), 1e-300)
@@ -323,10 +326,10 @@ def _distance_to_parabola(time: Floats, x: Floats) -> float:
     return float(np.median(np.abs(x[windows[:, WIDTH // 2]] - middle)))
 
 
-DEEPEST, FASTEST = 0.25, 3.0  # m, m/s; of the recordings the largest are 19 mm and 0.84 m/s
-# F/x², a modulus that no geometry changes much: recordings show 6e3 to 7e7 Pa.
-SOFTEST, HARDEST = 2.0, 5e8  # never by depth**2, which overflows
-LARGEST_FORCE = 5e3  # N; TPU under a testing machine is pressed with 2.6 kN
+DEEPEST, FASTEST = 0.25, 3.0  # m, m/s; the recordings reach at most 19 mm and 0.84 m/s
+# F/x² in Pa, a modulus that depends little on geometry: recordings have 6e3 to 7e7 Pa.
+SOFTEST, HARDEST = 2.0, 5e8  # compared as F/x with x, because x² can overflow
+LARGEST_FORCE = 5e3  # N; the testing machine presses TPU with 2.6 kN
 SLOWEST = 0.2  # s between samples
 
 
@@ -348,7 +351,7 @@ def check_penetration_unit(data: Data) -> Finding | None:
 
 
 def check_force_unit(data: Data) -> Finding | None:
-    """F > 5 kN or F/x² > 5e8 Pa; it sees 87 % of the cases, so the peak force is always printed."""
+    """F > 5 kN or F/x² > 5e8 Pa; it finds 87 % of such errors, so the peak is always shown."""
     depth, force = data.peak_penetration, data.peak_force
     if depth <= 0.0 or "force" in data.contact.stated_units:
         return None
@@ -363,51 +366,52 @@ def check_force_unit(data: Data) -> Finding | None:
 
 
 def check_time_unit(data: Data) -> Finding | None:
-    """Median step > 0.2 s: a slow recording where position and force are plausible."""
+    """Median step > 0.2 s; only a note if position and force are plausible (slow recording)."""
     contact = data.contact
     if data.sample_time <= SLOWEST or "time" in contact.stated_units or contact.timeless:
         return None
     words = f"there is a sample every {rounded(data.sample_time, 3)} s: the times may be in "
-    said = f"{words}milliseconds", _unit_remedy("time", "ms", "s")
+    explanation = f"{words}milliseconds", _unit_remedy("time", "ms", "s")
     if check_penetration_unit(data) is None and check_force_unit(data) is None:
-        return Check.TIME_UNIT.finding(*said)
-    return Check.TIME_UNIT.finding(*said, mark="do-not-trust")
+        return Check.TIME_UNIT.finding(*explanation)
+    return Check.TIME_UNIT.finding(*explanation, mark="do-not-trust")
 
 
 def _unit_remedy(channel: str, guess: str, si: str) -> str:
-    """Next step where a unit is a guess: state that one, or the one that was taken."""
+    """Remedy for a suspected unit: state the suspected unit, or confirm the one that was used."""
     option = f"--unit {channel}="
     return f"run again with {option}{guess}, or with {option}{si} if it is right"
 
 
 VELOCITY_NONE = "differentiate the penetration instead: --velocity none"
 OTHER = ": it may have another unit or sign, or be another channel"
-MEAN = 15  # samples of a piece, over which noise averages out
+MEAN = 15  # samples of a piece over which noise averages out
 STOP = (0.8, 1.25)  # slopes; recorded columns have 1.01 to 1.08
-CARE = 0.05  # of the damping, as for every cause
-ALIKE = 0.9  # correlation, above which a slope means something
+CARE = 0.05  # fraction of the damping, the same as for every cause
+ALIKE = 0.9  # correlation above which the slope is meaningful
 VELOCITIES_AGAINST = -0.5
 
 
 def check_velocity_column(data: Data) -> Finding | None:
-    """Slope of ∫v dt on Δx, over pieces of 15 samples, where the two are correlated.
+    """Slope of ∫v dt on Δx, over pieces of 15 samples, if the two are correlated.
 
-    Beyond 0.8 … 1.25, or where they run against each other, it is another channel; within, the
-    damping B = ∂F/∂v is wrong by the slope.
+    Outside 0.8 … 1.25, or with a negative correlation, the column is another channel. Inside, the
+    slope is the error of the damping B = ∂F/∂v.
     """
     if data.velocity_filter is not None or len(data) < 4 * MEAN:
         return None
-    way, integral = _displacements(data)
-    if way.size < 4 or np.ptp(way) == 0.0 or np.ptp(integral) == 0.0:
+    dx, integral = _displacements(data)
+    if dx.size < 4 or np.ptp(dx) == 0.0 or np.ptp(integral) == 0.0:
         return None
-    alike = float(np.corrcoef(way, integral)[0, 1])
-    if alike < VELOCITIES_AGAINST:
+    correlation = float(np.corrcoef(dx, integral)[0, 1])
+    if correlation < VELOCITIES_AGAINST:
         words = "the velocity column runs against the rate of the penetration" + OTHER
         return Check.VELOCITY_COLUMN.finding(words, VELOCITY_NONE, mark="do-not-trust")
-    if alike <= ALIKE:
+    if correlation <= ALIKE:
         return None
-    # Noise in one of the two lowers the first and raises the second: the one nearer to 1 is sure.
-    slopes = float(way @ integral / (way @ way)), float(integral @ integral / (way @ integral))
+    # Noise in Δx lowers the first slope, noise in ∫v dt raises the second: the one nearer to 1 is
+    # less biased.
+    slopes = float(dx @ integral / (dx @ dx)), float(integral @ integral / (dx @ integral))
     slope = min(slopes, key=lambda each: abs(each - 1.0))
     words = f"the velocity column is {rounded(slope, 3)} times the rate of the penetration"
     if not STOP[0] <= slope <= STOP[1]:
@@ -424,7 +428,7 @@ def check_velocity_column(data: Data) -> Finding | None:
 
 
 def _displacements(data: Data) -> tuple[Floats, Floats]:
-    """Way of each piece by the penetration, and by the velocity's integral, m."""
+    """Displacement of each piece from the penetration, and from the integral of the velocity, m."""
     ends = np.arange(0, (len(data) // MEAN) * MEAN, MEAN)
     last = ends + MEAN - 1
     whole = data.segment[ends] == data.segment[last]
@@ -447,4 +451,4 @@ CHECKS: tuple[Callable[[Data], Finding | None], ...] = (
     check_spikes,
     check_steps,
 )
-FEWEST_SAMPLES = 20  # samples, below which a recording is only short
+FEWEST_SAMPLES = 20  # a shorter recording is reported only as short

@@ -20,15 +20,15 @@ from palpate.preparation.held import beat_of
 from palpate.preparation.resolution import find_dead_band
 
 SHORTEST = 5  # samples
-MOVES = 4.0  # of the noise or the step, that the law's force moves meanwhile
-SOME_FLAT, MANY_FLAT = 0.01, 0.05  # of the samples in contact
+MOVES = 4.0  # multiple of the noise or of the step by which the law's force must vary during a run
+SOME_FLAT, MANY_FLAT = 0.01, 0.05  # fractions of the samples in contact
 
 
 def check_saturation(fit: Fit) -> Finding | None:
-    """Runs of 5 and more equal forces while the law's force moves by more than 4 max(σ, step).
+    """Runs of 5 or more equal forces while the law's force varies by more than 4 max(σ, step).
 
-    Of a force that is held, which has a check of its own, runs of more than two beats; of a dead
-    band, which has one too, none. A run ends at the surface.
+    A held force has another check, so only runs of more than two of its beats count. A dead band
+    also has another check, so its samples do not count. A run ends at the surface.
     """
     force, inside = fit.data.force, fit.inside | (fit.rejected & (fit.penetration > 0.0))
     shortest = max(SHORTEST, math.floor(2.0 * beat_of(force)) + 1)
@@ -37,7 +37,7 @@ def check_saturation(fit: Fit) -> Finding | None:
     changed[1:-1] |= below[1:] != below[:-1]
     borders = np.flatnonzero(changed)
     lengths, began = np.diff(borders), borders[:-1]
-    # The samples of a sensor that was lost are not taken: the one before is.
+    # Samples in which the sensor was lost are not taken, but the one before is.
     long = (lengths >= shortest) & below[began] & (inside[began] | inside[np.maximum(began - 1, 0)])
     if band := find_dead_band(fit.data.contact):
         long &= force[began] >= band
@@ -69,7 +69,7 @@ def check_saturation(fit: Fit) -> Finding | None:
 
 
 def check_dead_band(fit: Fit) -> Finding | None:
-    """The force is one value in air and at light touch, and none between it and a larger one."""
+    """The force is constant in air and at light touch, and jumps from there to a larger value."""
     band = find_dead_band(fit.data.contact)
     if not band:
         return None
@@ -80,11 +80,11 @@ def check_dead_band(fit: Fit) -> Finding | None:
     )
 
 
-MANY_LEFT_OUT = 0.05  # of the samples in contact
+MANY_LEFT_OUT = 0.05  # fraction of the samples in contact
 
 
 def outlier_finding(count: int, samples: int) -> Finding:
-    """Return how many samples in contact were excluded; more than 5 % call for care."""
+    """Report the number of samples in contact that were excluded; more than 5 % call for care."""
     part = rounded(100.0 * count / samples, 2)
     return Check.OUTLIERS.finding(
         f"{count} sample{'s' * (count > 1)} ({part} %) excluded as outlier{'s' * (count > 1)}",
@@ -96,8 +96,8 @@ def outlier_finding(count: int, samples: int) -> Finding:
 def check_velocity_noise(fit: Fit) -> Finding | None:
     """Errors in a regressor attenuate its coefficient: C is too small by σ_v²/⟨v²⟩.
 
-    The noise σ_v is the column's own, from its fourth differences, or what the filter leaves of the
-    penetration's, its steps included.
+    σ_v is the noise of a recorded velocity, from its fourth differences, or the filter's output for
+    the penetration's noise, including its steps.
     """
     speed = float(np.mean(fit.data.velocity[fit.inside] ** 2))
     part = fit.data.velocity_noise**2 / speed if speed > 0.0 else 0.0
@@ -114,15 +114,15 @@ def check_velocity_noise(fit: Fit) -> Finding | None:
     )
 
 
-#: Standard errors, and part of the number, above which a slope in free air is one.
+#: Standard errors, and fraction of stiffness or damping, above which a slope in free air counts.
 AIR_Z, AIR_PART = 6.0, 0.01
 
 
 def check_free_air(fit: Fit) -> Finding | None:
     """The force in free air follows the probe's position or velocity.
 
-    What moves with the probe there moves with it in contact: its slope adds to the stiffness, its
-    drag to the damping.
+    A cause that moves with the probe in free air also does so in contact: its slope adds to the
+    stiffness, its drag to the damping.
     """
     slopes, errors = np.array(fit.free_air.slopes), np.array(fit.free_air.errors)
     moved = np.where(np.abs(slopes) > AIR_Z * errors, slopes / fit.reference_scales, 0.0)
@@ -145,7 +145,7 @@ OFFSET_Z, OFFSET_PART = 5.0, 0.01
 
 
 def check_offset(fit: Fit) -> Finding | None:
-    """The offset that the fit wants is not the force in free air."""
+    """The fitted offset differs from the force in free air."""
     free = np.flatnonzero(fit.free)
     if free.size < FEWEST_FREE or not fit.with_offset:
         return None
@@ -166,7 +166,7 @@ def check_offset(fit: Fit) -> Finding | None:
 
 
 def _longest_free_interval(fit: Fit) -> str:
-    """The longest time without contact, START:STOP, s."""
+    """Return the longest interval without contact as START:STOP, s."""
     edges = np.flatnonzero(np.diff(np.r_[0, fit.free, 0]))
     starts, stops = edges[::2], edges[1::2] - 1
     k = int(np.argmax(stops - starts))
@@ -174,26 +174,26 @@ def _longest_free_interval(fit: Fit) -> str:
     return ":".join(f"{end:.3f}".rstrip("0").rstrip(".") for end in ends)
 
 
-# Of the sensor's gain: a curve that bends more is the material's.
+# Change of the sensor's gain up to the working force; a larger one is due to the material.
 MOST_CURVED = 0.3
 
 
 def find_sensor_causes(fit: Fit) -> list[MisfitHypothesis]:
-    """Drift of the zero, a curved gain, and a mass beyond the sensor: a column each."""
+    """Fit a column each for zero drift, nonlinear gain, and a mass between sensor and material."""
     law, x = fit.solution.law, np.maximum(fit.x, 1e-12)
     force, at_depth = law.force(x, fit.v), fit.force_at_depth(law) or 1.0
     columns = {
         Check.OFFSET_DRIFT: relative_time(fit),
-        Check.INERTIA: fit.acceleration,  # a force, times the mass that moves beyond the sensor
+        Check.INERTIA: fit.acceleration,  # its coefficient is the mass beyond the sensor
     }
-    # Of a law whose exponent is not free the bend is rather the material's.
+    # If the exponent is fixed, curvature is more likely due to the material.
     if law.power_law and not fit.fixed:
         columns[Check.SENSOR_GAIN] = force**2 / at_depth
     return causes_from_columns(fit, columns, _explain_column)
 
 
 def _explain_column(fit: Fit, check: Check, amount: float) -> tuple[str, str] | None:
-    """What so much of a column means, and the next step; None where it is not the sensor."""
+    """Return the sentence and the next step for an amount of a column; None for other causes."""
     if check is Check.OFFSET_DRIFT:
         return (
             f"the force sensor's zero drifts by {format_quantity(abs(amount), 'N')}",

@@ -1,7 +1,8 @@
-"""What of an estimate and a diagnosis holds for a curve that was recorded without time.
+"""Estimates and diagnoses of a curve that was recorded without time.
 
-The samples count as one second apart. A damper in these units is fitted beside the spring, so that
-the curve's two branches do not disturb it, and then dropped: its number would depend on the clock.
+The samples are assumed to be one second apart. A damper in these units is fitted together with the
+spring, so that the difference of loading and unloading does not bias the spring. Its value is then
+dropped, because it depends on the clock.
 """
 
 import math
@@ -18,7 +19,7 @@ from palpate.findings import HOLD_WITHOUT_TIME, SEVERITIES, Check, Finding, wors
 from palpate.force_laws.laws import Spring
 from palpate.validation import Floats
 
-#: Places of K and n among the parameters of Hunt–Crossley.
+#: Indices of K and n among the parameters of Hunt–Crossley.
 _SPRING = np.array([0, 2])
 
 NO_TIME = Check.NO_TIME.finding(
@@ -46,7 +47,7 @@ class SpringEstimate(Estimate):
 
     @property
     def covariance(self) -> Floats:
-        """Joint covariance of K and n, the damper's share included."""
+        """Joint covariance of K and n; it includes the uncertainty due to the damper."""
         part: Floats = super().covariance[np.ix_(_SPRING, _SPRING)]
         return part
 
@@ -65,7 +66,7 @@ class SpringEstimate(Estimate):
 
     @property
     def findings(self) -> tuple[Finding, ...]:
-        """What the curve does not identify."""
+        """Findings of the curve that do not need time."""
         return findings_without_time(super().findings)
 
 
@@ -80,7 +81,7 @@ def trace_without_time(trace: Trace) -> Trace:
 
 
 def findings_without_time(findings: Iterable[Finding]) -> tuple[Finding, ...]:
-    """Return the findings that hold without time; one without words for the others that mark S."""
+    """Return the findings that hold without time; a general misfit replaces others that mark S."""
     kept, marks = list[Finding](), []
     for finding in findings:
         if finding.check in HOLD_WITHOUT_TIME:
@@ -94,7 +95,7 @@ def findings_without_time(findings: Iterable[Finding]) -> tuple[Finding, ...]:
 
 
 def diagnosis_without_time(found: Diagnosis) -> Diagnosis:
-    """Return a diagnosis of the stiffness alone."""
+    """Return the diagnosis of the stiffness alone."""
     findings = (*findings_without_time(found.findings), NO_TIME)
     in_order = sorted(findings, key=lambda each: -SEVERITIES.index(each.severity))
     unknown = Quantity(math.nan, math.nan, math.nan)

@@ -1,4 +1,4 @@
-"""From an identification to its diagnosis: causes, error bars, findings, marks."""
+"""The path from an identification to its diagnosis: causes, error bars, findings, marks."""
 
 import logging
 import math
@@ -59,7 +59,7 @@ from palpate.findings import MAY_CAP, SEVERITIES, Check, Finding, worst
 from palpate.stages import timed
 
 _LOGGER = logging.getLogger(__name__)
-#: Each looks at the fit as a whole.
+#: Checks of the fit as a whole.
 CHECKS: tuple[Callable[[Fit], Finding | None], ...] = (
     check_saturation,
     check_dead_band,
@@ -78,7 +78,7 @@ CHECKS: tuple[Callable[[Fit], Finding | None], ...] = (
     check_peaks,
     check_known_surface,
 )
-#: Each looks for causes of the misfit.
+#: Searches for causes of the misfit.
 SEARCHES: tuple[Search, ...] = (
     find_sensor_causes,
     find_material_causes,
@@ -107,27 +107,27 @@ def diagnose_parts(
     Parameters
     ----------
     data : Data
-        The recording; its own checks are made once for all methods.
+        The recording; its own checks run once for all methods.
     trace : Trace
         The replay.
     estimate : Estimate
         The last estimate.
     depths : sequence of float
-        The working depth, which the verdict is about, and others, m, > 0. Default: the median and
-        the 90th percentile of the penetration in contact.
-    laws : Laws, optional
+        The working depth, to which the verdict refers, and further depths, m, > 0. Default: the
+        median and the 90th percentile of the penetration in contact.
+    laws : ModelSelection, optional
         Model selection on the same samples.
     notes : sequence of Finding
-        Flags of the estimate and its samples. Of several materials only those that call for care:
-        no motion identifies one law for all of them.
+        Flags of the estimate and its samples. If the material changes, only those that are more
+        than notes are reported: no motion identifies one law for several materials.
     method : str
         Name of the method, for remedies.
     response : Oscillation, optional
-        What the selection of a law says of K′ and B′.
+        Small oscillations of the selected law, which give K′ and B′.
     frequency : float, optional
         ω of the motion, rad/s.
     """
-    with np.errstate(all="ignore"):  # a column of an absurd fit may overflow; it is then left out
+    with np.errstate(all="ignore"):  # a column of an absurd fit may overflow and is then skipped
         fit = Fit(
             data, trace, estimate, depths[0] if depths else None, laws, method, response, frequency
         )
@@ -145,7 +145,7 @@ def diagnose_parts(
 def _diagnose(
     fit: Fit, of_data: Sequence[Finding], others: Sequence[float], notes: Sequence[Finding]
 ) -> Diagnosis:
-    """Run the four steps: causes, error bars, findings, marks."""
+    """Find causes, compute error bars, collect findings and decide the marks."""
     causes, changed = _find_causes(fit)
     findings = [*of_data, *causes.findings]
     if fit.equivalent is not None and not has_reported(findings, Check.ADHESION, Check.CHANGE):
@@ -154,7 +154,7 @@ def _diagnose(
         finding = check(fit)
         if finding is None:
             continue
-        # A surface that is off makes the offset wrong too.
+        # An error of the surface position makes the offset wrong too.
         if not (finding.check == Check.OFFSET and causes.leading == Check.SURFACE):
             findings.append(finding)
     systematic = systematic_errors(fit, causes, findings)
@@ -171,7 +171,7 @@ def _diagnose(
 
 
 def _find_causes(fit: Fit) -> tuple[CauseAssessment, Changes | None]:
-    """Search for all causes, and assess them; with the changes of the material, if they count."""
+    """Search for all causes and assess them; also return the changes, if change is a finding."""
     changed = find_changes(fit)
     causes: list[MisfitHypothesis] = [] if changed is None else [changed.cause]
     for search in SEARCHES:
@@ -186,7 +186,7 @@ def _find_causes(fit: Fit) -> tuple[CauseAssessment, Changes | None]:
 
 
 def has_reported(findings: Iterable[Finding], *checks: str) -> bool:
-    """Whether one of the checks has found something."""
+    """Whether one of the checks has a finding."""
     return any(finding.check in checks for finding in findings)
 
 
@@ -204,7 +204,7 @@ def _assemble(
 
 
 def _drop_marks(finding: Finding) -> Finding:
-    """Return a finding that changes error bars only."""
+    """Return a finding that widens error bars but lowers no mark."""
     return replace(finding, severity="note", stiffness="trust", damping="trust")
 
 
@@ -220,16 +220,16 @@ def _episodes(fit: Fit, changed: Changes) -> tuple[Episode, ...]:
 def decide_marks(
     findings: Sequence[Finding], at: WorkingDepth
 ) -> tuple[Verdict, tuple[Finding | None, Finding | None]]:
-    """Return the marks by findings, and the finding that decides that of each number."""
+    """Return the verdict, and for stiffness and damping the finding that decides the mark."""
     marks, limits = [], []
-    # A fault of the recording says more than a wide bar.
+    # A fault of the recording is more informative than a wide error bar, so it comes first.
     ordered = sorted(findings, key=lambda each: each.check == Check.PRECISION)
     for mark_by in map(attrgetter, ("stiffness", "damping")):
         mark = worst(*map(mark_by, ordered))
         deciding = (each for each in ordered if mark_by(each) == mark)
         marks.append(mark)
         limits.append(None if mark == "trust" else next(deciding))
-    # A damping that is not given has no say.
+    # A damping that is not reported does not count.
     given = math.isfinite(at.damping.value)
     overall = worst(*marks) if given else marks[0]
     return Verdict(marks[0], marks[1], overall), (limits[0], limits[1])

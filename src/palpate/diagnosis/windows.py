@@ -13,23 +13,23 @@ from palpate.validation import Floats
 
 MOST_ROWS = 4000
 WINDOWS_A_PERIOD = 20
-FEWEST_ROWS = 60  # below that there is no saying how the residual is correlated
+FEWEST_ROWS = 60  # with fewer the correlation of the residual cannot be estimated
 
 
-@dataclass(frozen=True, eq=False)  # no slots: what rows share is kept in the instance
+@dataclass(frozen=True, eq=False)  # no slots: the instance caches the shared parts
 class WindowedSamples:
-    """Windows wholly in contact, each a row.
+    """Windows of samples in contact; each window gives one row of the fit.
 
-    Everything that a fit compares is averaged over them, force and columns alike: noise that the
-    motion is too slow to have made is gone. Penetration and velocity are never averaged, since a
-    smoothed motion is another motion (a delay of half a sample would fit clean data better).
+    The fit compares window means of the force and of its columns, which removes noise faster than
+    the motion. Penetration and velocity are never averaged before the law is evaluated: a smoothed
+    motion is another motion, and a delay of half a sample would fit clean data better.
 
     Attributes
     ----------
     samples : numpy.ndarray of int, shape (s,)
-        The samples that some window holds, in order.
+        The samples that belong to at least one window, in order.
     places : numpy.ndarray of int, shape (width, rows)
-        Places in ``samples``; a column each, over which sums run six times quicker.
+        Indices into ``samples``, one column for each window; such sums are six times faster.
     period : float
         2π sd(x)/rms(v), s.
     """
@@ -47,13 +47,13 @@ class WindowedSamples:
         return int(self.places.shape[1])
 
     def mean(self, values: Floats) -> Floats:
-        """Average over each window of values at ``samples``, a vector or columns."""
+        """Average values at ``samples``, a vector or columns, over each window."""
         sums: Floats = np.take(values, self.places, axis=0).sum(axis=0)
         return sums / self.width
 
     @cached_property
     def shared(self) -> tuple[Floats, ...]:
-        """Part of its window that each row shares with the next, the next but one, and so on."""
+        """Fraction of its window that a row shares with the next one, two, … rows."""
         first = self.samples[self.places[0]]
         length = self.samples[self.places[-1]] - first + 1
         parts: list[Floats] = []
@@ -65,7 +65,7 @@ class WindowedSamples:
         return tuple(parts)
 
     def thinned(self, every: int) -> "WindowedSamples":
-        """Return one in so many of the windows."""
+        """Return every n-th window."""
         index = self.samples[self.places[:, ::every]]
         samples = np.unique(index)
         return WindowedSamples(samples, np.searchsorted(samples, index), self.period)
@@ -74,16 +74,16 @@ class WindowedSamples:
 def windows_in_contact(
     inside: NDArray[np.bool_], segment: NDArray[np.int64], period: float, sample_time: float
 ) -> WindowedSamples:
-    """Windows over the samples that are inside, within one segment.
+    """Return windows over the samples in contact, each within one segment.
 
     Parameters
     ----------
     inside : numpy.ndarray of bool, shape (k,)
         The samples in contact.
     segment : numpy.ndarray of int, shape (k,)
-        Windows do not reach from one to the next.
+        Segment of each sample; no window spans two segments.
     period : float
-        Of the motion, s.
+        Period of the motion, s.
     sample_time : float
         s.
     """
@@ -95,7 +95,7 @@ def windows_in_contact(
 def windows_over(
     inside: NDArray[np.bool_], segment: NDArray[np.int64], period: float, width: int
 ) -> WindowedSamples:
-    """Windows of so many samples that are wholly inside, each a third of it after the last."""
+    """Return windows of ``width`` samples, all of them inside, a third of a window apart."""
     if len(inside) < width:
         return WindowedSamples(np.empty(0, np.intp), np.empty((width, 0), np.intp), period)
     broken = np.concatenate([[0], np.cumsum((~inside[1:]) | (np.diff(segment) != 0))])
@@ -103,7 +103,7 @@ def windows_over(
     whole = inside[starts] & (broken[starts + width - 1] == broken[starts])
     starts = starts[whole][:: max(width // 3, 1)]
     starts = starts[:: -(-starts.size // MOST_ROWS) or 1]
-    # Of a long window 64 samples tell as much of the motion; noise is then averaged over them.
+    # In a long window 64 samples resolve the motion; the noise is then averaged over those.
     within = np.unique(np.linspace(0, width - 1, min(width, 64)).round().astype(np.intp))
     index = starts + within[:, None]
     samples = np.unique(index)
@@ -112,19 +112,19 @@ def windows_over(
 
 FEWEST_FREE = 50  # samples above the surface; with fewer an error of the surface does not show
 LOWEST_FREE = 75.0  # percent of the samples above the surface
-FEWEST_WINDOWS = 3  # of a stretch, beside one another
+FEWEST_WINDOWS = 3  # number of windows that do not overlap, for each interval of free air
 
 
 @dataclass(frozen=True, slots=True)
 class FreeAir:
-    """Force in free air beside a constant of each stretch: noise, and what moves with the probe.
+    """Force in free air after subtracting the mean of each interval: noise, and slopes with motion.
 
     Attributes
     ----------
     noise : float
-        Rms of a window's mean, N.
+        Rms of a window mean, N.
     windows : float
-        How many there are beside one another.
+        Number of windows that do not overlap.
     slopes, errors : tuple of float
         ∂F/∂x [N/m] and ∂F/∂v [N·s/m] in free air, and their standard errors.
     """
@@ -136,24 +136,24 @@ class FreeAir:
 
 
 def free_air_statistics(data: Data, windows: WindowedSamples) -> FreeAir:
-    """Statistics of the force over windows in free air."""
+    """Return statistics of the force over windows in free air."""
     starts = windows.samples[windows.places[0]]
     step = max(windows.width // 3, 1)
-    stretch = np.cumsum(np.diff(starts, prepend=starts[:1]) > max(windows.width, 2 * step))
-    count = np.bincount(stretch) * step / windows.width  # windows beside one another
-    long = (count >= FEWEST_WINDOWS)[stretch]
+    interval = np.cumsum(np.diff(starts, prepend=starts[:1]) > max(windows.width, 2 * step))
+    count = np.bincount(interval) * step / windows.width  # windows that do not overlap
+    long = (count >= FEWEST_WINDOWS)[interval]
     if not long.any():
         return FreeAir()
     at = windows.samples
     rows = windows.mean(np.column_stack([data.force[at], data.penetration[at], data.velocity[at]]))
-    means = np.array([np.bincount(stretch, column) for column in rows.T])
-    rows = (rows - (means / np.bincount(stretch)).T[stretch])[long]
+    means = np.array([np.bincount(interval, column) for column in rows.T])
+    rows = (rows - (means / np.bincount(interval)).T[interval])[long]
     force, motion = rows[:, 0], rows[:, 1:]
     counted = count[count >= FEWEST_WINDOWS]
-    left = 1.0 - counted.size / float(counted.sum())  # their own means take the rest
+    freedom = 1.0 - counted.size / float(counted.sum())  # a mean of each interval is fitted
     slopes, *_ = np.linalg.lstsq(motion, force, rcond=1e-9)
     residual = force - motion @ slopes
-    noise = math.sqrt(float(residual @ residual) / len(residual) / left)
+    noise = math.sqrt(float(residual @ residual) / len(residual) / freedom)
     if counted.size < 2:  # on one approach slow noise and drift look like a slope
         return FreeAir(noise, float(counted.sum()))
     errors = np.sqrt(np.maximum(np.diag(robust_covariance(motion, residual)), 0.0))

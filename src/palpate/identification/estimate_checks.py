@@ -1,4 +1,4 @@
-"""What the last estimate of a contact does not determine, and what is special about its samples."""
+"""Checks of the last estimate of a contact and of its samples."""
 
 import math
 from collections.abc import Iterator
@@ -29,7 +29,7 @@ NEGATIVE_DAMPING = Check.NEGATIVE_DAMPING.finding(
 def check_estimate(
     contact: Contact, trace: Trace, estimator: ContactEstimator
 ) -> Iterator[Finding]:
-    """Return what the last estimate does not determine, and what is special about the samples."""
+    """Yield findings of the last estimate and of the samples."""
     estimate = estimator.estimate()
     law = estimate.law
     yield from estimate.motion_findings
@@ -74,16 +74,16 @@ def _creates_energy(contact: Contact, trace: Trace, estimate: Estimate) -> bool:
 
 
 def creates_energy(damping: Any, error: Any, force: Any, speed: Any) -> Any:
-    """Whether a damping at a depth is negative, by two standard errors and by the diagnosis's rule.
+    """Whether a damping is negative, beyond two standard errors and the diagnosis's tolerance.
 
     Parameters
     ----------
     damping, error : float or numpy.ndarray
-        N·s/m.
+        Damping at a depth and its standard error, N·s/m.
     force : float or numpy.ndarray
-        At that depth and at rest, N.
+        Force at that depth and at rest, N.
     speed : float or numpy.ndarray
-        Root mean square in contact, m/s.
+        Root mean square of the velocity in contact, m/s.
     """
     size = reference_scale(damping, force, speed)
     return damping < -np.maximum(2.0 * error, CARE * size)

@@ -1,4 +1,4 @@
-"""What a whole contact gave: law, error bars, diagnosis."""
+"""The identification of a whole contact: law, error bars, diagnosis."""
 
 import logging
 import math
@@ -76,13 +76,14 @@ from palpate.quantities.derived import (
 from palpate.settings import ChangeDetector, ContactGate, Scale
 from palpate.validation import Floats, number_in, positive
 
-# Of the peak force: a misfit of a law that relaxes beyond which its memory may have another form.
+# Fraction of the peak force: above this misfit of a relaxing law, its relaxation may have another
+# form.
 CLEAR_MISFIT = 0.01
 _Derived = TypeVar("_Derived", bound=Callable[..., Any])
 
 
 def _require_time(derived: _Derived) -> _Derived:
-    """The same function of an identification, which refuses one of a recording without time."""
+    """Return the function of an identification, but refuse a recording without time."""
 
     @wraps(derived)
     def refusing(result: "Identified", *query: Any, **named: Any) -> Any:
@@ -100,11 +101,11 @@ _LOGGER = logging.getLogger(__name__)
 _Placed: TypeAlias = tuple[Place, Contact]
 
 
-@dataclass(frozen=True, eq=False, repr=False)  # no slots: the diagnosis is kept in the instance
+@dataclass(frozen=True, eq=False, repr=False)  # no slots: the instance caches the diagnosis
 class Identified:
-    """What a whole contact gave, in numbers; :class:`palpate.Identification` shows them.
+    """Identification of a whole contact as numbers; :class:`palpate.Identification` formats them.
 
-    That class says what each field is.
+    The fields are documented in that class.
     """
 
     contact: Contact
@@ -119,7 +120,7 @@ class Identified:
     chosen: tuple[str, ...] = ()
     query: QueryOptions = field(default_factory=QueryOptions)
     traced: Traced = 2000
-    #: The estimate under a weak prior, where the motion leaves the estimator's own open.
+    #: The estimate under a weak prior, if the motion does not determine the estimator's own.
     bounded: Estimate | None = None
     #: The identification that selected this one's law.
     selected: "Identified | None" = None
@@ -132,17 +133,17 @@ class Identified:
         *,
         trace: Traced = 2000,
     ) -> Self:
-        """Identify a contact that is prepared; :func:`palpate.identify` says the rest.
+        """Identify a prepared contact; see :func:`palpate.identify`.
 
         Parameters
         ----------
         data : Data
-            The contact with the checks of its channels. Where the load goes elsewhere, its samples
-            are excluded, unless the estimator keeps outliers.
+            The contact with the checks of its channels. Samples in which another place carries
+            the load are excluded, unless the estimator keeps outliers.
         estimator : ContactEstimator or str, optional
             Method and settings. Default: variable projection.
         trace : int, float, "full" or False
-            Which estimates are written down.
+            Which estimates are recorded.
         """
         timeless = data.contact.timeless
         given, traced = resolve_estimator(estimator, timeless=timeless), checked_trace(trace)
@@ -154,28 +155,28 @@ class Identified:
             )
         chosen = defaults_from_data(contact, given)
         fresh = given.replace(**chosen)
-        written = replay(contact, fresh, traced)
+        recorded = replay(contact, fresh, traced)
         if type(fresh) is VariableProjection and not any(
             fresh.settings[name] for name in ("forgetting", "change_detector")
         ):
             again = fresh.replace()
             if again._unround_as(fresh):
-                fresh, written = again, replay(contact, again, traced)
+                fresh, recorded = again, replay(contact, again, traced)
         if _LOGGER.isEnabledFor(logging.INFO):
             words = (f"{name}={value}" for name, value in chosen.items() if value is not None)
             known = ", ".join(words) or "nothing"
             _LOGGER.info("%s: chosen from the data: %s", fresh.method, known)
-        found = tuple(check_estimate(contact, written, fresh))
+        findings = tuple(check_estimate(contact, recorded, fresh))
         if contact.timeless:
-            found, written = findings_without_time(found), trace_without_time(written)
-        taken = np.count_nonzero(written.taken)
+            findings, recorded = findings_without_time(findings), trace_without_time(recorded)
+        taken = np.count_nonzero(recorded.taken)
         _LOGGER.info("%s: took %d of %d samples", fresh.method, taken, len(contact))
-        result = cls(contact, fresh, written, found, data, chosen=tuple(chosen), traced=traced)
-        if not (written.taken & ~(contact.force <= 0.0)).any():
+        result = cls(contact, fresh, recorded, findings, data, chosen=tuple(chosen), traced=traced)
+        if not (recorded.taken & ~(contact.force <= 0.0)).any():
             raise RecordingError(why_nothing(data, result.gate))
         if fresh.settings.get("surface") == "estimate":
-            check_approach(contact, written, result.estimate.surface)
-        return result._under_prior() if fresh.settings.get("weak_prior") else result
+            check_approach(contact, recorded, result.estimate.surface)
+        return result._apply_weak_prior() if fresh.settings.get("weak_prior") else result
 
     @classmethod
     def selected_law(
@@ -185,21 +186,21 @@ class Identified:
         *,
         trace: Traced = 2000,
     ) -> Self:
-        """Identify a contact; where Hunt and Crossley's law is selected, by variable projection.
+        """Identify a contact; if Hunt–Crossley is selected, identify it by variable projection.
 
-        That has the smaller error of K, B and n. It also answers where the material pulls or
-        changes, which a law with memory would take for its own.
+        Variable projection has smaller errors of K, B and n. It is also used if the contact is
+        adhesive or changes, which a relaxing law would absorb.
         """
-        found = cls.of(data, estimator, trace=trace)
-        if not found.estimator.chooses_law or not found._takes_hunt_crossley():
-            return found
-        given, plain = found.estimator.settings, VariableProjection()
-        shared = {name for name in plain.settings if name in given}.difference(found.chosen)
+        selection = cls.of(data, estimator, trace=trace)
+        if not selection.estimator.chooses_law or not selection._prefers_hunt_crossley():
+            return selection
+        given, plain = selection.estimator.settings, VariableProjection()
+        shared = {name for name in plain.settings if name in given}.difference(selection.chosen)
         plain = plain.replace(**{name: given[name] for name in shared})
-        answer = cls.of(found.data or data, plain, trace=trace)
-        return replace(answer, selected=found)
+        answer = cls.of(selection.data or data, plain, trace=trace)
+        return replace(answer, selected=selection)
 
-    def _takes_hunt_crossley(self) -> bool:
+    def _prefers_hunt_crossley(self) -> bool:
         own, selected = Candidate("hunt-crossley", "none"), self.estimator.candidate
         if selected == own:
             return True
@@ -209,8 +210,8 @@ class Identified:
             return True
         return any(f.check in (Check.CHANGE, Check.ADHESION) for f in self.diagnosis.findings)
 
-    def _under_prior(self) -> Self:
-        """Return it with the estimate under the weak prior, if its own is outside of that."""
+    def _apply_weak_prior(self) -> Self:
+        """Return it with an estimate under the weak prior, if its own violates the prior."""
         own, settings = self.estimator.estimate(), self.estimator.settings
         given = ("exponent", "forgetting", "change_detector", "surface")
         if not self.depths or any(settings[name] is not None for name in given):
@@ -219,21 +220,21 @@ class Identified:
         if bounded is None:
             return self
         found = [prior_finding(own, bounded, self.depths[0])]
-        said = findings_without_time(found) if self.contact.timeless else found
-        return replace(self, bounded=bounded, findings=(*self.findings, *said))
+        findings = findings_without_time(found) if self.contact.timeless else found
+        return replace(self, bounded=bounded, findings=(*self.findings, *findings))
 
     @cached_property
     def diagnosis(self) -> Diagnosis:
-        """What may be wrong, and how far to trust it; worked out when it is first needed."""
-        found = self._diagnosed_at(self.depths)
+        """Findings, marks and error bars; computed when first needed."""
+        found = self._diagnose_at(self.depths)
         if not self.segments:
             return found
         parts = (replace(f, remedy=None) if f.check == Check.CHANGE else f for f in found.findings)
-        return replace(found, findings=tuple(parts))  # each segment is identified already
+        return replace(found, findings=tuple(parts))  # the segments are identified already
 
     @cached_property
     def oscillation(self) -> Oscillation | None:
-        """What the samples say of small oscillations where a law was selected; otherwise None."""
+        """Small oscillations if a law was selected, otherwise None."""
         if self.selected is not None:
             return self.selected.oscillation
         if not isinstance(self.estimator, ViscoelasticContact):
@@ -245,8 +246,8 @@ class Identified:
         steps = steps_over_breaks(contact.time, contact.penetration, contact.sample_time)
         return Oscillation.of(self.estimator, *channels, steps, taken)
 
-    def _late(self) -> Iterator[Finding]:
-        """A damper that gives energy back, beside a spectrum that may take it."""
+    def _check_late_force(self) -> Iterator[Finding]:
+        """Report a negative damper next to a relaxation spectrum, which may compensate it."""
         found = self.oscillation
         if found is None or not found.delay > 0.0:
             return
@@ -259,7 +260,7 @@ class Identified:
             damping="with-care",
         )
 
-    def _diagnosed_at(self, depths: Sequence[float]) -> Diagnosis:
+    def _diagnose_at(self, depths: Sequence[float]) -> Diagnosis:
         data = self.data or Data(self.contact)
         timeless = self.contact.timeless
         by = self.selected or self
@@ -270,7 +271,7 @@ class Identified:
             self._whole_estimate,
             depths=depths,
             laws=laws,
-            notes=(*self.findings, *self._late()),
+            notes=(*self.findings, *self._check_late_force()),
             method=self.method,
             response=self.oscillation,
             frequency=self.frequency,
@@ -279,11 +280,11 @@ class Identified:
 
     @cached_property
     def depths(self) -> tuple[float, ...]:
-        """Working depth, and the 90th percentile of the penetration, m; none without firm contact.
+        """Working depth, and the 90th percentile of the penetration, m; empty without firm contact.
 
-        Of the samples taken that a gate would take: a method that chooses its samples takes light
-        ones too, and a probe that rests at the surface would leave its working depth there. The
-        diagnosis is made at these; asking for them does not make it.
+        They are percentiles of the taken samples that a gate would also take. A method that selects
+        its samples takes shallow ones too, and for a probe that rests at the surface these would
+        give a working depth at the surface. The depths are computed without a diagnosis.
         """
         penetration = self._firm_penetration
         depths = np.percentile(penetration, (50.0, DEEP)).tolist() if penetration.size else []
@@ -352,7 +353,7 @@ class Identified:
         query = positive("depth", depth)
         first = self.diagnosis.working_depth.depth
         depths = (first, *query.reshape(-1).tolist())
-        found = self._diagnosed_at(depths).working_depths[1:]
+        found = self._diagnose_at(depths).working_depths[1:]
         return stack_depths(found, query.shape)
 
     def force_at(self, depth: "ArrayLike") -> Quantity:
@@ -367,7 +368,7 @@ class Identified:
         """∂F/∂v at depths [m], N·s/m, with both error bars; see :meth:`at`."""
         return self.at(depth).damping
 
-    # What follows from the law: each is documented where it is worked out.
+    # Quantities derived from the law; each is documented where it is computed.
     dynamic_stiffness = _require_time(oscillation_of)
     relaxed_stiffness = relaxed_stiffness_of
     instantaneous_stiffness = instantaneous_stiffness_of
@@ -385,64 +386,65 @@ class Identified:
     def with_query(self, query: QueryOptions) -> Self:
         """Return the same with derived numbers for an impact and a tip or specimen."""
         other = replace(self, query=query)
-        if "diagnosis" in vars(self):  # which no query changes
+        if "diagnosis" in vars(self):  # a query does not change it
             vars(other)["diagnosis"] = self.diagnosis
         return other
 
     def by_segment(self) -> Self:
         """Return a copy with ``segments``: each segment between changes identified separately.
 
-        With the same settings and working depth. Segments that cannot be identified are omitted,
-        and so are samples at a border within the velocity filter. Without a change there are none.
-        ``noticed`` is a replay with a change detector: when a control loop would have noticed.
+        The settings and the working depth are the same. Segments that cannot be identified are
+        omitted, and so are samples nearer to a border than the velocity filter's window. Without a
+        change there are no segments. ``noticed`` is a replay with a change detector: it shows when
+        a control loop would have noticed.
         """
         parts = (self.segment_of(episode) for episode in self.diagnosis.episodes)
-        found = tuple(part for part in parts if part is not None)
-        return replace(self, segments=found, noticed=self._watched())
+        segments = tuple(part for part in parts if part is not None)
+        return replace(self, segments=segments, noticed=self._detect_changes())
 
     def by_place(self, watch: "Callable[[Sequence[_Placed]], Iterable[_Placed]]" = iter) -> Self:
         """Return a copy with ``segments``: each place of a travelling probe identified separately.
 
-        With the same settings, each at its own working depth. Places that cannot be identified are
-        omitted. A probe that stays at one place has none.
+        The settings are the same; each place has its own working depth. Places that cannot be
+        identified are omitted. A probe that stays at one place has no segments.
 
         Parameters
         ----------
         watch : callable
-            Iterates over the places, such as with a progress bar.
+            Iterates over the places, for example with a progress bar.
         """
-        # Of the same settings, but for those that were chosen from these data.
-        own = self.selected or self
-        found, fresh = [], own.estimator.replace(**dict.fromkeys(own.chosen))
+        # Keep the settings, except those that were chosen from these data.
+        selection = self.selected or self
+        segments, fresh = [], selection.estimator.replace(**dict.fromkeys(selection.chosen))
         for place, contact in watch(
             list(at_places(self.contact, rejecting=fresh.rejects_outliers))
         ):
             with suppress(RecordingError):
                 part = self.selected_law(Data(contact), fresh, trace=self.traced)
-                found.append(replace(part, place=place, query=self.query))
-        return replace(self, segments=tuple(found))
+                segments.append(replace(part, place=place, query=self.query))
+        return replace(self, segments=tuple(segments))
 
     def answers(self, estimator: ContactEstimator, trace: Traced) -> bool:
-        """Whether it is what :meth:`of` would make of its contact by an estimator, as a whole."""
+        """Whether :meth:`of` would give the same for its whole contact with an estimator."""
         if self.segments or self.depth is not None or self.traced != trace:
             return False
-        own, asked = self.estimator.settings, estimator.settings
-        left = {name: own[name] for name in self.chosen if asked.get(name) is None}
-        return self.method == estimator.method and repr(own) == repr({**asked, **left})
+        own, requested = self.estimator.settings, estimator.settings
+        chosen = {name: own[name] for name in self.chosen if requested.get(name) is None}
+        return self.method == estimator.method and repr(own) == repr({**requested, **chosen})
 
     def segment_of(self, episode: Episode) -> Self | None:
-        """Identify an episode of the diagnosis by itself; None where that cannot be."""
+        """Identify an episode of the diagnosis separately; None if that is not possible."""
         step, used = self.contact.sample_time, self.contact.velocity_filter
         smear = step * (window_samples(step) if used is None else used.samples)
         with suppress(RecordingError):
             part = self.contact.window(episode.start + smear, episode.stop - smear)
-            found = self.of(Data(part), self.estimator.replace(), trace=self.traced)
-            there = self.diagnosis.working_depth
-            return replace(found.at_depth(there.depth), query=self.query)
+            result = self.of(Data(part), self.estimator.replace(), trace=self.traced)
+            working_depth = self.diagnosis.working_depth
+            return replace(result.at_depth(working_depth.depth), query=self.query)
         return None
 
-    def _watched(self) -> Trace:
-        """The trace with a change detector, where the estimator can have one."""
+    def _detect_changes(self) -> Trace:
+        """Return the trace with a change detector, if the estimator supports one."""
         settings = self.estimator.settings
         if settings.get("change_detector", self) is not None:
             return self.trace
@@ -451,7 +453,7 @@ class Identified:
 
     @property
     def flags(self) -> tuple[str, ...]:
-        """The findings in words."""
+        """The findings as text."""
         return tuple(map(str, self.findings))
 
     @property
@@ -461,16 +463,16 @@ class Identified:
 
     @property
     def estimate(self) -> Estimate:
-        """What the estimator knew at the end; under the weak prior, where that applies."""
+        """The final estimate; under the weak prior if it applies."""
         return self.reported(self._whole_estimate)
 
     def reported(self, estimate: Estimate) -> Estimate:
-        """Return an estimate of its estimator as it is reported: without time its spring alone."""
+        """Return an estimate as it is reported: without time only its spring."""
         return SpringEstimate(estimate) if self.contact.timeless else estimate
 
     @property
     def _whole_estimate(self) -> Estimate:
-        """The same; without time the damper in units of the samples too."""
+        """The final estimate; without time it still includes the damper in units of the samples."""
         return self.estimator.estimate() if self.bounded is None else self.bounded
 
     @property
@@ -480,15 +482,15 @@ class Identified:
 
     @property
     def fixed(self) -> tuple[str, ...]:
-        """The law's parameters that were given, such as a known exponent, and not identified."""
+        """Parameters of the law that were fixed, such as a known exponent, and not identified."""
         return self.estimate.fixed
 
     @property
     def law_verdict(self) -> LawVerdict | None:
         """Model selection: the preferred law, and the evidence.
 
-        The choice of a method that selects a law. For another method's Hunt–Crossley or
-        Kelvin–Voigt law, model selection among the common laws; None for other laws.
+        For a method that selects a law, its selection. For Hunt–Crossley or Kelvin–Voigt laws of
+        other methods, model selection among the common laws; None for other laws.
         """
         return self.diagnosis.law_verdict
 
@@ -496,19 +498,19 @@ class Identified:
     def standard_errors(self) -> Floats:
         """Standard errors of the law's parameters, SI: square roots of the variances.
 
-        0 of a parameter that is :attr:`fixed`.
+        0 for a :attr:`fixed` parameter.
         """
         errors: Floats = np.sqrt(np.diag(self.covariance))
         return errors
 
     @cached_property
     def covariance(self) -> Floats:
-        """Joint covariance of the law's parameters, SI, as wide as a correlated residual asks for.
+        """Joint covariance of the law's parameters, SI, for a correlated residual.
 
-        That of the estimate, but for methods that take their residual for white, the paper's:
-        there as much wider as its correlation makes the least squares of the samples that they took
-        since their last restart. Where the preparation found the surface, with what the parameters
-        are elsewhere when that is off by its deviation.
+        For methods that assume a white residual (the paper's) it is the covariance of the estimate,
+        widened for the correlation of the residual of the samples taken since the last restart. For
+        others it is the covariance of the estimate. If the preparation found the surface, the
+        change of the parameters for a surface shifted by its standard deviation is added.
         """
         if self.bounded is not None:
             return self.estimate.covariance
@@ -521,7 +523,7 @@ class Identified:
 
     @property
     def correlations(self) -> Floats:
-        """Correlations of the law's parameters, shape (p, p); NaN beside one without an error."""
+        """Correlations of the law's parameters, shape (p, p); NaN without a standard error."""
         errors = self.standard_errors
         with np.errstate(invalid="ignore", divide="ignore"):
             found: Floats = self.covariance / np.outer(errors, errors)
@@ -539,20 +541,20 @@ class Identified:
 
     @property
     def prediction_rmse_percent(self) -> float:
-        """RMSE% of the a-priori force after 0.2 s of contact."""
+        """RMSE% of the one-step prediction of the force after 0.2 s of contact."""
         return prediction_rmse_percent(self.trace, self.contact.force, self.contact.time_steps)
 
     @property
     def fit_rmse_percent(self) -> float:
-        """RMSE% of the final law, and offset where one is estimated, over every sample taken."""
+        """RMSE% of the final law, and offset if estimated, over every sample taken."""
         taken = self.trace.taken
         return rmse_percent(self.contact.force[taken], self.fitted_force[taken])
 
     @property
     def fitted_force(self) -> Floats:
-        """Force by the final law, and offset where one is estimated, at every sample, N.
+        """Force of the final law, and offset if estimated, at every sample, N.
 
-        With segments, the law of the one that began last.
+        With segments, it is the force of the segment that began last.
         """
         contact, parts = self.contact, self.segments
         fitted = (parts[0] if parts else self).predicted_force(contact)
@@ -563,9 +565,9 @@ class Identified:
         return fitted
 
     def predicted_force(self, contact: Contact) -> Floats:
-        """Force by the final law, and offset, at every sample of a contact, N.
+        """Force of the final law, with its offset, at every sample of a contact, N.
 
-        A contact that begins with the samples that were identified begins in their state.
+        If the contact begins with the identified samples, it begins in their relaxation state.
         """
         own = self.contact
         same = len(contact) and len(own) and contact.time[0] == own.time[0]
@@ -574,7 +576,7 @@ class Identified:
 
     @property
     def violated_fraction(self) -> float:
-        """Fraction of contact without condition 10; NaN for laws that it does not concern."""
+        """Fraction of contact that violates condition 10; NaN for laws without this condition."""
         if not self.law.has_condition_10:
             return math.nan
         return violated_fraction(self.trace)

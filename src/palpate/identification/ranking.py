@@ -1,4 +1,4 @@
-"""Methods next to each other: which to take, which fail, whose error bars exclude each other."""
+"""Comparison of methods: the recommended one, failures, and error bars that exclude each other."""
 
 import itertools
 import math
@@ -21,19 +21,19 @@ EXCLUDED = 3.0  # standard errors of the difference
 
 @dataclass(frozen=True, slots=True)
 class Ranking:
-    """What a comparison comes to.
+    """Result of a comparison of methods.
 
     Attributes
     ----------
     recommended : str or None
-        The method to take; None where none is to be trusted.
+        The recommended method; None if no method can be trusted.
     order : tuple of str
-        The methods, the best first: by verdict, without those of a law that another is clearly
-        better than, then by what their law leaves unexplained.
+        The methods, the best first: by overall mark; then the methods that fit clearly worse than a
+        selected relaxing law come last; then by both marks, and by the error of the fit.
     failing : tuple of str
-        Methods whose answer is not the least squares of their own law, or that found none.
+        Methods whose estimate is not the least squares of their law, or that have no estimate.
     exclusions : tuple of str
-        A sentence for each pair whose error bars exclude each other.
+        A sentence for each pair of methods whose error bars exclude each other.
     """
 
     recommended: str | None
@@ -43,18 +43,18 @@ class Ranking:
 
 
 def rank(results: "Mapping[str, Identified]") -> Ranking:
-    """Rank what :func:`palpate.compare` returned.
+    """Rank the identifications that :func:`palpate.compare` returned.
 
     Parameters
     ----------
     results : mapping
-        An identification by the name of its method.
+        Identifications by the names of their methods.
     """
     common = np.logical_and.reduce([result.trace.taken for result in results.values()])
-    left = {name: _common_rmse(result, common) for name, result in results.items()}
-    outdone = _clearly_worse(results, left)
+    errors = {name: _common_rmse(result, common) for name, result in results.items()}
+    outdone = _clearly_worse(results, errors)
     order = tuple(
-        sorted(results, key=lambda name: _badness(results[name], left[name], name in outdone))
+        sorted(results, key=lambda name: _badness(results[name], errors[name], name in outdone))
     )
     failing = tuple(name for name in order if method_fails(results[name]))
     pairs = itertools.combinations(order, 2)
@@ -65,7 +65,7 @@ def rank(results: "Mapping[str, Identified]") -> Ranking:
 
 
 def method_fails(result: "Identified") -> bool:
-    """Whether the method's answer is not the least squares of its own law on these samples."""
+    """Whether the method's estimate is not the least squares of its law on these samples."""
     moves = (
         max(abs(f.moves_stiffness_percent), abs(f.moves_damping_percent))
         for f in result.diagnosis.findings
@@ -75,35 +75,35 @@ def method_fails(result: "Identified") -> bool:
 
 
 def _common_rmse(result: "Identified", common: NDArray[np.bool_]) -> float:
-    """RMSE% on the samples that every method took: variable projection takes light ones too."""
+    """RMSE% on the samples that all methods took; variable projection also takes shallow ones."""
     fit = rmse_percent(result.contact.force[common], result.fitted_force[common])
     return fit if math.isfinite(fit) else math.inf
 
 
-# Of what another law leaves: a selected law that relaxes has clearly less.
+# Ratio of errors below which a selected relaxing law is clearly better.
 CLEARLY = 0.9
 
 
-def _clearly_worse(results: "Mapping[str, Identified]", left: Mapping[str, float]) -> set[str]:
-    """Methods that leave clearly more than the one that chooses a law, where one was named."""
+def _clearly_worse(results: "Mapping[str, Identified]", errors: Mapping[str, float]) -> set[str]:
+    """Return the methods that fit clearly worse than a relaxing law that was selected."""
     method = ViscoelasticContact.method
     if method not in results or not results[method].law.remembers:
         return set()
-    return {name for name, fit in left.items() if left[method] <= CLEARLY * fit}
+    return {name for name, fit in errors.items() if errors[method] <= CLEARLY * fit}
 
 
-def _badness(result: "Identified", left: float, outdone: bool) -> tuple[float, ...]:
+def _badness(result: "Identified", error: float, outdone: bool) -> tuple[float, ...]:
     verdict = result.diagnosis.verdict
     overall, *others = (
         MARKS.index(mark) for mark in (verdict.overall, verdict.stiffness, verdict.damping)
     )
-    # To a tenth: methods of one law that fit alike stay in the order of the registry.
-    return overall, outdone, *others, round(left, 1)
+    # Rounded to a tenth, so that methods with one law and equal fit keep the order of the registry.
+    return overall, outdone, *others, round(error, 1)
 
 
 def _exclusion(one: "Identified", other: "Identified") -> str | None:
     if one.law.remembers or other.law.remembers:
-        return None  # the stiffness of a relaxed material is no other's
+        return None  # the stiffness of a relaxing law is not comparable to others
     first, second = one.diagnosis.working_depth, other.diagnosis.working_depth
     words = []
     for name, a, b in (
@@ -120,6 +120,6 @@ def _exclusion(one: "Identified", other: "Identified") -> str | None:
 
 
 def _bar(quantity: Quantity) -> float:
-    """Both error bars together; infinite where the repeatable one is not known."""
+    """Return both error bars together; infinite if the statistical one is unknown."""
     bar = quantity.whole_error
     return bar if math.isfinite(bar) and bar > 0.0 else math.inf

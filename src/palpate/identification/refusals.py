@@ -1,4 +1,4 @@
-"""Why a contact gives no answer: no sample in contact, no velocity, no approach."""
+"""Reasons why a contact cannot be identified: no sample in contact, no velocity, no approach."""
 
 import numpy as np
 
@@ -40,9 +40,9 @@ def no_contact_message(contact: Contact, gate: ContactGate) -> str:
 
 
 def not_finite(contact: Contact) -> str:
-    """Describe which channels are not finite, where they come from, and how often."""
+    """Describe which channels are not finite, their origin, and the number of their samples."""
     penetration, force = ~np.isfinite(contact.penetration), ~np.isfinite(contact.force)
-    velocity = ~np.isfinite(contact.velocity) & ~penetration  # beyond what follows from the depth
+    velocity = ~np.isfinite(contact.velocity) & ~penetration  # for another reason
     words = []
     for name, wrong in {"penetration": penetration, "velocity": velocity, "force": force}.items():
         if wrong.any():
@@ -56,13 +56,13 @@ def _largest(values: Floats) -> str:
     return rounded(known.max(), 3) if known.size else "no"
 
 
-# Samples above the surface that a search for it needs: the force out of contact is then known to a
-# quarter of σ.
+# Samples above the surface that a fit of the surface needs; the force in free air is then known to
+# a quarter of σ.
 FEWEST_ABOVE = 20
 
 
 def check_approach(contact: Contact, trace: Trace, surface: float) -> None:
-    """A surface is where the force begins: without samples before it, it is a guess from below."""
+    """Raise if too few samples lie above an estimated surface: they show where the force begins."""
     above = int(np.count_nonzero(contact.penetration[trace.taken] < surface))
     if above < FEWEST_ABOVE:
         raise RecordingError.of(contact.source, no_approach(above, len(contact), surface))

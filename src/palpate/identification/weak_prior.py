@@ -1,4 +1,4 @@
-"""The answer under a weak prior, where the motion leaves exponent and damping open."""
+"""The estimate under a weak prior, for a motion that does not determine exponent and damping."""
 
 import math
 
@@ -7,12 +7,12 @@ from palpate.estimators.estimate import Estimate
 from palpate.estimators.variable_projection import EXPONENTS
 from palpate.findings import Check, Finding, Mark
 
-# Relative change of the stiffness beyond which the answer is not to be trusted: judgement.
+# Relative change of the stiffness above which the estimate is not trusted; chosen by judgement.
 STOP = 0.20
 
 
 def prior_finding(own: Estimate, bounded: Estimate, depth: float) -> Finding:
-    """Describe that the answer is under the weak prior, and what the least squares gives."""
+    """Report that the estimate uses the weak prior, and the least squares without it."""
     moved = bounded.law.stiffness_at(depth) / own.law.stiffness_at(depth) - 1.0
     sign = "negative" if own.law.damping < 0.0 else "positive"
     mark: Mark = "trust" if abs(moved) <= CARE else "with-care"
