@@ -158,8 +158,23 @@ def prepare(
         Arrays are missing or differ in type or length, their time does not increase within a
         segment, or a setting is outside its range.
     """
-    asked = {name: value for name, value in locals().items() if name in Preparation.__slots__}
-    settings = Preparation(**{**asked, "columns": columns or Columns(), "units": units or {}})
+    settings = Preparation(
+        columns=columns or Columns(),
+        velocity_window=velocity_window,
+        units=units or {},
+        flip=flip,
+        tare=tare,
+        delay=delay,
+        surface=surface,
+        normal=normal,
+        force_frame=force_frame,
+        tool_weight=tool_weight,
+        rate=rate,
+        no_time=no_time,
+        spot=spot,
+        window=window,
+        strict=strict,
+    )
     arrays = {"time": time, "penetration": penetration, "force": force, "velocity": velocity}
     arrays |= {"segment": segment, "position": position}
     given = {name: values for name, values in arrays.items() if values is not None}
