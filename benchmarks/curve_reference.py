@@ -109,15 +109,15 @@ def stated_cost(
     InvalidParameterError
         As :func:`fit_curves` does; or the curve has no contact.
     """
-    curves = core._checked_curves(penetration, velocity, force)
+    curves = core._check_curves(penetration, velocity, force)
     if len(curves[0]) != 1:
         raise InvalidParameterError(f"pass one curve, not {len(curves[0])}")
     roles = np.empty(curves[0].shape, np.uint8)
     usual: dict[str, Any] = fit_curves.__kwdefaults__ or {}
     if unknown := settings.keys() - usual.keys():
         raise InvalidParameterError(f"unknown setting {', '.join(sorted(unknown))}")
-    checked = core._checked(1, {**usual, "exponent": exponent, "offset": offset, **settings})
-    numbers, _, _, codes = core._fitted(curves, checked, 1, roles)
+    checked = core._check_settings(1, {**usual, "exponent": exponent, "offset": offset, **settings})
+    numbers, _, _, codes = core._fit_rows(curves, checked, 1, roles)
     if codes[0, 1] == core.STATUS_WORDS.index("no contact"):
         raise InvalidParameterError("the curve has no contact")
     chosen = (roles[0] == _FIRM) | (roles[0] == _LIGHT)

@@ -190,7 +190,7 @@ def test_no_free_time_is_found_where_there_is_none():
     contact = prepare(table_of(hand(motion=motion)))
     assert contact.prepared.zero is None
     said = {finding.check: finding for finding in contact.findings}
-    assert "found no free air" in said["tare"].message
+    assert "found no free air" in said["no tare"].message
     assert said["surface"].severity == "with-care"
     assert "position is assumed" in said["surface"].message
     with pytest.raises(RecordingError, match="palpate found no free air"):
@@ -296,9 +296,9 @@ def marks(contact) -> set[str]:
 def test_a_sound_recording_has_no_doubt_and_a_coarse_one_is_not_taken_for_clipped():
     contact = prepare(table_of(FELT))
     assert not said(contact, "direction")
-    assert not said(contact, "saturation")
+    assert not said(contact, "saturated axis")
     coarse = replace(FELT, force=0.05 * np.round(FELT.force / 0.05))
-    assert not said(prepare(table_of(coarse)), "saturation")
+    assert not said(prepare(table_of(coarse)), "saturated axis")
 
 
 TURN = np.array([0.0, -0.6 * np.sin(0.35), -0.8 * np.sin(0.35), np.cos(0.35)])
@@ -337,13 +337,13 @@ def test_one_axis_that_is_clipped_is_seen_and_one_that_never_changes_is_not_satu
     clipped = FELT.force.copy()
     clipped[:, 2] = np.minimum(clipped[:, 2], 0.6 * clipped[:, 2].max())
     contact = prepare(table_of(replace(FELT, force=clipped)))
-    assert said(contact, "saturation") == ["do-not-trust"]
+    assert said(contact, "saturated axis") == ["do-not-trust"]
     assert marks(contact) == {"do-not-trust"}
     felt = hand(4.0, normal=np.array([0.0, 0.0, 1.0]), bias=np.zeros(3))
     for value in (0.0, 1.5):
         alone = felt.force * [0.0, 0.0, 1.0] + [value, value, 0.0]
         contact = prepare(table_of(replace(felt, force=alone)))
-        assert (said(contact, "saturation"), said(contact, "force axes")) == ([], ["note"])
+        assert (said(contact, "saturated axis"), said(contact, "force axes")) == ([], ["note"])
         assert marks(contact) == {"trust"}
 
 

@@ -177,7 +177,7 @@ def test_verbose_says_on_standard_error_what_is_done_and_how_long_it_took(run, g
     for twice in (["identify", good, "-vv"], ["-v", "identify", "--verbose", good, "--no-color"]):
         more = run(*twice)[2]
         assert "channel force_N" in more
-        assert "search for delay" in more
+        assert "find_delay: " in more
     assert logging.getLogger("palpate").level == logging.NOTSET
 
 

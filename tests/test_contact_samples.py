@@ -24,7 +24,7 @@ from scipy.stats import binom
 import palpate
 from palpate import Contact, Scale, Status, VariableProjection, identify, lab
 from palpate.design.precision import cramer_rao_bound
-from palpate.preparation.gates import suggest_surface_deviation
+from palpate.preparation.resolution import suggest_surface_deviation
 
 SCALE = Scale(10e-3, 0.1, 20.0)
 GEL = palpate.HuntCrossley(5e4, 1.5e5, 2.2)

@@ -441,6 +441,11 @@ DAMAGED = {
     "a.feather": partial(write_feather, chunksize=100),
     "a.h5": partial(write_hdf5, compression="gzip", chunks=(100,)),
     "a.mat": partial(write_mat5, do_compression=True),
+    "a.xlsx": lambda path: pandas.DataFrame(COLUMNS).to_excel(path, index=False) or path,
+    "a.npz": lambda path: np.savez(path, **COLUMNS) or path,
+    "a.jsonl": lambda path: (
+        pandas.DataFrame(COLUMNS).to_json(path, orient="records", lines=True) or path
+    ),
     "a.bag": lambda path: files.rosbag1(path, files.wrenches_and_poses(VALUES, ros1=True)),
     "a.db3": write_sqlite,
     "a.mcap": lambda path: files.wrench_mcap(path, VALUES, chunk_size=4000),

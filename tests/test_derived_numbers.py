@@ -14,10 +14,10 @@ from cases import contact_of, exciting, tapping
 import palpate
 from palpate import Contact, HuntCrossley, KelvinVoigt, QueryOptions, identify
 from palpate.digits import with_error
-from palpate.preparation.gates import touches_of
+from palpate.preparation.touches import find_touches
 from palpate.quantities.derived import path_of
 from palpate.quantities.energy import loops_of
-from palpate.results.saved import derived
+from palpate.results.saved import derived_dict
 
 LAW = faults.LAW
 
@@ -193,7 +193,7 @@ def test_a_touch_is_a_loop_from_free_air_to_free_air(clean):
     result = identify(contact)
     found = result.energy
     assert found.kind == "touch"
-    whole = [t for t in touches_of(contact) if t.stop < 5.999]
+    whole = [t for t in find_touches(contact) if t.stop < 5.999]
     assert len(found.lost) in (len(whole), len(whole) - 1)  # it may begin in contact
     assert found.measured.value == pytest.approx(found.predicted.value, rel=0.05)
     for start, stop in zip(found.start, found.stop, strict=True):
@@ -357,7 +357,7 @@ def test_the_page_shows_the_keys_that_there_are():
     [shown] = re.findall(r"^```json\n(.*?)^```$", page.read_text(encoding="utf-8"), re.M | re.S)
     recording = "examples/recordings/tapping.csv"
     wanted = QueryOptions(impact_speed=0.3, tip=palpate.Cone(math.radians(60.0)))
-    numbers = derived(identify(page.parents[1] / recording).with_query(wanted))
+    numbers = derived_dict(identify(page.parents[1] / recording).with_query(wanted))
     keys = [*numbers, *(key for part in numbers.values() for key in part)]
     keys += ["Flores", "kind", "half_angle", "of_tip"]
     assert sorted(re.findall(r'"(\w+)":', shown)) == sorted(keys)

@@ -10,9 +10,10 @@ from faults import FORCE, LAW, SPRING, STEP, TIME, V, X, contact, recorded
 import palpate
 from palpate import lab
 from palpate.diagnosis import Data
-from palpate.diagnosis.data import CHECKS, SOME
-from palpate.diagnosis.delay import _within_segment, delay, relaxed
+from palpate.diagnosis.delay import _earlier_samples, find_delay
 from palpate.diagnosis.fit import Fit
+from palpate.diagnosis.material import relaxation_state
+from palpate.diagnosis.recording import CHECKS, SOME
 from palpate.estimators.least_squares import mean_error, robust_covariance
 from palpate.findings import MAY_CAP, worst
 from palpate.preparation.held import beat_of
@@ -568,10 +569,10 @@ def test_a_delay_is_sought_within_each_segment():
     result = palpate.identify(palpate.Contact(time[kept], **moved, segment=np.repeat(order, 400)))
     fit = Fit(result.data, result.trace, result.estimate)
     here, *others = (
-        fit.data.segment[_within_segment(fit, fit.band, shift)] for shift in (0, 20, -20)
+        fit.data.segment[_earlier_samples(fit, fit.windows, shift)] for shift in (0, 20, -20)
     )
     assert all(np.all(other == here) for other in others)
-    [found] = delay(fit)
+    [found] = find_delay(fit)
     assert float(found.sentence.split()[3]) == pytest.approx(5.0, abs=0.6)
 
 
@@ -582,4 +583,4 @@ def test_a_branch_relaxes_as_its_equation_says():
     for rise in np.diff(drive):
         state = np.exp(-1e-3 / 0.05) * state + rise
         expected.append(state)
-    np.testing.assert_allclose(relaxed(drive, steps, 0.05, 1e-3), expected, atol=1e-9)
+    np.testing.assert_allclose(relaxation_state(drive, steps, 0.05, 1e-3), expected, atol=1e-9)

@@ -19,6 +19,7 @@ from ruamel.yaml import YAML
 
 import palpate
 from palpate import lab
+from palpate.findings import MAY_CAP, Check
 
 ROOT = Path(__file__).parents[1]
 PAGES = sorted([*ROOT.glob("*.md"), *ROOT.glob("docs/**/*.md")])
@@ -277,3 +278,11 @@ def _shown(cell) -> list[tuple[str, ...]]:
         if kind or kinds[-1:] != [()]:  # printed lines come in as many pieces as they like
             kinds.append(kind)
     return kinds
+
+
+def test_the_docs_have_a_place_for_each_check_and_name_those_that_may_cap_a_mark():
+    text = (ROOT / "docs" / "diagnosis.md").read_text("utf-8").lower()
+    subjects = {check.subject for check in Check} - {"export"}  # of which docs/exports.md speaks
+    assert {f"### {subject}\n" in text for subject in subjects} == {True}
+    named = text.replace("penetration, force, time unit", "penetration unit, force unit, time unit")
+    assert [check for check in MAY_CAP if check not in named] == []

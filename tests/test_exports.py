@@ -48,7 +48,7 @@ from palpate.findings import Finding
 from palpate.force_laws import engines, law_from
 from palpate.lab import BALL, PVC, TISSUE
 from palpate.quantities.derived import in_hertz
-from palpate.results.saved import SCHEMA_VERSION, of_one
+from palpate.results.saved import SCHEMA_VERSION, result_dict
 
 EXAMPLES = Path(__file__).parents[1] / "examples" / "recordings"
 
@@ -476,7 +476,7 @@ def test_a_surface_without_an_error_bar_is_saved_too(ball, monkeypatch):
     # Else the saved law would be pressed from another surface than the one that was found.
     for name, value in (("surface", 1e-3), ("surface_standard_error", math.nan)):
         monkeypatch.setattr(type(ball.estimate), name, value)
-    assert of_one(ball)["surface"] == 1e-3
+    assert result_dict(ball)["surface"] == 1e-3
 
 
 NAMESPACE = "{http://drake.mit.edu}"

@@ -23,7 +23,7 @@ from palpate.figures import style
 from palpate.figures.panels import JOINED, draw_spectrum
 from palpate.figures.style import DARK, LIGHT
 from palpate.findings import spoken
-from palpate.identification.identified import rank
+from palpate.identification.ranking import rank
 
 CONTACT = contact_of(tapping(MATERIALS["ball"], noise=0.02, seed=1), source="folder/probe.csv")
 

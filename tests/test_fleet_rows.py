@@ -34,7 +34,7 @@ from palpate.fleet.maps import (
 from palpate.fleet.rows import table_of_rows
 from palpate.fleet.running import identify_batch
 from palpate.fleet.tasks import ContactSource, Settings, batches, digest_of, tasks_table
-from palpate.identification.identified import NEGATIVE_STIFFNESS
+from palpate.identification.estimate_checks import NEGATIVE_STIFFNESS
 
 RELAXING = GeneralisedHuntCrossley(
     4000.0, 1.3, 0.0, 1.3, relaxation=RelaxationSpectrum((0.05, 0.2), (3000.0, 2000.0))

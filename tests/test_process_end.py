@@ -74,6 +74,40 @@ def test_a_process_that_used_everything_leaves_no_compiled_object_behind():
     assert "nanobind: leaked 1 instances" in said_by(LEAK)[1]  # as it would be seen
 
 
+OWN_LAW = """
+from dataclasses import dataclass
+import numpy as np
+import palpate
+from cases import MATERIALS, exciting
+
+@palpate.force_laws.register
+@dataclass(frozen=True)
+class Cubic(palpate.force_laws.ForceLaw):
+    "F = K x³ + B v."
+    kind, symbols, units = "cubic", ("K", "B"), ("N/m³", "N·s/m")
+    stiffness: float
+    damping: float
+
+    def force(self, x, v):
+        return self.stiffness * x**3 + self.damping * v
+
+    def penetration_gradient(self, x, v):
+        return 3.0 * self.stiffness * x**2 + 0.0 * v
+
+    def parameter_gradient(self, x, v):
+        return np.stack([x**3 + 0.0 * v, v + 0.0 * x], axis=-1)
+
+signals = exciting(MATERIALS["ball"], seconds=0.5, noise=0.02)
+contact = palpate.Contact(signals.time, penetration=signals.penetration,
+                          velocity=signals.velocity, force=signals.force)
+result = palpate.identify(contact, law="cubic")  # a global, to the end
+"""
+
+
+def test_a_result_of_a_law_of_the_scripts_own_may_stay_in_a_global():
+    assert said_by(OWN_LAW) == ("", "")
+
+
 IMPORTS = """
 import gc, importlib, pkgutil
 import palpate

@@ -115,12 +115,12 @@ def test_every_section_of_a_result_is_said_in_the_same_words_wherever_it_is_show
     card = " ".join(Reading(ball._repr_html_()).words.split())
     numbers = [part for each in view.number_lines(ball) for part in (each.value, each.at)]
     assert all(part in each for part in numbers for each in (*shown, card))
-    told = [view.depths(ball), view.law(ball)]
+    told = [view.depth_table(ball), view.law_section(ball)]
     for section in (
         *told,
-        view.follows(ball),
-        view.findings(ball),
-        view.preparation([ball]),
+        view.derived_section(ball),
+        view.findings_section(ball),
+        view.preparation_section([ball]),
     ):
         cells = [
             part for row in section.table()[1] for cell in row for part in str(cell).split("\n")
@@ -132,7 +132,7 @@ def test_every_section_of_a_result_is_said_in_the_same_words_wherever_it_is_show
 
 def test_each_segment_between_changes_is_a_row_and_the_fit_names_their_own_laws():
     result = palpate.identify(changed(0.3)).by_segment()
-    [section] = view.parts(result)
+    [section] = view.segment_table(result)
     assert len(section.rows) == 2
     words = result.summary()
     assert "change detector" in words
@@ -156,7 +156,7 @@ def places():
 def test_the_report_of_a_probe_that_travels_begins_with_its_verdicts_and_its_map(places):
     text = page(places, HERE)
     words = Reading(text).words
-    counts = next(view.answer(places, ())).lines[0].text
+    counts = next(view.short_answer(places, ())).lines[0].text
     order = (counts, drawn.PLACES_CAPTION, "force–penetration loop", "Identified values")
     found = [words.index(each) for each in order]
     assert found == sorted(found)

@@ -339,6 +339,42 @@ def test_each_group_of_a_file_is_a_contact(tmp_path, names):
     assert len(prepare(path, columns=columns_of(remedy.partition(": ")[2]))) == 400
 
 
+def test_groups_counted_as_tests_are_contacts_with_a_rate_too(tmp_path):
+    _, depth, force = touch()
+    with h5py.File(tmp_path / "a.hdf5", "w") as file:
+        for k in range(2):
+            file[f"test_{k}/displacement"], file[f"test_{k}/force"] = depth, force
+    contact = prepare(tmp_path / "a.hdf5", rate=100.0)
+    assert [part.stop - part.start for part in contact.segments()] == [400, 400]
+
+
+def test_the_signal_and_the_axes_of_nexus_name_force_and_position(tmp_path):
+    """NeXus manual, NXdata: the attributes ``signal`` and ``axes`` of the group, since 2014."""
+    time, depth, force = touch()
+    with h5py.File(tmp_path / "a.nxs.h5", "w") as file:
+        data = file.create_group("entry/data")
+        data.attrs.update(NX_class="NXdata", signal="channel_1", axes=["channel_2"])
+        data["time"], data["channel_1"], data["channel_2"] = time, force, depth
+        data["force_raw"], data["position_of_stage"] = 2.0 * force, 3.0 * depth
+    roles = roles_of(palpate.open_recording(tmp_path / "a.nxs.h5"))
+    assert (roles.depth, roles.force) == (("entry/data/channel_2",), ("entry/data/channel_1",))
+
+
+def test_a_state_without_names_is_asked_for_with_the_option_that_answers(tmp_path):
+    time, depth, force = touch()
+    path, still = tmp_path / "a.hdf5", np.zeros((len(time), 7))
+    with h5py.File(path, "w") as file:
+        file["timestamp"] = time
+        file["state"], file["force"], file["action"] = still, still[:, :6], still
+        file["state"][:, 2], file["force"][:, 2] = -depth, force
+    with pytest.raises(MissingChannelError) as asked:
+        prepare(path)
+    [option] = re.findall(r"name its channel, such as (--position \S+);", str(asked.value))
+    assert palpate.identify(prepare(path, columns=columns_of(option))).law.stiffness == (
+        pytest.approx(6000.0, rel=0.01)
+    )
+
+
 def test_fingers_on_one_clock_are_no_contacts_of_their_own(tmp_path):
     time, depth, force = touch()
     path = tmp_path / "hand.hdf5"

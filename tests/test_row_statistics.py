@@ -5,7 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from palpate.preparation.gates import LARGEST, noise_of, resolutions_of
+from palpate.preparation.gates import LARGEST
+from palpate.preparation.resolution import noise_of, resolutions_of
 from palpate.preparation.velocity import largest_of, spiked, spikes_of_rows, step_of
 
 # So many that cells are looked through, and so few that they are not.

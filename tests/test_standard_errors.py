@@ -9,8 +9,7 @@ from scipy import stats
 import palpate
 from palpate import ConstantForgetting, Contact, HuntCrossley, Scale, identify
 from palpate.diagnosis import Data
-from palpate.diagnosis.fit import Fit
-from palpate.diagnosis.marks import standard_errors
+from palpate.diagnosis.fit import Fit, standard_errors
 from palpate.estimators.least_squares import robust_covariance
 
 RUNS, SAMPLES = 1000, 100
@@ -108,8 +107,8 @@ def test_noise_in_proportion_to_force_widens_what_firm_contact_tells():
         # Of a fit in windows, by what each sample's own noise adds.
         influences = fit.gradients @ fit.solution.inverse[:3]
         weights = np.zeros((3, t.size))
-        for row, window in enumerate(fit.band.windows.T):
-            weights[:, fit.band.samples[window]] += influences[:, row, None] / fit.band.width
+        for row, window in enumerate(fit.windows.places.T):
+            weights[:, fit.windows.samples[window]] += influences[:, row, None] / fit.windows.width
         true = np.sqrt(weights**2 @ deviation**2)
         spread = np.diag(fit.gradients @ fit.covariance[:3, :3] @ fit.gradients.T)
         pooled.append(np.sqrt(spread) / true)

@@ -1,6 +1,7 @@
 """The shape of the house: imports run one way, and a noun is one class."""
 
 import ast
+import re
 from collections import defaultdict
 from pathlib import Path
 
@@ -97,3 +98,18 @@ def test_the_reproduction_of_the_paper_uses_public_names():
                 if node.module != "palpate.lab":
                     internal.add(node.module)
     assert internal == WITHOUT_A_PUBLIC_NAME
+
+
+def test_each_check_has_one_file_that_writes_its_sentences():
+    homes = defaultdict(set)
+    for name, path in modules():
+        for check in re.findall(r"\bCheck\.([A-Z0-9_]+)\.finding\(", path.read_text()):
+            homes[check].add(name)
+    assert not {check: names for check, names in homes.items() if len(names) > 1}
+    assert len(homes) > 50  # they were found at all
+
+
+def test_no_decision_compares_the_id_of_a_check_with_a_literal():
+    literal = re.compile(r"\.check\s+(?:==|!=|in|not in)\s+[\"'(\[{]+[\"']|\bFinding\(\s*[\"']")
+    found = [name for name, path in modules() if literal.search(path.read_text())]
+    assert not found

@@ -13,7 +13,9 @@ from probing import BALL, felt
 
 import palpate
 from palpate import Contact, ContactGate, InvalidParameterError, Scale, lab
-from palpate.preparation.gates import choose_gate, noise_of, suggest_scale, touches_of
+from palpate.preparation.gates import choose_gate, suggest_scale
+from palpate.preparation.resolution import noise_of
+from palpate.preparation.touches import find_touches
 
 # 20 000 fourth differences hold at least a fifth as many independent ones; the median absolute
 # deviation of n is good to 1.17/√n: 3 of those are 5.6 %.
@@ -179,7 +181,7 @@ def test_every_stroke_is_one_touch(seed):
     contact = tapped(6.0, seed)
     inside = contact.penetration > 0.0
     strokes = int(np.count_nonzero(inside[1:] & ~inside[:-1]) + inside[0])
-    found = touches_of(contact)
+    found = find_touches(contact)
     assert [touch.number for touch in found] == list(range(1, strokes + 1))
     for touch in found:
         during = (contact.time >= touch.start) & (contact.time <= touch.stop)
@@ -192,6 +194,6 @@ def test_a_bounce_of_less_than_50_ms_is_no_touch_of_its_own_and_free_air_has_non
     force = contact.force.copy()
     middle = int(np.argmax(force))
     force[middle : middle + 30] = 0.0
-    assert len(touches_of(replace(contact, force=force))) == len(touches_of(contact))
+    assert len(find_touches(replace(contact, force=force))) == len(find_touches(contact))
     free = replace(contact, penetration=np.full(len(contact), -1e-3), force=0.0 * force)
-    assert touches_of(free) == []
+    assert find_touches(free) == []

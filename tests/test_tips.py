@@ -23,7 +23,7 @@ from palpate import (
     identify,
     restitution,
 )
-from palpate.cli.options import tip_of
+from palpate.cli.options import specimen_of, tip_of
 from palpate.quantities.restitution import approximations_of, restitution_slope
 
 MODULUS, POISSON = 40e3, 0.45  # Pa
@@ -299,6 +299,51 @@ def test_the_rebound_is_slower_than_one_over_the_dissipation_unless_the_law_make
 def test_what_makes_no_sense_is_refused_by_name(call, words):
     with pytest.raises(InvalidParameterError, match=words):
         call()
+
+
+# A cylinder between plates: F = E A x/h, so that E = S h/A at any depth.
+
+SPECIMEN = palpate.Specimen(area=3.14e-4, height=0.2)
+
+
+def test_the_modulus_of_a_compressed_cylinder_is_found_with_the_bar_of_its_stiffness():
+    stiffness = MODULUS * SPECIMEN.area / SPECIMEN.height
+    x = exciting(palpate.HuntCrossley(stiffness, stiffness, 1.0), seconds=3.0, noise=2e-4)
+    contact = Contact(x.time, penetration=x.penetration, velocity=x.velocity, force=x.force)
+    result = identify(contact).with_query(QueryOptions(specimen=SPECIMEN))
+    found, there = result.compression_modulus(), result.diagnosis.working_depth.stiffness
+    assert abs(found.value.value - MODULUS) < 3.0 * found.value.whole_error < 0.05 * MODULUS
+    assert found.value.whole_error / found.value.value == pytest.approx(
+        there.whole_error / there.value, rel=1e-12
+    )
+    assert found.remarks == ()
+    told = json.loads(json.dumps(result.as_dict(), allow_nan=False))["compression_modulus"]
+    assert told["value"] == found.value.value
+    assert told["specimen"] == {"area": 3.14e-4, "height": 0.2}
+    assert "kPa for a specimen of 314 mm² and 200 mm height" in result.summary()
+
+
+def test_a_specimen_is_remarked_on_or_refused_by_its_strain_and_shape():
+    result = identified(BALL)
+    depth = result.diagnosis.working_depth.depth
+    wide = result.compression_modulus(palpate.Specimen(area=1e-3, height=2.0 * depth))
+    assert "the strain is 0.5" in wide.remarks[0]
+    assert "wider than it is high" in wide.remarks[1]
+    assert "height" in result.compression_modulus(palpate.Specimen(3e-4, 0.9 * depth)).refused
+
+
+def test_the_option_of_a_specimen_has_units_and_excludes_a_tip(run):
+    assert specimen_of("height=200mm, area=3.14e-4m2") == SPECIMEN
+    for options, words in {
+        ("--specimen", "area=3mm2"): "must be such as area=314mm2,height=20mm",
+        ("--specimen", "area=3mm2,height=20"): "height must be in",
+        ("--specimen", "area=3mm2,height=2mm", "--tip", "sphere:radius=5mm"): "exclude each other",
+    }.items():
+        status, _, err = run("identify", "ball.csv", *options)
+        assert status == 2
+        assert words in err
+    with pytest.raises(InvalidParameterError, match="exclude each other"):
+        QueryOptions(tip=BALL, specimen=SPECIMEN)
 
 
 # d by e, written out once more from the publications; within 0.01 of the exact e above the next

@@ -277,7 +277,7 @@ def test_the_summary_names_a_recorder_that_ended_early():
 def test_places_that_differ_in_their_last_digits_have_no_steep_slope():
     from types import SimpleNamespace
 
-    from palpate.diagnosis.delay import largest_pull
+    from palpate.diagnosis.material import largest_pull
 
     count = 400
     free = np.arange(count) < 200

@@ -16,7 +16,8 @@ from palpate import (
     figures,
     identify,
 )
-from palpate.diagnosis.finding import Laws, remedy_of_memory
+from palpate.diagnosis.material import relaxation_remedy
+from palpate.diagnosis.outcome import ModelSelection
 from palpate.estimators.by_law import estimator_by_law, law_names
 from palpate.estimators.law_verdicts import Candidate, LawVerdict, RankedModel
 from palpate.results import view
@@ -81,7 +82,7 @@ def laws_of(best, *others):
     model_ranking = tuple(
         RankedModel(each, 12.0 * k, 1.0) for k, each in enumerate((best, *others))
     )
-    return Laws(law, LawVerdict(best, model_ranking, 100.0, 50.0, 1e-3, 10.0), 2.0)
+    return ModelSelection(law, LawVerdict(best, model_ranking, 100.0, 50.0, 1e-3, 10.0), 2.0)
 
 
 NONE, RELAXING = Candidate("half-space", "none"), Candidate("hunt-crossley", "spectrum")
@@ -96,10 +97,10 @@ NONE, RELAXING = Candidate("half-space", "none"), Candidate("hunt-crossley", "sp
     ],
 )
 def test_the_remedy_of_a_memory_says_what_the_verdict_on_laws_says(laws, time, words):
-    assert remedy_of_memory(laws, time).startswith(words)
+    assert relaxation_remedy(laws, time).startswith(words)
     plain = identified("Hunt–Crossley with relaxation", "hunt-crossley")
     [memory] = findings_of(plain, "memory")
-    assert memory.remedy == remedy_of_memory(None, 0.1)
+    assert memory.remedy == relaxation_remedy(None, 0.1)
 
 
 @pytest.mark.parametrize("law", law_names())
@@ -223,7 +224,7 @@ def test_a_verdict_is_read_back_to_the_bit_and_said_in_one_line(law):
     assert LawVerdict.from_dict(written) == result.law_verdict
     assert {each["memory"] for each in written["model_ranking"]} == {"none", "spectrum"}
     line = "Model selection: half-space damping with relaxation, rms error 29.7 mN, 0.492 N without"
-    assert line in view.as_text([view.law(result)]).replace("\n", " ")
+    assert line in view.as_text([view.law_section(result)]).replace("\n", " ")
     assert "Model ranking" not in result.summary()
 
 

@@ -11,8 +11,7 @@ from benchmarks.accuracy.probing import BALL, NOISE, PVC, SYMBOLS, Floats, sines
 from benchmarks.accuracy.table import Group, Limit, Line
 from palpate import Contact, ContactGate, HuntCrossley, VariableProjection, identify
 from palpate.diagnosis import Data
-from palpate.diagnosis.fit import Fit
-from palpate.diagnosis.marks import standard_errors
+from palpate.diagnosis.fit import Fit, standard_errors
 
 MATERIALS = {
     "ball": BALL,

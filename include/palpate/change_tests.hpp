@@ -1,6 +1,6 @@
 // The parts of ChangeDetector: the evidence of a change in prediction errors, the correlation of
-// one-step prediction errors, the probe's earlier depths and speeds, and two tests of whether the
-// errors have grown.
+// one-step prediction errors, the probe's earlier depths and speeds, and two tests for a growth of
+// the errors.
 #pragma once
 
 #include <algorithm>
@@ -14,17 +14,17 @@
 
 namespace palpate::detail {
 
-// F̂, F̂ v and F̂ x, which a change of stiffness, damping and exponent moves the force by, and the
-// error of the force.
+// F̂, F̂ v and F̂ x, the regressors for changes of stiffness, damping and exponent, and the error
+// of the force.
 using Regressed = Vector<4>;
 constexpr std::size_t error_at = 3;
 
-// How well a change of the law explains N errors, by their sums of squares and products:
+// The evidence that a change of the law explains N errors, from their sums of squares and products:
 //
 //   L = (N − p) ln(1 + (E − R) / max(R, (N − p) σ²)),   E = Σ e²,   R = min over θ of Σ (e − φᵀθ)²
 //
 // Without a change L is about χ² with the p degrees of freedom of θ, for p = 2 exactly, however
-// large the noise has become: R grows with E.
+// large the noise is, because R grows with E.
 class Evidence {
  public:
   void add(const Regressed& z) noexcept {
@@ -40,11 +40,11 @@ class Evidence {
     count_ += other.count_;
   }
 
-  // L of the first `moved` regressors; 0 if N ≤ p.
+  // L for the first `moved` regressors; 0 if N ≤ p.
   double of_change(double variance, std::size_t moved = error_at) const noexcept {
     Vector<10> s = sums_;
     double spare = count_;
-    // Elimination leaves R. A regressor collinear with those before it is left out.
+    // Elimination leaves R. A regressor collinear with those before it is skipped.
     for (std::size_t i = 0, at = 0; i < moved; at += z_size - i, ++i) {
       const double pivot = s[at];
       if (!(pivot > 1e-9 * sums_[at])) continue;
@@ -56,7 +56,7 @@ class Evidence {
     }
     const double left = std::max(s[9], spare * variance);
     const double ratio = (sums_[9] - s[9]) / left;
-    // A comparison that NaN fails.
+    // This comparison is false for NaN.
     return spare > 0.0 && ratio > 0.0 ? spare * std::log(1.0 + std::min(ratio, 1e12)) : 0.0;
   }
 
@@ -66,20 +66,20 @@ class Evidence {
   double count_ = 0.0;
 };
 
-// The correlation of errors with their own past, as an autoregression of fourth order: its residual
-// is white (Levinson 1947).
+// The correlation of errors with their own past, as an autoregression of fourth order whose
+// residual is white (Levinson 1947).
 //
 //   ẽ = e − Σ aᵢ e₋ᵢ,   φ̃ = φ − Σ aᵢ φ₋ᵢ,   i = 1 … 4
 class Autoregression {
  public:
-  // Order four covers noise of AR(1) up to 0.98 and of second-order low-pass filters: none of these
+  // Order four models noise of AR(1) up to 0.98 and of second-order low-pass filters: none of these
   // causes alarms (docs/validation/accuracy/alarms.md).
   static constexpr std::size_t order = 4;
 
-  // Errors that are kept: a power of two, so that a remainder is a mask.
+  // The number of stored errors: a power of two, so that a remainder is a mask.
   static constexpr std::size_t memory = 256;
 
-  // Takes the next error; returns it and its regressors, whitened as far as known by now.
+  // Adds the next error; returns it and its regressors, whitened with the present coefficients.
   Regressed whiten(const Regressed& now) noexcept {
     Regressed white = now;
     // An error beyond five standard deviations is an outlier or a change, not correlation.
@@ -99,11 +99,11 @@ class Autoregression {
     return white;
   }
 
-  // A past error and its regressors: 0 is the latest.
+  // A past error with its regressors: age 0 is the latest.
   const Regressed& past(std::size_t age) const noexcept { return past(age, count_); }
 
-  // L of a change of stiffness and damping `samples` ago, at most memory − order. Before it they
-  // moved no error, so that whitening takes only the regressors since then.
+  // L for a change of stiffness and damping `samples` ago, at most memory − order. The change had
+  // no effect on earlier errors, so whitening uses only the regressors since then.
   double of_change(std::size_t samples, double variance, bool whitened) const noexcept {
     Evidence evidence;
     for (std::size_t age = samples; age-- > 0;) {
@@ -119,11 +119,11 @@ class Autoregression {
     return evidence.of_change(variance, 2);
   }
 
-  // The next error does not continue the last one: the past of the next errors is unknown.
+  // The next error does not continue the last one: the errors before it are unknown.
   void interrupt() noexcept { following_ = 0; }
   bool knows_past() const noexcept { return following_ > order; }
 
-  // Forgets what it has learned, but keeps the coefficients until there are new ones.
+  // Forgets the learned covariances, but keeps the coefficients until there are new ones.
   void relearn() noexcept {
     learned_ = 0;
     covariances_ = {};
@@ -131,12 +131,14 @@ class Autoregression {
   }
 
  private:
-  // Errors between updates of the coefficients, which costs a tenth of an update at each error.
+  // Errors between updates of the coefficients. An update at each error would cost a tenth of the
+  // estimator's update.
   static constexpr std::uint64_t block = 64;
-  // Blocks that count: eighty correlation lengths of AR(1) 0.98.
+  // The number of blocks in the running average: eighty correlation lengths of AR(1) 0.98.
   static constexpr double blocks = 62.0;
 
-  // White noise has reflections of 1/√4000: below three times that they count as 0, at no cost.
+  // Reflection coefficients of white noise scatter by 1/√4000; below three times that they count as
+  // 0, which costs nothing.
   static constexpr double chance = 0.047;
 
   const Regressed& past(std::size_t age, std::uint64_t count) const noexcept {
@@ -148,8 +150,9 @@ class Autoregression {
     if (++learned_ % block == 0) solve();
   }
 
-  // Levinson's recursion. A hundredth of white noise keeps it stable, and noise as slow as the
-  // motion from being whitened away: what would remain are the errors of the estimate itself.
+  // Levinson's recursion. An addition of a hundredth of white noise keeps it stable, and keeps
+  // noise as slow as the motion from being whitened away: the errors of the estimate itself would
+  // remain.
   void solve() noexcept {
     const double gain = 1.0 / std::min(static_cast<double>(learned_ / block), blocks);
     for (std::size_t i = 0; i <= order; ++i) {
@@ -184,11 +187,11 @@ class Autoregression {
   Vector<order> coefficients_{};  // the first used_ ones apply
   std::size_t used_ = 0;
   Vector<order + 1> covariances_{};
-  Vector<order + 1> sums_{};   // of the products of this block
-  double most_ = 1e150;        // that an error counts; its square is finite
+  Vector<order + 1> sums_{};   // of the products in this block
+  double most_ = 1e150;        // limit of an error; its square is finite
   std::uint64_t count_ = 0;    // errors taken
-  std::uint64_t learned_ = 0;  // of them, since the last beginning
-  std::size_t following_ = 0;  // since the last interruption
+  std::uint64_t learned_ = 0;  // errors since the last relearn
+  std::size_t following_ = 0;  // errors since the last interruption
 };
 
 // A cumulative sum of squared errors over their variance (Page 1954), which alarms only above its
@@ -207,11 +210,11 @@ class CumulativeSum {
   }
   double variance() const noexcept { return variance_; }
 
-  // Moves s² towards a squared error by the fraction `gain`.
+  // Moves s² towards a squared error by the fraction `gain`, without a test.
   void learn(double square, double gain) noexcept { follow(square * per_variance_, gain); }
 
-  // The same; true above the threshold and three times its peaks. A suppressed alarm counts as a
-  // peak instead.
+  // Moves s² and adds to the sum; true above the threshold and above three times its peaks. A
+  // suppressed alarm counts as a peak instead.
   bool add(double square, double gain, double drift, double threshold, bool withheld) noexcept {
     const double ratio = square * per_variance_;
     follow(ratio, gain);
@@ -231,12 +234,12 @@ class CumulativeSum {
   void restart() noexcept { sum_ = peak_ = 0.0; }
 
  private:
-  // e² counts up to three standard deviations: 99.7 % of white noise, and little of a change. One
-  // update in eight errors is enough for a variance, and saves a division.
+  // e² is clipped at three standard deviations, which keeps 99.7 % of white noise and little of a
+  // change. One update in eight errors is enough for a variance, and saves a division.
   void follow(double ratio, double gain) noexcept {
     growth_ += gain * (std::min(ratio, 9.0) - 1.0);
     if (++followed_ % 8 != 0) return;
-    // With a gain near one, eight of them would make it negative.
+    // With a gain near one, eight errors would make it negative.
     set_variance(variance_ * std::max(1.0 + growth_, 0.1), least_);
     growth_ = 0.0;
   }
@@ -244,7 +247,7 @@ class CumulativeSum {
   double variance_ = 0.0;
   double least_ = 0.0;
   double per_variance_ = 0.0;
-  double growth_ = 0.0;         // of the variance since it was last renewed, relative
+  double growth_ = 0.0;         // relative change of the variance, to be applied
   std::uint32_t followed_ = 0;  // errors
   double sum_ = 0.0;
   double peak_ = 0.0;     // of the sum since it was last zero
@@ -256,8 +259,8 @@ class CumulativeSum {
 // and withdraws is never twice at one depth and speed.
 class KnownGround {
  public:
-  // Takes the next depth, > 0, and velocity; true if an earlier stroke had both, or this one has
-  // rested.
+  // Adds the next depth, > 0, and velocity; true if an earlier stroke had both, or if this stroke
+  // has rested there.
   bool visit(double depth, double velocity) noexcept {
     const double speed = std::abs(velocity);
     const bool back = inward_ ? depth<(1.0 - turn) * furthest_ : depth>(1.0 + turn) * furthest_;
@@ -281,7 +284,7 @@ class KnownGround {
     return (stayed || (earlier_[kind] & cell) != 0) && speed <= 2.0 * fastest_;
   }
 
-  // Forgets all strokes: another law is learned.
+  // Forgets all strokes, because another law is learned.
   void forget() noexcept {
     earlier_ = {};
     current_ = {};
@@ -314,7 +317,7 @@ class KnownGround {
     return std::uint64_t{1} << ((bits >> 49) & 63);
   }
 
-  // The reversal is detected late: what was visited since then belongs to the new stroke.
+  // A reversal is detected late: the cells since then belong to the new stroke.
   void end_stroke(double depth) noexcept {
     const std::size_t way = inward_ ? 1 : 0;
     for (const std::size_t kind : {resting, way, way + 2}) {
@@ -329,7 +332,7 @@ class KnownGround {
     rested_ = 0;
   }
 
-  // A cell is wide compared with a resting probe's motion, so a rest stores its exact depths.
+  // A cell is wide compared with the motion of a resting probe, so a rest stores its exact depths.
   void end_rest(double depth) noexcept {
     known_stay_ = {std::min(known_stay_.least, stay_.least), std::max(known_stay_.most, stay_.most),
                    known_stay_.kinds | stay_.kinds};
@@ -338,7 +341,7 @@ class KnownGround {
     rested_ = 0;
   }
 
-  // The depths of a resting stroke, and the kinds of speed there.
+  // The depths of a resting stroke, and the kinds of speed at those depths.
   struct Stay {
     double least = 1e300;
     double most = 0.0;
@@ -346,38 +349,39 @@ class KnownGround {
   };
 
   Cells earlier_{};             // cells of earlier strokes
-  Cells current_{};             // and this one
-  Stay stay_{};                 // since it last advanced or rested
-  Stay known_stay_{};           // before
+  Cells current_{};             // cells of this stroke
+  Stay stay_{};                 // since this stroke last advanced or rested
+  Stay known_stay_{};           // of earlier rests in this stroke
   double fastest_ = 0.0;        // |velocity| of earlier strokes
-  double fastest_there_ = 0.0;  // |velocity| so far, when this stroke was furthest
-  double fastest_now_ = 0.0;    // and with this one
-  double furthest_ = 0.0;       // depth of this stroke
+  double fastest_there_ = 0.0;  // largest |velocity| until this stroke was furthest
+  double fastest_now_ = 0.0;    // largest |velocity| so far
+  double furthest_ = 0.0;       // the furthest depth of this stroke
   std::uint32_t rested_ = 0;    // samples since it advanced
   bool inward_ = true;
 };
 
-// Changes too small to show in single errors: the score L of blocks of 32, 64 … 2048 white errors.
+// Finds changes too small to show in single errors: the score L of blocks of 32, 64 … 2048 white
+// errors.
 class ScoreBlocks {
  public:
-  // The cumulative sum finds changes that show in fewer samples.
+  // The cumulative sum finds changes that show in fewer samples than this.
   static constexpr std::size_t shortest = 32;
   static constexpr std::size_t levels = 7;  // the longest block: 2048
 
-  // Takes a whitened error and its regressors, and σ². Returns the length of a block whose score
-  // exceeds all earlier ones; otherwise 0.
+  // Adds a whitened error with its regressors, and σ². Returns the length of a block whose score
+  // exceeds the limit; otherwise 0.
   std::size_t add(Regressed white, double variance, bool withheld) noexcept {
     // An outlier counts as an error of four standard deviations.
     const double most = 16.0 * variance;
     double& error = white[error_at];
     if (error * error > most) error = std::copysign(std::sqrt(most), error);
-    // Summed up together: one by one the sums would be loaded and stored each time.
+    // The errors are added per block: one by one the sums would be loaded and stored each time.
     block_[samples_ % shortest] = white;
     if (++samples_ % shortest != 0) return 0;
     return close(variance, withheld);
   }
 
-  // The factor on a score of few samples where errors remain correlated, ≥ 1.
+  // The factor on a score of few samples if errors remain correlated, ≥ 1.
   double inflation() const noexcept {
     const Level& first = levels_[0];
     return std::max(1.0, first.sum / (expected * std::max<double>(fewest, first.blocks)));
@@ -392,18 +396,18 @@ class ScoreBlocks {
  private:
   // White noise exceeds 43 in a fraction 2e-9 of the blocks: once in 600 h.
   static constexpr double threshold = 43.0;
-  static constexpr double expected = 3.0;  // without a change
-  // Errors that are not quite white, or of a wrong law, have had large scores before.
+  static constexpr double expected = 3.0;  // mean score without a change
+  // Errors that are not quite white, or errors of a wrong law, have had large scores before.
   static constexpr double over_largest = 3.0;
-  static constexpr std::uint32_t fewest = 8;  // blocks that a length is judged by
+  static constexpr std::uint32_t fewest = 8;  // blocks that a length needs for its limit
   static constexpr double unknown = 1e300;
 
   struct Level {
     Evidence half{};       // the first of the two blocks that make the next longer one
     double sum = 0.0;      // of the scores of its blocks
-    double largest = 0.0;  // of them, with slow forgetting
-    // That the next score must exceed. It is of earlier blocks alone: a change raises the scores of
-    // shorter blocks first, which must not hide it in the longer one that contains them.
+    double largest = 0.0;  // largest score, with slow forgetting
+    // The limit for the next score, from earlier blocks alone: a change raises the scores of
+    // shorter blocks first, which must not hide it in the longer block that contains them.
     double limit = unknown;
     std::uint32_t blocks = 0;
     bool waiting = false;
@@ -434,8 +438,8 @@ class ScoreBlocks {
     return found;
   }
 
-  // A length with fewer than eight blocks uses the next shorter one if that has eight; else it has
-  // no limit yet.
+  // A length with fewer than eight blocks uses the limit of the next shorter one if that has eight;
+  // otherwise it has no limit yet.
   double limit(std::size_t index) const noexcept {
     double mean = expected, largest = 0.0;
     for (std::size_t down = 0; down <= std::min<std::size_t>(index, 1); ++down) {

@@ -1,4 +1,4 @@
-// A fit's slopes and residuals by time scale, from which online standard errors are computed.
+// The slopes and residuals of a fit by time scale, from which online standard errors are computed.
 //
 // The difference of the sums of two successive blocks of b = 2ᵏ samples is a Haar coefficient.
 // Over the pairs of blocks of each level k, of the slopes J and of the residuals e,
@@ -8,9 +8,9 @@
 // For any kind of noise the coefficients are nearly uncorrelated within and between levels (Wornell
 // 1990), so the scores Σ J e have the covariance Σ d_k D_k.
 //
-// Standard errors must increase because the residual is not white, and because few blocks measure
-// it: C = I⁻¹ [Σ d_k D_k] I⁻¹ in place of σ² I⁻¹, with d_k ≥ σ², and standard errors times
-// t₀.₉₇₅(ν)/1.96.
+// Standard errors must grow because the residual is not white, and because few blocks measure it:
+// the covariance is C = I⁻¹ [Σ d_k D_k] I⁻¹ instead of σ² I⁻¹, with d_k ≥ σ², and standard errors
+// are multiplied by t₀.₉₇₅(ν)/1.96.
 #pragma once
 
 #include <algorithm>
@@ -23,7 +23,7 @@
 
 namespace palpate::detail {
 
-// Sums that fade would become subnormal numbers, which are slow.
+// Decaying sums would become subnormal numbers, on which arithmetic is slow.
 template <class Number>
 constexpr Number faded(double sum) noexcept {
   constexpr double smallest = sizeof(Number) < sizeof(double) ? 1e-30 : 1e-150;
@@ -40,11 +40,11 @@ constexpr void fade_out(std::array<std::array<Number, Size>, Size>& sums, double
 // `Number` is the stored type: with floats, |slope| < 1e10 and |residual| < 1e10 give finite sums.
 template <std::size_t Size, class Number = double>
 struct HaarLevel {
-  std::array<std::array<Number, Size>, Size> information{};  // D_k, its upper triangle
+  std::array<std::array<Number, Size>, Size> information{};  // D_k, the upper triangle
   std::array<Number, Size> half{};                           // ΣJ of the first block of a pair …
   Number half_residual = 0;                                  // … and its Σe
   Number older = 0;  // Σ (Σe − Σe′)²/2b since the last renewal but one
-  Number newer = 0;  // … since the last
+  Number newer = 0;  // the same since the last renewal
   Number older_pairs = 0;
   Number newer_pairs = 0;
 
@@ -102,7 +102,7 @@ struct HaarLevel {
 template <std::size_t Size, class Number = double>
 class HaarLevels {
  public:
-  // Blocks of up to 2¹⁹ samples, 9 min at 1 kHz; slower noise counts as on that level.
+  // Blocks of up to 2¹⁹ samples, 9 min at 1 kHz; slower noise counts on that level.
   static constexpr std::size_t most = 20;
 
   // The products must be finite: |slope| < 1e20, |residual| ≤ 1e100. Amortised, each sample closes
@@ -128,12 +128,13 @@ class HaarLevels {
 
   void clear() noexcept { *this = HaarLevels(); }
 
-  // Scales all residuals so far, and their weight.
+  // Multiplies all residuals so far by a factor, and their weight by another.
   void scale_residuals(double factor, double weight) noexcept {
     for (HaarLevel<Size, Number>& level : levels_) level.scale_residuals(factor, weight);
   }
 
-  // Variance of the residuals that count about their mean: the sum over all levels.
+  // Variance about the mean of the residuals since the last renewal but one: the sum over all
+  // levels.
   double residual_variance() const noexcept {
     double energy = 0.0;
     for (const HaarLevel<Size, Number>& level : levels_) energy += level.older;
@@ -145,12 +146,12 @@ class HaarLevels {
   const HaarLevel<Size, Number>& operator[](std::size_t k) const noexcept { return levels_[k]; }
   HaarLevel<Size, Number>& operator[](std::size_t k) noexcept { return levels_[k]; }
 
-  // Whether a first block of this level waits for the second; and marks it so.
+  // Whether the first block of this level waits for the second, and the function that sets this.
   bool waiting(std::size_t k) const noexcept { return ((waiting_ >> k) & 1U) != 0; }
   void wait(std::size_t k) noexcept { waiting_ |= 1U << k; }
 
-  // Σ (ΣJ)(ΣJ)ᵀ/b of blocks without a partner: waiting blocks, and those of the last level.
-  // Together with all D_k it is Σ JJᵀ. The upper triangle.
+  // Σ (ΣJ)(ΣJ)ᵀ/b over blocks without a partner: waiting blocks, and those of the last level.
+  // Together with all D_k it makes Σ JJᵀ. Only the upper triangle is set.
   Matrix<Size> rest() const noexcept {
     Matrix<Size> result = rest_;
     double per_block = 1.0;
@@ -161,8 +162,8 @@ class HaarLevels {
   }
 
  private:
-  // With forgetting, blocks are not longer than the memory: the levels end where a pair fades
-  // before it is complete.
+  // With forgetting, blocks are not longer than the memory: the levels end at the first whose pairs
+  // would fade before they are complete.
   static constexpr double least_fade = 0.6;
 
   template <class Sum>
@@ -178,13 +179,14 @@ class HaarLevels {
     add_square(rest_, sum, per_block);
   }
 
-  // Only the later half of the residuals counts, and none of the first sixteen: errors of a fit
+  // Keeps only the later half of the residuals, and none of the first sixteen: the errors of a fit
   // that has not converged do not measure the noise.
   void renew() noexcept {
     for (HaarLevel<Size, Number>& level : levels_) {
       level.renew();
       if (renewal_ == first_renewal) level.renew();
-      // Sums that are never renewed must not grow beyond it either; only their ratios count.
+      // Information that is never renewed must not grow without limit either; only ratios of it
+      // matter.
       if (renewal_ > longest_renewal) fade_out(level.information, 0.5);
     }
     if (renewal_ > longest_renewal) fade_out(rest_, 0.5);
@@ -198,29 +200,30 @@ class HaarLevels {
   std::array<HaarLevel<Size, Number>, most> levels_{};
   Matrix<Size> rest_{};
   std::uint32_t used_ = most;
-  std::uint32_t waiting_ = 0;  // a bit each level
+  std::uint32_t waiting_ = 0;  // one bit per level
   std::uint64_t samples_ = 0;
   std::uint64_t renewal_ = first_renewal;
 };
 
-// t₀.₉₇₅(ν)/1.96 after Cornish & Fisher, accurate to 1 % for ν ≥ 3. For ν below 2, where noise
-// still grows with the longest blocks, the value at 2: the approximation does not hold below it.
+// t₀.₉₇₅(ν)/1.96 after Cornish & Fisher, accurate to 1 % for ν ≥ 3. The approximation fails for ν
+// below 2, where the noise still grows with the longest blocks; there the value at 2 is used.
 inline double widened_quantile(double freedom) noexcept {
   const double r = 1.0 / std::max(freedom, 2.0);
   return 1.0 + r * (1.210365 + r * (1.440077 + r * 1.304029));
 }
 
-// The number of fitted parameters, whether the residuals are one-step prediction errors, of a fit
-// to earlier samples only, and how many pairs of blocks measure a level.
+// The number of fitted parameters; whether the residuals come from a fit to all samples instead of
+// one-step predictions from earlier samples; and the number of pairs of blocks that measure a
+// level.
 struct Fitted {
   double parameters;
   bool all_samples = false;
-  double fewest_pairs = 8.0;  // they measure a variance to 50 %
+  double fewest_pairs = 8.0;  // eight measure a variance to 50 %
 };
 
-// d_k/σ² of each level and, last, of blocks without a partner, relative to white noise, ≥ 1.
+// d_k/σ² of each level relative to white noise, at least 1; last, that of blocks without a partner.
 struct LevelNoise {
-  // The limit: standard errors a million times those of white noise.
+  // The upper limit: standard errors a million times those of white noise.
   static constexpr double largest = 1e12;
   static constexpr std::size_t most = HaarLevels<1>::most + 1;
   using Each = std::array<double, most>;
@@ -233,8 +236,9 @@ struct LevelNoise {
     for (; measured < used && levels[measured].older_pairs >= fitted.fewest_pairs; ++measured) {
       const HaarLevel<Size, Number>& level = levels[measured];
       pairs[measured] = level.older_pairs;
-      // A fit of p parameters absorbs p/2m of the residuals, a fit to earlier samples only half of
-      // that. (AR(1) 0.98, 1 s: coverage 94 %, without this correction 92 %.)
+      // A fit of p parameters to all samples absorbs p/2m of the residuals, a fit to earlier
+      // samples only half as much. (For AR(1) 0.98 over 1 s the coverage is 94 %, without this
+      // correction 92 %.)
       const double lost = (fitted.all_samples ? 0.5 : 0.25) * fitted.parameters / pairs[measured];
       ratio[measured] = level.residual_variance() * (1.0 + lost) / variance;
       if (white != nullptr) ratio[measured] /= (*white)[measured];
@@ -257,7 +261,7 @@ struct LevelNoise {
         // A random walk grows by 4 without limit; for 3.5 the limit is 6 times the measured value.
         const double bounded = std::min(growth, 3.5);
         u = (bounded - 1.0) / (4.0 - bounded);
-        // By ∂ln d_∞/∂ln g = g/(4 − g), to first order, for g up to 3.
+        // The scatter propagates by ∂ln d_∞/∂ln g = g/(4 − g), to first order, for g up to 3.
         const double slope = 0.5 * std::min(growth, 3.0) / (4.0 - std::min(growth, 3.0));
         scatter = scatter * (1.0 + slope) * (1.0 + slope) + before * slope * slope;
       }
@@ -270,9 +274,9 @@ struct LevelNoise {
     if (measured <= used) ratio[used] = ratio[last] * (1.0 + u);
   }
 
-  // Satterthwaite's degrees of freedom of Σ term(k), term(k) = d_k yᵀ D_k y: each measured level
-  // has its own scatter, all extrapolated levels share one, and those that count as σ² have almost
-  // none.
+  // Satterthwaite's degrees of freedom of Σ term(k), where term(k) = d_k yᵀ D_k y. Each measured
+  // level has its own scatter, all extrapolated levels share one, and levels that count as σ² have
+  // almost none.
   template <class Term>
   double degrees(const Term& term) const noexcept {
     double whole = 0.0, spread = 0.0, common = 0.0;
@@ -300,9 +304,9 @@ struct LevelNoise {
 };
 
 // If R Rᵀ is the covariance for white residuals, (R W)(R W)ᵀ is the reported one. `prior` is the
-// weight of the priors over that of the samples, on the diagonal of the information; `variance`
-// is σ²; `rows` of R are those of the reported parameters. The slopes in the levels need not be
-// those of the fit, but must depend on the motion in the same way.
+// weight of the priors relative to the samples, on the diagonal of the information; `variance` is
+// σ²; `rows` are the rows of R for the reported parameters. The slopes in the levels may differ
+// from those of the fit, but must depend on the motion in the same way.
 template <std::size_t Size, std::size_t Rows, class Number = double>
 class ErrorWidening {
  public:
@@ -313,8 +317,8 @@ class ErrorWidening {
         noise_(levels, variance, {static_cast<double>(Size), of_all_samples}),
         root_(inverse_root(prior)) {}
 
-  // The lower triangle W; the unit matrix while there are too few samples. `of_prior` is the factor
-  // on the variance of the last parameter's prior, from the one that its weight stands for.
+  // The lower triangle W, or the unit matrix while there are too few samples. `of_prior` is the
+  // variance of the last parameter's prior relative to the variance that its weight assumes.
   [[gnu::noinline]] Matrix<Size> root(const std::array<Vector<Size>, Rows>& rows,
                                       double of_prior = 1.0) const noexcept {
     Matrix<Size> unit{};
@@ -338,9 +342,9 @@ class ErrorWidening {
     return result;
   }
 
-  // 1 + Rᵀ [Σ (q² d_k/σ² − 1) D_k + (f − 1) P] R, with R the root in the slopes of the levels, and
-  // P the information of the last prior, whose variance is f times the one that its weight stands
-  // for. That of the other priors changes with neither.
+  // 1 + Rᵀ [Σ (q² d_k/σ² − 1) D_k + (f − 1) P] R, where R is the root in the slopes of the levels
+  // and P the information of the last prior, whose variance is f times the one that its weight
+  // assumes. The other priors are not affected.
   Matrix<Size> whitened(double quantile, double of_prior) const noexcept {
     Matrix<Size> excess{};
     excess[Size - 1][Size - 1] = (of_prior - 1.0) * last_prior_;
@@ -361,8 +365,8 @@ class ErrorWidening {
     return noise_.degrees([&](std::size_t k) { return noise_.ratio[k] * quadratic(part(k), y); });
   }
 
-  // From a unit diagonal, so that nothing overflows. A pivot lost to rounding has no information
-  // from the samples, and no noise.
+  // Scaled to a unit diagonal, so that nothing overflows. A pivot lost to rounding carries no
+  // information from the samples and gets no noise.
   Matrix<Size> inverse_root(const Vector<Size>& prior) noexcept {
     Matrix<Size> m = rest_;
     for (std::size_t k = 0; k < noise_.used; ++k) add(m, part(k), 1.0);
@@ -411,7 +415,7 @@ class ErrorWidening {
   const HaarLevels<Size, Number>& levels_;
   Matrix<Size> rest_;
   LevelNoise noise_;
-  double last_prior_ = 0.0;  // its information
+  double last_prior_ = 0.0;  // information of the last parameter's prior
   Matrix<Size> root_;
 };
 

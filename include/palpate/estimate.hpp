@@ -26,7 +26,7 @@ constexpr double validity_margin(const Law&, double) noexcept {
   return 1.0;
 }
 
-// What a motion does not identify: bits of `Estimate::flags`.
+// The bits of `Estimate::flags`: parameters that a motion does not identify, and other warnings.
 enum IdentifiabilityFlag : std::uint16_t {
   exponent_not_identifiable = 1,
   damping_not_identifiable = 2,
@@ -38,9 +38,9 @@ enum IdentifiabilityFlag : std::uint16_t {
   light_contact = 256,
 };
 
-// At twice this a sphere (1.5) cannot be distinguished from a cone (2) or a spring (1).
+// At twice this error a sphere (1.5) cannot be distinguished from a cone (2) or a spring (1).
 inline constexpr double largest_exponent_error = 0.2;
-// Fraction of the elastic force: B v is uncertain by a quarter of K at the speed of the scale.
+// Fraction of the elastic force: B v is uncertain by a quarter of K at the reference speed.
 inline constexpr double largest_damping_error = 0.25;
 
 // A force offset that is estimated together with the law: the sensor's remaining bias.
@@ -67,7 +67,7 @@ struct Fit {
   std::uint16_t flags = 0;
 };
 
-// From the joint covariance of the law's parameters and, last, the offset.
+// The fit from the joint covariance of the law's parameters and, last, the offset.
 template <class Law, std::size_t Size>
 Fit<Law> fit_of(const Law& law, const Matrix<Size>& joint, double offset,
                 std::uint16_t flags) noexcept {
@@ -83,7 +83,7 @@ Fit<Law> fit_of(const Law& law, const Matrix<Size>& joint, double offset,
 // The part of an estimate that does not depend on the law.
 struct AnyEstimate {
   Surface surface;
-  std::uint16_t flags;  // of IdentifiabilityFlag
+  std::uint16_t flags;  // bits of IdentifiabilityFlag
   double validity_margin;
   Status status;           // of the last sample that was neither refused nor rejected
   std::uint64_t samples;   // samples taken
@@ -126,14 +126,14 @@ struct Signals {
   bool one_time_step = false;
 };
 
-// The samples after which a thinned trace has the estimate: rising indices. Null: after every
-// sample.
+// The indices of the samples at which a thinned trace has the estimate, in rising order. Null: all
+// samples.
 struct TraceRows {
   const std::int64_t* samples = nullptr;
   std::size_t count = 0;
 };
 
-// Row-major. Parameters and errors have a row for each of the TraceRows and a column for each of
+// Row-major. Parameters and errors have a row for each entry of TraceRows and a column for each of
 // the law's parameters; the others have an entry for each sample, whichever rows are written.
 struct TraceColumns {
   double* parameters;

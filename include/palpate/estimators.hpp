@@ -20,7 +20,7 @@ using SingleStageKnownExponentRLS =
     RecursiveEstimator<RegressionMethod<KnownExponentLogRegression>>;
 using DoubleStageRLS = RecursiveEstimator<DoubleStageMethod>;
 using VariableProjection = RecursiveEstimator<VariableProjectionMethod<detail::ContactSolver>>;
-// Estimates the surface position too, with forty-one banks of sums, about 90 kB.
+// Also estimates the surface position, with forty-one banks of sums, about 90 kB.
 using VariableProjectionWithSurface =
     RecursiveEstimator<VariableProjectionMethod<detail::SurfaceSolver>>;
 using DriftTracking = RecursiveEstimator<DriftTrackingMethod>;

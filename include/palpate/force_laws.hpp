@@ -29,7 +29,7 @@ constexpr double saturate(double value) noexcept {
   return std::clamp(value, -largest_parameter, largest_parameter);
 }
 
-// e^a kept within ±largest_parameter (ln 1e100 ≈ 230).
+// e^a limited to ±largest_parameter (ln 1e100 ≈ 230).
 inline double bounded_exp(double a) noexcept { return std::exp(std::clamp(a, -230.0, 230.0)); }
 
 }  // namespace detail
@@ -78,7 +78,7 @@ struct HuntCrossley {
 };
 
 // F = K xⁿ + B xᵖ v + Σ mᵢ gᵢ for x > 0, else 0;  ġᵢ = d(xⁿ)/dt − gᵢ/τᵢ,  Σ mᵢ = M. The caller
-// holds the relaxation times and the state of the branches.
+// keeps the relaxation times and the state of the branches.
 struct GeneralisedHuntCrossley {
   static constexpr std::size_t size = 5;
   double stiffness;             // K, N/mⁿ
@@ -87,7 +87,7 @@ struct GeneralisedHuntCrossley {
   double damping_exponent;      // p
   double relaxation_stiffness;  // M, N/mⁿ; 0: no memory
 
-  // With all branches relaxed.
+  // The force with all branches relaxed.
   double force(double x, double v) const noexcept {
     if (x <= 0.0) return 0.0;
     return stiffness * std::pow(x, exponent) + damping * std::pow(x, damping_exponent) * v;
@@ -98,7 +98,7 @@ struct GeneralisedHuntCrossley {
   bool operator==(const GeneralisedHuntCrossley&) const = default;
 };
 
-// The law from its parameters, in the law's order.
+// The law with these parameters, in the law's order.
 template <class Law>
 constexpr Law law_of(const double* parameters) noexcept {
   return [parameters]<std::size_t... I>(std::index_sequence<I...>) {
@@ -118,7 +118,7 @@ struct RelaxationBranches {
   std::array<double, most> stiffnesses{};  // N/mⁿ
   std::size_t count = 0;
 
-  // Beyond `most` branches are ignored.
+  // The branches with these times and stiffnesses; those beyond `most` are ignored.
   RelaxationBranches(std::span<const double> own_times,
                      std::span<const double> own_stiffnesses) noexcept
       : count(std::min({own_times.size(), own_stiffnesses.size(), most})) {
@@ -126,10 +126,10 @@ struct RelaxationBranches {
     std::copy_n(own_stiffnesses.begin(), count, stiffnesses.begin());
   }
 
-  // mᵢ ∝ τᵢ^−α between the shortest and the longest time, with the sum `stiffness`; one time if the
-  // shortest is 0, and none if both are. Two branches per factor of two, each in the middle of its
-  // part of ln τ. The ripple of K′ and B′ is then below 1e-10, near the ends of the spectrum below
-  // 1e-3.
+  // Branches with mᵢ ∝ τᵢ^−α between the shortest and the longest time, with the sum `stiffness`;
+  // one time if the shortest is 0, and none if both are. Two branches per factor of two, each in
+  // the middle of its part of ln τ. The ripple of K′ and B′ is then below 1e-10, near the ends of
+  // the spectrum below 1e-3.
   RelaxationBranches(double alpha, double shortest_time, double longest_time,
                      double stiffness) noexcept {
     if (!(longest_time > 0.0)) return;
@@ -149,8 +149,8 @@ struct RelaxationBranches {
   }
 };
 
-// Advances the state by `dt` to a penetration: `state` is xⁿ at the last one, then one number per
-// branch. Exact if xⁿ is linear in between.
+// Advances the state by `dt` to a penetration: `state` is xⁿ at the last penetration, then one
+// number per branch. Exact if xⁿ is linear in between.
 inline void relax(double exponent, const RelaxationBranches& branches, double x, double dt,
                   double* state) noexcept {
   const double elastic = x > 0.0 ? std::pow(x, exponent) : 0.0;
@@ -159,7 +159,7 @@ inline void relax(double exponent, const RelaxationBranches& branches, double x,
   for (std::size_t i = 0; i < branches.count; ++i) {
     const double lost = -std::expm1(-dt / branches.times[i]);
     const double gain = dt > 0.0 ? lost * branches.times[i] / dt : 1.0;
-    // A branch below 1e-76 is set to zero: subnormal numbers would be slow.
+    // Sets a branch below 1e-76 to zero, because arithmetic on subnormal numbers is slow.
     state[1 + i] = (state[1 + i] * (1.0 - lost) + gain * change + 1e-60) - 1e-60;
   }
 }

@@ -3,11 +3,10 @@
 //   g = P φ;  L = g / (λ + φᵀ g);  e = y − φᵀ θ;  θ ← θ + L e;  P ← (P − L gᵀ + π I) / λ
 //
 // π is the self-perturbation. While the signal excites every direction, exactly these equations
-// hold. If they would wind P up or make it indefinite, the guard takes the sample with λ = 1 and
-// π = 0; if one sample holds so much more information than P that P lacks the digits for both, its
-// weight is limited to what P can represent; and if even that fails, P stays and only θ changes,
-// which contracts the error in the norm of P⁻¹ and so is stable for every φ. See
-// docs/numerics.md.
+// hold. If they would wind P up or make it indefinite, the guard takes the sample with λ = 1 and π
+// = 0. If one sample holds so much more information than P that P lacks the digits for both, its
+// weight is limited to what P can represent. If even that fails, P stays and only θ changes, which
+// contracts the error in the norm of P⁻¹ and so is stable for every φ. See docs/numerics.md.
 #pragma once
 
 #include <algorithm>
@@ -29,8 +28,8 @@ inline constexpr double smallest_variance = 1e-70;
 // A guarded sample may reduce its direction's variance at most by this factor.
 // (2⁻³⁶: with 52 bits, sixteen are left for the other directions.)
 inline constexpr double largest_gain = 0x1p36;
-// Samples beyond these are refused. Within them J P Jᵀ times the noise variance is finite for every
-// law and scale.
+// Samples beyond these limits are refused. Within them J P Jᵀ times the noise variance is finite
+// for every law and scale.
 inline constexpr double largest_coefficient = 1e100;
 inline constexpr double largest_residual = 1e70;
 inline constexpr double largest_innovation = 1e300;
@@ -65,7 +64,7 @@ class LeastSquares {
     return detail::dot(regressor, state_.parameters);
   }
 
-  // Takes the sample (updated, guarded) or refuses it without any change (out_of_range).
+  // Learns the sample (updated, guarded) or refuses it without any change (out_of_range).
   constexpr Status update(const Vector<Order>& regressor, double output, double forgetting_factor,
                           double perturbation = 0.0) noexcept {
     const Vector<Order> g = detail::multiply(state_.covariance, regressor);
@@ -90,7 +89,7 @@ class LeastSquares {
     return std::max(state_.residual - prior, 0.0) / freedom;
   }
 
-  // The state, without the settings, for trying a sample and undoing it.
+  // The state without the settings, which allows a sample to be undone.
   struct State {
     Vector<Order> parameters;   // θ
     Matrix<Order> covariance;   // P
@@ -138,8 +137,8 @@ class LeastSquares {
     return step;
   }
 
-  // Without forgetting if P would not stay positive definite, and with a smaller gain if that is
-  // not enough. A separate function, so that the step of every sample stays in registers.
+  // The step without forgetting if P would not stay positive definite, and with a smaller gain if
+  // that is not enough. A separate function, so that the step of every sample stays in registers.
   [[gnu::cold, gnu::noinline]] constexpr Status guarded(const Vector<Order>& g, double spread,
                                                         double error) noexcept {
     const double noise = std::max(spread / detail::largest_gain, 1.0);
@@ -171,7 +170,8 @@ class LeastSquares {
     state_.covariance = step.covariance;
     state_.residual = residual;
     state_.weight = lambda * state_.weight + 1.0;
-    // A smaller value changes no digit and would become a subnormal number, which is slow.
+    // A smaller value changes no digit and would become a subnormal number, on which arithmetic is
+    // slow.
     state_.prior_weight *= step.perturbation != 0.0 || state_.prior_weight < 1e-30 ? 0.0 : lambda;
     ++state_.samples;
     return status;

@@ -1,4 +1,4 @@
-// Vectors and symmetric matrices of a size fixed when compiling: no heap, trivially copyable.
+// Vectors and symmetric matrices whose size is fixed at compile time: no heap, trivially copyable.
 #pragma once
 
 #include <algorithm>
@@ -24,8 +24,9 @@ constexpr Matrix<Size> diagonal(const Vector<Size>& values) noexcept {
 
 namespace detail {
 
-// √(a² + b²), the deviation of a sum, also where a square overflows. std::hypot would tie a wheel
-// to glibc 2.35, and is right to the last bit, which no deviation needs.
+// √(a² + b²), the standard deviation of a sum, without overflow of the squares. std::hypot would
+// tie a wheel to glibc 2.35, and is exact to the last bit, which a standard deviation does not
+// need.
 inline double combined(double a, double b) noexcept {
   const double large = std::max(std::abs(a), std::abs(b));
   if (!(large > 0.0) || std::isinf(large)) return large;
@@ -114,8 +115,8 @@ struct InverseRoot {
 };
 
 // The inverse of a symmetric, positive semidefinite information matrix by LDLᵀ. A pivot lost to
-// rounding has no information from the samples, and is replaced by `prior` (> 0), the information
-// without them.
+// rounding carries no information from the samples and is replaced by `prior` (> 0), the
+// information without them.
 template <std::size_t Size>
 InverseRoot<Size> guarded_inverse_root(const Matrix<Size>& matrix,
                                        const Vector<Size>& prior) noexcept {
@@ -193,13 +194,13 @@ Matrix<Size> cholesky(const Matrix<Size>& m) noexcept {
   return lower;
 }
 
-// J S Jᵀ of S = R Rᵀ as (J R)(J R)ᵀ, which is always symmetric and semidefinite.
+// J S Jᵀ for S = R Rᵀ, as (J R)(J R)ᵀ, which is always symmetric and semidefinite.
 template <std::size_t Size>
 constexpr Matrix<Size> congruence(const Matrix<Size>& jacobian, const Matrix<Size>& root) noexcept {
   return squared(multiply(jacobian, root));
 }
 
-// Variances above `limit` are set to it, and to be independent of the others.
+// Sets variances above `limit` to it, and makes them independent of the others.
 template <std::size_t Size>
 constexpr void bound_variances(Matrix<Size>& covariance, double limit) noexcept {
   for (std::size_t i = 0; i < Size; ++i) {

@@ -13,8 +13,8 @@
 
 namespace palpate {
 
-// Which samples are contact. Logarithms need x > 0 and F > 0, and noise near the surface biases
-// them (E ln(F + ε) ≈ ln F − σ²/2F²), so thresholds belong at about ten times the noise.
+// Decides which samples are in contact. Logarithms need x > 0 and F > 0, and noise near the surface
+// biases them (E ln(F + ε) ≈ ln F − σ²/2F²), so thresholds should be about ten times the noise.
 class ContactGate {
  public:
   struct Settings {
@@ -31,7 +31,7 @@ class ContactGate {
 
   constexpr Phase phase() const noexcept { return phase_; }
 
-  // The phase after this sample; nothing changes until it is entered.
+  // The phase after this sample; the gate changes only in enter().
   constexpr Phase next(double penetration, double force) const noexcept {
     const bool touching = phase_ == Phase::contact;
     const double threshold = touching ? settings_.break_force : settings_.make_force;
@@ -62,8 +62,8 @@ constexpr const char* validate(const ContactGate::Settings& settings) noexcept {
   });
 }
 
-// Forgetting factor λ = 1 − (1 − λ₀) e^(−α t), t since the start of contact. α = 0 is a constant
-// factor.
+// The forgetting factor λ = 1 − (1 − λ₀) e^(−α t), with t since the start of contact. α = 0 makes
+// it constant.
 class Forgetting {
  public:
   struct Settings {
@@ -104,14 +104,15 @@ constexpr const char* validate(const Forgetting::Settings& settings) noexcept {
 // No forgetting.
 inline constexpr Forgetting::Settings no_forgetting{};
 
-// The paper's choice (section V-A-3): λ₀ = 0.99, and the smallest of its good rates, 5 to 8 1/s.
+// The choice of the paper (section V-A-3): λ₀ = 0.99, and the smallest of its good rates, 5 to 8
+// 1/s.
 inline constexpr Forgetting::Settings fading_forgetting{.initial_factor = 0.99, .rate = 5.0};
 
 // Self-perturbing RLS (Park & Jun 1992; the paper's section VII): β·NINT(γ e²) is added to the
 // diagonal of P, and λ is reset to λ₀ whenever that is not zero.
 //
-// The paper's 0.05 and 2.5 in the only reading that reproduces its Fig. 19: √(0.5/γ) = 0.45 N lies
-// between the sensor's noise band (0.05 N) and the error after a switch (0.5 N).
+// The paper's 0.05 and 2.5, read in the only way that reproduces its Fig. 19: √(0.5/γ) = 0.45 N
+// lies between the sensor's noise band (0.05 N) and the error after a switch (0.5 N).
 struct SelfPerturbation {
   double gain = 0.05;        // β, units of P; 0 switches it off
   double sensitivity = 2.5;  // γ, 1/N²
@@ -137,14 +138,15 @@ constexpr const char* validate(const SelfPerturbation& settings) noexcept {
 
 // The interface of a method for the loop of recursive_estimator.hpp.
 //
-// A method identifies one force law: a trivially copyable object with state that neither allocates
-// nor throws. It gets only samples in contact and within its range, in scaled units, and returns
-// SI.
+// A method identifies one force law. It is a trivially copyable object with state that neither
+// allocates nor throws. It receives only samples in contact and within its range, in scaled units,
+// and returns SI.
 //
-// If the method has them, the loop also calls `free(sample, dt, λ)` for a finite sample out of
+// The loop also calls, if the method defines them, `free(sample, dt, λ)` for a finite sample out of
 // contact, `interrupt()` if contact ends without one, `pass(dt)` for a refused or rejected sample,
-// and `gate(given, units)` for the gate to use, if it needs more samples than the given one passes.
-// For a sample whose contact is undecided learn() returns `held`, whatever the method keeps of it.
+// and `gate(given, units)` for the gate to use, if the method needs more samples than the given
+// gate passes. For a sample whose contact is undecided learn() returns `held`, even if the method
+// stores it.
 template <class M>
 concept Method =
     std::is_trivially_copyable_v<M> &&
@@ -152,7 +154,7 @@ concept Method =
              const typename M::Settings& settings, const typename M::Row& row) {
       // The force law that it identifies, of M::Law::size parameters.
       typename M::Law;
-      // Constructed from settings, whose defaults are the named estimator's, and the units.
+      // Constructed from settings, whose defaults are those of the named estimator, and the units.
       // `validate` returns the error in the settings as a message, or null if they are valid.
       requires std::constructible_from<M, const typename M::Settings&, const Units&>;
       { validate(settings) } -> std::same_as<const char*>;
@@ -171,28 +173,28 @@ concept Method =
       { method.prepare(sample, number /* dt */) } -> std::same_as<typename M::Row>;
       // The one-step prediction of the force in scaled units, before the sample is learned.
       { known.predict(row) } -> std::same_as<double>;
-      // Takes a prepared sample, `dt` [s] after the one before it, with the forgetting factor λ and
-      // the perturbation π: whole (updated, guarded) or not at all (any other status).
+      // Learns a prepared sample, `dt` [s] after the one before it, with the forgetting factor λ
+      // and the perturbation π: completely (updated, guarded) or not at all (any other status).
       {
         method.learn(row, number /* dt */, number /* λ */, number /* π */)
       } -> std::same_as<Status>;
 
       // Restarts from the present estimate as a prior, after a change of the material …
       { method.reinitialise() };
-      // … and once more when its transient is over, from the same prior.
+      // … and again from the same prior when the transient is over.
       { method.reinitialise_after_transient() };
 
-      // The present estimate, in SI: predicted force [N] of the sensor, the law, the complete
-      // estimate, and the part of it that a trace has.
+      // The present estimate, in SI: the predicted force [N] of the sensor, the law, the complete
+      // estimate, and the part of it that a trace contains.
       { known.force(units, number /* x, m */, number /* v, m/s */) } -> std::same_as<double>;
       { known.law(units) } -> std::same_as<typename M::Law>;
       { known.fit(units) } -> std::same_as<Fit<typename M::Law>>;
       { known.snapshot(units) } -> std::same_as<Snapshot<typename M::Law>>;
     };
 
-// A method may also define `withdraw(count)`: up to eight of the latest samples turned out to be
-// outliers, and it forgets them; methods without it keep these few. And `latest(units)`, if an
-// estimate at each sample costs too much: the one of a few samples ago, without its errors, which
-// predict() uses.
+// A method may also define `withdraw(count)`, which removes up to eight of the latest samples that
+// turned out to be outliers; methods without it keep these few. And it may define `latest(units)`,
+// if an estimate at each sample costs too much: the estimate of a few samples ago, without its
+// errors, which predict() uses.
 
 }  // namespace palpate

@@ -1,28 +1,28 @@
-// From a robot's measurements to an estimator's samples, one at a time:
+// Converts a robot's measurements to an estimator's samples, one at a time:
 //
 //   penetration = ± d·p − surface,   force = ± d·f − offset − tare,   velocity by VelocityFilter
 //
 // p [m] and f [N] are a position and a force along the contact normal, or vectors with the
 // direction d into the material. The tare is the mean force of the first seconds, without contact.
 //
-// The velocity is computed from the positions, which delays it; position and force are delayed
-// equally, so all three are of one instant.
+// The velocity is computed from the positions, which delays it. Position and force are delayed
+// equally, so that all three belong to one instant.
 //
 //   min over a, b, c of Σ (x_i − a − b s_i − c s_i²)²,   s_i = t_i − t_m,   v(t_m) = b
 //
-// over the latest W samples with m in their middle: the Savitzky–Golay filter of a whole recording,
-// half a window later. With an even clock, s_i = k T for k = −h … h, this is
+// over the latest W samples, with m in their middle: the Savitzky–Golay filter for a whole
+// recording, half a window later. With an even clock, s_i = k T for k = −h … h, this is
 //
 //   v = Σ k x_k / (T Σ k²),   Σ k² = h (h + 1)(2 h + 1)/3,   h = (W − 1)/2
 //
 // otherwise two regressions, on s and on the part of s² that is orthogonal to 1 and s. Penetration
-// and force of the instant are not smoothed, as a smoothed penetration would be another motion.
+// and force are not smoothed, because a smoothed penetration would be another motion.
 //
 // A shorter delay would bias stiffness and damping: a backward difference is half a sample late and
-// has the position's noise, and a mean of past samples lags the force.
+// noisy like the position, and a mean of past samples lags behind the force.
 //
 // Dropouts of the position (outliers.hpp) are excluded from every window, and their samples are not
-// returned. Detecting one needs the two samples after it, which adds to the delay.
+// returned. Their detection needs the two samples after them, which adds to the delay.
 #pragma once
 
 #include <algorithm>
@@ -47,11 +47,12 @@ struct VelocityFilterSettings {
   bool operator==(const VelocityFilterSettings&) const = default;
 };
 
-// What is wrong with these settings, in words; null where they are sound.
+// The error in these settings as a message; null if they are valid.
 constexpr const char* validate(const VelocityFilterSettings& settings,
                                std::size_t maximum_samples) noexcept {
   return detail::first_fault({
-      // No velocity leaves the range of a double, which a metre within less than 1e-100 s might.
+      // Keeps every velocity within the range of a double, which a metre in less than 1e-100 s
+      // might leave.
       {detail::lies_in(settings.sample_time, 1e-100, 1e6),
        "sample_time must be in [1e-100, 1e6] s"},
       {settings.samples >= 3 && settings.samples % 2 == 1 && settings.samples <= maximum_samples,
@@ -83,7 +84,7 @@ class VelocityFilter {
     return update(penetration, force, settings_.sample_time);
   }
 
-  // dt: time since the previous call, s. Returns:
+  // Adds a sample `dt` [s] after the previous call. Returns:
   //
   //   updated       taken; sample() returns the delayed one
   //   waiting       taken; no output yet, or the rate is below half of that in the settings: so
@@ -150,7 +151,7 @@ class VelocityFilter {
     return window_[(newest_ - age) & (capacity - 1)];
   }
 
-  // Judging a sample as a dropout needs the two after it.
+  // The test of a sample for a dropout needs the two samples after it.
   Status take(const Entry& entry) noexcept {
     taken_ = true;
     if (!settings_.lost_positions) return append(entry);
@@ -210,8 +211,8 @@ class VelocityFilter {
     return sum * per_sum_;
   }
 
-  // For any clock; NaN if the window is too long. Times count from the middle in units of the
-  // largest, so that no power of them leaves the range of a double.
+  // The slope for any clock; NaN if the window is too long. Times count from the middle in units of
+  // the largest, so that no power of them leaves the range of a double.
   [[gnu::noinline]] double slope() const noexcept {
     std::array<double, MaximumSamples> s, depth;
     const std::size_t h = half_;
@@ -228,7 +229,7 @@ class VelocityFilter {
     const double unit = std::max(s[2 * h], -s[0]), per_unit = 1.0 / unit;
     for (std::size_t i = 0; i <= 2 * h; ++i) s[i] *= per_unit;
 
-    // Outwards from the middle: two sums at a time are faster than one.
+    // From the middle outwards: two sums at a time are faster than one.
     const auto sum = [h](auto term) noexcept {
       double total = term(h);
       for (std::size_t k = 1; k <= h; ++k) total += term(h + k) + term(h - k);
@@ -260,7 +261,7 @@ class VelocityFilter {
   double per_sum_;  // 1/(T Σ k²), 1/s
   LostPositions lost_;
   std::array<Entry, capacity> window_{};
-  std::array<Entry, LostPositions::ahead> pending_{};  // the newest first; not yet judged
+  std::array<Entry, LostPositions::ahead> pending_{};  // the newest first; not yet tested
   std::size_t newest_ = 0;
   std::uint32_t count_ = 0;    // entries of the window
   std::uint32_t even_ = 0;     // latest steps that are the sample time
@@ -286,7 +287,7 @@ struct OnlinePreparationSettings {
   bool operator==(const OnlinePreparationSettings&) const = default;
 };
 
-// What is wrong with these settings, in words; null where they are sound.
+// The error in these settings as a message; null if they are valid.
 constexpr const char* validate(const OnlinePreparationSettings& settings,
                                std::size_t maximum_samples) noexcept {
   if (const char* fault = validate(settings.filter, maximum_samples)) return fault;
@@ -311,14 +312,14 @@ class OnlinePreparation {
   explicit OnlinePreparation(const Settings& settings = {}) noexcept
       : settings_(settings), filter_(settings.filter) {}
 
-  // One sample_time after the previous call.
+  // Adds a sample, one sample_time after the previous call.
   Status update(double position, double force) noexcept {
     advance_clock();
     return take(position, force, settings_.filter.sample_time);
   }
 
-  // At this time [s], by any clock. Returns as VelocityFilter::update; if the clock jumps, back by
-  // more than a gap or far ahead, the window restarts.
+  // Adds a sample at this time [s], by any clock. Returns the status as VelocityFilter::update; if
+  // the clock jumps, back by more than a gap or far ahead, the window restarts.
   Status update_at(double position, double force, double time) noexcept {
     const double nominal = settings_.filter.sample_time;
     const double dt = calls_ ? time - now_ : nominal;
@@ -346,11 +347,11 @@ class OnlinePreparation {
     sample.force -= tare_;
     return sample;
   }
-  // Its time, s: by the caller's clock, otherwise since the first call.
+  // The time of sample(), s: by the caller's clock, otherwise since the first call.
   double time() const noexcept {
     const double age = filter_.sample().age, nominal = settings_.filter.sample_time;
     const double ticks_ago = std::nearbyint(age / nominal), ticks = static_cast<double>(ticks_);
-    // Without a clock it is a multiple of the sample time, without rounding of a difference.
+    // Without a clock it is a multiple of the sample time, so that no difference is rounded.
     if (ticks_ago <= ticks) return origin_ + (ticks - ticks_ago) * nominal;
     return now_ - age;
   }
@@ -373,7 +374,7 @@ class OnlinePreparation {
     return d[0] * vector[0] + d[1] * vector[1] + d[2] * vector[2];
   }
 
-  // Counted, so that rounding does not accumulate over many days.
+  // Ticks are counted, so that rounding does not accumulate over many days.
   void advance_clock() noexcept {
     if (calls_++ == 0) return;
     ++ticks_;
@@ -394,7 +395,7 @@ class OnlinePreparation {
     return status_;
   }
 
-  // There is no output before the tare is known.
+  // Adds to the tare; there is no output until the tare is known.
   Status tared(double force, double dt) noexcept {
     if (tared_ > 0) tared_time_ += dt;
     if (tared_time_ >= settings_.tare_time && tared_ > 0) {

@@ -1,16 +1,16 @@
-// Outliers: samples that no probe and no material can produce, by one rule,
+// Outliers: samples that no probe and no material can produce. One rule finds them,
 //
 //   |departure| > max(k σ, a part of the size, …),   σ = median |departure|/0.6745,
 //
-// which outliers hardly influence. The departure depends on the use:
+// which outliers hardly influence. The definition of the departure depends on the use:
 //
-// - of a spike, from the median of five samples around it. LostPositions applies it to positions
-//   before a velocity filter, where a dropout would spoil a whole window; for arrays
-//   src/bindings/rows.hpp applies it to any channel, with σ, size and step of the whole array
-//   instead of the samples so far;
-// - of an outlier, from the extrapolation of the previous sample: OutlierRejection, in a loop that
-//   must take or reject a sample before the next one. Over an array it finds the force at which the
-//   sensor saturates.
+// - spike: departure from the median of five samples around it. LostPositions applies it to
+//   positions before a velocity filter, where a dropout would spoil a whole window; for arrays
+//   src/bindings/rows.hpp applies it to any channel, with σ, size and step from the whole array
+//   instead of from the samples so far;
+// - outlier: departure from the extrapolation of the previous sample. OutlierRejection applies it
+//   in a loop that must accept or reject a sample before the next one. On an array it also finds
+//   the force at which the sensor saturates.
 #pragma once
 
 #include <algorithm>
@@ -27,11 +27,11 @@ namespace palpate {
 
 namespace detail {
 
-// Median of |e| of normal errors, over their deviation.
+// Median of |e| over the standard deviation, for normal errors.
 constexpr double normal_median = 0.6745;
 
-// A running median of sizes: a larger size raises it by a ratio, a smaller one lowers it, however
-// large it is; a size of zero, of a held or rounded value, is ignored.
+// A running median of sizes: a larger size raises it by a ratio, a smaller one lowers it by the
+// same, whatever the size. A size of zero comes from a held or rounded value and is ignored.
 class RunningMedian {
  public:
   double value() const noexcept { return value_; }
@@ -39,7 +39,7 @@ class RunningMedian {
   // Factor for its uncertainty: the median of 30 normal sizes is accurate to 25 %, that of the
   // first few to a factor of four.
   double doubt() const noexcept { return seen_ >= few ? 1.0 : seen_ >= 4 ? 4.0 : unknown; }
-  // Whether one outlier changes it little.
+  // Whether a single outlier changes it only a little.
   bool settled() const noexcept { return seen_ >= 2 * few; }
 
   void learn(double size) noexcept {
@@ -56,12 +56,13 @@ class RunningMedian {
     value_ = size > value_ ? value_ * ratio : value_ / ratio;
   }
 
-  // Forgets: what it was learned from no longer holds.
+  // Raises the median at least to this size, when what it was learned from no longer holds.
   void raise_to(double size) noexcept { value_ = std::max(value_, std::min(size, largest)); }
 
  private:
-  // The first sizes move it twofold, as a motion may begin slowly, then the k-th by 8/k, from the
-  // thirtieth on by 2/k, and in the end by a 256th: a burst of outliers moves it little.
+  // The first sizes change it by a factor of two, because a motion may begin slowly; then the k-th
+  // by 8/k, from the thirtieth on by 2/k, and finally by a 256th, so that a burst of outliers
+  // changes it little.
   static constexpr std::uint32_t few = 30, slow = 512;
   static constexpr double steps[2] = {1.0 / (1.0 + 2.0 / slow), 1.0 + 2.0 / slow};
   static constexpr double smallest = 1e-150, largest = 1e150;
@@ -71,14 +72,15 @@ class RunningMedian {
   std::uint32_t seen_ = 0;
 };
 
-// Least distance of a spike from the median of five, so that rounding up and down is none.
+// The smallest distance of a spike from the median of five. Rounding up and down is below it.
 inline double least_spike(double noise, double largest, double step) noexcept {
   return std::max({8.0 * noise, 0.02 * largest, 1.5 * step});
 }
 
-// Whether the middle one of five samples is farther than that from their median, and three times as
-// far as its neighbours are from each other: the peak of a sine at 66 Hz is 2 % above them, and
-// vibration for a tenth of a second is not noise of the whole recording.
+// Whether the middle one of five samples is farther than `limit` from their median, and three times
+// as far as its neighbours are from each other: the peak of a sine at 66 Hz is 2 % above its
+// neighbours, and the noise of the whole recording does not describe a vibration of a tenth of a
+// second.
 inline bool is_spike(const double* five, double limit) noexcept {
   constexpr double alone = 3.0;
   // Most samples are near their neighbours' mean and cannot be spikes.
@@ -94,16 +96,16 @@ inline bool is_spike(const double* five, double limit) noexcept {
 
 }  // namespace detail
 
-// Dropouts of the position, as from a lost packet or encoder count. σ is that of white noise, from
-// the running median of the fourth differences, which suppress a motion as (ωT)⁴ and have 70 times
-// its variance.
+// Finds dropouts of the position, such as lost packets or encoder counts. σ is that of white noise,
+// from the running median of the fourth differences, which suppress a motion as (ωT)⁴ and have 70
+// times the variance of the noise.
 class LostPositions {
  public:
-  // Number of later samples that judging one needs.
+  // The number of later samples that the test of one sample needs.
   static constexpr std::size_t ahead = 2;
 
-  // Takes a position [m], and returns whether the one of two samples ago is a dropout. The first
-  // two after a break have no earlier neighbours, and are accepted.
+  // Adds a position [m], and returns whether the one of two samples ago is a dropout. The first two
+  // after a break have no earlier neighbours and are accepted.
   bool observe(double position) noexcept {
     for (std::size_t age = size - 1; age > 0; --age) recent_[age] = recent_[age - 1];
     recent_[0] = position;
@@ -124,9 +126,10 @@ class LostPositions {
 
  private:
   static constexpr std::size_t size = 2 * ahead + 1;
-  // Median of |Δ⁴| of normal noise, over its deviation: 0.6745 √70.
+  // Median of |Δ⁴| over the standard deviation of normal noise: 0.6745 √70.
   static constexpr double difference_median = 5.6432;
-  // Number of samples from which the noise is known, even if all are rounded to one value.
+  // The number of samples from which the noise counts as known, even if all are rounded to one
+  // value.
   static constexpr std::uint32_t few = 30;
   // The largest position decays, so that a wrong one has no effect ten thousand samples later.
   static constexpr double fading = 1.0 - 1e-4;
@@ -148,21 +151,22 @@ class LostPositions {
   detail::RunningMedian noise_;  // |Δ⁴|
   std::uint32_t seen_ = 0;
   double largest_ = 0.0;
-  double step_ = unlimited;  // the least that is not zero
+  double step_ = unlimited;  // the smallest that is not zero
 };
 
 // Outliers of velocity, force and the sensor's range:
 //
 //   force:   |F − F′| > max(10 σ, a tenth of the median force),     three in a row at most
 //   motion:  |x − x′ − ½(v + v′)T| > max(10 σ, 1.2 T median |v|),   twenty in a row at most
-//   range:   F = F_max, from the fifth of equal forces at the top of what was seen on, while the
-//            law's force moved
+//   range:   F = F_max, from the fifth of equal forces at the highest value so far, while the force
+//            of the law changed
 //
-// x′, v′, F′ is the last sample that was not rejected, T the time since then; σ is the running
-// median of the left side in contact, over 0.6745. If the previous sample departed as much, it is a
-// fast motion, not an outlier: the departure is then the difference, if that is smaller. A longer
-// run is another material, place or speed, and is taken: a change is detected a few samples late.
-// Where force and position step together, or the law expects the force, it is a step, and is taken.
+// x′, v′, F′ is the last accepted sample and T the time since then; σ is the running median of the
+// left-hand side in contact, over 0.6745. If the previous sample departed as much, the cause is a
+// fast motion and not an outlier: the departure is then the difference of the two, if that is
+// smaller. A longer run is another material, place or speed, and is accepted, so that a change is
+// detected a few samples late. If force and position step together, or if the law predicts the
+// force, it is a real step, and is accepted.
 class OutlierRejection {
  public:
   struct Settings {
@@ -180,20 +184,20 @@ class OutlierRejection {
   // Contact ends: the next sample does not continue the last one.
   void interrupt() noexcept { following_ = false; }
 
-  // Whether to reject a sample [SI], `dt` [s] after the previous one; `touching` is the contact
-  // gate's decision, and law(x, v) the force of the present estimate, which is rarely called.
+  // Whether to reject a sample [SI], `dt` [s] after the previous one. `touching` is the decision of
+  // the contact gate, and law(x, v) the force of the present estimate, which is rarely called.
   template <class Law>
   [[gnu::noinline]] bool rejects(const Sample& sample, double dt, bool touching,
                                  const Law& law) noexcept {
     step_.learn(dt);
     const bool free = !touching && !touched_;
     if (!following_ || free || dt > longest_gap * step_.value()) return follow(sample, touching);
-    // Time stamps in bursts give no speed.
+    // Time stamps in bursts determine no speed.
     elapsed_ += std::max(dt, 0.5 * step_.value());
     ++steps_;
 
-    // A held or rounded position has no information: only a velocity that is larger than that with
-    // which it came can be an outlier; a probe may also have stopped.
+    // A held or rounded position carries no information: only a velocity above the one that the
+    // position arrived with can be an outlier, because the probe may also have stopped.
     const double travelled = sample.penetration - last_.penetration;
     const bool held = travelled == 0.0;
     const bool slower = std::abs(sample.velocity) < std::abs(last_.velocity);
@@ -226,26 +230,27 @@ class OutlierRejection {
     return false;
   }
 
-  // Number of the latest samples taken that turn out to be outliers once one is rejected: the first
-  // of a run at the end of the range. Call it once.
+  // The number of the latest accepted samples that turn out to be outliers when one is rejected:
+  // the first of a run at the end of the range. Each number is returned once.
   std::size_t withdrawn() noexcept { return std::exchange(withdrawn_, 0); }
 
-  // The force at which the sensor saturates; infinite until it is known.
+  // The force at which the sensor saturates; infinite until known.
   double range() const noexcept { return range_; }
 
-  // Number of rejected samples.
+  // The number of rejected samples.
   std::uint64_t rejected() const noexcept { return rejected_; }
 
  private:
-  // An error of a tenth in one sample of a hundred changes the mean force by 0.1 %; and damping
-  // makes such steps where a fast probe reverses.
+  // An error of a tenth in one of a hundred samples changes the mean force by 0.1 %, and damping
+  // causes such steps where a fast probe reverses.
   static constexpr double least_force = 0.1;
-  // A motion may reverse between two samples: its mean is then off by the speed itself.
+  // A motion may reverse between two samples: its mean velocity is then wrong by the speed itself.
   static constexpr double least_speed = 1.2;
   static constexpr double longest_gap = 8.0;    // median steps
   static constexpr double longest_hold = 16.0;  // samples of one position
   static constexpr std::uint32_t most_jumped = 3, most_moved = 20;
-  // Number of equal forces that is no chance, and the law's change meanwhile in median steps.
+  // The number of equal forces that is not chance, and the least change of the law in median steps
+  // meanwhile.
   static constexpr std::uint32_t flat = 5;
   static constexpr double flat_steps = 4.0;
   static constexpr std::uint32_t most_withdrawn = 8;
@@ -256,9 +261,9 @@ class OutlierRejection {
     double force;
   };
 
-  // Whether the mean speed is clearly between the speeds at both ends, as where a probe that rested
-  // sets off or stops: of a wrong velocity the mean is the speed at the other end, and where a
-  // spline rings before a jump it is 0.18 of the way from there at most.
+  // Whether the mean speed lies clearly between the speeds at both ends, as when a resting probe
+  // starts or stops. If the velocity is wrong, the mean equals the speed at the other end; where a
+  // spline rings before a jump, it is at most 0.18 of the way from there.
   bool between(double travelled, double start, const Sample& sample) const noexcept {
     constexpr double clear = 0.2;
     const double change = (sample.velocity - start) * elapsed_;
@@ -282,7 +287,7 @@ class OutlierRejection {
   void learn(const Sample& sample, const Departure& now, bool held, bool moved,
              bool jumped) noexcept {
     if (!held && !moved) astray_.learn(std::abs(now.motion));
-    // While the probe is held still, the speed of its motion is kept.
+    // While the probe is held still, the speed of its motion is not updated.
     const double speed = std::abs(sample.velocity);
     const bool moving = speed > 0.5 * speed_.value() || !speed_.settled();
     if (!moved && moving) speed_.learn(speed);
@@ -292,8 +297,9 @@ class OutlierRejection {
     force_.learn(std::abs(sample.force));
   }
 
-  // Whether force and position step together: both jump the same way, or the law expects most of
-  // the force's rise. Of a probe that is held in between, median speed and rise are those of noise.
+  // Whether force and position step together: both jump in the same direction, or the law predicts
+  // most of the change of the force. If the probe is held in between, median speed and rise are
+  // those of noise.
   template <class Law>
   bool corroborated(const Sample& sample, double travelled, double risen, bool both,
                     const Law& law) const noexcept {
@@ -304,12 +310,12 @@ class OutlierRejection {
     return std::abs(risen - expected) <= 0.5 * std::abs(risen);
   }
 
-  // Whether its runs of outliers are not too long yet.
+  // Whether the present runs of outliers are still short enough to reject the sample.
   bool within_runs(const Sample& sample, const Departure& now, bool moved, bool jumped) noexcept {
     if (moved && ++moved_ > most_moved) {
       moved = false;
       moved_ = 0;
-      astray_.raise_to(std::abs(now.motion) / factor_);  // so that similar samples are taken
+      astray_.raise_to(std::abs(now.motion) / factor_);  // so that similar samples are accepted
       speed_.raise_to(std::abs(sample.velocity));
     }
     if (jumped && ++jumped_ > most_jumped) {
@@ -320,8 +326,8 @@ class OutlierRejection {
     return moved || jumped;
   }
 
-  // A force at which the sensor saturates, or the fifth of a run of equal ones at the highest force
-  // so far while the law's force changed.
+  // Whether the force is one at which the sensor saturates, or the fifth of a run of equal forces
+  // at the highest force so far while the force of the law changed.
   template <class Law>
   bool out_of_range(const Sample& sample, bool touching, const Law& law) noexcept {
     if (sample.force == range_) return true;
@@ -334,8 +340,8 @@ class OutlierRejection {
       return false;
     }
     if (++equal_ < flat || sample.force < highest_) return false;
-    // Rounding makes runs within which the force changes by one step; a sensor that holds its
-    // values makes runs of equal length.
+    // Rounding causes runs within which the force changes by one step; a sensor that holds its
+    // values causes runs of equal length.
     const double least = equal_ > 2 * longest_ ? 2.0 * least_rise_ : flat_steps * rise_.value();
     const double travelled = std::abs(sample.penetration - flat_start_.penetration);
     if (!(travelled * sample.force > least * sample.penetration)) return false;
@@ -366,32 +372,32 @@ class OutlierRejection {
 
   static constexpr double unlimited = std::numeric_limits<double>::infinity();
 
-  double factor_;                  // of a median
-  Sample last_{};                  // not rejected
-  Departure last_departure_{};     // of its motion; of its force, a sample
-  double elapsed_ = 0.0;           // s since then, or since its position came
+  double factor_;                  // multiplies a median
+  Sample last_{};                  // last accepted sample
+  Departure last_departure_{};     // of its motion; of its force, per sample
+  double elapsed_ = 0.0;           // s since then, or since its position was new
   double steps_ = 0.0;             // samples since then
   detail::RunningMedian step_;     // dt, s
   detail::RunningMedian astray_;   // |x − x′ − ½(v + v′)T|, m
   detail::RunningMedian speed_;    // |v|, m/s
   detail::RunningMedian rise_;     // |F − F′|, N
   detail::RunningMedian force_;    // |F|, N
-  double range_ = unlimited;       // the sensor's, N
+  double range_ = unlimited;       // saturation force of the sensor, N
   double highest_ = 0.0;           // force so far, N
-  Sample flat_start_{};            // with which equal forces began
-  double least_rise_ = unlimited;  // N, above zero: of a rounded force its step
+  Sample flat_start_{};            // first sample of equal forces
+  double least_rise_ = unlimited;  // N, the smallest above zero: the step of a rounded force
   std::uint64_t rejected_ = 0;
   std::uint32_t moved_ = 0;    // in a row
   std::uint32_t jumped_ = 0;   // in a row
   std::uint32_t equal_ = 0;    // forces in a row
-  std::uint32_t longest_ = 1;  // such row, of a sensor that holds its values
+  std::uint32_t longest_ = 1;  // longest such run, for a sensor that holds its values
   std::uint32_t withdrawn_ = 0;
   bool following_ = false;
   bool touched_ = false;
 };
 
 constexpr const char* validate(const OutlierRejection::Settings& settings) noexcept {
-  // Below 3 it would reject noise.
+  // A threshold below 3 would reject noise.
   if (!(settings.threshold >= 3.0 && settings.threshold <= 1e6)) {
     return "outliers.threshold must be in [3, 1e6] deviations";
   }

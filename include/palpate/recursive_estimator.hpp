@@ -17,8 +17,8 @@
 
 namespace palpate {
 
-// Stands for an absent change detector or outlier rejection that is fixed when compiling: it costs
-// no memory and no time.
+// Replaces a change detector or outlier rejection that is absent at compile time: it costs no
+// memory and no time.
 template <class Watcher>
 class NotWatching {
  public:
@@ -67,8 +67,8 @@ constexpr const char* validate(const EstimatorSettings<M, Detector, Rejection>& 
         "perturbation must be none: this method has no covariance to increase"}});
 }
 
-// The loop without change detector and outlier rejection, which each call passes: compiled once per
-// method, not once per combination.
+// The loop without change detector and outlier rejection, which are arguments of each call: it is
+// compiled once per method, not once per combination.
 template <Method M>
 class Recursion {
  public:
@@ -93,7 +93,7 @@ class Recursion {
     method_.finish_pending();
   }
 
-  // Takes the rounding of the force by the law that an earlier one has found in the same samples.
+  // Corrects the rounding of the force with the law of an earlier replay of the same samples.
   bool unround_as(const Recursion& earlier) noexcept
     requires requires(M& method) { method.unround_as(method); }
   {
@@ -116,7 +116,7 @@ class Recursion {
     }
   }
 
-  // The part of an estimate that a trace has at every sample.
+  // The part of an estimate that a trace contains for every sample.
   Snapshot<Law> snapshot() const noexcept { return method_.snapshot(units_); }
 
   double last_velocity() const noexcept { return velocity_; }
@@ -187,7 +187,7 @@ class Recursion {
   }
 
  private:
-  // Time advances with a sample that is not taken, too.
+  // Advances the time for a sample that is not taken.
   void pass(double dt) noexcept {
     if constexpr (requires { method_.pass(dt); }) method_.pass(dt);
   }
@@ -198,7 +198,8 @@ class Recursion {
     return given;
   }
 
-  // A sample in contact and in range. The loop's state changes only once the method has learned it.
+  // Learns a sample in contact and in range. The loop's state changes only after the method has
+  // learned it.
   Outcome take(const Sample& sample, const Sample& inner, double dt,
                const SelfPerturbation& self_perturbation, ChangeDetector* changes,
                bool predict_force) noexcept {
@@ -221,7 +222,7 @@ class Recursion {
     if (perturbation > 0.0) forgetting.rearm();
 
     Status status = method_.learn(row, dt, forgetting.factor(), perturbation);
-    if (status == Status::held) {  // undecided: the method keeps it, and contact does not change
+    if (status == Status::held) {  // undecided: the method keeps it; the contact phase stays
       enter(gate_.phase());
       return {status_, predicted};
     }
@@ -277,7 +278,7 @@ class Recursion {
   }
 
   // Learns this many of the latest samples again, with their own time steps, as if contact began
-  // with the first of them. Rare, so it is kept apart from the code of every sample.
+  // with the first of them. This is rare, so it is separate from the code for every sample.
   [[gnu::cold, gnu::noinline]] void relearn(const ChangeDetector& changes, std::size_t samples,
                                             Forgetting& forgetting) noexcept {
     forgetting.rearm();

@@ -6,9 +6,9 @@
 //
 //   (R + λ QᵀQ) γ = Qᵀx,   f = x − λ Q γ,
 //
-// a pentadiagonal system: one pass forth and one back for any spacing. At both ends f″ = 0, which
-// no motion fulfils: there the slope is that of the least-squares quartic through twice the window
-// of the filter.
+// a pentadiagonal system, solved by one forward and one backward pass for any spacing. At both ends
+// f″ = 0, which no motion satisfies: there the slope is that of the least-squares quartic through
+// twice the window of the filter.
 #pragma once
 
 #include <algorithm>
@@ -21,11 +21,11 @@
 
 namespace palpate {
 
-// Samples of the parabola's window with the same noise in its slope, over (λ/h³)^¼: σ_v² is
-// 12 σ² h/T³ of the parabola, and √2/16 σ² h/(λh)^¾ of the spline.
+// The window of a parabola whose slope has the same noise, in samples, over (λ/h³)^¼: σ_v² is 12 σ²
+// h/T³ for the parabola, and √2/16 σ² h/(λh)^¾ for the spline.
 constexpr double spline_window = 5.1398;
 
-// Penalties are λ/h³ with h the usual step. Each is four times the one before: the frequency at
+// The penalties λ/h³, with h the usual step. Each is four times the one before: the frequency at
 // half gain, (λh)^-¼, falls by √2.
 struct SplineLadder {
   static constexpr std::size_t size = 10;
@@ -40,14 +40,14 @@ struct SplineLadder {
 
 namespace detail {
 
-// Splines of one stretch of samples, with several penalties abreast.
+// The splines of one segment of samples, for several penalties in parallel.
 template <std::size_t Lanes>
 class Splines {
  public:
   using Values = std::array<double, Lanes>;
 
-  // At least three samples. Stamps nearer than a hundredth of the usual step count as so far apart:
-  // they would ruin the condition of the system.
+  // Needs at least three samples. Time stamps nearer than a hundredth of the usual step count as
+  // that far apart: they would ruin the condition of the system.
   Splines(const double* time, const double* position, std::size_t count, double step)
       : position_(position), count_(count), step_(count + 1, 1.0), rate_(count + 1, 0.0) {
     for (std::size_t k = 0; k + 1 < count; ++k) {
@@ -83,7 +83,7 @@ class Splines {
   }
 
  private:
-  // LDLᵀ of R + λ QᵀQ, and the way forth: row i is the sample i + 1.
+  // LDLᵀ of R + λ QᵀQ, and the forward pass: row i belongs to the sample i + 1.
   void factorise(const Values& penalty) noexcept {
     Values pivot{}, side{}, before{};  // of rows i − 1: d, u; of i − 2: c
     Values forth{}, earlier{}, a{}, b{}, b_earlier{};
@@ -127,8 +127,8 @@ class Splines {
   std::vector<Values> first_, second_, curvature_;  // of the factor, and D⁻¹L⁻¹Qᵀx
 };
 
-// Slopes, per usual step, at samples `from` to `to` of the least-squares quartic through all, by
-// orthogonal polynomials (Forsythe, J. SIAM 5, 74, 1957).
+// Slopes, per usual step, at samples `from` to `to` of the least-squares quartic through all
+// samples, by orthogonal polynomials (Forsythe, J. SIAM 5, 74, 1957).
 inline void quartic_slopes(const double* time, const double* position, std::size_t count,
                            double step, std::size_t from, std::size_t to, double* slopes) {
   constexpr std::size_t degree = 4;
@@ -164,12 +164,11 @@ inline void quartic_slopes(const double* time, const double* position, std::size
 
 }  // namespace detail
 
-// Adds, for each step of the ladder, Σ (v_k+1 − v_k)² to `changes`, and Σ v_k+1² to `sizes`: how
-// much smoothing with the next penalty changes the velocities of a stretch, and what is left of
-// them.
+// Adds, for each step of the ladder, Σ (v_k+1 − v_k)² to `changes` and Σ v_k+1² to `sizes`: the
+// change of the velocities of a segment by the next penalty, and their size afterwards.
 inline void add_spline_changes(const double* time, const double* position, std::size_t count,
                                double step, double* changes, double* sizes) {
-  constexpr std::size_t most = 2048, edge = 32;  // samples: of a piece, and left out at its ends
+  constexpr std::size_t most = 2048, edge = 32;  // samples in a piece; excluded at its ends
   const std::size_t pieces = std::max<std::size_t>(count / most, 1);
   for (std::size_t piece = 0; piece < pieces; ++piece) {
     const std::size_t start = piece * count / pieces, stop = (piece + 1) * count / pieces;
@@ -193,14 +192,14 @@ inline void add_spline_changes(const double* time, const double* position, std::
 }
 
 // A position that was measured at every `beat`-th sample, from `first` on, and interpolated
-// linearly between; 1 and 0 if it was not.
+// linearly between; 1 and 0 if it was not interpolated.
 struct Knots {
   std::size_t beat = 1, first = 0;
 };
 
-// Finds them by the second differences that are more than twice those of both neighbours together.
-// With knots nearly all are at one phase of the beat; a smooth or a noisy position has few, and at
-// any phase.
+// Finds the knots by second differences that are more than twice those of both neighbours together.
+// With interpolation nearly all are at one phase of the beat; a smooth or a noisy position has few,
+// at any phase.
 inline Knots find_knots(const double* position, std::size_t count) {
   constexpr std::size_t longest = 16, fewest = 20;  // samples of a beat; knots
   const auto bend = [&](std::size_t k) noexcept {
@@ -208,7 +207,7 @@ inline Knots find_knots(const double* position, std::size_t count) {
   };
   double sum = 0.0;
   for (std::size_t k = 1; k + 1 < count; ++k) sum += bend(k);
-  // A tenth of the mean bend: between the knots of a long beat there is rounding.
+  // A tenth of the mean second difference: between the knots of a long beat there is rounding.
   const double least = 0.1 * sum / static_cast<double>(count);
   std::vector<std::size_t> at;
   double last = 0.0, own = count > 2 ? bend(1) : 0.0;
@@ -218,7 +217,7 @@ inline Knots find_knots(const double* position, std::size_t count) {
     last = std::exchange(own, next);
   }
   for (std::size_t beat = longest; beat >= 2 && at.size() >= fewest; --beat) {
-    if (4 * beat * at.size() < count) break;  // less than a quarter of its knots is seen
+    if (4 * beat * at.size() < count) break;  // fewer than a quarter of the knots were found
     std::array<std::size_t, longest> phases{};
     for (const std::size_t k : at) ++phases[k % beat];
     const auto most = std::max_element(phases.begin(), phases.end());
@@ -229,23 +228,23 @@ inline Knots find_knots(const double* position, std::size_t count) {
   return {};
 }
 
-// Penalty of the spline with the noise of the parabola through so many samples, over h³.
+// Penalty, over h³, of the spline with the noise of the parabola through `window` samples.
 inline double spline_penalty(double window) noexcept {
   const double part = window / spline_window;
   return part * part * part * part;
 }
 
-// Chooses, by those sums, the penalty between the two whose velocities differ least: more smoothing
-// begins to bend the motion, less adds noise (quasi-optimality; Tikhonov and Glasko 1965, USSR
-// Comp. Math. 5(3), 93). That needs no level of the noise, white or not. `longest` [samples] is the
-// window of the parabola that may be as smooth.
+// Chooses, from those sums, the penalty between the two whose velocities differ least: more
+// smoothing begins to distort the motion, less adds noise (quasi-optimality; Tikhonov and Glasko
+// 1965, USSR Comp. Math. 5(3), 93). It does not need the level of the noise, white or not.
+// `longest` [samples] is the window of the smoothest parabola allowed.
 inline double choose_spline(const double* changes, const double* sizes, double longest) noexcept {
   constexpr std::size_t pairs = SplineLadder::size - 1;
-  // The same in noise of a spectrum ω^-2.6: that of a motion falls more steeply, at least as ω^-4,
-  // and that of white and of AR(1) noise less, at most as ω^-2.
+  // The same ratio for noise with the spectrum ω^-2.6: the spectrum of a motion falls more steeply,
+  // at least as ω^-4, that of white and of AR(1) noise less, at most as ω^-2.
   constexpr std::array<double, pairs> flat = {1,     4.703, 9.073, 10.15, 9.403,
                                               8.303, 7.252, 6.318, 5.501};
-  // A change so many times the smallest is noise; by chance it is 1.2 times.
+  // A change this many times the smallest is noise; by chance it is 1.2 times.
   constexpr double risen = 1.5;
   constexpr auto penalties = SplineLadder::penalties();
   std::size_t count = 1;
@@ -261,14 +260,14 @@ inline double choose_spline(const double* changes, const double* sizes, double l
   return std::sqrt(penalties[best] * penalties[best + 1]);
 }
 
-// Velocities at the samples, at least six, of the spline with a penalty λ/h³, h = `step` [s].
+// Velocities at the samples, at least six, from the spline with a penalty λ/h³, h = `step` [s].
 inline void spline_velocity(const double* time, const double* position, std::size_t count,
                             double step, double penalty, double* velocity) {
   penalty = std::min(penalty, spline_penalty(0.25 * static_cast<double>(count)));
   detail::Splines<1> spline(time, position, count, step);
   spline.slopes({penalty},
                 [&](std::size_t k, const auto& slope) noexcept { velocity[k] = slope[0]; });
-  // From there on the error of f″ = 0 is below a thirtieth of that at the end.
+  // Beyond this distance the error of f″ = 0 is below a thirtieth of its value at the end.
   const double window = spline_window * std::sqrt(std::sqrt(penalty));
   const auto reach = static_cast<std::size_t>(std::ceil(window));
   const std::size_t ends = std::min(std::max<std::size_t>(reach, 3), count / 2);
@@ -276,8 +275,9 @@ inline void spline_velocity(const double* time, const double* position, std::siz
   detail::quartic_slopes(time, position, used, step, 0, ends, velocity);
   detail::quartic_slopes(time + first, position + first, used, step, used - ends, used,
                          velocity + count - ends);
-  // Before a motion from exact rest the slope falls by a constant factor a sample, far below what
-  // the positions resolve, where each would be an outlier of those before it.
+  // Before a motion that starts from exact rest the slope falls by a constant factor per sample,
+  // far below the resolution of the positions, where each would be an outlier relative to those
+  // before it.
   constexpr double resolved = 4.0 * std::numeric_limits<double>::epsilon();
   for (std::size_t k = 0; k < count; ++k) {
     const bool rests = std::abs(velocity[k]) < resolved * std::abs(position[k]);

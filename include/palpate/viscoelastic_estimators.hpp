@@ -1,4 +1,4 @@
-// The estimator of laws with memory; in its own header, as few loops need it.
+// The estimator of laws with memory; in a separate header, because few loops need it.
 #pragma once
 
 #include "palpate/estimators.hpp"

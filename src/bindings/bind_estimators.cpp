@@ -1,4 +1,4 @@
-// The recursive least-squares estimators, and the defaults of the settings that all share.
+// The recursive least-squares estimators, and the default settings that all of them share.
 #include <type_traits>
 
 #include "face.hpp"
@@ -22,7 +22,7 @@ nb::object initial_variances() {
 template <class Usual>
 using InitialCovariance = Matrix<Usual::Law::size>;
 
-// From θ₀ and P₀ as Python passes them. A known exponent of the law is in the start.
+// Settings from θ₀ and P₀ as Python passes them. A known exponent is part of the start.
 template <class Usual>
 std::unique_ptr<Core> made(const char* name, const typename Usual::Law& initial,
                            const InitialCovariance<Usual>& covariance, bool exponent_known,

@@ -75,8 +75,8 @@ nb::tuple branches_of(double alpha, double shortest_time, double longest_time) {
                         copied_array(branches.stiffnesses.data(), {branches.count}));
 }
 
-// Advances a state along a motion and calls `use` with each sample of known penetration, `skip`
-// with the others, whose time counts for the next known one.
+// Advances a state along a motion. Calls `use` with each sample of known penetration, and `skip`
+// with the others, whose time is added to the step of the next known one.
 template <class Use, class Skip>
 void relax_along(double exponent, const RelaxationBranches& branches, const InputArray& time_steps,
                  const InputArray& penetration, double* state, const Use& use, const Skip& skip) {
@@ -180,8 +180,9 @@ nb::tuple evidence_of(ViscoelasticFace& face) {
                         core.method().began_in_contact(), motion.one_way);
 }
 
-// The spectrum of the answer: relaxation times, s; K, n, B, p and mᵢ; their covariance and, last,
-// the offset's; and what an unknown start adds to the force, N, with the times by which it decays.
+// The spectrum of the solution: relaxation times, s; K, n, B, p and mᵢ; their covariance with the
+// offset as the last; and the force, N, that each column for an unknown start adds, with its decay
+// time.
 nb::tuple spectrum_of(ViscoelasticFace& face) {
   const auto& core = core_of(face);
   const viscoelastic::Solution& now = core.method().solver().solution();
@@ -200,7 +201,7 @@ nb::tuple spectrum_of(ViscoelasticFace& face) {
       copied_array(&covariance[0][0], {viscoelastic::joint_size, viscoelastic::joint_size}), start);
 }
 
-// A candidate fitted to all samples with some relaxation times left out, one bit each, or with a
+// Fits a candidate to all samples with some relaxation times excluded, one bit each, or with a
 // damper of any sign: RSS/N [N²]; K, n, B, p and mᵢ; and the offset, N.
 nb::tuple beside_of(ViscoelasticFace& face, std::uint32_t candidate, std::uint32_t without,
                     bool free_damping) {

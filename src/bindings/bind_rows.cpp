@@ -55,7 +55,7 @@ void resolutions(const InputRows& penetration, const OutputArray& result, std::s
   });
 }
 
-// With screening, only in rows that may hold one.
+// With screening, only in rows that may contain one.
 void mark_spikes(const InputRows& values, bool screened, const StatusArray& marks,
                  std::size_t threads) {
   const std::size_t samples = values.shape(1);
@@ -245,7 +245,7 @@ void fit_curves(const InputRows& penetration, const InputRows& velocity, const I
   });
 }
 
-// Without sample selection and priors: in the units of the data, from each start.
+// Fits without sample selection and priors, in the units of the data, from each start.
 detail::CurvePoint fit_samples(const InputRows& samples, const InputRows& starts,
                                const Pair& exponents, const Pair& surfaces) {
   using namespace detail;

@@ -65,7 +65,7 @@ Memory opened(const std::string& name, const nb::bytes& state, std::span<const M
 
 void check_settings(bool same);
 
-// For an optional part.
+// The bytes of an optional part.
 template <class Part>
 Memory memory_of(const Part* part) noexcept {
   static_assert(std::is_trivially_copyable_v<Part>);

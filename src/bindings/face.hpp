@@ -74,8 +74,8 @@ struct Zeroed {
   static void operator delete(void* memory) noexcept;
 };
 
-// A change detector or outlier rejection that is optional at run time. It is allocated apart, as
-// most estimators have none and a detector is ten times their size.
+// A change detector or outlier rejection that is optional at run time. It is allocated separately,
+// as most estimators have none and a detector is ten times their size.
 template <class Watcher>
 class Optional {
  public:

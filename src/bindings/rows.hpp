@@ -31,7 +31,7 @@ constexpr std::size_t fewest = 128;
 
 // The least and the largest of at least one number.
 inline std::array<double, 2> ends_of(Numbers all) noexcept {
-  constexpr std::size_t abreast = 4;  // comparisons that need not wait for each other
+  constexpr std::size_t abreast = 4;  // independent comparisons, so that none waits for another
   std::array<double, abreast> low, high;
   low.fill(all.data[0]);
   high.fill(all.data[0]);
@@ -75,7 +75,8 @@ class Cells {
 
 template <std::size_t Count>
 std::array<std::uint32_t, Count> counted(Numbers all, const Cells<Count>& by) noexcept {
-  // Neighbours in a smooth channel share a cell; separate counters avoid that they wait.
+  // Neighbours in a smooth channel share a cell; separate counters keep them from waiting for each
+  // other.
   std::array<std::array<std::uint32_t, Count>, 2> counts{};
   std::size_t k = 0;
   for (; k + 2 <= all.count; k += 2) {
@@ -238,7 +239,7 @@ inline bool may_hold_a_spike(Channel channel, double* spare) noexcept {
   for (std::size_t k = 0; k < inner; ++k) {
     away[k] = std::abs(channel.data[k + 1] - 0.5 * (channel.data[k] + channel.data[k + 2]));
   }
-  std::array<double, every> farthest{};  // comparisons that need not wait for each other
+  std::array<double, every> farthest{};  // independent comparisons, so that none waits for another
   std::size_t k = 0;
   for (; k + every <= inner; k += every) {
     for (std::size_t i = 0; i < every; ++i) {

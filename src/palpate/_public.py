@@ -60,6 +60,8 @@ from palpate.quantities.energy import Passivity as Passivity
 from palpate.quantities.restitution import Restitution as Restitution
 from palpate.quantities.restitution import dissipation_for as dissipation_for
 from palpate.quantities.restitution import restitution as restitution
+from palpate.quantities.specimen import CompressionModulus as CompressionModulus
+from palpate.quantities.specimen import Specimen as Specimen
 from palpate.recordings import Recording as Recording
 from palpate.recordings import open_recording as open_recording
 from palpate.recordings import write_contact as write_contact

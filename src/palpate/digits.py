@@ -158,3 +158,8 @@ def format_quantity(value: float, unit: str, digits: int = 3) -> str:
         if abs(value) >= 0.1 * size:
             return f"{rounded(value / size, digits)} {prefix}{unit}"
     return f"{rounded(value, digits)} {unit}"
+
+
+def rough_percent(part: float) -> str:
+    """Format a part as whole per cents, from *under 1%* to *over 200%*."""
+    return f"{part:.0%}" if 0.01 <= part < 2.0 else "under 1%" if part < 2.0 else "over 200%"

@@ -1,8 +1,9 @@
-"""The one kind of message with a severity: what was found, what to do, what it changes."""
+"""Findings: messages with a severity, a remedy and their effect on the result, and their ids."""
 
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from enum import Flag, StrEnum, auto
 from typing import Any, Literal, TypeAlias
 
 from palpate.validation import Plain, or_nan
@@ -11,23 +12,169 @@ Mark: TypeAlias = Literal["trust", "with-care", "do-not-trust"]
 Severity: TypeAlias = Literal["note", "with-care", "do-not-trust"]
 #: From the best to the worst.
 MARKS: tuple[Mark, ...] = ("trust", "with-care", "do-not-trust")
-#: The overall verdict that each causes, in the same order.
+#: Overall verdicts for the marks in MARKS, in the same order.
 SEVERITIES: tuple[Severity, ...] = ("note", "with-care", "do-not-trust")
 
 
-#: Checks whose findings may lower a mark beyond what the error bars say: faults of the recording
-#: that no error bar can hold. Every other finding changes error bars only.
-MAY_CAP = frozenset([
-    "adhesion", "change", "channels", "depth", "direction", "excitation", "file", "force frame",
-    "force jump", "force unit", "forecast", "held channel", "late force", "load transfer",
-    "misfit", "no time", "one way", "orientation", "outliers", "penetration unit", "precision",
-    "saturation", "signs", "spikes", "stuck force", "time stamps", "time unit", "tool weight",
-    "units", "velocity column", "weak prior",
-])  # fmt: skip
+class Holds(Flag):
+    """Limits that a finding is not subject to: the error bars, or a recording without time."""
+
+    # It may lower a mark below the one that the error bars give, because no error bar covers it.
+    CAPS = auto()
+    TIMELESS = auto()  # it concerns neither time nor damping
+
+
+CAPS, TIMELESS = Holds
+
+
+class Check(StrEnum):
+    """The id of every check, with its subject: a heading of ``docs/diagnosis.md``.
+
+    The sentence of a finding is written in the file that makes the finding. A finding that may not
+    cap a mark only changes error bars.
+    """
+
+    subject: str
+    holds: Holds
+
+    CHANNELS = "channels", "recording", CAPS | TIMELESS
+    CLOCK = "clock", "recording", TIMELESS
+    EPISODES = "episodes", "recording", TIMELESS
+    FILE = "file", "recording", CAPS
+    OPTIONS = "options", "recording", TIMELESS
+    ROWS = "rows", "recording", TIMELESS
+    REJECTED_SAMPLES = "rejected samples", "recording", TIMELESS
+    VECTORS = "vectors", "recording", CAPS | TIMELESS
+    UNITS = "units", "recording", CAPS | TIMELESS
+    PENETRATION_UNIT = "penetration unit", "recording", CAPS | TIMELESS
+    FORCE_UNIT = "force unit", "recording", CAPS | TIMELESS
+    TIME_UNIT = "time unit", "recording", CAPS
+    SIGNS = "signs", "recording", CAPS | TIMELESS
+    VELOCITY_COLUMN = "velocity column", "recording", CAPS
+    TIME_STAMPS = "time stamps", "recording", CAPS
+    HELD_CHANNEL = "held channel", "recording", CAPS
+    FORCE_JUMP = "force jump", "recording", CAPS | TIMELESS
+    SPIKES = "spikes", "recording", CAPS | TIMELESS
+    COARSE_STEPS = "coarse steps", "recording", TIMELESS
+    NO_TIME = "no time", "recording", CAPS | TIMELESS
+    OUTLIERS = "outliers", "recording", CAPS | TIMELESS
+    PEAK_FORCE = "peak force", "recording", TIMELESS
+    SATURATION = "saturation", "sensor", CAPS | TIMELESS
+    SATURATED_AXIS = "saturated axis", "sensor", CAPS | TIMELESS
+    STUCK_FORCE = "stuck force", "sensor", CAPS | TIMELESS
+    DEAD_BAND = "dead band", "sensor", TIMELESS
+    OFFSET = "offset", "sensor", TIMELESS
+    OFFSET_PRIOR = "offset prior", "sensor", TIMELESS
+    OFFSET_DRIFT = "offset drift", "sensor"
+    SENSOR_GAIN = "sensor gain", "sensor"
+    INERTIA = "inertia", "sensor"
+    FREE_AIR = "free air", "sensor"
+    TARE = "tare", "sensor", TIMELESS
+    NO_TARE = "no tare", "sensor", TIMELESS
+    TOOL_WEIGHT = "tool weight", "sensor", CAPS | TIMELESS
+    FORCE_AXES = "force axes", "sensor", TIMELESS
+    FORCE_FRAME = "force frame", "sensor", CAPS | TIMELESS
+    VELOCITY_NOISE = "velocity noise", "sensor"
+    DELAY = "delay", "sensor"
+    SKEW_JUMP = "skew jump", "sensor"
+    SKEW = "skew", "sensor"
+    LATE_FORCE = "late force", "sensor", CAPS
+    ADHESION = "adhesion", "material", CAPS
+    CHANGE = "change", "material", CAPS
+    GAIN_DRIFT = "gain drift", "material"
+    MEMORY = "memory", "material"
+    RELAXED_STIFFNESS = "relaxed stiffness", "material"
+    FRICTION = "friction", "material"
+    DAMPING_FORM = "damping form", "material"
+    DAMPING_WITH_DEPTH = "damping with depth", "material"
+    SHAPE = "shape", "material"
+    SQUARE_SPEED = "square speed", "material"
+    NEGATIVE_STIFFNESS = "negative stiffness", "material", TIMELESS
+    NEGATIVE_DAMPING = "negative damping", "material"
+    SURFACE = "surface", "geometry"
+    SURFACE_RANGE = "surface range", "geometry", TIMELESS
+    LOAD_TRANSFER = "load transfer", "geometry", CAPS | TIMELESS
+    DIRECTION = "direction", "geometry", CAPS | TIMELESS
+    ORIENTATION = "orientation", "geometry", CAPS | TIMELESS
+    UNSEEN = "unseen", "geometry"
+    EXCITATION = "excitation", "motion", CAPS
+    ONE_WAY = "one way", "motion", CAPS | TIMELESS
+    DEPTH = "depth", "motion", CAPS | TIMELESS
+    WEAK_PRIOR = "weak prior", "motion", CAPS
+    LIGHT_CONTACT = "light contact", "motion", TIMELESS
+    EXPONENT = "exponent", "motion", TIMELESS
+    EXPONENT_RANGE = "exponent range", "motion", TIMELESS
+    DAMPING = "damping", "motion"
+    TRACKING = "tracking", "motion"
+    FORECAST = "forecast", "fit", CAPS
+    MISFIT = "misfit", "fit", CAPS
+    METHOD = "method", "fit"
+    PRECISION = "precision", "fit", CAPS
+    PREDICTION = "prediction", "fit"
+    STANDARD_ERRORS = "standard errors", "fit"
+    CONDITION_10 = "condition 10", "fit"
+    GUARD = "guard", "fit", TIMELESS
+    GATE = "gate", "fit"
+    WHICH_LAW = "which law", "fit"
+    UNSETTLED_LAW = "unsettled law", "fit"
+    CORRELATED_RESIDUALS = "correlated residuals", "fit"
+    NO_DAMPER = "no damper", "fit"
+    ENGINE = "engine", "export"
+
+    def __new__(cls, title: str, subject: str, holds: Holds | None = None) -> "Check":
+        """Return the id, which is its title, with its subject."""
+        check = str.__new__(cls, title)
+        check._value_, check.subject, check.holds = title, subject, holds or Holds(0)
+        return check
+
+    @property
+    def may_cap(self) -> bool:
+        """Whether it may lower a mark below the one that the error bars give."""
+        return CAPS in self.holds
+
+    @property
+    def holds_without_time(self) -> bool:
+        """Whether it concerns neither time nor damping."""
+        return TIMELESS in self.holds
+
+    def finding(
+        self,
+        message: str,
+        remedy: str | None = None,
+        z: float = math.nan,
+        *,
+        severity: Severity = "note",
+        mark: Mark = "trust",
+        stiffness: Mark | None = None,
+        damping: Mark | None = None,
+        moves_percent: tuple[float, float] = (math.nan, math.nan),
+        brief: str = "",
+    ) -> "Finding":
+        """Return the finding of the check; the arguments are fields of :class:`Finding`.
+
+        Parameters
+        ----------
+        mark : str
+            Mark of stiffness and damping, unless they are passed separately.
+        moves_percent : tuple of float
+            Change of stiffness and damping, in per cent of their size.
+        """
+        marks: tuple[Mark, Mark] = stiffness or mark, damping or mark
+        return Finding(self, message, remedy, severity, z, *marks, *moves_percent, brief)
+
+    def __repr__(self) -> str:
+        return repr(self.value)
+
+
+CHECKS_BY_ID: Mapping[str, Check] = {check.value: check for check in Check}
+#: Checks whose findings may lower a mark below the one that the error bars give.
+MAY_CAP = frozenset(check for check in Check if check.may_cap)
+#: Checks that concern neither time nor damping.
+HOLD_WITHOUT_TIME = frozenset(check for check in Check if check.holds_without_time)
 
 
 def worst(*marks: Mark) -> Mark:
-    """Return the worst of some marks; *trust* of none."""
+    """Return the worst of some marks; *trust* without any."""
     return MARKS[max(map(MARKS.index, marks), default=0)]
 
 
@@ -43,24 +190,24 @@ class Finding(Plain):
     Attributes
     ----------
     check : str
-        The check or the step that found it, such as ``"delay"`` or ``"surface"``.
+        The id of the :class:`Check`, such as ``"delay"``, or of a check of your own.
     message : str
-        What was found.
+        One sentence about what happened.
     remedy : str or None
         The next step: one sentence, perhaps with options of ``palpate identify``.
     severity : str
-        ``"note"``, ``"with-care"`` or ``"do-not-trust"``: the overall verdict is at least that. It
-        follows the marks: that of the stiffness counts in full, a damping that is not trusted calls
-        for care.
+        ``"note"``, ``"with-care"`` or ``"do-not-trust"``: the overall verdict is at least this. It
+        follows the marks: the mark of the stiffness counts in full, an untrusted damping calls for
+        care.
     z : float
         Significance, in standard errors; NaN if the check has none.
     stiffness, damping : str
-        The marks that it alone gives at working depth: ``"trust"``, ``"with-care"`` or
+        The marks at working depth due to this finding alone: ``"trust"``, ``"with-care"`` or
         ``"do-not-trust"``.
     moves_stiffness_percent, moves_damping_percent : float
-        How far it changes them, in per cent of their size; NaN if unknown.
+        Change of stiffness and damping, in per cent of their size; NaN if unknown.
     brief : str
-        The message in fewer words, for the line of a number; empty if it is short enough.
+        A shorter message for the line of a number; empty if the message is short enough.
     """
 
     check: str
@@ -80,16 +227,9 @@ class Finding(Plain):
         object.__setattr__(self, "severity", SEVERITIES[k])
 
     @classmethod
-    def of_both(
-        cls, mark: Mark, check: str, message: str, remedy: str | None = None, z: float = math.nan
-    ) -> "Finding":
-        """Return one that gives stiffness and damping the same mark."""
-        return cls(check, message, remedy, z=z, stiffness=mark, damping=mark)
-
-    @classmethod
     def from_dict(cls, words: Mapping[str, Any]) -> "Finding":
-        """Return the finding of :meth:`as_dict`."""
-        given = dict(words)
+        """Return the finding from the output of :meth:`as_dict`."""
+        given = {**words, "check": CHECKS_BY_ID.get(words["check"], words["check"])}
         for name in ("z", "moves_stiffness_percent", "moves_damping_percent"):
             given[name] = or_nan(given.get(name))  # JSON's null is NaN
         return cls(**given)

@@ -13,7 +13,7 @@ from palpate.estimators.contact_estimator import Rejection, known_exponent
 from palpate.estimators.estimate import Traced, checked_trace
 from palpate.identification.identified import Identified
 from palpate.preparation.gates import choose_gate
-from palpate.preparation.preparing import Recorded, prepare
+from palpate.preparation.preparing import BY_NAME, Recorded, prepare
 from palpate.results import view
 from palpate.settings import ContactGate
 
@@ -25,51 +25,51 @@ if TYPE_CHECKING:
 
 
 class Identification(Identified):
-    """The result of a whole contact: law, trace and diagnosis.
+    """The identification of a whole contact: law, trace and diagnosis.
 
     Attributes
     ----------
     contact : Contact
-        The contact that was identified.
+        The identified contact.
     estimator : ContactEstimator
-        Its state after the last sample; it can go on.
+        The estimator after the last sample; it accepts further samples.
     trace : Trace
         Every sample, on the contact's clock, with the estimates requested from
         :func:`palpate.identify`.
     findings : tuple of Finding
-        What the estimate does not determine, and what is special about the samples; the diagnosis
-        has them too. ``flags`` has their text.
+        Checks of the last estimate and of the samples; the diagnosis includes them. ``flags`` has
+        their text.
     data : Data, optional
         The contact with the checks of its channels, which several methods share.
     depth : float, optional
         The working depth of the diagnosis, m. Default: the median penetration in contact.
     segments : tuple of Identification
-        One for each segment between changes of the material, by :meth:`by_segment`; or one for each
-        place of a travelling probe, by :meth:`by_place`.
+        One for each segment between changes of the material, from :meth:`by_segment`; or one for
+        each place of a travelling probe, from :meth:`by_place`.
     noticed : Trace, optional
-        With a change detector, by :meth:`by_segment`.
+        Trace with a change detector, from :meth:`by_segment`.
     place : Place, optional
-        Where on the material it is, by :meth:`by_place`.
+        Place on the material, from :meth:`by_place`.
     chosen : tuple of str
-        The settings that were None, and chosen from the data.
+        Settings that were None and were chosen from the data.
     query : QueryOptions
-        The impact and the tip of the derived quantities, by :meth:`with_query`.
+        The impact and the tip of the derived quantities, from :meth:`with_query`.
     traced : int, float, "full" or False
-        How much of a trace was requested; the same for segments and places.
+        The requested ``trace``; the same for segments and places.
     bounded : Estimate, optional
-        The estimate under the weak prior of :class:`VariableProjection`, where the motion leaves
-        the estimator's own open; it is then the :attr:`estimate`.
+        The estimate under the weak prior of :class:`VariableProjection`, if the motion does not
+        determine the estimator's own; :attr:`estimate` is then this one.
     selected : Identification, optional
-        The one that selected the law, where variable projection then identified that.
+        The identification that selected the law, if variable projection then identified that law.
     """
 
     segments: tuple["Identification", ...]
 
     def __repr__(self) -> str:
-        return view.line(self)
+        return view.one_line(self)
 
     def _repr_html_(self) -> str:
-        """Card for a notebook: the numbers with their marks, and the law."""
+        """Return a card for a notebook: the numbers with their marks, and the law."""
         from palpate.reports.identification import card
 
         return card(self)
@@ -79,7 +79,7 @@ class Identification(Identified):
         return view.summary(self)
 
     def plot(self, *, dark: bool = False, width: float | None = None) -> "Figure":
-        """Draw it: :func:`palpate.figures.draw`."""
+        """Draw the result with :func:`palpate.figures.draw`."""
         from palpate.figures import draw
 
         return draw(self, dark=dark, width=width)
@@ -87,10 +87,11 @@ class Identification(Identified):
     def to_pandas(self) -> "pandas.DataFrame":
         """Return every sample, and the estimate after it, as a frame indexed by time.
 
-        ``penetration``, ``velocity``, ``force``, ``segment``, ``predicted_force`` (a priori),
-        ``fitted_force`` (by the final law), ``status``, ``validity_margin``, and each parameter
-        with the ``…_standard_error`` of that moment, SI; units are in ``attrs["units"]``. NaN
-        where a thinned trace has no estimate. Needs pandas, of the extra ``notebook``.
+        ``penetration``, ``velocity``, ``force``, ``segment``, ``predicted_force`` (one-step
+        prediction), ``fitted_force`` (final law), ``status``, ``validity_margin``, and each
+        parameter with its ``…_standard_error`` after the sample, SI; units are in
+        ``attrs["units"]``. Values are NaN where a thinned trace has no estimate. Needs pandas, of
+        the extra ``notebook``.
 
         Raises
         ------
@@ -137,76 +138,88 @@ class Identification(Identified):
 
     def as_dict(self) -> dict[str, Any]:
         """Return the result as plain numbers and text; undefined values are None."""
-        from palpate.results.saved import of_one
+        from palpate.results.saved import result_dict
 
-        return of_one(self)
+        return result_dict(self)
 
 
 def identify(
     source: "Contact | Recorded | None" = None,
     estimator: ContactEstimator | str | None = None,
-    *,
+    *arrays: object,
     method: str | None = None,
     law: str | None = None,
     trace: Traced = 2000,
     no_time: bool = False,
     time: "ArrayLike | None" = None,
+    rate: float | None = None,
     penetration: "ArrayLike | None" = None,
+    position: "ArrayLike | None" = None,
     force: "ArrayLike | None" = None,
     velocity: "ArrayLike | None" = None,
 ) -> Identification:
     """Identify the contact model of a whole contact.
 
-    The samples go one by one through the estimator's recursion, a segment at a time.
+    The samples go one by one through the estimator's recursion, segment by segment.
 
     Parameters
     ----------
     source : Contact, Recording, path or frame, optional
         Prepared by :func:`prepare`, with its default columns, unless it is a contact. Or pass
-        arrays in its place: ``time``, ``penetration`` and ``force``.
+        arrays instead, by their names: ``time`` (or ``rate``), ``penetration`` (or
+        ``position``) and ``force``.
     estimator : ContactEstimator or str, optional
-        Method with settings, which is not modified, or the name of a method. Default: as
-        ``law="auto"``; :class:`VariableProjection` without time. A ``gate`` or ``scale`` of None
+        Method with settings, which is not modified, or the name of a method. Default: the same as
+        ``law="auto"``, or :class:`VariableProjection` without time. A ``gate`` or ``scale`` of None
         is chosen from the data: see :mod:`palpate.preparation.gates`. Variable projection selects
         its samples itself, and uses the contact's ``tare_deviation`` as the prior of its offset.
         :class:`OutlierRejection` excludes outliers unless ``outlier_rejection`` is False.
+    *arrays : array_like
+        Refused: pass arrays by their names.
     method : str, optional
-        Name of a method, such as ``"single-stage"``, in place of ``estimator``.
+        Name of a method, such as ``"single-stage"``, instead of ``estimator``.
     law : str, optional
-        In place of an estimator, or next to the name of a method that identifies it:
-        ``"hunt-crossley"``, ``"kelvin-voigt"``, ``"half-space"`` or another law; or
-        ``"auto"`` (the default), the one that fits best, with a spectrum of relaxation times
-        where the material relaxes: :class:`ViscoelasticContact`.
-        :attr:`Identification.law_verdict` has the evidence. Where the Hunt–Crossley law is
-        selected, the answer is variable projection's.
+        Instead of an estimator, or together with the name of a method that identifies the law:
+        ``"hunt-crossley"``, ``"kelvin-voigt"``, ``"half-space"`` or another law. ``"auto"`` (the
+        default) selects the law that fits best, with a spectrum of relaxation times if the material
+        relaxes: :class:`ViscoelasticContact`. :attr:`Identification.law_verdict` has the evidence.
+        If the Hunt–Crossley law is selected, variable projection identifies it.
     trace : int, float, "full" or False
-        Which estimates along the way :attr:`Identification.trace` holds. An int: at most so many,
-        evenly spread up to the last sample. A float: one every so many seconds, in [1e-9, 1e9];
+        Which estimates :attr:`Identification.trace` records. An int: at most this number, evenly
+        spread up to the last sample. A float: one per this number of seconds, in [1e-9, 1e9];
         ``trace=2.0`` is 2 s, ``trace=2`` two estimates. ``"full"``: one after every sample, which
         takes several times as long with variable projection. False: none. The result, its
         diagnosis and figures are identical.
     no_time : bool
-        Identify the stiffness alone, of a curve without time, as in :func:`prepare`.
+        Identify only the stiffness, from a curve without time, as in :func:`prepare`.
     time, penetration, force : array_like, shape (k,), optional
-        s, m (positive inside the material) and N (compression positive), in place of ``source``.
+        s, m (positive inside the material) and N (compression positive), instead of ``source``.
+    rate : float, optional
+        Sample rate, Hz, instead of ``time``.
+    position : array_like, shape (k,) or (k, 3), optional
+        m, instead of ``penetration``: a coordinate, or a position in space, of which
+        :func:`prepare` finds the direction and the surface. ``force`` may have the same shape.
     velocity : array_like, shape (k,), optional
-        m/s, positive while penetrating, next to those arrays. Default: differentiated.
+        m/s, positive while penetrating, in addition to these arrays. Default: differentiated.
 
     Raises
     ------
     RecordingError
         The recording cannot be prepared; no sample is in contact; or fewer than 20 samples lie
-        above the surface that was estimated.
+        above the estimated surface.
     InvalidParameterError
         The source or ``trace`` has another type; there is no such method or law; or arguments
         exclude each other.
     """
+    if arrays:
+        raise InvalidParameterError(BY_NAME)
     if method is not None and estimator is not None:
         raise InvalidParameterError(f"pass estimator or method={method!r}, not both")
     traced = checked_trace(trace)  # before reading anything
     estimator = _with_law(method if estimator is None else estimator, law)
-    arrays = {"time": time, "penetration": penetration, "force": force, "velocity": velocity}
-    given = {name: values for name, values in arrays.items() if values is not None}
+    signals = {"time": time, "penetration": penetration, "force": force, "velocity": velocity}
+    signals |= {"position": position, "rate": rate}
+    given = {name: values for name, values in signals.items() if values is not None}
     if not isinstance(source, Contact) or given or no_time:
         source = prepare(source, no_time=no_time, **given)  # type: ignore[arg-type]  # it refuses a contact with arrays
     return Identification.selected_law(Data(source), estimator, trace=traced)
@@ -246,7 +259,7 @@ def compare(
     watch: Callable[[Sequence[str]], Iterable[str]] = iter,
     known: Identification | None = None,
 ) -> dict[str, Identification]:
-    """Identify a contact with every method, side by side.
+    """Identify a contact with every method.
 
     Parameters
     ----------
@@ -254,23 +267,23 @@ def compare(
         As for :func:`identify`.
     gate : ContactGate, optional
         Which samples are in contact, for every method. Default: chosen from the data, the same for
-        all but variable projection, which selects its samples itself.
+        all except variable projection, which selects its samples itself.
     outlier_rejection : OutlierRejection or False, optional
-        How outliers are excluded; False keeps them all.
+        How outliers are excluded; False keeps all of them.
     exponent : float, optional
-        Exponent known from the shape of the tip, such as 1.5 for a sphere: fixed in every method
-        whose law has one. A method that cannot fix this value is omitted.
+        Exponent known from the shape of the tip, such as 1.5 for a sphere. It is fixed in every
+        method whose law has an exponent. A method that cannot fix this value is omitted.
     trace : int, float, "full" or False
         As for :func:`identify`.
     watch : callable
-        Iterates over the methods' names, such as with a progress bar.
+        Iterates over the methods' names, for example with a progress bar.
     known : Identification, optional
-        Of this contact: reused as the result of its own method, if that has the same settings.
+        An identification of this contact. It is reused for its method if its settings are the same.
 
     Returns
     -------
     dict
-        An :class:`Identification` by method's name, in the order of ``ESTIMATORS``.
+        An :class:`Identification` for each method's name, in the order of ``ESTIMATORS``.
     """
     traced = checked_trace(trace)
     contact = source if isinstance(source, Contact) else prepare(source)
@@ -309,7 +322,7 @@ def compare(
 def _with_law(
     estimator: ContactEstimator | str | None, law: str | None
 ) -> ContactEstimator | str | None:
-    """The estimator of a law, if one is requested."""
+    """Return the estimator of a law, if one is requested."""
     if law is None:
         return estimator
     if isinstance(estimator, ContactEstimator):

@@ -1,4 +1,4 @@
-// What the vector kernels of whole curves take and give: plain memory, the same for every
+// The inputs and outputs of the vector kernels for whole curves: plain memory, the same for every
 // instruction set.
 #pragma once
 
@@ -6,25 +6,26 @@
 
 namespace palpate::curves {
 
-// Samples lie in arrays that are padded to whole blocks, above the surface and without force.
+// Samples are stored in arrays that are padded to whole blocks, with samples above the surface and
+// without force.
 inline constexpr std::size_t curve_block = 64;
 
 struct CurveColumns {
   double* x;  // penetration …
   double* w;  // … velocity and force, scaled
   double* f;
-  double* log;       // ln x, where the surface is known
+  double* log;       // ln x, if the surface is known
   double* residual;  // of the latest pass
   std::size_t count;
 };
 
-// Of a law f = p (k + c w) + F₀, p = (x − d)ⁿ: its numbers.
+// The parameters of a law f = p (k + c w) + F₀, p = (x − d)ⁿ.
 struct CurveLaw {
   double k, c, n, offset, surface;
 };
 
-// The kinds of sum that a pass over samples gives. With r the residual, l = ln(x − d), and N and D
-// the slopes of f by n and by d:
+// The sums that a pass over samples returns. r is the residual, l = ln(x − d), and N and D are the
+// derivatives of f with respect to n and d:
 enum CurveSum : std::size_t {
   rr,
   r1,

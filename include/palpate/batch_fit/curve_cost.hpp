@@ -1,9 +1,9 @@
-// The stated cost of a curve, in scaled units, forces counting from the mean of the offset's prior:
+// The cost of a curve, in scaled units, with forces relative to the mean of the offset's prior:
 //
 //   J = Σ (F − f)² + σ² [(n − n₀)²/s_n² + (c/k − b₀)²/s_b² + F₀²/s_F²],
 //
-// over the samples that were chosen once, with σ² from the residual that J itself ends with: the
-// answer is the point where J of its own σ² is least. See docs/curves.md.
+// over the samples that were selected once, with σ² from the residual at the minimum of J itself:
+// the solution is the point where J, with the σ² of that point, is least. See docs/curves.md.
 #pragma once
 
 #include <algorithm>
@@ -17,7 +17,8 @@
 
 namespace palpate::detail {
 
-// One pass over the samples of a curve: Σ r², Jᵀr, JᵀJ and Σ r ∇²f for (k, c, n, F₀, d), of
+// The result of one pass over the samples of a curve: Σ r², Jᵀr, JᵀJ and Σ r ∇²f for (k, c, n, F₀,
+// d), with
 //
 //   f = p (k + c w) + F₀,   p = (ξ − d)ⁿ below the surface, 0 above it.
 using CurvePoint = Vector<5>;
@@ -29,7 +30,7 @@ struct CurveSamples : curves::CurveColumns {
     return (count + block - 1) / block * block;
   }
 
-  // What fills the last block up: it has neither force nor depth.
+  // Fills the last block with samples that have neither force nor depth.
   void pad() const noexcept {
     for (std::size_t i = count; i < padded(count); ++i) {
       x[i] = -1e300;
@@ -44,7 +45,7 @@ inline double squared_force(const CurveSamples& samples) noexcept {
   return sum;
 }
 
-// Appends the mean of so many samples, with that of `third` in place of the force.
+// Appends the mean of `size` samples, with the mean of `third` in place of the force.
 inline void add_mean(const CurveSamples& from, const double* third, std::size_t first,
                      std::size_t size, CurveSamples& to) noexcept {
   double x = 0.0, w = 0.0, f = 0.0;
@@ -111,21 +112,21 @@ inline CurveSums curve_sums(const CurveSamples& samples, const CurvePoint& at, b
   return result;
 }
 
-// What is added to Σ r² about a point: a constant, and a form that is linear in the distance.
+// A correction to Σ r² around a point: a constant, and a form that is linear in the distance.
 struct CurveTangent {
   CurvePoint at{};
   double squares = 0.0;
   Vector<5> gradient{};  // of −½ Σ r²
 };
 
-// The samples of one cost: firm ones, and beside them the light ones where these join.
+// The samples of one cost: the firm ones, and the light ones if they are included.
 struct CurveData {
   static constexpr std::size_t most = 2;
   std::array<CurveSamples, most> parts;
   std::size_t used;
-  double force_squared;    // Σ F²
-  double per_point = 1.0;  // samples that a point stands for: block means stand for many
-  std::array<double, most> weight{1.0, 1.0};  // of the samples of a part
+  double force_squared;                       // Σ F²
+  double per_point = 1.0;                     // samples per point, more than 1 for block means
+  std::array<double, most> weight{1.0, 1.0};  // of the samples in a part
   CurveTangent tangent{};
 
   double count() const noexcept {
@@ -135,12 +136,12 @@ struct CurveData {
   }
 };
 
-// What is fitted, and within which bounds.
+// The fitted parameters and their bounds.
 struct CurveModel {
   ProjectionSettings settings;
   const curves::CurveKernels* kernels;
   double lowest_surface = 0.0;
-  double highest_surface = 0.0;  // equal where the surface is known
+  double highest_surface = 0.0;  // the same as the lowest if the surface is known
 
   Priors priors() const noexcept { return {settings}; }
   double surface_range() const noexcept { return highest_surface - lowest_surface; }
@@ -158,7 +159,7 @@ struct CurveModel {
   }
 };
 
-// The sums at a point, those of each part beside those of all.
+// The sums at a point, for each part and for all samples.
 struct CurveState {
   CurvePoint at;
   CurveSums sums;
@@ -193,7 +194,7 @@ class CurveCost {
     return priors().variance(data_.per_point * squares, data_.force_squared, data_.count());
   }
 
-  // J of a point as if σ² were this.
+  // J at a point with this value of σ².
   double value(const CurveState& state, double variance) const noexcept {
     return state.sums.squares + penalty(state.at, variance);
   }
@@ -206,7 +207,7 @@ class CurveCost {
     return sum / data_.per_point;
   }
 
-  // ½ ∂J/∂z, and what the priors add to JᵀJ and to the curvature that Newton's method takes off.
+  // ½ ∂J/∂z, and JᵀJ and the curvature that Newton's method subtracts, both with the priors.
   struct Slope {
     Vector<5> gradient;
     Matrix<5> information;
@@ -243,7 +244,7 @@ class CurveCost {
   }
 
  private:
-  // A stiffness that is not there does not divide.
+  // Keeps a vanishing stiffness from dividing by zero.
   static double stiff(double k) noexcept {
     constexpr double least = 1e-30;
     return k < 0.0 ? std::min(k, -least) : std::max(k, least);
@@ -255,32 +256,32 @@ class CurveCost {
   const CurveData& data_;
 };
 
-// The nearest minimum of a curve's cost by damped Newton steps in all that is fitted.
+// The nearest minimum of a curve's cost, by damped Newton steps in all fitted parameters.
 //
 // Where JᵀJ − Σ r ∇²f is not positive definite, as for n < 2 with samples just below the surface,
-// JᵀJ + λ diag is taken. Valleys are bent: after a step that is cut short or refused the linear
-// part is solved anew where it ended.
+// JᵀJ + λ diag replaces it. Valleys are curved: after a step that was shortened or rejected, the
+// linear part is solved again at its end.
 struct CurveMinimum {
-  CurveState state;  // at the last point that was looked at …
+  CurveState state;  // at the last evaluated point …
   CurvePoint at;     // … and after the last step from it
   double cost;       // J there
   int passes;
   bool settled;
-  bool latest;  // the residuals in the arrays are those of `state`
+  bool latest;  // the residuals in the arrays belong to `state`
 };
 
-// When a descent is not worth its end: it leads to a minimum that is known, or to none below it.
+// When to abandon a descent: it leads to a known minimum, or to none below that minimum.
 struct CurveAbandon {
   CurvePoint at{};    // the known minimum …
   double cost = 0.0;  // … and J there
-  double near = 0.0;  // of its surface; 0: no descent is abandoned
-  // The exponent of a valley that is looked through by itself, and how far it reaches.
+  double near = 0.0;  // distance from its surface; 0: no descent is abandoned
+  // The exponent in a valley with a separate search, and the half width of the valley in n.
   double elsewhere = 0.0;
   double apart = 0.0;
 };
 
-// x of A x = b for the open coordinates, and whether A is positive definite; scaled to a unit
-// diagonal by that of `sizes`.
+// x in A x = b for the open coordinates, and whether A is positive definite; scaled to a unit
+// diagonal of `sizes`.
 struct CurveStep {
   Vector<5> by{};
   bool sound = true;
@@ -304,7 +305,7 @@ inline CurveStep solve_open(const Matrix<5>& a, const Matrix<5>& sizes, const Ve
       if (i == j) entry += damping;
       for (std::size_t m = 0; m < j; ++m) entry -= lower[i][m] * lower[j][m] * pivots[m];
       if (i == j) {
-        constexpr double least = 1e-13;  // below it a pivot is rounding
+        constexpr double least = 1e-13;  // below this a pivot is rounding error
         if (!(entry > least)) {
           step.sound = false;
           entry = 1.0;
@@ -332,14 +333,14 @@ class CurveDescent {
  public:
   explicit CurveDescent(const CurveCost& cost) noexcept : CurveDescent(cost, cost.model().open()) {}
 
-  // With a coordinate that is not open held where each descent starts.
+  // A coordinate that is not open stays where each descent starts.
   CurveDescent(const CurveCost& cost, const std::array<bool, 5>& open) noexcept
       : cost_(cost),
         open_(open),
         lowest_(cost.model().lowest()),
         highest_(cost.model().highest()) {}
 
-  // `tolerance` ends it: what the next step would take off J, in σ².
+  // A descent ends once the next step would reduce J by less than `tolerance`, in σ².
   CurveMinimum from(const CurvePoint& start, int most_passes, double tolerance,
                     const CurveAbandon& abandon = {}) const noexcept {
     CurveMinimum found{cost_.at(start), start, 0.0, 1, false, true};
@@ -350,7 +351,7 @@ class CurveDescent {
       const std::array<bool, 5> free = not_held(here.at, slope.gradient);
       const Planned step = plan(slope, free, damping);
       const double gain = -dot(slope.gradient, step.by);
-      // The error after Newton's step is that before it squared.
+      // The error after a Newton step is the square of the error before it.
       const double enough = step.newton && !step.cut ? 1e3 * tolerance : tolerance;
       if (!step.cut && gain < enough * here.variance / cost_.data().per_point) {
         found.at = bounded(moved(here.at, step.by));
@@ -364,9 +365,9 @@ class CurveDescent {
         const double ahead = here.at[4] + step.by[4];
         const double above = cost_.value(here, here.variance) - abandon.cost;
         if (std::abs(ahead - abandon.at[4]) < abandon.near) break;
-        // Not even if all that follow were like the better of the last two, once the first have
-        // come down into the valley; what Newton's step promises of a bent valley may be ten times
-        // too little.
+        // After five passes, in the valley, abandon the descent if all remaining passes, each as
+        // good as the better of the last two, would not suffice. In a curved valley Newton's step
+        // may underestimate the reduction tenfold.
         const double left = static_cast<double>(most_passes - found.passes);
         const double hope = std::max(10.0 * gain, left * std::max(fall, fall_before));
         if (found.passes >= 5 && hope < above) break;
@@ -398,7 +399,7 @@ class CurveDescent {
       } else {
         found.latest = false;
         damping = std::max(1e-3, 10.0 * damping);
-        if (damping > 1e8) {  // no step makes it less: it is there, but for rounding
+        if (damping > 1e8) {  // no step reduces it: a minimum, except for rounding
           found.settled = true;
           break;
         }
@@ -408,7 +409,7 @@ class CurveDescent {
     return found;
   }
 
-  // What Newton's step would take off J, and where to; and the variance of F₀ by JᵀJ.
+  // The reduction of J by a Newton step, the step, and the variance of F₀ from JᵀJ.
   struct Gain {
     bool sound;
     double gain;
@@ -432,7 +433,7 @@ class CurveDescent {
     return z;
   }
 
-  // The same point with k, c and F₀ as they are best there: the law is linear in them.
+  // The same point with the best k, c and F₀ there, in which the law is linear.
   CurvePoint with_linear_part(const CurveState& state) const noexcept {
     std::array<bool, 5> linear = open_;
     linear[2] = linear[4] = false;
@@ -449,7 +450,7 @@ class CurveDescent {
     bool cut;
   };
 
-  // A bound that the slope pushes against holds its coordinate.
+  // A coordinate is held at a bound that the slope pushes it against.
   std::array<bool, 5> not_held(const CurvePoint& z, const Vector<5>& gradient) const noexcept {
     std::array<bool, 5> free = open_;
     for (const std::size_t i : {std::size_t{2}, std::size_t{4}}) {
@@ -469,7 +470,7 @@ class CurveDescent {
         for (std::size_t j = 0; j < 5; ++j) hessian[i][j] -= slope.curvature[i][j];
       }
       const CurveStep step = solve_open(hessian, slope.information, down, free, 0.0);
-      // Near a saddle it is hardly positive definite, and its step goes far for next to nothing.
+      // Near a saddle it is hardly positive definite, and its step is long for almost no reduction.
       const double gain = dot(down, step.by);
       planned.newton =
           step.sound && dot(step.by, multiply(slope.information, step.by)) < 10.0 * gain;
@@ -483,7 +484,7 @@ class CurveDescent {
       }
       planned.by = step.by;
     }
-    // Beyond these a quadratic form says little of the cost.
+    // Beyond these lengths a quadratic form does not describe the cost.
     const double width = highest_[4] - lowest_[4];
     const double far = std::max(std::abs(planned.by[2]) / 0.4,
                                 width > 0.0 ? std::abs(planned.by[4]) / (0.15 * width) : 0.0);

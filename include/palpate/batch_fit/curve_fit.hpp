@@ -1,12 +1,12 @@
-// The Hunt–Crossley law of a whole curve: the minimum of its stated cost (curve_cost.hpp) over the
-// samples that variable projection chooses, with the error bars that it would give.
+// Fits the Hunt–Crossley law to a whole curve: the minimum of its cost (curve_cost.hpp) over the
+// samples that variable projection selects, with the same error bars.
 //
-// Of the three fits of a law that there are, this is the one of samples that are there as a whole:
-// passes over them make the cost of residuals, exact however small the noise, with the surface free
-// too, and a curve of 1000 samples takes 40 µs. The recursion (projection/projection_fit.hpp) has
-// to answer while samples come and keeps sums alone; it shares the choice of samples, the priors,
-// the search for starts and the error bars. The law that relaxes
-// (viscoelastic/solver.hpp) has states that no sample has by itself.
+// This is one of three fits of a law; it needs all samples at the same time. Passes over the
+// samples compute the cost from residuals, which is exact however small the noise, also with a free
+// surface; a curve of 1000 samples takes 40 µs. The recursion (projection/projection_fit.hpp)
+// returns an estimate while samples arrive and keeps only sums; both share the selection of
+// samples, the priors, the search for starts and the error bars. The law with relaxation
+// (viscoelastic/solver.hpp) has states that depend on the whole motion.
 //
 //   std::vector<double> memory(palpate::curve_memory(samples));
 //   const palpate::CurveFit fit = palpate::fit_curve(arrays, settings, memory.data());
@@ -31,9 +31,9 @@ namespace palpate {
 
 namespace detail {
 
-// Slopes and residuals by how quickly they change, of a whole contact at once; `columns` are (ξ,
-// ξw, ξ ln ξ, r) in the order of time, and are overwritten. The slope of F₀, one, is the same at
-// all speeds but the slowest.
+// The slopes and residuals of a whole contact by time scale. `columns` are (ξ, ξw, ξ ln ξ, r) in
+// the order of time, and are overwritten. The slope of F₀ is one, so that only blocks without a
+// partner contain it.
 inline HaarLevels<4> haar_levels(const std::array<double*, 4>& columns,
                                  std::size_t samples) noexcept {
   HaarLevels<4> levels;
@@ -44,7 +44,7 @@ inline HaarLevels<4> haar_levels(const std::array<double*, 4>& columns,
     const std::size_t pairs = count / 2;
     const double per_pair = 0.5 / length;
     const auto [a, b, c, r] = columns;
-    std::array<std::array<double, 2>, 7> sums{};  // two of each, for two additions at once
+    std::array<std::array<double, 2>, 7> sums{};  // two of each, for two parallel additions
     const auto pair = [&](std::size_t i, std::size_t lane) noexcept {
       const double da = a[2 * i] - a[2 * i + 1], db = b[2 * i] - b[2 * i + 1];
       const double dc = c[2 * i] - c[2 * i + 1], dr = r[2 * i] - r[2 * i + 1];
@@ -133,7 +133,7 @@ class CurveFitter {
       selection_.choose(curve_, units_, largest);
       choose_offset_prior();
     }
-    // Firm samples and, from the next whole block on, light ones share the columns.
+    // Firm samples, and from the next whole block on light ones, share the columns.
     const std::size_t firm = selection_.count(Role::sure), start = CurveSamples::padded(firm);
     for (CurveSamples* part : {&firm_, &light_}) {
       const std::size_t from = part == &light_ ? start : 0;
@@ -166,7 +166,8 @@ class CurveFitter {
 
   void answer(CurveFit& fit) noexcept {
     CurveMinimum best = model_.finds_surface() ? with_surface() : chosen();
-    // Three rounds: where the force dwells a correction moves the fit that it is by.
+    // Three rounds, because where the force dwells a correction changes the fit that it is based
+    // on.
     const double level = firm_.f[0];
     for (int round = 0; round < 3 && unround(best, level); ++round) best = chosen();
     const CurveData data = joined_ ? of(firm_, light_) : of(firm_);
@@ -176,8 +177,8 @@ class CurveFitter {
     finish(fit, best, cost);
   }
 
-  // Takes the mean error of rounding, by a fit, out of the forces; whether there is any. `level`:
-  // one of the readings.
+  // Subtracts the mean error of rounding, given a fit, from the forces; true if the forces are
+  // rounded. `level` is one of the readings.
   bool unround(const CurveMinimum& fit, double level) noexcept {
     const double step = selection_.resolution();
     if (!(step > 0.0) || model_.finds_surface()) return false;
@@ -209,9 +210,10 @@ class CurveFitter {
   }
 
   CurveMinimum with_surface() const noexcept {
-    // Above it J is smooth enough; so much may what is below still lie under its first minimum.
+    // Above the exponent `kinked` J is smooth enough. Below it a minimum that is higher than the
+    // best by up to `margin`, in σ², may lead to the lowest one.
     constexpr double kinked = 1.5, margin = 6.0;
-    // By so much the condensed cost of a rival may be too high: 99 in 100 are nearer.
+    // The condensed cost of a rival may be too high by this much: 99 in 100 are nearer.
     constexpr double rough = 0.1;
     const CurveData data = of(firm_);
     auto [best, rival] = lowest_minima(model_, data);
@@ -219,7 +221,7 @@ class CurveFitter {
     const auto kinks = [&](const CurveMinimum& found) noexcept {
       return found.at[2] < kinked && found.cost <= best.cost + margin * variance;
     };
-    // The selection has been copied from these columns, and the errors do not use them yet.
+    // The selection has already been copied from these columns, and the errors do not use them yet.
     const CurveSamples free{memory_.column(0), memory_.column(1),  memory_.column(2),
                             memory_.column(3), memory_.column(12), 0};
     const CurvePolish polished(model_, data, free);
@@ -231,7 +233,7 @@ class CurveFitter {
     return rival.cost < best.cost ? rival : best;
   }
 
-  // The minimum over the samples, and with the prior of the offset, that hold together.
+  // The minimum for a consistent choice of samples and of the offset's prior.
   CurveMinimum chosen() noexcept {
     const CurveData firm = of(firm_);
     if (light_.count > 0) {
@@ -247,8 +249,8 @@ class CurveFitter {
     return decided(firm);
   }
 
-  // Whether it is plain by Newton's step away from a minimum that neither test below would fail:
-  // light samples have no more than noise left, and the offset is what its prior says.
+  // Whether a Newton step from the minimum already shows that both tests below would pass: the
+  // light samples have no more than noise left, and the offset agrees with its prior.
   bool evident(const CurveMinimum& found, const CurveData& firm) const noexcept {
     constexpr double plain_excess = 0.5 * largest_excess, plain_offset = 0.5 * suspect_offset;
     const auto pulling = [&](double w) noexcept { return pulls(found.at, w); };
@@ -278,7 +280,7 @@ class CurveFitter {
     return away < plain_offset;
   }
 
-  // The same by fits of each, as ContactSolver::solve.
+  // The same decision from separate fits, as in ContactSolver::solve.
   CurveMinimum decided(const CurveData& firm) noexcept {
     CurveMinimum best = lowest_minima(model_, firm).best;
     ProjectionSettings& s = model_.settings;
@@ -332,7 +334,7 @@ class CurveFitter {
     const CurveState& state = best.state;
     const double k = state.at[0], surface = state.at[4];
     const double force = units_.force;
-    // The motion and what is left, in the order of time.
+    // The motion and the residuals, in the order of time.
     const std::array<double*, 4> columns{memory_.column(0), memory_.column(1), memory_.column(2),
                                          memory_.column(3)};
     const std::size_t padded = CurveSamples::padded(firm_.count);
@@ -370,7 +372,7 @@ class CurveFitter {
     p.root = inverse.root;
     say_identifiable(p, inverse.guarded, model_.priors(), spread);
     p.at_edge = model_.priors().at_edge(p.n);
-    // Within half of a candidate's step of the recursion.
+    // Half of the step between two candidates of the recursion counts as the edge.
     const double margin = model_.surface_range() / 80.0;
     p.surface_found = !model_.finds_surface() || (surface >= model_.lowest_surface + margin &&
                                                   surface <= model_.highest_surface - margin);
@@ -426,9 +428,10 @@ class CurveFitter {
   bool joined_ = false;
 };
 
-// The default range of surfaces, widened to all depths of the curve and as far again above them: a
-// recording without an approach tells where its surface lies by the bend of its force. At the deep
-// end an 80th would be called the edge, and a tip may touch no earlier.
+// The default range of surfaces, widened to all depths of the curve and as far again above them: in
+// a recording without an approach the curvature of the force determines the surface. It ends an
+// 80th of the range beyond the deepest sample, because within an 80th the surface counts as at the
+// edge, and a tip may touch that late.
 inline CurveSettings widened(CurveSettings settings, const CurveArrays& curve,
                              double unit) noexcept {
   constexpr double largest = 1e100;  // as suggested_scale
@@ -446,9 +449,9 @@ inline CurveSettings widened(CurveSettings settings, const CurveArrays& curve,
 
 }  // namespace detail
 
-// `memory` holds curve_memory(curve.count) doubles; `roles`, where it is given, a number a sample.
-// Kernels of other instruction sets give the same bits. Where the best surface is at an edge of the
-// default range, it is looked for once more in a wider one.
+// `memory` holds curve_memory(curve.count) doubles; `roles`, if not null, a number per sample.
+// Kernels of other instruction sets give the same bits. If the best surface is at an edge of the
+// default range, the fit is repeated in a wider one.
 inline CurveFit fit_curve(const CurveArrays& curve, const CurveSettings& settings, double* memory,
                           std::uint8_t* roles = nullptr,
                           const curves::CurveKernels& kernels = curves::kernels) noexcept {

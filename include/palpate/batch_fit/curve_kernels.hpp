@@ -1,9 +1,10 @@
-// Passes over the samples of a curve, a register at a time: residuals of f = p (k + c w) + F₀,
-// p = (x − d)ⁿ below the surface and 0 above it, and the sums that Newton's method needs.
+// Passes over the samples of a curve, one vector register at a time: residuals of f = p (k + c w) +
+// F₀, p = (x − d)ⁿ below the surface and 0 above it, and the sums that Newton's method needs.
 //
-// Residuals and not sums of products make the cost: Σ F² less a sum as large has no digits left
-// where noise is a millionth. Eight running sums of each kind are added up at the end: the same
-// bits whether a processor takes two, four or eight at once.
+// The cost comes from residuals instead of sums of products: the difference between Σ F² and a
+// nearly equal sum has no digits left if the noise is a millionth. Eight running sums of each kind
+// are added at the end, so that the result has the same bits whether a processor adds two, four or
+// eight numbers in parallel.
 #pragma once
 
 #include <cstddef>
@@ -11,14 +12,14 @@
 
 #include "palpate/batch_fit/curve_blocks.hpp"
 
-// Registers of doubles, as wide as a source file is compiled for, with logarithm and exponential of
-// each: additions, multiplications, a division and bits. So a double's result has the same last bit
-// whatever the register, if the compiler contracts nothing (-ffp-contract=off).
+// Vector registers of doubles, as wide as the source file is compiled for, with their logarithm and
+// exponential from additions, multiplications, a division and bit operations. So each result has
+// the same last bit for every register width, unless the compiler contracts operations
+// (-ffp-contract=off prevents it).
 //
-// What stands in PALPATE_INSTRUCTION_SET is compiled once per set, each with its own flags, and
-// each in a namespace of its own: were an inline function shared, the linker could keep the one
-// that other processors cannot run. For the same reason nothing there calls into the standard
-// library.
+// The code in PALPATE_INSTRUCTION_SET is compiled once per instruction set, with its own flags and
+// in its own namespace: if an inline function were shared, the linker could keep the version that
+// other processors cannot run. For the same reason this code does not call the standard library.
 #if defined(__AVX512F__) && defined(__AVX512DQ__) && defined(__AVX512VL__) && defined(__AVX512BW__)
 #define PALPATE_INSTRUCTION_SET avx512
 #define PALPATE_REGISTER_SIZE 8
@@ -46,7 +47,7 @@ typedef double Doubles __attribute__((vector_size(8 * register_size)));
 typedef std::uint64_t Bits __attribute__((vector_size(8 * register_size)));
 typedef double StoredDoubles __attribute__((vector_size(8 * register_size), aligned(8), may_alias));
 
-#else  // a compiler without vectors of its own goes one by one
+#else  // without vectors in the compiler a register has one number
 
 inline constexpr std::size_t register_size = 1;
 using Doubles = double;
@@ -65,14 +66,14 @@ PALPATE_INLINE void store(double* to, const Doubles& values) noexcept {
   *reinterpret_cast<StoredDoubles*>(to) = values;
 }
 
-// The leading bits of ln 2, of which any multiple up to 2¹¹ is exact, and the rest.
+// The leading bits of ln 2, whose multiples up to 2¹¹ are exact, and the rest.
 inline constexpr double ln2_high = 0x1.62e42feep-1;
 inline constexpr double ln2_low = 0x1.a39ef35793c76p-33;
 
 // ln x = k ln 2 + ln m,  m in [√½, √2),   ln m = 2 artanh s,  s = (m − 1)/(m + 1),  |s| < 0.1716
 //
-// artanh s = s + s³/3 + s⁵/5 …: what is left out after s¹⁹/19 is 2e-17 of it. Of x positive, finite
-// and normal (≥ 2.2e-308) within 3.2e-16 of the result; of others the bits say nothing.
+// artanh s = s + s³/3 + s⁵/5 …: the terms after s¹⁹/19 are 2e-17 of the sum. For positive, finite
+// and normal x (≥ 2.2e-308) the result is within 3.2e-16; for others it is meaningless.
 PALPATE_INLINE Doubles ln(const Doubles& x) noexcept {
   constexpr std::uint64_t root_half = 0x3fe6a09e667f3bcdU;  // the bits of √½
   constexpr std::uint64_t exponent_bits = 0xfff0000000000000U;
@@ -98,10 +99,10 @@ PALPATE_INLINE Doubles ln(const Doubles& x) noexcept {
 
 // eˣ = 2ⁿ eʳ,  r = x − n ln 2,  |r| ≤ ½ ln 2;   eʳ = 1 + r + r²/2! …
 //
-// What is left out after r¹²/12! is 2e-16 of it. Of x in [−708, 709] within 4e-16 of the result; of
-// others the bits say nothing.
+// The terms after r¹²/12! are 2e-16 of the sum. For x in [−708, 709] the result is within 4e-16;
+// for others it is meaningless.
 PALPATE_INLINE Doubles exp(const Doubles& x) noexcept {
-  // Of a number near 1.5·2⁵² the last bit is 1: adding it rounds.
+  // Near 1.5·2⁵² the last bit of a double is worth 1: the addition rounds to an integer.
   constexpr double rounder = 0x1.8p52;
   const Doubles shifted = x * 0x1.71547652b82fep0 + rounder;  // 1/ln 2
   const Doubles n = shifted - rounder;
@@ -124,13 +125,13 @@ PALPATE_INLINE Doubles exp(const Doubles& x) noexcept {
 }
 
 inline constexpr std::size_t running_sums = 8;  // of each kind
-inline constexpr double shallowest = 1e-290;    // of a depth that has a logarithm and an inverse
+inline constexpr double shallowest = 1e-290;    // least depth with a logarithm and an inverse
 
 template <std::size_t Count>
 struct alignas(64) RunningSums {
   double sum[Count][running_sums] = {};
 
-  // Adds up what `terms` makes of each register of a block.
+  // Adds `terms` for each register of a block.
   template <class Terms>
   PALPATE_INLINE void add(const Terms& terms) noexcept {
     for (std::size_t own = 0; own < running_sums; own += register_size) {
@@ -149,7 +150,7 @@ struct alignas(64) RunningSums {
   }
 };
 
-// ξⁿ of ln ξ; what is below e⁻⁷⁰⁰ is as at it.
+// ξⁿ from ln ξ; results below e⁻⁷⁰⁰ are set to e⁻⁷⁰⁰.
 PALPATE_INLINE Doubles power_of(const Doubles& log, double n) noexcept {
   const Doubles fall = -n * log, most = all(700.0);
   return exp(0.0 - (fall < most ? fall : most));
@@ -189,7 +190,7 @@ PALPATE_INLINE void fill(CurveBlock& to, const CurveColumns& from, std::size_t f
   }
 }
 
-// What fills the last block up has no residual.
+// Stores the residuals; the padding of the last block gets none.
 PALPATE_INLINE void keep_residuals(CurveBlock& block, const CurveColumns& of,
                                    std::size_t first) noexcept {
   for (std::size_t i = first + curve_block > of.count ? of.count - first : curve_block;
@@ -274,7 +275,7 @@ void pass(const CurveColumns& columns, const CurveLaw& law, double* sums) noexce
   RunningSums<2> above;
   for (std::size_t first = 0; first < columns.count; first += curve_block) {
     if constexpr (Surface) {
-      // A block without contact informs F₀ only.
+      // A block without contact only informs F₀.
       if (is_above(columns.x + first, law.surface)) {
         for (std::size_t i = 0; i < curve_block; i += register_size) {
           store(block.r + i, load(columns.f + first + i) - law.offset);
@@ -305,7 +306,7 @@ void pass(const CurveColumns& columns, const CurveLaw& law, double* sums) noexce
   }
 }
 
-// ln x of whole blocks; where there is no depth as of the shallowest.
+// ln x of whole blocks; smaller depths count as the shallowest.
 inline void logarithms(const double* x, double* log, std::size_t count) noexcept {
   for (std::size_t i = 0; i < count; i += register_size) {
     const Doubles depth = load(x + i), least = all(shallowest);

@@ -1,6 +1,6 @@
-// The lowest minimum of a curve's cost (curve_cost.hpp), among those of all valleys: a search over
-// means of samples, by the sums of the recursion, says where to go down, and the descents over all
-// samples say which is lowest.
+// The lowest minimum of a curve's cost (curve_cost.hpp) over all valleys. A search over means of
+// samples, with the sums of the recursion, finds where to start descents; the descents over all
+// samples decide which minimum is lowest.
 #pragma once
 
 #include <algorithm>
@@ -15,12 +15,13 @@
 
 namespace palpate::detail {
 
-// Means of blocks of equally many consecutive samples; they bend where ξⁿ does, so they only start.
+// Means of blocks of equally many consecutive samples. Because ξⁿ is curved they are biased, and
+// only serve to find starts.
 class CurveMeans {
  public:
   static constexpr std::size_t most = CurveSamples::block;
 
-  // Of all parts together, but for the rounding of each.
+  // Blocks of all parts; each part ends with its own shorter block.
   explicit CurveMeans(const CurveData& data) noexcept {
     const double per_point =
         std::max(1.0, std::ceil(data.count() / static_cast<double>(most - data.used + 1)));
@@ -51,7 +52,7 @@ class CurveMeans {
   CurveData data_{};
 };
 
-// Places to start from, the lowest cost first.
+// Starting points, with the lowest cost first.
 struct CurveStarts {
   static constexpr std::size_t most = 8;
 
@@ -72,7 +73,7 @@ struct CurveStarts {
   std::size_t count = 0;
 };
 
-// The settings under which a mean counts as one sample.
+// Settings for which a mean counts as one sample.
 inline ProjectionSettings settings_of_means(const CurveCost& cost) noexcept {
   ProjectionSettings settings = cost.model().settings;
   settings.noise /= std::sqrt(cost.data().per_point);
@@ -88,7 +89,7 @@ inline PowerSums sums_below(const CurveSamples& means, double surface,
   return sums;
 }
 
-// Where the recursion would end, of the means: in the lowest valleys of J(n).
+// The points where the recursion would end for the means: the lowest valleys of J(n).
 inline CurveStarts known_surface_starts(const CurveMeans& means, const CurveCost& cost) noexcept {
   const ProjectionSettings settings = settings_of_means(cost);
   const PowerSums sums = sums_below(means.samples(), 0.0, settings);
@@ -138,7 +139,8 @@ inline CurveStarts unknown_surface_starts(const CurveMeans& means, const CurveCo
       row[j] += any.exponent_penalty(bank[0].exponent(j), variance);
     }
   }
-  // Along a valley d and n change together, so that a finer grid has more minima and no more of it.
+  // Along a valley d and n change together, so that a finer grid has more local minima of the same
+  // valley.
   constexpr std::size_t reach = 3;
   CurveStarts found;
   for (std::size_t i = 0; i < surfaces; ++i) {
@@ -164,14 +166,14 @@ inline void take_logarithms(const CurveModel& model, const CurveSamples& samples
   model.kernels->logarithms(samples.x, samples.log, CurveSamples::padded(samples.count));
 }
 
-// Exponents of different valleys.
+// The least difference between exponents of different valleys.
 inline constexpr double valleys_apart = 0.3;
 
-// The lowest of the minima that the coarse search leads to, and the lowest in a valley of another
+// The lowest of the minima that the coarse search leads to, and the lowest in a valley with another
 // exponent.
 struct CurveMinima {
   CurveMinimum best;
-  CurveMinimum rival;  // of infinite cost where there is none
+  CurveMinimum rival;  // infinite cost if there is none
 };
 
 inline CurveMinima lowest_minima(const CurveModel& model, const CurveData& data) noexcept {
@@ -201,13 +203,14 @@ inline CurveMinima lowest_minima(const CurveModel& model, const CurveData& data)
     const auto add = [&](double stiffness, double damping, double exponent) noexcept {
       others[more++] = {stiffness, damping, exponent, offset, surface};
     };
-    // At v = a − b x, as of a probe that slows down while it goes in, xⁿ⁺¹ does in place of xⁿ: the
-    // grid does not see the valleys of both.
+    // At v = a − b x, as for a probe that slows down while it presses, xⁿ⁺¹ fits as well as xⁿ, and
+    // the grid may miss one of the two valleys.
     if (!known) {
       add(k, c, n - 1.0);
       add(k, c, n + 1.0);
     }
-    // Nor those beyond the ridge at k = 0: of a larger n and c ≥ 0, and of k < 0 with a large c.
+    // The grid also misses valleys beyond the ridge at k = 0: a larger n with c ≥ 0, and k < 0 with
+    // a large c.
     if (beyond && (k < 0.0 || c < 0.0)) {
       add(std::abs(k), 0.0, n + 1.0);
       if (k < 0.0) add(-k, -k, n + 0.4);
@@ -219,14 +222,15 @@ inline CurveMinima lowest_minima(const CurveModel& model, const CurveData& data)
     }
   }
   const double lowest = found[deepest].cost, variance = found[deepest].state.variance;
-  // Means bend the cost: what is within so many σ² of the lowest may be the lowest of all.
+  // The means distort the cost: a minimum within this many σ² of the lowest may be the lowest of
+  // all.
   const double margin = (known ? 60.0 : 20.0) * variance / means.data().per_point;
   const CurveDescent descent(cost);
   CurveMinimum best{}, rival{};
   best.cost = rival.cost = std::numeric_limits<double>::infinity();
   for (std::size_t i = 0; i < count; ++i) {
     if (!(found[i].cost <= lowest + margin)) continue;
-    bool again = false;  // another start has come here too
+    bool again = false;  // another start has led here too
     for (std::size_t j = 0; j < i; ++j) {
       again = again || (std::abs(found[i].at[2] - found[j].at[2]) < 1e-4 &&
                         std::abs(found[i].at[4] - found[j].at[4]) < 1e-5 &&
@@ -250,7 +254,7 @@ inline CurveMinima lowest_minima(const CurveModel& model, const CurveData& data)
   return {best, rival};
 }
 
-// Of the minima that descents from these starts end in the lowest.
+// The lowest of the minima in which descents from these starts end.
 template <class Starts>
 CurveMinimum lowest_of(const CurveModel& model, const CurveData& data,
                        const Starts& starts) noexcept {
@@ -267,17 +271,18 @@ CurveMinimum lowest_of(const CurveModel& model, const CurveData& data,
   return best;
 }
 
-// The cost of a curve about one point by fewer samples: those near the surface one by one, since
-// each that the surface passes is a kink of J, and means of the others.
+// The cost of a curve around one point from fewer samples. Samples near the surface are kept,
+// because J has a kink wherever the surface passes one; the others are replaced by means.
 //
-// A mean stands where the law has the same mean residual at that point, and what means leave of J
-// and of its slope there is added as a linear form: so J and its slope are the whole curve's at the
-// point, and within two standard errors of it J is so to a thousandth of σ² mostly, to a tenth in
-// 99 of 100 descents where the surface is known worst.
+// A mean is placed where the law has the same mean residual at that point, and the remaining
+// differences of J and of its slope there are added as a linear form. So J and its slope equal
+// those of the whole curve at the point. Within two standard errors of it, J is mostly accurate to
+// a thousandth of σ²; if the surface is known worst, to a tenth in 99 of 100 descents.
 class CondensedCurve {
  public:
   // `at` is a state of the cost over all samples, whose residuals are in the arrays of `data`;
-  // `reach` how far the surface may go from it, and `memory` is as large as those arrays.
+  // `reach` is the largest distance that the surface may move from it, and `memory` is as large as
+  // those arrays.
   CondensedCurve(const CurveModel& model, const CurveData& data, const CurveState& at, double reach,
                  const CurveSamples& memory) noexcept
       : data_(data) {
@@ -316,10 +321,11 @@ class CondensedCurve {
   const CurveData& data() const noexcept { return data_; }
 
  private:
-  // Samples of a mean. (Of 2000 one-way curves two lost their minimum with 16, and none with 8.)
+  // Samples per mean. (Of 2000 one-way curves two lost their minimum with 16, and none with 8.)
   static constexpr std::size_t length = 8;
 
-  // Samples that stay above the surface, or so far below it that xⁿ hardly bends among them.
+  // Whether the samples stay above the surface, or so far below it that xⁿ is nearly linear over
+  // them.
   static bool condenses(const CurveSamples& from, std::size_t first, double surface,
                         double reach) noexcept {
     double low = from.x[first], high = low;
@@ -327,7 +333,7 @@ class CondensedCurve {
       low = std::min(low, from.x[i]);
       high = std::max(high, from.x[i]);
     }
-    constexpr double least = 4.0;  // of depth, in spreads: (1 + 1/8)ⁿ still bends little
+    constexpr double least = 4.0;  // depth in spreads of a mean: (1 + 1/8)ⁿ is still nearly linear
     return high < surface - reach || low - (surface + reach) > least * (high - low);
   }
 
@@ -340,7 +346,7 @@ class CondensedCurve {
     }
   }
 
-  // Adds the law's force to each: what a pass leaves of r is r less that force.
+  // Adds the force of the law to each mean, because a pass subtracts that force from r.
   static void force_as_residual(const CurveModel& model, const CurvePoint& at,
                                 const CurveSamples& means) noexcept {
     curve_sums(means, at, true, *model.kernels);
@@ -352,7 +358,7 @@ class CondensedCurve {
   CurveData data_;
 };
 
-// A line through a minimum, and how far along it the surface is one standard error away.
+// A line through a minimum, and the step along it that moves the surface by one standard error.
 struct CurveLine {
   Vector<5> deviation{};
   bool sound = false;
@@ -373,22 +379,22 @@ struct CurveLine {
   }
 };
 
-// The lowest minimum where J has many: for n near 1 and below every sample that the surface passes
-// makes a kink. They are looked for along the direction in which the surface is known worst.
+// Finds the lowest minimum if J has many: for n near 1 and below, J has a kink at every sample that
+// the surface passes. The search follows the direction in which the surface is known worst.
 class CurvePolish {
  public:
   // `memory` is as large as the arrays of `data`.
   CurvePolish(const CurveModel& model, const CurveData& data, const CurveSamples& memory) noexcept
       : model_(model), data_(data), memory_(memory), cost_(model, data) {}
 
-  // Of the goal: the cost below which a minimum is worth finding, and a valley to leave out.
+  // `goal` is the cost below which a minimum is worth finding, and a valley to skip.
   CurveMinimum operator()(CurveMinimum best, const CurveAbandon& goal) const noexcept {
     for (int round = 0; round < 2; ++round) {
       best.state = cost_.at(best.at);
       const CurveLine line(cost_, best.state);
       if (!line.sound) break;
-      // Minima lie beyond the places that descents start from, too.
-      // Descents end beyond where they start. (With 1.4 one in 400 lost its minimum.)
+      // Descents also end beyond the outermost starting points. (With a factor of 1.4 one in 400
+      // lost its minimum.)
       const double reach = 2.0 * farthest * line.deviation[4];
       const CondensedCurve condensed(model_, data_, best.state, reach, memory_);
       const CurveMinimum beside = lowest_beside({model_, condensed.data()}, best, line, goal);
@@ -407,7 +413,7 @@ class CurvePolish {
   static constexpr double steps[] = {0.3, 0.7, 1.2, 1.8, farthest};
   static constexpr double tolerance = 1e-8;
 
-  // The lowest minimum that descents from places on the line come to.
+  // The lowest minimum of descents from points on the line.
   static CurveMinimum lowest_beside(const CurveCost& cost, const CurveMinimum& centre,
                                     const CurveLine& line, const CurveAbandon& goal) noexcept {
     const CurveDescent descent(cost);
@@ -429,8 +435,8 @@ class CurvePolish {
     return lowest;
   }
 
-  // Below n = 1 the slope is infinite where the surface comes to a sample from above, and J may be
-  // least just there, where no step of Newton's ends.
+  // Below n = 1 the slope is infinite where the surface reaches a sample from above, and J may have
+  // its minimum exactly there, where no Newton step ends.
   CurveMinimum lowest_at_samples(const CurveMinimum& least) const noexcept {
     constexpr double none = std::numeric_limits<double>::infinity();
     const CurveSamples& samples = data_.parts[0];
@@ -449,7 +455,7 @@ class CurvePolish {
       start[4] = depth;
       if (descent.bounded(start) != start) continue;
       CurveMinimum here = descent.from(start, 25, tolerance);
-      // From n = 1 on it is lower there, but goes on.
+      // From n = 1 on J is lower there, but the minimum lies further on.
       here.settled = here.settled && here.at[2] < 1.0;
       if (here.cost < lowest.cost) lowest = here;
     }

@@ -1,5 +1,6 @@
-// Which samples of a whole curve are firm contact, light contact or free air, and what free air
-// says of the offset: the choice of variable projection (contact_samples.hpp), a sample at a time.
+// Selects which samples of a whole curve are firm contact, light contact or free air, and measures
+// the offset in free air: the selection of variable projection (contact_samples.hpp), one sample at
+// a time.
 #pragma once
 
 #include <algorithm>
@@ -23,23 +24,23 @@ struct CurveArrays {
   std::size_t count;
 };
 
-// In SI, for all curves alike; a unit of the scale that is 0 is chosen from the curve.
+// In SI, the same for all curves; a unit of the scale that is 0 is chosen from the curve.
 struct CurveSettings {
   double noise = 0.0;  // standard deviation of the force; 0: from the residual
   double lowest_exponent = ProjectionSettings{}.lowest_exponent;
-  double highest_exponent = ProjectionSettings{}.highest_exponent;  // the same: it is known
+  double highest_exponent = ProjectionSettings{}.highest_exponent;  // equal to the lowest: known
   bool offset = true;
-  double offset_deviation = 0.0;   // as ProjectionSettings has it
+  double offset_deviation = 0.0;   // as in ProjectionSettings
   double surface_deviation = 0.0;  // the same
   bool find_surface = false;
   double lowest_surface = 0.0;   // both 0: a fifth of the unit of penetration each way,
-  double highest_surface = 0.0;  // and once more in a wider range where that is too narrow
+  double highest_surface = 0.0;  // and again a wider range if that is too narrow
   Scale scale{0.0, 0.0, 0.0};
 };
 
 enum class CurveStatus : std::uint8_t { fitted, no_contact, unsettled, surface_at_edge };
 
-// What a sample was to a fit.
+// The role of a sample in a fit.
 enum class CurveRole : std::uint8_t { absent, free, firm, light, left_out };
 
 struct CurveFit {
@@ -50,8 +51,8 @@ struct CurveFit {
   std::uint64_t taken = 0;
   std::uint8_t flags = 0;
   CurveStatus status = CurveStatus::no_contact;
-  // By which the cost may be written down: its units, the prior of F₀, N (a deviation of 0: none),
-  // and σ² of the priors, N².
+  // The quantities that define the cost: its units, the prior of F₀, N (deviation 0: none), and σ²
+  // of the priors, N².
   Scale scale{1.0, 1.0, 1.0};
   double offset_mean = 0.0;
   double offset_deviation = 0.0;
@@ -60,7 +61,7 @@ struct CurveFit {
 
 namespace detail {
 
-// Memory that a fit works in, handed in by its caller: `size` doubles.
+// The working memory of a fit, provided by its caller: `size` doubles.
 class CurveMemory {
  public:
   static constexpr std::size_t columns = 14;
@@ -74,7 +75,7 @@ class CurveMemory {
   double* column(std::size_t i) const noexcept { return from_ + i * stride_; }
 
  private:
-  // Two parts, each up to whole blocks; and a sum of none.
+  // Room for two parts, each padded to whole blocks, and for an empty one.
   static constexpr std::size_t stride(std::size_t samples) noexcept {
     return CurveSamples::padded(samples) + 2 * CurveSamples::block;
   }
@@ -83,7 +84,7 @@ class CurveMemory {
   std::size_t stride_;
 };
 
-// Units near the largest values in contact, as `suggest_scale` chooses them in Python.
+// Units near the largest values in contact, the same as `suggest_scale` in Python.
 inline Scale suggested_scale(const CurveArrays& curve) noexcept {
   constexpr double largest = 1e100;
   double depth = 0.0, speed = 0.0, push = 0.0;
@@ -109,11 +110,11 @@ class CurveSelection {
         index_(memory.column(4)),
         role_(reinterpret_cast<unsigned char*>(memory.column(5))) {}
 
-  // With the surface known; `largest_depth` in its unit.
+  // Selects samples at a known surface; `largest_depth` is in scaled units.
   void choose(const CurveArrays& curve, const Units& units, double largest_depth) noexcept {
     constexpr std::size_t side = ContactSamples::side;
     ContactSamples recent;
-    // All but the last ones are judged once more, with the neighbours after them.
+    // All but the last samples are classified again once they have neighbours after them.
     std::size_t last = curve.count;
     for (std::size_t left = side; last > 0 && left > 0; --last) {
       left -= usable(sample(curve, units, last - 1), largest_depth) ? 1 : 0;
@@ -136,7 +137,7 @@ class CurveSelection {
     resolution_ = recent.resolution();
   }
 
-  // With the surface unknown all of them count, from a depth on: the approach too.
+  // Selects all samples from a depth on if the surface is unknown, including the approach.
   void take_all(const CurveArrays& curve, const Units& units, double from,
                 double largest_depth) noexcept {
     for (std::size_t i = 0; i < curve.count; ++i) {
@@ -159,7 +160,8 @@ class CurveSelection {
   double least_step() const noexcept { return least_step_; }
   double resolution() const noexcept { return resolution_; }
 
-  // The samples of a role into arrays of their own, forces from `zero` on; `place` their indices.
+  // Copies the samples of a role into arrays, with forces relative to `zero`; `place` gets their
+  // indices.
   void copy(Role role, double zero, CurveSamples& to, double* place) const noexcept {
     std::size_t count = 0;
     for (std::size_t i = 0; i < count_; ++i) {
@@ -179,7 +181,7 @@ class CurveSelection {
   }
 
   static bool usable(const Sample& s, double largest_depth) noexcept {
-    return s.penetration < largest_depth && within(s, 1e8);  // NaN is not
+    return s.penetration < largest_depth && within(s, 1e8);  // false for NaN
   }
 
   void give(std::size_t i, Role role) noexcept { role_[i] = static_cast<unsigned char>(role); }
@@ -193,7 +195,7 @@ class CurveSelection {
   }
 
   double *x_, *w_, *f_;
-  double* index_;  // in the curve
+  double* index_;  // index in the curve
   unsigned char* role_;
   std::size_t count_ = 0;
   double least_step_ = 0.0;
@@ -203,7 +205,7 @@ class CurveSelection {
 
 }  // namespace detail
 
-// Doubles of memory that a fit of so many samples works in.
+// The number of doubles that a fit of `samples` samples needs as memory.
 constexpr std::size_t curve_memory(std::size_t samples) noexcept {
   return detail::CurveMemory::size(samples);
 }

@@ -1,5 +1,5 @@
-// Drift tracking: the law of a slowly changing material, and a test whether it changes faster than
-// assumed.
+// Drift tracking: the law of a slowly changing material, and a test of whether it changes faster
+// than assumed.
 #pragma once
 
 #include <algorithm>
@@ -11,18 +11,19 @@
 
 namespace palpate::detail {
 
-// Whether the truth drifts faster than the random walk that a filter assumes.
+// Tests whether the truth drifts faster than the random walk that a filter assumes.
 //
 // If it drifts as assumed, the prediction errors are uncorrelated. If it drifts r times as far in a
-// second, the filter lags, and successive errors are correlated:
+// second, the filter lags behind, and successive errors are correlated:
 //
-//   E[e_k e_{k−1}] = P (r² − 1)/2,   P the variance of the predicted force
+//   E[e_k e_{k−1}] = P (r² − 1)/2,   where P is the variance of the predicted force
 //
 // so the ratio of their means, over about the last thousand samples, gives r for any white noise.
-// Correlated noise has the same effect and cannot be distinguished by the errors.
+// Correlated noise has the same effect and cannot be distinguished from drift by the errors.
 class WalkCheck {
  public:
-  // error: of the prediction, as the filter used it; predicted: P; whole: P plus the noise.
+  // error: of the prediction, as the filter used it; predicted: P; whole: P plus the noise
+  // variance.
   constexpr void observe(double error, double predicted, double whole) noexcept {
     samples_ = std::min(samples_ + 1, window);
     const double gain = 1.0 / static_cast<double>(samples_);
@@ -32,8 +33,8 @@ class WalkCheck {
     previous_ = error;
   }
 
-  // Five standard deviations of the mean product of white errors above that of a truth three times
-  // faster than the walk.
+  // Whether the mean product exceeds that of a truth three times faster than the walk by five
+  // standard deviations for white errors.
   bool too_slow() const noexcept {
     const double scatter = whole_ / std::sqrt(static_cast<double>(window));
     return samples_ == window && product_ > most_lag * predicted_ + 5.0 * scatter;
@@ -41,7 +42,7 @@ class WalkCheck {
 
  private:
   static constexpr std::uint64_t window = 1000;
-  // (3² − 1)/2. Up to twice as fast the standard errors are √1.25 too small, not worth a flag.
+  // (3² − 1)/2. Up to a ratio of two the standard errors are √1.25 too small, which needs no flag.
   static constexpr double most_lag = 4.0;
 
   std::uint64_t samples_ = 0;
@@ -56,18 +57,18 @@ namespace palpate {
 //
 //   F = k ξⁿ (1 + b w) + F₀,   d(ln k), db, dn random walks, F₀ constant,
 //
-// started from the estimate, covariance and noise of variable projection. From arbitrary values it
-// diverges in one start of ten, so this is the only start: until the exponent's standard error is
-// below 0.05, the estimate is that of variable projection.
+// started from the estimate, covariance and noise of variable projection. From arbitrary values the
+// filter diverges in one start of ten, so it has no other start: until the standard error of the
+// exponent is below 0.05, the estimate is that of variable projection.
 //
-// The filter takes the noise for white. In noise e_k = a e_{k−1} + white, as those errors of the
-// start suggest, the covariance of its own errors is P + X with
+// The filter assumes white noise. If the errors of the start suggest noise e_k = a e_{k−1} + white,
+// the covariance of the filter's own errors is P + X with
 //
 //   u = a (I − K sᵀ) c,  c ← u + K σ²,
 //   X ← (I − K sᵀ) X (I − K sᵀ)ᵀ + u Kᵀ + K uᵀ + (σ² − R) K Kᵀ,
 //
-// s the slope, K the gain, c the covariance of the state's error with the noise and R the filter's
-// own σ². The estimates stay as they are.
+// where s is the slope, K the gain, c the covariance between the errors of the state and the noise,
+// and R the filter's own σ². The estimates do not change.
 class DriftTrackingMethod {
  public:
   using Law = HuntCrossley;
@@ -76,10 +77,10 @@ class DriftTrackingMethod {
   using Row = Start::Row;
 
   struct Settings {
-    // Few motions identify an offset together with a drifting stiffness: default off.
+    // Few motions identify an offset together with a drifting stiffness; default: off.
     ProjectionSettings projection{.offset = false};
-    // Of ln k, b (scaled) and n: standard deviation of the random walk after one second, 1/√s. 0.02
-    // follows ±30 % at 0.1 Hz to a few tenths of a percent; with 0.3 the exponent would not be
+    // Standard deviations of the random walks of ln k, b (scaled) and n after one second, 1/√s.
+    // 0.02 follows ±30 % at 0.1 Hz to a few tenths of a percent; with 0.3 the exponent would not be
     // identifiable.
     Vector<3> drift{0.02, 0.0, 0.0};
 
@@ -156,12 +157,12 @@ class DriftTrackingMethod {
   }
 
  private:
-  // An estimate costs ten updates, so it is checked every 32 samples, and not before 192: the
+  // An estimate costs ten updates, so the start is tested every 32 samples, and not before 192: the
   // standard errors of a fit to few samples are too small.
   static constexpr std::uint64_t samples_between_looks = 32;
   static constexpr std::uint64_t fewest_samples = 192;
-  // Of the exponent: an eighth of the step from punch to sphere to cone; so close the filter's
-  // linearisation is accurate.
+  // Standard error of the exponent: a tenth of the step from punch to sphere to cone, within which
+  // the linearisation of the filter is accurate.
   static constexpr double largest_start_error = 0.05;
 
   void start_again() noexcept {
@@ -183,13 +184,15 @@ class DriftTrackingMethod {
 
   void track_if_known() noexcept {
     if (++learned_ % samples_between_looks != 0 || learned_ < fewest_samples) return;
-    // A drift increases the standard errors of a constant law: by these it would never start.
+    // A drift increases the widened standard errors of a constant law, so that with them tracking
+    // would never start.
     const Fit<Law> fit = start_.fit_in_white_noise(units_);
     constexpr double most_variance = largest_start_error * largest_start_error;
     const bool known =
         fit.flags == 0 && fit.law.stiffness > 0.0 && fit.covariance[2][2] < most_variance;
     if (!known) return;
-    // From (K, B, n) to (ln k, b, n) in scaled units: ln k = ln K + n ln x_r − ln F_s, b = V B/K.
+    // Converts (K, B, n) to (ln k, b, n) in scaled units: ln k = ln K + n ln x_r − ln F_s, b = V
+    // B/K.
     const double dissipation = fit.law.damping / fit.law.stiffness;
     const double per_stiffness = 1.0 / fit.law.stiffness;
     const Matrix<4> to_state{{{per_stiffness, 0.0, units_.log_penetration, 0.0},
@@ -197,7 +200,8 @@ class DriftTrackingMethod {
                                per_stiffness * units_.velocity, 0.0, 0.0},
                               {0.0, 0.0, 1.0, 0.0},
                               {0.0, 0.0, 0.0, units_.per_force}}};
-    // The material drifted while it was assumed constant: ten times the deviation covers that.
+    // The material drifted while it was assumed constant: a factor of ten on the deviation covers
+    // that.
     covariance_ =
         detail::multiply(detail::congruence(to_state, detail::cholesky(joint(fit))), 100.0);
     // A fixed entry of the state has the variance 1e-30, which keeps the matrix positive definite.
@@ -207,7 +211,7 @@ class DriftTrackingMethod {
     const Vector<4> state{
         std::log(fit.law.stiffness) + fit.law.exponent * units_.log_penetration - units_.log_force,
         dissipation * units_.velocity, fit.law.exponent, fit.offset.value * units_.per_force};
-    // Beyond it filter() would refuse every sample.
+    // Beyond these limits filter() would refuse every sample.
     for (std::size_t i = 0; i < 4; ++i) {
       const bool bounded = std::abs(state[i]) < largest_input && covariance_[i][i] < largest_input;
       if (!bounded) return;
@@ -219,9 +223,9 @@ class DriftTrackingMethod {
     tracking_ = true;
   }
 
-  // Quick differences of AR(1) noise have the variance d = σ² (1 − a), its sums over long times
-  // have D = σ² (1 + a)/(1 − a) a sample, so both give a and σ². R is less: a fit takes slow noise
-  // along.
+  // Estimates a and σ² of AR(1) noise. Differences of successive errors have the variance d = σ² (1
+  // − a), and sums over long times have D = σ² (1 + a)/(1 − a) per sample, so both together
+  // determine a and σ². R is smaller, because the fit absorbs slow noise.
   void measure_correlation() noexcept {
     excess_ = {};
     shared_ = {};
@@ -231,7 +235,7 @@ class DriftTrackingMethod {
     const double quick = start_.noise_levels()[0].residual_variance();
     const double ratio = levels.ratio[levels.used] * noise_variance_ / quick;  // (1 + a)/(1 − a)²
     const double a = 1.0 + (1.0 - std::sqrt(1.0 + 8.0 * ratio)) / (2.0 * ratio);
-    // White noise, by a few hundred samples, seldom seems to have more.
+    // A few hundred samples of white noise seldom seem to have a larger correlation.
     constexpr double least = 0.35;
     if (!(a > least && a < 1.0)) return;
     correlation_ = a;
@@ -254,7 +258,7 @@ class DriftTrackingMethod {
            state_[3];
   }
 
-  // One step of the filter; it refuses a sample if the covariance would not stay positive definite.
+  // One step of the filter; a sample is refused if the covariance would not stay positive definite.
   Status filter(const Sample& s, double dt, double error) noexcept {
     Matrix<4> predicted = covariance_;
     for (std::size_t i = 0; i < 3; ++i) {
@@ -267,8 +271,8 @@ class DriftTrackingMethod {
                           settings_.projection.offset ? 1.0 : 0.0};
     const Vector<4> g = detail::multiply(predicted, slope);
     const double innovation = detail::dot(slope, g) + noise_variance_;
-    // An error beyond five standard deviations, which white noise has once in two million samples,
-    // counts as five.
+    // An error beyond five standard deviations, which white noise reaches once in two million
+    // samples, counts as five.
     const double limit = 5.0 * std::sqrt(innovation);
     const double bounded = std::clamp(error, -limit, limit);
     Vector<4> next = state_;
@@ -315,7 +319,7 @@ class DriftTrackingMethod {
     return {stiffness, detail::saturate(stiffness * state_[1] / u.velocity), state_[2]};
   }
 
-  // Derivative of (K, B, n, F₀) in SI by (ln k, b, n, F₀) in scaled units.
+  // Derivative of (K, B, n, F₀) in SI with respect to (ln k, b, n, F₀) in scaled units.
   static Matrix<4> jacobian(const Law& law, const Units& u) noexcept {
     Matrix<4> result = detail::among_known<4>(HuntCrossleyLogRegression::jacobian(law, u));
     result[3][3] = u.force;

@@ -1,4 +1,5 @@
-// A force law identified by one recursive least squares: KV-RLS, EKV-RLS and the single stage.
+// A force law identified by one recursive least squares: KV-RLS, EKV-RLS and the single-stage
+// method.
 //
 // Each law is a linear regression y = φᵀθ in scaled units, with a conversion from θ to the law in
 // SI.
@@ -27,10 +28,10 @@ struct RegressionRow {
   double output;            // y
 };
 
-// The factor of a parameter in a force that is linear in all of them.
+// The variables that multiply the parameters in a force that is linear in all of them.
 enum class Term : std::uint8_t { depth, depth_squared, velocity };
 
-// y = F, φ and θ term by term.
+// y = F; φ and θ follow from the terms.
 template <class FittedLaw, Term... terms>
 struct LinearRegression {
   using Law = FittedLaw;
@@ -83,7 +84,8 @@ struct LinearRegression {
 struct KelvinVoigtRegression : LinearRegression<KelvinVoigt, Term::depth, Term::velocity> {
   // Near 0, as in the paper (0 has no logarithm; equivalent methods have the same start).
   static constexpr Law initial{0.1, 0.0};
-  // In SI φ² is near 1e-4 (10 mm): a thousand samples far outweigh a prior of 1e4 or more.
+  // In SI φ² is near 1e-4 (at 10 mm), so a thousand samples far outweigh a prior variance of 1e4 or
+  // more.
   static constexpr Vector<order> initial_variances{1e8, 1e8};
 };
 
@@ -91,7 +93,7 @@ struct KelvinVoigtRegression : LinearRegression<KelvinVoigt, Term::depth, Term::
 struct ExtendedKelvinVoigtRegression
     : LinearRegression<ExtendedKelvinVoigt, Term::depth, Term::depth_squared, Term::velocity> {
   static constexpr Law initial{0.1, 0.0, 0.0};
-  // In SI x² is near 1e-4 and φ² near 1e-8: under a smaller variance K₂ stays at its start.
+  // In SI x² is near 1e-4 and φ² near 1e-8; with a smaller variance K₂ stays at its start.
   static constexpr Vector<order> initial_variances{1e10, 1e10, 1e10};
 };
 
@@ -100,8 +102,8 @@ struct HuntCrossleyLogRegression {
   using Law = HuntCrossley;
   static constexpr std::size_t order = 3;
   static constexpr Law initial{0.1, 0.0, 1.0};
-  // Of θ: from 10 on all starts converge (the paper's section V-B); larger values start faster and
-  // overshoot more.
+  // Variances of θ: from 10 on all starts converge (section V-B of the paper); larger values
+  // converge faster and overshoot more.
   static constexpr Vector<order> initial_variances{1e3, 1e3, 1e3};
 
   static RegressionRow<order> row(const Sample& s) noexcept {
@@ -129,7 +131,7 @@ struct HuntCrossleyLogRegression {
               detail::saturate(law.damping * depth)},
              {0.0, 0.0, 1.0}}};
   }
-  // The diagonal of J P Jᵀ in closed form: a trace needs it at every sample.
+  // The diagonal of J P Jᵀ in closed form, because a trace needs it at every sample.
   static Vector<order> variances(const Matrix<order>& p, const Law& law, const Units& u) noexcept {
     const double depth = -u.log_penetration;
     const double log_stiffness = p[0][0] + depth * (2.0 * p[0][2] + depth * p[2][2]);
@@ -142,10 +144,10 @@ struct HuntCrossleyLogRegression {
   }
 };
 
-// The same with a known exponent: y = ln F − n ln x, φ = [1, v], θ = [ln K, B/K].
+// The single-stage method with a known exponent: y = ln F − n ln x, φ = [1, v], θ = [ln K, B/K].
 struct KnownExponentLogRegression : HuntCrossleyLogRegression {
   static constexpr std::size_t order = 2;
-  static constexpr Law initial{0.1, 0.0, 1.5};  // of which n is the known one; a sphere's
+  static constexpr Law initial{0.1, 0.0, 1.5};  // n is the known exponent; default: a sphere's
   static constexpr Vector<order> initial_variances{1e3, 1e3};
 
   struct Row : RegressionRow<order> {
@@ -173,7 +175,7 @@ struct KnownExponentLogRegression : HuntCrossleyLogRegression {
 
 namespace detail {
 
-// Variances whose squares and reciprocals are far from both ends of a double.
+// Checks that the squares and reciprocals of the variances are far from both ends of a double.
 template <std::size_t Size>
 constexpr const char* validate_covariance(const Matrix<Size>& p) noexcept {
   for (std::size_t i = 0; i < Size; ++i) {
@@ -188,7 +190,7 @@ constexpr const char* validate_covariance(const Matrix<Size>& p) noexcept {
   return nullptr;
 }
 
-// Check of a known exponent.
+// Checks a known exponent.
 constexpr const char* validate_known_exponent(double exponent) noexcept {
   return lies_in(exponent, 0.1, 10.0) ? nullptr : "method: a known exponent must be in [0.1, 10]";
 }
@@ -208,7 +210,7 @@ constexpr const char* validate_initial(const Law& law) noexcept {
 template <class Regression>
 struct RegressionSettings {
   typename Regression::Law initial = Regression::initial;
-  // Of θ, in scaled units.
+  // Covariance of θ, in scaled units.
   Matrix<Regression::order> initial_covariance = diagonal(Regression::initial_variances);
 
   bool operator==(const RegressionSettings&) const = default;
@@ -232,17 +234,17 @@ constexpr const char* validate(const RegressionSettings<Regression>& settings) n
 
 namespace detail {
 
-// Whether the standard errors of a regression of ln F hold, by its residuals e: noise of the force
-// has a variance of σ²/F² in ln F and biases it by −σ²/2F², most of all in light contact, whereas
-// s² P takes it for the same everywhere. With Q = P W/N, of all N samples without forgetting (W is
-// the weight of those in P), Q [Σ e² φφᵀ] Q is the variance and −½ Q Σ e² φ the bias.
+// Tests the standard errors of a regression of ln F by its residuals e. Noise of the force has a
+// variance of σ²/F² in ln F and biases it by −σ²/2F², most in light contact, whereas s² P assumes
+// the same variance everywhere. With Q = P W/N, where N counts all samples without forgetting and W
+// is the weight of the samples in P, Q [Σ e² φφᵀ] Q is the variance and −½ Q Σ e² φ the bias.
 template <std::size_t Order>
 class LightContact {
  public:
-  static constexpr std::uint64_t stride = 4;  // every fourth sample tells enough, in less time
+  static constexpr std::uint64_t stride = 4;  // every fourth sample suffices, and saves time
 
-  // φ₀ = 1, so that the first row of the sum is Σ e² φ. A function of its own, so that the step of
-  // every sample stays in registers.
+  // φ₀ = 1, so the first row of the sum is Σ e² φ. A separate function, so that the step of every
+  // sample stays in registers.
   [[gnu::noinline]] void add(const Vector<Order>& phi, double error) noexcept {
     for (std::size_t i = 0; i < Order; ++i) {
       const double part = error * error * phi[i];
@@ -251,10 +253,11 @@ class LightContact {
     count_ += 1.0;
   }
 
-  // Enough samples for e² to tell, and e above what digits and condition 10 leave.
+  // Whether there are enough samples, with e² above rounding and the error of condition 10.
   bool measured() const noexcept { return count_ >= 25.0 && scatter_[0][0] > 1e-6 * count_; }
 
-  // The rms error of a parameter, with the derivative `slope` by θ, over its standard error.
+  // The rms error of a parameter over its standard error; `slope` is its derivative with respect to
+  // θ.
   double excess(const LeastSquares<Order>& fit, const Vector<Order>& slope) const noexcept {
     const Vector<Order> a = multiply(fit.covariance(), slope);
     const double bias = 0.5 * dot(a, scatter_[0]);
@@ -267,13 +270,13 @@ class LightContact {
   }
 
  private:
-  Matrix<Order> scatter_{};  // its upper triangle
+  Matrix<Order> scatter_{};  // the upper triangle
   double count_ = 0.0;
 };
 
 struct NoLightContact {};
 
-// A regression whose known parameters come from the start.
+// A regression with its known parameters from the start.
 template <class Regression>
 Regression regression_of(const typename Regression::Law& initial) noexcept {
   if constexpr (std::is_empty_v<Regression>) {
@@ -283,7 +286,7 @@ Regression regression_of(const typename Regression::Law& initial) noexcept {
   }
 }
 
-// The matrix of the first coefficients; the others are known.
+// The matrix with rows and columns of 0 for known parameters, which come last.
 template <std::size_t Size, std::size_t Order>
 constexpr Matrix<Size> among_known(const Matrix<Order>& m) noexcept {
   if constexpr (Size == Order) {
@@ -312,7 +315,7 @@ class RegressionMethod {
   static constexpr Scale default_scale{};
   static constexpr bool forgets = true;
   static constexpr bool perturbs = true;
-  // Larger scaled inputs are refused: below it squares and products stay finite.
+  // Larger scaled inputs are refused: up to this squares and products stay finite.
   static constexpr double largest_input = 1e100;
 
   RegressionMethod(const Settings& settings, const Units& units) noexcept
@@ -346,7 +349,7 @@ class RegressionMethod {
     return status;
   }
 
-  // From the old answer, as uncertain as at the start.
+  // Restarts at the present estimate, with the initial covariance.
   void reinitialise() noexcept {
     least_squares_ = LeastSquares<order>({least_squares_.parameters(), initial_covariance_});
     light_ = {};
@@ -369,7 +372,7 @@ class RegressionMethod {
     Fit<Law> fit{
         now, detail::congruence(jacobian, detail::among_known<size>(least_squares_.scaled_root()))};
     if constexpr (logarithmic) {
-      // A factor of 1.4 lowers the coverage of 95 % to 84 %.
+      // An excess of 1.4 lowers the coverage of 95 % to 84 %.
       constexpr double most = 1.4;
       for (std::size_t i = 0; i < size && light_.measured(); ++i) {
         Vector<order> slope;
@@ -417,8 +420,8 @@ class DoubleStageMethod {
 
   struct Settings {
     Law initial{0.1, 0.0, 1.0};
-    // Of [K, B], in scaled units, and of n, with no covariance between the stages. In SI φ² is near
-    // 1e-4: a smaller variance would keep K at its start.
+    // The covariance of [K, B], in scaled units, and the variance of n, with no covariance between
+    // the stages. In SI φ² is near 1e-4: a smaller variance would keep K at its start.
     Matrix<3> initial_covariance = diagonal<3>({1e8, 1e8, 1e3});
     // The exponent of the start is known, as for a tip of known shape: no stage 2.
     bool exponent_known = false;
@@ -475,7 +478,7 @@ class DoubleStageMethod {
     return second == Status::updated ? status : second;
   }
 
-  // From the old answer, as uncertain as at the start.
+  // Restarts at the present estimate, with the initial covariance.
   void reinitialise() noexcept {
     stage_one_ = LeastSquares<2>({stage_one_.parameters(), of_stage_one(settings_)});
     stage_two_ = LeastSquares<1>({stage_two_.parameters(), of_stage_two(settings_)});

@@ -1,4 +1,4 @@
-// Variable projection as a method of the recursive estimator: samples in, the law in SI out.
+// Variable projection as a method of the recursive estimator: it converts samples to the law in SI.
 #pragma once
 
 #include <algorithm>
@@ -20,26 +20,26 @@ namespace palpate {
 
 namespace detail {
 
-// What is kept of an estimate after a change of the material. Another material of the same kind
+// The part of an estimate that survives a change of the material. Another material of the same kind
 // usually has the same exponent, and a few milliseconds of data separate stiffness and exponent so
-// poorly that K overshoots by half; so the old exponent is kept until the samples reject it:
+// poorly that K overshoots by half. So the old exponent is kept until the samples reject it:
 //
 //   n ~ N(n_old, 0.02²), c/k ~ N(old, 0.5²)   while   J_kept − J_open ≤ 9 σ²,
-//   n ~ N(n_old, 0.3²),  c/k ~ N(old, 0.1²)   from then on (J_open).
+//   n ~ N(n_old, 0.3²),  c/k ~ N(old, 0.1²)   afterwards (J_open).
 //
-// An exponent that was not identifiable carries no information: its own priors stay.
+// An exponent that was not identifiable carries no information: the weak priors remain.
 class KeptExponent {
  public:
   KeptExponent() = default;
 
-  // The estimate before the change; `identifiable`: whether its exponent is worth keeping;
+  // `old` is the estimate before the change; `identifiable`: whether its exponent is worth keeping;
   // `inflation`: the factor on its variance from correlated noise.
   KeptExponent(const ProjectionSolution& old, bool identifiable, double inflation) noexcept
       : old_(old),
         identifiable_(identifiable),
         tolerance_(9.0 * old.noise_variance * std::min(inflation, most_inflation)) {}
 
-  // The earlier samples are forgotten: none rejects the old exponent.
+  // Forgets the earlier samples and keeps the old exponent again.
   template <class Solver>
   void begin(Solver& solver) noexcept {
     solver.clear();
@@ -57,11 +57,11 @@ class KeptExponent {
     kept_ = false;
     give(solver);
     const ProjectionSolution open = solver.solve();
-    // At a quarter of the prior's deviation the prior has almost no effect.
+    // With an error below a quarter of the prior's deviation the prior has almost no effect.
     constexpr double known = 0.25 * exponent_deviation;
     if (dot(open.root[2], open.root[2]) < known * known) return open;
     const double tolerance = std::max(tolerance_, 9.0 * open.noise_variance);
-    // Costs of different samples cannot be compared.
+    // Costs for different samples cannot be compared.
     const bool alike = kept.lost_above == open.lost_above;
     if (!alike || !(kept.cost - open.cost <= tolerance)) return open;
     kept_ = true;
@@ -79,8 +79,8 @@ class KeptExponent {
     if (kept_) {
       solver.set_prior(old_, exponent_deviation, 0.5);
     } else {
-      // Materials of one kind have exponents within about 0.3, and at the speed of the scale
-      // damping forces within a tenth of the elastic one.
+      // Exponents of materials of one kind lie within about 0.3, and damping forces at the
+      // reference speed within a tenth of the elastic force.
       solver.set_prior(old_, 0.3, 0.1);
     }
   }
@@ -93,7 +93,7 @@ class KeptExponent {
 
 }  // namespace detail
 
-// `Solver` is ContactSolver, which selects the samples; ProjectionSolver, which takes all; or
+// `Solver` is ContactSolver, which selects the samples; ProjectionSolver, which uses all; or
 // SurfaceSolver for an unknown surface.
 template <class Solver>
 class VariableProjectionMethod {
@@ -113,7 +113,7 @@ class VariableProjectionMethod {
   static constexpr bool perturbs = false;
   // With the limit on ξⁿ below, sums of these squares stay finite.
   static constexpr double largest_input = 1e8;
-  // ξⁿ squared, times w², summed and multiplied by its like three times, stays finite below it.
+  // Up to this limit ξⁿ squared, times w², summed, and a product of three such sums stay finite.
   static constexpr double largest_power = 1e29;
 
   VariableProjectionMethod(const Settings& settings, const Units& units) noexcept
@@ -152,13 +152,13 @@ class VariableProjectionMethod {
     }
   }
 
-  // The latest samples, at most eight, turned out to be outliers.
+  // Removes the latest samples, at most eight, which turned out to be outliers.
   void withdraw(std::size_t count) noexcept {
     if constexpr (requires { solver_.withdraw(count); }) solver_.withdraw(count);
   }
 
-  // Takes the rounding of the force by the law that an earlier one has found in the same samples:
-  // by its own the first samples are not corrected, or wrongly. Whether there is any.
+  // Corrects the rounding of the force with the law of an earlier replay of the same samples: with
+  // its own law the first samples would not be corrected, or wrongly. True if there is rounding.
   bool unround_as(const VariableProjectionMethod& earlier) noexcept
     requires requires(Solver& solver) { solver.unround_as(solver); }
   {
@@ -172,7 +172,7 @@ class VariableProjectionMethod {
     if constexpr (requires { solver_.interrupt(); }) solver_.interrupt();
   }
 
-  // With the old estimate as a prior (KeptExponent).
+  // Restarts with the old estimate as a prior (KeptExponent).
   void reinitialise() noexcept {
     const Solution now = solve();
     const Matrix<5> root = widened(now);
@@ -185,7 +185,7 @@ class VariableProjectionMethod {
     reinitialise_after_transient();
   }
 
-  // Again, from the same prior.
+  // Restarts again, from the same prior.
   void reinitialise_after_transient() noexcept {
     kept_.begin(solver_);
     forget_noise();
@@ -197,7 +197,7 @@ class VariableProjectionMethod {
     return without_errors(solve(), units).force(x, v);
   }
 
-  // The solution for one-step prediction errors, up to a 64th of the samples old.
+  // The solution for one-step prediction errors, which is up to a 64th of the samples old.
   Snapshot<Law> latest(const Units& units) const noexcept {
     return without_errors(last_solution_, units);
   }
@@ -207,7 +207,7 @@ class VariableProjectionMethod {
     return fit(now, widened(now), units);
   }
 
-  // As for white noise: the drift-tracking filter starts from it.
+  // The fit with standard errors for white noise: the drift-tracking filter starts from it.
   Fit<Law> fit_in_white_noise(const Units& units) const noexcept {
     const Solution now = solve();
     return fit(now, now.root, units);
@@ -223,15 +223,15 @@ class VariableProjectionMethod {
     return snapshot;
   }
 
-  // Noise of the force, in scaled units.
+  // Noise variance of the force, in scaled units.
   double noise_variance() const noexcept { return solve().noise_variance; }
-  // By how quickly the prediction errors change.
+  // The prediction errors by time scale.
   const detail::HaarLevels<4>& noise_levels() const noexcept { return levels_; }
 
  private:
   using Solution = detail::ProjectionSolution;
 
-  // From a solution and the root of its covariance, in scaled units.
+  // The fit from a solution and the root of its covariance, in scaled units.
   Fit<Law> fit(const Solution& now, const Matrix<5>& root, const Units& units) const noexcept {
     const Law law = this->law(now, units);
     const Matrix<5> joint = detail::covariance_in_si(root, law, units);
@@ -240,7 +240,7 @@ class VariableProjectionMethod {
     return fit;
   }
 
-  // Whether the sample counts as contact: a solver may keep an undecided one apart.
+  // Adds a sample; true if it counts as contact. A solver may keep an undecided sample separate.
   bool add(const Row& row, double forgetting_factor) noexcept {
     const auto& sample = row.sample;
     const double expected = unrounds_ ? unrounding_.force(sample) : row.predicted;
@@ -260,15 +260,15 @@ class VariableProjectionMethod {
   }
 
   // Whether to solve again: after 1/64 more samples, which change the estimate by at most an eighth
-  // of its standard error (1/√64), and at most every 64 samples, where its cost of ten updates is a
-  // sixth of theirs.
+  // of its standard error (1/√64), and at most every 64 samples, where a solution, which costs ten
+  // updates, adds a sixth to their cost.
   bool due() const noexcept {
     return static_cast<double>(samples_since_solve_) >=
            std::min(1.0 + solver_.weight() / 64.0, 64.0);
   }
 
-  // An exponent that moved this far since the last solution has left its basin: the samples after a
-  // slow approach, for instance, outweigh all before them.
+  // An exponent that changed this much since the last solution has left its basin: the samples
+  // after a slow approach, for instance, outweigh all before them.
   Solution solve() const noexcept {
     constexpr double basin = 0.1;
     if (due()) return solver_.solve();
@@ -276,7 +276,7 @@ class VariableProjectionMethod {
     return std::abs(near.n - last_solution_.n) < basin ? near : solver_.solve();
   }
 
-  // Renews, if due, the solution for prediction errors, from which solving starts.
+  // Renews, if due, the solution for prediction errors, from which later solutions start.
   void refresh() noexcept {
     if (!due()) return;
     samples_since_widening_ += samples_since_solve_;
@@ -290,8 +290,8 @@ class VariableProjectionMethod {
     }
   }
 
-  // F = ξⁿ (k + c w) + F₀ by k, c, n/k and F₀, always at n = 1 and c = 0: slopes that change while
-  // an estimate converges would look like fast motion.
+  // The derivatives of F = ξⁿ (k + c w) + F₀ with respect to k, c, n/k and F₀, always at n = 1 and
+  // c = 0: slopes that change while an estimate converges would look like fast motion.
   static Vector<4> slope(const Sample& s) noexcept {
     const double depth = s.penetration;
     if (!(depth > 0.0)) return {0.0, 0.0, 0.0, 1.0};
@@ -305,9 +305,9 @@ class VariableProjectionMethod {
 
   std::uint8_t flags(const Solution& p, const Matrix<5>& root) const noexcept {
     std::uint8_t found = detail::open_flags(p, root);
-    // A few samples after a restart do not identify what those before it left open; the prior from
-    // the old estimate would hide that. Nine tenths, as with forgetting a weight only approaches
-    // its limit.
+    // A few samples after a restart do not identify what the samples before it did not, although
+    // the prior from the old estimate would hide that. The factor is 0.9 because with forgetting
+    // the weight only approaches its limit.
     if (solver_.weight() < 0.9 * open_until_) found |= open_flags_;
     return found;
   }
@@ -319,15 +319,15 @@ class VariableProjectionMethod {
   }
 
   Solver solver_;
-  double log_penetration_;      // of the unit
+  double log_penetration_;      // logarithm of the unit
   double largest_penetration_;  // in scaled units
   Solution last_solution_{};
-  Solution unrounding_{};  // of an earlier replay
+  Solution unrounding_{};  // from an earlier replay
   bool unrounds_ = false;
   std::uint64_t samples_since_solve_ = 1;
   detail::HaarLevels<4> levels_;
   static constexpr Matrix<5> white = diagonal<5>({1.0, 1.0, 1.0, 1.0, 1.0});
-  Matrix<5> widening_ = white;  // of the root, by the levels when it was last due
+  Matrix<5> widening_ = white;  // widening of the root by the levels, when it was last due
   std::uint64_t samples_since_widening_ = 0;
   detail::KeptExponent kept_;    // from before a restart
   std::uint8_t open_flags_ = 0;  // from before a restart …

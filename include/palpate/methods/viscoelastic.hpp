@@ -17,18 +17,18 @@
 
 namespace palpate {
 
-// Settings of an estimator of laws with memory.
+// Settings of an estimator for laws with memory.
 struct ViscoelasticSettings {
-  // Which of viscoelastic::candidates compete, one bit each.
+  // The competing viscoelastic::candidates, one bit each.
   viscoelastic::Offered offered = viscoelastic::common;
   double exponent = 0.0;  // known n, for a tip of known shape; 0: estimated
   bool offset = true;
   double offset_deviation = 0.0;  // of the prior F₀ ~ N(0, ·²) after a tare; 0: no tare
-  // Standard deviation of the surface, in scaled units: a wrong surface looks like an offset of as
-  // many units of force.
+  // Standard deviation of the surface position, in scaled units. A wrong surface looks like an
+  // offset of as many units of force.
   double surface_deviation = 0.0;
   double sample_time = 1e-3;  // s; the shortest relaxation time is two of them
-  double longest_time = 0.0;  // of relaxation, s; 0: 4096 sample times
+  double longest_time = 0.0;  // longest relaxation time, s; 0: 4096 sample times
 
   bool operator==(const ViscoelasticSettings&) const = default;
 };
@@ -67,9 +67,9 @@ class ViscoelasticMethod {
   static constexpr bool forgets = true;
   static constexpr bool perturbs = false;
   // The estimate changes only when it is published.
-  // ξ⁷ w² and two branches of ξ³ at a weight of 1e26 are far from overflowing.
+  // ξ⁷ w² and two branches of ξ³ at a weight of 1e26 are far from overflow.
   static constexpr double largest_input = 1e8;
-  // ξ⁻¹ of samples near the surface would outweigh the rest; 10 µm of 10 mm.
+  // With smaller depths ξ⁻¹ near the surface would outweigh all other samples; 10 µm at 10 mm.
   static constexpr double least_depth = 1e-3;
 
   ViscoelasticMethod(const Settings& settings, const Units&) noexcept
@@ -98,7 +98,7 @@ class ViscoelasticMethod {
     return Status::updated;
   }
 
-  // A sample out of contact: the branches relax, and it informs the force offset.
+  // Uses a sample out of contact: the branches relax, and it informs the force offset.
   void free(const Sample& sample, double dt, double forgetting_factor) noexcept {
     if (!detail::within(sample, largest_input)) return pass(dt);
     advance(sample, dt);
@@ -106,7 +106,8 @@ class ViscoelasticMethod {
     air_is_new_ = true;
   }
 
-  // The path of the probe meanwhile is unknown; the next sample assumes a uniform motion.
+  // Adds the time of a refused sample. The motion meanwhile is unknown; the next sample assumes a
+  // uniform one.
   void pass(double dt) noexcept { passed_ += dt; }
 
   // The next sample does not continue the latest one.
@@ -115,11 +116,12 @@ class ViscoelasticMethod {
     passed_ = last_step_ = 0.0;
   }
 
-  // With the old exponent as a prior; the branches stay, as the motion's history does.
+  // Restarts with the old exponent as a prior. The branches remain, because the motion's history
+  // does.
   void reinitialise() noexcept {
     const viscoelastic::Solution& now = solver_.solution();
     if (now.known != 0 && now.at_edge == 0) {
-      // The exponents of punch, sphere and cone are 0.5 apart.
+      // Punch, sphere and cone have exponents 0.5 apart.
       solver_.priors().centre = now.fit.n;
       solver_.priors().deviation = 0.3;
     }
@@ -128,7 +130,7 @@ class ViscoelasticMethod {
 
   void reinitialise_after_transient() noexcept { solver_.clear(0.0); }
 
-  // Completes the computation that would be spread over the next samples.
+  // Completes the computation that is otherwise spread over the next samples.
   void finish_pending() noexcept {
     renew_offset();
     solver_.finish_pending();
@@ -161,12 +163,12 @@ class ViscoelasticMethod {
 
   const viscoelastic::Solver& solver() const noexcept { return solver_; }
 
-  // Whether any contact began before its samples.
+  // Whether any contact began before its first sample.
   bool began_in_contact() const noexcept { return began_in_contact_; }
 
  private:
   static constexpr double default_longest = 4096.0;  // sample times
-  // A step of this many previous time steps is a gap.
+  // A step longer than this many previous time steps is a gap.
   static constexpr double longest_gap = 20.0;
   // Smaller depths have no finite inverse.
   static constexpr double surface_depth = 1e-9;
@@ -192,7 +194,7 @@ class ViscoelasticMethod {
       solver_.samples().begin(depth);
       began_in_contact_ = began_in_contact_ || depth > 0.0;
     } else {
-      // If the probe was in the material before and after a gap, contact most likely went on as
+      // If the probe was in the material before and after a gap, contact most likely continued as
       // before, as in recordings of every tenth cycle: the relaxation state is kept.
       const bool gap = !begun_ || step > longest_gap * std::max(sample_time(), last_step_);
       solver_.samples().advance(depth, both && gap ? sample_time() : step);

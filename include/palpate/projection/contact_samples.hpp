@@ -1,9 +1,9 @@
-// Selection of the samples in contact, by the force of their neighbours and not by their own:
-// selecting samples whose force noise made large would bias the law.
+// Selects the samples in contact by the force of their neighbours. Selection by their own force
+// would prefer samples with positive force noise and bias the law.
 //
 // A sample is *sure* where the means of the eight forces before it and of the eight after it both
 // exceed F₀ + 3σ/√8. All other samples below the surface are *light*. Until the eighth later
-// neighbour arrives the available neighbours decide, so that learning is not delayed.
+// neighbour has arrived the available neighbours decide, so that learning is not delayed.
 #pragma once
 
 #include <algorithm>
@@ -25,7 +25,7 @@ enum class Role : std::uint8_t {
   free,      // above the surface
   sure,      // firm contact
   light,     // below the surface, in contact or not
-  unusable,  // light, where the law's force is negative
+  unusable,  // light, and the force of the law is negative there
 };
 
 // The latest sample and the seventeen before it, and the noise of their force.
@@ -35,20 +35,21 @@ class ContactSamples {
 
   struct Entry {
     Sample sample{};
-    double weight = 0.0;      // in its bank, after what was forgotten since
-    double force = 0.0;       // Σ F of all up to this one, so that a mean is a difference …
-    std::uint32_t count = 0;  // … and how many they are
+    double weight = 0.0;      // its weight in its bank, after forgetting
+    double force = 0.0;       // Σ F up to this sample, so that a mean is a difference …
+    std::uint32_t count = 0;  // … and the number of these samples
     Role role = Role::none;
     bool pulls = false;
   };
 
-  // `unrounded`: added to the force, which itself is on a level of a rounding sensor.
+  // `unrounded` is added to the force, which is a level of a sensor that rounds.
   void push(const Sample& sample, Role role, bool pulls, double unrounded = 0.0) noexcept {
     const Entry& last = entries_[newest_];
     if (last.role != Role::none) learn_noise(std::abs(sample.force - reading_));
     reading_ = sample.force;
     newest_ = newest_ + 1 < entries_.size() ? newest_ + 1 : 0;
-    // One by one: a whole entry goes through the stack, and its reading waits for the writing.
+    // Written field by field: a whole entry would pass through the stack, and the next read of it
+    // would stall until it is written.
     Entry& next = entries_[newest_];
     next.sample = sample;
     next.sample.force += unrounded;
@@ -62,7 +63,7 @@ class ContactSamples {
   Entry& ago(std::size_t age) noexcept { return entries_[place(age)]; }
   const Entry& ago(std::size_t age) const noexcept { return entries_[place(age)]; }
 
-  // Removes a sample from its neighbours' means.
+  // Removes a sample from the means over its neighbours.
   void withdraw(std::size_t age) noexcept {
     const double force = ago(age).sample.force;
     ago(age).role = Role::none;
@@ -72,8 +73,8 @@ class ContactSamples {
     }
   }
 
-  // Whether the neighbours of the sample `age` ago are in contact, with a force `zero` in free air.
-  // True without neighbours.
+  // Whether the neighbours of the sample `age` ago are in contact, where `zero` is the force in
+  // free air. True if it has no neighbours.
   bool pressed(std::size_t age, double zero) const noexcept {
     const Side before = between(age + side + 1, age + 1);
     const Side after = between(age, age - std::min(age, side));
@@ -84,8 +85,9 @@ class ContactSamples {
     for (std::size_t age = 0; age < side; ++age) ago(age).weight *= factor;
   }
 
-  // Where neighbours correlate: σ² of noise whose mean over N ≤ 8 samples has the variance f σ²/N.
-  // Differences of neighbours do not show it, and light samples would be those of negative noise.
+  // Sets the noise for correlated neighbours: the mean over N ≤ 8 samples has the variance f σ²/N.
+  // Differences of neighbours do not show this noise, and without it samples with negative noise
+  // would become light.
   void set_correlated(double variance, double inflation) noexcept {
     const double most = static_cast<double>(side);
     correlated_ = inflation > 1.0 ? std::sqrt(variance * std::min(inflation, most)) : 0.0;
@@ -94,11 +96,13 @@ class ContactSamples {
   // Forgets the samples, but not the noise.
   void clear() noexcept { entries_ = {}; }
 
-  // The smallest step of the force seen, 0 before one: that of its resolution, if it has one.
+  // The smallest change of the force so far, 0 before any change: the resolution, if the sensor has
+  // one.
   double least_step() const noexcept { return least_step_; }
 
-  // The step of a sensor that rounds: 0 unless the latest steps are all multiples of the least, and
-  // sixteen of them are larger or follow a reading that was repeated: a smooth force rises evenly.
+  // The resolution of a sensor that rounds, else 0. It is known once the latest changes are all
+  // multiples of the smallest, and sixteen of them are larger or follow a repeated reading; a
+  // smooth force can rise evenly, without repeats.
   double resolution() const noexcept { return multiples_ < 16 ? 0.0 : least_step_; }
 
  private:
@@ -111,13 +115,13 @@ class ContactSamples {
     return newest_ >= age ? newest_ - age : newest_ + entries_.size() - age;
   }
 
-  // The samples after the older one up to the younger. Absent samples add nothing.
+  // The samples after the elder up to and including the younger. Absent samples add nothing.
   Side between(std::size_t elder, std::size_t younger) const noexcept {
     const Entry &first = ago(elder), &last = ago(younger);
     return {last.force - first.force, static_cast<double>(last.count - first.count)};
   }
 
-  // Without neighbours on one side the other decides.
+  // A side without neighbours does not decide.
   bool exceeds(const Side& them, double zero) const noexcept {
     if (!(them.count > 0.0)) return true;
     const double excess = them.sum - them.count * zero;
@@ -126,8 +130,8 @@ class ContactSamples {
     return excess > 0.0 && excess * excess > deviations * deviations * them.count;
   }
 
-  // The running median of |ΔF|, in steps of a 64th in the end, with a scatter of 8 %. A coarsely
-  // quantised sensor repeats its values: a difference of zero is ignored.
+  // Updates the running median of |ΔF|, finally in steps of a 64th, with a scatter of 8 %. A
+  // coarsely quantised sensor repeats its values, so a difference of zero is ignored.
   void learn_noise(double step) noexcept {
     if (!(step > 0.0)) {
       repeated_ = true;
@@ -146,7 +150,7 @@ class ContactSamples {
       pace_ += 1.0;
       move_ = {pace_ / (pace_ + 1.0), (pace_ + 1.0) / pace_};
     }
-    step_ *= move_[step > step_ ? 1 : 0];  // by index: a branch would be unpredictable
+    step_ *= move_[step > step_ ? 1 : 0];  // indexed, because a branch would be unpredictable
   }
 
   std::array<Entry, 2 * side + 2> entries_{};
@@ -155,24 +159,26 @@ class ContactSamples {
   double step_ = 0.0;        // median |ΔF|
   double correlated_ = 0.0;  // σ √f of correlated noise
   double least_step_ = 0.0;
-  std::uint32_t multiples_ = 0;   // of it, without another step between them
-  bool repeated_ = false;         // the latest reading
-  double pace_ = 0.0;             // steps are by one part in so many
+  std::uint32_t multiples_ = 0;   // multiples of least_step_ since another change
+  bool repeated_ = false;         // whether the latest reading repeated the one before
+  double pace_ = 0.0;             // a step changes the median by one part in pace_ + 1
   std::array<double, 2> move_{};  // down, up
 };
 
-// The mean error of a rounded force. Where a sensor rounds F + noise of deviation σ to steps Δ, its
-// mean reading is F − Δ s(F/Δ) with F from the nearest level and
+// The mean error of a rounded force. If a sensor rounds F + noise of deviation σ to steps Δ, its
+// mean reading is F − Δ s(F/Δ), where F is relative to the nearest level and
 //
 //   s(u) = Σ (−1)^(k+1) sin(2πku)/(πk) exp(−2π²k²σ²/Δ²),   k = 1, 2, 3 …   (Widrow and Kollár 2008)
 //
-// It averages out over a force that sweeps the levels, but not at light touch and where the probe
-// turns: least squares at 8 σ have errors of 2 to 7 bounds there. With F by the latest estimate it
-// is known: an error of that adds (1 − dE/dF) of itself, which averages out over the levels too.
+// The error averages out over a force that sweeps the levels, but not at light touch or where the
+// probe turns: least squares at 8 σ have errors of 2 to 7 times the bound there. With F from the
+// latest estimate the error can be corrected. An error in that F adds (1 − dE/dF) of itself, which
+// also averages out over the levels.
 class ForceRounding {
  public:
-  // What to add to a reading, for steps of this size, where the law expects another force. 0 while
-  // misfit, its own or of an estimate that has not converged, is not small compared with a step.
+  // The correction to a reading, given the size of the steps and the force that the law predicts.
+  // It is 0 unless the misfit, which may be that of an unconverged estimate, is small compared with
+  // a step.
   double correction(double reading, double expected, double step) noexcept {
     if (!(step > 0.0)) return 0.0;
     const double away = (expected - reading) / step;
@@ -182,13 +188,14 @@ class ForceRounding {
     return step * mean_error(away, square_ - 1.0 / 12.0);
   }
 
-  // Whether expected forces are near enough to correct readings by them.
+  // Whether the predicted forces are accurate enough to correct the readings.
   bool known() const noexcept { return applies(square_ - 1.0 / 12.0); }
 
-  // σ²/Δ² from which it is ignored: at σ = 0.4 Δ it is at most 1.4 % of a step, a thirtieth of σ.
+  // σ²/Δ² above which rounding is ignored: at σ = 0.4 Δ it is at most 1.4 % of a step, a thirtieth
+  // of σ.
   static constexpr double largest = 0.16;
 
-  // Readings that differ from a law by much less than Δ²/12 were not rounded to Δ.
+  // Readings that differ from the law by much less than Δ²/12 in mean square were not rounded to Δ.
   static bool applies(double variance) noexcept {
     return variance < largest && variance > -1.0 / 24.0;
   }
@@ -202,7 +209,7 @@ class ForceRounding {
     const double cosine = std::cos(2.0 * pi * u);
     double sine = std::sin(2.0 * pi * u), before = 0.0, sum = 0.0;
     double power = fading, ratio = -fading * fading * fading;  // ±q, q⁴, q⁹ …
-    for (int k = 1; k <= 4; ++k) {                             // the fifth is below 0.003
+    for (int k = 1; k <= 4; ++k) {                             // the fifth term is below 0.003
       sum += sine * power / (pi * k);
       before = std::exchange(sine, 2.0 * cosine * sine - before);
       power *= ratio;
@@ -216,14 +223,14 @@ class ForceRounding {
   double count_ = 0.0;
 };
 
-// The sensor's offset from the force above the surface: a prior F₀ ~ N(mean, deviation²).
+// The sensor's offset measured above the surface: a prior F₀ ~ N(mean, deviation²).
 struct OffsetPrior {
   double mean;
   double deviation;  // 0: unknown
 };
 
-// ρ_F = σ²/s_F² in samples, for a prior of this deviation. An unknown offset has that of the
-// forces, one unit, or 20 σ if the unit is small compared with the residual.
+// ρ_F = σ²/s_F², in samples, for a prior with the deviation s_F. An unknown offset gets the
+// deviation of the forces, one unit, or 20 σ if the unit is small compared with the residual.
 constexpr double offset_weight_of(double deviation, double variance) noexcept {
   if (deviation > 0.0) return variance / (deviation * deviation);
   return std::min(variance, 1.0 / (20.0 * 20.0));
@@ -231,12 +238,13 @@ constexpr double offset_weight_of(double deviation, double variance) noexcept {
 
 class FreeAir {
  public:
-  // A sample counts as free after ten in a row this far above the surface, in units of penetration:
-  // a surface is not known better, and a slowly recovering material may still touch.
+  // A sample counts as free after ten in a row at this distance above the surface, in units of
+  // penetration: the surface is not known more accurately, and slowly recovering material may still
+  // touch.
   static constexpr double clearance = 0.02;
   static constexpr std::uint32_t fewest = 10;
 
-  // Whether the inflation was renewed.
+  // Adds a sample; true if the inflation was updated.
   bool add(double penetration, double force, double forgetting_factor) noexcept {
     if (!(penetration < -clearance)) {
       run_ = 0;
@@ -257,7 +265,7 @@ class FreeAir {
     products_ += last_ * rest;
     last_ = rest;
     levels_.add({1.0}, rest, forgetting_factor);
-    // A sixteenth more samples changes it by a fraction of its error.
+    // A sixteenth more samples changes the inflation by a fraction of its error.
     if (static_cast<double>(++samples_) < 16.0 + weight_ / 16.0) return false;
     samples_ = 0;
     inflation_ = measured_inflation();
@@ -277,13 +285,13 @@ class FreeAir {
     return weight_ > 0.0 ? std::max(squares_, 0.0) / weight_ : 0.0;
   }
 
-  // Variance of the mean over that of white noise: that of the longest blocks, where neighbours
-  // correlate (r > 4/√N); else 1.
+  // Variance of the mean relative to white noise: from the longest blocks if neighbours correlate
+  // (r > 4/√N), else 1.
   double inflation() const noexcept { return inflation_; }
 
-  // s² = f σ²/N + δ²: the variance of the mean of noise with the inflation f, which for nearly
-  // white noise of neighbour correlation r is (1 + r)/(1 − r); and the remaining error of rounding
-  // to steps Δ, δ = (Δ/π) exp(−2π²σ²/Δ²).
+  // s² = f σ²/N + δ²: the variance of the mean. The inflation f is (1 + r)/(1 − r) for nearly white
+  // noise with the correlation r of neighbours. δ = (Δ/π) exp(−2π²σ²/Δ²) is the remaining error of
+  // rounding to steps Δ.
   OffsetPrior prior(double step) const noexcept {
     const double variance = this->variance();
     const double of_mean = variance / weight_ * (inflation_ > 1.0 ? inflation_ : neighbours());
@@ -293,17 +301,17 @@ class FreeAir {
       const double squared = variance / (step * step);
       const double before = std::max(squared - 1.0 / 12.0, 0.0);
       rounding = step / pi * std::exp(-2.0 * pi * pi * before);
-      // Two levels alone do not show how large the noise is. Without noise the true mean is at the
-      // border between them, with much of it at the share p of the upper level: the measured mean,
-      // p, is off by 0 to |p − ½| steps.
+      // Readings at only two levels do not determine the noise. Without noise the true mean is at
+      // the border between the levels; with much noise it is at the share p of the upper level. The
+      // measured mean, p, is wrong by 0 to |p − ½| steps.
       const double from_level = (force_ - mean_) / step;
       const double share = from_level - std::floor(from_level);
-      constexpr double others = 0.005;  // what further levels add to p (1 − p) at σ = Δ/3
+      constexpr double others = 0.005;  // contribution of further levels to p (1 − p) at σ = Δ/3
       if (squared < share * (1.0 - share) + others) {
         rounding = std::max(rounding, step * std::abs(share - 0.5) / std::numbers::sqrt3);
       }
     }
-    constexpr double least = 1e-6;  // of the unit: no force sensor is better than 1e-5
+    constexpr double least = 1e-6;  // of the unit: no force sensor is more accurate than 1e-5
     return {mean_, std::max(std::sqrt(of_mean + rounding * rounding), least)};
   }
 
@@ -315,9 +323,10 @@ class FreeAir {
 
   double measured_inflation() const noexcept {
     if (!(correlation() * std::sqrt(weight_) > 4.0)) return 1.0;
-    // Of many samples 32 pairs of blocks and more: eight tell a variance to a half only.
+    // Over many samples at least 32 pairs of blocks: eight pairs determine a variance to a half
+    // only.
     const LevelNoise noise(levels_, variance(), {1.0, true, std::max(8.0, weight_ / 512.0)});
-    if (noise.measured < 3) return neighbours();  // no growth is known
+    if (noise.measured < 3) return neighbours();  // too few levels to measure the growth
     const double quantile = widened_quantile(2.0 / noise.scatter);
     return std::max(quantile * quantile * noise.ratio[noise.used], 1.0);
   }
@@ -326,29 +335,29 @@ class FreeAir {
   double weight_ = 0.0;
   double mean_ = 0.0;
   double squares_ = 0.0;   // Σ (F − mean)²
-  double products_ = 0.0;  // the same of neighbours
+  double products_ = 0.0;  // the same products for neighbours
   double last_ = 0.0;
-  double force_ = 0.0;  // the latest, one of the levels of a coarse sensor
+  double force_ = 0.0;  // latest force, which is a level of a coarse sensor
   double inflation_ = 1.0;
   std::uint32_t run_ = 0;
-  std::uint32_t samples_ = 0;  // since it was renewed
+  std::uint32_t samples_ = 0;  // since the latest update of the inflation
 };
 
-// Departure of a fit's offset from its prior, in standard deviations: above the first the tare is
-// flagged, above the second the prior is dropped. A surface error of 10 µm changes the offset by
-// four deviations of a pause's mean: dropped at three, the ball with the paper's sensors for 20 s
-// has 0.92 of the bound, at five 0.70.
+// The difference between a fitted offset and its prior, in standard deviations. Above the first
+// limit the tare is flagged, above the second the prior is dropped. A surface error of 10 µm
+// changes the offset by four deviations of the mean over a pause: with a limit of three, the ball
+// with the paper's sensors for 20 s reaches 0.92 of the bound, with five 0.70.
 inline constexpr double suspect_offset = 3.0;
 inline constexpr double largest_offset = 5.0;
 
 struct Tare {
   OffsetPrior prior;
-  bool of_air;   // from free air or an earlier estimate, not a tare
+  bool of_air;   // from free air or an earlier estimate instead of a tare
   bool refuted;  // free air contradicts the tare
 };
 
-// The tighter of a tare (of this deviation, if not 0) and free air; free air if it contradicts the
-// tare. A wrong surface looks like an offset, so its deviation widens the prior.
+// The tighter prior of a tare (with the deviation `declared`, if not 0) and free air; free air if
+// it contradicts the tare. A wrong surface looks like an offset, so its deviation widens the prior.
 inline Tare measured_offset(bool offset, double declared, double surface_deviation,
                             const FreeAir& air, double step) noexcept {
   const bool told = declared > 0.0;
@@ -365,12 +374,12 @@ inline Tare measured_offset(bool offset, double declared, double surface_deviati
   return result;
 }
 
-// Light samples join if their excess over the noise of the firm samples is below this many standard
-// deviations, and if the law's force is negative at less than this fraction of them.
+// Light samples are included if their excess over the noise of the firm samples is below this many
+// standard deviations, and if the force of the law is positive for at least this fraction of them.
 inline constexpr double largest_excess = 3.0;
 inline constexpr double fewest_usable = 0.9;
 
-// Excess, in standard deviations, of the light samples' share of Σ r² over noise of this variance.
+// Excess of the light samples' part of Σ r² over noise of this variance, in standard deviations.
 inline double excess_of(double more, double light, double variance) noexcept {
   return (more - light * variance) / (variance * std::sqrt(2.0 * light));
 }

@@ -1,7 +1,7 @@
-// Variable projection that selects its samples: two banks of sums, for firm contact and for light
-// samples, and the offset from free air.
+// Variable projection that selects its samples. It keeps two banks of sums, one for firm contact
+// and one for light samples, and measures the offset in free air.
 //
-// An estimate joins the banks if the light samples fit the law of the firm ones; they do not if a
+// A solution uses both banks if the light samples fit the law of the firm ones. They do not if the
 // material recovers slowly and contact is lost above the surface.
 #pragma once
 
@@ -24,7 +24,7 @@ namespace palpate {
 
 namespace detail {
 
-// Sums whose forgetting is applied when they are next needed.
+// Sums that apply forgetting only when they are needed next.
 class Bank {
  public:
   explicit Bank(const ProjectionSettings& settings) noexcept : sums_(empty_sums(settings)) {}
@@ -64,7 +64,7 @@ class ContactSolver {
       : settings_(settings), sure_(settings), light_(settings) {}
 
   // With a force threshold the gate alone selects the samples. Without one every sample below the
-  // surface comes here.
+  // surface is passed to this solver.
   ContactGate::Settings gate(const ContactGate::Settings& given, const Units&) noexcept {
     chooses_ = !(given.make_force > 0.0);
     if (!chooses_) return given;
@@ -73,8 +73,8 @@ class ContactSolver {
   }
   static bool in_range(const Sample& s) noexcept { return s.penetration > 0.0; }
 
-  // Whether the sample is firm contact, by the neighbours before it; a light one is kept too.
-  // `expected`: its force by the latest solution.
+  // Adds a sample; true if the neighbours before it show firm contact. A light sample is stored
+  // too. `expected` is its force by the latest solution.
   bool add(const Sample& sample, double forgetting_factor, double expected,
            const ProjectionSolution& latest) noexcept {
     forget(forgetting_factor);
@@ -97,8 +97,8 @@ class ContactSolver {
     return role == Role::sure;
   }
 
-  // Takes resolution and noise from one that has seen the same samples, so that the first of them
-  // is corrected too; false if their force is not rounded.
+  // Copies resolution and noise from a solver that has processed the same samples, so that the
+  // first of them is corrected too; false if their force is not rounded.
   bool unround_as(const ContactSolver& earlier) noexcept {
     if (!(earlier.recent_.resolution() > 0.0 && earlier.rounding_.known())) return false;
     rounding_ = earlier.rounding_;
@@ -117,7 +117,7 @@ class ContactSolver {
     finish_pending();
   }
 
-  // The latest samples turned out to be outliers.
+  // Removes the latest samples, which have turned out to be outliers.
   void withdraw(std::size_t count) noexcept {
     for (std::size_t age = 0; count > 0 && age <= ContactSamples::side; ++age) {
       ContactSamples::Entry& entry = recent_.ago(age);
@@ -135,7 +135,7 @@ class ContactSolver {
 
   double highest_exponent() const noexcept { return sure_.sums().highest(); }
 
-  // The prior is an old estimate with these deviations. The sensor's offset has not changed.
+  // Centres the priors on an old estimate with these deviations; the sensor's offset is unchanged.
   void set_prior(const ProjectionSolution& old, double exponent_deviation,
                  double dissipation_deviation) noexcept {
     centre_priors(settings_, old, exponent_deviation, dissipation_deviation);
@@ -149,7 +149,7 @@ class ContactSolver {
     return ProjectionFit(sums, settings).prior_fractions(solution);
   }
 
-  // Forgets the samples and keeps the priors, and the sensor's offset from free air.
+  // Forgets the samples; the priors and the offset from free air remain.
   void clear() noexcept {
     sure_.clear();
     light_.clear();
@@ -157,8 +157,8 @@ class ContactSolver {
     recent_.clear();
   }
 
-  // The global minimum, from samples and an offset prior that are consistent. Not inlined, like
-  // what it calls: a replay would contain the search a dozen times.
+  // The global minimum, with consistent samples and offset prior. Not inlined, like the functions
+  // it calls: a replay would contain the search a dozen times.
   [[gnu::noinline]] ProjectionSolution solve() const noexcept {
     const Tare tare = offset_prior();
     PowerSums sums = firm();
@@ -167,7 +167,7 @@ class ContactSolver {
     best.tare_refuted = tare.refuted;
     if (settings_.offset && tare.prior.deviation > 0.0) {
       const double away = deviations(best, tare.prior);
-      // Beside samples of which f count as one, a prior weighs f times as much.
+      // If f samples carry the information of one, a prior weighs f times as much relative to them.
       const OffsetPrior weighed{tare.prior.mean, tare.prior.deviation / std::sqrt(slow)};
       if (!(away > largest_offset)) best = fitted(sums, weighed);
       best.inflation = slow;
@@ -186,7 +186,7 @@ class ContactSolver {
     return best.lost_above ? best : joined;
   }
 
-  // The same from a recent estimate, with its choice of samples and prior.
+  // A local minimum near a recent estimate, with the same samples and prior.
   [[gnu::noinline]] ProjectionSolution solve_near(
       const ProjectionSolution& earlier) const noexcept {
     const PowerSums sums = chosen(earlier);
@@ -197,7 +197,7 @@ class ContactSolver {
   }
 
  private:
-  // The tightest offset prior: of a tare, free air and the estimate before a restart.
+  // The tightest offset prior of a tare, free air and the estimate before a restart.
   Tare offset_prior() const noexcept {
     const Tare tare = measured_offset(settings_.offset, settings_.offset_deviation,
                                       settings_.surface_deviation, air_, recent_.least_step());
@@ -206,14 +206,15 @@ class ContactSolver {
     return looser ? Tare{{0.0, kept_offset_}, true, tare.refuted} : tare;
   }
 
-  // Variance of the slow noise that free air shows over that of the residual in contact: it takes f
-  // samples to tell as much as one in white noise. Misfit of the law is none of it.
+  // The inflation f in contact: that of the slow noise in free air, scaled by its variance over
+  // that of the residual. f samples carry the information of one in white noise. The misfit of the
+  // law does not contribute.
   double inflation(double variance) const noexcept {
     return std::max(air_.inflation() * std::min(air_.variance() / std::max(variance, tiny), 1.0),
                     1.0);
   }
 
-  // Departure of a nearly free offset from a prior.
+  // The difference between a nearly free offset and a prior, in standard deviations.
   static double deviations(const ProjectionSolution& open, const OffsetPrior& prior) noexcept {
     const double error = std::sqrt(open.inflation * dot(open.root[3], open.root[3]));
     return std::abs(open.offset - prior.mean) / combined(error, prior.deviation);
@@ -231,7 +232,7 @@ class ContactSolver {
     return light_.weight() >= fewest_usable * (light_.weight() + unusable_);
   }
 
-  // The sums of an estimate, with forces relative to its prior's mean.
+  // The sums that an estimate used, with forces relative to its prior's mean.
   PowerSums chosen(const ProjectionSolution& answer) const noexcept {
     PowerSums sums = firm();
     if (!answer.lost_above) sums.include(light_.sums(), light_.factor());
@@ -254,7 +255,7 @@ class ContactSolver {
     return unshifted(sums, prior);
   }
 
-  // For sums whose forces are relative to the prior's mean.
+  // The solution for sums whose forces are relative to the prior's mean.
   [[gnu::noinline]] ProjectionSolution unshifted(const PowerSums& sums,
                                                  const OffsetPrior& prior) const noexcept {
     ProjectionSettings settings = settings_;
@@ -290,7 +291,7 @@ class ContactSolver {
     return recent_.ago(age).pulls ? Role::unusable : Role::light;
   }
 
-  // The sample of eight ago has all its neighbours now.
+  // Reclassifies the sample of eight ago, which has all its neighbours now.
   void finish_pending() noexcept {
     ContactSamples::Entry& entry = recent_.ago(ContactSamples::side);
     if (entry.role == Role::none || entry.role == Role::free) return;
@@ -301,7 +302,7 @@ class ContactSolver {
     put(entry, 1.0);
   }
 
-  // Adds a sample to the bank of its role, or removes it with a factor of −1.
+  // Adds a sample to the bank of its role; a factor of −1 removes it.
   void put(const ContactSamples::Entry& entry, double factor) noexcept {
     const double weight = factor * entry.weight;
     if (entry.role == Role::sure) sure_.add_weighted(entry.sample, weight);
@@ -313,7 +314,7 @@ class ContactSolver {
   Bank sure_;
   Bank light_;
   double unusable_ = 0.0;     // light samples where the law's force is negative
-  double kept_offset_ = 0.0;  // deviation from the estimate before a restart; 0 before one
+  double kept_offset_ = 0.0;  // its deviation from an estimate before a restart; 0: none
   ContactSamples recent_;
   ForceRounding rounding_;
   FreeAir air_;
@@ -342,15 +343,15 @@ constexpr const char* validate(const SurfaceSettings& s) noexcept {
 
 namespace detail {
 
-// Variable projection with an unknown surface position: a bank of candidates, each with the same
-// samples, including the free approach. J*(d), minimised over the other parameters, is smooth near
-// its minimum; its curvature there gives the standard error of the surface.
+// Variable projection with an unknown surface position: a bank of candidate positions, each with
+// the same samples, including the free approach. J*(d), the minimum over the other parameters, is
+// smooth near its own minimum; its curvature there gives the standard error of the surface.
 class SurfaceSolver {
  public:
   using Settings = SurfaceSettings;
 
-  // Steps of a hundredth of the unit over the default range: 0.1 mm at 10 mm, fine enough for J*
-  // to be a polynomial of degree nine around its minimum.
+  // The default range in steps of a hundredth of the unit, which is 0.1 mm at 10 mm: small enough
+  // for J* to be a polynomial of degree nine around its minimum.
   static constexpr std::size_t candidates = 41;
 
   explicit SurfaceSolver(const Settings& settings) noexcept
@@ -358,8 +359,8 @@ class SurfaceSolver {
         bank_(filled(ProjectionSolver(settings.projection),
                      std::make_index_sequence<candidates>())) {}
 
-  // The approach counts too, for any force: a tenth of the unit before the first candidate is
-  // enough to measure the force out of contact.
+  // Samples of the approach are used too, at any force: a tenth of the unit before the first
+  // candidate is enough to measure the force out of contact.
   ContactGate::Settings gate(const ContactGate::Settings&, const Units& units) const noexcept {
     constexpr double any_force = -std::numeric_limits<double>::infinity();
     return {(settings_.lowest_surface - 0.1) * units.penetration, any_force, any_force};
@@ -397,7 +398,7 @@ class SurfaceSolver {
     for (ProjectionSolver& candidate : bank_) candidate.clear();
   }
 
-  // Every candidate has its own minimum, so there is no faster way.
+  // Every candidate has its own minimum, so there is no faster method.
   ProjectionSolution solve_near(const ProjectionSolution&) const noexcept { return solve(); }
 
   [[gnu::noinline]] ProjectionSolution solve() const noexcept {
@@ -418,9 +419,9 @@ class SurfaceSolver {
            static_cast<double>(candidates - 1);
   }
 
-  // At the minimum of J*, interpolated through the ten candidates around the best; ln k, c/k, n
-  // and F₀ are interpolated too. A parabola through three would bias the surface by 2 µm, more than
-  // the standard error for a stiff material.
+  // Interpolates the solution at the minimum of J* through the ten candidates around the best; J*,
+  // ln k, c/k, n and F₀ are interpolated. A parabola through three candidates would bias the
+  // surface by 2 µm, more than its standard error on a stiff material.
   ProjectionSolution between(const std::array<ProjectionSolution, candidates>& found,
                              std::size_t best) const noexcept {
     const std::size_t first =
@@ -435,7 +436,7 @@ class SurfaceSolver {
     const double t = minimum(cost, static_cast<double>(best - first));
     const LagrangeWeights w = lagrange_weights(t);
     ProjectionSolution r = found[best];
-    Vector<5> moved{0.0, 0.0, 0.0, 0.0, 1.0};  // by the surface
+    Vector<5> moved{0.0, 0.0, 0.0, 0.0, 1.0};  // derivatives with respect to the surface
     const auto take = [&](double& value, double& slope,
                           const Vector<lagrange_points>& values) noexcept {
       value = dot(w.value, values);
@@ -465,8 +466,8 @@ class SurfaceSolver {
     return r;
   }
 
-  // Minimum of the polynomial through these costs, within a step of `centre`, by Newton's method:
-  // from the best candidate, half a step off at most, four iterations reach rounding error.
+  // Minimum of the polynomial through these costs, within a step of `centre`, by Newton's method.
+  // The best candidate is at most half a step away, and four iterations reach rounding error.
   static double minimum(const Vector<lagrange_points>& cost, double centre) noexcept {
     double t = centre;
     for (int round = 0; round < 4; ++round) {

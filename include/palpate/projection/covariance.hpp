@@ -1,4 +1,4 @@
-// The settings of variable projection, and the weights of its weak priors; the linear part by least
+// The settings of variable projection and the weights of its weak priors; the linear part by least
 // squares; and the information on (k, c, n, F₀, d): JᵀJ, the covariance, its widening for errors
 // that are not white noise, the identifiability flags, and the conversion to SI.
 #pragma once
@@ -20,17 +20,18 @@ namespace palpate {
 
 struct ProjectionSettings {
   double noise = 0.0;  // standard deviation of the force in scaled units; 0: from the residual
-  // Below a third a law is nearly a step; 3.6 is 33 steps of 0.1, well beyond the cone's 2.
+  // Below a third the law is nearly a step; 3.6 is 33 steps of 0.1 above, well beyond the cone's 2.
   double lowest_exponent = 0.3;
   double highest_exponent = 3.6;
   double exponent = 0.0;  // known n, for a tip of known shape; 0: estimated
   bool offset = true;
   double offset_deviation = 0.0;  // of the prior F₀ ~ N(0, ·²) after a tare; 0: no tare
-  // Standard deviation of the surface, in scaled units. A wrong surface looks like an offset (times
-  // the force's unit over the penetration's), so no offset prior is tighter.
+  // Standard deviation of the surface position, in scaled units. A wrong surface looks like an
+  // offset (times the unit of force over that of penetration), so no offset prior is tighter than
+  // this.
   double surface_deviation = 0.0;
-  // Weak priors: n ~ N(1.3, 1), between a spring and a cone, and c/k ~ N(0, 1), the damping force
-  // at the speed of the scale as large as the elastic one.
+  // Weak priors: n ~ N(1.3, 1), between a spring and a cone; c/k ~ N(0, 1), where 1 means that the
+  // damping force at the reference speed is as large as the elastic force.
   double prior_exponent = 1.3;
   double prior_exponent_deviation = 1.0;
   double prior_dissipation = 0.0;  // c/k
@@ -51,8 +52,8 @@ constexpr const char* validate(const ProjectionSettings& s) noexcept {
        "method.lowest_exponent and highest_exponent must be in [0.1, 10]"},
       {s.exponent == 0.0 || lies_in(s.exponent, 0.1, 10.0),
        "method.exponent must be in [0.1, 10], or 0 if it is not known"},
-      // Within a step of 0.15 the sums are interpolated to 1e-7; below 0.006 their differences
-      // drown.
+      // The sums are interpolated to 1e-7 up to steps of 0.15; at steps below 0.006 rounding
+      // dominates their differences.
       {lies_in(s.highest_exponent - s.lowest_exponent, 0.2, 5.0),
        "method.highest_exponent must be 0.2 to 5 above lowest_exponent"},
       {s.prior_exponent_deviation > 0.0 && s.prior_dissipation_deviation > 0.0,
@@ -77,8 +78,8 @@ struct ScaledLaw {
 
 struct ProjectionSolution : ScaledLaw {
   double noise_variance;  // of the force
-  double prior_variance;  // the same as the priors were weighted with
-  double root_variance;   // the same as the root below takes it, with its floor
+  double prior_variance;  // the same, as used to weight the priors
+  double root_variance;   // the same, as used in the root below, with its lower bound
   Matrix<5> root;   // R Rᵀ is the covariance of (k, c, n, offset, surface) for white residuals
   double cost;      // J: the weighted residual sum less Σ F², with the priors
   double residual;  // the weighted residual sum
@@ -93,16 +94,16 @@ struct ProjectionSolution : ScaledLaw {
   double inflation = 1.0;      // f: its variance is f times that; f samples in contact count as one
 };
 
-// A quotient's denominator never is zero with this added, and no sum of squares feels it.
+// Added to a denominator to keep it above zero; it changes no sum of squares.
 inline constexpr double tiny = 1e-300;
 
-// Room for the samples: over the grid of exponents, or of the known one alone.
+// Empty sums over the grid of exponents, or for the known exponent.
 inline PowerSums empty_sums(const ProjectionSettings& settings) noexcept {
   if (settings.exponent > 0.0) return {settings.exponent, settings.exponent};
   return {settings.lowest_exponent, settings.highest_exponent};
 }
 
-// An old answer, with these deviations, in place of the weak priors of exponent and dissipation.
+// Replaces the weak priors of exponent and dissipation by an old solution with these deviations.
 inline void centre_priors(ProjectionSettings& settings, const ProjectionSolution& old,
                           double exponent_deviation, double dissipation_deviation) noexcept {
   settings.prior_exponent = old.n;
@@ -111,12 +112,12 @@ inline void centre_priors(ProjectionSettings& settings, const ProjectionSolution
   settings.prior_dissipation_deviation = dissipation_deviation;
 }
 
-// How far from zero an old answer lets the offset be: √(F₀² + Var F₀).
+// The rms of the offset in an old solution: √(F₀² + Var F₀).
 inline double offset_deviation(const ProjectionSolution& old) noexcept {
   return std::sqrt(old.offset * old.offset + dot(old.root[3], old.root[3]));
 }
 
-// What the priors weigh beside samples of variance σ², whether these are sums or are there.
+// The weights of the priors relative to samples with noise variance σ².
 struct Priors {
   const ProjectionSettings& settings;
 
@@ -136,15 +137,15 @@ struct Priors {
     return variance / (settings.prior_exponent_deviation * settings.prior_exponent_deviation);
   }
 
-  // What the prior adds to J at an exponent that is looked for.
+  // The contribution of the prior to J at an estimated exponent.
   double exponent_penalty(double n, double variance) const noexcept {
     if (exponent_known()) return 0.0;
     const double away = (n - settings.prior_exponent) / settings.prior_exponent_deviation;
     return variance * away * away;
   }
 
-  // σ² for the weight of the priors, from the least Σ r². Few samples fit exactly: two more, with
-  // an error of 1 % of the rms force, keep the priors from vanishing then.
+  // σ² for the weight of the priors, from the least Σ r². A fit to few samples is exact: two
+  // additional samples with an error of 1 % of the rms force keep the priors from vanishing.
   double variance(double residual, double force_squared, double count) const noexcept {
     if (settings.noise > 0.0) return settings.noise * settings.noise;
     if (!(force_squared > 0.0)) return 1.0;
@@ -152,8 +153,9 @@ struct Priors {
     return (residual + 2.0 * floor) / (std::max(count - 4.0, 0.0) + 2.0);
   }
 
-  // σ² for error bars: from the residual, once ten degrees of freedom tell it to a quarter or so
-  // (1/√20). Of less than `rounding` there is no residual; a part of it keeps them above zero.
+  // σ² for error bars: from the residual, once ten degrees of freedom determine it to about a
+  // quarter (1/√20). `rounding` is a lower bound on the residual, which keeps the error bars above
+  // zero.
   double noise_variance(double residual, double rounding, double freedom,
                         double otherwise) const noexcept {
     constexpr double fewest_degrees = 10.0;
@@ -161,7 +163,7 @@ struct Priors {
     return std::max(residual, rounding) / freedom;
   }
 
-  // Within a quarter of a node's step of an end of the range: the minimum may lie beyond it.
+  // Within a quarter of a step from an end of the range: the minimum may lie beyond it.
   bool at_edge(double n) const noexcept {
     const double low = settings.lowest_exponent, high = settings.highest_exponent;
     const double margin = 0.25 * (high - low) / static_cast<double>(PowerSums::nodes - 1);
@@ -169,7 +171,7 @@ struct Priors {
   }
 };
 
-// No force sensor is better than a hundred-thousandth; without any force, one unit.
+// The relative error of a force sensor is at least 1e-5; with no force the variance is one unit.
 inline double least_variance(double force_squared, double count) noexcept {
   return force_squared > 0.0 ? 1e-10 * force_squared / count : 1.0;
 }
@@ -179,7 +181,7 @@ struct ProjectionProblem : Priors {
   ProjectionProblem(const PowerSums& of, const ProjectionSettings& under) noexcept
       : Priors{under}, sums(of) {}
 
-  // 1 / (Σ1 + ρ_F), by which the offset is eliminated; 0 without one.
+  // 1 / (Σ1 + ρ_F), which eliminates the offset; 0 if no offset is fitted.
   double offset_fraction(double variance) const noexcept {
     return settings.offset ? 1.0 / (sums.weight() + offset_weight(variance) + tiny) : 0.0;
   }
@@ -192,20 +194,20 @@ struct ProjectionProblem : Priors {
   const PowerSums& sums;
 };
 
-// For one exponent the law is linear in (k, c, F₀): least squares from the sums, with F₀ eliminated
-// first and (k, c) by determinants.
+// At one exponent the law is linear in (k, c, F₀): least squares from the sums, which eliminates F₀
+// first and then solves for (k, c) by determinants.
 //
-// A pivot below this fraction of its diagonal is rounding: sums of 1e3 samples carry 1e3 ε.
+// A pivot below this fraction of its diagonal is rounding error: sums of 1e3 samples carry 1e3 ε.
 inline constexpr double smallest_fraction = 1e-13;
-// Of a sum of squares; below it a column is not there. Its square is still a normal number.
+// A sum of squares below this counts as an absent column. Its square is still a normal number.
 inline constexpr double smallest_sum = 1e-150;
 
-// [a11 a12; a12 a22] (k, c)ᵀ = (b1, b2)ᵀ, once F₀ = f (ΣF − k Σp − c Σpw) is eliminated.
+// [a11 a12; a12 a22] (k, c)ᵀ = (b1, b2)ᵀ, after the elimination of F₀ = f (ΣF − k Σp − c Σpw).
 struct NormalEquations {
   double a11, a12, a22, b1, b2;
 };
 
-// The sums of one exponent, by name; `total` is Σ F, `fraction` f = 1/(Σ1 + ρ_F).
+// The sums at one exponent as separate arguments; `total` is Σ F, `fraction` is f = 1/(Σ1 + ρ_F).
 constexpr NormalEquations normal_equations(double spp, double sppw, double sppww, double sp,
                                            double spw, double spf, double spwf, double total,
                                            double fraction) noexcept {
@@ -216,10 +218,10 @@ constexpr NormalEquations normal_equations(double spp, double sppw, double sppww
 struct LinearSolution {
   double k, c, offset;
   double cost;  // −bᵀÃ⁻¹b
-  bool damped;  // the damping column has a sound pivot
+  bool damped;  // the damping column has a valid pivot
 };
 
-// With the prior on c/k, of weight ρ_b.
+// Solves with the prior on c/k, whose weight is ρ_b.
 inline LinearSolution solve_linear(const ProjectionProblem& problem, const PowerSums::Values& s,
                                    double damping_weight, double fraction) noexcept {
   const double total = problem.sums.force();
@@ -243,8 +245,8 @@ inline LinearSolution solve_linear(const ProjectionProblem& problem, const Power
 
 using GridCosts = std::array<double, PowerSums::nodes>;
 
-// J over the grid without priors on (k, c), in one straight line of arithmetic, which vectorises;
-// −f (ΣF)², the same for all, is left out.
+// J over the grid without the priors on (k, c), in straight-line arithmetic that the compiler
+// vectorises. The constant term −f (ΣF)² is omitted.
 inline GridCosts grid_costs(const PowerSums& sums, double fraction) noexcept {
   GridCosts cost;
   const auto &spp = sums.column(pp), &sppw = sums.column(ppw), &sppww = sums.column(ppww),
@@ -254,8 +256,8 @@ inline GridCosts grid_costs(const PowerSums& sums, double fraction) noexcept {
   for (std::size_t j = 0; j < PowerSums::nodes; ++j) {
     const auto [a11, a12, a22, b1, b2] = normal_equations(spp[j], sppw[j], sppww[j], sp[j], spw[j],
                                                           spf[j], spwf[j], total, fraction);
-    // b₁²/a₁₁ + (what damping adds), with one division; the ridge keeps out a column that is not
-    // there, where sppww[j] is zero too and 1e-30 decides.
+    // b₁²/a₁₁ plus the reduction by damping, with one division. The ridge excludes an absent
+    // column, where sppww[j] is zero too and the 1e-30 prevents a division by zero.
     const double ridge = smallest_fraction * a22 + 1e-30 * a11;
     const double rest = b2 * a11 - b1 * a12;
     const double determinant = a11 * (a22 + ridge) - a12 * a12;
@@ -264,14 +266,15 @@ inline GridCosts grid_costs(const PowerSums& sums, double fraction) noexcept {
   return cost;
 }
 
-// A solution for one exponent, with the sums that it comes from.
+// The solution at one exponent, with the sums that it was computed from.
 struct ProjectionPoint {
   double n;
   PowerSums::Local sums;
   LinearSolution linear;
 };
 
-// JᵀJ by the sums and their derivatives: Σ ln ξ · p² = (Σ p²)'/2, and so on; none of a surface.
+// JᵀJ from the sums and their derivatives: Σ ln ξ · p² = (Σ p²)'/2, and so on; the row of the
+// surface is 0.
 inline Matrix<5> information(const ProjectionProblem& problem,
                              const ProjectionPoint& point) noexcept {
   const PowerSums::Values &v = point.sums.value, &d = point.sums.first;
@@ -286,9 +289,10 @@ inline Matrix<5> information(const ProjectionProblem& problem,
   return m;
 }
 
-// The samples' JᵀJ at a stiffness k, with what priors add to it. The error bars take the priors in
-// with the variance that they scale by, so that what is not identifiable from the motion is as
-// uncertain as it was before, whatever the noise. `surface_range` is 0 where the surface is known.
+// The samples' JᵀJ at a stiffness k, plus the weights of the priors. The error bars include the
+// priors with the same variance that weights them, so that a parameter that the motion does not
+// identify stays as uncertain as its prior, whatever the noise. `surface_range` is 0 if the surface
+// is known.
 class Information {
  public:
   Information(const Matrix<5>& samples, const Priors& priors, double k, double variance,
@@ -297,26 +301,26 @@ class Information {
         ratio_(priors.settings.prior_dissipation),
         variance_(variance),
         open_{true, true, !priors.exponent_known(), priors.settings.offset, surface_range > 0.0} {
-    constexpr double unknown_stiffness = 1e-12;  // k ~ N(0, 1e6²): nothing is known of it
+    constexpr double unknown_stiffness = 1e-12;  // k ~ N(0, 1e6²): no information
     prior_ = {unknown_stiffness * variance, priors.damping_weight(k, variance),
               priors.exponent_weight(variance), priors.offset_weight(variance),
               open_[4] ? variance / (surface_range * surface_range) : 1.0};
   }
 
-  // R, R Rᵀ being the covariance.
+  // R, where R Rᵀ is the covariance.
   InverseRoot<5> covariance_root() const noexcept {
     Matrix<5> m = samples_;
     m[0][0] += prior_[1] * ratio_ * ratio_;
     m[0][1] = m[1][0] = m[0][1] - prior_[1] * ratio_;
     m[1][1] += prior_[1];
-    // What is known, or not there, is apart from the rest.
+    // Parameters that are known or not fitted are decoupled from the others.
     for (std::size_t i = 2; i < 5; ++i) {
       m[i][i] += prior_[i];
       for (std::size_t j = 0; j < 5; ++j) {
         if (!open_[i] && i != j) m[i][j] = m[j][i] = 0.0;
       }
     }
-    // Scaled to a unit diagonal, so that the inverse does not overflow.
+    // Scaling to a unit diagonal keeps the inverse from overflowing.
     Vector<5> unit{}, priors = prior_;
     for (std::size_t i = 0; i < 5; ++i) {
       unit[i] = m[i][i] > 0.0 ? 1.0 / std::sqrt(m[i][i]) : 1.0;
@@ -334,7 +338,8 @@ class Information {
     return inverse;
   }
 
-  // What the priors of (k, c, n, F₀) weigh, over what the samples do. What is not fitted is known.
+  // The weights of the priors of (k, c, n, F₀) relative to the samples. A parameter that is not
+  // fitted counts as known.
   Vector<4> prior_fractions() const noexcept {
     Vector<4> result{};
     for (std::size_t i = 1; i < 4; ++i) {
@@ -352,18 +357,19 @@ class Information {
   Vector<5> prior_{};
 };
 
-// Which of c and n the samples tell apart, but for rounding; `depth_spread` is that of ln ξ.
+// Sets whether the samples identify c and n beyond rounding; `depth_spread` is the deviation of ln
+// ξ.
 inline void say_identifiable(ProjectionSolution& p, const std::array<bool, 5>& guarded,
                              const Priors& priors, double depth_spread) noexcept {
-  constexpr double smallest_spread = 1e-4;  // 1 µm at 10 mm, beyond any sensor
+  constexpr double smallest_spread = 1e-4;  // 1 µm at 10 mm, finer than any sensor
   p.damping_identifiable = !guarded[1];
   p.exponent_identifiable =
       priors.exponent_known() || (!guarded[2] && !guarded[3] && depth_spread > smallest_spread);
 }
 
-// What widens the root of a solution's covariance, as the levels of its errors tell: by how sure K,
-// B and n are, in SI but for their units. The surface, whose slope is not kept, is as much wider as
-// the widest of the others.
+// The factor that widens the root of a solution's covariance for correlated errors, from the levels
+// of the errors. It uses the uncertainties of K, B and n, in SI except for their units. The slope
+// for the surface is not stored: its factor is the largest of the others.
 [[gnu::noinline]] inline Matrix<5> projection_widening(const HaarLevels<4>& levels,
                                                        const Vector<4>& prior_fractions,
                                                        const ProjectionSolution& p,
@@ -388,7 +394,7 @@ inline void say_identifiable(ProjectionSolution& p, const std::array<bool, 5>& g
   return widening;
 }
 
-// What a solution leaves open, by the root of the covariance that is printed.
+// The flags for parameters that are not identified, from the root of the reported covariance.
 inline std::uint8_t open_flags(const ProjectionSolution& p, const Matrix<5>& root) noexcept {
   const double exponent = std::sqrt(dot(root[2], root[2]));
   const double damping = std::sqrt(dot(root[1], root[1]));
@@ -404,14 +410,14 @@ inline std::uint8_t open_flags(const ProjectionSolution& p, const Matrix<5>& roo
   return found;
 }
 
-// K = k F₀ x_r⁻ⁿ, B = (c/V) F₀ x_r⁻ⁿ.
+// K = k F_s x_r⁻ⁿ, B = (c/V) F_s x_r⁻ⁿ.
 inline HuntCrossley law_in_si(const ProjectionSolution& p, const Units& u) noexcept {
   const double unit = u.force * bounded_exp(-p.n * u.log_penetration);
   return {saturate(p.k * unit), saturate(p.c * unit / u.velocity), p.n};
 }
 
-// The root of the covariance of (K, B, n, F₀, d) in SI, from that of (k, c, n, F₀, d) in scaled
-// units: dK = U (dk − k ln x_r dn), dB = (U/V) (dc − c ln x_r dn), at U = F_s x_r⁻ⁿ.
+// The root of the covariance of (K, B, n, F₀, d) in SI, from the root for (k, c, n, F₀, d) in
+// scaled units: dK = U (dk − k ln x_r dn), dB = (U/V) (dc − c ln x_r dn), with U = F_s x_r⁻ⁿ.
 inline Matrix<5> root_in_si(const Matrix<5>& root, const HuntCrossley& law,
                             const Units& u) noexcept {
   const double unit = saturate(u.force * bounded_exp(-law.exponent * u.log_penetration));

@@ -1,6 +1,6 @@
-// The sufficient statistics of F = k ξⁿ + c ξⁿ w + F₀ over a grid of exponents n, or at the one
-// that is known: all that variable projection keeps of the past. Accumulating is multiplications
-// and additions in straight lines.
+// The sufficient statistics of F = k ξⁿ + c ξⁿ w + F₀ over a grid of exponents n, or at a known
+// exponent. Variable projection keeps nothing else of past samples. Accumulation is a straight
+// sequence of multiplications and additions.
 #pragma once
 
 #include <algorithm>
@@ -13,10 +13,10 @@
 
 namespace palpate::detail {
 
-// Ten-point Lagrange interpolation on an even grid: value, first and second derivative. Even, so
-// that the point lies in the middle interval. At steps of 0.1 and 0.005 N of noise eight
-// leave up to 0.01 standard errors where the depth varies by a factor of 3 and 1 where it varies by
-// 30; ten leave 0.002 and 0.07.
+// Ten-point Lagrange interpolation on an even grid: value, first and second derivative. The number
+// is even, so that the point lies in the middle interval. At steps of 0.1 and 0.005 N of noise,
+// eight points have errors of up to 0.01 standard errors if the depth varies by a factor of 3, and
+// of 1 if it varies by 30; ten points have 0.002 and 0.07.
 inline constexpr std::size_t lagrange_points = 10;
 
 struct LagrangeWeights {
@@ -26,8 +26,8 @@ struct LagrangeWeights {
   Vector<points> second;  // per grid step squared
 };
 
-// Polynomials are written about the middle of the points, where they are evaluated: about the first
-// one, terms of 1e5 would cancel and leave 3e-11 of a sum.
+// Polynomials are expanded about the middle of the points, near which they are evaluated. About the
+// first point terms of 1e5 would cancel, with an error of 3e-11 of a sum.
 inline constexpr double lagrange_middle = 0.5 * static_cast<double>(lagrange_points - 1);
 
 // [k][i]: the coefficient of (t − middle)ᵏ in the basis polynomial of point i = 0, 1, 2 ….
@@ -55,9 +55,9 @@ constexpr Matrix<lagrange_points> lagrange_basis() noexcept {
 
 inline constexpr Matrix<lagrange_points> lagrange_coefficients = lagrange_basis();
 
-// Weights at t, in grid steps from the first of the points; best about the middle.
+// Weights at t, in grid steps from the first point; most accurate near the middle.
 constexpr LagrangeWeights lagrange_weights(double t) noexcept {
-  // Horner's scheme for the polynomials and their derivatives at once, all points abreast.
+  // Horner's scheme for all polynomials and their derivatives in one pass.
   const double u = t - lagrange_middle;
   LagrangeWeights weights{lagrange_coefficients[lagrange_points - 1], {}, {}};
   for (std::size_t k = lagrange_points - 1; k-- > 0;) {
@@ -71,8 +71,8 @@ constexpr LagrangeWeights lagrange_weights(double t) noexcept {
   return weights;
 }
 
-// Weights for values that grow by about e^rate a step, exponentially rescaled: those of
-// S e^(−rate t), which hardly grows, put back to S. Value, first and second derivative of S at t.
+// Interpolation weights for values S that grow by about e^rate per step: S e^(−rate t), which
+// hardly grows, is interpolated and scaled back. Value, first and second derivative of S at t.
 inline LagrangeWeights rescaled(const LagrangeWeights& level, double t, double rate) noexcept {
   LagrangeWeights weights;
   double growth = std::exp(rate * t);  // from point i to t
@@ -87,24 +87,24 @@ inline LagrangeWeights rescaled(const LagrangeWeights& level, double t, double r
   return weights;
 }
 
-// For one exponent, with p = ξⁿ: the sums of p², p²w, p²w², p, pw, pF, pwF.
+// For p = ξⁿ at one exponent: the sums of p², p²w, p²w², p, pw, pF, pwF.
 enum Power : std::size_t { pp, ppw, ppww, p1, pw, pf, pwf, power_count };
 
 class PowerSums {
  public:
-  // Steps of 0.1 over the default range, from 0.3 to 3.6: narrow enough for ten-point
-  // interpolation to leave 1e-9.
+  // The default range, from 0.3 to 3.6, in steps of 0.1: small enough for an interpolation error of
+  // 1e-9.
   static constexpr std::size_t nodes = 34;
   using Values = Vector<power_count>;
 
-  // At an exponent between the nodes: the sums, and their first two derivatives by n.
+  // At an exponent between the nodes: the sums, and their first two derivatives with respect to n.
   struct Local {
     Values value;
     Values first;
     Vector<3> second;  // of p², p²w and p²w² only
   };
 
-  // Of one exponent, in the first node, where both ends are the same.
+  // If both ends are the same, only the first node is used.
   constexpr PowerSums(double lowest, double highest) noexcept
       : lowest_(lowest), step_((highest - lowest) / static_cast<double>(nodes - 1)) {}
 
@@ -119,7 +119,8 @@ class PowerSums {
   constexpr double weight() const noexcept { return weight_; }                // Σ 1
   constexpr double force() const noexcept { return force_; }                  // Σ F
   constexpr double force_squared() const noexcept { return force_squared_; }  // Σ F²
-  // Standard deviation of ln ξ: without it no exponent shows, whatever rounding makes of the sums.
+  // Standard deviation of ln ξ. If it is zero the exponent is not identifiable, whatever rounding
+  // adds to the sums.
   double depth_spread() const noexcept {
     if (!(touching_ > 0.0)) return 0.0;
     const double mean = depth_ / touching_;
@@ -135,21 +136,21 @@ class PowerSums {
     return values;
   }
 
-  // Adds a sample in scaled units; one that does not touch (ξ ≤ 0) informs F₀ only.
+  // Adds a sample in scaled units; a sample out of contact (ξ ≤ 0) informs F₀ only.
   void add(const Sample& s, double forgetting_factor) noexcept {
     if (forgetting_factor != 1.0) forget(forgetting_factor);
     accumulate<false>(s, 1.0);
   }
 
-  // The same with a weight; with a negative one it is taken out again. What rounding leaves of the
-  // last sample is no sample.
+  // Adds a sample with a weight; a negative weight removes it. Once the last sample is removed only
+  // rounding errors remain, and the sums are cleared.
   [[gnu::noinline]] void add_weighted(const Sample& s, double weight) noexcept {
     accumulate<true>(s, weight);
     constexpr double smallest = 1e-6;
     if (weight_ < smallest) clear();
   }
 
-  // Adds all samples of another's, each with this weight.
+  // Adds all samples of other sums, each with this weight.
   void include(const PowerSums& other, double weight) noexcept {
     weight_ += weight * other.weight_;
     force_ += weight * other.force_;
@@ -162,7 +163,7 @@ class PowerSums {
     }
   }
 
-  // Counts every force from here.
+  // Makes all forces relative to this one.
   void shift(double zero) noexcept {
     force_squared_ += zero * (zero * weight_ - 2.0 * force_);
     force_ -= zero * weight_;
@@ -182,8 +183,9 @@ class PowerSums {
         continue;
       }
       for (double& sum : column) sum *= factor;
-      // From node to node a column grows or shrinks, so that an end of it fades first. Looking at
-      // two numbers of 34 costs 8 ns a sample of 420; looking at each cost 33.
+      // A column grows or shrinks monotonically from node to node, so that one end of it fades
+      // first. The test of two numbers of 34 costs 8 ns of the 420 ns per sample; a test of each
+      // costs 33.
       if (faded(column.front()) != 0.0 && faded(column.back()) != 0.0) continue;
       for (double& sum : column) sum = faded(sum);
     }
@@ -191,13 +193,14 @@ class PowerSums {
 
   void clear() noexcept { *this = PowerSums(lowest_, highest()); }
 
-  // Interpolates the sums, never a function of them, between the ten nodes around an exponent. Of
-  // one exponent there are no derivatives: they are zero.
+  // Interpolates the sums, not a function of them, between the ten nodes around an exponent. For a
+  // single exponent the derivatives are not defined and returned as zero.
   Local at(double n) const noexcept {
     if (one_exponent()) {
       return {node(0), {}, {}};
     }
-    // The first of the ten nodes around it, and how many steps it is behind that.
+    // The first of the ten nodes around the exponent, and the distance of the exponent from it in
+    // steps.
     const double position = (n - lowest_) / step_, centred = std::floor(position) - 4.0;
     const std::size_t first =
         centred <= 0.0 ? 0 : std::min(static_cast<std::size_t>(centred), nodes - lagrange_points);
@@ -209,8 +212,9 @@ class PowerSums {
   }
 
  private:
-  // From node to node Σ p² grows by e to twice this and Σ p by e to this. Where that is much, as
-  // where the unit is many times the depth, a polynomial would follow it badly; 0 where it is not.
+  // From node to node Σ p grows by the factor e^rate and Σ p² by e^(2 rate). Fast growth, which
+  // occurs if the unit is many times the depth, makes polynomial interpolation inaccurate; 0 for
+  // slow growth.
   double growth_rate(std::size_t first) const noexcept {
     const double growth = sums_[pp][first + 5] / sums_[pp][first + 4];
     const bool even =
@@ -225,7 +229,7 @@ class PowerSums {
            (w[8] * sums[8] + w[9] * sums[9]);
   }
 
-  // `single` are the weights for sums of p, `square` those for sums of p².
+  // The weights in `single` are for sums of p, those in `square` for sums of p².
   Local interpolated(std::size_t first, const LagrangeWeights& single,
                      const LagrangeWeights& square) const noexcept {
     const double per_step = 1.0 / step_;
@@ -242,16 +246,16 @@ class PowerSums {
     return local;
   }
 
-  // What fades without new energy, as Σ p²w² while the probe is held, would end in subnormal
-  // numbers, on which processors are slow: an update took 578 ns while the probe was held, not 307.
-  // Below 1e-150, where a product of two would be subnormal and a column counts as not there
-  // (covariance.hpp), it is zero.
+  // Sums that decay without new contributions, such as Σ p²w² while the probe is held, would become
+  // subnormal numbers, which processors handle slowly: an update took 578 ns while the probe was
+  // held instead of 307. A sum below 1e-150 is set to zero: a product of two would be subnormal,
+  // and covariance.hpp treats such a column as absent.
   static constexpr double faded(double sum) noexcept {
     constexpr double smallest = 1e-150;
     return sum < smallest && sum > -smallest ? 0.0 : sum;
   }
 
-  // `Weighted` false leaves the weight's multiplications out.
+  // If `Weighted` is false, the multiplications by the weight are omitted.
   template <bool Weighted>
   void accumulate(const Sample& s, double weight) noexcept {
     const auto times = [weight](double value) noexcept {
@@ -280,7 +284,8 @@ class PowerSums {
       add_node(0, std::exp(lowest_ * depth));
       return;
     }
-    // ξ^(n₀ + jh) as products of two exponentials, in four chains so that they overlap.
+    // ξ^(n₀ + jh) as products of two exponentials, in four independent chains that the processor
+    // overlaps.
     std::array<double, nodes + 2> powers;
     const double ratio = std::exp(step_ * depth);
     powers[0] = std::exp(lowest_ * depth);
@@ -297,8 +302,8 @@ class PowerSums {
   double weight_ = 0.0;
   double force_ = 0.0;
   double force_squared_ = 0.0;
-  double touching_ = 0.0;  // of the samples, those with ξ > 0
-  double depth_ = 0.0;     // their Σ ln ξ
+  double touching_ = 0.0;  // weight of the samples with ξ > 0
+  double depth_ = 0.0;     // Σ ln ξ of these samples
   double depth_squared_ = 0.0;
   alignas(32) std::array<std::array<double, nodes>, power_count> sums_{};
 };

@@ -2,10 +2,10 @@
 //
 //   min over (k, c, F₀, n) of Σ (F − k ξⁿ − c ξⁿ w − F₀)²,   ξ = x/x_r, w = v/V,
 //
-// with no logarithm, no condition 10 and no starting values. For a fixed n the law is linear in
-// (k, c, F₀), so a function J(n) of one variable remains. See docs/variable-projection.md.
+// without a logarithm, condition 10 or starting values. For a fixed n the law is linear in (k, c,
+// F₀), so that only a function J(n) of one variable is minimised. See docs/variable-projection.md.
 //
-// The fit of whole curves (batch_fit/curve_fit.hpp) iterates over the samples instead: an estimate
+// The fit of whole curves (batch_fit/curve_fit.hpp) iterates over the samples instead. An estimate
 // after every sample, within 0.3 µs, has neither the time nor the memory for that.
 #pragma once
 
@@ -22,9 +22,8 @@
 
 namespace palpate::detail {
 
-// The minimum of J(n), once (k, c, F₀) are projected out: a grid for its valleys, then Newton's
-// method on dJ/dn in the two lowest.
-//
+// Minimises J(n), the cost with (k, c, F₀) projected out: a grid finds its valleys, and Newton's
+// method on dJ/dn refines the two lowest.
 // The start of Newton's method, and the weights of the priors.
 struct SearchStart {
   double n;
@@ -32,10 +31,10 @@ struct SearchStart {
   double offset_fraction;  // 1 / (Σ1 + ρ_F); 0 without an offset
 };
 
-// Where to start in the lowest valleys of J. On a one-way approach another exponent gives nearly
-// the same function (at v = a − b x, x^(n+1) in place of xⁿ), and the nodes beside the deeper
-// valley need not be the lower ones: of 2000 such approaches the lowest node alone misses 16, two
-// valleys none, and a third changes nothing in 20 000.
+// Starts in the lowest valleys of J. On a one-way approach another exponent gives nearly the same
+// function (at v = a − b x, x^(n+1) in place of xⁿ), and the nodes next to the deeper valley may
+// not be the lowest. Of 2000 such approaches the lowest node alone misses 16, two valleys miss
+// none, and a third valley changes nothing in 20 000.
 struct Valleys {
   static constexpr std::size_t most = 2;
   std::array<SearchStart, most> start;
@@ -61,7 +60,7 @@ inline double vertex(const PowerSums& sums, const GridCosts& cost, std::size_t n
 
 inline Valleys valleys(const PowerSums& sums, const GridCosts& cost,
                        const SearchStart& weights) noexcept {
-  // The lowest node is in a valley, also with equal costs.
+  // The lowest node is in a valley even if costs are equal.
   std::array<std::size_t, Valleys::most> node{lowest(cost)};
   Valleys found{{}, 1};
   for (std::size_t j = 0; j < cost.size(); ++j) {
@@ -88,7 +87,7 @@ inline Valleys search_grid(const ProjectionProblem& problem) noexcept {
   SearchStart start{};
   start.variance = problem.prior_variance(cost[best] - fraction * total * total);
   start.offset_fraction = problem.offset_fraction(start.variance);
-  // Without the noise the prior of the offset has no weight; with it the minimum may be at a very
+  // Without the noise the prior of the offset had no weight; with it the minimum may be at a very
   // different node.
   if (start.offset_fraction != fraction) cost = grid_costs(sums, start.offset_fraction);
   for (std::size_t j = 0; j < cost.size(); ++j) {
@@ -97,15 +96,16 @@ inline Valleys search_grid(const ProjectionProblem& problem) noexcept {
   return valleys(sums, cost, start);
 }
 
-// The slope of J without the prior on n, and half its Gauss–Newton curvature: what is left of n's
-// entry of JᵀJ once the linear part is projected out. The prior on c/k counts in that part: where v
-// says nothing that ξ does not, the curvature without it is rounding, and steps by it end anywhere.
+// The slope of J without the prior on n, and half its Gauss–Newton curvature: the entry of JᵀJ for
+// n after the linear part is projected out. The linear part includes the prior on c/k: if v carries
+// no information beyond ξ, the curvature without that prior is rounding error, and so are Newton's
+// steps.
 struct Curve {
   double slope;
   double half_curvature;
 };
 
-// dJ/dn = θᵀA'θ − 2b'ᵀθ: θ minimises J, so its own change does not contribute.
+// dJ/dn = θᵀA'θ − 2b'ᵀθ: because θ minimises J, the change of θ does not contribute.
 inline Curve curve_at(const ProjectionProblem& problem, const ProjectionPoint& point,
                       const SearchStart& start, double damping_weight) noexcept {
   const double prior = problem.settings.prior_dissipation;
@@ -121,7 +121,7 @@ inline Curve curve_at(const ProjectionProblem& problem, const ProjectionPoint& p
   const double a12 = without_offset(0, 1) - damping_weight * prior;
   const double a22 = without_offset(1, 1) + damping_weight, h1 = without_offset(0, 2);
   const double h2 = without_offset(1, 2), h = without_offset(2, 2);
-  // By elimination, not by the determinant, which underflows where columns are small.
+  // Elimination, because the determinant underflows if columns are small.
   double projected = 0.0;
   if (a11 > smallest_sum) {
     projected = h1 * h1 / a11;
@@ -131,7 +131,7 @@ inline Curve curve_at(const ProjectionProblem& problem, const ProjectionPoint& p
   return {quadratic - 2.0 * (k * d[pf] + c * d[pwf]), std::max(h - projected, 0.0)};
 }
 
-// Not inlined: a replay would contain it a dozen times, and take three times as long to compile.
+// Not inlined: a replay would contain it a dozen times and take three times as long to compile.
 [[gnu::noinline]] inline ProjectionPoint refine(const ProjectionProblem& problem,
                                                 const SearchStart& start) noexcept {
   const PowerSums& sums = problem.sums;
@@ -142,8 +142,8 @@ inline Curve curve_at(const ProjectionProblem& problem, const ProjectionPoint& p
     return solve_linear(problem, point.sums.value, damping_weight, start.offset_fraction);
   };
   const double damping_weight = problem.damping_weight(solve(0.0).k, start.variance);
-  // From the parabola's vertex, a tenth of a step off at most, Newton's steps shrink by a hundred
-  // or more: three reach 1e-8, and the fourth is for starts from an earlier solution.
+  // The parabola's vertex is at most a tenth of a step away, and each Newton step shrinks by a
+  // factor of a hundred or more: three reach 1e-8. The fourth is for starts at an earlier solution.
   constexpr int most_rounds = 4;
   for (int round = 0; round < most_rounds; ++round) {
     point.linear = solve(damping_weight);
@@ -167,7 +167,7 @@ inline Curve curve_at(const ProjectionProblem& problem, const ProjectionPoint& p
 
 class ProjectionFit {
  public:
-  // References: both must outlive this object.
+  // Keeps references: both arguments must outlive this object.
   ProjectionFit(const PowerSums& sums, const ProjectionSettings& settings) noexcept
       : settings_(settings), sums_(sums) {}
 
@@ -185,7 +185,7 @@ class ProjectionFit {
     return weighed_anew(point, first);
   }
 
-  // The same from an answer of a little while ago, in whose basin the minimum still is.
+  // The minimum near a recent solution, in whose basin it still lies.
   ProjectionSolution solve_near(const ProjectionSolution& earlier) const noexcept {
     const double variance = earlier.prior_variance;
     const SearchStart start{earlier.n, variance, problem().offset_fraction(variance)};
@@ -193,7 +193,7 @@ class ProjectionFit {
     return answer(refine(problem(), start), start);
   }
 
-  // As Information has them, of a solution and in its root.
+  // The fractions of Information::prior_fractions at a solution, with its root.
   Vector<4> prior_fractions(const ProjectionSolution& s) const noexcept {
     const ProjectionPoint point{s.n, sums_.at(s.n), {s.k, s.c, s.offset, s.cost, true}};
     const Matrix<5> samples = information(problem(), point);
@@ -203,7 +203,7 @@ class ProjectionFit {
  private:
   ProjectionProblem problem() const noexcept { return {sums_, settings_}; }
 
-  // Where the exponent is known what is left is linear, and there is nothing to search.
+  // With a known exponent the problem is linear and needs no search.
   ProjectionSolution answer_at_known() const noexcept {
     const double noise = settings_.noise;
     const double fraction = problem().offset_fraction(noise * noise);
@@ -223,9 +223,9 @@ class ProjectionFit {
     return point;
   }
 
-  // With priors that weigh by the residual at the minimum. The lowest node, by which they weighed
-  // in the search, lies (0.05/SE(n))² σ² above it where noise is small: a prior of the offset that
-  // counted five times over moved the answer by a standard error.
+  // Refines with priors that are weighted by the residual at the minimum. In the search they are
+  // weighted by the cost of the lowest node, which is (0.05/SE(n))² σ² above the minimum if noise
+  // is small: an offset prior with five times its weight changed the result by a standard error.
   ProjectionSolution weighed_anew(const ProjectionPoint& point,
                                   const SearchStart& start) const noexcept {
     SearchStart again{point.n, problem().prior_variance(point.linear.cost), 0.0};
@@ -248,7 +248,7 @@ class ProjectionFit {
     r.prior_variance = start.variance;
     r.cost = cost(point, start);
     r.residual = std::max(sums_.force_squared() + point.linear.cost, 0.0);
-    // Below rounding of Σ F², some ε, there is no residual.
+    // The lower bound on the residual is the rounding of Σ F², a few ε.
     const double fitted = (settings_.offset ? 4.0 : 3.0) - (problem().exponent_known() ? 1.0 : 0.0);
     r.noise_variance = problem().noise_variance(r.residual, 1e-15 * sums_.force_squared(),
                                                 sums_.weight() - fitted, start.variance);
@@ -268,7 +268,7 @@ class ProjectionFit {
   const PowerSums& sums_;
 };
 
-// The Hunt–Crossley law by variable projection from every sample that it is given.
+// The Hunt–Crossley law by variable projection from every sample that is passed to it.
 class ProjectionSolver {
  public:
   using Settings = ProjectionSettings;
@@ -276,7 +276,7 @@ class ProjectionSolver {
   explicit ProjectionSolver(const Settings& settings) noexcept
       : settings_(settings), sums_(empty_sums(settings)) {}
 
-  // Samples count where the gate finds contact, and the law needs a depth and a push.
+  // Samples in contact according to the gate, in the range of the law: positive depth and force.
   static ContactGate::Settings gate(const ContactGate::Settings& given, const Units&) noexcept {
     return given;
   }
@@ -286,7 +286,7 @@ class ProjectionSolver {
     sums_.add(sample, forgetting_factor);
   }
 
-  double weight() const noexcept { return sums_.weight(); }  // samples, less what was forgotten
+  double weight() const noexcept { return sums_.weight(); }  // number of samples, after forgetting
   double lowest_exponent() const noexcept { return sums_.lowest(); }
   double highest_exponent() const noexcept { return sums_.highest(); }
 
@@ -294,23 +294,23 @@ class ProjectionSolver {
     return ProjectionFit(sums_, settings_).prior_fractions(solution);
   }
 
-  // The prior is an old answer with these deviations.
+  // Centres the priors on an old solution with these deviations.
   void set_prior(const ProjectionSolution& old, double exponent_deviation,
                  double dissipation_deviation) noexcept {
     centre_priors(settings_, old, exponent_deviation, dissipation_deviation);
     settings_.offset_deviation = offset_deviation(old);
   }
 
-  // Forgets the samples and keeps the prior.
+  // Forgets the samples; the priors remain.
   void clear() noexcept { sums_.clear(); }
 
-  // The global minimum over the whole range of exponents. Not inlined: a replay would hold the
-  // search a dozen times, and every kind of estimator each of them.
+  // The global minimum over the whole range of exponents. Not inlined: a replay would contain the
+  // search a dozen times, in every kind of estimator.
   [[gnu::noinline]] ProjectionSolution solve() const noexcept {
     return ProjectionFit(sums_, settings_).solve();
   }
 
-  // The same from an answer of a little while ago, in whose basin the minimum still is.
+  // The minimum near a recent solution, in whose basin it still lies.
   [[gnu::noinline]] ProjectionSolution solve_near(
       const ProjectionSolution& earlier) const noexcept {
     return ProjectionFit(sums_, settings_).solve_near(earlier);

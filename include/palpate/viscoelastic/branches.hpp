@@ -11,23 +11,24 @@
 
 namespace palpate::viscoelastic {
 
-// Relaxation times on the ladder. With twelve an update costs a fifth more, for the same errors.
+// The number of relaxation times on the ladder. With twelve an update takes a fifth longer, and the
+// errors are the same.
 inline constexpr std::size_t rungs = 10;
 
-// Columns for the unknown state of samples that begin in contact, e^(−t/4Δt) and e^(−t/longest).
-// With four, K′ of a silicone pad was 30 % too low.
+// Two columns model the unknown state of samples that begin in contact: e^(−t/4Δt) and
+// e^(−t/longest). With four columns, K′ of a silicone pad was 30 % too low.
 inline constexpr std::size_t start_columns = 2;
 inline constexpr double first_start_steps = 4.0;
 
-// Relaxation times from two time steps on, since what relaxes sooner is over before the next
-// sample. They are a factor of two apart and end at the longest; if all do not reach it, they are
-// further apart: 2.3 with a longest of 4096 steps.
+// The ladder of relaxation times. It begins at two time steps, because a faster relaxation is over
+// before the next sample. The times are a factor of two apart and end at the longest. If ten such
+// times do not reach the longest, the factor is larger: 2.3 for a longest time of 4096 steps.
 class Ladder {
  public:
   Ladder(double sample_time, double longest) noexcept
       : sample_time_(sample_time), longest_(longest) {
     constexpr double most = static_cast<double>(rungs - 1);
-    // The longest is four steps at least; rounding may not exclude a rung.
+    // `longest` is at least four steps; the 1e-9 keeps rounding from excluding a rung.
     const double doublings = std::log2(longest / (2.0 * sample_time)) + 1e-9;
     ratio_ = doublings > most + 1e-6 ? std::exp2(doublings / most) : 2.0;
     open_ = doublings < most ? static_cast<std::size_t>(std::max(doublings, 1.0)) + 1 : rungs;
@@ -43,10 +44,11 @@ class Ladder {
   double longest() const noexcept { return longest_; }
   double ratio() const noexcept { return ratio_; }
   const std::array<double, rungs>& times() const noexcept { return times_; }
-  // How many of the times are not above the longest.
+  // The number of relaxation times that do not exceed the longest.
   std::size_t open() const noexcept { return open_; }
 
-  // What is left of a branch after a step, and what it takes of a change of ξⁿ during the step.
+  // The factors of one step: the decay of a branch, and its response to a change of ξⁿ during the
+  // step.
   struct Step {
     std::array<double, rungs> kept;
     std::array<double, rungs> gain;
@@ -61,7 +63,8 @@ class Ladder {
  private:
   void set(double dt) noexcept {
     dt_ = dt;
-    // In a step below rounding nothing relaxes; time over step would overflow in a still smaller.
+    // Over a step below rounding nothing relaxes; over a still smaller one time/step would
+    // overflow.
     const double bounded = std::max(dt, 1e-18 * sample_time_);
     for (std::size_t i = 0; i < rungs; ++i) {
       const double lost = -std::expm1(-bounded / times_[i]);
@@ -81,12 +84,12 @@ class Ladder {
   Step step_{};
 };
 
-// All branches. Out of contact ξⁿ counts as 0 and they go on relaxing.
+// The states of all branches. Out of contact ξⁿ counts as 0 and the branches continue to relax.
 class Branches {
  public:
   Branches(double sample_time, double longest) noexcept : ladder_(sample_time, longest) {}
 
-  // Advances to a depth (0 out of contact) by a time: exact for ξⁿ linear in between.
+  // Advances by a time to a depth (0 out of contact): exact if ξⁿ changes linearly over the step.
   void advance(double depth, double dt) noexcept {
     const Ladder::Step& step = ladder_.over(dt);
     for (std::size_t i = 0; i < start_columns; ++i) {
@@ -105,14 +108,14 @@ class Branches {
     }
   }
 
-  // Fully relaxed at this depth.
+  // Sets the state to fully relaxed at this depth.
   void rest(double depth) noexcept {
     states_ = {};
     start_ = {};
     depth_ = depth;
   }
 
-  // At this depth, with a state that the columns of the start stand for.
+  // Begins at this depth with an unknown state, which the start columns model.
   void begin_in_contact(double depth) noexcept {
     rest(depth);
     start_.fill(1.0);
@@ -121,12 +124,12 @@ class Branches {
   const Ladder& ladder() const noexcept { return ladder_; }
   const std::array<NodeRow, rungs>& states() const noexcept { return states_; }
   const std::array<double, start_columns>& start() const noexcept { return start_; }
-  // Whether the unknown state of the start is still felt.
+  // Whether the unknown state of the start still has an effect.
   bool starting() const noexcept { return start_[start_columns - 1] > 1e-9; }
   double depth() const noexcept { return depth_; }
 
  private:
-  // Decaying values below 1e-76 are set to zero: subnormal numbers would be slow.
+  // Sets decaying values below 1e-76 to zero, because arithmetic on subnormal numbers is slow.
   void decay(const Ladder::Step& step) noexcept {
     for (std::size_t i = 0; i < rungs; ++i) {
       for (double& state : states_[i]) state = (state * step.kept[i] + 1e-60) - 1e-60;

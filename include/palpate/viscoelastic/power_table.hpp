@@ -1,6 +1,6 @@
-// Sums over samples of ξ^q by q alone: one table serves every exponent n and damping exponent p.
-// Between the nodes of its grid they are interpolated, by eight points after Lagrange, as values
-// that grow from node to node.
+// Sums over samples of ξ^q on a grid of q. One table serves every exponent n and damping exponent
+// p. Between the nodes of the grid eight-point Lagrange interpolation applies, to values that are
+// rescaled by their growth from node to node.
 #pragma once
 
 #include <algorithm>
@@ -15,15 +15,16 @@ namespace palpate::viscoelastic {
 
 inline constexpr std::size_t window_points = 8;
 
-// Σ weights[i] values[first + i] is the value at the place that it was made for.
+// Interpolation weights: Σ weights[i] values[first + i] is the value at the position of this
+// window.
 struct Window {
   std::size_t first;
   Vector<window_points> weights;
 
-  // Of values from the node `origin` on.
+  // Interpolates `values`, whose first element belongs to the node `origin`.
   double of(const double* values, std::size_t origin = 0) const noexcept {
     const double* v = values + (first - origin);
-    // Even and odd ones apart, so that two are added at once.
+    // Separate sums of even and odd terms let the processor add two at the same time.
     double even = weights[0] * v[0], odd = weights[1] * v[1];
     for (std::size_t i = 2; i < window_points; i += 2) {
       even += weights[i] * v[i];
@@ -33,7 +34,8 @@ struct Window {
   }
 };
 
-// How values grow from node to node: e^rate, which a polynomial would follow badly.
+// The growth factor e^rate of values from node to node. A polynomial alone would follow such growth
+// badly.
 struct Growth {
   double ahead = 1.0;  // e^rate
   double back = 1.0;   // e^−rate
@@ -42,9 +44,9 @@ struct Growth {
   static Growth by(double ratio) noexcept { return {ratio, 1.0 / ratio, std::log(ratio)}; }
 };
 
-// With a position a fraction beyond the point `before`: for each point i the product of
-// (t − j)/(i − j) over j ≠ i, and by how much more than there values are at the position,
-// e^(rate (t − i)). `grown` is e^(rate fraction).
+// Interpolation weights at a position a fraction beyond the point `before`. For each point i the
+// weight is the product of (t − j)/(i − j) over j ≠ i, times the growth from the point to the
+// position, e^(rate (t − i)). `grown` is e^(rate fraction).
 inline Vector<window_points> window_weights(std::size_t before, double fraction, double grown,
                                             const Growth& growth) noexcept {
   constexpr Vector<window_points> per_denominator{-1.0 / 5040.0, 1.0 / 720.0,  -1.0 / 240.0,
@@ -74,21 +76,22 @@ inline Vector<window_points> window_weights(std::size_t before, double fraction,
   return result;
 }
 
-// A position in steps of a grid: the node at or below it, and what lies between.
+// A position on a grid, in steps: the node at or below it, and the fraction of a step beyond it.
 struct GridPosition {
   std::size_t node;
   double fraction;
-  bool exact;  // a node: its own value counts. 1e-9 of a step moves no sum by more than rounding
+  bool exact;  // at a node, whose value is used: 1e-9 of a step is below rounding
 
   explicit GridPosition(double position) noexcept {
-    // Not a number is as good as none.
+    // NaN counts as 0.
     const double place = position > 0.0 ? std::min(position, 1e6) : 0.0;
     node = static_cast<std::size_t>(place + 1e-9);
     fraction = place - static_cast<double>(node);
     exact = fraction < 1e-9;
   }
 
-  // The same `lower` nodes further down, on a grid of so many; beyond its ends the end itself.
+  // The position `lower` nodes further down on a grid of `nodes` nodes, clamped to the ends of the
+  // grid.
   GridPosition below(std::size_t lower, std::size_t nodes) const noexcept {
     GridPosition result = *this;
     result.node = std::min(node > lower ? node - lower : 0, nodes - 1);
@@ -96,7 +99,7 @@ struct GridPosition {
     return result;
   }
 
-  // The first point of a window.
+  // The first point of the window around this position.
   std::size_t first(std::size_t nodes) const noexcept {
     return node < centre ? 0 : std::min(node - centre, nodes - window_points);
   }
@@ -104,7 +107,7 @@ struct GridPosition {
   static constexpr std::size_t centre = 3;  // points before a position
 };
 
-// About a position that is on the grid.
+// The window around a position on the grid.
 inline Window window_at(const GridPosition& at, std::size_t nodes, double grown,
                         const Growth& growth) noexcept {
   Window window{at.first(nodes), {}};
@@ -117,12 +120,12 @@ inline Window window_at(const GridPosition& at, std::size_t nodes, double grown,
   return window;
 }
 
-// Of values that do not grow.
+// The window for values that do not grow.
 inline Window window(double position, std::size_t nodes) noexcept {
   return window_at(GridPosition(position).below(0, nodes), nodes, 1.0, {});
 }
 
-// The windows about a position, and about those that are whole steps below it.
+// The windows around a position, and around positions that are whole steps below it.
 class Interpolation {
  public:
   Interpolation(double position, const Growth& growth) noexcept
@@ -139,7 +142,7 @@ class Interpolation {
     return window_at(at, nodes, grown_, growth_);
   }
 
-  // The same for values that grow as the squares do.
+  // The same window for values that grow as the squares do.
   Window square_at(std::size_t lower, std::size_t nodes) const noexcept {
     const Growth twice{growth_.ahead * growth_.ahead, growth_.back * growth_.back, 0.0};
     return window_at(position_.below(lower, nodes), nodes, grown_ * grown_, twice);
@@ -152,16 +155,16 @@ class Interpolation {
   Vector<window_points> centred_{};
 };
 
-// The grid of q, and of the exponents n on it.
+// The grid of powers q, and the grid of exponents n, which is part of it.
 struct Grid {
   static constexpr double lowest_power = -1.0;  // q: 2p of n = 0.5, p = n − 1
   static constexpr double step = 0.25;
-  static constexpr std::size_t powers = 33;  // up to 7: two of 3.25, and half a window beyond
+  static constexpr std::size_t powers = 33;  // up to 7: twice the exponent 3.25, plus half a window
   static constexpr double lowest_exponent = 0.5;
   static constexpr double highest_exponent = 3.25;
   static constexpr std::size_t exponents = 12;
-  static constexpr std::size_t first_exponent = 6;  // its place among the powers
-  static constexpr std::size_t zero = 4;            // where q = 0
+  static constexpr std::size_t first_exponent = 6;  // index of the lowest exponent among the powers
+  static constexpr std::size_t zero = 4;            // index of q = 0
   static constexpr std::size_t one = 4;             // nodes from q to q + 1
 
   static constexpr double exponent_at(double place) noexcept {
@@ -173,19 +176,19 @@ struct Grid {
   }
 };
 
-// ξ^q at the grid's nodes, and a few beyond.
+// ξ^q at the nodes of the grid, and at three nodes beyond.
 using Powers = std::array<double, Grid::powers + 3>;
-// A number at each exponent of the grid.
+// One number for each exponent of the grid.
 using NodeRow = std::array<double, Grid::exponents>;
 
-// Each ξ times what stands a step of one before it.
+// Fills the powers from `begin` on: each is ξ times the power that is one unit of q lower.
 template <std::size_t Size>
 void raise(std::array<double, Size>& powers, std::size_t begin, double depth) noexcept {
   for (std::size_t j = begin; j < Size; ++j) powers[j] = powers[j - Grid::one] * depth;
 }
 
 inline Powers powers_of(double depth) noexcept {
-  // Steps of a quarter: two square roots in place of an exponential.
+  // The steps are a quarter: two square roots replace an exponential.
   const double half = std::sqrt(depth), quarter = std::sqrt(half), inverse = 1.0 / depth;
   const std::array<double, Grid::one> starts{inverse, half * inverse, 1.0, half};
   Powers p;
@@ -197,7 +200,7 @@ inline Powers powers_of(double depth) noexcept {
   return p;
 }
 
-// ξⁿ at the grid's exponents alone; 0 where there is no depth.
+// ξⁿ at the exponents of the grid; 0 at depth 0.
 inline NodeRow elastic_of(double depth) noexcept {
   const double half = std::sqrt(depth), quarter = std::sqrt(half);
   NodeRow row;
@@ -211,7 +214,7 @@ inline NodeRow elastic_of(double depth) noexcept {
 
 class PowerTable {
  public:
-  // Of ξ^q, ξ^q w, ξ^q w², ξ^q F, ξ^q w F.
+  // Sums of ξ^q, ξ^q w, ξ^q w², ξ^q F, ξ^q w F.
   enum Kind : std::size_t { plain, speed, speed_squared, force, power, kinds };
 
   void add(const Powers& p, const Sample& s, double weight) noexcept {
@@ -234,7 +237,7 @@ class PowerTable {
   double weight() const noexcept { return at_node(plain, Grid::zero); }     // Σ 1
   double force_sum() const noexcept { return at_node(force, Grid::zero); }  // Σ F
 
-  // How Σ ξ^q grows by the step at q.
+  // The growth of Σ ξ^q per step at q.
   Growth growth(double q) const noexcept {
     const double place = Grid::place_of_power(q);
     const std::size_t node = place > 1.0 ? static_cast<std::size_t>(place) : 1;
@@ -249,8 +252,9 @@ class PowerTable {
   }
 
  private:
-  // Nodes that some law asks for, each with a window about it: of ξ^q those of n and 2n, of ξ^q w
-  // and ξ^q w² also of n − 1, 2n − 1 and 2n − 2; those with F of n, and with wF of n − 1 too.
+  // The range of nodes that the laws need, with a window around each. Sums of ξ^q are needed at n
+  // and 2n; those of ξ^q w and ξ^q w² also at n − 1, 2n − 1 and 2n − 2; those with F at n, and
+  // those with wF also at n − 1.
   static constexpr std::array<std::size_t, kinds> lowest{2, 0, 0, 2, 0};
   static constexpr std::array<std::size_t, kinds> highest{32, 32, 32, 21, 21};
   static constexpr std::array<std::size_t, kinds + 1> begins = [] {

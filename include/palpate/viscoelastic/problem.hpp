@@ -1,5 +1,5 @@
-// A candidate law and its least-squares problem: J of the exponent, with the linear part projected
-// out.
+// A candidate law and its least-squares problem: the cost J as a function of the exponent, with the
+// linear part projected out.
 #pragma once
 
 #include <algorithm>
@@ -32,7 +32,7 @@ struct Candidate {
   constexpr bool operator==(const Candidate&) const noexcept = default;
 };
 
-// Those without memory first.
+// The candidates without memory come first.
 inline constexpr std::array<Candidate, 7> candidates{{
     {Damping::half_space, Memory::none, true},
     {Damping::hunt_crossley, Memory::none},
@@ -43,28 +43,28 @@ inline constexpr std::array<Candidate, 7> candidates{{
     {Damping::none, Memory::spectrum},
 }};
 
-inline constexpr std::size_t hunt_crossley = 1;  // its place among them
+inline constexpr std::size_t hunt_crossley = 1;  // index among the candidates
 
-// Mean over rms velocity beyond which the probe went one way at nearly one speed: 1 at constant
-// speed, 0.90 for a half sine, 0 for any motion that returns.
+// Mean velocity over rms velocity above which the motion counts as one-way at nearly constant
+// speed: 1 at constant speed, 0.90 for a half sine, 0 for any motion that returns.
 inline constexpr double one_way_limit = 0.8;
 
-// Bit i stands for candidates[i].
+// A set of candidates: bit i represents candidates[i].
 using Offered = std::uint16_t;
-inline constexpr Offered forgetful = 0b111;  // those without memory
-// All but the law whose only damper is its memory: that is the others with c = 0.
+inline constexpr Offered forgetful = 0b111;  // the candidates without memory
+// All candidates except the law that dissipates by its memory only: it is the others with c = 0.
 inline constexpr Offered common = 0b0111111;
 
 // Prior information, in scaled units.
 struct Priors {
-  double variance = 0.0;  // σ² of the force, for their weight
+  double variance = 0.0;  // σ² of the force, which weights the priors
   double exponent = 0.0;  // known n; 0: estimated
   double centre = 1.3;    // n ~ N(1.3, 1), between a spring and a cone
   double deviation = 1.0;
-  detail::OffsetPrior air{0.0, 0.0};  // F₀ ~ N(mean, deviation²); 0: nothing is known
-  std::uint64_t offset = 1;  // whether there is one; a word, so that no saved state has padding
+  detail::OffsetPrior air{0.0, 0.0};  // F₀ ~ N(mean, deviation²); deviation 0: no prior
+  std::uint64_t offset = 1;  // whether it is fitted; a word, so that no saved state has padding
 
-  // c/k ~ N(0, 1): damping as large as the spring at the scale's speed.
+  // c/k ~ N(0, 1): at the reference speed the damping force is as large as the elastic force.
   static constexpr double dissipation = 1.0;
 
   double offset_weight() const noexcept {
@@ -72,9 +72,9 @@ struct Priors {
   }
 };
 
-// The linear part: F₀, k, c, what the unknown state of a start adds, and mᵢ.
+// The linear parameters: F₀, k, c, the weights of the start columns, and mᵢ.
 enum Part : std::size_t { offset, stiffness, damping, start, memory = start + start_columns };
-inline constexpr std::size_t elastic_parts = start;  // of a law without memory
+inline constexpr std::size_t elastic_parts = start;  // number of parts in a law without memory
 inline constexpr std::size_t parts = memory + rungs;
 
 // A set of parts, one bit each.
@@ -85,13 +85,13 @@ constexpr bool has(PartSet set, std::size_t part) noexcept { return (set & bit(p
 inline constexpr PartSet all_memory = (bit(rungs) - 1U) << memory;
 inline constexpr PartSet all_start = (bit(start_columns) - 1U) << start;
 
-// The least-squares problem A p = b of a candidate at one exponent; of A the lower triangle.
+// The normal equations A p = b of a candidate at one exponent; only the lower triangle of A is set.
 struct Normal {
   Matrix<parts> a;
   Vector<parts> b;
 };
 
-// What memory adds to the problem.
+// Adds the entries of the start columns and branches to the normal equations.
 inline void add_memory(Normal& s, const Samples& samples, Damping damper, const Window& once,
                        const Window& twice) noexcept {
   const BranchSums& sums = samples.sums();
@@ -159,7 +159,8 @@ inline void add_memory(Normal& s, const Samples& samples, Damping damper, const 
     s.b[damping] = 0.0;
   }
   if (law.remembers()) {
-    // From exponent to exponent a sum of one power grows as from q to q, one of two powers twice.
+    // From exponent to exponent a sum of one power grows as from q to q; a sum of two powers grows
+    // as its square.
     add_memory(s, samples, law.damping, once.at(Grid::first_exponent, Grid::exponents),
                once.square_at(Grid::first_exponent, Grid::exponents));
   }
@@ -174,11 +175,11 @@ inline void add_memory(Normal& s, const Samples& samples, Damping damper, const 
 struct Linear {
   Vector<parts> value{};
   double gain = 0.0;   // the reduction of Σ F²
-  PartSet fitted = 0;  // parts with a valid pivot, of those that are not held at 0
+  PartSet fitted = 0;  // parts with a valid pivot that are not held at 0
 };
 
-// A = L Lᵀ of some of the parts, by Cholesky. A part whose pivot is rounding error says what others
-// do, and is left out.
+// The Cholesky factor A = L Lᵀ for some of the parts. If the pivot of a part is only rounding
+// error, the part is collinear with others and is excluded.
 class Factored {
  public:
   Factored(const Normal& normal, PartSet wanted) noexcept {
@@ -193,8 +194,8 @@ class Factored {
         row[j] = sum * per_pivot_[j];
         pivot -= row[j] * row[j];
       }
-      // Of sums that are squares, what is less than 1e-150 is not there; sums of 1e4 samples,
-      // interpolated to 1e-9 and better, carry 1e-12.
+      // A sum of squares below 1e-150 counts as zero. Sums of 1e4 samples, interpolated to 1e-9 or
+      // better, have an error of 1e-12.
       if (!(from[part] > 1e-150 && pivot > 1e-11 * from[part])) continue;
       per_pivot_[count_] = 1.0 / std::sqrt(pivot);
       parts_[count_++] = part;
@@ -221,7 +222,7 @@ class Factored {
     return result;
   }
 
-  // A⁻¹; empty rows where a part is not fitted.
+  // A⁻¹; the rows and columns of parts that are not fitted are zero.
   Matrix<parts> inverse() const noexcept {
     Matrix<parts> result{};
     for (std::size_t i = 0; i < count_; ++i) {
@@ -233,7 +234,7 @@ class Factored {
   }
 
  private:
-  // Only what the elimination wrote is read.
+  // Not initialised: only entries that the elimination has written are read.
   std::array<std::array<double, parts>, parts> lower_;
   std::array<double, parts> per_pivot_;
   std::array<std::size_t, parts> parts_;
@@ -241,8 +242,8 @@ class Factored {
   PartSet fitted_ = 0;
 };
 
-// The linear part by least squares with some of the parts not below 0 (Lawson & Hanson, Solving
-// Least Squares Problems, 1974, chapter 23), from a guess of those that are above 0.
+// The linear part by least squares with the constrained parts at or above 0 (Lawson & Hanson,
+// Solving Least Squares Problems, 1974, chapter 23). `guess` are the parts that start above 0.
 [[gnu::noinline]] inline Linear solve_nonnegative(const Normal& normal, PartSet wanted,
                                                   PartSet constrained, PartSet guess) noexcept {
   constrained &= wanted;
@@ -257,7 +258,7 @@ class Factored {
   }
   Linear now;
   for (std::size_t round = 0; round < 3 * parts; ++round) {
-    // To the least squares of the open parts, or as far as none of them falls below 0.
+    // Moves to the least squares of the open parts, or along the way until one of them reaches 0.
     for (;;) {
       const Linear there = Factored(normal, open).solve(normal.b);
       double way = 1.0;
@@ -284,7 +285,7 @@ class Factored {
       }
       open &= ~(stopped == 0 ? below : stopped);
     }
-    // The part along which J falls most steeply joins; none, and this is the minimum.
+    // Opens the part with the steepest descent of J. If there is none, this is the minimum.
     double steepest = 1e-9 * largest;
     std::size_t joining = parts;
     for (PartSet rest = constrained & ~open; rest != 0; rest &= rest - 1U) {
@@ -301,7 +302,7 @@ class Factored {
     }
     if (joining == parts) break;
     open |= bit(joining);
-    // Left out again for its pivot, it would join for ever.
+    // A part that its pivot excludes again would be opened forever.
     if (!has(Factored(normal, open).fitted(), joining)) {
       constrained &= ~bit(joining);
       open &= ~bit(joining);
@@ -310,7 +311,7 @@ class Factored {
   return now;
 }
 
-// Beyond the ends of the grid the end: the sums know no other. Not a number is as good as none.
+// Places beyond the grid are clamped to its ends, where the sums end. NaN counts as 0.
 constexpr double exponent_at(const Candidate& law, const Priors& priors, double place) noexcept {
   if (law.linear) return 1.0;
   if (priors.exponent > 0.0) return priors.exponent;
@@ -329,9 +330,9 @@ struct Problem {
   const Samples& samples;
   const Candidate& law;
   const Priors& priors;
-  double stiffness_before;    // of the last answer, by which the prior of damping weighs; or 0
+  double stiffness_before;    // from the last solution, weights the damping prior; 0: no prior
   PartSet left_out = 0;       // parts that are held at 0
-  bool free_damping = false;  // whether c may be negative beside memory
+  bool free_damping = false;  // whether c may be negative in a law with memory
 
   bool searches_exponent() const noexcept { return !law.linear && !(priors.exponent > 0.0); }
   double exponent(double place) const noexcept { return exponent_at(law, priors, place); }
@@ -347,14 +348,14 @@ struct Problem {
     return set & ~left_out;
   }
 
-  // A material that relaxes is passive, and so is its damper. A damper that gives energy back is
-  // what a Hunt–Crossley or Kelvin–Voigt fit may ask for, and is left to it.
+  // A relaxing material is passive, so its damper must be too. A Hunt–Crossley or Kelvin–Voigt fit
+  // may have a negative damper.
   PartSet constrained() const noexcept {
     if (law.remembers()) return all_memory | bit(stiffness) | (free_damping ? 0 : bit(damping));
     return law.damping == Damping::half_space && !law.linear ? bit(damping) : 0;
   }
 
-  // With the priors.
+  // The normal equations with the priors.
   Normal normal(double place) const noexcept {
     Normal normal = normal_of(samples, law, exponent(place));
     if (priors.offset != 0) {
@@ -368,12 +369,12 @@ struct Problem {
     return normal;
   }
 
-  // `near` are the parts that were above 0 near there.
+  // The nonnegative solution at a place. `near` is the guess of the parts above 0.
   [[gnu::noinline]] Point at(double place, PartSet near) const noexcept {
     return with(place, solve_nonnegative(normal(place), wanted(), constrained(), near));
   }
 
-  // With exactly these parts, of any sign.
+  // The solution with exactly these parts, of any sign.
   Point with_parts(double place, PartSet fixed) const noexcept {
     const Normal normal = this->normal(place);
     return with(place, Factored(normal, fixed).solve(normal.b));

@@ -1,4 +1,4 @@
-// The samples of a viscoelastic estimator as sums, at every exponent of the grid.
+// The sums over samples that a viscoelastic estimator keeps, at every exponent of the grid.
 #pragma once
 
 #include <algorithm>
@@ -22,8 +22,8 @@ void scale_rows(std::array<NodeRow, Rows>& rows, double factor) noexcept {
 // Sums of products with the branches gᵢ.
 class BranchSums {
  public:
-  // With what is no branch: 1, F and w grow from exponent to exponent as one power does, the others
-  // as two.
+  // The factor that gᵢ is multiplied by. The sums with 1, F and w grow from exponent to exponent as
+  // one power of ξ does, the others as the product of two powers.
   enum Kind : std::size_t { one, force, speed, power, power_speed, slope_speed, kinds };
 
   void add(const Branches& branches, const Powers& p, const Sample& s, double weight) noexcept {
@@ -57,7 +57,7 @@ class BranchSums {
   const NodeRow& crossed(std::size_t rung, Kind kind) const noexcept {
     return crossed_[rung][kind];
   }
-  // Σ gᵢ gⱼ, i ≤ j; rows of a triangle one after the other.
+  // Σ gᵢ gⱼ for i ≤ j; the rows of the triangle are stored one after the other.
   const NodeRow& pair(std::size_t i, std::size_t j) const noexcept {
     return pairs_[i * (2 * rungs - i + 1) / 2 + j - i];
   }
@@ -72,12 +72,12 @@ class BranchSums {
   std::array<NodeRow, rungs*(rungs + 1) / 2> pairs_{};
 };
 
-// Sums of products with the columns z of an unknown start.
+// Sums of products with the columns z, which model the unknown state at a start in contact.
 class StartSums {
  public:
   struct Column {
     double one, force, speed;
-    NodeRow power, power_speed, slope_speed;  // with ξⁿ, ξⁿw, ξⁿ⁻¹w
+    NodeRow power, power_speed, slope_speed;  // products with ξⁿ, ξⁿw, ξⁿ⁻¹w
     std::array<NodeRow, rungs> branch;
     std::array<double, start_columns> start;
   };
@@ -106,7 +106,7 @@ class StartSums {
   }
 
   const Column& column(std::size_t a) const noexcept { return columns_[a]; }
-  // Whether any sample was taken while an unknown start was felt.
+  // Whether any sample was taken before the effect of an unknown start had decayed.
   bool any() const noexcept { return columns_[0].one > 0.0 || columns_[1].one > 0.0; }
 
   void scale(double factor) noexcept {
@@ -130,16 +130,16 @@ class Samples {
  public:
   Samples(double sample_time, double longest) noexcept : branches_(sample_time, longest) {}
 
-  // A depth, 0 for none, after so much time. The branches feel every one.
+  // Advances the branches by `dt` to a depth, 0 out of contact. Every sample advances them.
   [[gnu::noinline]] void advance(double depth, double dt) noexcept { branches_.advance(depth, dt); }
 
-  // The same where nothing is known of what came before.
+  // Sets the branches to a depth when the motion before it is unknown.
   void begin(double depth) noexcept {
     const bool first = !(table_.weight() > 0.0);
     depth > 0.0 && first ? branches_.begin_in_contact(depth) : branches_.rest(depth);
   }
 
-  // Takes the sample whose depth was advanced to.
+  // Adds to the sums the sample to whose depth the branches were just advanced.
   [[gnu::noinline]] void take(const Sample& s, double forgetting_factor) noexcept {
     if (forgetting_factor != 1.0) fade(forgetting_factor);
     force_squared_ += scale_ * s.force * s.force;
@@ -159,7 +159,7 @@ class Samples {
 
   double weight() const noexcept { return table_.weight() / scale_; }        // Σ 1
   double force_squared() const noexcept { return force_squared_ / scale_; }  // Σ F²
-  // What the latest sample weighs in the sums.
+  // The weight of the latest sample in the sums.
   double scale() const noexcept { return scale_; }
   const PowerTable& table() const noexcept { return table_; }
   const BranchSums& sums() const noexcept { return sums_; }
@@ -168,9 +168,9 @@ class Samples {
   const Ladder& ladder() const noexcept { return branches_.ladder(); }
   bool touching() const noexcept { return branches_.depth() > 0.0; }
 
-  // Where the motion was, and how quick: its mean depth; the square of its frequency, mean square
-  // speed over mean square way from there; and its mean velocity over the root of that mean square
-  // speed, ±1 where it went one way at one speed.
+  // Statistics of the motion: mean depth; squared angular frequency, which is the mean square
+  // velocity over the variance of the depth; and mean velocity over rms velocity, which is ±1 for
+  // motion in one direction at constant speed.
   struct Motion {
     double depth;
     double frequency_squared;
@@ -189,7 +189,8 @@ class Samples {
   }
 
  private:
-  // In place of every sum, what is new weighs more: e⁶⁰ and all are brought back.
+  // Forgetting raises the weight of new samples instead of scaling every sum down. At e⁶⁰ (1e26)
+  // all sums are rescaled.
   void fade(double factor) noexcept {
     scale_ /= factor;
     constexpr double largest = 1e26;

@@ -1,4 +1,5 @@
-// The minimum of J over the exponent n, and how well it is known.
+// The search for the minimum of J over the exponent n, its covariance, and the selection of the
+// law.
 #pragma once
 
 #include <algorithm>
@@ -13,20 +14,20 @@
 
 namespace palpate::viscoelastic {
 
-// The minimum of J over the exponent n, in steps that are short enough for a control loop.
+// Finds the minimum of J over the exponent n in steps that are short enough for a control loop.
 class Search {
  public:
-  // Over the whole range.
+  // Begins a search over the whole range.
   void begin(PartSet near) noexcept {
     place_ = 0.0;
     cost_ = 1e300;
     near_ = near;
     row_ = round_ = 0;
-    // Every second node is looked at, so that a minimum is a step off at most.
+    // Every second node is evaluated, so that the minimum is at most one step away.
     step_ = 1.0;
   }
 
-  // From an answer of a little while ago, that few steps lead on from.
+  // Begins at a recent minimum, from which few steps are needed.
   void begin_near(double place, PartSet near) noexcept {
     place_ = place;
     near_ = near;
@@ -35,7 +36,8 @@ class Search {
     step_ = least_step;
   }
 
-  // Two dozen evaluations without memory, and one or four with; true when it is done.
+  // Advances the search: about 24 evaluations without memory, one to four with it. True when it has
+  // converged.
   [[gnu::noinline]] bool advance(const Problem& problem) noexcept {
     const bool quick = !problem.law.remembers();
     if (row_ < rows) {
@@ -53,18 +55,18 @@ class Search {
   }
 
   double place() const noexcept { return place_; }
-  // The parts that are above 0 there, and the spring.
+  // The parts that are above 0 at the minimum, and the total stiffness k + Σ mᵢ.
   PartSet near() const noexcept { return near_; }
   double spring() const noexcept { return spring_; }
-  // The second derivative of J, per node, where it was looked at last.
+  // The second derivative of J, per node squared, at the last evaluation.
   double curvature() const noexcept { return curvature_; }
 
  private:
   static constexpr std::uint32_t rows = Grid::exponents / 2;
   static constexpr std::uint32_t most_rounds = 10;
-  // A 64th of a node is 0.004 in n: a vertex within half of that is known to 1e-5 and better.
+  // A 64th of a node is 0.004 in n: a vertex within half of that is accurate to 1e-5 or better.
   static constexpr double least_step = 1.0 / 64.0;
-  // Of a step that grows, as an answer of a while ago is further away than it seemed.
+  // Upper limit of a growing step, for a previous minimum that is further away than expected.
   static constexpr double grown_step = 1.0 / 8.0;
 
   void keep(const Point& point) noexcept {
@@ -81,12 +83,12 @@ class Search {
     row_ = problem.searches_exponent() ? row_ + 1 : rows;
   }
 
-  // A centre about which a step either way is within the grid.
+  // Clamps a centre so that a step in either direction stays within the grid.
   double within(double place) const noexcept {
     return std::clamp(place, step_, static_cast<double>(Grid::exponents - 1) - step_);
   }
 
-  // One of Newton's steps by differences; true when it is done.
+  // One Newton step by finite differences; true when it has converged.
   bool refine(const Problem& problem, Point& middle) noexcept {
     const double centre = within(middle.place);
     if (centre != middle.place) middle = problem.at(centre, middle.linear.fitted);
@@ -99,15 +101,16 @@ class Search {
     const double move = downhill(slope, curvature), largest = std::abs(move);
     const double next = within(centre + step_ * std::clamp(move, -longest, longest));
     if (largest < 0.5 && step_ <= least_step && !problem.law.remembers()) {
-      // The vertex of a parabola that is known so well needs no proof.
+      // The vertex of a parabola this accurate needs no further evaluation.
       middle.place = next;
       return true;
     }
     const Point there = problem.at(next, middle.linear.fitted);
-    // A step that leads up is not taken; the next one is shorter.
+    // A step that increases the cost is rejected; the next step is shorter.
     const bool better = there.cost <= middle.cost;
     if (better) middle = there;
-    // Nor is one that the end of the grid forbids: a shorter step comes nearer to it.
+    // At an end of the grid the step cannot move the centre: a shorter step comes nearer to the
+    // end.
     if (largest < 0.5 || !better || next == centre) {
       if (step_ <= least_step) return true;
       step_ = std::max(0.25 * step_, least_step);
@@ -117,13 +120,14 @@ class Search {
     return ++round_ >= most_rounds;
   }
 
-  // To the vertex of a parabola, or so far as a step may go.
+  // The step to the vertex of the parabola, or the longest step where the curvature is not
+  // positive.
   static double downhill(double slope, double curvature) noexcept {
     if (curvature > 0.0) return -slope / curvature;
     return slope > 0.0 ? -1.5 : slope < 0.0 ? 1.5 : 0.0;
   }
 
-  double place_ = 0.0;  // the best so far, …
+  double place_ = 0.0;  // the best place so far
   double cost_ = 0.0;
   double spring_ = 0.0;
   double curvature_ = 0.0;
@@ -131,21 +135,21 @@ class Search {
   PartSet near_ = 0;
   std::uint32_t row_ = 0;
   std::uint32_t round_ = 0;
-  std::uint32_t unused_ = 0;  // no saved state has padding
+  std::uint32_t unused_ = 0;  // padding made explicit, so that no saved state has any
 };
 
-// Of the linear parts, and then of n in nodes of the grid.
+// The unknowns: the linear parts, then n in nodes of the grid.
 inline constexpr std::size_t unknowns = parts + 1;
 inline constexpr std::size_t exponent_node = parts;
 
-// How well a minimum is known: the covariance of all unknowns there,
+// The covariance of all unknowns at a minimum,
 //
 //   Var(n) = 2 σ²/H of J with the linear part projected out,
 //   Var(p) = σ² A⁻¹ + d Var(n) dᵀ,   d = ∂p/∂n,
 //
-// of the parts that are above 0 and of the damper, whose column stays open: held at 0 it would have
-// an error bar of 0. H and d by differences over about a standard error, where J has risen by σ².
-// `about` is what a search saw of the curvature, per node; 0 where it saw nothing.
+// for the parts above 0 and for the damper. The damper's column stays free, since a damper held at
+// 0 would have an error bar of 0. H and d are finite differences over about one standard error,
+// where J has risen by σ². `about` is the curvature from the search, per node squared; 0: none.
 inline Matrix<unknowns> covariance_of(const Problem& problem, const Point& minimum, double variance,
                                       double about) noexcept {
   const PartSet wanted = problem.wanted();
@@ -186,7 +190,7 @@ inline Matrix<unknowns> covariance_of(const Problem& problem, const Point& minim
       result[i][j] = variance * inverse[i][j] + slope[i] * spread * slope[j];
     }
     result[i][exponent_node] = result[exponent_node][i] = slope[i] * spread;
-    // Nothing is known of a part that says what others do.
+    // A part that is collinear with others is undetermined.
     if (has(open, i) && !has(factored.fitted(), i)) {
       const double size = i == offset ? 1.0 : std::abs(minimum.linear.value[stiffness]) + 1.0;
       result[i][i] = size * size;
@@ -196,24 +200,25 @@ inline Matrix<unknowns> covariance_of(const Problem& problem, const Point& minim
   return result;
 }
 
-// Which law it is, of candidates that are fitted to the same samples:
+// Selection of the law from candidates that are fitted to the same samples:
 //
 //   score = N_eff ln(RSS/N) + 2 p ln N_eff
 //
-// The least wins: Schwarz's criterion with twice the penalty, and as many samples as noise of the
-// residual's correlation leaves (docs/viscoelastic.md). One with memory has to leave less than
-// `clearly` of the error of the others too: in a velocity's or a filter's faults it would find
-// some. Where the probe went one way at nearly one speed, all of them are functions of the depth
-// alone, any may win, and Hunt & Crossley's is as good.
+// The lowest score is selected: Schwarz's criterion with twice the penalty, and with the effective
+// sample size for correlated residuals (docs/viscoelastic.md). A law with memory must also have an
+// rms residual below `clearly` times that of the others, because faults of the velocity or of a
+// filter look like memory. On a one-way motion at nearly constant speed all laws are functions of
+// the depth alone and any may win; then the Hunt–Crossley law is selected.
 struct Verdict {
   static constexpr std::size_t count = candidates.size();
   static constexpr double clearly = 0.95;
 
-  std::array<double, count> mean_square{};  // RSS/N; 0 of what does not compete
+  std::array<double, count> mean_square{};  // RSS/N; 0 for candidates that do not compete
   std::array<double, count> parameters{};   // fitted numbers, with F₀
   double effective = 0.0;                   // N_eff
 
-  // The candidate that leaves least, and that of the least score; `count` where none competes.
+  // The candidate with the lowest residual, and the one with the lowest score; `count` if none
+  // competes.
   std::size_t closest() const noexcept {
     return least([this](std::size_t i) noexcept { return mean_square[i]; }, 0, count);
   }
@@ -226,20 +231,21 @@ struct Verdict {
     if (plain == count || relaxing == count) return std::min(plain, relaxing);
     const bool clear = mean_square[relaxing] < clearly * clearly * mean_square[plain];
     if (!clear || !(of(relaxing) < of(plain))) return plain;
-    // Among those with memory the numbers are as many, whichever happen to be above 0. With a
-    // damper at 0 the forms of damping are one law, and rounding would choose: the first is taken.
+    // Among the laws with memory the number of parameters counts as equal, whichever happen to be
+    // above 0. With the damper at 0 all damping forms are the same law and rounding would choose:
+    // the first is taken.
     const auto logarithm = [this](std::size_t i) noexcept { return std::log(mean_square[i]); };
     return least(logarithm, first, count, 1e-6);
   }
 
-  // The score less N_eff ln of the least RSS/N.
+  // The score minus N_eff ln of the lowest RSS/N.
   double score(std::size_t candidate, std::size_t by) const noexcept {
     return effective * std::log(mean_square[candidate] / mean_square[by]) +
            2.0 * parameters[candidate] * std::log(effective);
   }
 
  private:
-  // The first candidate that no later one is below by more than a margin.
+  // The first candidate that no later one undercuts by more than a margin.
   template <class Of>
   std::size_t least(Of of, std::size_t begin, std::size_t end, double margin = 0.0) const noexcept {
     std::size_t result = count;
@@ -255,11 +261,12 @@ struct Verdict {
   }
 };
 
-// How much less than white noise's the samples say: what a verdict and error bars ask of errors.
+// The correlation of the residuals: the inflation that the verdict uses, and the widening of the
+// error bars.
 class ResidualNoise {
  public:
-  // The a-priori error of a fit at a depth. Where a fit meets new ground errors are no noise:
-  // beyond four deviations they count as four.
+  // Adds the one-step prediction error of a fit at a depth. Errors beyond four standard deviations
+  // count as four, because at depths that are new to the fit they are not noise.
   void add(double depth, double error, double variance, double forgetting_factor) noexcept {
     const double limit = variance > 0.0 ? std::min(4.0 * std::sqrt(variance), largest) : largest;
     levels_.add({depth}, std::clamp(error, -limit, limit), forgetting_factor);
@@ -267,22 +274,22 @@ class ResidualNoise {
 
   void clear() noexcept { levels_.clear(); }
 
-  // Another fit has become the best, whose residual has so many times the variance. How slow its
-  // noise is shows only in errors to come: it is taken for as slow as the noise so far, which
-  // counts a quarter, so that its own soon weigh more. Taken for white, it had ten times the
-  // evidence.
+  // The best fit has changed, and the variance of its residual is `ratio` times the old one. The
+  // correlation of its noise shows only in later errors. Until then it is assumed equal to that of
+  // the noise so far, which counts as a quarter so that new errors soon outweigh it. The assumption
+  // of white noise gave ten times the evidence.
   void succeed(double ratio) noexcept { levels_.scale_residuals(std::sqrt(ratio), 0.25); }
 
-  // By the variance of the residual; or of the errors themselves where they are smaller: how slow
-  // noise is does not depend on where in the samples the law fits worst, as at the touch before a
-  // long hold.
+  // Measures with the variance of the residual, or with that of the errors if it is smaller: the
+  // correlation of the noise must not depend on where the law fits worst, such as at the touch
+  // before a long hold.
   [[gnu::noinline]] void measure(double whole_variance) noexcept {
     const double own = levels_.residual_variance();
     const double variance = own > 0.0 ? std::min(whole_variance, own) : whole_variance;
     const detail::LevelNoise noise(levels_, variance, {1.0});
-    // Slower than the slowest that was measured, the few pairs that there are count together, less
-    // the deviation of so few: error bars guess how it goes on, but a criterion that did would find
-    // no law of a short record.
+    // Beyond the slowest measured level, the few available pairs are pooled, reduced by the
+    // standard deviation of so few. Error bars extrapolate; a selection criterion that did so would
+    // find no law in a short record.
     double energy = 0.0, pairs = 0.0;
     for (std::size_t k = noise.measured; k < noise.used; ++k) {
       energy += levels_[k].older;
@@ -291,7 +298,7 @@ class ResidualNoise {
     const double few = pairs > 0.0 ? energy / (variance * (pairs + std::sqrt(2.0 * pairs))) : 1.0;
     const double slowest =
         std::max(noise.measured > 0 ? noise.ratio[noise.measured - 1] : 1.0, few);
-    // What has no partner, the mean of all, is not in it: that is what the offset takes.
+    // The mean of all samples has no partner and is excluded: the offset absorbs it.
     double whole = 0.0, wider = 0.0;
     for (std::size_t k = 0; k < noise.used; ++k) {
       const double information = levels_[k].information[0][0];
@@ -305,18 +312,18 @@ class ResidualNoise {
     widening_ = std::max(root * root, inflation_);
   }
 
-  // Σ d_k D_k / σ² Σ D_k with the depth as the only slope: so many times fewer samples of white
-  // noise would say the same.
+  // Σ d_k D_k / σ² Σ D_k with the depth as the only slope: that number of correlated samples
+  // carries the information of one sample with white noise.
   double inflation() const noexcept { return inflation_; }
 
-  // Of variances: the same, and by how few blocks it is known from.
+  // The inflation of variances, widened for the few blocks that it is measured from.
   double widening() const noexcept { return widening_; }
 
  private:
-  // In units of force; what floats still square.
+  // In units of force; its square still fits a float.
   static constexpr double largest = 1e10;
 
-  // Sums of squares that are looked at to a hundredth: floats are enough.
+  // Floats suffice: the sums of squares are needed to a hundredth only.
   detail::HaarLevels<1, float> levels_;
   double inflation_ = 1.0;
   double widening_ = 1.0;

@@ -1,4 +1,5 @@
-// What a viscoelastic estimator answers: one candidate, fitted; its force, and its numbers in SI.
+// The result of a viscoelastic estimator: the fitted candidate, its force, and its parameters in
+// SI.
 #pragma once
 
 #include <algorithm>
@@ -17,12 +18,12 @@
 
 namespace palpate::viscoelastic {
 
-// The place of an entry of the lower triangle of a symmetric matrix, which is kept row by row.
+// Index of an entry in the lower triangle of a symmetric matrix, stored row by row.
 constexpr std::size_t in_triangle(std::size_t row, std::size_t column) noexcept {
   return row * (row + 1) / 2 + column;
 }
 
-// A candidate with its numbers, in scaled units.
+// A candidate with its fitted parameters, in scaled units.
 struct Fitted {
   std::size_t candidate = 1;
   double n = 1.0;
@@ -34,14 +35,14 @@ struct Fitted {
 struct Solution {
   Fitted fit;
   Vector<in_triangle(unknowns, 0)> covariance{};
-  std::uint32_t at_edge = 0;  // whether it is, of the range of exponents
-  std::uint16_t known = 0;    // 0 before the first
-  std::uint16_t given = 0;    // whether the exponent is
+  std::uint32_t at_edge = 0;  // whether the exponent is at an edge of its range
+  std::uint16_t known = 0;    // 0 before the first solution
+  std::uint16_t given = 0;    // whether the exponent is specified by the user
 
   const Candidate& law() const noexcept { return fit.law(); }
 };
 
-// A candidate's force, in scaled units, once the branches have been advanced to the sample.
+// A candidate's force, in scaled units. The branches must have been advanced to the sample.
 [[gnu::noinline]] inline double force_of(const Fitted& fit, const Branches& branches,
                                          const Sample& s) noexcept {
   if (!(s.penetration > 0.0)) return fit.value[offset];
@@ -67,7 +68,7 @@ struct Solution {
   return force + detail::dot(around.weights, sum);
 }
 
-// As if the sample came `dt` after the last one.
+// The force if the sample came `dt` after the last one.
 [[gnu::noinline]] inline double force_after(const Fitted& fit, const Branches& branches,
                                             const Sample& s, double dt) noexcept {
   Branches then = branches;
@@ -75,7 +76,7 @@ struct Solution {
   return force_of(fit, then, s);
 }
 
-// The numbers of a law with its spectrum: K, n, B, p, and mᵢ.
+// The parameters of a law with its relaxation spectrum: K, n, B, p, and mᵢ.
 inline constexpr std::size_t spectrum_size = 4 + rungs;
 enum Number : std::size_t { stiffness_number, exponent_number, damping_number, power_number };
 
@@ -84,7 +85,7 @@ inline double damping_exponent(const Fitted& fit) noexcept {
   return damper == Damping::linear ? 0.0 : damper == Damping::half_space ? fit.n - 1.0 : fit.n;
 }
 
-// What k and m are worth in N/mⁿ, and c in N·s/mᵖ⁺¹.
+// The units of k and m in N/mⁿ, and of c in N·s/mᵖ⁺¹.
 struct LawUnits {
   double stiffness;
   double damping;
@@ -115,8 +116,8 @@ inline GeneralisedHuntCrossley law_in_si(const Fitted& fit, const Units& u) noex
           numbers[power_number], detail::saturate(whole)};
 }
 
-// The covariance of these numbers and, last, of the offset: dK = U (dk − k ln x_r dn), and so for B
-// and mᵢ. Before the first answer nothing is known.
+// The covariance of these parameters, with the offset as the last: dK = U (dk − k ln x_r dn), and
+// likewise for B and mᵢ. Before the first solution every variance is the largest.
 inline constexpr std::size_t joint_size = spectrum_size + 1;
 
 [[gnu::noinline]] inline Matrix<joint_size> covariance_in_si(const Solution& s,
@@ -161,7 +162,7 @@ inline constexpr std::size_t joint_size = spectrum_size + 1;
   return joint;
 }
 
-// The same of K, n, B, p and M = Σ mᵢ, and the offset.
+// The covariance of K, n, B, p, M = Σ mᵢ, and the offset.
 inline Matrix<GeneralisedHuntCrossley::size + 1> law_covariance(
     const Matrix<joint_size>& joint) noexcept {
   constexpr std::size_t size = GeneralisedHuntCrossley::size + 1, own = 4;

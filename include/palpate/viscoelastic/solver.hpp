@@ -1,8 +1,9 @@
-// Which law it is, and its parameters, worked out a little at every sample: rounds in which every
-// candidate that is offered is fitted to all samples so far, and in between the chosen one alone.
+// Selects the contact model and fits its parameters, with a little work at every sample. In a
+// round, every competing candidate is fitted to all samples so far; between rounds only the
+// selected one is refitted.
 //
-// It stands apart from the fit of one Hunt–Crossley law (projection/projection_fit.hpp), which
-// needs seven sums an exponent where branches need all their products.
+// This solver is separate from the fit of one Hunt–Crossley law (projection/projection_fit.hpp),
+// which needs seven sums per exponent; the branches need all their products.
 #pragma once
 
 #include <algorithm>
@@ -20,7 +21,7 @@
 
 namespace palpate::viscoelastic {
 
-// Of one candidate, fitted at once: its parts as it was asked to leave out, and what it leaves.
+// The result of fitting one candidate with the requested parts excluded.
 struct Beside {
   Fitted fit;
   double mean_square;  // RSS/N
@@ -43,8 +44,8 @@ class Solver {
   const Priors& priors() const noexcept { return priors_; }
   Priors& priors() noexcept { return priors_; }
   const Verdict& verdict() const noexcept { return verdict_; }
-  // Whether the solution is of a verdict on these samples, and not of those before they were
-  // cleared.
+  // Whether the solution comes from a verdict on these samples, and not on samples that were
+  // cleared since.
   bool decided() const noexcept { return decided_; }
 
   double predict(const Sample& s) const noexcept {
@@ -54,12 +55,13 @@ class Solver {
     return force_after(solution_.fit, samples_.branches(), s, dt);
   }
 
-  // Takes the sample that the branches were advanced to, and works a little.
+  // Adds the sample that the branches were advanced to, and does one step of the work.
   void take(const Sample& s, double predicted, double forgetting_factor) noexcept {
     const bool same = closest_.candidate == solution_.fit.candidate;
     const double by_closest = same ? predicted : force_of(closest_, samples_.branches(), s);
     samples_.take(s, forgetting_factor);
-    // Before the first verdict there is no law of these samples: the error would be the force.
+    // Before the first verdict no law was fitted to these samples: the error would be the whole
+    // force.
     if (decided_) {
       noise_.add(s.penetration, s.force - by_closest, priors_.variance, forgetting_factor);
     }
@@ -69,8 +71,8 @@ class Solver {
     work();
   }
 
-  // Forgets the samples and how the candidates stood by them; the answer stands until there are so
-  // many again.
+  // Forgets the samples and the ranking of the candidates. The solution remains until `fewest` new
+  // samples have been taken.
   [[gnu::noinline]] void clear(double fewest) noexcept {
     fewest_ = std::max(static_cast<std::uint32_t>(std::min(fewest, 1e9)), least_fewest);
     samples_.clear();
@@ -83,19 +85,20 @@ class Solver {
     found_ = 0;
   }
 
-  // What free air or a tare says of the offset, unless the contact has contradicted it.
+  // Sets the offset prior from free air or a tare, unless the contact has contradicted it.
   void know_offset(const detail::OffsetPrior& prior) noexcept {
     if (!offset_refuted_) priors_.air = prior;
   }
   bool offset_refuted() const noexcept { return offset_refuted_; }
 
-  // A verdict and an answer by all samples so far, at once: everything that take() would spread.
+  // Computes the verdict and the solution from all samples so far, in one call: all the work that
+  // take() would spread over samples.
   [[gnu::noinline]] void finish_pending() noexcept {
     if (!(samples_.weight() > 0.0)) return;
     fewest_ = least_fewest;
     finishing_ = true;
     stage_ = Stage::idle;
-    // Twice: the first verdict gives the noise by which the priors of the second weigh.
+    // Two rounds: the first verdict gives the noise variance that weights the priors of the second.
     for (int round = 0; round < 2; ++round) {
       searched_weight_ = 0.0;
       do {
@@ -105,8 +108,8 @@ class Solver {
     finishing_ = false;
   }
 
-  // A candidate fitted to all samples so far, with some of its parts left out, or with a damper of
-  // any sign. It changes nothing.
+  // Fits one candidate to all samples so far, with some of its parts excluded, or with damping of
+  // any sign. The solver does not change.
   Beside beside(std::size_t candidate, PartSet left_out, bool free_damping) const noexcept {
     Problem own = problem(candidate);
     own.left_out = left_out;
@@ -123,27 +126,29 @@ class Solver {
  private:
   enum class Stage : std::uint8_t { idle, searching, judging, publishing, refining };
 
-  // Fewer samples than three for each number of the widest law say nothing.
+  // The minimum number of samples: three for each parameter of the largest law, as parameters_of
+  // counts.
   static constexpr std::uint32_t least_fewest = 20;
 
-  // Where the minimum of a candidate was found last.
+  // The last minimum of a candidate.
   struct Answer {
     double place = 0.0;
-    double stiffness = 0.0;  // k and Σ mᵢ there, by which the prior of its damping weighs
-    double curvature = 0.0;  // of J, per node
+    double stiffness = 0.0;  // k + Σ mᵢ there, which sets the weight of the damping prior
+    double curvature = 0.0;  // second derivative of J, per node squared
     std::uint64_t near = 0;  // the parts that are above 0
   };
 
   bool competes(std::size_t candidate) const noexcept {
     if (((offered_ >> candidate) & 1U) == 0) return false;
-    // Where n is known, that it is 1 is no law of its own.
+    // If n is known, the candidate that fixes n at 1 is not a separate law.
     if (candidates[candidate].linear && priors_.exponent > 0.0) return false;
-    // A spectrum fits what a hundred samples say; of forty that are all, it may be the law.
+    // A spectrum needs a hundred samples. Once the recording has ended, twenty are enough, because
+    // a short recording may come from such a law.
     const double fewest = finishing_ ? 20.0 : 100.0;
     return (offered_ & forgetful) == 0 || samples_.weight() >= fewest ||
            !candidates[candidate].remembers();
   }
-  // Whether it is searched in this round, not only judged where it was found last.
+  // Whether this round searches the candidate again instead of evaluating it at its last minimum.
   bool due(std::size_t candidate) const noexcept {
     return remembering_ || !candidates[candidate].remembers() || ((found_ >> candidate) & 1U) == 0;
   }
@@ -158,14 +163,15 @@ class Solver {
   Fitted as_fitted(std::size_t candidate, const Point& point) const noexcept {
     return {candidate, problem(candidate).exponent(point.place), point.linear.value};
   }
-  // Forces are no better than 1e-6 of them, and the sums hold no more.
+  // The relative error of a force sensor is at least 1e-6, and the sums resolve no less.
   double mean_square_of(const Point& point) const noexcept {
     const double square = samples_.force_squared();
     return std::max(square + point.cost, 1e-12 * square + 1e-300) / samples_.weight();
   }
-  // Fitted numbers: F₀ and n with what is above 0. A relaxation time beside others that say nearly
-  // the same is no whole number: as a quarter, memory was named in 98 % of 360 contacts that relax
-  // and in none of 504 that do not; as a whole one in 91 %.
+  // The number of fitted parameters: F₀ and n, with the parts above 0. Neighbouring relaxation
+  // times are nearly collinear, so one of them counts as less than a parameter. Counted as a
+  // quarter, a law with memory was selected in 98 % of 360 contacts that relax and in none of 504
+  // that do not; counted as one, in 91 %.
   double parameters_of(std::size_t candidate, PartSet fitted) const noexcept {
     const Candidate& law = candidates[candidate];
     const PartSet own = (fitted & ~all_memory) | bit(offset) | bit(stiffness) |
@@ -174,7 +180,7 @@ class Solver {
            0.25 * static_cast<double>(std::popcount(fitted & all_memory));
   }
 
-  // Not inlined, like what it calls: a replay would hold the searches a dozen times.
+  // Not inlined, like the functions it calls: a replay would contain the searches a dozen times.
   [[gnu::noinline]] void work() noexcept {
     switch (stage_) {
       case Stage::idle:
@@ -197,7 +203,7 @@ class Solver {
     }
   }
 
-  // A step of the search; true when it is done.
+  // One step of the search; true when it has converged.
   bool searched(std::size_t candidate) noexcept {
     if (!search_.advance(problem(candidate))) return false;
     answers_[candidate] = {search_.place(), std::max(search_.spring(), 0.0), search_.curvature(),
@@ -209,8 +215,9 @@ class Solver {
   void start() noexcept {
     const double weight = samples_.weight();
     if (taken_ < fewest_) return;
-    // A verdict after an eighth of the samples more; of the law itself the parameters after a 32nd,
-    // which moves them by a sixth of a standard error (1/√32), or with memory after a 16th.
+    // A verdict follows when the samples have grown by an eighth. The parameters of the selected
+    // law follow after a 32nd, which changes them by a sixth of a standard error (1/√32), or with
+    // memory after a 16th.
     const auto more = [weight](std::uint32_t samples, double fraction) noexcept {
       return static_cast<double>(samples) >= std::max(8.0, weight * fraction);
     };
@@ -218,7 +225,8 @@ class Solver {
       samples_since_round_ = 0;
       widely_ = !(weight < 1.5 * searched_weight_);
       if (widely_) searched_weight_ = weight;
-      // Laws with memory cost ten times as much: they are searched after a quarter more.
+      // Laws with memory cost ten times as much, so they are searched only after a growth by a
+      // quarter.
       remembering_ = !(weight < 1.25 * remembered_weight_) || finishing_;
       if (remembering_) remembered_weight_ = weight;
       next_ = 0;
@@ -248,7 +256,7 @@ class Solver {
     search_.begin_near(answer.place, static_cast<PartSet>(answer.near));
   }
 
-  // All candidates by the same samples, one a call.
+  // Evaluates all candidates on the same samples, one per call.
   [[gnu::noinline]] void judge() noexcept {
     if (next_ == count) {
       verdict_.mean_square = {};
@@ -282,7 +290,7 @@ class Solver {
     stage_ = Stage::publishing;
   }
 
-  // By what the candidate leaves that leaves least.
+  // Measures the noise from the residual of the candidate that fits best.
   void measure_noise(std::size_t closest) noexcept {
     const double mean_square = verdict_.mean_square[closest], weight = samples_.weight();
     priors_.variance = mean_square * weight / std::max(weight - verdict_.parameters[closest], 1.0);
@@ -292,12 +300,13 @@ class Solver {
     verdict_.effective = std::max(weight / noise_.inflation(), 3.0);
   }
 
-  // The prior of F₀ is dropped where the samples of the contact alone are five deviations from it:
-  // a wrong tare, or a surface that is off, which looks like an offset, would bend the law.
+  // Drops the prior of F₀ if the samples in contact alone contradict it by five standard
+  // deviations: a wrong tare, or a wrong surface position, which looks like an offset, would
+  // distort the law.
   [[gnu::noinline]] void doubt_offset(std::size_t closest, const Point& point) noexcept {
     if (priors_.offset == 0 || !(priors_.air.deviation > 0.0)) return;
-    // Of an approach alone all laws are alike: at some 25 samples 11 of 160 right ones were
-    // dropped.
+    // On an approach alone the laws are nearly equivalent: at about 25 samples, 11 of 160 correct
+    // priors were dropped.
     if (samples_.weight() < 50.0) return;
     Priors open = priors_;
     open.air = {0.0, 0.0};
@@ -313,8 +322,8 @@ class Solver {
     offset_refuted_ = true;
   }
 
-  // σ² by what a fit leaves. Few samples fit exactly: two more, with an error of 1 % of the rms
-  // force, keep their error bars from vanishing.
+  // σ² from the residual of a fit. A fit to few samples is exact: two additional samples with an
+  // error of 1 % of the rms force keep the error bars from vanishing.
   double variance_of(const Point& fit, double freedom) const noexcept {
     constexpr double fewest_degrees = 10.0;
     const double square = samples_.force_squared(), each = square / samples_.weight();
@@ -325,7 +334,7 @@ class Solver {
 
   [[gnu::noinline]] void publish() noexcept {
     const Problem problem = this->problem(chosen_);
-    // By the samples of now: since it was found others have come.
+    // Refits to the samples of now, because new ones have arrived since the minimum was found.
     const Point answer = fitted(chosen_);
     const double parameters = parameters_of(chosen_, answer.linear.fitted);
     const double variance = variance_of(answer, samples_.weight() - parameters);
@@ -350,16 +359,16 @@ class Solver {
   Samples samples_;
   Priors priors_;
   Offered offered_;
-  Offered found_ = 0;  // which have an answer
+  Offered found_ = 0;  // candidates that have a last minimum
   std::array<Answer, count> answers_{};
   Verdict verdict_;
   Search search_;
   Solution solution_;
   Fitted closest_;       // of the candidate with the least residual at the last verdict
-  ResidualNoise noise_;  // of its a-priori errors
+  ResidualNoise noise_;  // noise of the one-step prediction errors of `closest_`
   double searched_weight_ = 0.0;
   double remembered_weight_ = 0.0;
-  // How many were taken since they were forgotten, up to the fewest that an answer needs.
+  // Samples taken since the last clear, counted up to the number that a solution needs.
   std::uint32_t taken_ = 0;
   std::uint32_t fewest_ = least_fewest;
   std::uint32_t samples_since_round_ = 0;

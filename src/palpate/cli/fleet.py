@@ -122,7 +122,7 @@ def _settings(
     from palpate.fleet.tasks import AUTO, Settings
     from palpate.recordings.opening import MAX_SIZE
 
-    for option in ("save_config", "curve"):
+    for option in ("save_config", "curve", "sheet"):
         if getattr(reading, option) is not None:
             name = option.replace("_", "-")
             raise InvalidParameterError(f"--{name} applies to one recording; omit it for a fleet")

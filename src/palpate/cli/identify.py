@@ -61,8 +61,8 @@ def identify(
     Parameters
     ----------
     files
-        A recording, or several of one object; - is standard input. CSV, Parquet, HDF5, MATLAB, ROS
-        bags, MCAP, force curves: palpate info FILE shows what is in it.
+        A recording, or several of one object; - is standard input. CSV, XLSX, NumPy, JSON,
+        Parquet, HDF5, MATLAB, ROS bags, MCAP, force curves: palpate info FILE shows what is in it.
     changes
         Identify each segment between changes of the material separately.
     output
@@ -151,13 +151,13 @@ def diagnose(
         Print one JSON object instead of text.
     """
     from palpate.identifying import identify as run
-    from palpate.results.saved import described
+    from palpate.results.saved import describe_contact
 
     depth, contact = judging.depth, reading.contact(files, choosing.options)
     result = run(contact, _estimator(contact, choosing, reading)[1], trace=False)
     result = result if depth is None else result.at_depth(depth)
     if as_json:
-        print_json(described(files, [result]))
+        print_json(describe_contact(files, [result]))
     else:
         print_diagnosis(result)
     return judging.status([result.diagnosis.verdict])

@@ -13,6 +13,7 @@ def info(
     *,
     channel: tuple[str, ...] = (),
     curve: int | None = None,
+    sheet: str | None = None,
     max_size: Annotated[float | None, in_si(SIZES, "SIZE", READ)] = None,
     figure: FigureFile = None,
     dark: Dark = False,
@@ -27,11 +28,14 @@ def info(
     Parameters
     ----------
     file
-        Recording: text, MCAP, bag, Parquet, HDF5, MATLAB or force curve; - is standard input.
+        Recording: text, spreadsheet, array, JSON, MCAP, bag, Parquet, HDF5, MATLAB or force curve;
+        - is standard input.
     channel
         Only this channel, or all channels of this topic or group; may be repeated.
     curve
         Index, from 0, of the curve to read in a file with several.
+    sheet
+        Name, or number from 1, of the sheet to read in a spreadsheet.
     max_size
         Largest size of the data in memory, such as 8GB (default: 4 GiB).
     figure
@@ -48,7 +52,7 @@ def info(
         from palpate.figures import check_figure
 
         check_figure(figure, inputs=[file])
-    recording = opened(file, channel or None, strict=False, curve=curve, max_size=max_size)
+    recording = opened(file, channel or None, max_size=max_size, curve=curve, sheet=sheet)
     surveyed = survey(recording)
     if figure is not None:
         from palpate import figures

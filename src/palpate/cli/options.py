@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from palpate.estimators import ContactEstimator
     from palpate.quantities.derived import QueryOptions
     from palpate.quantities.elastic_modulus import Tip
+    from palpate.quantities.specimen import Specimen
 
 # The headings under which help shows the options.
 WHAT = Group("Options", sort_key=1)
@@ -43,10 +44,11 @@ ResultFolder: TypeAlias = Annotated[Folder, Parameter(name=["--output", "-o"], g
 
 UNTRUSTED = 3  # exit status
 
-_NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(\D*?)\s*$")
+_NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(\D*2?)\s*$")
 #: In rad/s; a bare number is in Hz.
 _FREQUENCIES = {"Hz": math.tau, "rad/s": 1.0, "mHz": 1e-3 * math.tau, "kHz": 1e3 * math.tau}
 _FORMS = "sphere:radius=5mm, punch:diameter=4mm or cone:angle=30deg (between axis and side)"
+_AREAS = {"m2": 1.0, "mm2": 1e-6, "cm2": 1e-4, "m²": 1.0, "mm²": 1e-6, "cm²": 1e-4}
 _ANGLE = re.compile(r"\s*(\d+\.?\d*|\.\d+)\s*(deg|°|rad)\s*$")
 
 
@@ -201,6 +203,8 @@ class QuantityOptions:
     "Print the coefficient of restitution at this impact speed, such as 0.5m/s."
     tip: Annotated[str | None, Parameter(metavar="SHAPE")] = None
     "Print Young's modulus for this tip: sphere:radius=5mm, punch:radius=2mm or cone:angle=30deg."
+    specimen: Annotated[str | None, Parameter(metavar="SIZE")] = None
+    "Print Young's modulus S h/A of a specimen between plates: area=314mm2,height=20mm."
     poisson: float | None = None
     "Poisson's ratio of the material, for --tip (default: 0.5, incompressible)."
     frequency: Annotated[str | None, Parameter(metavar="FREQUENCY")] = None
@@ -224,9 +228,9 @@ class QuantityOptions:
                 raise InvalidParameterError(f"--poisson needs --tip, such as {_FORMS}")
             ratio = number_in("--poisson", ratio, -1.0, 0.5, open_low=True)
         tip = None if self.tip is None else tip_of(self.tip)
-        return QueryOptions(
-            speed, tip, ratio, positive("--frequency", self.frequency, _FREQUENCIES, 1e12)
-        )
+        specimen = None if self.specimen is None else specimen_of(self.specimen)
+        frequency = positive("--frequency", self.frequency, _FREQUENCIES, 1e12)
+        return QueryOptions(speed, tip, ratio, frequency, specimen)
 
 
 def quantity(option: str, text: str, channel: str | Mapping[str, float]) -> float:
@@ -316,3 +320,23 @@ def tip_of(text: str) -> "Tip":
         angle = float(found[1]) if found[2] == "rad" else math.radians(float(found[1]))
         return Cone(angle if name == "angle" else 0.5 * angle)
     raise InvalidParameterError(f"--tip must be such as {_FORMS}, not {text!r}")
+
+
+def specimen_of(text: str) -> "Specimen":
+    """Return the specimen of a text such as ``area=314mm2,height=20mm``.
+
+    Raises
+    ------
+    InvalidParameterError
+        It is not of this form, or a size is out of its range.
+    """
+    from palpate.quantities.specimen import Specimen
+
+    parts = (each.partition("=") for each in text.split(","))
+    sizes = {name.strip(): size for name, _, size in parts}
+    if sizes.keys() != {"area", "height"}:
+        raise InvalidParameterError(
+            f"--specimen must be such as area=314mm2,height=20mm, not {text!r}"
+        )
+    area = quantity("--specimen area", sizes["area"], _AREAS)
+    return Specimen(area, quantity("--specimen height", sizes["height"], "penetration"))

@@ -25,7 +25,7 @@ from palpate.errors import printable
 if TYPE_CHECKING:
     from palpate.identifying import Identification
     from palpate.recordings import Recording
-    from palpate.results.view import Line, Marked, ViewSection
+    from palpate.results.view import Line, Styled, ViewSection
 
 Cell: TypeAlias = str | Text
 
@@ -171,22 +171,15 @@ def _width(words: str) -> int:
 
 
 def opened(
-    file: Path,
-    channels: Sequence[str] | None,
-    *,
-    strict: bool,
-    curve: int | None,
-    max_size: float | None,
+    file: Path, channels: Sequence[str] | None, *, max_size: float | None, **options: Any
 ) -> "Recording":
-    """Open a recording, with a bar while it is read."""
+    """Open a recording with options of :func:`palpate.open_recording`, and show a bar."""
     from palpate.recordings import open_recording
     from palpate.recordings.opening import MAX_SIZE
 
     most = MAX_SIZE if max_size is None else max_size
     with bar(f"reading {file}") as progress:
-        return open_recording(
-            file, channels, strict=strict, curve=curve, progress=progress, max_size=most
-        )
+        return open_recording(file, channels, progress=progress, max_size=most, **options)
 
 
 @contextmanager
@@ -225,18 +218,18 @@ def print_identifications(
 ) -> None:
     """Print what a file gave: its identification, or several side by side."""
     if as_json:
-        from palpate.results.saved import described
+        from palpate.results.saved import describe_contact
 
-        print_json(described(files, results))
+        print_json(describe_contact(files, results))
         return
     from palpate.results import view
 
     if len(results) > 1:
-        sections = [*view.of_comparison(results), view.preparation(results)]
+        sections = [*view.comparison_sections(results), view.preparation_section(results)]
     elif is_verbose():
-        sections = [*view.of_identification(results[0])]
+        sections = [*view.identification_sections(results[0])]
     else:
-        sections = [*view.answer(results[0], [shlex.quote(str(file)) for file in files])]
+        sections = [*view.short_answer(results[0], [shlex.quote(str(file)) for file in files])]
     short = len(results) == 1 and not is_verbose()
     source = results[0].contact.source or "contact"
     console = _print(Path(source).name if short else source, sections)
@@ -250,7 +243,7 @@ def print_diagnosis(result: "Identification") -> None:
     """Print the verdict, the numbers that it is about, and every finding with its remedy."""
     from palpate.results import view
 
-    _print(result.contact.source or "contact", view.of_diagnosis(result))
+    _print(result.contact.source or "contact", view.diagnosis_sections(result))
 
 
 def _print(title: str, sections: "Iterable[ViewSection]") -> Terminal:
@@ -275,7 +268,7 @@ def is_verbose() -> bool:
     return logging.getLogger("palpate").isEnabledFor(logging.INFO)
 
 
-def _cell(cell: "str | Marked") -> Cell:
+def _cell(cell: "str | Styled") -> Cell:
     if isinstance(cell, str):
         return cell
     return Text.assemble(cell.before, (cell.text, _STYLES[cell.mark]), cell.after)

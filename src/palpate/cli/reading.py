@@ -71,6 +71,8 @@ class ReadingOptions:
     "Identify the stiffness alone, of a curve without time; --start and --stop count samples."
     curve: Annotated[int | None, _READ] = None
     "Index, from 0, of the curve to read in a file with several."
+    sheet: Annotated[str | None, Parameter(group=READ, metavar="NAME|K")] = None
+    "Sheet of a spreadsheet: its name or its number from 1 (default: all that hold a table)."
     max_size: Annotated[float | None, in_si(SIZES, "SIZE", READ)] = None
     "Largest size of the data in memory, such as 8GB (default: 4 GiB)."
     start: Annotated[float | None, _READ] = None
@@ -135,13 +137,8 @@ class ReadingOptions:
 
         recording = None
         try:
-            recording = opened(
-                file,
-                self._channels,
-                strict=self.strict,
-                curve=self.curve,
-                max_size=self.max_size,
-            )
+            options = {name: getattr(self, name) for name in ("strict", "curve", "sheet")}
+            recording = opened(file, self._channels, max_size=self.max_size, **options)
             return prepare(recording, **self.preparation)
         except MissingChannelError as error:
             if recording is not None and recording.losses:  # the column may be in what is lost
@@ -247,9 +244,9 @@ class ReadingOptions:
         return compare(contact, gate=self._gate(contact), **settings)
 
     def _gate(self, contact: "Contact", *, alone: bool = False) -> "ContactGate | None":
-        from palpate.preparation.gates import gate_asked_for
+        from palpate.preparation.gates import requested_gate
 
-        return gate_asked_for(contact, self.min_penetration, self.min_force, alone=alone)
+        return requested_gate(contact, self.min_penetration, self.min_force, alone=alone)
 
 
 def flipped(options: Any) -> tuple[str, ...]:

@@ -1,17 +1,17 @@
-"""What may be wrong with an identification: checks of the data and of the fit, and the verdict.
+"""Checks of the data and of the fit, error bars, and the verdict of an identification.
 
-``data`` has the checks of a recording, ``fit`` the law fitted once more, in averages; causes of
-misfit are columns or searches beside that fit (``delay``, ``change``); ``marks`` names one of them,
-weighs all, and says what is left to doubt; ``diagnosing`` runs everything. ``docs/diagnosis.md``
-says what each sentence means.
+``recording`` checks the data. ``fit`` fits the law again to window means (``windows``). ``sensor``,
+``delay``, ``material``, ``change``, ``geometry``, ``excitation``, ``forecast`` and ``misfit``
+search that fit for causes and faults. ``causes`` names one cause and weighs all of them, ``bars``
+computes error bars, and ``verdict`` runs everything. ``docs/diagnosis.md`` explains each message.
 """
 
-from palpate.diagnosis.data import Data as Data
-from palpate.diagnosis.diagnosing import diagnose_parts as diagnose_parts
-from palpate.diagnosis.finding import Diagnosis as Diagnosis
-from palpate.diagnosis.finding import Episode as Episode
-from palpate.diagnosis.finding import Laws as Laws
-from palpate.diagnosis.finding import Quantity as Quantity
-from palpate.diagnosis.finding import Verdict as Verdict
-from palpate.diagnosis.finding import WorkingDepth as WorkingDepth
-from palpate.diagnosis.finding import stacked as stacked
+from palpate.diagnosis.outcome import Diagnosis as Diagnosis
+from palpate.diagnosis.outcome import Episode as Episode
+from palpate.diagnosis.outcome import ModelSelection as ModelSelection
+from palpate.diagnosis.outcome import Quantity as Quantity
+from palpate.diagnosis.outcome import Verdict as Verdict
+from palpate.diagnosis.outcome import WorkingDepth as WorkingDepth
+from palpate.diagnosis.outcome import stack_depths as stack_depths
+from palpate.diagnosis.recording import Data as Data
+from palpate.diagnosis.verdict import diagnose_parts as diagnose_parts

@@ -1,4 +1,4 @@
-"""Change of the material within the recording: where, how often, and how far."""
+"""Changes of the material within the recording: their times, their number and their sizes."""
 
 import itertools
 import math
@@ -8,27 +8,30 @@ from operator import attrgetter
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.diagnosis.fit import WINDOWS_A_PERIOD, Fit, MisfitHypothesis
+from palpate.diagnosis.causes import MisfitHypothesis
+from palpate.diagnosis.fit import Fit
+from palpate.diagnosis.windows import WINDOWS_A_PERIOD
 from palpate.digits import rounded
 from palpate.estimators.least_squares import Fitted, least_squares, robust_covariance
+from palpate.findings import Check
 from palpate.force_laws import ForceLaw
 from palpate.validation import Floats
 
-BLOCKS = 48  # among whose borders changes are sought
+BLOCKS = 48  # changes are searched for at the borders of these blocks
 MOST_CHANGES = 3
-WORTH_ANOTHER = 0.2  # of what is left, that one more change has to remove
-# A search among borders has a larger maximum than one test: 5.4 on 196 clean recordings, with steps
-# that are far below 3 %.
+WORTH_ANOTHER = 0.2  # fraction of the remaining energy that another change must remove
+# A search over borders has a larger maximum than a single test: 5.4 on 196 clean recordings, for
+# steps far below 3 %.
 SIGNIFICANT = 6.0
 SMALLEST_STEP = 0.03  # relative; below it a slow drift looks like steps
-FEWEST_PERIODS = 2.0  # an episode; one stroke cannot tell a change from memory
-EXPONENTS = (1.0, 1.5, 2.0)  # starts: the exponent pooled over two materials is nonsense
+FEWEST_PERIODS = 2.0  # of an episode; one stroke cannot distinguish change from relaxation
+EXPONENTS = (1.0, 1.5, 2.0)  # starts: the exponent pooled over two materials is useless
 _ENERGY = attrgetter("energy")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Changes:
-    """A recording cut where its material changes.
+    """Times at which the material changes, and the laws between them.
 
     Attributes
     ----------
@@ -47,27 +50,27 @@ class Changes:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Cut:
-    """Episodes with their own coefficients, and a common exponent and offset."""
+    """A fit with separate coefficients for each episode and a common exponent and offset."""
 
-    borders: list[int]  # rows at which another begins
+    borders: list[int]  # rows at which the next episode begins
     exponent: float
     offset: float
-    coefficients: Floats  # (episodes, own)
-    least: Fitted  # of coefficients, exponent and offset
+    coefficients: Floats  # (episodes, coefficients)
+    least: Fitted  # fit of coefficients, exponent and offset
 
     @property
     def energy(self) -> float:
-        """Sum of squares that it leaves, N²."""
+        """Sum of squares of the residual, N²."""
         return float(self.least.residual @ self.least.residual)
 
 
-def changes(fit: Fit) -> Changes | None:
-    """Cut by dynamic programming, for own (k, c) an episode and common n and F₀.
+def find_changes(fit: Fit) -> Changes | None:
+    """Find changes by dynamic programming, with (k, c) for each episode and common n and F₀.
 
-    None where there is none that is significant (z > 6), of 3 % or more, in episodes of two
-    periods or more.
+    Return None without a change that is significant (z > 6) and 3 % or more, between episodes of at
+    least two periods.
     """
-    rows = len(fit.band)
+    rows = len(fit.windows)
     if rows < 4 * BLOCKS:
         return None
     law = fit.solution.law
@@ -75,69 +78,84 @@ def changes(fit: Fit) -> Changes | None:
         return None
     starts = (law.parameters[2], *EXPONENTS) if law.power_law else (math.nan,)
     starts = starts[:1] if fit.fixed else starts
-    costs = {float(n): _cost(fit, float(n), fit.solution.offset) for n in starts}
-    found = None
+    columns_of = _EpisodeColumns(fit)
+    costs = {float(n): _block_costs(columns_of, float(n), fit.solution.offset) for n in starts}
+    cut = None
     energy, duration = fit.solution.energy, float(fit.time[-1] - fit.time[0])
     for count in range(1, MOST_CHANGES + 1):
         if duration / (count + 1) <= FEWEST_PERIODS * fit.period:
             break
-        cuts = [_fitted(fit, _programme(fit, c, count), n, held=True) for n, c in costs.items()]
-        best = _refined(fit, min(cuts, key=_ENERGY), count)
-        if best.energy > (1.0 - WORTH_ANOTHER) * energy and found is not None:
+        cuts = [
+            _fit_segments(columns_of, _best_borders(fit, c, count), n, held=True)
+            for n, c in costs.items()
+        ]
+        best = _refine_borders(columns_of, min(cuts, key=_ENERGY), count)
+        if best.energy > (1.0 - WORTH_ANOTHER) * energy and cut is not None:
             break
-        found, energy = best, best.energy
-    return None if found is None else _judged(fit, _sharpened(fit, found))
+        cut, energy = best, best.energy
+    return None if cut is None else _significant_changes(fit, _sharpen_borders(columns_of, cut))
 
 
-def _basis(fit: Fit, exponent: float, *, logarithm: bool = False) -> Floats:
-    """Columns of an episode's own coefficients: xⁿ and xⁿv, by n if so, or other linear ones."""
-    if math.isnan(exponent):
-        return fit.solution.jacobian[:, fit.linear]
-    if (exponent, logarithm) not in fit.powers:  # the searches come back to the same exponents
-        depth = np.maximum(fit.x, 1e-12)
-        power = depth**exponent * (np.log(depth) if logarithm else 1.0)
-        fit.powers[exponent, logarithm] = fit.band.mean(np.column_stack([power, power * fit.v]))
-    return fit.powers[exponent, logarithm]
+class _EpisodeColumns:
+    """Columns of an episode's coefficients: xⁿ and xⁿv for a power law, else the linear ones."""
+
+    def __init__(self, fit: Fit) -> None:
+        self.fit = fit
+        # Cached because the searches return to the same exponents.
+        self._powers: dict[tuple[float, bool], Floats] = {}
+
+    def __call__(self, exponent: float, *, logarithm: bool = False) -> Floats:
+        fit = self.fit
+        if math.isnan(exponent):
+            return fit.solution.jacobian[:, fit.linear]
+        key = exponent, logarithm
+        if key not in self._powers:
+            depth = np.maximum(fit.x, 1e-12)
+            power = depth**exponent * (np.log(depth) if logarithm else 1.0)
+            self._powers[key] = fit.windows.mean(np.column_stack([power, power * fit.v]))
+        return self._powers[key]
 
 
-def _refined(fit: Fit, start: Cut, count: int) -> Cut:
-    """The best borders of so many changes, near a start; exponent and borders in turn."""
-    cut = _fitted(fit, start.borders, start.exponent)
+def _refine_borders(columns_of: _EpisodeColumns, start: Cut, count: int) -> Cut:
+    """Return the best ``count`` borders near a start, improving exponent and borders in turn."""
+    fit = columns_of.fit
+    cut = _fit_segments(columns_of, start.borders, start.exponent)
     for _ in range(2):
-        borders = _programme(fit, _cost(fit, cut.exponent, cut.offset), count)
+        borders = _best_borders(fit, _block_costs(columns_of, cut.exponent, cut.offset), count)
         if borders == cut.borders:
             break
-        again = _fitted(fit, borders, cut.exponent)
+        again = _fit_segments(columns_of, borders, cut.exponent)
         if again.energy >= cut.energy * (1.0 - 1e-6):
             break
         cut = again
     return cut
 
 
-def _cost(fit: Fit, exponent: float, offset: float) -> Floats:
-    """Energy that own coefficients leave of blocks i … j − 1, shape (49, 49)."""
-    basis = _basis(fit, exponent)
-    wide = np.column_stack([basis, fit.by_linear - offset])
-    products = np.add.reduceat(wide[:, :, None] * wide[:, None, :], _edges(fit)[:-1], axis=0)
+def _block_costs(columns_of: _EpisodeColumns, exponent: float, offset: float) -> Floats:
+    """Residual energy of a separate fit to blocks i … j − 1, shape (49, 49)."""
+    fit = columns_of.fit
+    basis = columns_of(exponent)
+    joint = np.column_stack([basis, fit.by_linear - offset])
+    products = np.add.reduceat(joint[:, :, None] * joint[:, None, :], _edges(fit)[:-1], axis=0)
     sums = np.concatenate([np.zeros((1, *products.shape[1:])), np.cumsum(products, axis=0)])
-    of = sums[None, :] - sums[:, None]
-    own = basis.shape[1]
+    block_sums = sums[None, :] - sums[:, None]
+    size = basis.shape[1]
     i, j = np.triu_indices(BLOCKS + 1, 1)
-    normal, right = of[i, j, :own, :own], of[i, j, :own, own]
-    ridge = 1e-10 * np.trace(normal, axis1=1, axis2=2)[:, None, None] * np.eye(own)
+    normal, right = block_sums[i, j, :size, :size], block_sums[i, j, :size, size]
+    ridge = 1e-10 * np.trace(normal, axis1=1, axis2=2)[:, None, None] * np.eye(size)
     solved = np.linalg.solve(normal + ridge, right[:, :, None])[:, :, 0]
     cost = np.full((BLOCKS + 1, BLOCKS + 1), np.inf)
-    cost[i, j] = of[i, j, own, own] - (solved * right).sum(axis=1)
+    cost[i, j] = block_sums[i, j, size, size] - (solved * right).sum(axis=1)
     return cost
 
 
 def _edges(fit: Fit) -> NDArray[np.intp]:
-    """The rows at which blocks begin, and the end."""
-    return np.linspace(0, len(fit.band), BLOCKS + 1).astype(np.intp)
+    """Return the rows at which blocks begin, and the end."""
+    return np.linspace(0, len(fit.windows), BLOCKS + 1).astype(np.intp)
 
 
-def _programme(fit: Fit, cost: Floats, count: int) -> list[int]:
-    """The rows at which ``count`` changes leave the least."""
+def _best_borders(fit: Fit, cost: Floats, count: int) -> list[int]:
+    """Return the rows at which ``count`` changes leave the least energy."""
     best, chosen = cost[0].copy(), []
     for _ in range(count):
         total = best[:, None] + cost
@@ -152,59 +170,64 @@ def _programme(fit: Fit, cost: Floats, count: int) -> list[int]:
 
 
 def _episodes(fit: Fit, borders: list[int]) -> list[slice]:
-    """The rows of each episode."""
-    return list(itertools.starmap(slice, itertools.pairwise([0, *borders, len(fit.band)])))
+    """Return the rows of each episode."""
+    return list(itertools.starmap(slice, itertools.pairwise([0, *borders, len(fit.windows)])))
 
 
-def _fitted(fit: Fit, borders: list[int], exponent: float, *, held: bool = False) -> Cut:
-    """Coefficients of each episode, and a common offset and exponent, which may be held."""
+def _fit_segments(
+    columns_of: _EpisodeColumns, borders: list[int], exponent: float, *, held: bool = False
+) -> Cut:
+    """Fit coefficients for each episode, a common offset, and a common exponent unless held."""
+    fit = columns_of.fit
     parts, linear = _episodes(fit, borders), math.isnan(exponent)
     held = held or linear or bool(fit.fixed)
-    first = _basis(fit, exponent)
-    own, start = first.shape[1], 0.0 if linear else exponent
+    first = columns_of(exponent)
+    count, start = first.shape[1], 0.0 if linear else exponent
 
     def model(parameters: Floats) -> tuple[Floats, Floats]:
-        coefficients, n = parameters[:-2].reshape(-1, own), float(parameters[-2])
-        basis = first if held else _basis(fit, n)
-        slopes = None if held else _basis(fit, n, logarithm=True)
+        coefficients, n = parameters[:-2].reshape(-1, count), float(parameters[-2])
+        basis = first if held else columns_of(n)
+        slopes = None if held else columns_of(n, logarithm=True)
         columns = np.zeros((len(basis), len(parameters)))
         for k, part in enumerate(parts):
-            columns[part, k * own : (k + 1) * own] = basis[part]
+            columns[part, k * count : (k + 1) * count] = basis[part]
             if slopes is not None:
                 columns[part, -2] = slopes[part] @ coefficients[k]
         columns[:, -1] = fit.with_offset
         residual = fit.by_linear - columns[:, :-2] @ parameters[:-2] - parameters[-1]
         return residual, columns
 
-    high = np.full(own * len(parts) + 2, np.inf)
+    high = np.full(count * len(parts) + 2, np.inf)
     low = -high
     low[-2], high[-2] = (start, start) if held else (max(start - 0.4, 0.3), start + 0.4)
-    given = np.zeros(len(high))
-    given[-2] = start
-    found = least_squares(model, given, (low, high), 1e-6)
-    *coefficients, n, offset = found.parameters.tolist()
-    shares = np.reshape(coefficients, (-1, own))
-    return Cut(borders, math.nan if linear else n, offset, shares, found)
+    initial = np.zeros(len(high))
+    initial[-2] = start
+    fitted = least_squares(model, initial, (low, high), 1e-6)
+    *coefficients, n, offset = fitted.parameters.tolist()
+    shares = np.reshape(coefficients, (-1, count))
+    return Cut(borders, math.nan if linear else n, offset, shares, fitted)
 
 
-def _sharpened(fit: Fit, cut: Cut) -> Cut:
-    """Move each border to the row where one law's residual becomes smaller than the other's."""
-    basis, half = _basis(fit, cut.exponent), len(fit.band) // BLOCKS
+def _sharpen_borders(columns_of: _EpisodeColumns, cut: Cut) -> Cut:
+    """Move each border to the row from which the next law has the smaller residual."""
+    fit = columns_of.fit
+    basis, half = columns_of(cut.exponent), len(fit.windows) // BLOCKS
     target = fit.by_linear - cut.offset
     borders = []
     for k, border in enumerate(cut.borders):
         near = slice(max(border - half, 1), min(border + half, len(target) - 1))
         left, right = (target[near] - basis[near] @ cut.coefficients[k + m] for m in (0, 1))
         borders.append(near.start + int(np.argmin(np.cumsum(left**2 - right**2))) + 1)
-    return _without_slivers(fit, _fitted(fit, sorted(set(borders)), cut.exponent))
+    return _drop_slivers(columns_of, _fit_segments(columns_of, sorted(set(borders)), cut.exponent))
 
 
-def _without_slivers(fit: Fit, cut: Cut) -> Cut:
-    """Drop borders nearer than half a period to another or to an end.
+def _drop_slivers(columns_of: _EpisodeColumns, cut: Cut) -> Cut:
+    """Drop borders nearer than half a period to another border or to an end.
 
-    A filtered velocity smears a change over some rows, which no law describes, and which are no
-    material; nor are the few rows at an end where it sees but half of its window.
+    A filtered velocity smears a change over some rows, which then look like another material. At an
+    end of the recording the filter sees only half of its window.
     """
+    fit = columns_of.fit
     while True:
         lengths = np.diff(fit.time[[0, *cut.borders, -1]])
         if not cut.borders or lengths.min() >= 0.5 * fit.period:
@@ -212,53 +235,61 @@ def _without_slivers(fit: Fit, cut: Cut) -> Cut:
         near = int(np.argmin(lengths))
         drops = {max(near - 1, 0), min(near, len(cut.borders) - 1)}
         kept = [[b for k, b in enumerate(cut.borders) if k != drop] for drop in drops]
-        cut = min((_fitted(fit, each, cut.exponent) for each in kept), key=_ENERGY)
+        cut = min((_fit_segments(columns_of, each, cut.exponent) for each in kept), key=_ENERGY)
 
 
-def _law_of(fit: Fit, cut: Cut, own: Floats) -> ForceLaw:
+def _segment_law(fit: Fit, cut: Cut, coefficients: Floats) -> ForceLaw:
     law = fit.solution.law
     parameters = law.parameters
-    parameters[fit.linear] = own
+    parameters[fit.linear] = coefficients
     if not math.isnan(cut.exponent):
         parameters[2] = cut.exponent
     return law.from_parameters(parameters)
 
 
-def _judged(fit: Fit, cut: Cut) -> Changes | None:
-    own, residual = cut.coefficients.shape[1], cut.least.residual
+def _significant_changes(fit: Fit, cut: Cut) -> Changes | None:
+    count, residual = cut.coefficients.shape[1], cut.least.residual
     columns = np.delete(cut.least.jacobian, [-2] if fit.with_offset else [-2, -1], axis=1)
-    covariance = robust_covariance(columns, residual, fit.band.shared)
+    covariance = robust_covariance(columns, residual, fit.windows.shared)
     steps = np.diff(cut.coefficients, axis=0)
     wald = []
     for k, step in enumerate(steps):
-        first, second = slice(k * own, (k + 1) * own), slice((k + 1) * own, (k + 2) * own)
+        first, second = slice(k * count, (k + 1) * count), slice((k + 1) * count, (k + 2) * count)
         spread = covariance[first, first] + covariance[second, second]
         spread = spread - covariance[first, second] - covariance[second, first]
         wald.append(math.sqrt(max(float(step @ np.linalg.pinv(spread) @ step), 0.0)))
-    laws = tuple(fit.units.restored(_law_of(fit, cut, row)) for row in cut.coefficients)
+    laws = tuple(fit.units.restored(_segment_law(fit, cut, row)) for row in cut.coefficients)
     values = [fit.stiffness(fit.units.local(law)) for law in laws]
     size = [abs(b / a - 1.0) if a else math.inf for a, b in itertools.pairwise(values)]
     if min(wald, default=0.0) <= SIGNIFICANT or max(size) <= SMALLEST_STEP:
         return None
-    found = min(wald), fit.gain(float(residual @ residual)), 0.0
-    times = tuple(_to_the_sample(fit, cut, laws, k) for k in range(len(cut.borders)))
+    stats = min(wald), fit.explained_fraction(float(residual @ residual)), 0.0
+    times = tuple(_border_time(fit, cut, laws, k) for k in range(len(cut.borders)))
     when = ", ".join(f"{rounded(time, 3)} s" for time in times)
     levels = " → ".join(rounded(value, 3) for value in values)
 
-    def moves(other: Fit) -> tuple[float, float]:
-        pooled = other.stiffness(other.solution.law)
-        moved = (other.stiffness(other.units.local(law)) - pooled for law in laws)
-        return max(moved, key=abs) / other.sizes[0], 0.0
-
     sentence = f"the material changes at {when}: stiffness at working depth {levels} N/m"
     remedy = "identify each segment separately: --changes"
-    return Changes(
-        MisfitHypothesis("change", *found, sentence, remedy, moves, *moves(fit)), times, laws
-    )
+    change = SeveralLaws(laws)
+    cause = MisfitHypothesis(Check.CHANGE, *stats, sentence, remedy, change, *change.relative(fit))
+    return Changes(cause, times, laws)
 
 
-def _to_the_sample(fit: Fit, cut: Cut, laws: tuple[ForceLaw, ...], border: int) -> float:
-    """Time of the first sample that the next law fits better from there on, s."""
+@dataclass(frozen=True, slots=True, eq=False)
+class SeveralLaws:
+    """Consecutive laws, SI; the one whose stiffness differs most counts."""
+
+    laws: tuple[ForceLaw, ...]
+
+    def relative(self, fit: Fit) -> tuple[float, float]:
+        """Return the change of stiffness at the fit's depth over its scale, and 0 for damping."""
+        pooled = fit.stiffness(fit.solution.law)
+        changes = (fit.stiffness(fit.units.local(law)) - pooled for law in self.laws)
+        return max(changes, key=abs) / fit.reference_scales[0], 0.0
+
+
+def _border_time(fit: Fit, cut: Cut, laws: tuple[ForceLaw, ...], border: int) -> float:
+    """Return the time from which on the next law fits the samples better, s."""
     row, data = cut.borders[border], fit.data
     reach = 2.0 * fit.period / WINDOWS_A_PERIOD + 2.0 * data.sample_time
     middle = 0.5 * (fit.time[row - 1] + fit.time[row])
@@ -266,7 +297,7 @@ def _to_the_sample(fit: Fit, cut: Cut, laws: tuple[ForceLaw, ...], border: int) 
     if not near.size:
         return float(middle)
     x, v = fit.penetration[near], data.velocity[near]
-    wanted = data.force[near] - cut.offset
-    left, right = (wanted - laws[border + m].force(x, v) for m in (0, 1))
-    last = int(np.argmin(np.cumsum(left**2 - right**2)))
+    force = data.force[near] - cut.offset
+    before, after = (force - laws[border + m].force(x, v) for m in (0, 1))
+    last = int(np.argmin(np.cumsum(before**2 - after**2)))
     return float(data.time[near[min(last + 1, near.size - 1)]])

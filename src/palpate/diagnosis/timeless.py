@@ -1,7 +1,8 @@
-"""What of an estimate and a diagnosis holds for a curve that was recorded without time.
+"""Estimates and diagnoses of a curve that was recorded without time.
 
-The samples count as one second apart. A damper in these units is fitted beside the spring, so that
-the curve's two branches do not disturb it, and then dropped: its number would depend on the clock.
+The samples are assumed to be one second apart. A damper in these units is fitted together with the
+spring, so that the difference of loading and unloading does not bias the spring. Its value is then
+dropped, because it depends on the clock.
 """
 
 import math
@@ -10,32 +11,23 @@ from dataclasses import replace
 
 import numpy as np
 
-from palpate.diagnosis.finding import Diagnosis, Quantity, verdict_by
+from palpate.diagnosis.misfit import misfit_without_time
+from palpate.diagnosis.outcome import Diagnosis, Quantity
+from palpate.diagnosis.verdict import decide_marks
 from palpate.estimators.estimate import Estimate, Trace
-from palpate.findings import SEVERITIES, Finding, worst
+from palpate.findings import HOLD_WITHOUT_TIME, SEVERITIES, Check, Finding, worst
 from palpate.force_laws.laws import Spring
 from palpate.validation import Floats
 
-#: Places of K and n among the parameters of Hunt–Crossley.
+#: Indices of K and n among the parameters of Hunt–Crossley.
 _SPRING = np.array([0, 2])
 
-NO_TIME = Finding(
-    "no time",
+NO_TIME = Check.NO_TIME.finding(
     "the recording has no time: palpate gives the stiffness alone, and no damping",
     "record the time of each sample",
     damping="do-not-trust",
     brief="the recording has no time",
 )
-_UNNAMED = "the force differs from that of a spring, and without time palpate cannot say why"
-
-#: Checks that concern neither time nor damping; of others only the mark of the stiffness is kept.
-_WITHOUT_TIME = frozenset([
-    "channels", "clock", "coarse steps", "dead band", "depth", "direction", "episodes", "exponent",
-    "exponent range", "force axes", "force frame", "force jump", "force unit", "guard",
-    "light contact", "load transfer", "negative stiffness", "no time", "offset", "one way",
-    "options", "orientation", "outliers", "peak force", "penetration unit", "rows", "saturation",
-    "signs", "spikes", "stuck force", "surface range", "tare", "tool weight", "units",
-])  # fmt: skip
 
 
 class SpringEstimate(Estimate):
@@ -55,7 +47,7 @@ class SpringEstimate(Estimate):
 
     @property
     def covariance(self) -> Floats:
-        """Joint covariance of K and n, the damper's share included."""
+        """Joint covariance of K and n; it includes the uncertainty due to the damper."""
         part: Floats = super().covariance[np.ix_(_SPRING, _SPRING)]
         return part
 
@@ -74,7 +66,7 @@ class SpringEstimate(Estimate):
 
     @property
     def findings(self) -> tuple[Finding, ...]:
-        """What the curve does not identify."""
+        """Findings of the curve that do not need time."""
         return findings_without_time(super().findings)
 
 
@@ -89,24 +81,24 @@ def trace_without_time(trace: Trace) -> Trace:
 
 
 def findings_without_time(findings: Iterable[Finding]) -> tuple[Finding, ...]:
-    """Return the findings that hold without time; one without words for the others that mark S."""
+    """Return the findings that hold without time; a general misfit replaces others that mark S."""
     kept, marks = list[Finding](), []
     for finding in findings:
-        if finding.check in _WITHOUT_TIME:
+        if finding.check in HOLD_WITHOUT_TIME:
             alone = replace(finding, damping="trust", moves_damping_percent=math.nan)
             kept.append(finding if finding is NO_TIME else alone)
         else:
             marks.append(finding.stiffness)
     if (mark := worst(*marks)) != "trust":
-        kept.append(Finding("misfit", _UNNAMED, "record the time of each sample", stiffness=mark))
+        kept.append(misfit_without_time(mark))
     return tuple(kept)
 
 
 def diagnosis_without_time(found: Diagnosis) -> Diagnosis:
-    """Return a diagnosis of the stiffness alone."""
+    """Return the diagnosis of the stiffness alone."""
     findings = (*findings_without_time(found.findings), NO_TIME)
     in_order = sorted(findings, key=lambda each: -SEVERITIES.index(each.severity))
     unknown = Quantity(math.nan, math.nan, math.nan)
     depths = tuple(replace(depth, damping=unknown) for depth in found.working_depths)
-    verdict, limits = verdict_by(in_order, depths[0])
+    verdict, limits = decide_marks(in_order, depths[0])
     return Diagnosis(verdict, tuple(in_order), depths, limits=limits)

@@ -1,7 +1,7 @@
 """Batch fits of whole curves: the Hunt–Crossley law, thousands of curves a second.
 
-The same least squares as :class:`VariableProjection`, for complete contacts of which only the final
-estimate is needed; ``docs/curves.md`` has the cost and how it is minimised.
+The same least squares as :class:`VariableProjection`, for complete contacts that need only the
+final estimate; ``docs/curves.md`` defines the cost and explains how it is minimised.
 """
 
 from dataclasses import dataclass
@@ -21,7 +21,7 @@ from palpate.validation import Floats, all_good, arguments, instance, real_array
 _SIGNALS = ("penetration", "velocity", "force")
 _AT_ONCE = 2_000_000  # samples per call of the core; Ctrl-C takes effect between calls
 _RANGE: tuple[float, float] = _core.defaults["VariableProjection"]["exponent_range"]
-_MOST_SAMPLES = 1 << 20  # the noise levels of the error bars end there
+_MOST_SAMPLES = 1 << 20  # the noise levels of the error bars end at this many
 #: Names of the codes in :attr:`CurveFits.status`.
 STATUS_WORDS = ("fitted", "no contact", "did not settle", "surface at the edge of its range")
 
@@ -37,7 +37,7 @@ class CurveFits:
     offset, surface : numpy.ndarray, shape (k,)
         F₀, N, and d, m; 0 if not estimated.
     covariance : numpy.ndarray, shape (k, 5, 5)
-        Covariance of (K, B, n, F₀, d), SI; zero for what is not estimated.
+        Covariance of (K, B, n, F₀, d), SI; zero for parameters that are not estimated.
     noise : numpy.ndarray, shape (k,)
         Standard deviation of the force, N: from the residual, or as specified.
     cost : numpy.ndarray, shape (k,)
@@ -82,7 +82,7 @@ class CurveFits:
         return HuntCrossley(*(float(column[curve]) for column in columns))
 
     def describe_flags(self, curve: int) -> tuple[str, ...]:
-        """What the motion of one curve does not identify, and which motion would."""
+        """Parameters that the motion of one curve does not identify, and a motion that would."""
         return tuple(map(str, findings_of(int(self.flags[curve]))))
 
 
@@ -106,9 +106,10 @@ def fit_curves(
 
     min over (K, B, n, F₀, d) of Σ (F − K (x − d)ⁿ − B (x − d)ⁿ v − F₀)² + priors
 
-    Choice of samples, priors and error bars are those of :class:`VariableProjection`. Where the
-    surface is known, that estimator's sample-by-sample result is within a tenth of a standard error
-    of this minimum. Outliers are not rejected. ``docs/curves.md`` defines the cost.
+    The selection of samples, the priors and the error bars are the same as in
+    :class:`VariableProjection`. At a known surface, that estimator's sample-by-sample result is
+    within a tenth of a standard error of this minimum. Outliers are not rejected.
+    ``docs/curves.md`` defines the cost.
 
     Parameters
     ----------
@@ -129,11 +130,11 @@ def fit_curves(
     offset : bool
         Fit a constant force offset together with the law. Default: True.
     offset_deviation : float or array_like, shape (k,), optional
-        Standard deviation of the force offset after the tare, N, > 0, one or one per curve.
-        Default, and NaN: no tare.
+        Standard deviation of the force offset after the tare, N, > 0, for all curves or one per
+        curve. Default, and NaN: no tare.
     surface_deviation : float or array_like, shape (k,), optional
-        Standard deviation of the surface position, m, > 0, one or one per curve. Default, and NaN:
-        the surface is known exactly.
+        Standard deviation of the surface position, m, > 0, for all curves or one per curve.
+        Default, and NaN: the surface is known exactly.
     noise : float, optional
         Standard deviation of the force, N, > 0. Default: from the residual.
     scale : Scale, optional
@@ -154,15 +155,17 @@ def fit_curves(
         A setting is outside its range, or the arrays differ in shape.
     """
     settings = arguments(locals())
-    curves = _checked_curves(*(settings.pop(name) for name in _SIGNALS))
+    curves = _check_curves(*(settings.pop(name) for name in _SIGNALS))
     shared = whole_in("threads", settings.pop("threads"), 1, 1024)
-    numbers, covariance, taken, codes = _fitted(curves, _checked(len(curves[0]), settings), shared)
+    numbers, covariance, taken, codes = _fit_rows(
+        curves, _check_settings(len(curves[0]), settings), shared
+    )
     *law, sigma, cost = numbers[:, :7].T.copy()
-    found: list[Any] = [*law, covariance, sigma, cost, taken, *codes.T.copy()]
-    return CurveFits(*found)
+    columns: list[Any] = [*law, covariance, sigma, cost, taken, *codes.T.copy()]
+    return CurveFits(*columns)
 
 
-def _fitted(
+def _fit_rows(
     curves: tuple[Floats, ...],
     settings: tuple[Any, ...],
     threads: int,
@@ -180,21 +183,21 @@ def _fitted(
     rows = max(1, _AT_ONCE // max(samples, 1)) * threads
     for first in range(0, count, rows):
         part = slice(first, first + rows)
-        given: list[Any] = [values[part] for values in curves]
-        given += exponents, offset, noise, offset_deviation[part], surface_deviation[part], *rest
-        given += [column[part] for column in (numbers, covariance, taken, codes)]
-        given += [None if roles is None else roles[part], threads]
-        _core.fit_curves(*given)
+        inputs: list[Any] = [values[part] for values in curves]
+        inputs += exponents, offset, noise, offset_deviation[part], surface_deviation[part], *rest
+        inputs += [column[part] for column in (numbers, covariance, taken, codes)]
+        inputs += [None if roles is None else roles[part], threads]
+        _core.fit_curves(*inputs)
     return numbers, covariance, taken, codes
 
 
-def _checked_curves(*given: "ArrayLike") -> tuple[Floats, ...]:
-    arrays = [real_array(name, values) for name, values in zip(_SIGNALS, given, strict=True)]
+def _check_curves(*channels: "ArrayLike") -> tuple[Floats, ...]:
+    arrays = [real_array(name, values) for name, values in zip(_SIGNALS, channels, strict=True)]
     shapes = {array.shape for array in arrays}
     if len(shapes) > 1 or arrays[0].ndim not in (1, 2):
-        found = ", ".join(str(array.shape) for array in arrays)
+        text = ", ".join(str(array.shape) for array in arrays)
         raise InvalidParameterError(
-            f"penetration, velocity and force must all have shape (curves, samples), not {found}"
+            f"penetration, velocity and force must all have shape (curves, samples), not {text}"
         )
     if arrays[0].shape[-1] > _MOST_SAMPLES:
         raise InvalidParameterError(
@@ -204,15 +207,16 @@ def _checked_curves(*given: "ArrayLike") -> tuple[Floats, ...]:
     return tuple(np.ascontiguousarray(np.atleast_2d(array)) for array in arrays)
 
 
-def _checked(count: int, settings: dict[str, Any]) -> tuple[Any, ...]:
+def _check_settings(count: int, settings: dict[str, Any]) -> tuple[Any, ...]:
     """The settings of :func:`fit_curves`, as the core takes them; 0 means not specified."""
     offset, scale = settings["offset"], settings["scale"]
-    # Each curve has its own prior of the offset.
+    # Each curve has its own offset prior.
     level, exponents, fixed, *_ = projection_settings({**settings, "offset_deviation": None})
     exponents = (fixed, fixed) if fixed else exponents
     instance("scale", scale, (Scale, type(None)))
     deviations = (
-        _of_each(name, settings[name], count) for name in ("offset_deviation", "surface_deviation")
+        _one_per_curve(name, settings[name], count)
+        for name in ("offset_deviation", "surface_deviation")
     )
     # A range of (0, 0) lets the core choose the surface's range.
     surfaces = surfaces_in(settings["surface"], settings["surface_range"], (0.0, 0.0), 1e30)
@@ -220,15 +224,15 @@ def _checked(count: int, settings: dict[str, Any]) -> tuple[Any, ...]:
     return exponents, offset, level, *deviations, surfaces, units
 
 
-def _of_each(name: str, value: "ArrayLike | None", count: int) -> Floats:
+def _one_per_curve(name: str, value: "ArrayLike | None", count: int) -> Floats:
     """Return one deviation per curve; 0 means none."""
     if value is None:
         return np.zeros(count)
-    given = real_array(name, value)
-    if given.shape not in ((), (1,), (count,)):
+    values = real_array(name, value)
+    if values.shape not in ((), (1,), (count,)):
         raise InvalidParameterError(
             f"{name} must be one number, or one for each of {count} curves, not an array of shape "
-            f"{given.shape}"
+            f"{values.shape}"
         )
-    all_good(name, given, np.isnan(given) | ((given > 0.0) & (given <= 1e30)), "in (0, 1e+30]")
-    return np.ascontiguousarray(np.broadcast_to(np.nan_to_num(given, nan=0.0), count))
+    all_good(name, values, np.isnan(values) | ((values > 0.0) & (values <= 1e30)), "in (0, 1e+30]")
+    return np.ascontiguousarray(np.broadcast_to(np.nan_to_num(values, nan=0.0), count))

@@ -1,10 +1,11 @@
-"""Which method identifies a law; and least squares for laws that no compiled method identifies.
+"""The choice of the method for a law, and least squares for laws without a compiled method.
 
 A law without memory does not depend on the order of its samples. They are therefore summed in the
 cells of a grid of penetration and velocity. The grid has a fixed size; when a sample lies outside,
 pairs of cells merge. The fit uses the mean force and its two slopes in each cell.
 """
 
+import atexit
 import itertools
 import math
 from operator import itemgetter
@@ -37,19 +38,20 @@ CELLS = (64, 32)
 _SUMS = 9
 # Larger samples would overflow later products and squares.
 LARGEST = 1e30
-# Weights from the force at four nodes of a cell, √2 deviations off its middle, to force and slopes.
+# Weights that convert forces at four nodes of a cell, √2 deviations from its middle, to a mean and
+# slopes.
 _NODES = math.sqrt(2.0) * np.array([[1.0, -1.0, 0.0, 0.0], [0.0, 0.0, 1.0, -1.0]])
 _WEIGHTS = np.vstack([np.full(4, 0.25), _NODES / 4.0])
-# It fits again after an eighth more samples, and from many starts after twice as many.
+# A new fit follows after an eighth more samples, and one from many starts after twice as many.
 FEWEST, _GROWTH = 16, 9 / 8
-# Factors tried per parameter in which the force is not linear, by the number of such parameters.
+# Number of factors tried per nonlinear parameter, by the count of nonlinear parameters.
 _STARTS = {1: 33, 2: 11, 3: 6}
 _DECADES = 2.0
 _SEARCHED = 64  # cells used to compare starts
 _POLISHED = 3  # starts that are fitted to convergence
 # Relative gain of Σr² at which a fit ends: 1e-5 standard errors for a thousand rows.
 _ENOUGH = 1e-13
-# In standard errors: a larger step from a fit of an eighth fewer samples is discarded.
+# A step longer than this, in standard errors, from a fit of an eighth fewer samples is discarded.
 _NEAR = 3.0
 
 
@@ -72,8 +74,8 @@ class LeastSquaresOfLaw(PythonEstimator):
         F₀ ~ N(0, offset_deviation²). Default: no prior; in :func:`identify` the contact's
         ``tare_deviation``, if any.
     surface_deviation : float, optional
-        Standard deviation of the surface position, m, > 0: times F/x of the ``scale`` it widens
-        the prior, as in :class:`VariableProjection`.
+        Standard deviation of the surface position, m, > 0. Multiplied by F/x of the ``scale``, it
+        widens the prior, as in :class:`VariableProjection`.
     gate, outlier_rejection, sample_time, scale
         As in :class:`SingleStageRLS`.
     """
@@ -152,14 +154,14 @@ class LeastSquaresOfLaw(PythonEstimator):
             scale = self._settings["scale"] or PROBING
             sizes = self.law_type.sizes(scale.penetration, scale.velocity, scale.force)
             found = np.append(sizes, 0.0)
-            joint = _unknown(found)
+            joint = _wide_covariance(found)
         else:
-            found, joint = self._gone_on(_Rows(self))
+            found, joint = self._one_step_update(_Rows(self))
         counts = self._status, self._samples, 1.0, 0, 0, self._rejected
         value = EstimateValue(found[:-1], joint.reshape(-1), *counts, offset=float(found[-1]))
         return Estimate(value, self.law_type)
 
-    def _gone_on(self, rows: "_Rows") -> tuple[Floats, Floats]:
+    def _one_step_update(self, rows: "_Rows") -> tuple[Floats, Floats]:
         """The last fit after one step on all samples, and its covariance; the fit itself stays."""
         found = self._found
         assert found is not None
@@ -206,10 +208,10 @@ class LeastSquaresOfLaw(PythonEstimator):
         self._samples += 1
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return _again, (self.law_type, self._settings, self._state())
+        return _rebuild, (self.law_type, self._settings, self._state())
 
 
-def _again(law: type[ForceLaw], settings: dict[str, Any], state: Any) -> LeastSquaresOfLaw:
+def _rebuild(law: type[ForceLaw], settings: dict[str, Any], state: Any) -> LeastSquaresOfLaw:
     made = least_squares_of(law)(**settings)
     made._restore(state)
     return made
@@ -248,7 +250,7 @@ class _Rows:
         self.sizes = self.law.sizes(*rms.tolist())
 
     def at(self, found: Floats, noise: float) -> tuple[Floats, Floats]:
-        """Residual and Jacobian; the residual is ∞ where the law is not finite."""
+        """Residual and Jacobian; the residual is ∞ if the law is not finite."""
         with np.errstate(all="ignore"):
             force, gradient = self.law.force_and_gradient(found[:-1], self.x, self.v)
             zero = np.full_like(self.x, float(self.with_offset))
@@ -264,12 +266,12 @@ class _Rows:
         return residual, rows[1:].T
 
     def projected(self, found: Floats, noise: float) -> tuple[float, Floats]:
-        """Σr² and parameters after solving for those in which the force is linear."""
+        """Σr² and parameters after solving for the linear parameters."""
         residual, jacobian = self.at(found, noise)
-        better, own = found.copy(), [*self.linear, len(found) - 1]
+        better, linear = found.copy(), [*self.linear, len(found) - 1]
         if np.isfinite(residual).all():
-            better[own] += _step(jacobian[:, own], residual)
-            residual -= jacobian[:, own] @ (better - found)[own]
+            better[linear] += _step(jacobian[:, linear], residual)
+            residual -= jacobian[:, linear] @ (better - found)[linear]
         return float(residual @ residual), better
 
     def solved(self, found: Floats, noise: float) -> tuple[float, Floats]:
@@ -300,9 +302,9 @@ class _Rows:
         return math.sqrt((within + energy) / max(self.samples - len(self.sizes) - 1, 1))
 
     def covariance(self, found: Floats, residual: Floats, jacobian: Floats) -> Floats:
-        """Covariance of parameters and offset for white noise; wide where not identifiable."""
+        """Covariance of parameters and offset for white noise; large if not identifiable."""
         if not np.isfinite(residual).all():
-            return _unknown(found)
+            return _wide_covariance(found)
         size, energy = _sizes(jacobian), float(residual @ residual)
         values, vectors = np.linalg.eigh((jacobian / size).T @ (jacobian / size))
         scaled = vectors * (self.noise(energy) / np.sqrt(np.maximum(values, 1e-13)))
@@ -310,10 +312,10 @@ class _Rows:
         if not self.with_offset:
             joint[-1], joint[:, -1] = 0.0, 0.0
         joint = 0.5 * (joint + joint.T)
-        return joint if np.isfinite(joint).all() else _unknown(found)
+        return joint if np.isfinite(joint).all() else _wide_covariance(found)
 
 
-def _unknown(found: Floats) -> Floats:
+def _wide_covariance(found: Floats) -> Floats:
     """A covariance of unknown parameters: standard errors of a hundred times their values."""
     return np.diag(np.append((100.0 * found[:-1]) ** 2, 0.0))
 
@@ -340,8 +342,8 @@ def _step(jacobian: Floats, residual: Floats) -> Floats:
 def linear_in(law: type[ForceLaw]) -> tuple[int, ...]:
     """Return the indices of the parameters in which the force is jointly linear.
 
-    The force is linear in a set of parameters if its gradient by them does not depend on them. This
-    is tested at two depths and speeds, with parameters of a probing hand's size.
+    The force is linear in a set of parameters if its gradient with respect to them does not depend
+    on them. The test uses two depths and speeds, and parameters typical of a probing hand.
     """
     x, v = np.array([3e-3, 9e-3]), np.array([-15e-3, 10e-3])
     sizes = law.sizes(10e-3, 20e-3, 1.0)
@@ -352,16 +354,16 @@ def linear_in(law: type[ForceLaw]) -> tuple[int, ...]:
             moved[k] *= 1.3
         return law.from_parameters(moved).parameter_gradient(x, v)
 
-    found: list[int] = []
+    linear: list[int] = []
     before = gradient()
     for k in range(len(sizes)):
         after = gradient(k)
-        both = [*found, k]
+        both = [*linear, k]
         same = np.allclose(after[:, both], before[:, both], rtol=1e-9, atol=0.0)
-        others = (np.allclose(gradient(j)[:, k], before[:, k], rtol=1e-9, atol=0.0) for j in found)
+        others = (np.allclose(gradient(j)[:, k], before[:, k], rtol=1e-9, atol=0.0) for j in linear)
         if same and all(others):
-            found = both
-    return tuple(found)
+            linear = both
+    return tuple(linear)
 
 
 # One class for each registered law that no other method identifies.
@@ -372,9 +374,13 @@ _CLASSES: dict[type[ForceLaw], type[LeastSquaresOfLaw]] = {}
 
 def least_squares_of(law: type[ForceLaw]) -> type[LeastSquaresOfLaw]:
     """Return the least-squares estimator class of a law."""
-    own = {"law_type": law, "method": law.kind, "__doc__": f"Least squares of {law.__name__}."}
+    attributes = {
+        "law_type": law,
+        "method": law.kind,
+        "__doc__": f"Least squares of {law.__name__}.",
+    }
     if law not in _CLASSES:
-        _CLASSES[law] = type(f"{law.__name__}LeastSquares", (LeastSquaresOfLaw,), own)
+        _CLASSES[law] = type(f"{law.__name__}LeastSquares", (LeastSquaresOfLaw,), attributes)
     return _CLASSES[law]
 
 
@@ -384,10 +390,21 @@ def watch(law: type[ForceLaw]) -> None:
         register(least_squares_of(law))
 
 
-# Estimators by the name of their law: what ``identify(law=…)`` and ``--law`` accept.
+@atexit.register
+def forget_laws() -> None:
+    """Empty the registries when the interpreter ends.
+
+    A law that a script registers refers to the script's globals, and to a result among them: its
+    compiled objects would outlive the compiled module.
+    """
+    for registry in (FORCE_LAWS, ESTIMATORS, _CLASSES):
+        registry.clear()
+
+
+# The estimators for each name of a law that ``identify(law=…)`` and ``--law`` accept.
 
 USUAL = "hunt-crossley"
-# Settings of :class:`ViscoelasticContact` by the name of the requested law.
+# Settings of :class:`ViscoelasticContact` for each requested law.
 _SETTINGS: dict[str, dict[str, str]] = {
     "auto": {},
     "half-space": {"damping": "half-space", "memory": "none"},
@@ -395,7 +412,7 @@ _SETTINGS: dict[str, dict[str, str]] = {
 
 
 def law_names() -> tuple[str, ...]:
-    """Return the names that ``law`` accepts: kinds of law, and ways to choose one."""
+    """Return the names that ``law`` accepts: kinds of law, and ways to select one."""
     plain = [kind for kind in FORCE_LAWS if kind != GeneralisedHuntCrossley.kind]
     able = {estimator.law_type.kind for estimator in ESTIMATORS.values()}
     return tuple(dict.fromkeys([USUAL, *_SETTINGS, *(kind for kind in plain if kind in able)]))
@@ -410,32 +427,32 @@ def estimator_by_law(
     ----------
     law : str, optional
         ``"hunt-crossley"``, ``"kelvin-voigt"`` or another law that one method identifies;
-        ``"auto"``, with the damping form that fits the samples best and a spectrum of relaxation
-        times where the material relaxes; or ``"half-space"``.
+        ``"auto"``, which selects the damping form that fits best and adds a spectrum of relaxation
+        times if the material relaxes; or ``"half-space"``.
     method : str, optional
-        Name of an estimator that identifies this law.
+        Name of a method for this law.
 
     Raises
     ------
     InvalidParameterError
         The law or the method does not exist, or the method does not identify the law.
     """
-    given = None if method is None else estimator_named(method)
+    requested = None if method is None else estimator_named(method)
     if law is None:
-        return given or VariableProjection, {}
+        return requested or VariableProjection, {}
     one_of("law", law, law_names())
     settings = _SETTINGS.get(law)
-    if given is ViscoelasticContact and law == USUAL:
+    if requested is ViscoelasticContact and law == USUAL:
         settings = {"damping": law, "memory": "none"}
     able = [each for each in ESTIMATORS.values() if each.law_type.kind == law]
     if settings is not None:
         able = [ViscoelasticContact]
-    found = given or able[0]  # the default before all others
-    if found not in able:
-        own = f"the {found.law_type.kind} law"
-        if found is ViscoelasticContact:
-            own = ", ".join((USUAL, *_SETTINGS))
+    chosen = requested or able[0]  # the default method comes first
+    if chosen not in able:
+        laws = f"the {chosen.law_type.kind} law"
+        if chosen is ViscoelasticContact:
+            laws = ", ".join((USUAL, *_SETTINGS))
         raise InvalidParameterError(
-            f"method {found.method} does not identify law {law}, only {own}: pass one of the two"
+            f"method {chosen.method} does not identify law {law}, only {laws}: pass one of the two"
         )
-    return found, dict(settings or {})
+    return chosen, dict(settings or {})

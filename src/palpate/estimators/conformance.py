@@ -57,7 +57,7 @@ class _Odd:
         raise RuntimeError
 
 
-# Invalid values for any setting, except None for an optional one.
+# Invalid values for any setting; None is valid for an optional one.
 _NONSENSE: tuple[Any, ...] = (
     None, math.nan, -math.inf, -1.0, 10**400, 1e308, "soon", b"\xff", 1j, [], [[1.0], [2.0, 3.0]],
     {}, object(), _Odd(), np.ma.masked, np.ma.masked_equal([1.0, 2.0, 3.0], 2.0), int, (3, 1),
@@ -69,7 +69,7 @@ def settings_of(kind: Kind) -> list[str]:
     return list(inspect.signature(kind.__init__).parameters)[1:]
 
 
-@cache  # every test uses it, and none changes it
+@cache  # all tests share it, and none changes it
 def _tapping(seconds: float = 0.7) -> Signals:
     """A ball tapped several times, sampled at 1 kHz, with 0.02 N of noise."""
     time = 1e-3 * np.arange(round(1e3 * seconds))
@@ -118,7 +118,7 @@ def replay_is_update(kind: Kind, settings: dict[str, Any]) -> None:
     for k, row in enumerate(np.transpose(signals).tolist()):
         before = looped.predict(*row[:2])
         _hold(looped.update(*row) == trace.status[k], f"status of sample {k}")
-        # Once a law is known, an estimate of a few samples ago predicts like the present one.
+        # Once a law is known, a prediction from a few samples ago is close to the present one.
         off = abs(trace.predicted_force[k] - before)
         _hold(k < 100 or off <= 0.02 * largest, f"prediction of sample {k}")
         if k % 50 == 0:
@@ -127,7 +127,7 @@ def replay_is_update(kind: Kind, settings: dict[str, Any]) -> None:
 
 
 def thinned_replay_learns_the_same(kind: Kind, settings: dict[str, Any]) -> None:
-    """A thinned trace has the requested estimates, and all else is unchanged."""
+    """A thinned trace contains the requested estimates, and nothing else changes."""
     signals = _tapping()
     at = [0, 7, 8, 350, signals[0].size - 1]
     whole, thinned, unwritten = kind(**settings), kind(**settings), kind(**settings)
@@ -145,7 +145,7 @@ def thinned_replay_learns_the_same(kind: Kind, settings: dict[str, Any]) -> None
 
 
 def own_steps_are_the_sample_time(kind: Kind, settings: dict[str, Any]) -> None:
-    """An explicit time step equals the same sample time."""
+    """An explicit time step has the same effect as the same sample time."""
     nominal, given, spread = kind(**settings), kind(**settings), kind(**settings)
     signals, step = _tapping(), nominal.settings.get("sample_time") or 1e-3
     nominal.replay(*signals)
@@ -155,7 +155,7 @@ def own_steps_are_the_sample_time(kind: Kind, settings: dict[str, Any]) -> None:
 
 
 def refused_samples_change_nothing(kind: Kind, settings: dict[str, Any]) -> None:
-    """Invalid samples have a status that refuses them, and change nothing."""
+    """Invalid samples return a status that refuses them, and change nothing."""
     for estimator in (kind(**settings), _halfway(kind, settings)):
         before = _knowledge(estimator)
         for bad in (math.nan, math.inf, -math.inf):
@@ -168,7 +168,7 @@ def refused_samples_change_nothing(kind: Kind, settings: dict[str, Any]) -> None
 
 
 def any_floats_leave_it_sound(kind: Kind, settings: dict[str, Any]) -> None:
-    """Any samples give no exception, finite numbers and a valid covariance."""
+    """Any samples lead to finite numbers and a valid covariance, without an exception."""
     random = np.random.default_rng(5)
     estimator = kind(**settings)
     ordinary = random.uniform([-1e-3, -0.1, -1.0], [0.02, 0.1, 20.0], (400, 3))
@@ -213,7 +213,7 @@ def saved_and_restored_is_never_stopped(kind: Kind, settings: dict[str, Any]) ->
 
 
 def _lift(estimator: ContactEstimator) -> None:
-    """Samples out of contact; a single one might count as a dropout."""
+    """Update with samples out of contact; a single one might count as a dropout."""
     for _ in range(25):
         estimator.update(-1.0, 0.0, 0.0)
 
@@ -257,7 +257,7 @@ def units_do_not_matter(kind: Kind, settings: dict[str, Any]) -> None:
     other.replay(x, v, unit * force)
     law, units = plain.estimate().law, plain.law_type.units
     expected = [unit * p if "N" in u else p for p, u in zip(law.parameters, units, strict=True)]
-    # Logarithms of the units differ by rounding, which a short tap's conditioning amplifies.
+    # Logarithms of the units differ by rounding, which the conditioning of a short tap amplifies.
     _hold(np.allclose(other.estimate().parameters, expected, rtol=1e-6), "the laws differ")
 
 
@@ -302,7 +302,7 @@ def an_estimate_is_of_its_law(kind: Kind, settings: dict[str, Any]) -> None:
     )
 
 
-# A non-default value for each setting that several estimators have.
+# A non-default value for each setting that several estimators share.
 _OTHER: dict[str, Any] = {
     "gate": ContactGate(3e-4, 0.2, 0.1),
     "scale": Scale(5e-3, 50e-3, 10.0),
@@ -317,7 +317,7 @@ _OTHER: dict[str, Any] = {
 }
 
 
-#: Every conformance test by its name.
+#: The conformance tests by name.
 CHECKS: dict[str, Callable[[Kind, dict[str, Any]], None]] = {
     test.__name__.replace("_", " "): test
     for test in (
@@ -338,7 +338,7 @@ CHECKS: dict[str, Callable[[Kind, dict[str, Any]], None]] = {
 
 
 def variants(kind: Kind) -> dict[str, dict[str, Any]]:
-    """Return settings for the tests: the defaults, each other value alone, and all of them."""
+    """Return settings for the tests: the defaults, each other value alone, and all together."""
     others = {name: value for name, value in _OTHER.items() if name in settings_of(kind)}
     each = {f"another {name}": {name: value} for name, value in others.items()}
     return {"as it comes": {}, **each, "everything": others}

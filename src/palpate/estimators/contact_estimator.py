@@ -38,8 +38,8 @@ from palpate.validation import (
 class ContactEstimator(Configured):
     """Base class of all estimators: samples one at a time, or arrays through the same recursion.
 
-    Each subclass is one method. Settings are the constructor's keyword arguments. They are kept
-    apart from what the estimator has learned; :meth:`replace` keeps only the settings.
+    Each subclass is one method. Settings are the constructor's keyword arguments, separate from the
+    learned state; :meth:`replace` keeps only the settings.
     """
 
     __slots__ = ()
@@ -85,20 +85,20 @@ class ContactEstimator(Configured):
             """End the contact; the estimate is held until the next contact."""
 
         def evidence(self) -> Evidence:
-            """The numbers from which a verdict is computed, of a method that selects a law."""
+            """The numbers from which a verdict is computed; only if the method selects a law."""
 
     @property
     def offered(self) -> tuple[Candidate, ...]:
-        """The laws that compete, of a method that selects one; otherwise none."""
+        """The competing laws if the method selects one; otherwise none."""
         return ()
 
     @property
     def candidate(self) -> Candidate | None:
-        """The law selected so far, of a method that selects one; otherwise None."""
+        """The law selected so far if the method selects one; otherwise None."""
         return None
 
     def verdict(self) -> LawVerdict | None:
-        """Which law fits best, of a method that selects one; otherwise None."""
+        """The verdict on the best law if the method selects one; otherwise None."""
         return None
 
     def replay(
@@ -122,8 +122,8 @@ class ContactEstimator(Configured):
         dt : float or array_like, shape (k,), optional
             Time since the previous sample, s. Default: ``sample_time``.
         at : array_like of int, shape (m,), optional
-            Indices, from 0 and rising, of the samples after which the trace has the estimate.
-            Fewer are faster where an estimate costs more than a sample. Default: every sample.
+            Indices, from 0 and rising, of the samples after which the trace contains the estimate.
+            Fewer are faster if an estimate costs more than a sample. Default: every sample.
 
         Raises
         ------
@@ -139,7 +139,7 @@ class ContactEstimator(Configured):
 
     @property
     def rejects_outliers(self) -> bool:
-        """Whether outliers, and load that goes elsewhere, are excluded from a whole contact."""
+        """Whether outliers, and samples whose load is carried elsewhere, are excluded."""
         return self.settings.get("outlier_rejection") is not False
 
     @property
@@ -179,7 +179,7 @@ class PythonEstimator(ContactEstimator):
     """Base class of an estimator written in Python.
 
     A subclass defines ``update``, ``predict``, ``estimate``, ``reset`` and ``leave_contact``, and
-    keeps its settings in ``_settings`` and what it has learned in other attributes.
+    keeps its settings in ``_settings`` and its learned state in other attributes.
     """
 
     def _fill(self, trace: Trace, x: Floats, v: Floats, f: Floats, dt: Floats | None) -> None:
@@ -209,7 +209,7 @@ class PythonEstimator(ContactEstimator):
 
 
 def _time_steps(dt: "ArrayLike", samples: int) -> Floats:
-    """One time step, or one for each sample."""
+    """The time steps: a single one, or one for each sample."""
     one = np.isscalar(dt) or (isinstance(dt, np.ndarray) and dt.ndim == 0)
     steps = signal("dt", np.array([dt]) if one else dt)
     if not one:
@@ -218,13 +218,13 @@ def _time_steps(dt: "ArrayLike", samples: int) -> Floats:
 
 
 def _rows(at: "ArrayLike | None", samples: int) -> NDArray[np.int64] | None:
-    """Indices of the samples after which a trace has the estimate; None: after each."""
+    """Indices of the samples after which a trace contains the estimate; None: all samples."""
     if at is None:
         return None
-    given = signal("at", at)
-    rows = given.astype(np.int64) if np.isfinite(given).all() else np.array([-1])
-    sound = (rows >= 0).all() and (rows < samples).all() and (np.diff(rows) > 0).all()
-    if not sound or not np.array_equal(rows, given):
+    indices = signal("at", at)
+    rows = indices.astype(np.int64) if np.isfinite(indices).all() else np.array([-1])
+    valid = (rows >= 0).all() and (rows < samples).all() and (np.diff(rows) > 0).all()
+    if not valid or not np.array_equal(rows, indices):
         raise InvalidParameterError(
             f"at must be rising sample indices, whole numbers in [0, {samples}), not {shown(at)}"
         )
@@ -236,7 +236,7 @@ Kind = TypeVar("Kind", bound=type[ContactEstimator])
 #: All registered estimators by their ``method``; the default comes first.
 ESTIMATORS: dict[str, type[ContactEstimator]] = {}
 
-# What an estimator must define in addition to what ContactEstimator provides.
+# Attributes that an estimator must define in addition to those of ContactEstimator.
 _FACE = ("update", "predict", "estimate", "reset", "leave_contact", "_state", "_restore")
 
 
@@ -277,9 +277,9 @@ def estimator_named(name: str) -> type[ContactEstimator]:
     return ESTIMATORS[name]
 
 
-# The settings of every compiled estimator's loop, as the compiled constructors take them.
+# The settings of every compiled estimator's loop, as the compiled constructors expect them.
 
-#: None is off, except in ``identify``, where it is on; False is off there too.
+#: None: off, but on in ``identify``; False: off there too.
 Rejection = OutlierRejection | Literal[False] | None
 
 

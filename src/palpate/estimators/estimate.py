@@ -10,50 +10,38 @@ from numpy.typing import ArrayLike, NDArray
 from palpate._core import EstimateValue, Status
 from palpate.digits import with_error
 from palpate.errors import InvalidParameterError
-from palpate.findings import Finding
+from palpate.findings import Check, Finding
 from palpate.force_laws import ForceLaw
 from palpate.validation import Floats, number_in, shown, signals, whole_in
 
 # Keys: the bits of IdentifiabilityFlag in include/palpate/estimate.hpp.
 ADVICE = {
-    1: Finding(
-        "exponent",
+    1: Check.EXPONENT.finding(
         "exponent not identifiable from this motion",
         "alternate between shallow and deep penetrations",
     ),
-    2: Finding(
-        "damping",
-        "damping not identifiable",
-        "press and release several times, at different speeds",
+    2: Check.DAMPING.finding(
+        "damping not identifiable", "press and release several times, at different speeds"
     ),
-    4: Finding(
-        "exponent range",
-        "exponent at the edge of its range",
-        "check that the penetration is 0 at the surface",
+    4: Check.EXPONENT_RANGE.finding(
+        "exponent at the edge of its range", "check that the penetration is 0 at the surface"
     ),
-    8: Finding(
-        "surface range",
-        "surface at the edge of its range",
-        "record the approach through free air",
+    8: Check.SURFACE_RANGE.finding(
+        "surface at the edge of its range", "record the approach through free air"
     ),
-    64: Finding(
-        "offset",
-        "force offset larger than the tare's uncertainty allows",
-        "tare again out of contact",
+    64: Check.OFFSET_PRIOR.finding(
+        "force offset larger than the tare's uncertainty allows", "tare again out of contact"
     ),
-    16: Finding(
-        "tracking",
+    16: Check.TRACKING.finding(
         "not tracking yet: the exponent is not yet identifiable from this motion",
         "alternate between shallow and deep penetrations",
     ),
-    32: Finding(
-        "tracking",
+    32: Check.TRACKING.finding(
         "the material drifts faster than the random walk allows, or the noise is correlated: the "
         "standard errors may be too small",
         "raise stiffness_drift",
     ),
-    256: Finding(
-        "light contact",
+    256: Check.LIGHT_CONTACT.finding(
         "light contact biases the logarithm of the force: the standard errors are too small",
         "raise the gate's forces well above the noise, or use --method variable-projection",
     ),
@@ -80,19 +68,20 @@ class Estimate(EstimateValue):
         Joint covariance of the law's parameters: the recursion's P times the variance of its
         residual, converted from θ to the law by the delta method.
     standard_errors : numpy.ndarray, shape (p,)
-        Square roots of the covariance's diagonal. Those of variable projection hold for correlated
-        noise of unknown variance: they contain the factor t₀.₉₇₅(ν)/1.96, so that ± 1.96 standard
-        errors cover the truth in 95 % of cases. The paper's methods assume white noise here;
-        :attr:`Identification.standard_errors` does not.
+        Square roots of the covariance's diagonal. Variable projection allows for correlated noise
+        of unknown variance: its standard errors contain the factor t₀.₉₇₅(ν)/1.96, so that ± 1.96
+        standard errors cover the truth in 95 % of cases. The paper's methods assume white noise
+        here; :attr:`Identification.standard_errors` does not.
     offset, offset_standard_error : float
-        Force that the sensor shows without contact, N; 0 by methods that do not estimate it.
+        Force that the sensor shows without contact, N; 0 if the method does not estimate it.
     surface, surface_standard_error : float
-        Surface position in the coordinate of the penetration, m; 0 by methods that do not estimate
+        Surface position in the coordinate of the penetration, m; 0 if the method does not estimate
         it.
     joint_covariance : numpy.ndarray, shape (p + 1, p + 1)
         Covariance of the law's parameters and, last, the offset.
     findings : tuple of Finding
-        What this motion does not identify, and which motion would; ``flags`` has their text.
+        Parameters that this motion does not identify, and a motion that would; ``flags`` has the
+        text.
     fixed : tuple of str
         Names of the law's parameters that were specified, such as a known exponent; their standard
         errors are 0.
@@ -160,12 +149,12 @@ class Estimate(EstimateValue):
             value = EstimateValue(law.parameters, matrix, status, samples, validity_margin)
         except ValueError as error:
             raise InvalidParameterError(f"{type(law).__name__}: {error}") from None
-        made = cls(value, type(law), fixed)
-        made._law = law  # the parameters alone do not tell relaxation times
-        return made
+        estimate = cls(value, type(law), fixed)
+        estimate._law = law  # the parameters alone do not contain relaxation times
+        return estimate
 
     @property
-    def law(self) -> Any:  # of the estimator's law_type
+    def law(self) -> Any:  # an instance of law_type
         """The contact model, SI."""
         return self._law or self._law_type.from_parameters(self.parameters)
 
@@ -201,38 +190,38 @@ class Estimate(EstimateValue):
         tuple of numpy.ndarray, shape (m,)
             The numbers, and their standard errors.
         """
-        parameters, covariance, of, plain = self._numbers()
+        parameters, covariance, law_from, unitless = self._numbers()
         values = np.array(numbers(self.law), dtype=np.float64)
         # Central differences over 1 % of each standard error, where a law is nearly linear. The
         # limit keeps the parameter's sign where its error is tens of times its value.
         errors, sizes = np.sqrt(np.maximum(np.diag(covariance), 0.0)), np.abs(parameters)
         steps = np.where(np.isfinite(errors), 0.01 * errors, 1.0)
         steps = np.where(sizes > 0.0, np.minimum(steps, 0.5 * sizes), steps)
-        # An exponent moves by a half at most, to stay in its range.
-        steps = np.where(plain, np.minimum(steps, 0.5), steps)
+        # An exponent changes by a half at most, to stay in its range.
+        steps = np.where(unitless, np.minimum(steps, 0.5), steps)
         gradient = np.zeros((len(values), len(steps)))
         with np.errstate(all="ignore"):  # before the first fit an error may be infinite
             for k in np.flatnonzero(steps).tolist():
                 up, down = parameters.copy(), parameters.copy()
                 up[k], down[k] = up[k] + steps[k], down[k] - steps[k]
-                change = np.subtract(numbers(of(up)), numbers(of(down)))
+                change = np.subtract(numbers(law_from(up)), numbers(law_from(down)))
                 gradient[:, k] = change / (2.0 * steps[k])
             variances = np.array([each @ covariance @ each for each in gradient])
             return values, np.sqrt(np.where(variances >= 0.0, variances, np.nan))
 
     def _numbers(self) -> tuple[Floats, Floats, Callable[[Floats], ForceLaw], Sequence[bool]]:
-        """All numbers of the law, their covariance, the law of such, and which have no unit."""
-        plain = [not unit for unit in self._law_type.units]
-        return self.parameters, self.covariance, self.law.with_parameters, plain
+        """The law's numbers, their covariance, the law from them, and which have no unit."""
+        unitless = [not unit for unit in self._law_type.units]
+        return self.parameters, self.covariance, self.law.with_parameters, unitless
 
     @property
     def findings(self) -> tuple[Finding, ...]:
-        """What this motion does not identify, and which motion would."""
+        """Parameters that this motion does not identify, and a motion that would."""
         return self.motion_findings
 
     @property
     def motion_findings(self) -> tuple[Finding, ...]:
-        """Those of the motion only, without any on the standard errors of the method."""
+        """The findings on the motion, without those on the method's standard errors."""
         return findings_of(self._flags)
 
     @property
@@ -255,8 +244,8 @@ class Estimate(EstimateValue):
 
 # The trace of a replay, sample by sample.
 
-#: When a trace has the estimate: after every sample ("full"), at most this often (int), every so
-#: many seconds (float), or never (False).
+#: When a trace contains the estimate: after every sample ("full"), at most this often (int), once
+#: per this many seconds (float), or never (False).
 Traced: TypeAlias = Literal[False, "full"] | int | float
 
 
@@ -264,8 +253,8 @@ Traced: TypeAlias = Literal[False, "full"] | int | float
 class Trace:
     """Predicted force, status and estimate at each sample of a replay.
 
-    A full trace has the estimate after each of its k samples, a thinned one after m of them (m may
-    be 0). Predicted force, margin and status cover every sample in both.
+    A full trace contains the estimate after each of its k samples, a thinned one after m of them (m
+    may be 0). Predicted force, margin and status cover every sample in both.
 
     Attributes
     ----------
@@ -277,13 +266,13 @@ class Trace:
         One-step prediction, N: from the estimate before the sample. Variable projection predicts
         from its latest search, at most 64 samples earlier. NaN where a sample is not finite.
     validity_margin : numpy.ndarray, shape (k,)
-        Condition 10 as 1 − |v B/K| / 0.1, by the same estimates.
+        Condition 10 as 1 − |v B/K| / 0.1, from the same estimates.
     status : numpy.ndarray of uint8, shape (k,)
         The :class:`Status` of each sample.
     time : numpy.ndarray, shape (m,)
         Times of the estimates, s, from :func:`palpate.identify`; empty for a replay without times.
     samples : numpy.ndarray of int, shape (m,), optional
-        Indices of the samples after which the trace has the estimates. None: after every sample.
+        Indices of the samples after which the trace contains the estimates. None: all samples.
     """
 
     parameters: NDArray[np.float64]
@@ -331,7 +320,7 @@ class Trace:
         return f"Trace({len(self)} samples: {counts})"
 
     def __getitem__(self, window: slice) -> "Trace":
-        """Part of the trace, sharing its memory where it is full."""
+        """Part of the trace; a part of a full trace shares its memory."""
         rows, samples = self._rows(window)
         return Trace(
             self.parameters[rows],
@@ -347,23 +336,23 @@ class Trace:
         """Rows of the estimates within a window, and their sample indices in that window."""
         if self.samples is None:
             return window, None
-        kept = np.arange(len(self))[window]
-        _, there, rows = np.intersect1d(kept, self.samples, return_indices=True)
-        order = np.argsort(there)
-        return rows[order], there[order]
+        window_samples = np.arange(len(self))[window]
+        _, places, rows = np.intersect1d(window_samples, self.samples, return_indices=True)
+        order = np.argsort(places)
+        return rows[order], places[order]
 
     @property
     def full(self) -> bool:
-        """Whether the trace has the estimate after every sample."""
+        """Whether the trace contains the estimate after every sample."""
         return self.samples is None
 
     @property
     def after(self) -> NDArray[np.int64]:
-        """Indices of the samples after which the trace has the estimates; shape (m,)."""
+        """Indices of the samples after which the trace contains the estimates; shape (m,)."""
         return np.arange(len(self)) if self.samples is None else self.samples
 
     def everywhere(self, values: Floats) -> Floats:
-        """Spread the estimates' numbers over one row per sample; NaN where there is no estimate.
+        """Spread the estimates' numbers over one row per sample; NaN in rows without an estimate.
 
         Parameters
         ----------
@@ -378,12 +367,12 @@ class Trace:
 
     @property
     def validity(self) -> NDArray[np.bool_]:
-        """Where condition 10, |v| < 0.1 K/B, holds; shape (k,)."""
+        """Whether condition 10, |v| < 0.1 K/B, holds at each sample; shape (k,)."""
         return self.validity_margin > 0.0
 
     @property
     def taken(self) -> NDArray[np.bool_]:
-        """Which samples entered the estimate; shape (k,)."""
+        """Whether each sample entered the estimate; shape (k,)."""
         taken: NDArray[np.bool_] = np.isin(
             self.status, (Status.UPDATED, Status.GUARDED, Status.RESTARTED)
         )
@@ -391,7 +380,7 @@ class Trace:
 
     @property
     def rejected(self) -> NDArray[np.bool_]:
-        """Which samples were rejected as outliers; shape (k,)."""
+        """Whether each sample was rejected as an outlier; shape (k,)."""
         rejected: NDArray[np.bool_] = self.status == Status.REJECTED
         return rejected
 
@@ -417,10 +406,10 @@ def checked_trace(trace: Any) -> Traced:
 
 
 def thinned(trace: Traced, time: Floats, segments: "Sequence[slice]") -> NDArray[np.int64] | None:
-    """Return the samples after which a contact's trace has the estimate; None: after each.
+    """Return the samples after which a contact's trace contains the estimate; None: all samples.
 
-    For an int: that many at most, evenly spread, up to the last sample. For seconds: in each
-    segment the first sample of every interval, and the last sample.
+    If ``trace`` is an int: at most that many, evenly spread, up to the last sample. If it is in
+    seconds: in each segment the first sample of every interval, and the last sample.
     """
     if trace == "full":
         return None

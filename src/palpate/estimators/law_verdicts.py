@@ -1,4 +1,4 @@
-"""The verdict on which law fits, its findings, and the numbers that all laws have in common."""
+"""The model selection: the selected law, its findings, and quantities that all laws share."""
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import palpate._core as _core
 from palpate.digits import format_quantity, rounded
 from palpate.estimators.estimate import Estimate
-from palpate.findings import Finding
+from palpate.findings import Check, Finding, Mark
 from palpate.force_laws import ForceLaw, GeneralisedHuntCrossley
 from palpate.validation import Plain, defined, or_nan
 
@@ -52,7 +52,7 @@ class Candidate(Plain):
 
     @property
     def own(self) -> tuple[str, ...]:
-        """Names of its free parameters; the law's other parameters follow from these or are 0."""
+        """Names of its free parameters; the law's other parameters follow from them or are 0."""
         has = {
             "stiffness": True,
             "exponent": not self.linear,
@@ -81,9 +81,9 @@ class RankedModel:
     candidate : Candidate
         The law.
     score : float
-        N_eff ln(RSS/N) + 2 p ln N_eff minus the selected law's: 0 for that law, larger is worse,
-        and ten is strong evidence. Below 0 for laws with memory that leave over 95 % of the
-        selected law's error.
+        N_eff ln(RSS/N) + 2 p ln N_eff minus the score of the selected law: 0 for that law; larger
+        is worse, and ten is strong evidence. It is negative for a law with memory that scores
+        better, but reduces the error by less than 5 %.
     rms_error : float
         √(RSS/N), N.
     """
@@ -123,13 +123,13 @@ class LawVerdict(Plain):
     samples : float
         Number of samples in the evidence, after forgetting.
     effective_samples : float
-        Effective sample size N_eff: as many independent samples carry the same information.
+        Effective sample size N_eff: this many independent samples carry the same information.
     depth : float
         Mean depth of the motion, m.
     frequency : float
         Frequency of the motion, rad/s: rms speed over the rms distance from the mean depth.
     findings : tuple of Finding
-        What the samples leave open about the law; ``flags`` has their text.
+        Open questions about the law; ``flags`` has their text.
     """
 
     candidate: Candidate
@@ -163,26 +163,26 @@ class LawVerdict(Plain):
 
     @property
     def comparison(self) -> str:
-        """How the law compares with the best other law without memory, and by how many samples."""
+        """How the law compares with the best other law without memory, and the sample size."""
         error, rival = format_quantity(self.model_ranking[0].rms_error, "N"), self.rival
-        words = f"the only candidate, rms error {error}"
+        text = f"the only candidate, rms error {error}"
         if rival is not None:
             other, title = format_quantity(rival.rms_error, "N"), rival.candidate.title
             against = f"with {title}"
             if self.candidate.memory != "none":
                 against = f"without relaxation ({title})"
-            words = f"rms error {error}, {other} {against}"
+            text = f"rms error {error}, {other} {against}"
             if rival.score < UNDECIDED:
-                words = f"cannot be distinguished from {title}, {words}"
+                text = f"cannot be distinguished from {title}, {text}"
         effective, samples = rounded(self.effective_samples, 3), rounded(self.samples, 4)
-        return f"{words}; effective sample size {effective} of {samples}"
+        return f"{text}; effective sample size {effective} of {samples}"
 
     def __repr__(self) -> str:
         return f"LawVerdict({self})"
 
     @classmethod
     def from_dict(cls, words: Mapping[str, Any]) -> "LawVerdict":
-        """Return the verdict from the dictionary that :meth:`as_dict` makes."""
+        """Return the verdict from the dictionary that :meth:`as_dict` returns."""
 
         def candidate(each: Mapping[str, Any]) -> Candidate:
             return Candidate(each["damping"], each["memory"], each["linear"])
@@ -197,8 +197,8 @@ class LawVerdict(Plain):
 
     def rank_of(self, law: ForceLaw) -> RankedModel | None:
         """Return the rank of an identified law; None if it did not compete."""
-        wanted = law.candidate and Candidate(*law.candidate)
-        return next((each for each in self.model_ranking if each.candidate == wanted), None)
+        candidate = law.candidate and Candidate(*law.candidate)
+        return next((each for each in self.model_ranking if each.candidate == candidate), None)
 
     @property
     def known(self) -> bool:
@@ -213,7 +213,7 @@ class LawVerdict(Plain):
 
 @dataclass(frozen=True, slots=True)
 class DynamicStiffness:
-    """Stiffness and damping for small oscillations about a depth, which laws of every kind have.
+    """Stiffness and damping for small oscillations about a depth, which every law has.
 
     Attributes
     ----------
@@ -258,7 +258,7 @@ class Evidence(NamedTuple):
     offered : int
         The competing laws, one bit each.
     longest : float
-        The longest relaxation time that is looked for, s.
+        The longest relaxation time of the candidates, s.
     shallowest : float, optional
         The gate's minimum penetration, m; None if the gate has a force threshold too.
     """
@@ -281,7 +281,7 @@ class Evidence(NamedTuple):
         return tuple(law for index, law in enumerate(CANDIDATES) if self.offered >> index & 1)
 
 
-# What a verdict on laws leaves open.
+# Open questions about the law.
 
 #: A motion is one-way above this ratio of mean to rms velocity.
 ONE_WAY: float = _core.defaults["ViscoelasticContact"]["one_way"]
@@ -290,39 +290,50 @@ ONE_WAY: float = _core.defaults["ViscoelasticContact"]["one_way"]
 _NOISY = 0.02
 
 
-def _open_law(
+def one_way(stiffness: Mark = "trust", damping: Mark = "trust") -> Finding:
+    """Report a motion that goes one way at nearly one speed.
+
+    At one speed v spring, damper and memory are functions of the depth alone, x = vt, of which the
+    residual shows nothing: that of Hunt and Crossley, K xⁿ + B v xⁿ, is one power. Of laws that
+    are compared any may win there, and a half-space's spring even come out negative.
+    """
+    return Check.ONE_WAY.finding(
+        "the probe moves one way at nearly one speed: only the shape of the law separates "
+        "stiffness, damping and relaxation, which the error bars do not include",
+        "press and release, at several speeds",
+        stiffness=stiffness,
+        damping=damping,
+        brief="the probe moves one way",
+    )
+
+
+def _law_findings(
     evidence: Evidence, model_ranking: tuple[RankedModel, ...], law: GeneralisedHuntCrossley
 ) -> Iterator[Finding]:
-    """Findings on what the samples leave open about the law; none before the first verdict."""
+    """Findings on open questions about the law; none before the first verdict."""
     if not model_ranking:
         return
-    # At one speed, as in an approach alone, only noise distinguishes a damper from a spring.
-    own = model_ranking[0].candidate
-    rivals = [each for each in model_ranking[1:] if each.candidate.memory == own.memory == "none"]
+    # At one speed, as on an approach alone, only noise distinguishes a damper from a spring.
+    selected = model_ranking[0].candidate
+    rivals = [
+        each for each in model_ranking[1:] if each.candidate.memory == selected.memory == "none"
+    ]
     if tied := [each.candidate.title for each in rivals if each.score < UNDECIDED]:
-        yield Finding(
-            "which law",
+        yield Check.WHICH_LAW.finding(
             f"the samples do not distinguish it from {' or '.join(tied)}: the standard errors hold "
             "only if this law is the right one",
             "press and release several times, at different speeds",
         )
-    stand = {each.candidate for each in model_ranking}
-    if any(each.memory != "none" and each not in stand for each in evidence.laws):
-        yield Finding(
-            "which law",
+    ranked = {each.candidate for each in model_ranking}
+    if any(each.memory != "none" and each not in ranked for each in evidence.laws):
+        yield Check.WHICH_LAW.finding(
             "too few samples yet to compare laws with memory: one of them may be right, with other "
-            "stiffness and damping",
+            "stiffness and damping"
         )
-    # At one speed v damping, memory and stiffness are all functions of the depth alone, x = vt.
     if abs(evidence.one_way) > ONE_WAY:
-        yield Finding(
-            "one way",
-            "the probe moves one way at nearly one speed: only the assumed shape of the law "
-            "separates damping, memory and stiffness, which may be far off",
-            "press and release several times, at different speeds",
-        )
-    # Light samples are selected by their own force: noise makes some negative, which count as out
-    # of contact. The mean of the others is too high, E(F | F > 0) > F, and the stiffness too low.
+        yield one_way()
+    # Light samples are selected by their own force. If noise makes it negative, they count as out
+    # of contact: the mean of the others is too high, E(F | F > 0) > F, and the stiffness too low.
     depth, shallowest = evidence.depth, evidence.shallowest
     if shallowest is None or not (depth > 0.0 and law.stiffness > 0.0):
         return
@@ -330,10 +341,9 @@ def _open_law(
     force = law.stiffness * depth**n
     # At a force of two standard deviations the gate excludes one sample in forty.
     if noise > _NOISY * force and force * (shallowest / depth) ** n < 2.0 * noise:
-        # There the force is three times the noise.
+        # At this depth the force is three times the noise.
         needed = depth * (3.0 * noise / force) ** (1.0 / n)
-        yield Finding(
-            "gate",
+        yield Check.GATE.finding(
             "the contact gate selects light samples by a force within the noise, so K′ and K are "
             "too low",
             f"set gate=ContactGate(minimum_penetration={needed:.2g})",
@@ -341,13 +351,15 @@ def _open_law(
 
 
 def verdict_of(evidence: Evidence, estimate: Estimate) -> LawVerdict:
-    """Return the verdict, from an estimator's evidence and its estimate at the same time."""
-    own = next((score for index, score, _ in evidence.rows if index == evidence.chosen), 0.0)
+    """Return the verdict from an estimator's evidence and its simultaneous estimate."""
+    selected_score = next(
+        (score for index, score, _ in evidence.rows if index == evidence.chosen), 0.0
+    )
     ranked = sorted(evidence.rows, key=lambda row: (row[0] != evidence.chosen, row[1]))
     model_ranking = tuple(
-        RankedModel(CANDIDATES[int(index)], score - own, math.sqrt(mean_square))
+        RankedModel(CANDIDATES[int(index)], score - selected_score, math.sqrt(mean_square))
         for index, score, mean_square in ranked
     )
-    findings = tuple(_open_law(evidence, model_ranking, estimate.law))
+    findings = tuple(_law_findings(evidence, model_ranking, estimate.law))
     numbers = {name: getattr(evidence, name) for name in _NUMBERS}
     return LawVerdict(CANDIDATES[evidence.chosen], model_ranking, **numbers, findings=findings)

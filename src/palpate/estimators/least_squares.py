@@ -12,8 +12,8 @@ from palpate.settings import Configured
 from palpate.validation import Floats, arguments, covariance_matrix, signal
 
 MOST_STEPS = 25
-# Rows without shared windows, up to three periods of the motion, of which blocks are too few to
-# show how long noise is correlated; fewer still show nothing.
+# For this many rows without shared windows, up to three periods of the motion, there are too few
+# blocks to measure the correlation of the noise; fewer rows contain no information on it.
 FEW_ROWS = range(30, 65)
 POLES = 1.0 - 0.5 ** np.arange(0.0, 4.1, 0.25)
 
@@ -60,19 +60,20 @@ def robust_covariance(
     every = len(shared) + 1
     if not others and len(residual[::every]) in FEW_ROWS:
         known = np.diag(covariance) > 0.0  # not those that are kept fixed
-        likeliest = _in_likeliest_noise(unit[::every], residual[::every]) / size**2
-        wider = float(np.mean(likeliest[known] / np.diag(covariance)[known]))
+        variances = _ar1_variances(unit[::every], residual[::every]) / size**2
+        wider = float(np.mean(variances[known] / np.diag(covariance)[known]))
         if 1.0 < wider < np.inf:
             covariance *= wider
     return covariance
 
 
-def _in_likeliest_noise(jacobian: Floats, residual: Floats) -> Floats:
+def _ar1_variances(jacobian: Floats, residual: Floats) -> Floats:
     """Variances of a least-squares fit in the AR(1) noise of the greatest restricted likelihood.
 
-    A fit of four parameters to a single press takes up most of slow noise. Blocks of the residual
-    show what is left, but this likelihood allows for it (Patterson & Thompson 1971): in AR(1) noise
-    of 0.98, 86 instead of 73 % of 95 % intervals of stiffness hold the truth of 0.5 s presses.
+    A fit of four parameters to a single press absorbs most of slow noise. Blocks of the residual
+    measure only the rest, but this likelihood allows for it (Patterson & Thompson 1971): for 0.5 s
+    presses in AR(1) noise of 0.98 the 95 % intervals of stiffness contain the truth in 86 instead
+    of 73 % of cases.
     """
     rows, parameters = jacobian.shape
     both = np.column_stack([jacobian, residual])
@@ -92,7 +93,7 @@ def _in_likeliest_noise(jacobian: Floats, residual: Floats) -> Floats:
 
 
 class Fitted(NamedTuple):
-    """Parameters of the least Σ r², with r, shape (k,), and its negative slopes, shape (k, p)."""
+    """Parameters of the least Σ r², r, shape (k,), and the negative slopes of r, shape (k, p)."""
 
     parameters: Floats
     residual: Floats
@@ -113,27 +114,27 @@ def least_squares(
     Parameters
     ----------
     model : callable
-        Takes parameters and returns their residual, shape (k,), and the gradient of the force by
-        them, shape (k, p); a column of zeros keeps its parameter fixed.
+        Takes parameters and returns their residual, shape (k,), and the gradient of the force with
+        respect to them, shape (k, p); a column of zeros keeps its parameter fixed.
     start : numpy.ndarray, shape (p,)
         Starting values.
     bounds : tuple of numpy.ndarray
         Lower and upper bounds. Default: none.
     enough : float
-        It stops when a step reduces Σ r² by less than this fraction. Default: 1e-9.
+        The fit stops when a step reduces Σ r² by less than this fraction. Default: 1e-9.
     """
     best, damping, (low, high) = Fitted(start, *model(start)), 1e-9, bounds
     energy = float(best.residual @ best.residual)
     for _ in range(MOST_STEPS):
-        slope, at = best.jacobian.T @ best.residual, best.parameters
-        held = ((at <= low) & (slope < 0.0)) | ((at >= high) & (slope > 0.0))
+        slope, parameters = best.jacobian.T @ best.residual, best.parameters
+        held = ((parameters <= low) & (slope < 0.0)) | ((parameters >= high) & (slope > 0.0))
         jacobian = np.where(held, 0.0, best.jacobian)
         size = np.linalg.norm(jacobian, axis=0)
         size[size == 0.0] = 1.0
         unit = jacobian / size
         # Damping limits the condition number to 1e9, so the normal equations are accurate enough.
         normal = unit.T @ unit + max(damping, 1e-12) * np.eye(len(size))
-        trial = np.clip(at + np.linalg.solve(normal, slope / size) / size, low, high)
+        trial = np.clip(parameters + np.linalg.solve(normal, slope / size) / size, low, high)
         if not np.isfinite(trial).all():  # sums of absurd samples overflow
             break
         after = Fitted(trial, *model(trial))

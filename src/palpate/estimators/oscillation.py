@@ -1,9 +1,9 @@
-"""Stiffness K′ and damping B′ of the selected law, with error bars that hold, from all samples.
+"""Stiffness K′ and damping B′ of the selected law from all samples, with valid error bars.
 
-The residual of such a law is correlated, its spectrum is chosen by the samples, and where a
-stiffness is held at 0 the law's own covariance is too small. A bar therefore has three parts
-(``docs/viscoelastic.md``): the largest sandwich over blocks of the residual; the spread over the
-laws that fit as well; and what the misfit could hide.
+The residual of such a law is correlated, its spectrum is estimated too, and the law's own
+covariance is too small if a stiffness is held at 0. An error bar therefore has three parts
+(``docs/viscoelastic.md``): the largest sandwich over blocks of the residual; the spread over laws
+that fit equally well; and the possible effect of the misfit.
 """
 
 import math
@@ -19,36 +19,37 @@ from palpate.estimators.viscoelastic import ViscoelasticContact, law_of
 from palpate.force_laws import GeneralisedHuntCrossley
 from palpate.validation import Floats
 
-# Laws whose rms error is at most so many times the least fit as well.
+# A law fits equally well if its rms error is at most this multiple of the least.
 AS_WELL = 1.05
-# Times ε, the rms of the residual's correlated part over the peak force. Of a law that relaxes 2
-# holds 95 % of K′ and B′ (benchmarks.laws). One without memory takes more of a sensor's fault into
-# n and B, and leaves less: 4 holds 94 and 92 % of them (benchmarks.diagnosis.mix), 2 holds 91 %.
+# Multiples of ε, the rms of the residual's correlated part over the peak force. For a law with
+# relaxation 2 covers 95 % of K′ and B′ (benchmarks.laws). A law without memory absorbs more of a
+# sensor fault in n and B, and has a smaller residual: 4 covers 94 and 92 %
+# (benchmarks.diagnosis.mix), 2 covers 91 %.
 MISFIT, MISFIT_PLAIN = 2.0, 4.0
 FEWEST_BLOCKS = 10
-# Of a damper of free sign, in standard errors: below it the force is late. Of 213 contacts without
-# a fault 2 were named, of 33 that were 10 and 3 ms late 82 and 45 %.
+# The force is late if a damper of free sign is below this, in standard errors. It flagged 2 of 213
+# contacts without a fault, and 82 and 45 % of 33 contacts with forces 10 and 3 ms late.
 LATE = -2.5
-# Relaxation times that are left out for laws beside the fitted one, a bit each: none, every second,
-# the others, the shortest.
+# Sets of relaxation times, one bit each, that alternative laws exclude: none, every second, the
+# others, the shortest.
 _LEFT_OUT = (0, 0x555555, 0xAAAAAA, 1)
-# Until this long after contact a force in air may be the material's, s.
+# Up to this time after contact a force in air may come from the material, s.
 _SETTLED = 0.5
-_STEP = 1e-3  # of the exponent, for its derivative
+_STEP = 1e-3  # step of the exponent for its derivative
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Oscillation:
-    """What an estimator's samples say of small oscillations, by the selected law and its rivals.
+    """Small oscillations by the selected law of an estimator and by the laws that fit as well.
 
     Attributes
     ----------
     laws : tuple of GeneralisedHuntCrossley
-        That fit as well as the best; the first is the estimate's.
+        The laws that fit as well as the best; the first is the estimate's.
     misfit : float
         ε: rms of the residual's correlated part over the peak force.
     delay : float
-        Lower bound of how late the force is, s, by a damper of free sign; 0 where it is not late.
+        Lower bound of the force's delay, s, from a damper of free sign; 0 if it is not late.
     """
 
     laws: tuple[GeneralisedHuntCrossley, ...]
@@ -66,16 +67,16 @@ class Oscillation:
         time_steps: Floats,
         taken: NDArray[np.bool_],
     ) -> "Oscillation | None":
-        """Return what an estimator's samples say of small oscillations; None without a verdict.
+        """Return the small oscillations from an estimator's samples; None without a verdict.
 
         Parameters
         ----------
         estimator : ViscoelasticContact
             After all its samples, with nothing pending.
         penetration, velocity, force, time_steps : numpy.ndarray, shape (k,)
-            The samples that it was given, in order: m, m/s, N and s.
+            The estimator's samples, in order: m, m/s, N and s.
         taken : numpy.ndarray of bool, shape (k,)
-            Which of them it learned from.
+            Whether the estimator learned from each sample.
         """
         evidence = estimator.evidence()
         candidate = CANDIDATES[evidence.chosen]
@@ -83,24 +84,25 @@ class Oscillation:
             return None
         samples = _Samples(estimator, penetration, velocity, force, time_steps, taken)
         times, numbers, _, _ = estimator._spectrum()
-        own = _Columns(samples, candidate, numbers)
-        beside = [
+        columns = _Columns(samples, candidate, numbers)
+        fits = [
             estimator._beside(index, left_out, False)
             for index, law in enumerate(CANDIDATES)
             if law in evidence.laws
             for left_out in (_LEFT_OUT if law.memory != "none" else (0,))
         ]
-        least = min(mean_square for mean_square, _, _ in beside)
-        as_well = (
+        least = min(mean_square for mean_square, _, _ in fits)
+        equivalent = (
             law_of(times, other)
-            for mean_square, other, _ in beside
+            for mean_square, other, _ in fits
             if mean_square <= AS_WELL**2 * least
         )
-        laws = law_of(times, numbers), *as_well
-        # Of a start in contact the columns of its state take a lag, or feign one: 18 of 96 named.
+        laws = law_of(times, numbers), *equivalent
+        # At a start in contact the columns of the unknown state absorb a lag, or imitate one: 18 of
+        # 96 contacts were flagged.
         relaxes = candidate.memory != "none" and not evidence.begun
         late = _delay(samples, evidence.laws, evidence.depth) if relaxes else 0.0
-        return cls(laws, own.misfit, late, own)
+        return cls(laws, columns.misfit, late, columns)
 
     def at(self, depth: float, frequency: float) -> tuple[Floats, Floats]:
         """K′ [N/m] and B′ [N·s/m] at a depth [m] and a frequency ω [rad/s], each shape (2,).
@@ -108,24 +110,24 @@ class Oscillation:
         Returns
         -------
         tuple of numpy.ndarray
-            The numbers, and their statistical standard errors, by the largest sandwich.
+            The numbers, and their statistical standard errors from the largest sandwich.
         """
         law = self.laws[0]
         return dynamic_response(law, depth, frequency), self._columns.errors_at(depth, frequency)
 
     def systematic(self, values: Floats, depth: float, frequency: float) -> Floats:
-        """Systematic standard errors of K′ and B′, √(spread² + misfit²), about these values."""
+        """Systematic standard errors of K′ and B′ around these values, √(spread² + misfit²)."""
         others = np.array([dynamic_response(law, depth, frequency) for law in self.laws])
         factor = MISFIT if self.laws[0].remembers else MISFIT_PLAIN
-        missed = factor * self.misfit * abs(values[0]) * np.array([1.0, 1.0 / frequency])
-        systematic: Floats = np.hypot(np.abs(others - values).max(axis=0), missed)
+        misfit = factor * self.misfit * abs(values[0]) * np.array([1.0, 1.0 / frequency])
+        systematic: Floats = np.hypot(np.abs(others - values).max(axis=0), misfit)
         return systematic
 
 
 def _delay(samples: "_Samples", laws: tuple[Candidate, ...], depth: float) -> float:
-    """Lower bound of the force's delay, s: −B′/K∞ of a damper that is clearly negative; else 0.
+    """Lower bound of the force's delay, s: −B′/K∞ if the damper is clearly negative, else 0.
 
-    Of the damping form that fits best with a damper of any sign.
+    It uses the damping form that fits best with a damper of any sign.
     """
     free = [
         (*samples.estimator._beside(CANDIDATES.index(law), 0, True)[:2], law)
@@ -141,8 +143,8 @@ def _delay(samples: "_Samples", laws: tuple[Candidate, ...], depth: float) -> fl
     if not numbers[2] < LATE * error < 0.0:
         return 0.0
     n, p = numbers[1], numbers[3]
-    whole = n * depth ** (n - 1.0) * (numbers[0] + numbers[4:].sum())
-    return float(-numbers[2] * depth**p / whole)
+    stiffness = n * depth ** (n - 1.0) * (numbers[0] + numbers[4:].sum())
+    return float(-numbers[2] * depth**p / stiffness)
 
 
 def dynamic_response(law: GeneralisedHuntCrossley, depth: float, frequency: float) -> Floats:
@@ -152,10 +154,10 @@ def dynamic_response(law: GeneralisedHuntCrossley, depth: float, frequency: floa
 
 
 class _Samples:
-    """The whole path of the probe, and the samples by which the law is known.
+    """The whole path of the probe, and the samples that inform the law.
 
-    These are the samples taken, and free air, where only the offset is felt, unless the contact
-    contradicts that.
+    These are the samples taken, and those in free air, which inform only the offset; free air is
+    excluded if the contact contradicts it.
     """
 
     def __init__(
@@ -178,7 +180,7 @@ class _Samples:
     def _air(
         self, penetration: Floats, force: Floats, taken: NDArray[np.bool_]
     ) -> NDArray[np.bool_]:
-        """As many samples of free air as of contact, or fewer."""
+        """Whether each sample is one of the selected free-air samples, at most as many as taken."""
         touched = np.maximum.accumulate(np.where(self.path > 0.0, self.clock, -np.inf))
         air = (penetration < 0.0) & (self.clock - touched > _SETTLED) & np.isfinite(force)
         free = np.flatnonzero(air)
@@ -188,15 +190,15 @@ class _Samples:
         away = abs(float(np.mean(force[free])) - estimate.offset)
         if away > 5.0 * math.hypot(estimate.offset_standard_error, float(np.std(force[free]))):
             return np.zeros_like(taken)
-        kept = np.zeros_like(taken)
-        kept[free[:: -(-free.size // max(int(np.count_nonzero(taken)), 1))]] = True
-        return kept
+        selected = np.zeros_like(taken)
+        selected[free[:: -(-free.size // max(int(np.count_nonzero(taken)), 1))]] = True
+        return selected
 
 
 class _Columns:
-    """The columns of a law's numbers at the samples, and what they leave of the force.
+    """The columns of a law's parameters at the samples, and the residual of the force.
 
-    Numbers that are 0 are held there, but for the damper's: held at 0 it would have no error.
+    Parameters that are 0 are held there, except the damper's: held at 0 it would have no error.
     """
 
     def __init__(self, samples: _Samples, candidate: Candidate, numbers: Floats) -> None:
@@ -240,9 +242,9 @@ class _Columns:
 
     @property
     def misfit(self) -> float:
-        """ε, of ε² = max(ρ₁ − 1/√N, 0) ⟨r²⟩, over the peak force.
+        """ε, where ε² = max(ρ₁ − 1/√N, 0) ⟨r²⟩, over the peak force.
 
-        ρ₁ is the correlation of a residual with the one before, 0 ± 1/√N of white noise.
+        ρ₁ is the correlation of successive residuals, which is 0 ± 1/√N for white noise.
         """
         r = self.residual
         correlation = float(r[1:] @ r[:-1]) / max(float(r @ r), 1e-300) - 1.0 / math.sqrt(len(r))
@@ -250,21 +252,21 @@ class _Columns:
 
     @cached_property
     def scores(self) -> Floats:
-        """Σ s sᵀ with s = Σ a r over blocks of 1, 2, 4 … rows, as if they were all rows."""
+        """Σ s sᵀ with s = Σ a r over blocks of 1, 2, 4 … rows, scaled to the count of all rows."""
         sums, rows = self.matrix * self.residual[:, None], len(self.residual)
-        found: list[Floats] = []
-        while len(sums) >= FEWEST_BLOCKS or not found:
+        sums_by_size: list[Floats] = []
+        while len(sums) >= FEWEST_BLOCKS or not sums_by_size:
             blocks = len(sums)
             used = blocks * (rows // blocks)
-            found.append(rows / used * blocks / max(blocks - 1, 1) * (sums.T @ sums))
+            sums_by_size.append(rows / used * blocks / max(blocks - 1, 1) * (sums.T @ sums))
             sums = sums[: blocks // 2 * 2].reshape(blocks // 2, 2, -1).sum(axis=1)
-        return np.array(found)
+        return np.array(sums_by_size)
 
     def errors(self, gradient: Floats) -> Floats:
-        """Standard errors of functions of the numbers, by their gradient, shape (m, 4 + rungs)."""
-        own = np.zeros((len(gradient), len(self.sizes)))
-        own[:, : len(self.moved)] = gradient[:, self.moved] / self.sizes[: len(self.moved)]
-        weights = own @ self.inverse
+        """Standard errors of functions of the numbers with this gradient, shape (m, 4 + rungs)."""
+        scaled = np.zeros((len(gradient), len(self.sizes)))
+        scaled[:, : len(self.moved)] = gradient[:, self.moved] / self.sizes[: len(self.moved)]
+        weights = scaled @ self.inverse
         variances = np.einsum("ij,kjl,il->ki", weights, self.scores, weights)
         errors: Floats = np.sqrt(np.maximum(variances.max(axis=0), 0.0))
         return errors
@@ -277,13 +279,13 @@ class _Columns:
             step = _STEP if place == 1 else 1e-4 * size
             ends = []
             for side in (step, -step):
-                there = self.numbers.copy()
-                there[place] += side
-                ends.append(self._felt(there, depth, frequency))
+                numbers = self.numbers.copy()
+                numbers[place] += side
+                ends.append(self._response(numbers, depth, frequency))
             gradient[:, place] = (ends[0] - ends[1]) / (2.0 * step)
         return self.errors(gradient)
 
-    def _felt(self, numbers: Floats, depth: float, omega: float) -> Floats:
+    def _response(self, numbers: Floats, depth: float, omega: float) -> Floats:
         stiffness, n, damping = numbers[:3]
         turn = 1j * omega * self.times
         whole = n * depth ** (n - 1.0) * (stiffness + numbers[4:] @ (turn / (1.0 + turn)))

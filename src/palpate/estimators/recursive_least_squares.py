@@ -16,7 +16,7 @@ from palpate.estimators.contact_estimator import (
     loop_settings,
 )
 from palpate.estimators.estimate import Estimate
-from palpate.findings import Finding
+from palpate.findings import Check, Finding
 from palpate.force_laws import ExtendedKelvinVoigt, ForceLaw, HuntCrossley, KelvinVoigt
 from palpate.settings import (
     SAMPLE_TIME,
@@ -49,8 +49,8 @@ class RecursiveLeastSquaresEstimator(CompiledEstimator):
     outlier_rejection : OutlierRejection or False, optional
         Rejects dropouts and spikes. Default (None): off, but on in :func:`identify`; False: off.
     gate : ContactGate, optional
-        Which samples are contact. Default: those with x > 0 and F > 0; in :func:`identify`, a gate
-        chosen from the data.
+        Selects the samples in contact. Default: those with x > 0 and F > 0; in :func:`identify`, a
+        gate chosen from the data.
     sample_time : float
         Time between samples when ``update`` gets no ``dt``, s, in (0, 1e6]. Default: 1 ms.
     scale : Scale, optional
@@ -92,7 +92,7 @@ class RecursiveLeastSquaresEstimator(CompiledEstimator):
         super().__init__(*self._plain_settings())
 
     def _plain_settings(self) -> tuple[Any, ...]:
-        """The settings, checked, as the compiled constructor takes them."""
+        """Check the settings and return them for the compiled constructor."""
         given = self._settings
         instance("initial", given["initial"], self.law_type)
         for name, value in given["initial"].as_dict().items():
@@ -111,7 +111,7 @@ class RecursiveLeastSquaresEstimator(CompiledEstimator):
 
 
 class HuntCrossleyRLS(RecursiveLeastSquaresEstimator):
-    """Base class of those that identify the Hunt–Crossley law: the exponent may be known.
+    """Base class of the estimators for the Hunt–Crossley law: the exponent may be known.
 
     Parameters
     ----------
@@ -146,8 +146,7 @@ class HuntCrossleyRLS(RecursiveLeastSquaresEstimator):
 
 # With white noise of 0.05 N and five seconds of three sines, the 95 % interval of the stiffness at
 # working depth contains the truth in 55 of 100 cases on the ball and in none on the sponge.
-TOO_SMALL = Finding(
-    "standard errors",
+TOO_SMALL = Check.STANDARD_ERRORS.finding(
     "the standard errors of this estimate are too small: they assume white noise of the logarithm "
     "of the force, and no offset",
     "use VariableProjection, or identify the whole recording, whose diagnosis has wider ones",
@@ -155,13 +154,13 @@ TOO_SMALL = Finding(
 
 
 class SingleStageEstimate(Estimate):
-    """An estimate by the logarithm of the force, with a finding on its standard errors."""
+    """An estimate from the logarithm of the force, with a finding on its standard errors."""
 
     __slots__ = ()
 
     @property
     def findings(self) -> tuple[Finding, ...]:
-        """What the motion does not identify; and that the standard errors are too small."""
+        """Parameters that the motion does not identify, and the too small standard errors."""
         return (*self.motion_findings, TOO_SMALL) if self.samples else self.motion_findings
 
 
@@ -172,15 +171,16 @@ class SingleStageRLS(HuntCrossleyRLS, _core.SingleStageRLS):
 
     Valid while |v| < 0.1 K/B (eq. 10), which every estimate reports; beyond it K and B are biased
     low. Low-force samples weigh as much as high-force ones, so set the gate above the noise: an
-    estimate whose standard errors light contact makes too small by 1.4 or more has a flag. They
-    are too small in general, as a finding of each estimate says: they assume white noise of ln F
-    and no force offset, and are those of the paper (``docs/numerics.md``).
+    estimate has a flag if light contact makes its standard errors too small by 1.4 or more. They
+    are too small in general, as a finding of each estimate says: like the paper's, they assume
+    white noise of ln F and no force offset (``docs/numerics.md``).
 
     With a known exponent, y = ln F − n ln x, φ = [1, v], θ = [ln K, B/K].
 
-    Settings are those of :class:`RecursiveLeastSquaresEstimator`, and ``exponent``: a known n, in
-    [0.1, 10], from the tip's shape (1.5 for a sphere), with a standard error of 0. ``initial`` is a
-    :class:`HuntCrossley` of positive stiffness, ``initial_covariance`` is that of θ (default: 1e3).
+    The settings are the same as for :class:`RecursiveLeastSquaresEstimator`, and ``exponent``: a
+    known n, in [0.1, 10], from the tip's shape (1.5 for a sphere), with a standard error of 0.
+    ``initial`` is a :class:`HuntCrossley` of positive stiffness, ``initial_covariance`` the
+    covariance of θ (default: 1e3).
     """
 
     __slots__ = ("_settings",)
@@ -216,9 +216,9 @@ class DoubleStageRLS(HuntCrossleyRLS, _core.DoubleStageRLS):
 
     With a known exponent only stage 1 remains: linear least squares, which does not stall.
 
-    Settings are those of :class:`RecursiveLeastSquaresEstimator`, and ``exponent`` as in
-    :class:`SingleStageRLS`. ``initial`` is a :class:`HuntCrossley`; ``initial_covariance`` is that
-    of [K, B] and n (default: variances 1e8, 1e8, 1e3), with no covariance between the stages.
+    The settings are the same as for :class:`RecursiveLeastSquaresEstimator`, and ``exponent`` as in
+    :class:`SingleStageRLS`. ``initial`` is a :class:`HuntCrossley`; ``initial_covariance`` the
+    covariance of [K, B] and n (default: variances 1e8, 1e8, 1e3), without any between the stages.
     """
 
     __slots__ = ("_settings",)
@@ -244,7 +244,7 @@ class KelvinVoigtRLS(RecursiveLeastSquaresEstimator, _core.KelvinVoigtRLS):
     y = F, φ = [x, v], θ = [K, B] in eq. 13. The simplest method and the fastest to converge; its
     law is wrong where stiffness grows with depth.
 
-    Settings are those of :class:`RecursiveLeastSquaresEstimator`; ``initial`` is a
+    The settings are the same as for :class:`RecursiveLeastSquaresEstimator`; ``initial`` is a
     :class:`KelvinVoigt`, ``initial_covariance`` is 1e8 by default.
     """
 
@@ -260,7 +260,7 @@ class ExtendedKelvinVoigtRLS(RecursiveLeastSquaresEstimator, _core.ExtendedKelvi
 
     y = F, φ = [x, x², v], θ = [K₁, K₂, B] in eq. 13, for the law of eq. 14.
 
-    Settings are those of :class:`RecursiveLeastSquaresEstimator`; ``initial`` is an
+    The settings are the same as for :class:`RecursiveLeastSquaresEstimator`; ``initial`` is an
     :class:`ExtendedKelvinVoigt`, ``initial_covariance`` is 1e10 by default: in SI x² is so small
     that K₂ stays at its start under a smaller one.
     """

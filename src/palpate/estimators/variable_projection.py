@@ -29,7 +29,7 @@ from palpate.settings import (
 from palpate.validation import Floats, arguments, instance, number_in, pair_in, shown
 
 _DEFAULTS = _core.defaults["VariableProjection"]
-# The default scale: that of a hand-sized robot.
+# The default scale, for a hand-sized robot.
 PROBING = Scale(*_DEFAULTS["scale"])
 
 
@@ -38,11 +38,11 @@ class VariableProjection(CompiledEstimator, _core.VariableProjection):
 
     min over (K, B, n, F₀) of Σ (F − K xⁿ − B xⁿ v − F₀)²
 
-    For each exponent of a grid the law is linear in the other parameters, so a few sums per
-    exponent hold all information of the samples; the minimum over n is searched globally, then
-    refined. No logarithm, no condition 10, no starting values. It attains the Cramér–Rao bound
-    where the noise is white, penetration and velocity are exact, and the law holds. Adding a sample
-    is cheap; the solve happens on a call of ``estimate``.
+    For each exponent of a grid the law is linear in the other parameters, so that a few sums per
+    exponent contain all information of the samples. The minimum over n is searched globally, then
+    refined. The method needs no logarithm, no condition 10 and no starting values. It attains the
+    Cramér–Rao bound if the noise is white, penetration and velocity are exact, and the law holds.
+    Adding a sample is cheap; a call of ``estimate`` solves.
 
     Parameters
     ----------
@@ -80,13 +80,13 @@ class VariableProjection(CompiledEstimator, _core.VariableProjection):
         :func:`identify` twice the noise and rounding of the penetration, because the zero of an
         encoder lies anywhere within its step.
     weak_prior : bool
-        In :func:`identify`, where the probe moves one way at nearly one speed, which leaves n and B
-        open: the least squares with B ≥ 0 and n from 1 to 2, reported. Default: True.
+        In :func:`identify`, if the probe moves one way at nearly one speed, which does not identify
+        n and B: use the least squares with B ≥ 0 and n from 1 to 2, and report it. Default: True.
     gate : ContactGate, optional
-        Which samples are contact. With a ``make_force`` of 0 (the default) the estimator selects
-        them among those deeper than ``minimum_penetration``, by the force of a sample's neighbours;
-        selection by its own force would bias (``docs/variable-projection.md``). A positive
-        ``make_force`` applies as it is.
+        Selects the samples in contact. With a ``make_force`` of 0 (the default) the estimator
+        selects among the samples deeper than ``minimum_penetration``, from the force of each
+        sample's neighbours; a selection by the sample's own force would bias the law
+        (``docs/variable-projection.md``). A positive ``make_force`` applies as it is.
     sample_time : float
         Time between samples when ``update`` gets no ``dt``, s, in (0, 1e6]. Default: 1 ms.
     scale : Scale, optional
@@ -137,7 +137,7 @@ class VariableProjection(CompiledEstimator, _core.VariableProjection):
 def projection_settings(
     settings: dict[str, Any],
 ) -> tuple[float, tuple[float, float], float, bool, float]:
-    """Check the projection's settings, as the compiled constructors take them; 0 means None."""
+    """Check the projection's settings for the compiled constructors; 0 means None."""
     noise = positive_or_none("noise", settings["noise"])
     exponents = settings["exponent_range"]
     low, high = pair_in("exponent_range", exponents, 0.1, 10.0)
@@ -152,14 +152,14 @@ def projection_settings(
 
 
 def positive_or_none(name: str, value: float | None) -> float:
-    """Check a number above 0, as the compiled constructors take it; 0 means None."""
+    """Check a number above 0 for the compiled constructors; 0 means None."""
     return 0.0 if value is None else number_in(name, value, 0.0, 1e30, open_low=True)
 
 
 def surfaces_in(
     surface: str | None,
     surface_range: tuple[float, float] | None,
-    usual: tuple[float, float],
+    default: tuple[float, float],
     widest: float,
 ) -> tuple[float, float] | None:
     """Check the range of an estimated surface position, m; None: not estimated."""
@@ -170,7 +170,7 @@ def surfaces_in(
             "surface_range needs surface='estimate'; otherwise the surface is at 0"
         )
     if surface_range is None:
-        return None if surface is None else usual
+        return None if surface is None else default
     low, high = pair_in("surface_range", surface_range, -widest, widest)
     if not high > low:
         raise InvalidParameterError(
@@ -185,16 +185,16 @@ _DRIFT_DEFAULTS = _core.defaults["DriftTracking"]
 
 
 class DriftTracking(CompiledEstimator, _core.DriftTracking):
-    """The Hunt–Crossley law of a material that drifts, by an extended Kalman filter.
+    """The Hunt–Crossley law of a drifting material, by an extended Kalman filter.
 
     F = k ξⁿ (1 + b v) + F₀,  ξ = x/x_r;  d(ln k), db and dn are random walks.
 
-    Until the standard error of the exponent is below 0.05, its estimate is that of variable
-    projection, with a flag; then the filter starts from that estimate, covariance and noise. (From
+    Until the standard error of the exponent is below 0.05, variable projection provides the
+    estimate, with a flag; then the filter starts from that estimate, covariance and noise. (From
     arbitrary values such a filter diverges in about one start of ten.) For a material that changes
-    abruptly, use a :class:`ChangeDetector`. If nothing drifts, its errors are about three times
-    those of variable projection. Where the noise is correlated, by the errors of the start, the
-    standard errors are wider.
+    abruptly, use a :class:`ChangeDetector`. If nothing drifts, the errors are about three times as
+    large as with variable projection. If the errors of the start show that the noise is correlated,
+    the standard errors are wider.
 
     Parameters
     ----------
@@ -252,36 +252,35 @@ class DriftTracking(CompiledEstimator, _core.DriftTracking):
         super().__init__(projection_settings(self._settings), drift, loop)
 
 
-# The least squares in the box B ≥ 0, 1 ≤ n ≤ 2, where the motion leaves n and B open.
-#
-# At one speed v a spring K xⁿ and a damper B v xⁿ are one function of the depth. What the law does
-# not describe then goes into B and n: a press alone gave n = 3.6 and B < 0 on a soft sample, and a
-# force six times too large for the release. Tips have exponents from 1, a flat punch, to 2, a cone,
-# and no passive material has B < 0.
+# The least squares in the box B ≥ 0, 1 ≤ n ≤ 2, for a motion that does not identify n and B.
+# At one speed v a spring K xⁿ and a damper B v xⁿ are the same function of the depth. A misfit of
+# the law then changes B and n: a press alone gave n = 3.6 and B < 0 on a soft sample, and a force
+# six times too large for the release. Tips have exponents from 1, a flat punch, to 2, a cone, and
+# no passive material has B < 0.
 
 EXPONENTS = (1.0, 2.0)
-# Times the noise that the least squares leaves in means over a fortieth of the samples: below it
-# the shape of the law determines n, as in a simulation.
+# Least ratio of the residual's means over a fortieth of the samples to the noise. Below it the law
+# describes the force, and its shape determines n, as in a simulation.
 MISFIT, BLOCKS = 3.0, 40
 
 
 class ConstrainedEstimate(Estimate):
-    """An estimate under the prior; its covariance is that of the least squares without bounds."""
+    """An estimate under the prior; its covariance ignores the bounds."""
 
     __slots__ = ()
 
 
 def constrained(contact: Contact, trace: Trace, estimate: Estimate) -> ConstrainedEstimate | None:
-    """Return the least squares in the box, with the offset as it is; None where that is not needed.
+    """Return the least squares in the box, with the same offset; None if the box is not needed.
 
     Parameters
     ----------
     contact : Contact
-        What was identified.
+        The identified contact.
     trace : Trace
-        Which samples were taken.
+        The trace of the identification, which tells the samples taken.
     estimate : Estimate
-        The least squares without bounds, of a Hunt–Crossley law.
+        The least squares of a Hunt–Crossley law without bounds.
     """
     law, taken = estimate.law, trace.taken
     low, high = EXPONENTS
@@ -291,8 +290,8 @@ def constrained(contact: Contact, trace: Trace, estimate: Estimate) -> Constrain
     if not one_way or (low <= law.exponent <= high and law.damping >= 0.0):
         return None
     width = max(x.size // BLOCKS, 1)
-    left = (force - law.force(x, v))[: x.size // width * width].reshape(-1, width).mean(axis=1)
-    if not math.sqrt(width * float(np.mean(left**2))) > MISFIT * noise_of(force):
+    means = (force - law.force(x, v))[: x.size // width * width].reshape(-1, width).mean(axis=1)
+    if not math.sqrt(width * float(np.mean(means**2))) > MISFIT * noise_of(force):
         return None
     deep, fast = float(x.max()), float(np.abs(v).max())
     local = HuntCrossley(float(force.max()), 0.0, float(np.clip(law.exponent, low, high)))
@@ -302,13 +301,13 @@ def constrained(contact: Contact, trace: Trace, estimate: Estimate) -> Constrain
         return force - predicted, slopes
 
     bounds = np.array([-np.inf, 0.0, low]), np.array([np.inf, np.inf, high])
-    found = least_squares(model, local.parameters, bounds)
-    law = HuntCrossley(*found.parameters).scaled(1.0 / deep, 1.0 / fast)
+    fit = least_squares(model, local.parameters, bounds)
+    law = HuntCrossley(*fit.parameters).scaled(1.0 / deep, 1.0 / fast)
     # From local units to SI: K = k/x_rⁿ, B = c/(V x_rⁿ).
     to_si = np.diag([deep**-law.exponent, deep**-law.exponent / fast, 1.0])
     to_si[:2, 2] = -law.parameters[:2] * math.log(deep)
     joint = np.zeros((4, 4))
-    joint[:3, :3] = to_si @ robust_covariance(found.jacobian, found.residual) @ to_si.T
+    joint[:3, :3] = to_si @ robust_covariance(fit.jacobian, fit.residual) @ to_si.T
     joint[3, 3] = estimate.offset_standard_error**2
     counts = estimate.status, estimate.samples, 1.0, 0, 0, estimate.rejected
     value = EstimateValue(law.parameters, joint.reshape(-1), *counts, offset=estimate.offset)

@@ -1,4 +1,4 @@
-"""A generalised Hunt–Crossley law, with a spectrum of relaxation times where there is memory."""
+"""A generalised Hunt–Crossley law, with a spectrum of relaxation times if there is memory."""
 
 from collections.abc import Callable
 from typing import Any, Literal
@@ -36,11 +36,11 @@ Memory = Literal["auto", "none"]
 
 
 def law_of(times: Floats, numbers: Floats) -> GeneralisedHuntCrossley:
-    """Return the law of relaxation times [s] and of K, n, B, p and a stiffness for each."""
+    """Return the law from relaxation times [s], and K, n, B, p and a stiffness for each time."""
     (stiffness, n, damping, p), stiffnesses = numbers[:4].tolist(), np.maximum(numbers[4:], 0.0)
     if not stiffnesses.any():
         return GeneralisedHuntCrossley(stiffness, n, damping, p)
-    # Times whose stiffness is 0 stay: they tell neighbours, and how well one time is known.
+    # Times whose stiffness is 0 stay: the spacing of the times sets the error of a single time.
     spectrum = RelaxationSpectrum(tuple(times), tuple(stiffnesses))
     return GeneralisedHuntCrossley(stiffness, n, damping, p, relaxation=spectrum)
 
@@ -52,8 +52,8 @@ class RelaxingEstimate(Estimate):
     ----------
     spectrum : tuple
         Relaxation times, s, shape (r,); K, n, B, p and a stiffness for each time, shape (r + 4,);
-        their covariance and, last, the offset's; force [N] and time [s] of each column that stands
-        for an unknown start.
+        their covariance, with the offset as the last; force [N] and decay time [s] of each column
+        that models an unknown start.
     """
 
     __slots__ = ("spectrum",)
@@ -69,7 +69,7 @@ class RelaxingEstimate(Estimate):
         return law_of(times, numbers)
 
     def start_force(self, clock: Floats) -> Floats:
-        """Force that an unknown state at the start adds in contact, N, so long after it [s]."""
+        """Force of an unknown state at the start, N, at these times after the start [s]."""
         force = np.zeros_like(clock)
         for amount, time in self.spectrum[3]:
             force += amount * np.exp(-clock / time)
@@ -82,22 +82,22 @@ class RelaxingEstimate(Estimate):
 
 
 class ViscoelasticContact(CompiledEstimator, _core.ViscoelasticContact):
-    """A generalised Hunt–Crossley law, with a spectrum of relaxation times where there is memory.
+    """A generalised Hunt–Crossley law, with a spectrum of relaxation times if there is memory.
 
     min over (K, n, B, mᵢ, F₀) of Σ (F − K xⁿ − B xᵖ v − Σ mᵢ gᵢ − F₀)²,  ġᵢ = d(xⁿ)/dt − gᵢ/τᵢ,
     with K, B, mᵢ ≥ 0
 
-    for p = n, n − 1 and 0, beside the laws without memory, p = n and n − 1, and n = 1 with p = 0.
-    All share one set of sums. The relaxation times τᵢ are fixed, a factor of about two apart, and
-    how much relaxes with each is a least squares that is not negative (Lawson & Hanson 1974). The
-    law with the least N_eff ln(RSS/N) + 2 p ln N_eff is selected as samples arrive: Schwarz's
-    criterion (BIC) with twice the penalty, N_eff the effective sample size for the residual's
-    correlation; one with memory only where it leaves less than 95 % of the others' error.
-    The work is spread over the samples, and done at once by :meth:`finish_pending`. See
+    The candidates with memory have p = n, n − 1 or 0; those without have p = n, p = n − 1, or
+    n = 1 with p = 0. All share one set of sums. The relaxation times τᵢ are fixed, a factor of
+    about two apart, and their stiffnesses are a nonnegative least squares (Lawson & Hanson 1974).
+    The law with the lowest N_eff ln(RSS/N) + 2 p ln N_eff is selected as samples arrive: Schwarz's
+    criterion (BIC) with twice the penalty, and with the effective sample size N_eff for the
+    residual's correlation. A law with memory must also reduce the error of the others by 5 %. The
+    computation is spread over the samples; :meth:`finish_pending` completes it. See
     ``docs/viscoelastic.md``.
 
     The relaxation state follows from the penetration and continues through loss of contact. If the
-    samples begin in contact, the state is unknown, and two decaying forces stand for it.
+    samples begin in contact, the state is unknown, and two decaying forces model it.
 
     Parameters
     ----------
@@ -121,7 +121,8 @@ class ViscoelasticContact(CompiledEstimator, _core.ViscoelasticContact):
     exponent : float, optional
         Known n, in [0.5, 3.25], from the tip's shape. Default: estimated in that range.
     gate : ContactGate, optional
-        Which samples are contact. The estimate uses those above 0.1 % of the unit of penetration.
+        Selects the samples in contact. The estimate uses those above 0.1 % of the unit of
+        penetration.
     sample_time : float, optional
         Time between samples, s, in (0, 1e6]; a ``dt`` of ``update`` must be close to it. The
         shortest relaxation time is two sample times. Default: 1 ms; in :func:`identify` the data's.
@@ -165,7 +166,7 @@ class ViscoelasticContact(CompiledEstimator, _core.ViscoelasticContact):
         low, high = self.exponents
         times = 4.0 * number("sample_time", self._step), 1e12
         super().__init__(
-            _offered(damping, memory),
+            _candidate_bits(damping, memory),
             0.0 if exponent is None else number_in("exponent", exponent, low, high),
             offset,
             positive_or_none("offset_deviation", offset_deviation),
@@ -194,7 +195,7 @@ class ViscoelasticContact(CompiledEstimator, _core.ViscoelasticContact):
 
     def evidence(self) -> Evidence:
         """Return the numbers of a verdict, in some microseconds, for use in another process."""
-        offered = _offered(self._settings["damping"], self._settings["memory"])
+        offered = _candidate_bits(self._settings["damping"], self._settings["memory"])
         gate = self._settings["gate"] or ContactGate()
         shallowest = None if gate.make_force else gate.minimum_penetration
         longest = float(self._spectrum()[3][-1][1])
@@ -227,7 +228,7 @@ class ViscoelasticContact(CompiledEstimator, _core.ViscoelasticContact):
         """
         verdict, estimate = self.verdict(), self.estimate()
         low, high = verdict.band
-        # Without a verdict the law is its initial value, or that of before a change.
+        # Without a verdict the law is the initial one, or the one before a change.
         if not (verdict.model_ranking and high > 0.0 and verdict.depth > 0.0):
             raise InvalidParameterError("the motion's frequency is unknown: take more samples")
         omega = verdict.frequency if frequency is None else number("frequency", frequency)
@@ -238,11 +239,11 @@ class ViscoelasticContact(CompiledEstimator, _core.ViscoelasticContact):
             )
         x = verdict.depth if depth is None else number_in("depth", depth, 0.0, 1e100, open_low=True)
 
-        def felt(law: GeneralisedHuntCrossley) -> tuple[float, float]:
+        def response(law: GeneralisedHuntCrossley) -> tuple[float, float]:
             whole = law.dynamic_stiffness(x, omega)
             return whole.real, whole.imag / omega
 
-        (stiffness, damping), errors = estimate.with_errors(felt)
+        (stiffness, damping), errors = estimate.with_errors(response)
         return DynamicStiffness(
             x, omega, float(stiffness), float(errors[0]), float(damping), float(errors[1])
         )
@@ -253,8 +254,8 @@ class ViscoelasticContact(CompiledEstimator, _core.ViscoelasticContact):
         return SAMPLE_TIME if given is None else given
 
 
-def _offered(damping: str, memory: str) -> int:
-    """Which candidates compete, a bit each."""
+def _candidate_bits(damping: str, memory: str) -> int:
+    """The candidates that compete, one bit each."""
     one_of("damping", damping, ("auto", *DAMPINGS))
     one_of("memory", memory, ("auto", "none"))
     bits = 0

@@ -24,7 +24,7 @@ from palpate.digits import rounded
 from palpate.errors import ExportRefusedError, InvalidParameterError, RecordingError
 from palpate.estimators.estimate import rmse_percent
 from palpate.estimators.least_squares import least_squares
-from palpate.findings import Finding
+from palpate.findings import Check, Finding
 from palpate.force_laws import ForceLaw, GeneralisedHuntCrossley, steps_over_breaks
 from palpate.identifying import Identification
 from palpate.lab.trajectories import Probing
@@ -553,12 +553,12 @@ class Replayed:
 
 def warned(*messages: str) -> tuple[Finding, ...]:
     """Return messages as warnings."""
-    return tuple(Finding("engine", message, severity="with-care") for message in messages)
+    return tuple(Check.ENGINE.finding(message, severity="with-care") for message in messages)
 
 
 def refused(*messages: str) -> tuple[Finding, ...]:
     """Return messages as refusals."""
-    return tuple(Finding("engine", message, severity="do-not-trust") for message in messages)
+    return tuple(Check.ENGINE.finding(message, severity="do-not-trust") for message in messages)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -43,10 +43,11 @@ from palpate.figures.style import (
 )
 from palpate.findings import spoken
 from palpate.force_laws import RelaxationSpectrum
-from palpate.identification.identified import Identified, rank
+from palpate.identification.identified import Identified
+from palpate.identification.ranking import rank
 from palpate.quantities.derived import SmallOscillation, band_of
 from palpate.results.parameters import law_name, parameter_rows
-from palpate.results.view import answer
+from palpate.results.view import short_answer
 from palpate.stages import timed
 from palpate.validation import Floats
 
@@ -125,7 +126,7 @@ def draw(identification: Identified, *, dark: bool = False, width: float | None 
         elif check:
             draw_error(check[0], result, look)
         travels = any(part.place is not None for part in result.segments)
-        counts = next(answer(result, ())).lines[0].text if travels else verdict_of(result)
+        counts = next(short_answer(result, ())).lines[0].text if travels else verdict_of(result)
         title = [counts, fit_of(result)]
         if look.narrow:
             stack(panels[2:])

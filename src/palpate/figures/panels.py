@@ -42,7 +42,7 @@ from palpate.results.parameters import (
     describe_relaxation,
     parameter_rows,
 )
-from palpate.results.view import depth_of
+from palpate.results.view import format_depth
 from palpate.validation import Floats
 
 if TYPE_CHECKING:
@@ -69,7 +69,7 @@ def at_depth(result: Identified, names: Iterable[str] = _UNITS) -> str:
         found: Quantity = getattr(there, name)
         words.append(f"{name} {found.format(_UNITS[name]).replace(' ', JOINED)}")
     often = f", {in_hertz(result.frequency)}" if result.law.remembers else ""
-    return f"at {depth_of(there.depth)}{often}: {', '.join(words)}"
+    return f"at {format_depth(there.depth)}{often}: {', '.join(words)}"
 
 
 def name_of(result: Identified) -> str:

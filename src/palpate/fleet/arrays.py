@@ -1,8 +1,8 @@
 """The whole-curve fit of contacts as arrays of equal length; and ``identify_many``.
 
-:class:`palpate.OutlierRejection` compares each sample with earlier ones. Here the whole contact is
-known, so outliers are single samples that depart from their neighbours on both sides, and forces at
-the end of the sensor's range.
+:class:`palpate.OutlierRejection` compares each sample with earlier ones. In this module the whole
+contact is known, so outliers are single samples that depart from their neighbours on both sides,
+and forces at the end of the sensor's range.
 """
 
 import json
@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 import palpate._core as _core
 from palpate.contact import Contact, VelocityFilter
 from palpate.diagnosis import Data
-from palpate.diagnosis.diagnosing import outliers
+from palpate.diagnosis.sensor import outlier_finding
 from palpate.errors import FleetError, InvalidParameterError, RecordingError
 from palpate.estimators import ContactEstimator, VariableProjection
 from palpate.estimators.batch_fit import STATUS_WORDS, CurveFits, fit_curves
@@ -39,17 +39,17 @@ from palpate.fleet.rows import (
 )
 from palpate.fleet.tasks import AUTO, DiagnosisDepth, Settings, Table, cores
 from palpate.force_laws import ForceLaw, GeneralisedHuntCrossley, HuntCrossley
-from palpate.identification.identified import (
-    FEWEST_ABOVE,
+from palpate.identification.estimate_checks import (
     NEGATIVE_DAMPING,
     NEGATIVE_STIFFNESS,
     creates_energy,
-    no_approach,
-    no_contact_message,
 )
-from palpate.identification.replaying import estimator_of
-from palpate.preparation.gates import choose_gate, load_transfer, resolutions_of
+from palpate.identification.refusals import FEWEST_ABOVE, no_approach, no_contact_message
+from palpate.identification.replaying import resolve_estimator
+from palpate.preparation.gates import choose_gate
+from palpate.preparation.load_transfer import find_load_transfer
 from palpate.preparation.preparing import Recorded, prepare
+from palpate.preparation.resolution import resolutions_of
 from palpate.preparation.velocity import spikes_of_rows, velocities_of_rows
 from palpate.recordings.recording import Recording, printable
 from palpate.validation import Floats, number_in, real_array, whole_in
@@ -76,8 +76,8 @@ class Curves:
         Number of each contact in the source.
     places : dict
         Positions ``x``, ``y`` and ``z`` of the contacts, m, if known.
-    degrees : list of int, optional
-        Degree of the filter that computed each row's velocity. Default: None, it was recorded.
+    filters : list of VelocityFilter, optional
+        Filter that computed each row's velocity. Default: None, the velocity was recorded.
     """
 
     time: Floats
@@ -98,7 +98,7 @@ class Curves:
         return clock
 
     def known(self, threads: int = 1) -> "Curves":
-        """Return the curves with a velocity, computed if there is none."""
+        """Return the curves with a velocity, which is computed if it is missing."""
         if self.velocity is not None:
             return self
         with np.errstate(divide="ignore", invalid="ignore"):  # repeated times
@@ -114,23 +114,25 @@ class Curves:
             It cannot be prepared.
         """
         x, f, t = self.penetration[row], self.force[row], self.clock(row)
-        there = np.isfinite(x) & np.isfinite(f) & np.isfinite(t)
-        velocity = None if self.velocity is None else self.velocity[row][there]
-        made = prepare(
-            time=t[there],
-            penetration=x[there],
-            force=f[there],
+        finite = np.isfinite(x) & np.isfinite(f) & np.isfinite(t)
+        velocity = None if self.velocity is None else self.velocity[row][finite]
+        contact = prepare(
+            time=t[finite],
+            penetration=x[finite],
+            force=f[finite],
             velocity=velocity,
             source=self.source,
             **settings.preparation,
         )
-        return made if self.filters is None else replace(made, velocity_filter=self.filters[row])
+        return (
+            contact if self.filters is None else replace(contact, velocity_filter=self.filters[row])
+        )
 
 
 def fitted(
     curves: Curves, chosen: dict[str, Any], *, rejects: bool, threads: int
 ) -> tuple[CurveFits, Curves, NDArray[np.int64]]:
-    """Fit curves with velocities; return fits, curves used, and numbers of excluded samples.
+    """Fit curves with velocities; return fits, fitted curves, and numbers of excluded samples.
 
     Parameters
     ----------
@@ -151,22 +153,22 @@ def fitted(
         force[marks] = np.nan
     fits = fit_curves(*signals, threads=threads, **chosen)
     if rejects:
-        ends = _ends_of_range(curves, force, fits)
+        ends = _saturated_samples(curves, force, fits)
         force[ends] = np.nan
         rows = np.flatnonzero(ends.any(axis=1))
-        own: dict[str, Any] = {
+        options: dict[str, Any] = {
             k: v[rows] if isinstance(v, np.ndarray) else v for k, v in chosen.items()
         }
-        again = fit_curves(*(values[rows] for values in signals), threads=threads, **own)
+        refits = fit_curves(*(values[rows] for values in signals), threads=threads, **options)
         for each in fields(fits):
-            getattr(fits, each.name)[rows] = getattr(again, each.name)
+            getattr(fits, each.name)[rows] = getattr(refits, each.name)
         marks |= ends
     return fits, replace(curves, force=force), np.count_nonzero(marks, axis=1)
 
 
-def _ends_of_range(curves: Curves, force: Floats, fits: CurveFits) -> NDArray[np.bool_]:
+def _saturated_samples(curves: Curves, force: Floats, fits: CurveFits) -> NDArray[np.bool_]:
     """Mark forces at the end of the sensor's range, where at least five equal the row's highest."""
-    found = np.zeros(force.shape, dtype=np.bool_)
+    saturated = np.zeros(force.shape, dtype=np.bool_)
     with np.errstate(invalid="ignore"):
         highest = np.fmax.reduce(force, axis=1, initial=-np.inf)
         often = (force == highest[:, None]).sum(axis=1) >= 5
@@ -175,11 +177,11 @@ def _ends_of_range(curves: Curves, force: Floats, fits: CurveFits) -> NDArray[np
         below = curves.penetration[row] - fits.surface[row]
         motion = curves.clock(row), below, curves.velocity[row]
         end = _core.end_of_range(*motion, force[row], fits.law(row).parameters.tolist())
-        found[row] = force[row] == end
-    return found
+        saturated[row] = force[row] == end
+    return saturated
 
 
-# Contacts of equal length as arrays: by the whole-curve fit, or one by one by the recursion.
+# Contacts of equal length as arrays: in one whole-curve fit, or one after another in the recursion.
 
 #: Settings that variable projection and the whole-curve fit share.
 _SHARED = (
@@ -192,7 +194,7 @@ def fits_whole_curves(settings: Settings) -> bool:
     """Whether the whole-curve fit supports these settings."""
     plain = set(settings.preparation) <= {"surface"}
     surface = settings.preparation.get("surface")
-    return _may_be_whole(settings) and plain and surface in (None, "estimate")
+    return _supports_whole_curves(settings) and plain and surface in (None, "estimate")
 
 
 def searches_whole_curves(settings: Settings) -> bool:
@@ -200,10 +202,10 @@ def searches_whole_curves(settings: Settings) -> bool:
 
     The recursion finds the same surface but solves after every sample: a thousand times slower.
     """
-    return settings.searches_surface and _may_be_whole(settings)
+    return settings.searches_surface and _supports_whole_curves(settings)
 
 
-def _may_be_whole(settings: Settings) -> bool:
+def _supports_whole_curves(settings: Settings) -> bool:
     return (
         settings.of_curves.method == VariableProjection.method
         and settings.diagnosis != "full"
@@ -214,7 +216,7 @@ def _may_be_whole(settings: Settings) -> bool:
 
 
 def row_of_curve(contact: Contact, settings: Settings) -> dict[str, Any]:
-    """Identify one contact by the whole-curve fit, searching its whole range for the surface.
+    """Identify one contact with the whole-curve fit, which searches all of it for the surface.
 
     Raises
     ------
@@ -226,7 +228,7 @@ def row_of_curve(contact: Contact, settings: Settings) -> dict[str, Any]:
     # last 80th of the range, which the search would report as the edge of its range.
     span = low, high + (high - low) / 79.0
     chosen = {"surface_range": span, "offset_deviation": contact.tare_deviation}
-    own = replace(settings, estimator={**chosen, **settings.estimator}, diagnosis="none")
+    curve_settings = replace(settings, estimator={**chosen, **settings.estimator}, diagnosis="none")
     curve = Curves(
         contact.sample_time * np.arange(float(len(contact))),  # each segment restarts its time
         contact.penetration[None],
@@ -234,14 +236,14 @@ def row_of_curve(contact: Contact, settings: Settings) -> dict[str, Any]:
         contact.velocity[None],
         contact.source,
     )
-    [row] = _together(curve, own, 1).to_pylist()
+    [row] = _fit_whole_curves(curve, curve_settings, 1).to_pylist()
     if row["error"] is not None:
         raise RecordingError(row["error"])
     if settings.diagnosis == "input":
         row["findings"] = _describe_faults(contact, row["surface"])
     prepared = json.dumps(dict(contact.provenance), ensure_ascii=False)
-    made = {"checked": settings.diagnosis, "settings": settings.digest}
-    return {**row, **made, "prepared": prepared}
+    run = {"checked": settings.diagnosis, "settings": settings.digest}
+    return {**row, **run, "prepared": prepared}
 
 
 def identify_curves(
@@ -249,29 +251,30 @@ def identify_curves(
 ) -> tuple[Table, Floats]:
     """Identify curves; return a table of one row each, in order, and the time of each row, s.
 
-    By the whole-curve fit if it supports the settings, else one by one by the recursion.
+    The whole-curve fit is used if it supports the settings, else the recursion, one curve at a
+    time.
 
     Parameters
     ----------
     curves : Curves
         The contacts.
     settings : Settings
-        How they are identified.
+        The settings of the identification.
     threads : int
         Number of threads of the whole-curve fit. Default: 1.
     """
     count, begun = len(curves), perf_counter()
     if fits_whole_curves(settings):
-        table = _together(curves, settings, threads)
+        table = _fit_whole_curves(curves, settings, threads)
         return table, np.full(count, (perf_counter() - begun) / max(count, 1))
-    named = {"prepared": [None] * count, **_named(curves)}
-    rows = ({name: values[k] for name, values in named.items()} for k in range(count))
+    columns = {"prepared": [None] * count, **_source_columns(curves)}
+    rows = ({name: values[k] for name, values in columns.items()} for k in range(count))
     contacts = (partial(curves.contact, k, settings) for k in range(count))
     return identify_each(zip(rows, contacts, strict=True), settings, curves=True)
 
 
-#: Columns known beforehand; and the contact, its recording, a function that makes it, or the
-#: exception that prevents it.
+#: Columns known beforehand, and one of: the contact, its recording, a function that returns it, or
+#: the exception that prevents it.
 Given: TypeAlias = tuple[Row, Any]
 
 
@@ -283,12 +286,12 @@ def identify_each(
     Parameters
     ----------
     contacts : iterable of (dict, object)
-        Columns known beforehand, and the contact or what it is made of.
+        Columns known beforehand, and the contact or its source.
     settings : Settings
-        How the contacts are prepared and identified.
+        The settings of preparation and identification.
     curves : bool
-        Whether these are curves of an array or a force map, which are Hunt–Crossley's by default
-        and may use the whole-curve fit. Default: False.
+        Whether these are curves of an array or a force map, for which Hunt–Crossley is the default
+        law and the whole-curve fit is possible. Default: False.
     """
     rows: list[Row] = []
     seconds: list[float] = []
@@ -320,13 +323,13 @@ def identify_each(
     return table_of_rows(rows, settings), np.array(seconds)
 
 
-def _named(curves: Curves) -> dict[str, Any]:
+def _source_columns(curves: Curves) -> dict[str, Any]:
     """Return source, index and position columns."""
     index = {} if curves.index is None else {"index": curves.index}
     return {"source": [curves.source] * len(curves), **index, **curves.places}
 
 
-def _together(curves: Curves, settings: Settings, threads: int) -> Table:
+def _fit_whole_curves(curves: Curves, settings: Settings, threads: int) -> Table:
     curves = curves.known(threads)
     chosen = {name: settings.estimator[name] for name in _SHARED if name in settings.estimator}
     if not settings.searches_surface and "surface_deviation" not in chosen:
@@ -334,19 +337,19 @@ def _together(curves: Curves, settings: Settings, threads: int) -> Table:
     rejects = settings.estimator.get("outlier_rejection") is not False
     elsewhere: dict[int, Finding] = {}
     if rejects:
-        curves, elsewhere = _without_load_transfer(curves)
-    fits, kept, left_out = fitted(curves, chosen, rejects=rejects, threads=threads)
-    columns = {**_named(curves), **_numbers(fits, settings.law)}
-    columns |= _at_depths(kept, fits, threads)
-    there = np.isfinite(curves.penetration) & np.isfinite(curves.force)
-    columns["samples"] = np.count_nonzero(there, axis=1)
+        curves, elsewhere = _exclude_load_transfer(curves)
+    fits, fitted_curves, left_out = fitted(curves, chosen, rejects=rejects, threads=threads)
+    columns = {**_source_columns(curves), **_numbers(fits, settings.law)}
+    columns |= _at_depths(fitted_curves, fits, threads)
+    finite = np.isfinite(curves.penetration) & np.isfinite(curves.force)
+    columns["samples"] = np.count_nonzero(finite, axis=1)
     columns["taken"] = fits.taken
     columns["fit"] = ["whole-curve"] * len(curves)
     columns["method"] = [VariableProjection.method] * len(curves)
     columns["law_name"] = [HuntCrossley.kind] * len(curves)
-    columns["frequency"] = _frequencies(kept, fits)
-    giving = _creating_energy(curves, fits, columns)
-    columns["flags"] = _flags(fits, left_out, giving)
+    columns["frequency"] = _frequencies(fitted_curves, fits)
+    creating = _energy_creating_rows(curves, fits, columns)
+    columns["flags"] = _flags(fits, left_out, creating)
     columns["error"], columns["error_kind"] = [None] * len(curves), [None] * len(curves)
     for k, error in _errors(curves, fits, settings).items():
         for name, values in columns.items():
@@ -357,40 +360,42 @@ def _together(curves: Curves, settings: Settings, threads: int) -> Table:
         columns["error"][k], columns["error_kind"][k] = error, RecordingError.__name__
     if settings.diagnosis == "input":
         surfaces = enumerate(columns["surface"].tolist())
-        columns["findings"] = [_describe_faults(_made(curves, k, settings), d) for k, d in surfaces]
+        columns["findings"] = [
+            _describe_faults(_try_contact(curves, k, settings), d) for k, d in surfaces
+        ]
         for k, finding in elsewhere.items():
             columns["findings"][k].append(format_finding(finding))
     return table_of(columns, len(curves), settings)
 
 
-def _without_load_transfer(curves: Curves) -> tuple[Curves, dict[int, Finding]]:
+def _exclude_load_transfer(curves: Curves) -> tuple[Curves, dict[int, Finding]]:
     """Return the curves without load transfer, and the finding of each row that has some."""
     assert curves.velocity is not None
     force, findings = curves.force.copy(), {}
     segment = np.zeros(force.shape[1], dtype=np.int64)
     for k, channels in enumerate(zip(curves.penetration, curves.velocity, force, strict=True)):
-        if (found := load_transfer(*channels, segment)) is not None:
-            force[k, found[0]] = np.nan
-            findings[k] = found[1]
+        if (transfer := find_load_transfer(*channels, segment)) is not None:
+            force[k, transfer[0]] = np.nan
+            findings[k] = transfer[1]
     return replace(curves, force=force), findings
 
 
-def _creating_energy(
+def _energy_creating_rows(
     curves: Curves, fits: CurveFits, columns: Mapping[str, Floats]
 ) -> NDArray[np.bool_]:
-    """Mark the rows with a negative damping, by the rule of :func:`palpate.identify`."""
-    found = np.zeros(len(curves), dtype=np.bool_)
+    """Mark the rows whose negative damping creates energy, as in :func:`palpate.identify`."""
+    creating = np.zeros(len(curves), dtype=np.bool_)
     rows = np.flatnonzero(fits.damping < 0.0)
     if not rows.size or curves.velocity is None:
-        return found
+        return creating
     names = ("damping_at_depth", "damping_at_depth_standard_error", "force_at_depth")
     inside = curves.penetration[rows] > fits.surface[rows, None]
     with np.errstate(all="ignore"):
         squares = np.where(inside, np.nan_to_num(curves.velocity[rows]) ** 2, 0.0)
         speed = np.sqrt(squares.sum(axis=1) / inside.sum(axis=1))
         damping, error, force = (columns[name][rows] for name in names)
-        found[rows] = creates_energy(damping, error, force, speed)
-    return found
+        creating[rows] = creates_energy(damping, error, force, speed)
+    return creating
 
 
 def _frequencies(curves: Curves, fits: CurveFits) -> Floats:
@@ -405,42 +410,42 @@ def _frequencies(curves: Curves, fits: CurveFits) -> Floats:
         depth = np.where(inside, depth - (depth.sum(axis=1) / count)[:, None], 0.0)
         speed = np.where(inside, curves.velocity, 0.0)
         squares = np.array([np.square(each).sum(axis=1) for each in (speed, depth)])
-        found = np.sqrt(squares[0] / squares[1])
-    return np.where(np.isfinite(found) & (found > 0.0), found, np.nan)
+        frequencies = np.sqrt(squares[0] / squares[1])
+    return np.where(np.isfinite(frequencies) & (frequencies > 0.0), frequencies, np.nan)
 
 
 def _numbers(fits: CurveFits, law: type[ForceLaw]) -> dict[str, Any]:
     errors = fits.standard_errors
-    found: dict[str, Any] = {"residual": fits.noise}
+    columns: dict[str, Any] = {"residual": fits.noise}
     for k, name in enumerate(("stiffness", "damping", "exponent")):
-        found[name] = getattr(fits, name).copy()
-        found[f"{name}_standard_error"] = errors[:, k].copy()
+        columns[name] = getattr(fits, name).copy()
+        columns[f"{name}_standard_error"] = errors[:, k].copy()
     for k, name in ((3, "offset"), (4, "surface")):
         estimated = errors[:, k] > 0.0
-        found[name] = np.where(estimated, getattr(fits, name), np.nan)
-        found[f"{name}_standard_error"] = np.where(estimated, errors[:, k], np.nan)
+        columns[name] = np.where(estimated, getattr(fits, name), np.nan)
+        columns[f"{name}_standard_error"] = np.where(estimated, errors[:, k], np.nan)
     covariance = fits.covariance[:, :3, :3]
     if law is GeneralisedHuntCrossley:  # K, n, B, p = n and M = 0
         for end in ("", "_standard_error"):
-            found[f"damping_exponent{end}"] = found[f"exponent{end}"].copy()
-            found[f"relaxation_stiffness{end}"] = np.where(fits.taken > 0, 0.0, np.nan)
-        turned = in_columns(HuntCrossley)
-        covariance = turned @ covariance @ turned.T
-    found["covariance"] = list(covariance.reshape(len(covariance), -1))
-    return found
+            columns[f"damping_exponent{end}"] = columns[f"exponent{end}"].copy()
+            columns[f"relaxation_stiffness{end}"] = np.where(fits.taken > 0, 0.0, np.nan)
+        to_columns = in_columns(HuntCrossley)
+        covariance = to_columns @ covariance @ to_columns.T
+    columns["covariance"] = list(covariance.reshape(len(covariance), -1))
+    return columns
 
 
 def _at_depths(curves: Curves, fits: CurveFits, threads: int) -> dict[str, Floats]:
     """Return F = K xⁿ, S = n K xⁿ⁻¹, C = B xⁿ at x = X − d, X the median position of firm contact.
 
-    There an error of the surface d changes them as little as it changes the force. Firm contact is
-    that of the gate of :func:`palpate.choose_gate`, as in :func:`palpate.identify`; it depends on
-    the noise, not on the fit's residuals. NaN without firm contact.
+    At this depth an error of the surface d changes them as little as it changes the force. Firm
+    contact follows from the gate of :func:`palpate.choose_gate`, as in :func:`palpate.identify`; it
+    depends on the noise, not on the fit's residuals. NaN without firm contact.
     """
     depths = np.empty((len(curves), 2))
     _core.working_depths(curves.penetration, curves.force, fits.surface, depths, threads)
     depth, largest = depths.T.copy()
-    found = {"depth": depth, "largest_depth": largest}
+    columns = {"depth": depth, "largest_depth": largest}
     with np.errstate(all="ignore"):
         k, c, n = fits.stiffness, fits.damping, fits.exponent
         power, log, none = depth**n, np.log(depth), np.zeros_like(depth)
@@ -455,54 +460,58 @@ def _at_depths(curves: Curves, fits: CurveFits, threads: int) -> dict[str, Float
         ):
             g = np.stack(gradient, axis=1)  # with respect to K, B, n, F₀ and d
             variance = np.einsum("ki,kij,kj->k", g, fits.covariance, g)
-            found[f"{name}_at_depth"] = value
-            found[f"{name}_at_depth_standard_error"] = np.sqrt(
+            columns[f"{name}_at_depth"] = value
+            columns[f"{name}_at_depth_standard_error"] = np.sqrt(
                 np.where(variance >= 0.0, variance, np.nan)
             )
-    return found
+    return columns
 
 
-def _flags(fits: CurveFits, left_out: NDArray[np.int64], giving: NDArray[np.bool_]) -> list[Any]:
-    few = fits.taken < 30  # ten samples a parameter
+def _flags(fits: CurveFits, left_out: NDArray[np.int64], creating: NDArray[np.bool_]) -> list[Any]:
+    few = fits.taken < 30  # ten samples per parameter
     pulling = fits.stiffness < 0.0
     unsettled = fits.status == STATUS_WORDS.index("did not settle")
     flags: list[Any] = [_ADVICE_OF[bits] for bits in fits.flags.tolist()]
-    for k in np.flatnonzero(few | pulling | giving | unsettled | (left_out > 0)).tolist():
+    for k in np.flatnonzero(few | pulling | creating | unsettled | (left_out > 0)).tolist():
         taken, count = int(fits.taken[k]), int(left_out[k])
         more = {
             f"only {taken} samples in contact": few[k],
             str(NEGATIVE_STIFFNESS): pulling[k],
-            str(NEGATIVE_DAMPING): giving[k],
+            str(NEGATIVE_DAMPING): creating[k],
             "the least-squares search did not converge: another fit may be better": unsettled[k],
-            str(outliers(count, max(count + taken, 1))): count,
+            str(outlier_finding(count, max(count + taken, 1))): count,
         }
         flags[k] = [*flags[k], *(words for words, so in more.items() if so)]
     return flags
 
 
 def _errors(curves: Curves, fits: CurveFits, settings: Settings) -> dict[int, str]:
-    """Return the errors of rows without numbers, worded as by :func:`palpate.identify`."""
+    """Return the errors of rows without numbers, in the words of :func:`palpate.identify`."""
     where = f"{curves.source}: " if curves.source else ""
-    found = {}
+    errors = {}
     if settings.searches_surface:
         above = (curves.penetration < fits.surface[:, None]).sum(axis=1)
         for k in np.flatnonzero(above < FEWEST_ABOVE).tolist():
             samples = curves.penetration.shape[1]
-            found[k] = where + no_approach(above[k], samples, fits.surface[k])
+            errors[k] = where + no_approach(above[k], samples, fits.surface[k])
     for k in np.flatnonzero(fits.status == STATUS_WORDS.index("no contact")).tolist():
-        made = _made(curves, k, Settings())
-        found[k] = made if isinstance(made, str) else no_contact_message(made, choose_gate(made))
+        contact = _try_contact(curves, k, Settings())
+        errors[k] = (
+            contact
+            if isinstance(contact, str)
+            else no_contact_message(contact, choose_gate(contact))
+        )
     with np.errstate(invalid="ignore"):
         uneven = ~(np.diff(np.atleast_2d(curves.time), axis=1) > 0.0).all(axis=1)
     for k in np.flatnonzero(np.broadcast_to(uneven, len(curves))).tolist():
-        made = _made(curves, k, Settings())
-        if isinstance(made, str):
-            found[k] = f"{where}{made}"
-    return found
+        contact = _try_contact(curves, k, Settings())
+        if isinstance(contact, str):
+            errors[k] = f"{where}{contact}"
+    return errors
 
 
-def _made(curves: Curves, row: int, settings: Settings) -> Contact | str:
-    """Return a row as a contact, or the message why it cannot be one."""
+def _try_contact(curves: Curves, row: int, settings: Settings) -> Contact | str:
+    """Return a row as a contact, or the message of the error that prevents it."""
     try:
         return curves.contact(row, settings)
     except Exception as error:
@@ -538,7 +547,7 @@ def identify_many(
 ) -> Table:
     """Identify many contacts; return a table with one row each.
 
-    Pass contacts of equal length as arrays: the default method then fits all of them at once by
+    Pass contacts of equal length as arrays: the default method then fits all of them in one call of
     :func:`palpate.fit_curves`, hundreds of times faster. Other methods run their recursion, one
     contact at a time.
 
@@ -548,11 +557,11 @@ def identify_many(
         Inputs of :func:`identify`. Default: none; pass arrays instead.
     method : ContactEstimator or str, optional
         Name of the method, or an estimator with its settings, such as
-        ``VariableProjection(surface="estimate")``. Default: for contacts that of
+        ``VariableProjection(surface="estimate")``. Default: for contacts the default of
         :func:`identify`, which selects the law; for arrays :class:`VariableProjection`.
     diagnosis : "none", "input" or "full"
         ``"input"`` (default) checks the data; ``"full"`` also checks the fits and gives each
-        contact a verdict, by the recursion, one contact at a time.
+        contact a verdict, which needs the recursion, one contact at a time.
     penetration, force : array_like, shape (k, samples), optional
         m and N, one row per contact; NaN marks a missing sample.
     velocity : array_like, shape (k, samples), optional
@@ -566,7 +575,7 @@ def identify_many(
     preparation : mapping, optional
         Options for :func:`prepare`, such as ``{"tare": "find"}``. Default: none.
     source : str
-        Name of the arrays' source, for their rows. Default: "".
+        Name of the arrays' source in the rows. Default: "".
     threads : int, optional
         Number of threads of the whole-curve fit. Default: one per core.
 
@@ -585,7 +594,7 @@ def identify_many(
     MissingExtraError
         pyarrow is not installed.
     """
-    chosen = estimator_of(VariableProjection() if method is None else method)
+    chosen = resolve_estimator(VariableProjection() if method is None else method)
     usual = type(chosen)().settings
     settings = Settings(
         method=AUTO if method is None and contacts is not None else chosen.method,
@@ -598,7 +607,7 @@ def identify_many(
     if contacts is not None and given:
         raise InvalidParameterError(f"pass either contacts or arrays, not contacts and {given[0]}")
     if contacts is not None:
-        return identify_each(_numbered(contacts), settings)[0]
+        return identify_each(_number_contacts(contacts), settings)[0]
     if len(given) < len(arrays):
         raise InvalidParameterError("pass contacts, or the arrays penetration and force")
     curves = _curves(penetration, force, velocity, time, sample_time, places or {}, source)
@@ -606,12 +615,12 @@ def identify_many(
     return identify_curves(curves, settings, threads=count)[0]
 
 
-def _numbered(contacts: "Iterable[Contact | Recorded]") -> Iterator[Given]:
-    for number, given in enumerate(contacts):
-        source = given.source if isinstance(given, Contact | Recording) else None
-        if isinstance(given, str | os.PathLike):
-            source = printable(Path(given))
-        yield {"index": number, "source": source or None}, given
+def _number_contacts(contacts: "Iterable[Contact | Recorded]") -> Iterator[Given]:
+    for number, contact in enumerate(contacts):
+        source = contact.source if isinstance(contact, Contact | Recording) else None
+        if isinstance(contact, str | os.PathLike):
+            source = printable(Path(contact))
+        yield {"index": number, "source": source or None}, contact
 
 
 def _curves(

@@ -116,7 +116,7 @@ def _varies(table: Table, name: str) -> bool:
 
 
 def _spans_decades(values: Floats) -> bool:
-    """Whether positive values span so many decades that a linear axis would be mostly empty."""
+    """Whether positive values span more decades than a linear axis can show."""
     known = values[np.isfinite(values)]
     if not known.size or known.min() <= 0.0:
         return False
@@ -153,12 +153,13 @@ def _histogram(
 
 # A map of values over position, with their errors next to it.
 
-# A strip with a larger ratio of length to width is not drawn to scale: its width would not show.
+# A strip with a larger ratio of length to width is not drawn to scale, because its width would
+# vanish.
 _LONGEST = 20.0
 Indices = NDArray[np.intp]
-# Least share of a grid's cells with a place from which the map is drawn as cells.
+# The map is drawn as cells if at least this share of the grid's cells has a place.
 _FILLED = 0.6
-# Percentile of the sizes by which a unit is chosen.
+# Percentile of the sizes that determines the unit.
 _USUAL = 98.0
 
 
@@ -168,7 +169,7 @@ def draw_map(found: Map, *, dark: bool = False, width: float | None = None) -> "
     Parameters
     ----------
     found : Map
-        As returned by :func:`palpate.fleet.maps.map_of`.
+        Result of :func:`palpate.fleet.maps.map_of`.
     dark : bool
         Draw for a dark background. Default: False.
     width : float, optional
@@ -229,7 +230,7 @@ def _mark(
     look: Look,
     **missing: Any,
 ) -> None:
-    """Mark places without a value and those with one that is not to be trusted."""
+    """Mark places without a value, and places whose value is not to be trusted."""
     for there, sign, size, label, options in (
         (~known, "x", 5.0, "no value", missing),
         (known & found.mistrusted, "s", 9.0, "not to be trusted", {"fillstyle": "none"}),
@@ -247,7 +248,7 @@ def _draw_plane(axes: "Axes", found: Map, what: str, unit: AxisScale, look: Look
     x, y = (along.factor * places).T
     values = unit.factor * getattr(found, what)
     known = np.isfinite(values)
-    # From the least to the largest value that is to be trusted: the peak of an inclusion shows.
+    # The colours span the values that are to be trusted, so that the peak of an inclusion shows.
     sure = known & ~found.mistrusted
     low, high = _span(values[sure if sure.any() else known], zero=what == "error")
     colours = "viridis" if what == "value" else "cividis"
@@ -302,7 +303,7 @@ def _beyond(values: Floats, low: float, high: float) -> str:
 
 
 def _grid(x: Floats, y: Floats) -> tuple[Floats, Floats, Indices, Indices] | None:
-    """Return columns and rows of the grid of places and the cell of each; None without a grid."""
+    """Return columns and rows of the grid of places and the cell of each; None if there is none."""
     columns, rows = _levels(x), _levels(y)
     cells = len(columns) * len(rows)
     if len(columns) < 2 or len(rows) < 2 or len(x) < _FILLED * cells:
@@ -317,7 +318,7 @@ def _grid(x: Floats, y: Floats) -> tuple[Floats, Floats, Indices, Indices] | Non
 
 
 def _levels(values: Floats) -> Floats:
-    """Return distinct coordinates; those closer than 1/1000 of the range count as equal."""
+    """Return distinct coordinates; coordinates closer than 1/1000 of the range count as equal."""
     order = np.sort(values)
     apart = 1e-3 * max(float(order[-1] - order[0]), 1e-300)
     groups = np.split(order, np.flatnonzero(np.diff(order) > apart) + 1)

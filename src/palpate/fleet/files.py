@@ -34,7 +34,7 @@ _PIECE = 1 << 20  # bytes per read of an object
 
 
 def is_array(name: str) -> bool:
-    """Whether a name is a Zarr group, judged by its ending or by the files in the folder."""
+    """Whether a name is a Zarr group, from its ending or from the files in the folder."""
     if name.rstrip("/").lower().endswith(_ZARR_ENDINGS):
         return True
     return "://" not in name and any(os.path.isfile(f"{name}/{mark}") for mark in _MARKS)  # noqa: PTH113 - a str
@@ -48,7 +48,7 @@ def described_array(name: str) -> ContactSource:
     RecordingError
         The group cannot be opened, or lacks ``penetration`` and ``force`` of curves × samples.
     """
-    group = _opened(name)
+    group = _open_group(name)
     shape, chunks = _shape(group, name)
     if not shape[0]:
         raise RecordingError(f"{name}: no contacts; the arrays penetration and force have no rows")
@@ -69,9 +69,9 @@ def stamp_of(name: str) -> tuple[str, int]:
             status += [os.stat(f"{folder}/{each}") for each in inside]  # noqa: PTH116
     except OSError as error:  # the source's row reports it
         return str(error.strerror), 0
-    whole = [each for each in status if not stat.S_ISDIR(each.st_mode)]
-    size, latest = sum(each.st_size for each in whole), max(each.st_mtime_ns for each in status)
-    return f"{len(whole)} {size} {latest}", size
+    regular = [each for each in status if not stat.S_ISDIR(each.st_mode)]
+    size, latest = sum(each.st_size for each in regular), max(each.st_mtime_ns for each in status)
+    return f"{len(regular)} {size} {latest}", size
 
 
 def _stamp(about: Mapping[str, Any]) -> str:
@@ -96,12 +96,12 @@ def curves_of(name: str, first: int, count: int) -> Curves:
     RecordingError
         The group cannot be read.
     """
-    group = _opened(name)
+    group = _open_group(name)
     (_, samples), _ = _shape(group, name)
     rows = slice(first, first + count)
     try:
-        found = {
-            channel: _in_si(group[channel], kind, rows, name)
+        channels = {
+            channel: _read_in_si(group[channel], kind, rows, name)
             for channel, kind in _CHANNELS.items()
             if channel in group
         }
@@ -109,7 +109,7 @@ def curves_of(name: str, first: int, count: int) -> Curves:
         raise
     except Exception as error:
         raise RecordingError(f"{name}: cannot be read: {first_line(error)}") from None
-    time = found.get("time")
+    time = channels.get("time")
     if time is None:
         step = group.attrs.get(_CLOCK)
         if isinstance(step, bool) or not isinstance(step, int | float) or not 0.0 < step < math.inf:
@@ -122,18 +122,18 @@ def curves_of(name: str, first: int, count: int) -> Curves:
         raise RecordingError(f"{name}: time has {time.shape[-1]} samples but force has {samples}")
     return Curves(
         time,
-        found["penetration"],
-        found["force"],
-        found.get("velocity"),
+        channels["penetration"],
+        channels["force"],
+        channels.get("velocity"),
         source=name,
-        index=np.arange(first, first + len(found["force"]), dtype=np.int64),
-        places={axis: found[axis] for axis in "xyz" if axis in found},
+        index=np.arange(first, first + len(channels["force"]), dtype=np.int64),
+        places={axis: channels[axis] for axis in "xyz" if axis in channels},
     )
 
 
 @contextmanager
 def on_this_machine(name: str) -> Iterator[Path]:
-    """Yield a source's path on this machine: its own, or that of a temporary copy of an object.
+    """Yield a source's path on this machine, or the path of a temporary copy of an object.
 
     Raises
     ------
@@ -141,24 +141,24 @@ def on_this_machine(name: str) -> Iterator[Path]:
         The object cannot be fetched.
     """
     if "://" not in name:
-        yield Path(_on_disk(name))
+        yield Path(_disk_name(name))
         return
     fsspec = needed("fsspec", "object storage")
-    with temporary_file(PurePosixPath(name).name, _fetched(fsspec, name)) as path:
+    with temporary_file(PurePosixPath(name).name, _fetch(fsspec, name)) as path:
         yield path
 
 
-def _on_disk(name: str) -> str:
-    """Return a file's name as on disk: tables hold UTF-8 only, file names may hold any bytes."""
+def _disk_name(name: str) -> str:
+    """Return a file's name on disk: tables contain UTF-8 only, file names may have any bytes."""
     if "\\x" not in name or os.path.lexists(name):
         return name
     raw = re.sub(
-        rb"\\x([0-9a-f]{2})", lambda found: bytes.fromhex(found[1].decode()), os.fsencode(name)
+        rb"\\x([0-9a-f]{2})", lambda match: bytes.fromhex(match[1].decode()), os.fsencode(name)
     )
     return os.fsdecode(raw)
 
 
-def _fetched(fsspec: Any, name: str) -> Iterator[bytes]:
+def _fetch(fsspec: Any, name: str) -> Iterator[bytes]:
     try:
         with fsspec.open(name, "rb").open() as file:
             while piece := file.read(_PIECE):
@@ -167,10 +167,10 @@ def _fetched(fsspec: Any, name: str) -> Iterator[bytes]:
         raise RecordingError(f"{name}: cannot be fetched: {first_line(error)}") from None
 
 
-def _opened(name: str) -> Any:
+def _open_group(name: str) -> Any:
     zarr = needed("zarr", "an array of contacts")
     try:
-        return zarr.open_group(_on_disk(name), mode="r")
+        return zarr.open_group(_disk_name(name), mode="r")
     except Exception as error:
         raise RecordingError(
             f"{name}: cannot be opened as a Zarr group: {first_line(error)}"
@@ -192,19 +192,19 @@ def _shape(group: Any, name: str) -> tuple[tuple[int, int], tuple[int, int]]:
             f"{tuple(group['penetration'].shape)} and {shape}"
         )
     for channel in known & set(_CHANNELS):
-        array, wanted = group[channel], shape[:1] if channel in "xyz" else shape
+        array, expected = group[channel], shape[:1] if channel in "xyz" else shape
         if array.dtype.kind not in "fiu":
             raise RecordingError(
                 f"{name}: {channel} has type {array.dtype}; real numbers are required"
             )
-        if channel != "time" and tuple(array.shape) != wanted:
+        if channel != "time" and tuple(array.shape) != expected:
             raise RecordingError(
-                f"{name}: {channel} must have the shape {wanted}, not {array.shape}"
+                f"{name}: {channel} must have the shape {expected}, not {array.shape}"
             )
     return (shape[0], shape[1]), tuple(group["force"].chunks)
 
 
-def _in_si(array: Any, kind: str, rows: slice, name: str) -> Floats:
+def _read_in_si(array: Any, kind: str, rows: slice, name: str) -> Floats:
     attributes: Mapping[str, Any] = array.attrs
     unit = attributes.get("units", attributes.get("unit"))
     known = UNITS[kind]
@@ -212,8 +212,8 @@ def _in_si(array: Any, kind: str, rows: slice, name: str) -> Floats:
     if word not in known:
         allowed = ", ".join(known)
         raise RecordingError(f"{name}: {array.basename} has unit {word}; allowed are {allowed}")
-    taken = array[:] if kind == "time" and array.ndim == 1 else array[rows]
-    values: Floats = np.asarray(taken, dtype=np.float64)
+    stored = array[:] if kind == "time" and array.ndim == 1 else array[rows]
+    values: Floats = np.asarray(stored, dtype=np.float64)
     # Unpack as netCDF and xarray do: missing values, then the factor, then the offset.
     for missing in ("_FillValue", "missing_value"):
         if isinstance(attributes.get(missing), int | float):
@@ -230,10 +230,10 @@ def _in_si(array: Any, kind: str, rows: slice, name: str) -> Floats:
 # The folder of a fleet's results: one Parquet file per batch, written completely or not at all.
 
 MANIFEST = "_fleet.json"
-#: Run times have a folder of their own: everything else is the same in two runs.
+#: Run times have a separate folder: everything else is the same in two runs.
 TIMES = "_seconds"
 REPORT = "report.html"
-# A file of results is named by its range of contacts, first and end.
+# The name of a file of results contains its range of contacts, first and end.
 _PART = re.compile(r"part-(\d{8,})-(\d{8,})\.parquet$")
 
 
@@ -254,7 +254,7 @@ class Results:
 
     @classmethod
     def begin(cls, folder: Path, settings: Settings, sources: Sequence[ContactSource]) -> "Results":
-        """Make the folder, or continue in that of an earlier run with equal settings and sources.
+        """Make the folder, or continue in the folder of an earlier run with the same arguments.
 
         Raises
         ------
@@ -264,7 +264,7 @@ class Results:
             The folder cannot be made or written to.
         """
         make_folder(folder)
-        wanted: dict[str, Any] = {
+        manifest: dict[str, Any] = {
             "palpate": settings.version,
             "settings": settings.plain(),
             "sources": digest_of(sources),
@@ -272,23 +272,23 @@ class Results:
         }
         path = folder / MANIFEST
         if path.exists():
-            if differs := next(_differences(manifest_of(folder), wanted), ""):
+            if differs := next(_differences(manifest_of(folder), manifest), ""):
                 raise FleetError(
                     f"{folder}: holds the results of a run with {differs}; choose another folder "
                     "with -o, or remove this one"
                 )
         else:
             _check_empty(folder)
-            write_text(path, as_json(wanted))
+            write_text(path, as_json(manifest))
         make_folder(folder / TIMES)
-        return cls(folder, wanted["contacts"])
+        return cls(folder, manifest["contacts"])
 
     def done(self) -> list[tuple[int, int]]:
         """Return the range of contacts (first, end) of each file of results."""
         return [part for part, _ in _parts(self.folder)]
 
     def error_kinds(self) -> list[str | None]:
-        """Return the class of error of each row so far; None of a row with numbers.
+        """Return the class of error of each row so far; None for a row with numbers.
 
         Raises
         ------
@@ -297,11 +297,11 @@ class Results:
         """
         if not _parts(self.folder):
             return []
-        kinds: list[str | None] = _joined(self.folder, ["error_kind"])["error_kind"].to_pylist()
+        kinds: list[str | None] = _read_parts(self.folder, ["error_kind"])["error_kind"].to_pylist()
         return kinds
 
     def write(self, batch: Batch, table: Table, seconds: Floats) -> None:
-        """Write the rows of a batch, its times first; each file completely or not at all.
+        """Write the rows of a batch, its times first, each file completely or not at all.
 
         Raises
         ------
@@ -327,7 +327,7 @@ def read_results(folder: Path) -> Table:
         The folder holds no results, or some are missing.
     """
     total = manifest_of(folder)["contacts"]
-    table = _joined(folder)
+    table = _read_parts(folder)
     missing = total - sum(end - first for (first, end), _ in _parts(folder))
     if missing:
         raise FleetError(
@@ -339,10 +339,10 @@ def read_results(folder: Path) -> Table:
 
 def read_seconds(folder: Path) -> Table:
     """Read the time that each row took: columns ``source``, ``index`` and ``seconds``."""
-    return _joined(folder, place=TIMES)
+    return _read_parts(folder, place=TIMES)
 
 
-def _joined(folder: Path, columns: list[str] | None = None, place: str = ".") -> Table:
+def _read_parts(folder: Path, columns: list[str] | None = None, place: str = ".") -> Table:
     pa = needed("pyarrow", "a table of contacts")
     parquet = needed("pyarrow.parquet", "a table of contacts")
     parts = [folder / place / path.name for _, path in _parts(folder)]
@@ -357,11 +357,11 @@ def _joined(folder: Path, columns: list[str] | None = None, place: str = ".") ->
 def _parts(folder: Path) -> list[tuple[tuple[int, int], Path]]:
     """Return the files of results with their ranges, in order; each contact occurs once."""
     matches = [(match, folder / name) for name in _names(folder) if (match := _PART.match(name))]
-    found: list[tuple[tuple[int, int], Path]] = []
+    parts: list[tuple[tuple[int, int], Path]] = []
     for part, path in sorted(((int(match[1]), int(match[2])), path) for match, path in matches):
-        if not found or part[0] >= found[-1][0][1]:  # two runs at once may both have written it
-            found.append((part, path))
-    return found
+        if not parts or part[0] >= parts[-1][0][1]:  # two concurrent runs may both have written it
+            parts.append((part, path))
+    return parts
 
 
 def _names(folder: Path) -> list[str]:
@@ -381,8 +381,8 @@ def manifest_of(folder: Path) -> dict[str, Any]:
     """
     path = folder / MANIFEST
     try:
-        found = json.loads(path.read_text(encoding="utf-8"))
-        if not {"palpate", "settings", "sources", "contacts"} <= set(found):
+        manifest = json.loads(path.read_text(encoding="utf-8"))
+        if not {"palpate", "settings", "sources", "contacts"} <= set(manifest):
             raise ValueError("it lacks entries that palpate writes")
     except FileNotFoundError:
         raise FleetError(
@@ -392,22 +392,22 @@ def manifest_of(folder: Path) -> dict[str, Any]:
         raise FleetError(
             f"{path}: cannot be read: {error}; choose another folder with -o"
         ) from None
-    return dict(found)
+    return dict(manifest)
 
 
-def _differences(there: Mapping[str, Any], wanted: Mapping[str, Any]) -> Iterator[str]:
-    """Yield how another run differs from this one."""
-    if there["palpate"] != wanted["palpate"]:
-        yield f"palpate {there['palpate']}, but this is {wanted['palpate']}"
-    before, now = (run["settings"] for run in (there, wanted))
+def _differences(earlier: Mapping[str, Any], current: Mapping[str, Any]) -> Iterator[str]:
+    """Yield the differences between another run and this one."""
+    if earlier["palpate"] != current["palpate"]:
+        yield f"palpate {earlier['palpate']}, but this is {current['palpate']}"
+    before, now = (run["settings"] for run in (earlier, current))
     for name in sorted({*before, *now}):
         one, other = (
             json.dumps(settings.get(name), ensure_ascii=False) for settings in (before, now)
         )
         if one != other:
             yield f"{name} {one}, but this run has {other}"
-    if there["sources"] != wanted["sources"]:
-        contacts = there["contacts"]
+    if earlier["sources"] != current["sources"]:
+        contacts = earlier["contacts"]
         yield f"{contacts} contacts of other sources, or of these before they changed"
 
 
@@ -424,7 +424,8 @@ def _check_empty(folder: Path) -> None:
 
 #: Endings of files that hold several force curves.
 _MAPS = (".jpk-force-map", ".jpk-qi-data", ".jpk-qi-series")
-_ENDINGS = tuple(ending for each in FORMATS for ending in each.suffixes)
+# In a folder of recordings a .json mostly holds settings or results.
+_ENDINGS = tuple(end for each in FORMATS for end in each.suffixes if end != ".json")
 _BAG = "metadata.yaml"
 
 
@@ -439,7 +440,7 @@ def sources_of(
         Files, patterns with ``*``, folders (searched recursively), Zarr groups, and addresses such
         as ``s3://bucket/folder``.
     leave_out : Path, optional
-        Folder to skip, such as that of the results.
+        Folder to skip, such as the folder of the results.
 
     Raises
     ------
@@ -448,7 +449,7 @@ def sources_of(
     MissingExtraError
         The package that reads the storage is not installed.
     """
-    found: dict[str, ContactSource] = {}
+    sources: dict[str, ContactSource] = {}
     for name in names:
         text = os.fspath(name)
         results = "" if leave_out is None else os.path.realpath(leave_out)
@@ -459,34 +460,36 @@ def sources_of(
             )
         for source in listed:  # list a file once even if it is named twice
             identity = source.name if "://" in text else os.path.realpath(source.name)
-            found.setdefault(identity, replace(source, name=printable(source.name)))
-    return list(found.values())
+            sources.setdefault(identity, replace(source, name=printable(source.name)))
+    return list(sources.values())
 
 
 def _local(text: str, results: str) -> Iterator[ContactSource]:
     path = Path(text)
     if glob.has_magic(text) and not path.exists():
         for each in sorted(glob.glob(text, recursive=True)):  # noqa: PTH207 - ** in absolute paths
-            yield from _at(Path(each), (results,))
+            yield from _sources_at(Path(each), (results,))
         return
     if not path.exists():
         raise RecordingError(f"{printable(path)}: no such file or folder")
     if os.path.realpath(path) == results:
         raise RecordingError(f"{printable(path)}: is the results folder; choose another with -o")
-    yield from _at(path, (results,), named=True)
+    yield from _sources_at(path, (results,), named=True)
 
 
-def _at(path: Path, outside: tuple[str, ...], *, named: bool = False) -> Iterator[ContactSource]:
-    """Yield the sources at a path; a file named by the user counts whatever its ending.
+def _sources_at(
+    path: Path, outside: tuple[str, ...], *, named: bool = False
+) -> Iterator[ContactSource]:
+    """Yield the sources at a path; a file that the user named counts whatever its ending.
 
     An unreadable source found in a folder is listed, and its row gets the error; an unreadable
-    array named by the user raises it. Folders of results and cyclic links are skipped.
+    array that the user named raises it. Folders of results and cyclic links are skipped.
     """
     name, here = str(path), os.path.realpath(path)
     if is_array(name):
-        yield described_array(name) if named else _found_array(name)
+        yield described_array(name) if named else _list_array(name)
     elif not path.is_dir():
-        # Reading a pipe could wait for ever.
+        # A read from a pipe could wait forever.
         readable = path.name.lower().endswith(_ENDINGS) and (path.is_file() or not path.exists())
         if named or readable:
             yield _file(name, path)
@@ -495,11 +498,11 @@ def _at(path: Path, outside: tuple[str, ...], *, named: bool = False) -> Iterato
     elif here not in outside and not (path / MANIFEST).is_file():
         for each in sorted(_names(path)):
             if not each.startswith((".", "_")):
-                yield from _at(path / each, (*outside, here))
+                yield from _sources_at(path / each, (*outside, here))
 
 
-def _found_array(name: str) -> ContactSource:
-    """Describe an array found in a folder; its row reports what is wrong with it."""
+def _list_array(name: str) -> ContactSource:
+    """Describe an array found in a folder; its row reports an unreadable one."""
     try:
         return described_array(name)
     except RecordingError:
@@ -509,11 +512,11 @@ def _found_array(name: str) -> ContactSource:
 def _file(name: str, path: Path) -> ContactSource:
     stamp, size = stamp_of(str(path))
     several = path.name.lower().endswith(_MAPS)
-    curves = _curves_in(path) if several else None
+    curves = _count_curves(path) if several else None
     return ContactSource(name, "map" if several else "file", curves, stamp=stamp, size=size)
 
 
-def _curves_in(path: Path) -> int | None:
+def _count_curves(path: Path) -> int | None:
     """Return the number of curves of a map; None if it cannot be read, which its row reports."""
     reader = FORCE_CURVES.reader()
     try:
@@ -538,9 +541,9 @@ def _remote(text: str) -> Iterator[ContactSource]:
     except Exception as error:
         raise RecordingError(f"{text}: cannot be listed: {first_line(error)}") from None
     entries = sorted(each for each in listed if each[1].get("type") != "directory")
-    arrays = _arrays_among([name for name, _ in entries])
+    arrays = _array_folders([name for name, _ in entries])
     for name in sorted(arrays):
-        yield _found_array(f"{protocol}://{name}")
+        yield _list_array(f"{protocol}://{name}")
     for name, about in entries:
         if any(name.startswith(f"{array}/") for array in arrays):
             continue
@@ -549,8 +552,8 @@ def _remote(text: str) -> Iterator[ContactSource]:
             yield ContactSource(address, "file", stamp=_stamp(about), size=size)
 
 
-def _arrays_among(names: Iterable[str]) -> set[str]:
-    """Return the folders that are Zarr groups and not inside another one."""
+def _array_folders(names: Iterable[str]) -> set[str]:
+    """Return the folders that are Zarr groups and not inside another group."""
     marked = {name.rpartition("/")[0] for name in names if name.endswith(_MARKS[:2])}
     return {
         name

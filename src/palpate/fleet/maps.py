@@ -17,15 +17,16 @@ from palpate.errors import InvalidParameterError
 from palpate.fleet.rows import AT_DEPTH, at_depth
 from palpate.fleet.tasks import Table
 from palpate.force_laws import FORCE_LAWS, law_from
-from palpate.identification.identified import NEGATIVE_STIFFNESS
-from palpate.results.view import depth_of
+from palpate.identification.estimate_checks import NEGATIVE_STIFFNESS
+from palpate.results.view import format_depth
 from palpate.validation import Floats, number_in, shown
 
 #: Quantities at working depth whose repeats are compared with their errors.
 JUDGED = ("stiffness", "damping")
-# Repeats disagree if χ² departs by more than so many σ: by chance one group in 700.
+# Repeats disagree if χ² departs by more than this many σ: by chance one group in 700 does.
 DISAGREES = 3.0
-# Robust standard deviations from the median of the logarithms: by chance none in 10⁶.
+# Distance of an outlier from the median of the logarithms, in robust standard deviations: by chance
+# fewer than one in 10⁶.
 OUTLIER = 5.0
 _NUMBER = re.compile(r"[-+]?\d[\d.,]*(?:[eE][-+]?\d+)?")
 
@@ -43,11 +44,12 @@ class Repeats:
     total : int
         Number of contacts.
     mean, error : float
-        Weighted mean and its standard error, SI, scaled by ``ratio`` where that is above 1.
+        Weighted mean and its standard error, SI; the error is scaled by ``ratio`` if that exceeds
+        1.
     ratio : float
         √(χ²/ν): scatter relative to the standard errors.
     z : float
-        Standard score of χ² by the Wilson–Hilferty transformation.
+        Standard score of χ² from the Wilson–Hilferty transformation.
     """
 
     name: str
@@ -72,28 +74,30 @@ def numbers(table: Table, name: str) -> Floats:
 
 def _errors(table: Table, name: str) -> Floats:
     """Return the statistical error of a quantity, combined with the systematic one if known."""
-    error, moved = (numbers(table, f"{name}_{kind}") for kind in ("standard_error", "systematic"))
-    return np.where(np.isfinite(moved), np.hypot(error, moved), error)
+    error, systematic = (
+        numbers(table, f"{name}_{kind}") for kind in ("standard_error", "systematic")
+    )
+    return np.where(np.isfinite(systematic), np.hypot(error, systematic), error)
 
 
-def _each(table: Table, *names: str) -> Iterator[tuple[Any, ...]]:
+def _column_rows(table: Table, *names: str) -> Iterator[tuple[Any, ...]]:
     """Return an iterator over rows of these columns."""
     return zip(*(table.column(name).to_pylist() for name in names), strict=True)
 
 
 def names_of(table: Table) -> list[str]:
     """Return a name per row: its source, and the number of its contact and of its place."""
-    found = []
-    for source, index, part in _each(table, "source", "index", "part"):
-        words = source or "contact"
-        words += "" if index is None else f" [{index}]"
-        found.append(words + ("" if part is None else f", place {part}"))
-    return found
+    names = []
+    for source, index, part in _column_rows(table, "source", "index", "part"):
+        name = source or "contact"
+        name += "" if index is None else f" [{index}]"
+        names.append(name + ("" if part is None else f", place {part}"))
+    return names
 
 
-#: From the most to the least severe; the last two are of rows that have no verdict.
+#: From the most to the least severe; rows without a verdict have one of the last two.
 VERDICTS = ["failed", "do-not-trust", "with-care", "flagged", "trust", "no-finding", "not-checked"]
-#: Why rows have no verdict, by what was checked.
+#: The reason for a missing verdict, by the requested checks.
 NO_VERDICT = {
     "none": "palpate checked neither the data nor the fits; add --diagnosis input or full",
     "input": "palpate checked the data but not the fits; for verdicts add --diagnosis full",
@@ -103,33 +107,33 @@ NO_VERDICT = {
 def verdicts_of(table: Table) -> list[tuple[str, str]]:
     """Return the verdict of each row and its reason: the error, or the most severe finding or flag.
 
-    A row without a verdict has the severity of its findings or flags in place of one.
+    A row without a verdict has the severity of its findings or flags instead.
     """
-    found = []
+    verdicts = []
     columns = "source", "error", "verdict", "checked", "findings", "flags"
-    for source, error, verdict, checked, findings, flags in _each(table, *columns):
+    for source, error, verdict, checked, findings, flags in _column_rows(table, *columns):
         reasons = [words.split(": ", 1) for words in findings or () if words[:5] != "note:"]
-        doubt = _distrusting("stiffness")
+        doubt = _untrusted_prefixes("stiffness")
         marks = ("flagged", "do-not-trust")
         reasons += [[marks[words.startswith(doubt)], words] for words in flags or ()]
         if error is not None:
             reasons = [["failed", error.removeprefix(f"{source}: ")]]
-        usual = "not-checked" if checked == "none" else "no-finding"
-        severity, reason = min(reasons, key=_severity, default=(usual, ""))
-        found.append((verdict or severity, reason))
-    return found
+        default = "not-checked" if checked == "none" else "no-finding"
+        severity, reason = min(reasons, key=_severity, default=(default, ""))
+        verdicts.append((verdict or severity, reason))
+    return verdicts
 
 
-def _severity(of: Sequence[str]) -> int:
-    return VERDICTS.index(of[0])
+def _severity(verdict: Sequence[str]) -> int:
+    return VERDICTS.index(verdict[0])
 
 
 def reasons_of_verdicts(names: Sequence[str], verdicts: Sequence[tuple[str, str]]) -> list[str]:
-    """Return a line per reason against trust, most severe and most frequent first."""
+    """Return a line per reason against trust, the most severe and most frequent first."""
     groups: dict[tuple[str, str], list[str]] = defaultdict(list)
     for name, (verdict, reason) in zip(names, verdicts, strict=True):
         if reason and verdict in VERDICTS[:4]:
-            groups[verdict, _without_numbers(reason)].append(f"{verdict}: {name}: {reason}")
+            groups[verdict, _mask_numbers(reason)].append(f"{verdict}: {name}: {reason}")
     ordered = sorted(groups.items(), key=lambda group: (_severity(group[0]), -len(group[1])))
     return [each[0] + f" (and {len(each) - 1} more)" * (len(each) > 1) for _, each in ordered]
 
@@ -146,8 +150,8 @@ def format_values(table: Table, quantity: str) -> list[str]:
 def repeats_of(table: Table, quantity: str) -> list[Repeats]:
     """Compare the scatter of repeated contacts with their errors: χ² = Σ (v − v̄)²/σ².
 
-    Repeats are contacts at exactly the same place, or, without places, recordings in the same
-    folder. Contacts of an array without places are not treated as repeats.
+    Repeats are contacts at exactly the same place, or, if there are no places, recordings in the
+    same folder. Contacts of an array without places are not repeats.
 
     Parameters
     ----------
@@ -161,25 +165,25 @@ def repeats_of(table: Table, quantity: str) -> list[Repeats]:
     usable = np.isfinite(value) & np.isfinite(error) & (error > 0.0)
     groups: dict[str, list[int]] = defaultdict(list)
     totals: Counter[str] = Counter()
-    for row, name in enumerate(_things(table)):
+    for row, name in enumerate(_objects(table)):
         totals[name] += 1
         if name and usable[row]:
             groups[name].append(row)
     return [
-        _judged(name, totals[name], value[rows], error[rows])
+        _compare_repeats(name, totals[name], value[rows], error[rows])
         for name, rows in groups.items()
         if len(rows) > 1
     ]
 
 
-def _things(table: Table) -> list[str]:
+def _objects(table: Table) -> list[str]:
     """Return the place or folder that identifies the object of each row; empty if unknown."""
-    found = []
-    for source, index, *place in _each(table, "source", "index", *"xyz"):
+    objects = []
+    for source, index, *place in _column_rows(table, "source", "index", *"xyz"):
         known = [f"{axis} {1e3 * v:.9g} mm" for axis, v in zip("xyz", place, strict=True) if v == v]
         folder = "" if index is not None or not source else _folder(source)
-        found.append(", ".join(known) or folder)
-    return found
+        objects.append(", ".join(known) or folder)
+    return objects
 
 
 def _folder(source: str) -> str:
@@ -187,7 +191,7 @@ def _folder(source: str) -> str:
     return "this folder" if folder == "." else folder
 
 
-def _judged(name: str, total: int, value: Floats, error: Floats) -> Repeats:
+def _compare_repeats(name: str, total: int, value: Floats, error: Floats) -> Repeats:
     weight = 1.0 / error**2
     mean = float(weight @ value / weight.sum())
     freedom = len(value) - 1
@@ -202,14 +206,14 @@ def _judged(name: str, total: int, value: Floats, error: Floats) -> Repeats:
 # A lag of the rig: to first order a force that is early by τ adds K′τ to the damping of each file.
 
 _LEAST_FILES = 4
-_LEAST_SPAN = 2.0  # of the stiffness: in that of one material a lag is as likely its own damping
+_LEAST_SPAN = 2.0  # of the stiffness: for one material the ratio may as well be its damping
 _SAME = 0.1  # standard deviation of the ratios, relative to their median
 _ONE_FREQUENCY = 1.5  # span below which a constant loss tangent looks like a constant delay
 
 
 @dataclass(frozen=True, slots=True)
 class RigLag:
-    """One ratio of damping to stiffness for all files of a rig, whatever was touched.
+    """The ratio of damping to stiffness, if it is the same for all files of a rig.
 
     Attributes
     ----------
@@ -242,18 +246,18 @@ class RigLag:
 
 
 def rig_lag_of(table: Table) -> RigLag | None:
-    """Return the lag that a fleet's files suggest, each a contact of its own; None without one.
+    """Return the lag that a fleet's files suggest, with one contact per file; None if they do not.
 
-    At least four files with a positive stiffness, spanning a factor of two, whose B′/K′ agree
-    within 10 % (standard deviation over median). Files whose damping is not known to that are
-    left out.
+    It needs at least four files with a positive stiffness, spanning a factor of two, whose B′/K′
+    agree within 10 % (standard deviation over median). Files whose damping is less accurate than
+    that are excluded.
     """
     names = np.array([source or "" for source in table.column("source").to_pylist()])
     stiffness, damping = (numbers(table, f"{name}_at_depth") for name in JUDGED)
     error = numbers(table, "damping_at_depth_standard_error")
     with np.errstate(invalid="ignore"):
         known = (stiffness > 0.0) & (names != "") & (error <= _SAME * np.abs(damping))
-    alone = [index is None and part is None for index, part in _each(table, "index", "part")]
+    alone = [index is None and part is None for index, part in _column_rows(table, "index", "part")]
     known &= np.array(alone, dtype=bool)
     if len(set(names[known].tolist())) < _LEAST_FILES:
         return None
@@ -269,31 +273,31 @@ def rig_lag_of(table: Table) -> RigLag | None:
 
 def kinds_of(sentences: Iterable[Sequence[str] | None]) -> list[tuple[str, int, str]]:
     """Group sentences that differ only in numbers: kind, number of rows, and an example."""
-    return _counted(
-        kind for row in sentences for kind in {_without_numbers(w): w for w in row or ()}.items()
+    return _count_kinds(
+        kind for row in sentences for kind in {_mask_numbers(w): w for w in row or ()}.items()
     )
 
 
 def reasons_of(table: Table) -> list[tuple[str, int, str]]:
     """Group errors that differ only in names and numbers: kind, number of rows, first row."""
-    errors = zip(names_of(table), _each(table, "source", "error"), strict=True)
-    return _counted(
-        (_without_numbers(error.replace(f"{source}: ", "") if source else error), name)
+    errors = zip(names_of(table), _column_rows(table, "source", "error"), strict=True)
+    return _count_kinds(
+        (_mask_numbers(error.replace(f"{source}: ", "") if source else error), name)
         for name, (source, error) in errors
         if error is not None
     )
 
 
-def _counted(pairs: Iterable[tuple[str, str]]) -> list[tuple[str, int, str]]:
+def _count_kinds(pairs: Iterable[tuple[str, str]]) -> list[tuple[str, int, str]]:
     """Return kinds with their count and first example, the most frequent first."""
     examples: dict[str, list[str]] = defaultdict(list)
     for kind, example in pairs:
         examples[kind].append(example)
-    found = [(kind, len(each), each[0]) for kind, each in examples.items()]
-    return sorted(found, key=lambda kind: -kind[1])
+    kinds = [(kind, len(each), each[0]) for kind, each in examples.items()]
+    return sorted(kinds, key=lambda kind: -kind[1])
 
 
-def _without_numbers(words: str) -> str:
+def _mask_numbers(words: str) -> str:
     return _NUMBER.sub("…", words)
 
 
@@ -321,11 +325,11 @@ class Outlier:
 def outliers_of(table: Table) -> list[Outlier]:
     """Return rows whose stiffness or damping is beyond five robust deviations, farthest first.
 
-    The deviation σ is that of ln v, median absolute deviation over 0.6745, because materials differ
-    by factors; the row's own error is added in quadrature. Values that are not positive are
-    ignored.
+    The deviation σ refers to ln v, because materials differ by factors: it is the median absolute
+    deviation over 0.6745, and the row's own error is added in quadrature. Values that are not
+    positive are ignored.
     """
-    found: list[Outlier] = []
+    outliers: list[Outlier] = []
     names = names_of(table)
     for quantity in JUDGED:
         value = numbers(table, f"{quantity}_at_depth")
@@ -334,31 +338,31 @@ def outliers_of(table: Table) -> list[Outlier]:
         if np.count_nonzero(usable) < 8:  # fewer do not show which is the outlier
             continue
         with np.errstate(all="ignore"):
-            size, own = np.log(value), np.where(np.isfinite(error), error / value, 0.0)
+            size, relative_error = np.log(value), np.where(np.isfinite(error), error / value, 0.0)
         middle = float(np.median(size[usable]))
         deviation = 1.4826 * float(np.median(np.abs(size[usable] - middle)))
         with np.errstate(all="ignore"):
-            distance = np.abs(size - middle) / np.hypot(deviation, own)
-        found += [
+            distance = np.abs(size - middle) / np.hypot(deviation, relative_error)
+        outliers += [
             Outlier(names[k], quantity, float(value[k]), float(error[k]), float(distance[k]))
             for k in np.flatnonzero(usable & (distance > OUTLIER)).tolist()
         ]
-    return sorted(found, key=lambda each: -each.distance)
+    return sorted(outliers, key=lambda each: -each.distance)
 
 
 def slowest(times: Table, most: int = 10) -> list[tuple[str, float, int]]:
     """Return the sources that took longest: name, time in s, and number of rows."""
-    found: dict[str, list[float]] = defaultdict(list)
-    for source, seconds in _each(times, "source", "seconds"):
-        found[source or "contact"].append(seconds)
-    whole = [(name, sum(each), len(each)) for name, each in found.items()]
+    seconds_of: dict[str, list[float]] = defaultdict(list)
+    for source, seconds in _column_rows(times, "source", "seconds"):
+        seconds_of[source or "contact"].append(seconds)
+    whole = [(name, sum(each), len(each)) for name, each in seconds_of.items()]
     return sorted(whole, key=lambda each: -each[1])[:most]
 
 
 # Results over position.
 
 Quantity = Literal["stiffness", "damping", "force", "exponent"]
-_OWN = ("x", "y", "z", "index", "part")
+_COORDINATES = ("x", "y", "z", "index", "part")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -382,14 +386,14 @@ class Map:
     depths : tuple of float
         Smallest and largest working depth, m.
     frequencies : str
-        Of the motions, in words, where the values depend on them; else empty.
+        Frequencies of the motions, as text, if the values depend on them; else empty.
     rows : int
         Number of rows, including those without a place.
     shallow : int
         Number of places without a value because the probe did not reach the depth.
     mistrusted : numpy.ndarray of bool, shape (k,)
-        Places with a value not to be trusted by verdict, findings or flags, or (except damping)
-        smaller than its error.
+        Places whose value the verdict, findings or flags do not trust, or (except damping) whose
+        value is smaller than its error.
     warnings : tuple of str
         Findings other than notes, with their numbers of places.
     """
@@ -411,12 +415,12 @@ class Map:
 
     @property
     def where(self) -> str:
-        """The depth of the values, in words."""
+        """The depth of the values, as text."""
         if self.quantity == "exponent":
             return "over the whole contact"
         if self.depth is not None:
-            return f"at {depth_of(self.depth)}{self.frequencies}"
-        low, high = map(depth_of, self.depths)
+            return f"at {format_depth(self.depth)}{self.frequencies}"
+        low, high = map(format_depth, self.depths)
         span = low if low == high else f"{low} to {high}"
         return f"at the working depth of each contact, {span}{self.frequencies}"
 
@@ -438,7 +442,7 @@ class Map:
 
     @property
     def summary(self) -> str:
-        """The lines as one."""
+        """The lines joined into one."""
         return "; ".join(self.lines)
 
     @property
@@ -491,36 +495,36 @@ def map_of(
     places = np.stack([_numbers(results, name) for name in axes], axis=1)
     for axis, values in zip(axes, places.T, strict=True):
         if not np.isfinite(values).any():
-            known = [name for name in _OWN if np.isfinite(_numbers(results, name)).any()]
+            known = [name for name in _COORDINATES if np.isfinite(_numbers(results, name)).any()]
             raise InvalidParameterError(
                 f"by: column {axis} is empty; columns with values: {', '.join(known) or 'none'}"
             )
     value, error, depths = _values(results, of, depth)
-    short = np.zeros(len(value), dtype=bool)
-    if depth is not None and of != "exponent":  # deeper, the law would be extrapolated
-        short = np.isfinite(value) & ~(numbers(results, "largest_depth") >= depth)
-        value, error = np.where(short, np.nan, value), np.where(short, np.nan, error)
+    too_shallow = np.zeros(len(value), dtype=bool)
+    if depth is not None and of != "exponent":  # deeper, the law is extrapolated
+        too_shallow = np.isfinite(value) & ~(numbers(results, "largest_depth") >= depth)
+        value, error = np.where(too_shallow, np.nan, value), np.where(too_shallow, np.nan, error)
     mistrusted = mistrusted_of(results, of)
-    if of != "damping":  # damping near zero has an error as large as itself
+    if of != "damping":  # a damping near zero has an error as large as itself
         mistrusted |= error > np.abs(value)
-    there: NDArray[np.bool_] = np.all(np.isfinite(places), axis=1)
+    placed: NDArray[np.bool_] = np.all(np.isfinite(places), axis=1)
     fields = [results.schema.field(name) for name in axes]
     units = tuple((field.metadata or {}).get(b"unit", b"").decode() for field in fields)
-    deep = depths[there & np.isfinite(depths)]
+    deep = depths[placed & np.isfinite(depths)]
     span = (float(deep.min()), float(deep.max())) if deep.size else (np.nan, np.nan)
-    unit, warnings = "" if of == "exponent" else AT_DEPTH[of], _warnings(results, there)
-    shallow, mistrusted = int(np.count_nonzero(short[there])), mistrusted[there]
-    value, error, places, rows = value[there], error[there], places[there], results.num_rows
-    at = depth, span, describe_frequencies(results.filter(there), of)
+    unit, warnings = "" if of == "exponent" else AT_DEPTH[of], _warnings(results, placed)
+    shallow, mistrusted = int(np.count_nonzero(too_shallow[placed])), mistrusted[placed]
+    value, error, places, rows = value[placed], error[placed], places[placed], results.num_rows
+    at = depth, span, describe_frequencies(results.filter(placed), of)
     return Map(
         of, unit, value, error, axes, units, places, *at, rows, shallow, mistrusted, warnings
     )
 
 
 def describe_frequencies(results: Table, of: str) -> str:
-    """Describe the motions' frequencies, after a comma, where a quantity depends on them.
+    """Describe the motions' frequencies, after a comma, if a quantity depends on them.
 
-    The damping always does, the stiffness where the material relaxes.
+    The damping always does, the stiffness if the material relaxes.
     """
     frequency = numbers(results, "frequency")
     name = "relaxed_stiffness_at_depth"
@@ -533,27 +537,27 @@ def describe_frequencies(results: Table, of: str) -> str:
 
 
 def mistrusted_of(results: Table, of: str) -> NDArray[np.bool_]:
-    """Return a mask of the rows not to be trusted by verdict, findings or flags."""
+    """Return a mask of the rows that the verdict, findings or flags do not trust."""
     verdict = f"verdict_{of}" if of in ("stiffness", "damping") else "verdict"
     return np.array(
         [
             mark == "do-not-trust"
             or (mark is None and any(words.startswith("do-not-trust") for words in findings or ()))
-            or any(words.startswith(_distrusting(of)) for words in flags or ())
-            for mark, findings, flags in _each(results, verdict, "findings", "flags")
+            or any(words.startswith(_untrusted_prefixes(of)) for words in flags or ())
+            for mark, findings, flags in _column_rows(results, verdict, "findings", "flags")
         ],
         dtype=bool,
     )
 
 
-def _distrusting(of: str) -> tuple[str, ...]:
-    """Return how the flags begin that make a quantity not to be trusted."""
+def _untrusted_prefixes(of: str) -> tuple[str, ...]:
+    """Return the beginnings of the flags that make a quantity not to be trusted."""
     return f"{of} not", f"{of} at the edge", NEGATIVE_STIFFNESS.message
 
 
-def _warnings(results: Table, there: NDArray[np.bool_]) -> tuple[str, ...]:
+def _warnings(results: Table, placed: NDArray[np.bool_]) -> tuple[str, ...]:
     """Return the findings and their numbers of places, most severe and most frequent first."""
-    inside = results.filter(there)
+    inside = results.filter(placed)
     kinds: Counter[tuple[str, ...]] = Counter()
     for findings in inside.column("findings").to_pylist():
         kinds.update({tuple(words.split(": ")[:2]) for words in findings or ()})
@@ -591,15 +595,15 @@ def _values(results: Table, of: str, depth: float | None) -> tuple[Floats, Float
         return numbers(results, name), _errors(results, name), depths
     number_in("depth", depth, 0.0, 1e6, open_low=True)
     law = FORCE_LAWS[(results.schema.metadata or {})[b"law"].decode()]
-    found = np.full((results.num_rows, 2), np.nan)
+    quantities = np.full((results.num_rows, 2), np.nan)
     whole: list[str] = [""] * results.num_rows
     if law.relaxes:
         whole = [each or "" for each in results["law"].to_pylist()]
     frequencies = numbers(results, "frequency").tolist()
-    for k, (matrix, *row) in enumerate(_each(results, "covariance", *law.names())):
+    for k, (matrix, *row) in enumerate(_column_rows(results, "covariance", *law.names())):
         if matrix is not None and np.isfinite(row).all():
-            own = law_from(json.loads(whole[k])) if whole[k] else law.from_parameters(row)
+            law_of_row = law_from(json.loads(whole[k])) if whole[k] else law.from_parameters(row)
             covariance = np.reshape(matrix, (len(row), len(row)))
-            there = at_depth(own, covariance, depth, frequencies[k])
-            found[k] = there[name], there[f"{name}_standard_error"]
-    return found[:, 0], found[:, 1], depths
+            response = at_depth(law_of_row, covariance, depth, frequencies[k])
+            quantities[k] = response[name], response[f"{name}_standard_error"]
+    return quantities[:, 0], quantities[:, 1], depths

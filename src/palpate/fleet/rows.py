@@ -101,9 +101,9 @@ def table_of(columns: Mapping[str, Any], count: int, settings: Settings) -> Tabl
     """Return columns as a table of the settings' schema; absent columns are NaN or null."""
     pa = needed("pyarrow", "a table of contacts")
     schema = schema_of(settings)
-    nothing = _nothing(schema, settings)
+    empty = _empty_row(schema, settings)
     arrays = [
-        pa.array(columns.get(name, [nothing[name]] * count), type=schema.field(name).type)
+        pa.array(columns.get(name, [empty[name]] * count), type=schema.field(name).type)
         for name in schema.names
     ]
     return pa.Table.from_arrays(arrays, schema=schema)
@@ -113,15 +113,15 @@ def table_of_rows(rows: Sequence[Mapping[str, Any]], settings: Settings) -> Tabl
     """Return rows as a table of the settings' schema; absent values are NaN or null."""
     pa = needed("pyarrow", "a table of contacts")
     schema = schema_of(settings)
-    nothing = _nothing(schema, settings)
-    return pa.Table.from_pylist([{**nothing, **row} for row in rows], schema=schema)
+    empty = _empty_row(schema, settings)
+    return pa.Table.from_pylist([{**empty, **row} for row in rows], schema=schema)
 
 
-def _nothing(schema: Any, settings: Settings) -> Row:
-    """Return a row without values, except how it was made."""
+def _empty_row(schema: Any, settings: Settings) -> Row:
+    """Return a row without results, with the columns that describe the run."""
     unknown = {each.name: math.nan if each.type == "double" else None for each in schema}
-    made = {"method": settings.method, "checked": settings.diagnosis, "version": settings.version}
-    return {**unknown, **made, "settings": settings.digest}
+    run = {"method": settings.method, "checked": settings.diagnosis, "version": settings.version}
+    return {**unknown, **run, "settings": settings.digest}
 
 
 # A contact's identification as a row of the table.
@@ -130,39 +130,39 @@ def _nothing(schema: Any, settings: Settings) -> Row:
 def rows_of(
     contact: Contact, settings: Settings, *, columns: type[ForceLaw] | None = None
 ) -> Iterator[Row]:
-    """Identify a contact: yield one row, or one per place where the probe travels.
+    """Identify a contact: yield one row, or one per place if the probe travels.
 
     Parameters
     ----------
     contact : Contact
         The contact.
     settings : Settings
-        How it is identified.
+        The settings of the identification.
     columns : type of ForceLaw, optional
-        The law of the table's columns. Default: that of the settings.
+        The law of the table's columns. Default: the law of the settings.
 
     Raises
     ------
     PalpateError
-        A contact at one place cannot be identified. One of several places that cannot be is a row
-        with its error.
+        A contact at one place cannot be identified. If the contact has several places, a failing
+        place is a row with its error instead.
     """
     prepared = contact.prepared
     if prepared is None or not prepared.places:
         yield row_of(contact, settings, columns=columns)
         return
     rejecting = settings.estimator_for(contact).rejects_outliers
-    for part, (place, there) in enumerate(at_places(contact, rejecting=rejecting)):
+    for part, (place, contact_there) in enumerate(at_places(contact, rejecting=rejecting)):
         row: Row = {"part": part, **dict(zip("xyz", place.position.tolist(), strict=True))}
         try:
-            row |= row_of(there, settings, columns=columns)
+            row |= row_of(contact_there, settings, columns=columns)
         except Exception as error:
             row |= failure(error)
         yield row
 
 
 def row_of(contact: Contact, settings: Settings, *, columns: type[ForceLaw] | None = None) -> Row:
-    """Identify a contact at one place by the recursive estimator; see :func:`rows_of`.
+    """Identify a contact at one place with the recursive estimator; see :func:`rows_of`.
 
     Raises
     ------
@@ -176,9 +176,9 @@ def row_of(contact: Contact, settings: Settings, *, columns: type[ForceLaw] | No
     row: Row = {"fit": "recursion", "samples": len(contact), "method": result.method}
     row |= {"law_name": law_name(result), "frequency": result.frequency}
     if (columns or settings.law) is GeneralisedHuntCrossley and law.powers is not None:
-        turned = in_columns(type(law))
-        law, covariance = GeneralisedHuntCrossley.of(law), turned @ covariance @ turned.T
-    if not contact.timeless:  # that of the spring is not of the table's law
+        to_columns = in_columns(type(law))
+        law, covariance = GeneralisedHuntCrossley.of(law), to_columns @ covariance @ to_columns.T
+    if not contact.timeless:  # the covariance of the spring does not belong to the table's law
         row["covariance"] = covariance.reshape(-1).tolist()
     with np.errstate(invalid="ignore"):
         errors = np.sqrt(np.diag(covariance)).tolist()
@@ -193,41 +193,41 @@ def row_of(contact: Contact, settings: Settings, *, columns: type[ForceLaw] | No
     for name in ("offset", "surface"):
         if (error := getattr(estimate, f"{name}_standard_error")) > 0.0:
             row |= {name: getattr(estimate, name), f"{name}_standard_error": error}
-    left = contact.force[result.trace.taken] - result.fitted_force[result.trace.taken]
-    row["residual"] = float(np.sqrt(np.mean(left**2))) if left.size else math.nan
+    residual = contact.force[result.trace.taken] - result.fitted_force[result.trace.taken]
+    row["residual"] = float(np.sqrt(np.mean(residual**2))) if residual.size else math.nan
     row["taken"] = int(np.count_nonzero(result.trace.taken))
     row["largest_depth"] = result.largest_depth
     row["flags"] = list(result.flags)
     row["prepared"] = json.dumps(dict(contact.provenance), ensure_ascii=False)
     if settings.diagnosis == "full":
-        return row | _diagnosed(result)
+        return row | _diagnosis_columns(result)
     if settings.diagnosis == "input":
         row["findings"] = [format_finding(finding) for finding in data.findings]
-    if law.remembers:  # its selection has diagnosed it
-        return row | _at_working_depth(result, systematic=False)
+    if law.remembers:  # the selection of this law has diagnosed it
+        return row | _working_depth_columns(result, systematic=False)
     return row | (at_depth(law, covariance, result.depths[0]) if result.depths else {})
 
 
 def in_columns(law: type[ForceLaw]) -> Floats:
-    """Derivatives of the generalised law's five parameters by those of a law of one power."""
+    """Derivatives of the generalised law's five parameters with respect to a power law's."""
     names = law.names()
     like = {"damping_exponent": "exponent", **{name: name for name in names}}
     columns = GeneralisedHuntCrossley.names()
-    found = np.zeros((len(columns), len(names)))
+    derivatives = np.zeros((len(columns), len(names)))
     for k, name in enumerate(columns):
-        if (own := like.get(name)) in names:
-            found[k, names.index(own)] = 1.0
-    return found
+        if (source := like.get(name)) in names:
+            derivatives[k, names.index(source)] = 1.0
+    return derivatives
 
 
 def law_name(result: Identified) -> str:
-    """Return the name of the identified law: the selected one's, or its kind."""
+    """Return the name of the selected law, or the kind of an identified law."""
     estimator = result.estimator
     return str(estimator.candidate) if estimator.chooses_law else str(result.law.kind)
 
 
 def failure(error: Exception) -> Row:
-    """Return the columns of a contact that could not be identified: message and class."""
+    """Return the columns for a contact that could not be identified: message and class."""
     words = " ".join(str(error).split()) or type(error).__name__
     return {"error": words, "error_kind": type(error).__name__}
 
@@ -240,18 +240,18 @@ def format_finding(finding: Finding) -> str:
 def at_depth(law: ForceLaw, covariance: Floats, depth: float, frequency: float = math.nan) -> Row:
     """Return force, stiffness and damping at a depth; errors by the delta method: √(gᵀ C g).
 
-    Those of a law that relaxes are K′ and B′ at a frequency ω, rad/s.
+    For a law that relaxes stiffness and damping are K′ and B′ at a frequency ω, rad/s.
     """
-    known = Estimate.from_law(law, covariance, status=Status.UPDATED, samples=1)
+    estimate = Estimate.from_law(law, covariance, status=Status.UPDATED, samples=1)
 
-    def response(of: ForceLaw) -> tuple[float, ...]:
-        if not of.remembers:
-            return of.at_rest(depth)
-        assert isinstance(of, GeneralisedHuntCrossley)
-        return of.at_rest(depth)[0], *dynamic_response(of, depth, frequency).tolist()
+    def response(law: ForceLaw) -> tuple[float, ...]:
+        if not law.remembers:
+            return law.at_rest(depth)
+        assert isinstance(law, GeneralisedHuntCrossley)
+        return law.at_rest(depth)[0], *dynamic_response(law, depth, frequency).tolist()
 
     with np.errstate(all="ignore"):
-        values, errors = known.with_errors(response)
+        values, errors = estimate.with_errors(response)
     row: Row = {"depth": depth}
     for name, value, error in zip(AT_DEPTH, values.tolist(), errors.tolist(), strict=True):
         row |= {f"{name}_at_depth": value, f"{name}_at_depth_standard_error": error}
@@ -269,22 +269,22 @@ def place_in_notes(notes: Mapping[str, str]) -> Row:
     return row
 
 
-def _diagnosed(result: Identified) -> Row:
-    found = result.diagnosis
-    marks = found.verdict
-    return _at_working_depth(result) | {
-        "findings": [format_finding(finding) for finding in found.findings],
+def _diagnosis_columns(result: Identified) -> Row:
+    diagnosis = result.diagnosis
+    marks = diagnosis.verdict
+    return _working_depth_columns(result) | {
+        "findings": [format_finding(finding) for finding in diagnosis.findings],
         "verdict": marks.overall,
         "verdict_stiffness": marks.stiffness,
         "verdict_damping": marks.damping,
     }
 
 
-def _at_working_depth(result: Identified, *, systematic: bool = True) -> Row:
-    there = result.diagnosis.working_depth
-    row: Row = {"depth": there.depth}
+def _working_depth_columns(result: Identified, *, systematic: bool = True) -> Row:
+    working_depth = result.diagnosis.working_depth
+    row: Row = {"depth": working_depth.depth}
     for name in AT_DEPTH:
-        quantity = getattr(there, name)
+        quantity = getattr(working_depth, name)
         row[f"{name}_at_depth"] = quantity.value
         row[f"{name}_at_depth_standard_error"] = quantity.standard_error
         if systematic:

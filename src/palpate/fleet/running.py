@@ -60,7 +60,7 @@ def identify_batch(batch: Table, settings: Settings, *, threads: int = 1) -> Tab
         ``force`` and optionally ``velocity`` hold its samples, SI, and ``source`` and ``index``
         (optional) name it.
     settings : Settings
-        How the contacts are prepared and identified.
+        The settings of preparation and identification.
     threads : int
         Number of threads for contacts of equal length. Default: 1.
 
@@ -91,20 +91,20 @@ def timed_batch(batch: Table, settings: Settings, *, threads: int = 1) -> tuple[
     pa = needed("pyarrow", "a table of contacts")
     names = set(batch.schema.names)
     if {"penetration", "force", "time"} <= names:
-        return identify_each(_held(batch, settings), settings)
+        return identify_each(_contacts_in_batch(batch, settings), settings)
     if not {"source", "kind", "index"} <= names:
         raise InvalidParameterError(
             "a batch must have the columns source, kind and index, or time, penetration and force, "
             f"not {', '.join(sorted(names))}"
         )
-    found = [_identified(kind, rows, settings, threads) for kind, rows in _runs(batch)]
-    if not found:
+    parts = [_identify_rows(kind, rows, settings, threads) for kind, rows in _runs(batch)]
+    if not parts:
         return table_of_rows([], settings), np.empty(0)
-    return pa.concat_tables([table for table, _ in found]), np.concatenate([s for _, s in found])
+    return pa.concat_tables([table for table, _ in parts]), np.concatenate([s for _, s in parts])
 
 
 def _runs(batch: Table) -> Iterator[tuple[str, list[Named]]]:
-    """Group adjacent rows that are read together: of one array or map, or any files."""
+    """Group adjacent rows that are read together: rows of one array or map, or any files."""
     columns = (batch.column(name).to_pylist() for name in ("kind", "source", "index"))
     rows = zip(*columns, strict=True)
     for (kind, _), group in itertools.groupby(
@@ -113,11 +113,11 @@ def _runs(batch: Table) -> Iterator[tuple[str, list[Named]]]:
         yield kind, [(source, index) for _, source, index in group]
 
 
-def _identified(
+def _identify_rows(
     kind: str, named: list[Named], settings: Settings, threads: int
 ) -> tuple[Table, Floats]:
     if kind != "zarr":
-        return identify_each(_in_files(kind, named, settings), settings, curves=kind == "map")
+        return identify_each(_read_contacts(kind, named, settings), settings, curves=kind == "map")
     source, numbers = named[0][0], [index or 0 for _, index in named]
     first, count = min(numbers), max(numbers) - min(numbers) + 1
     try:
@@ -133,7 +133,7 @@ def _name(named: Named) -> Row:
     return dict(zip(_NAMES, named, strict=True))
 
 
-def _in_files(kind: str, named: list[Named], settings: Settings) -> Iterator[Given]:
+def _read_contacts(kind: str, named: list[Named], settings: Settings) -> Iterator[Given]:
     """Read the contacts from their files; a map is opened once for all of its curves."""
     for some in [named] if kind == "map" else ([each] for each in named):
         left, source, most = deque(some), some[0][0], settings.max_size
@@ -142,21 +142,21 @@ def _in_files(kind: str, named: list[Named], settings: Settings) -> Iterator[Giv
             with on_this_machine(source) as path:
                 if kind == "map":
                     numbers = [index or 0 for _, index in some]
-                    found = FORCE_CURVES.reader().read_curves(path, numbers, most)
+                    recordings = FORCE_CURVES.reader().read_curves(path, numbers, most)
                 else:
-                    found = iter([open_recording(path, curve=some[0][1], max_size=most)])
-                for recording in found:
+                    recordings = iter([open_recording(path, curve=some[0][1], max_size=most)])
+                for recording in recordings:
                     yield _name(left.popleft()), recording
         except Exception as error:
-            why = error
+            reason = error
             if "://" in source and isinstance(error, PalpateError):
                 # The name of the temporary copy would mean nothing to the user.
-                why = RecordingError(str(error).replace(printable(path), source))
-            yield from [(_name(each), why) for each in left]
+                reason = RecordingError(str(error).replace(printable(path), source))
+            yield from [(_name(each), reason) for each in left]
 
 
-def _held(batch: Table, settings: Settings) -> Iterator[Given]:
-    """Make the contacts whose samples are in the batch itself."""
+def _contacts_in_batch(batch: Table, settings: Settings) -> Iterator[Given]:
+    """Yield the contacts whose samples are in the batch itself."""
     columns = {name: batch.column(name) for name in batch.schema.names}
 
     def contact(k: int, source: str | None) -> Contact:
@@ -167,15 +167,15 @@ def _held(batch: Table, settings: Settings) -> Iterator[Given]:
         return prepare(source=source or "", **arrays, **settings.preparation)
 
     for k in range(batch.num_rows):
-        named = {name: columns[name][k].as_py() for name in _NAMES if name in columns}
-        yield named, partial(contact, k, named.get("source"))
+        known = {name: columns[name][k].as_py() for name in _NAMES if name in columns}
+        yield known, partial(contact, k, known.get("source"))
 
 
-# Where a fleet runs: processes of this machine, or the workers of a scheduler.
+# A fleet runs on processes of this machine, or on the workers of a scheduler.
 
-#: How long to wait for a scheduler's answer, s.
+#: The longest wait for a scheduler's answer, s.
 PATIENCE = 10.0
-_LONGEST_START = 60.0  # s, of the first worker; it takes 2 to 5 s on an idle machine
+_LONGEST_START = 60.0  # s, for the first worker; it takes 2 to 5 s on an idle machine
 LOOPBACK = "127.0.0.1"
 #: States in which a nanny no longer starts a worker.
 _GONE = ("failed", "closed")
@@ -229,18 +229,18 @@ def _check_address(scheduler: str) -> None:
     keys = needed("distributed.security", "a fleet").Security().get_connection_args("client")
 
     async def reach() -> None:
-        found = await comm.connect(scheduler, timeout=PATIENCE, **keys)
-        await found.close()
+        connection = await comm.connect(scheduler, timeout=PATIENCE, **keys)
+        await connection.close()
 
-    with ThreadPoolExecutor(1) as apart:  # the caller may run an event loop already
-        apart.submit(asyncio.run, reach()).result()
+    with ThreadPoolExecutor(1) as executor:  # the caller may run an event loop already
+        executor.submit(asyncio.run, reach()).result()
 
 
 @contextmanager
 def _local(distributed: Any, workers: int, *, dashboard: bool) -> Iterator[Any]:
     dask = needed("dask", "a fleet")
-    # A task is not given up because its workers were stopped from outside: `_answer` finds the
-    # contact that ends workers by running each alone.
+    # A task whose workers were stopped from outside is not lost: `_answer` finds the contact that
+    # ends workers, because it runs each alone.
     settings = {
         "distributed.scheduler.dashboard.tasks.task-stream-length": 100,
         "distributed.nanny.pre-spawn-environ": _ONE_THREAD,
@@ -252,7 +252,7 @@ def _local(distributed: Any, workers: int, *, dashboard: bool) -> Iterator[Any]:
     others = set(multiprocessing.active_children())
     with dask.config.set(settings):
         with holding_interrupts():
-            # The workers start afterwards, so that an interrupt need not wait for them.
+            # The workers start afterwards, so that an interrupt does not wait for them.
             cluster = distributed.LocalCluster(
                 n_workers=0,
                 threads_per_worker=1,
@@ -263,12 +263,12 @@ def _local(distributed: Any, workers: int, *, dashboard: bool) -> Iterator[Any]:
                 worker_dashboard_address=None,
                 silence_logs=60,
                 scheduler_kwargs={"dashboard": dashboard},
-                # A connection runs any code it sends: only this run has the key, in memory.
+                # Whoever connects can run any code: only this run has the key, in memory.
                 security=distributed.Security.temporary(),
             )
         try:
             with (
-                _kept_at(cluster, workers),
+                _keep_workers(cluster, workers),
                 distributed.Client(cluster, set_as_default=False) as client,
             ):
                 _await_workers(cluster, workers)
@@ -276,7 +276,7 @@ def _local(distributed: Any, workers: int, *, dashboard: bool) -> Iterator[Any]:
         except BaseException:
             cluster.shutdown_on_close = False  # else Dask waits again when the interpreter ends
             for worker in set(multiprocessing.active_children()) - others:
-                worker.kill()  # one that still starts would hold up the cluster's end
+                worker.kill()  # one that still starts would delay the end of the cluster
             raise
         finally:
             with suppress(Exception):
@@ -284,7 +284,7 @@ def _local(distributed: Any, workers: int, *, dashboard: bool) -> Iterator[Any]:
 
 
 def _await_workers(cluster: Any, workers: int) -> None:
-    """Wait for the first workers, and a shorter time for all of them.
+    """Wait for the first worker, and a shorter time for all of them.
 
     Raises
     ------
@@ -304,11 +304,11 @@ def _await_workers(cluster: Any, workers: int) -> None:
 
 
 @contextmanager
-def _kept_at(cluster: Any, workers: int) -> Iterator[None]:
+def _keep_workers(cluster: Any, workers: int) -> Iterator[None]:
     """Request the workers repeatedly: a nanny does not always restart a worker that ended.
 
-    Seen where a worker ended just as it received a task, and where it ended before it had started:
-    its nanny fails but still counts as a worker. With no worker left, the run would wait for ever.
+    This happens if a worker ends just as it receives a task, or before it has started: its nanny
+    fails but still counts as a worker. With no worker left, the run would wait forever.
     """
     ended = threading.Event()
 
@@ -334,10 +334,11 @@ def _kept_at(cluster: Any, workers: int) -> Iterator[None]:
 
 @contextmanager
 def holding_interrupts() -> Iterator[None]:
-    """Hold Ctrl-C back until the end of the block; what starts in it never sees the signal.
+    """Delay Ctrl-C until the end of the block; processes that start in it never get the signal.
 
-    A terminal sends Ctrl-C to the processes too, but this one ends them in order. They inherit
-    the mask of their thread; the handler is for a thread of the caller's that does not block it.
+    A terminal sends Ctrl-C to those processes too, but this process ends them in order. They
+    inherit the signal mask of their thread; the handler covers threads of the caller that do not
+    block the signal.
     """
     if threading.current_thread() is not threading.main_thread():
         yield
@@ -383,10 +384,10 @@ def _check_workers(client: Any, scheduler: str) -> None:
         return f"palpate {__version__}"
 
     try:
-        found = client.run(version)
+        versions = client.run(version)
     except Exception as error:
         raise FleetError(f"{scheduler}: its workers do not answer: {first_line(error)}") from None
-    for worker, answer in sorted(found.items()):
+    for worker, answer in sorted(versions.items()):
         if answer != f"palpate {__version__}":
             raise FleetError(
                 f"{scheduler}: worker {worker} has {answer}, but this is palpate {__version__}; "
@@ -398,7 +399,7 @@ def _check_workers(client: Any, scheduler: str) -> None:
 
 #: Called with the number of contacts done and their total.
 Progress = Callable[[int, int], None]
-# Batches sent per worker: with one waiting beyond the current one it never waits for the next.
+# Batches sent per worker: with a batch waiting beyond the current one it never waits for the next.
 _AHEAD = 3
 _ASK_AGAIN = 5.0  # s
 _PARTS = 16
@@ -418,9 +419,9 @@ class Fleet:
     reused : int
         Contacts that an earlier run had identified.
     failures : int
-        Rows with an error in place of numbers, including those of earlier runs.
+        Rows with an error in place of numbers, including rows of earlier runs.
     identified : int
-        Rows with numbers, including those of earlier runs.
+        Rows with numbers, including rows of earlier runs.
     rows : int
         Rows that this run wrote.
     seconds : float
@@ -486,8 +487,8 @@ def run_fleet(
     needed("distributed", "a fleet")
     listed = sources_of(sources, leave_out=folder)
     results = Results.begin(folder, settings, listed)
-    there, total = results.done(), results.contacts
-    done = sum(end - first for first, end in there)
+    finished, total = results.done(), results.contacts
+    done = sum(end - first for first, end in finished)
     fleet = Fleet(folder, total, done)
     progress(done, total)
     _count(fleet, results.error_kinds())
@@ -500,8 +501,8 @@ def run_fleet(
     ]
     with client_of(workers=workers, scheduler=scheduler, dashboard=dashboard) as client:
         begun = time.perf_counter()
-        waiting = batches(listed, work, workers or sum(client.nthreads().values()) or 1, there)
-        for batch, (table, seconds) in _worked(client, waiting, settings):
+        waiting = batches(listed, work, workers or sum(client.nthreads().values()) or 1, finished)
+        for batch, (table, seconds) in _run_batches(client, waiting, settings):
             results.write(batch, table, seconds)
             _count(fleet, table["error_kind"].to_pylist())
             fleet.rows += table.num_rows
@@ -512,7 +513,7 @@ def run_fleet(
 
 
 def _count(fleet: Fleet, kinds: Sequence[str | None]) -> None:
-    """Add rows to the counts by their class of error; None counts as identified."""
+    """Add rows to the counts for their class of error; None counts as identified."""
     failed = [kind for kind in kinds if kind is not None]
     fleet.failures += len(failed)
     fleet.identified += len(kinds) - len(failed)
@@ -520,25 +521,25 @@ def _count(fleet: Fleet, kinds: Sequence[str | None]) -> None:
         fleet.reasons[kind] = fleet.reasons.get(kind, 0) + 1
 
 
-def _worked(
+def _run_batches(
     client: Any, waiting: Sequence[Batch], settings: Settings
 ) -> Iterator[tuple[Batch, Any]]:
     """Yield batches and their results as they finish, with few batches sent ahead per worker."""
     distributed = needed("distributed", "a fleet")
     left = deque(waiting)
-    out: dict[str, Batch] = {}
+    running: dict[str, Batch] = {}
     coming = distributed.as_completed(loop=client.loop)
     asked, most = -math.inf, 0
-    while left or out:
+    while left or running:
         if time.monotonic() - asked > _ASK_AGAIN:  # the number of workers may change
             asked, most = time.monotonic(), _AHEAD * (sum(client.nthreads().values()) or 1)
-        while left and len(out) < most:
+        while left and len(running) < most:
             batch = left.popleft()
             future = client.submit(timed_batch, batch.table, settings, pure=False)
-            out[future.key] = batch
+            running[future.key] = batch
             coming.add(future)
         future = next(coming)
-        batch = out.pop(future.key)
+        batch = running.pop(future.key)
         yield batch, _answer(client, future, batch.table, settings)
 
 
@@ -547,9 +548,9 @@ def _answer(
 ) -> tuple[Table, Floats]:
     """Return a task's result; if it ended its workers, identify it in ever smaller parts.
 
-    Dask gives a task up after four workers have ended, because of one contact or by chance. The
-    parts run one after another, so that a contact that ends its worker alone is known to be the
-    cause; it becomes a row with its error.
+    Dask gives up a task after four workers have ended, because of one contact or by chance. The
+    parts run one after another, so that a contact that ends its worker while it runs alone is known
+    to be the cause; it becomes a row with its error.
     """
     distributed = needed("distributed", "a fleet")
     pa = needed("pyarrow", "a table of contacts")
@@ -562,8 +563,8 @@ def _answer(
     except FleetError:
         raise
     except Exception as error:
-        words = f"{type(error).__name__}: {first_line(error)}"
-        raise FleetError(f"a worker failed: {words}") from None
+        text = f"{type(error).__name__}: {first_line(error)}"
+        raise FleetError(f"a worker failed: {text}") from None
     size = -(-table.num_rows // _PARTS)
     answers = []
     for first in range(0, table.num_rows, size):

@@ -24,14 +24,15 @@ from palpate.estimators import (
 )
 from palpate.force_laws import ForceLaw
 from palpate.preparation import Columns
-from palpate.preparation.gates import gate_asked_for
+from palpate.preparation.gates import requested_gate
 from palpate.preparation.settings import Preparation
 from palpate.recordings.opening import MAX_SIZE
 from palpate.validation import shown
 
 #: A pyarrow table; pyarrow has no type stubs and is imported only where a table is made.
 Table: TypeAlias = Any
-#: Import a package of the extra ``fleet``, or raise an error that names what needs it.
+#: Imports a package of the extra ``fleet``, or raises an error that names the feature that needs
+#: it.
 needed = partial(errors.needed, extra="fleet")
 
 
@@ -42,7 +43,7 @@ def cores() -> int:
     return os.cpu_count() or 1
 
 
-# The contacts to identify, by source and number, in batches.
+# The contacts to identify, as source and number, in batches.
 
 # Time per contact and per sample, s, on a core of 2.4 GHz: medians over touches of 200 to 10 000
 # samples. A surface search takes three times as long as the recursion alone; this does not matter,
@@ -91,7 +92,7 @@ class ContactSource:
 
     @property
     def contacts(self) -> int:
-        """Number of contacts, as far as it is known before the source is read."""
+        """Number of contacts; 1 if it is not known before the source is read."""
         return 1 if self.count is None else self.count
 
     def seconds(self, diagnosis: str, *, whole_curve: bool) -> float:
@@ -167,20 +168,20 @@ def batches(
     each = [source for source in sources for _ in range(source.contacts)]
     index = [k for s in sources for k in ([None] if s.count is None else range(s.count))]
     whole = tasks_table([s.name for s in each], [s.kind for s in each], index)
-    found = [  # copies: Arrow would serialise the whole table for a slice
+    result = [  # copies: Arrow would serialise the whole table for a slice
         Batch(first, whole.take(np.arange(first, end)), float(work[first:end].sum()))
         for first, end in itertools.pairwise(sorted(edges))
         if waiting[first]
     ]
-    return sorted(found, key=lambda batch: -batch.seconds)
+    return sorted(result, key=lambda batch: -batch.seconds)
 
 
 def _cuts(
     sources: Iterable[ContactSource], seconds: Iterable[float], longest: float
 ) -> Iterator[int]:
-    """Yield the first contact of each batch; a stored chunk stays in one batch where possible."""
-    at, load = 0, 0.0
-    yield at
+    """Yield the first contact of each batch; a stored chunk stays in one batch if possible."""
+    position, load = 0, 0.0
+    yield position
     for source, each in zip(sources, seconds, strict=True):
         first = 0
         while first < source.contacts:
@@ -190,37 +191,37 @@ def _cuts(
             if fit > source.chunk:
                 fit -= (first + fit) % source.chunk
             fit = min(max(fit, load == 0.0), source.contacts - first)
-            first, at, load = first + fit, at + fit, load + fit * each
+            first, position, load = first + fit, position + fit, load + fit * each
             if first < source.contacts or load >= longest:
-                yield at
+                yield position
                 load = 0.0
 
 
 def digest_of(sources: Iterable[ContactSource]) -> str:
     """Return a digest that identifies these sources and their present content."""
-    found = hashlib.sha256()
+    digest = hashlib.sha256()
     for each in sources:
         parts = (each.name, each.kind, each.count, each.samples, each.chunk, each.stamp)
-        found.update("\t".join(map(str, parts)).encode("utf-8", "backslashreplace") + b"\n")
-    return found.hexdigest()[:16]
+        digest.update("\t".join(map(str, parts)).encode("utf-8", "backslashreplace") + b"\n")
+    return digest.hexdigest()[:16]
 
 
-# How the contacts of a fleet are prepared and identified; every row has the digest of the settings.
+# The settings of preparation and identification; every row has their digest.
 
 DiagnosisDepth = Literal["none", "input", "full"]
-#: The method that :func:`palpate.identify` takes by default.
+#: The default method of :func:`palpate.identify`.
 AUTO = "auto"
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True, slots=True)
 class Settings:
-    """How each contact is prepared and identified.
+    """The settings that prepare and identify each contact.
 
     Parameters
     ----------
     method : str
-        Name of the method. Default: "auto", as :func:`palpate.identify` without a method, which
-        selects the law; the whole curves of arrays and force maps are fitted by Hunt–Crossley.
+        Name of the method. Default: "auto", as in :func:`palpate.identify` without a method, which
+        selects the law; for whole curves of arrays and force maps it is Hunt–Crossley.
     estimator : mapping
         Settings of the method that differ from its defaults, such as ``{"surface": "estimate"}``.
     preparation : mapping
@@ -231,7 +232,7 @@ class Settings:
     minimum_penetration, minimum_force : float, optional
         Smallest penetration, m, and force, N, in contact. Default: chosen from the data.
     max_size : float
-        As for :func:`palpate.open_recording`, bytes. Default: 4 GiB.
+        Limit of :func:`palpate.open_recording`, bytes. Default: 4 GiB.
     version : str
         Version of palpate that made the settings; a worker with another version refuses them.
 
@@ -274,7 +275,7 @@ class Settings:
 
     @property
     def kind(self) -> type[ContactEstimator]:
-        """The estimator's class; by default variable projection for what only that can do."""
+        """The estimator's class; by default variable projection if only it has these settings."""
         if self.method != AUTO:
             return estimator_named(self.method)
         able = set(self.estimator) <= set(ViscoelasticContact().settings)
@@ -282,7 +283,7 @@ class Settings:
 
     @property
     def of_curves(self) -> "Settings":
-        """The same, with Hunt and Crossley's law for whole curves where no method was chosen."""
+        """The same settings, with Hunt–Crossley for whole curves if no method was chosen."""
         if self.method != AUTO or not set(self.estimator) <= set(VariableProjection().settings):
             return self
         return dataclasses.replace(self, method=VariableProjection.method)
@@ -297,16 +298,16 @@ class Settings:
         kind = self.kind
         if self.method == AUTO and contact.timeless:
             kind = VariableProjection
-        made = kind().replace(**self.estimator)
+        estimator = kind().replace(**self.estimator)
         asked = self.minimum_penetration, self.minimum_force
-        gate = gate_asked_for(contact, *asked, alone=made.chooses_samples)
-        return made if gate is None else made.replace(gate=gate)
+        gate = requested_gate(contact, *asked, alone=estimator.chooses_samples)
+        return estimator if gate is None else estimator.replace(gate=gate)
 
     def plain(self) -> dict[str, Any]:
         """Return the settings as JSON values."""
         values = {field.name: getattr(self, field.name) for field in dataclasses.fields(self)}
-        made: dict[str, Any] = json.loads(json.dumps(values, default=_plain, sort_keys=True))
-        return made
+        settings: dict[str, Any] = json.loads(json.dumps(values, default=_plain, sort_keys=True))
+        return settings
 
     @property
     def digest(self) -> str:

@@ -15,16 +15,16 @@ from palpate.validation import above_zero, not_below_zero, number, number_in
 
 @dataclass(frozen=True, slots=True)
 class EngineLaw:
-    """A contact law of an engine, by its exponents.
+    """The exponents of an engine's contact law.
 
     Attributes
     ----------
     name : str
-        The engine, and which of its laws.
+        The engine, and the name of its law.
     exponent, damping_exponent : float
         n and p.
     condition : str
-        What else the engine requires; empty if it takes K and B directly.
+        Further condition of the engine; empty if it takes K and B directly.
     """
 
     name: str
@@ -53,7 +53,7 @@ ENGINES = (
 def exact_in(law: GeneralisedHuntCrossley) -> tuple[EngineLaw, ...]:
     """Return the engines that have exactly this law.
 
-    They are matched by exponents: an identified one is never exactly 1.5, a known one may be
+    They are matched by exponents: an identified exponent is never exactly 1.5, a known one may be
     (``exponent=1.5``). No engine here has memory; for a law with memory, pass its
     :meth:`~GeneralisedHuntCrossley.relaxed` or :meth:`~GeneralisedHuntCrossley.instantaneous` law.
     """

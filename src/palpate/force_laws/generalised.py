@@ -37,9 +37,9 @@ class GeneralisedHuntCrossley(CompiledLaw):
 
     F = K xⁿ + B xᵖ v + Σ mᵢ gᵢ  for x > 0, else 0;   ġᵢ = d(xⁿ)/dt − gᵢ/τᵢ,   Σ mᵢ = M
 
-    With p = n it is the law of Hunt & Crossley (1975); with p = n − 1 that of a sphere, a cone or a
-    punch on a Kelvin–Voigt half-space, whose damper acts on the area of contact (Radok 1957, Lee &
-    Radok 1960); with n = 1, p = 0 that of Kelvin & Voigt. The relaxing part is Boltzmann's
+    With p = n it is the law of Hunt & Crossley (1975); with p = n − 1 the law of a sphere, a cone
+    or a punch on a Kelvin–Voigt half-space, whose damper acts on the area of contact (Radok 1957,
+    Lee & Radok 1960); with n = 1, p = 0 the law of Kelvin & Voigt. The relaxing part is Boltzmann's
     superposition of xⁿ, quasi-linear viscoelasticity (Fung 1981). Out of contact xⁿ counts as 0,
     and relaxation continues.
 
@@ -104,7 +104,7 @@ class GeneralisedHuntCrossley(CompiledLaw):
         Parameters
         ----------
         law : ForceLaw
-            p becomes 0 for a linear damper, and n for Hunt and Crossley's.
+            The law; p becomes 0 for a linear damper, and n for a Hunt–Crossley damper.
 
         Raises
         ------
@@ -120,7 +120,7 @@ class GeneralisedHuntCrossley(CompiledLaw):
     def simplest(self) -> "KelvinVoigt | HuntCrossley | GeneralisedHuntCrossley":
         """Return the equivalent Kelvin–Voigt or Hunt–Crossley law, if there is one.
 
-        Otherwise, with memory or another damper, the law itself. Without damping p is irrelevant.
+        With memory or another damper it is the law itself. Without damping p is irrelevant.
         """
         if self.remembers:
             return self
@@ -138,12 +138,12 @@ class GeneralisedHuntCrossley(CompiledLaw):
 
     @classmethod
     def from_parameters(cls, parameters: "ArrayLike") -> Self:
-        """Return the law without memory of five numbers in the order of :attr:`parameters`.
+        """Return the law without memory from five numbers in the order of :attr:`parameters`.
 
         Raises
         ------
         InvalidParameterError
-            The last, M, is not 0: numbers alone do not tell the relaxation times. See
+            The last, M, is not 0: the numbers alone do not contain the relaxation times. See
             :meth:`with_parameters`.
         """
         return cls(*np.asarray(parameters, dtype=np.float64).tolist())
@@ -210,14 +210,15 @@ class GeneralisedHuntCrossley(CompiledLaw):
     def branches(self) -> tuple[Floats, Floats]:
         """Relaxation times [s] of the branches, and weights with the sum 1; none without memory.
 
-        A RelaxationSpectrum's own; else two branches per factor of two in time.
+        A RelaxationSpectrum has them; another relaxation is approximated by two branches per
+        factor of two in time.
         """
         if self.relaxation is None or not self.remembers:
             return np.empty(0), np.empty(0)
         return self.relaxation.branches()
 
     def rest(self, penetration: float = 0.0) -> RelaxationState:
-        """Return the state of a material that is fully relaxed at a penetration [m]."""
+        """Return the fully relaxed state at a penetration [m]."""
         depth = number("penetration", penetration)
         elastic = depth**self.exponent if depth > 0.0 else 0.0
         return RelaxationState(elastic, (0.0,) * len(self.branches()[0]))
@@ -243,7 +244,7 @@ class GeneralisedHuntCrossley(CompiledLaw):
         """
         numbers, depth = self._numbers_of(state), np.array([number("penetration", penetration)])
         steps = np.array([number_in("dt", dt, 0.0, LONGEST, open_low=True)])
-        self._go(numbers, steps, depth, np.zeros(1))
+        self._advance(numbers, steps, depth, np.zeros(1))
         return RelaxationState(float(numbers[0]), tuple(numbers[1:].tolist()))
 
     @overload
@@ -306,7 +307,7 @@ class GeneralisedHuntCrossley(CompiledLaw):
             return np.empty(0)
         known = x[np.isfinite(x)]
         begun = self.rest(float(known[0]) if known.size else 0.0) if state is None else state
-        return self._go(self._numbers_of(begun), steps, x, v)
+        return self._advance(self._numbers_of(begun), steps, x, v)
 
     def dynamic_stiffness(self, depth: "ArrayLike", frequency: "ArrayLike") -> Any:
         """Dynamic stiffness K′ + iωB′ [N/m] for small oscillations about a depth.
@@ -367,7 +368,7 @@ class GeneralisedHuntCrossley(CompiledLaw):
             )
         return np.array([state.elastic, *state.branches])
 
-    def _go(self, numbers: Floats, steps: Floats, x: Floats, v: Floats) -> Floats:
+    def _advance(self, numbers: Floats, steps: Floats, x: Floats, v: Floats) -> Floats:
         """Advance a state in place and return the force."""
         force = np.empty(x.size)
         times, weights = self.branches()

@@ -1,6 +1,6 @@
 """Force laws: the base class, Kelvin–Voigt and Hunt–Crossley, and the table of all laws.
 
-Equation numbers are those of Haddadi & Hashtrudi-Zaad, *Real-Time Identification of Hunt–Crossley
+Equation numbers refer to Haddadi & Hashtrudi-Zaad, *Real-Time Identification of Hunt–Crossley
 Dynamic Models of Contact Environments*, IEEE T-RO 28(3), 2012.
 """
 
@@ -40,7 +40,7 @@ class ForceLaw:
     linear: ClassVar[int] = 0
     #: Whether the law is (K + B v) xⁿ, with the parameters K, B and n in this order.
     power_law: ClassVar[bool] = False
-    #: Whether laws of this class can have memory; :attr:`remembers` is that of one law.
+    #: Whether laws of this class can have memory; for one law see :attr:`remembers`.
     relaxes: ClassVar[bool] = False
     #: Damping, memory and linearity of the equivalent model-selection candidate.
     candidate: ClassVar[tuple[str, str, bool] | None] = None
@@ -51,7 +51,7 @@ class ForceLaw:
 
     @classmethod
     def from_parameters(cls, parameters: "ArrayLike") -> Self:
-        """Return the law of these numbers, in the order of :attr:`parameters`."""
+        """Return the law with these numbers, in the order of :attr:`parameters`."""
         return cls(*np.asarray(parameters, dtype=np.float64).tolist())
 
     def with_parameters(self, parameters: "ArrayLike") -> "ForceLaw":
@@ -198,7 +198,7 @@ class ForceLaw:
 
     @classmethod
     def many_at(cls, parameters: Floats, depth: float | Floats) -> tuple[Floats, Floats]:
-        """:meth:`stiffness_at` and :meth:`damping_at` a depth, for many laws at once.
+        """:meth:`stiffness_at` and :meth:`damping_at` a depth, for many laws.
 
         Parameters
         ----------
@@ -229,7 +229,7 @@ _SUPERSCRIPTS = str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹", "0123456789")
 
 Law = TypeVar("Law", bound=type[ForceLaw])
 
-#: Every force law by its kind.
+#: All force laws by ``kind``.
 FORCE_LAWS: dict[str, type[ForceLaw]] = {}
 
 # Callbacks for each registered law; estimators, which may not be imported here, add theirs.
@@ -261,7 +261,7 @@ def register(law: Law) -> Law:
 
 
 def law_from(description: dict[str, Any]) -> ForceLaw:
-    """Return the law of a :meth:`ForceLaw.description`.
+    """Return the law from a :meth:`ForceLaw.description`.
 
     Raises
     ------
@@ -330,7 +330,7 @@ class Spring(ForceLaw):
 
     F = K xⁿ  for x ≥ 0, else 0.
 
-    It is not registered: no method identifies it by itself, and a simulation needs a damping.
+    It is not registered: no method identifies it alone, and a simulation needs a damping.
 
     Parameters
     ----------

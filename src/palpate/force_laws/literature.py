@@ -1,6 +1,6 @@
 """Laws from the literature as generalised Hunt–Crossley laws.
 
-Each function takes the parameters of its source, SI, and returns the equivalent law. Those of
+Each function takes the parameters of its source, SI, and returns the equivalent law. The laws of
 simulation engines are in :mod:`palpate.force_laws.engines`.
 """
 
@@ -36,7 +36,7 @@ def half_space(
 def hunt_crossley_1975(
     *, stiffness: float, exponent: float, restitution: float, speed: float
 ) -> GeneralisedHuntCrossley:
-    """Return F = K xⁿ (1 + 3 (1 − e)/(2 v₀) v): Hunt & Crossley's own choice of dissipation.
+    """Return F = K xⁿ (1 + 3 (1 − e)/(2 v₀) v): the dissipation that Hunt & Crossley chose.
 
     *J. Applied Mechanics* 42 (1975) 440–445. For e near 1; ``palpate.dissipation_for`` is exact,
     and docs/quantities.md has the errors of this and the next two.

@@ -153,7 +153,7 @@ _ONE_GROUP, _ONE_TIME = 0.95, 0.5
 
 @dataclass(frozen=True, slots=True)
 class RelaxationSpectrum(Relaxation):
-    """Relaxation times, each with a stiffness of its own (Wiechert's model, a Prony series).
+    """Relaxation times, each with a separate stiffness (Wiechert's model, a Prony series).
 
     G(t) = Σ mᵢ e^(−t/τᵢ) / Σ mᵢ
 
@@ -198,7 +198,7 @@ class RelaxationSpectrum(Relaxation):
 
     @property
     def time(self) -> float | None:
-        """The one relaxation time, s; None if there is none or several.
+        """The single relaxation time, s; None without any or with several.
 
         exp of the mean of ln τ, weighted by m, over a group of neighbouring times with m > 0 that
         has over 95 % of Σ m and a standard deviation of log₁₀ τ below 0.5.
@@ -219,7 +219,7 @@ class RelaxationSpectrum(Relaxation):
         return 0.5 * float(np.diff(np.log(self.times)).max(initial=0.0))
 
     def branches(self) -> tuple[Floats, Floats]:
-        """Its times [s] and their weights m/Σ m."""
+        """Relaxation times [s] and weights m/Σ m."""
         return np.array(self.times), np.array(self.stiffnesses) / (self.stiffness or 1.0)
 
     def scaled(self, stiffness: float) -> "RelaxationSpectrum":
@@ -285,23 +285,23 @@ def _check_times(spectrum: FlatSpectrum | PowerLawRelaxation) -> None:
         )
 
 
-# Steps; over a longer gap the probe's path is unknown.
+# Longest gap, in previous steps; over a longer one the probe's path is unknown.
 _GAP = 20.0
 
 
 def steps_over_breaks(time: Floats, depth: Floats, usual: float) -> Floats:
-    """Time since the previous sample, s, also over breaks, where a material goes on relaxing.
+    """Time since the previous sample, s, also over breaks, during which a material relaxes.
 
-    As an estimator counts it: where the probe was in the material before and after a long gap,
-    contact most likely went on as before, and the state is kept.
+    The steps are the same as in an estimator: if the probe was in the material before and after a
+    long gap, contact most likely continued as before, and the relaxation state is kept.
 
     Parameters
     ----------
     time, depth : numpy.ndarray, shape (k,)
         s and m.
     usual : float
-        Time between samples, s: for the first, over a long gap in the material, and where joined
-        recordings repeat a time.
+        Time between samples, s: the step of the first sample, over a long gap in the material, and
+        at a time that joined recordings repeat.
     """
     steps = np.diff(time, prepend=-np.inf)
     inside = depth > 0.0

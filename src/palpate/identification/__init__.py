@@ -1,1 +1,1 @@
-"""What a whole contact gave: its replay, its law, and which of several laws is best."""
+"""Identification of a whole contact: replay, law, and comparison of several methods."""

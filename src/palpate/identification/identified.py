@@ -1,9 +1,8 @@
-"""What a whole contact gave: law, error bars, diagnosis; why there is none; which is best."""
+"""The identification of a whole contact: law, error bars, diagnosis."""
 
-import itertools
 import logging
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property, wraps
@@ -11,7 +10,7 @@ from itertools import pairwise
 from typing import Any, Self, TypeAlias, TypeVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from palpate._core import Status
 from palpate.contact import Contact
@@ -19,29 +18,22 @@ from palpate.diagnosis import (
     Data,
     Diagnosis,
     Episode,
-    Laws,
+    ModelSelection,
     Quantity,
     WorkingDepth,
     diagnose_parts,
-    stacked,
+    stack_depths,
 )
-from palpate.diagnosis.diagnosing import outliers
-from palpate.diagnosis.fit import DEEP, reference_scale
-from palpate.diagnosis.marks import CARE, STOP_STIFFNESS, mark_of
+from palpate.diagnosis.fit import DEEP
 from palpate.diagnosis.timeless import (
     SpringEstimate,
     diagnosis_without_time,
     findings_without_time,
     trace_without_time,
 )
-from palpate.digits import format_quantity, rounded, with_error
+from palpate.digits import format_quantity
 from palpate.errors import InvalidParameterError, RecordingError
-from palpate.estimators import (
-    ContactEstimator,
-    LawVerdict,
-    VariableProjection,
-    ViscoelasticContact,
-)
+from palpate.estimators import ContactEstimator, LawVerdict, VariableProjection, ViscoelasticContact
 from palpate.estimators.estimate import (
     Estimate,
     Trace,
@@ -53,21 +45,25 @@ from palpate.estimators.estimate import (
 )
 from palpate.estimators.law_verdicts import Candidate
 from palpate.estimators.oscillation import Oscillation
-from palpate.estimators.variable_projection import EXPONENTS, constrained
-from palpate.findings import MARKS, Finding
+from palpate.estimators.variable_projection import constrained
+from palpate.findings import Check, Finding
 from palpate.force_laws import steps_over_breaks
+from palpate.identification.estimate_checks import check_estimate
+from palpate.identification.refusals import check_approach, why_nothing
 from palpate.identification.replaying import (
     defaults_from_data,
-    estimator_of,
     joint_covariance,
-    predicted_force,
-    replayed,
+    predict_force,
+    replay,
+    resolve_estimator,
 )
+from palpate.identification.weak_prior import prior_finding
 from palpate.preparation.along_penetration import Place, at_places
 from palpate.preparation.gates import choose_gate
 from palpate.preparation.velocity import window_samples
 from palpate.quantities.derived import (
     QueryOptions,
+    compression_modulus_from,
     elastic_modulus_from,
     energy_from,
     instantaneous_stiffness_of,
@@ -80,172 +76,14 @@ from palpate.quantities.derived import (
 from palpate.settings import ChangeDetector, ContactGate, Scale
 from palpate.validation import Floats, number_in, positive
 
-# Of the peak force: a misfit of a law that relaxes beyond which its memory may have another form.
+# Fraction of the peak force: above this misfit of a relaxing law, its relaxation may have another
+# form.
 CLEAR_MISFIT = 0.01
-# Samples above the surface that a search for it needs: the force out of contact is then known to a
-# quarter of σ.
-FEWEST_ABOVE = 20
-
-
-def why_nothing(data: Data, gate: ContactGate) -> str:
-    """Describe why no sample was taken: the most severe finding of the data, if any."""
-    for finding in data.findings:
-        if finding.severity == "do-not-trust":
-            where = f"{data.contact.source}: " if data.contact.source else ""
-            return f"{where}{finding}"
-    return no_contact_message(data.contact, gate)
-
-
-def no_contact_message(contact: Contact, gate: ContactGate) -> str:
-    """Describe why no sample was taken."""
-    where = f"{contact.source}: " if contact.source else ""
-    if not len(contact):
-        return f"{where}there are no samples"
-    inside = gate.makes(contact.penetration, contact.force)
-    if inside.any() and not np.isfinite(contact.velocity[inside]).any():
-        return (
-            f"{where}no sample in contact has a velocity: {not_finite(contact)}; pass "
-            "--velocity none to differentiate the penetration instead"
-        )
-    return (
-        f"{where}no contact found: no sample has penetration above "
-        f"{rounded(gate.minimum_penetration, 3)} m and force above {rounded(gate.make_force, 3)} N "
-        f"(the largest are {_largest(contact.penetration)} m and {_largest(contact.force)} N); "
-        "check units and signs, or pass a smaller --min-penetration or --min-force"
-    )
-
-
-def not_finite(contact: Contact) -> str:
-    """Describe which channels are not finite, where they come from, and how often."""
-    penetration, force = ~np.isfinite(contact.penetration), ~np.isfinite(contact.force)
-    velocity = ~np.isfinite(contact.velocity) & ~penetration  # beyond what follows from the depth
-    words = []
-    for name, wrong in {"penetration": penetration, "velocity": velocity, "force": force}.items():
-        if wrong.any():
-            origin = f" ({contact.provenance[name]})" if name in contact.provenance else ""
-            words.append(f"{name}{origin} is NaN or infinite in {wrong.sum()}")
-    return f"{', '.join(words)} of {len(contact)} samples"
-
-
-def _largest(values: Floats) -> str:
-    known = values[~np.isnan(values)]
-    return rounded(known.max(), 3) if known.size else "no"
-
-
-def check_approach(contact: Contact, trace: Trace, surface: float) -> None:
-    """A surface is where the force begins: without samples before it, it is a guess from below."""
-    above = int(np.count_nonzero(contact.penetration[trace.taken] < surface))
-    if above < FEWEST_ABOVE:
-        raise RecordingError.of(contact.source, no_approach(above, len(contact), surface))
-
-
-def no_approach(above: int, samples: int, surface: float) -> str:
-    """Describe that too few samples lie above the surface that was found."""
-    return (
-        f"cannot estimate the surface without a free approach: {above} of {samples} samples lie "
-        f"above the best surface, {rounded(surface, 3)} m, and at least {FEWEST_ABOVE} must; "
-        "start the recording before the touch, or pass the position of the surface"
-    )
-
-
-# What a reader should know before trusting the numbers of an identification.
-
-NEGATIVE_STIFFNESS = Finding(
-    "negative stiffness",
-    "negative stiffness: in this law the force falls with depth",
-    "check the signs of penetration and force",
-)
-NEGATIVE_DAMPING = Finding(
-    "negative damping",
-    "negative damping: this law creates energy, which no passive material does",
-)
-
-
-def findings_of(contact: Contact, trace: Trace, estimator: ContactEstimator) -> Iterator[Finding]:
-    """Return what the last estimate does not determine, and what is special about the samples."""
-    estimate = estimator.estimate()
-    law = estimate.law
-    yield from estimate.motion_findings
-    if estimate.samples < 10 * len(law.symbols):
-        yield Finding("excitation", f"only {estimate.samples} samples in contact")
-    pulls = (law.power_law or law.relaxes) and not law.remembers
-    if pulls and law.stiffness < 0.0:
-        yield NEGATIVE_STIFFNESS
-    if law.as_dict().get("damping", 0.0) < 0.0 and _creates_energy(contact, trace, estimate):
-        yield NEGATIVE_DAMPING
-    violated = violated_fraction(trace) if estimator.needs_condition_10 else 0.0
-    if violated > 0.0:
-        yield Finding(
-            "condition 10",
-            f"|v| ≥ 0.1 K/B in {violated:.1%} of the contact, where the method is biased",
-        )
-    if math.isnan(prediction_rmse_percent(trace, contact.force, contact.time_steps)):
-        yield Finding("prediction", "less than 0.2 s of contact: no prediction error")
-    if estimate.guarded:
-        yield Finding("guard", f"the covariance was limited on {estimate.guarded} samples")
-    if left_out := int(np.count_nonzero(trace.rejected)):
-        taken = int(np.count_nonzero(trace.taken))
-        yield outliers(left_out, left_out + taken)
-    if (verdict := estimator.verdict()) is not None:
-        yield from verdict.findings
-    for refusal in (Status.NOT_FINITE, Status.INVALID_STEP, Status.OUT_OF_RANGE):
-        if count := int(np.count_nonzero(trace.status == refusal)):
-            words = refusal.name.lower().replace("_", " ")
-            if refusal == Status.NOT_FINITE:
-                words += f": {not_finite(contact)}"
-            yield Finding("rows", f"{count} samples rejected: {words}")
-
-
-def _creates_energy(contact: Contact, trace: Trace, estimate: Estimate) -> bool:
-    taken = trace.taken
-    depth = float(np.median(contact.penetration[taken])) - estimate.surface if taken.any() else 0.0
-    if not depth > 0.0:
-        return False
-    with np.errstate(all="ignore"):
-        (force, _, damping), errors = estimate.with_errors(lambda of: of.at_rest(depth))
-        speed = np.sqrt(np.mean(contact.velocity[taken] ** 2))
-        return bool(creates_energy(damping, errors[2], force, speed))
-
-
-def creates_energy(damping: Any, error: Any, force: Any, speed: Any) -> Any:
-    """Whether a damping at a depth is negative, by two standard errors and by the diagnosis's rule.
-
-    Parameters
-    ----------
-    damping, error : float or numpy.ndarray
-        N·s/m.
-    force : float or numpy.ndarray
-        At that depth and at rest, N.
-    speed : float or numpy.ndarray
-        Root mean square in contact, m/s.
-    """
-    size = reference_scale(damping, force, speed)
-    return damping < -np.maximum(2.0 * error, CARE * size)
-
-
-def prior_finding(own: Estimate, bounded: Estimate, depth: float) -> Finding:
-    """Describe that the answer is under the weak prior, and what the least squares gives."""
-    moved = bounded.law.stiffness_at(depth) / own.law.stiffness_at(depth) - 1.0
-    sign = "negative" if own.law.damping < 0.0 else "positive"
-    return Finding(
-        "weak prior",
-        "the probe moves one way at nearly one speed, which leaves n and B open: the answer is the "
-        f"least squares with B ≥ 0 and n from {EXPONENTS[0]:g} to {EXPONENTS[1]:g}; without this "
-        f"prior n is {own.law.exponent:.2f} and B {sign}",
-        "press and release, at several speeds; without the prior: --no-weak-prior",
-        stiffness=mark_of(abs(moved), STOP_STIFFNESS),
-        damping="do-not-trust",
-        moves_stiffness_percent=100.0 * moved,
-    )
-
-
-# What a whole contact gave.
-
 _Derived = TypeVar("_Derived", bound=Callable[..., Any])
 
 
-def _with_time(derived: _Derived) -> _Derived:
-    """The same function of an identification, which refuses one of a recording without time."""
+def _require_time(derived: _Derived) -> _Derived:
+    """Return the function of an identification, but refuse a recording without time."""
 
     @wraps(derived)
     def refusing(result: "Identified", *query: Any, **named: Any) -> Any:
@@ -260,15 +98,14 @@ def _with_time(derived: _Derived) -> _Derived:
 
 
 _LOGGER = logging.getLogger(__name__)
-
 _Placed: TypeAlias = tuple[Place, Contact]
 
 
-@dataclass(frozen=True, eq=False, repr=False)  # no slots: the diagnosis is kept in the instance
+@dataclass(frozen=True, eq=False, repr=False)  # no slots: the instance caches the diagnosis
 class Identified:
-    """What a whole contact gave, in numbers; :class:`palpate.Identification` shows them.
+    """Identification of a whole contact as numbers; :class:`palpate.Identification` formats them.
 
-    That class says what each field is.
+    The fields are documented in that class.
     """
 
     contact: Contact
@@ -283,7 +120,7 @@ class Identified:
     chosen: tuple[str, ...] = ()
     query: QueryOptions = field(default_factory=QueryOptions)
     traced: Traced = 2000
-    #: The estimate under a weak prior, where the motion leaves the estimator's own open.
+    #: The estimate under a weak prior, if the motion does not determine the estimator's own.
     bounded: Estimate | None = None
     #: The identification that selected this one's law.
     selected: "Identified | None" = None
@@ -296,20 +133,20 @@ class Identified:
         *,
         trace: Traced = 2000,
     ) -> Self:
-        """Identify a contact that is prepared; :func:`palpate.identify` says the rest.
+        """Identify a prepared contact; see :func:`palpate.identify`.
 
         Parameters
         ----------
         data : Data
-            The contact with the checks of its channels. Where the load goes elsewhere, its samples
-            are excluded, unless the estimator keeps outliers.
+            The contact with the checks of its channels. Samples in which another place carries
+            the load are excluded, unless the estimator keeps outliers.
         estimator : ContactEstimator or str, optional
             Method and settings. Default: variable projection.
         trace : int, float, "full" or False
-            Which estimates are written down.
+            Which estimates are recorded.
         """
         timeless = data.contact.timeless
-        given, traced = estimator_of(estimator, timeless=timeless), checked_trace(trace)
+        given, traced = resolve_estimator(estimator, timeless=timeless), checked_trace(trace)
         data = data.samples(rejecting=given.rejects_outliers)
         contact = data.contact
         if contact.timeless and type(given) is not VariableProjection:
@@ -318,28 +155,28 @@ class Identified:
             )
         chosen = defaults_from_data(contact, given)
         fresh = given.replace(**chosen)
-        written = replayed(contact, fresh, traced)
+        recorded = replay(contact, fresh, traced)
         if type(fresh) is VariableProjection and not any(
             fresh.settings[name] for name in ("forgetting", "change_detector")
         ):
             again = fresh.replace()
             if again._unround_as(fresh):
-                fresh, written = again, replayed(contact, again, traced)
+                fresh, recorded = again, replay(contact, again, traced)
         if _LOGGER.isEnabledFor(logging.INFO):
             words = (f"{name}={value}" for name, value in chosen.items() if value is not None)
             known = ", ".join(words) or "nothing"
             _LOGGER.info("%s: chosen from the data: %s", fresh.method, known)
-        found = tuple(findings_of(contact, written, fresh))
+        findings = tuple(check_estimate(contact, recorded, fresh))
         if contact.timeless:
-            found, written = findings_without_time(found), trace_without_time(written)
-        taken = np.count_nonzero(written.taken)
+            findings, recorded = findings_without_time(findings), trace_without_time(recorded)
+        taken = np.count_nonzero(recorded.taken)
         _LOGGER.info("%s: took %d of %d samples", fresh.method, taken, len(contact))
-        result = cls(contact, fresh, written, found, data, chosen=tuple(chosen), traced=traced)
-        if not (written.taken & ~(contact.force <= 0.0)).any():
+        result = cls(contact, fresh, recorded, findings, data, chosen=tuple(chosen), traced=traced)
+        if not (recorded.taken & ~(contact.force <= 0.0)).any():
             raise RecordingError(why_nothing(data, result.gate))
         if fresh.settings.get("surface") == "estimate":
-            check_approach(contact, written, result.estimate.surface)
-        return result._under_prior() if fresh.settings.get("weak_prior") else result
+            check_approach(contact, recorded, result.estimate.surface)
+        return result._apply_weak_prior() if fresh.settings.get("weak_prior") else result
 
     @classmethod
     def selected_law(
@@ -349,21 +186,21 @@ class Identified:
         *,
         trace: Traced = 2000,
     ) -> Self:
-        """Identify a contact; where Hunt and Crossley's law is selected, by variable projection.
+        """Identify a contact; if Hunt–Crossley is selected, identify it by variable projection.
 
-        That has the smaller error of K, B and n. It also answers where the material pulls or
-        changes, which a law with memory would take for its own.
+        Variable projection has smaller errors of K, B and n. It is also used if the contact is
+        adhesive or changes, which a relaxing law would absorb.
         """
-        found = cls.of(data, estimator, trace=trace)
-        if not found.estimator.chooses_law or not found._takes_hunt_crossley():
-            return found
-        given, plain = found.estimator.settings, VariableProjection()
-        shared = {name for name in plain.settings if name in given}.difference(found.chosen)
+        selection = cls.of(data, estimator, trace=trace)
+        if not selection.estimator.chooses_law or not selection._prefers_hunt_crossley():
+            return selection
+        given, plain = selection.estimator.settings, VariableProjection()
+        shared = {name for name in plain.settings if name in given}.difference(selection.chosen)
         plain = plain.replace(**{name: given[name] for name in shared})
-        answer = cls.of(found.data or data, plain, trace=trace)
-        return replace(answer, selected=found)
+        answer = cls.of(selection.data or data, plain, trace=trace)
+        return replace(answer, selected=selection)
 
-    def _takes_hunt_crossley(self) -> bool:
+    def _prefers_hunt_crossley(self) -> bool:
         own, selected = Candidate("hunt-crossley", "none"), self.estimator.candidate
         if selected == own:
             return True
@@ -371,10 +208,10 @@ class Identified:
             return False
         if selected is None:  # too few samples to compare laws: nothing is estimated
             return True
-        return any(f.check in ("change", "adhesion") for f in self.diagnosis.findings)
+        return any(f.check in (Check.CHANGE, Check.ADHESION) for f in self.diagnosis.findings)
 
-    def _under_prior(self) -> Self:
-        """Return it with the estimate under the weak prior, if its own is outside of that."""
+    def _apply_weak_prior(self) -> Self:
+        """Return it with an estimate under the weak prior, if its own violates the prior."""
         own, settings = self.estimator.estimate(), self.estimator.settings
         given = ("exponent", "forgetting", "change_detector", "surface")
         if not self.depths or any(settings[name] is not None for name in given):
@@ -383,21 +220,21 @@ class Identified:
         if bounded is None:
             return self
         found = [prior_finding(own, bounded, self.depths[0])]
-        said = findings_without_time(found) if self.contact.timeless else found
-        return replace(self, bounded=bounded, findings=(*self.findings, *said))
+        findings = findings_without_time(found) if self.contact.timeless else found
+        return replace(self, bounded=bounded, findings=(*self.findings, *findings))
 
     @cached_property
     def diagnosis(self) -> Diagnosis:
-        """What may be wrong, and how far to trust it; worked out when it is first needed."""
-        found = self._diagnosed_at(self.depths)
+        """Findings, marks and error bars; computed when first needed."""
+        found = self._diagnose_at(self.depths)
         if not self.segments:
             return found
-        parts = (replace(f, remedy=None) if f.check == "change" else f for f in found.findings)
-        return replace(found, findings=tuple(parts))  # each segment is identified already
+        parts = (replace(f, remedy=None) if f.check == Check.CHANGE else f for f in found.findings)
+        return replace(found, findings=tuple(parts))  # the segments are identified already
 
     @cached_property
     def oscillation(self) -> Oscillation | None:
-        """What the samples say of small oscillations where a law was selected; otherwise None."""
+        """Small oscillations if a law was selected, otherwise None."""
         if self.selected is not None:
             return self.selected.oscillation
         if not isinstance(self.estimator, ViscoelasticContact):
@@ -409,33 +246,32 @@ class Identified:
         steps = steps_over_breaks(contact.time, contact.penetration, contact.sample_time)
         return Oscillation.of(self.estimator, *channels, steps, taken)
 
-    def _late(self) -> Iterator[Finding]:
-        """A damper that gives energy back, beside a spectrum that may take it."""
+    def _check_late_force(self) -> Iterator[Finding]:
+        """Report a negative damper next to a relaxation spectrum, which may compensate it."""
         found = self.oscillation
         if found is None or not found.delay > 0.0:
             return
         words = f"the force is at least {format_quantity(found.delay, 's')} late"
         if found.misfit > CLEAR_MISFIT:
             words += ", or the material's memory has another form"
-        yield Finding(
-            "late force",
+        yield Check.LATE_FORCE.finding(
             f"the damper beside the relaxation is negative: {words}",
             "run again with --delay find",
             damping="with-care",
         )
 
-    def _diagnosed_at(self, depths: Sequence[float]) -> Diagnosis:
+    def _diagnose_at(self, depths: Sequence[float]) -> Diagnosis:
         data = self.data or Data(self.contact)
         timeless = self.contact.timeless
         by = self.selected or self
-        laws = Laws.of(by.estimator) if by.estimator.chooses_law else None
+        laws = ModelSelection.of(by.estimator) if by.estimator.chooses_law else None
         found = diagnose_parts(
             data,
             self.trace,
             self._whole_estimate,
             depths=depths,
             laws=laws,
-            notes=(*self.findings, *self._late()),
+            notes=(*self.findings, *self._check_late_force()),
             method=self.method,
             response=self.oscillation,
             frequency=self.frequency,
@@ -444,11 +280,11 @@ class Identified:
 
     @cached_property
     def depths(self) -> tuple[float, ...]:
-        """Working depth, and the 90th percentile of the penetration, m; none without firm contact.
+        """Working depth, and the 90th percentile of the penetration, m; empty without firm contact.
 
-        Of the samples taken that a gate would take: a method that chooses its samples takes light
-        ones too, and a probe that rests at the surface would leave its working depth there. The
-        diagnosis is made at these; asking for them does not make it.
+        They are percentiles of the taken samples that a gate would also take. A method that selects
+        its samples takes shallow ones too, and for a probe that rests at the surface these would
+        give a working depth at the surface. The depths are computed without a diagnosis.
         """
         penetration = self._firm_penetration
         depths = np.percentile(penetration, (50.0, DEEP)).tolist() if penetration.size else []
@@ -517,8 +353,8 @@ class Identified:
         query = positive("depth", depth)
         first = self.diagnosis.working_depth.depth
         depths = (first, *query.reshape(-1).tolist())
-        found = self._diagnosed_at(depths).working_depths[1:]
-        return stacked(found, query.shape)
+        found = self._diagnose_at(depths).working_depths[1:]
+        return stack_depths(found, query.shape)
 
     def force_at(self, depth: "ArrayLike") -> Quantity:
         """Force at depths [m] and at rest, N, with both error bars; see :meth:`at`."""
@@ -532,90 +368,92 @@ class Identified:
         """∂F/∂v at depths [m], N·s/m, with both error bars; see :meth:`at`."""
         return self.at(depth).damping
 
-    # What follows from the law: each is documented where it is worked out.
-    dynamic_stiffness = _with_time(oscillation_of)
+    # Quantities derived from the law; each is documented where it is computed.
+    dynamic_stiffness = _require_time(oscillation_of)
     relaxed_stiffness = relaxed_stiffness_of
     instantaneous_stiffness = instantaneous_stiffness_of
     relaxation_time = property(relaxation_time_of)
-    restitution = _with_time(restitution_from)
-    energy = cached_property(_with_time(energy_from))
-    passivity = cached_property(_with_time(passivity_from))
+    restitution = _require_time(restitution_from)
+    energy = cached_property(_require_time(energy_from))
+    passivity = cached_property(_require_time(passivity_from))
     elastic_modulus = elastic_modulus_from
+    compression_modulus = compression_modulus_from
 
     def at_depth(self, depth: float) -> Self:
         """Return the same with another working depth, m, for its diagnosis."""
         return replace(self, depth=number_in("depth", depth, 0.0, 1e100, open_low=True))
 
     def with_query(self, query: QueryOptions) -> Self:
-        """Return the same with derived numbers for an impact and a tip."""
+        """Return the same with derived numbers for an impact and a tip or specimen."""
         other = replace(self, query=query)
-        if "diagnosis" in vars(self):  # which no query changes
+        if "diagnosis" in vars(self):  # a query does not change it
             vars(other)["diagnosis"] = self.diagnosis
         return other
 
     def by_segment(self) -> Self:
         """Return a copy with ``segments``: each segment between changes identified separately.
 
-        With the same settings and working depth. Segments that cannot be identified are omitted,
-        and so are samples at a border within the velocity filter. Without a change there are none.
-        ``noticed`` is a replay with a change detector: when a control loop would have noticed.
+        The settings and the working depth are the same. Segments that cannot be identified are
+        omitted, and so are samples nearer to a border than the velocity filter's window. Without a
+        change there are no segments. ``noticed`` is a replay with a change detector: it shows when
+        a control loop would have noticed.
         """
         parts = (self.segment_of(episode) for episode in self.diagnosis.episodes)
-        found = tuple(part for part in parts if part is not None)
-        return replace(self, segments=found, noticed=self._watched())
+        segments = tuple(part for part in parts if part is not None)
+        return replace(self, segments=segments, noticed=self._detect_changes())
 
     def by_place(self, watch: "Callable[[Sequence[_Placed]], Iterable[_Placed]]" = iter) -> Self:
         """Return a copy with ``segments``: each place of a travelling probe identified separately.
 
-        With the same settings, each at its own working depth. Places that cannot be identified are
-        omitted. A probe that stays at one place has none.
+        The settings are the same; each place has its own working depth. Places that cannot be
+        identified are omitted. A probe that stays at one place has no segments.
 
         Parameters
         ----------
         watch : callable
-            Iterates over the places, such as with a progress bar.
+            Iterates over the places, for example with a progress bar.
         """
-        # Of the same settings, but for those that were chosen from these data.
-        own = self.selected or self
-        found, fresh = [], own.estimator.replace(**dict.fromkeys(own.chosen))
+        # Keep the settings, except those that were chosen from these data.
+        selection = self.selected or self
+        segments, fresh = [], selection.estimator.replace(**dict.fromkeys(selection.chosen))
         for place, contact in watch(
             list(at_places(self.contact, rejecting=fresh.rejects_outliers))
         ):
             with suppress(RecordingError):
                 part = self.selected_law(Data(contact), fresh, trace=self.traced)
-                found.append(replace(part, place=place, query=self.query))
-        return replace(self, segments=tuple(found))
+                segments.append(replace(part, place=place, query=self.query))
+        return replace(self, segments=tuple(segments))
 
     def answers(self, estimator: ContactEstimator, trace: Traced) -> bool:
-        """Whether it is what :meth:`of` would make of its contact by an estimator, as a whole."""
+        """Whether :meth:`of` would give the same for its whole contact with an estimator."""
         if self.segments or self.depth is not None or self.traced != trace:
             return False
-        own, asked = self.estimator.settings, estimator.settings
-        left = {name: own[name] for name in self.chosen if asked.get(name) is None}
-        return self.method == estimator.method and repr(own) == repr({**asked, **left})
+        own, requested = self.estimator.settings, estimator.settings
+        chosen = {name: own[name] for name in self.chosen if requested.get(name) is None}
+        return self.method == estimator.method and repr(own) == repr({**requested, **chosen})
 
     def segment_of(self, episode: Episode) -> Self | None:
-        """Identify an episode of the diagnosis by itself; None where that cannot be."""
+        """Identify an episode of the diagnosis separately; None if that is not possible."""
         step, used = self.contact.sample_time, self.contact.velocity_filter
         smear = step * (window_samples(step) if used is None else used.samples)
         with suppress(RecordingError):
             part = self.contact.window(episode.start + smear, episode.stop - smear)
-            found = self.of(Data(part), self.estimator.replace(), trace=self.traced)
-            there = self.diagnosis.working_depth
-            return replace(found.at_depth(there.depth), query=self.query)
+            result = self.of(Data(part), self.estimator.replace(), trace=self.traced)
+            working_depth = self.diagnosis.working_depth
+            return replace(result.at_depth(working_depth.depth), query=self.query)
         return None
 
-    def _watched(self) -> Trace:
-        """The trace with a change detector, where the estimator can have one."""
+    def _detect_changes(self) -> Trace:
+        """Return the trace with a change detector, if the estimator supports one."""
         settings = self.estimator.settings
         if settings.get("change_detector", self) is not None:
             return self.trace
         watched = self.estimator.replace(change_detector=ChangeDetector())
-        return replayed(self.contact, watched, self.traced)
+        return replay(self.contact, watched, self.traced)
 
     @property
     def flags(self) -> tuple[str, ...]:
-        """The findings in words."""
+        """The findings as text."""
         return tuple(map(str, self.findings))
 
     @property
@@ -625,16 +463,16 @@ class Identified:
 
     @property
     def estimate(self) -> Estimate:
-        """What the estimator knew at the end; under the weak prior, where that applies."""
+        """The final estimate; under the weak prior if it applies."""
         return self.reported(self._whole_estimate)
 
     def reported(self, estimate: Estimate) -> Estimate:
-        """Return an estimate of its estimator as it is reported: without time its spring alone."""
+        """Return an estimate as it is reported: without time only its spring."""
         return SpringEstimate(estimate) if self.contact.timeless else estimate
 
     @property
     def _whole_estimate(self) -> Estimate:
-        """The same; without time the damper in units of the samples too."""
+        """The final estimate; without time it still includes the damper in units of the samples."""
         return self.estimator.estimate() if self.bounded is None else self.bounded
 
     @property
@@ -644,15 +482,15 @@ class Identified:
 
     @property
     def fixed(self) -> tuple[str, ...]:
-        """The law's parameters that were given, such as a known exponent, and not identified."""
+        """Parameters of the law that were fixed, such as a known exponent, and not identified."""
         return self.estimate.fixed
 
     @property
     def law_verdict(self) -> LawVerdict | None:
         """Model selection: the preferred law, and the evidence.
 
-        The choice of a method that selects a law. For another method's Hunt–Crossley or
-        Kelvin–Voigt law, model selection among the common laws; None for other laws.
+        For a method that selects a law, its selection. For Hunt–Crossley or Kelvin–Voigt laws of
+        other methods, model selection among the common laws; None for other laws.
         """
         return self.diagnosis.law_verdict
 
@@ -660,19 +498,19 @@ class Identified:
     def standard_errors(self) -> Floats:
         """Standard errors of the law's parameters, SI: square roots of the variances.
 
-        0 of a parameter that is :attr:`fixed`.
+        0 for a :attr:`fixed` parameter.
         """
         errors: Floats = np.sqrt(np.diag(self.covariance))
         return errors
 
     @cached_property
     def covariance(self) -> Floats:
-        """Joint covariance of the law's parameters, SI, as wide as a correlated residual asks for.
+        """Joint covariance of the law's parameters, SI, for a correlated residual.
 
-        That of the estimate, but for methods that take their residual for white, the paper's:
-        there as much wider as its correlation makes the least squares of the samples that they took
-        since their last restart. Where the preparation found the surface, with what the parameters
-        are elsewhere when that is off by its deviation.
+        For methods that assume a white residual (the paper's) it is the covariance of the estimate,
+        widened for the correlation of the residual of the samples taken since the last restart. For
+        others it is the covariance of the estimate. If the preparation found the surface, the
+        change of the parameters for a surface shifted by its standard deviation is added.
         """
         if self.bounded is not None:
             return self.estimate.covariance
@@ -685,7 +523,7 @@ class Identified:
 
     @property
     def correlations(self) -> Floats:
-        """Correlations of the law's parameters, shape (p, p); NaN beside one without an error."""
+        """Correlations of the law's parameters, shape (p, p); NaN without a standard error."""
         errors = self.standard_errors
         with np.errstate(invalid="ignore", divide="ignore"):
             found: Floats = self.covariance / np.outer(errors, errors)
@@ -703,20 +541,20 @@ class Identified:
 
     @property
     def prediction_rmse_percent(self) -> float:
-        """RMSE% of the a-priori force after 0.2 s of contact."""
+        """RMSE% of the one-step prediction of the force after 0.2 s of contact."""
         return prediction_rmse_percent(self.trace, self.contact.force, self.contact.time_steps)
 
     @property
     def fit_rmse_percent(self) -> float:
-        """RMSE% of the final law, and offset where one is estimated, over every sample taken."""
+        """RMSE% of the final law, and offset if estimated, over every sample taken."""
         taken = self.trace.taken
         return rmse_percent(self.contact.force[taken], self.fitted_force[taken])
 
     @property
     def fitted_force(self) -> Floats:
-        """Force by the final law, and offset where one is estimated, at every sample, N.
+        """Force of the final law, and offset if estimated, at every sample, N.
 
-        With segments, the law of the one that began last.
+        With segments, it is the force of the segment that began last.
         """
         contact, parts = self.contact, self.segments
         fitted = (parts[0] if parts else self).predicted_force(contact)
@@ -727,18 +565,18 @@ class Identified:
         return fitted
 
     def predicted_force(self, contact: Contact) -> Floats:
-        """Force by the final law, and offset, at every sample of a contact, N.
+        """Force of the final law, with its offset, at every sample of a contact, N.
 
-        A contact that begins with the samples that were identified begins in their state.
+        If the contact begins with the identified samples, it begins in their relaxation state.
         """
         own = self.contact
         same = len(contact) and len(own) and contact.time[0] == own.time[0]
         begins = bool(same and contact.penetration[0] == own.penetration[0])
-        return predicted_force(self.estimate, contact, begins=begins)
+        return predict_force(self.estimate, contact, begins=begins)
 
     @property
     def violated_fraction(self) -> float:
-        """Fraction of contact without condition 10; NaN for laws that it does not concern."""
+        """Fraction of contact that violates condition 10; NaN for laws without this condition."""
         if not self.law.has_condition_10:
             return math.nan
         return violated_fraction(self.trace)
@@ -749,114 +587,3 @@ class Identified:
         trace = self.noticed or self.trace
         times: Floats = self.contact.time[trace.status == Status.RESTARTED]
         return times
-
-
-# Methods side by side: which to take, which fail, and whose error bars exclude each other.
-
-EXCLUDED = 3.0  # standard errors of the difference
-
-
-@dataclass(frozen=True, slots=True)
-class Ranking:
-    """What a comparison comes to.
-
-    Attributes
-    ----------
-    recommended : str or None
-        The method to take; None where none is to be trusted.
-    order : tuple of str
-        The methods, the best first: by verdict, without those of a law that another is clearly
-        better than, then by what their law leaves unexplained.
-    failing : tuple of str
-        Methods whose answer is not the least squares of their own law, or that found none.
-    exclusions : tuple of str
-        A sentence for each pair whose error bars exclude each other.
-    """
-
-    recommended: str | None
-    order: tuple[str, ...]
-    failing: tuple[str, ...]
-    exclusions: tuple[str, ...]
-
-
-def rank(results: "Mapping[str, Identified]") -> Ranking:
-    """Rank what :func:`palpate.compare` returned.
-
-    Parameters
-    ----------
-    results : mapping
-        An identification by the name of its method.
-    """
-    common = np.logical_and.reduce([result.trace.taken for result in results.values()])
-    left = {name: _left(result, common) for name, result in results.items()}
-    outdone = _outdone(results, left)
-    order = tuple(
-        sorted(results, key=lambda name: _badness(results[name], left[name], name in outdone))
-    )
-    failing = tuple(name for name in order if fails(results[name]))
-    pairs = itertools.combinations(order, 2)
-    words = (_exclusion(results[a], results[b]) for a, b in pairs)
-    hopeless = all(r.diagnosis.verdict.overall == "do-not-trust" for r in results.values())
-    best = None if hopeless else order[0]
-    return Ranking(best, order, failing, tuple(each for each in words if each))
-
-
-def fails(result: "Identified") -> bool:
-    """Whether the method's answer is not the least squares of its own law on these samples."""
-    moves = (
-        max(abs(f.moves_stiffness_percent), abs(f.moves_damping_percent))
-        for f in result.diagnosis.findings
-        if f.check == "method"
-    )
-    return any(each > 100.0 * CARE for each in moves)
-
-
-def _left(result: "Identified", common: NDArray[np.bool_]) -> float:
-    """RMSE% on the samples that every method took: variable projection takes light ones too."""
-    fit = rmse_percent(result.contact.force[common], result.fitted_force[common])
-    return fit if math.isfinite(fit) else math.inf
-
-
-# Of what another law leaves: a selected law that relaxes has clearly less.
-CLEARLY = 0.9
-
-
-def _outdone(results: "Mapping[str, Identified]", left: Mapping[str, float]) -> set[str]:
-    """Methods that leave clearly more than the one that chooses a law, where one was named."""
-    method = ViscoelasticContact.method
-    if method not in results or not results[method].law.remembers:
-        return set()
-    return {name for name, fit in left.items() if left[method] <= CLEARLY * fit}
-
-
-def _badness(result: "Identified", left: float, outdone: bool) -> tuple[float, ...]:
-    verdict = result.diagnosis.verdict
-    overall, *others = (
-        MARKS.index(mark) for mark in (verdict.overall, verdict.stiffness, verdict.damping)
-    )
-    # To a tenth: methods of one law that fit alike stay in the order of the registry.
-    return overall, outdone, *others, round(left, 1)
-
-
-def _exclusion(one: "Identified", other: "Identified") -> str | None:
-    if one.law.remembers or other.law.remembers:
-        return None  # the stiffness of a relaxed material is no other's
-    first, second = one.diagnosis.working_depth, other.diagnosis.working_depth
-    words = []
-    for name, a, b in (
-        ("stiffness", first.stiffness, second.stiffness),
-        ("damping", first.damping, second.damping),
-    ):
-        apart = abs(a.value - b.value) / math.hypot(_bar(a), _bar(b))
-        if apart > EXCLUDED:
-            both = f"{with_error(a.value, _bar(a))} and {with_error(b.value, _bar(b))}"
-            words.append(f"{name} {both} ({rounded(apart, 2)} standard errors)")
-    if not words:
-        return None
-    return f"{one.method} and {other.method} exclude each other: {', '.join(words)}"
-
-
-def _bar(quantity: Quantity) -> float:
-    """Both error bars together; infinite where the repeatable one is not known."""
-    bar = quantity.whole_error
-    return bar if math.isfinite(bar) and bar > 0.0 else math.inf

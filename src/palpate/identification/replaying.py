@@ -1,4 +1,4 @@
-"""An estimator for a whole contact: its settings, defaults from the data, and the replay."""
+"""The estimator for a whole contact: its settings, defaults from the data, and the replay."""
 
 import logging
 import math
@@ -23,12 +23,8 @@ from palpate.estimators.estimate import Estimate, Trace, Traced, thinned
 from palpate.estimators.least_squares import long_run_covariance
 from palpate.estimators.viscoelastic import RelaxingEstimate
 from palpate.force_laws import ForceLaw, steps_over_breaks
-from palpate.preparation.gates import (
-    choose_gate,
-    dead_band_of,
-    suggest_scale,
-    suggest_surface_deviation,
-)
+from palpate.preparation.gates import choose_gate, suggest_scale
+from palpate.preparation.resolution import find_dead_band, suggest_surface_deviation
 from palpate.settings import ContactGate, OutlierRejection
 from palpate.stages import timed
 from palpate.validation import Floats, shown
@@ -37,16 +33,16 @@ _LOGGER = logging.getLogger(__name__)
 
 
 def defaults_from_data(contact: Contact, given: ContactEstimator) -> dict[str, Any]:
-    """What an estimator leaves open and the data can choose."""
+    """Return values, chosen from the data, for the settings that an estimator leaves open."""
     settings = given.settings
     ways: dict[str, Callable[[Contact], object]] = {
         "scale": suggest_scale,
         "outlier_rejection": lambda _: OutlierRejection(),
         "sample_time": attrgetter("sample_time"),
-        "longest_time": _half_the_record,
+        "longest_time": _longest_relaxation_time,
     }
     ways["gate"] = _gate_above_dead_band if given.chooses_samples else choose_gate
-    # A search for the surface has the free approach.
+    # An estimator of the surface uses the free approach instead.
     if given.knows_offset and settings.get("surface") is None:
         ways["offset_deviation"] = attrgetter("tare_deviation")
         ways["surface_deviation"] = _surface_deviation
@@ -57,31 +53,31 @@ def defaults_from_data(contact: Contact, given: ContactEstimator) -> dict[str, A
     }
 
 
-def _half_the_record(contact: Contact) -> float:
-    """The longest relaxation time that a recording can tell from a constant, s."""
+def _longest_relaxation_time(contact: Contact) -> float:
+    """Return the longest relaxation time that a recording can distinguish from a constant, s."""
     return max(
         0.5 * float(np.ptp(contact.time)) if len(contact) else 0.0, 4.0 * contact.sample_time
     )
 
 
 def _gate_above_dead_band(contact: Contact) -> ContactGate | None:
-    """The gate of a method that chooses its samples: only above a dead band."""
-    band = dead_band_of(contact)
+    """Return the gate for a method that selects its samples: above a dead band, if there is one."""
+    band = find_dead_band(contact)
     return ContactGate(0.0, band, band) if band else None
 
 
 def _surface_deviation(contact: Contact) -> float | None:
-    """How well the surface is known: as it was found, and as the position is resolved."""
+    """Return the standard error of the surface, from its estimation and the position's steps."""
     resolved = suggest_surface_deviation(contact)
     if contact.surface_deviation is None:
         return resolved
     return math.hypot(contact.surface_deviation, resolved or 0.0)
 
 
-def estimator_of(
+def resolve_estimator(
     given: ContactEstimator | str | None, *, timeless: bool = False
 ) -> ContactEstimator:
-    """The requested estimator: itself, by its name, or the default, which selects a law."""
+    """Return an estimator as passed, from its name, or the default, which selects a law."""
     if given is None:
         return VariableProjection() if timeless else ViscoelasticContact()
     if isinstance(given, str):
@@ -95,8 +91,8 @@ def estimator_of(
 
 
 @timed("replay")
-def replayed(contact: Contact, estimator: ContactEstimator, trace: Traced) -> Trace:
-    """Replay a contact, a segment at a time; the estimator has then learned all of it.
+def replay(contact: Contact, estimator: ContactEstimator, trace: Traced) -> Trace:
+    """Replay a contact segment by segment; the estimator has then learned all samples.
 
     The trace has the contact's clock, thinned as requested.
     """
@@ -104,7 +100,7 @@ def replayed(contact: Contact, estimator: ContactEstimator, trace: Traced) -> Tr
         words = (f"{name}={value!r}" for name, value in estimator.settings.items())
         _LOGGER.debug("settings: %s", ", ".join(words))
     segments = list(contact.segments())
-    # The state of a material that relaxes goes on from one segment to the next.
+    # The state of a relaxing material continues from one segment to the next.
     goes_on = estimator.chooses_law
     steps = contact.time_steps
     if goes_on:
@@ -121,14 +117,14 @@ def replayed(contact: Contact, estimator: ContactEstimator, trace: Traced) -> Tr
             at = after[first:last] - part.start
         traces.append(estimator.replay(*channels, steps[part], at=at))
     finish_pending = getattr(estimator, "finish_pending", None)
-    if finish_pending is not None:  # its answer would be of most of the samples only
+    if finish_pending is not None:  # without it the estimate would miss the last samples
         finish_pending()
     one = len(traces) == 1
     whole = traces[0] if one else Trace.joined(traces, len(estimator.law_type.symbols))
     return replace(whole, time=contact.time if after is None else contact.time[after])
 
 
-# Error bars, as wide as a correlated residual and an uncertain surface ask for.
+# Error bars for a correlated residual and an uncertain surface.
 
 
 def joint_covariance(contact: Contact, trace: Trace, estimator: ContactEstimator) -> Floats:
@@ -137,26 +133,26 @@ def joint_covariance(contact: Contact, trace: Trace, estimator: ContactEstimator
     Parameters
     ----------
     contact : Contact
-        What was identified.
+        The identified contact.
     trace : Trace
-        Of it.
+        Its trace.
     estimator : ContactEstimator
-        As it stood at the end.
+        The estimator after all samples.
     """
-    estimate, widths = estimator.estimate(), _widths(contact, trace, estimator)
-    own: Floats = estimate.covariance * np.outer(widths, widths)
+    estimate, widths = estimator.estimate(), _widening_factors(contact, trace, estimator)
+    covariance: Floats = estimate.covariance * np.outer(widths, widths)
     deviation = contact.surface_deviation
     if deviation is None or estimate.surface_standard_error > 0.0:
-        return own
+        return covariance
     off, deeper = estimator.replace(), contact.penetration - deviation
-    replayed(replace(contact, penetration=deeper), off, trace=False)
+    replay(replace(contact, penetration=deeper), off, trace=False)
     moved = off.estimate().parameters - estimate.parameters
-    whole: Floats = own + np.outer(moved, moved)
-    return whole if np.isfinite(whole).all() else own
+    whole: Floats = covariance + np.outer(moved, moved)
+    return whole if np.isfinite(whole).all() else covariance
 
 
-def _widths(contact: Contact, trace: Trace, estimator: ContactEstimator) -> Floats:
-    """How much wider a correlated residual makes the method's own standard errors."""
+def _widening_factors(contact: Contact, trace: Trace, estimator: ContactEstimator) -> Floats:
+    """Factors on the method's standard errors that account for a correlated residual."""
     estimate = estimator.estimate()
     law = estimate.law
     if estimator.minimises is None:
@@ -186,24 +182,25 @@ def widening(
 ) -> Floats:
     """Factors ≥ 1 on the standard errors of a law's parameters, shape (p,).
 
-    C = (Σ w JJᵀ)⁻¹ [Σ w² d D] (Σ w JJᵀ)⁻¹ over (Σ w JJᵀ)⁻¹ Σ w r²/(N − p), with the residual of
-    force r, its slopes J, and w = 1, or 1/F̂² for a least squares of ln F. D and d are information
-    and noise by how quick they are (``docs/variable-projection.md``), with t₀.₉₇₅(ν)/1.96 in C.
+    Their squares are the ratio of the variances in C = (Σ w JJᵀ)⁻¹ [Σ w² d D] (Σ w JJᵀ)⁻¹ to those
+    of white noise, (Σ w JJᵀ)⁻¹ Σ w r²/(N − p). Here r is the residual of the force, J are its
+    slopes, and w is 1, or 1/F̂² for a least squares of ln F. D and d are the information and the
+    noise by frequency (``docs/variable-projection.md``); C includes t₀.₉₇₅(ν)/1.96.
 
     Parameters
     ----------
     law : force law
-        What the method ended with.
+        The final law of the method.
     penetration, velocity, force : numpy.ndarray, shape (k,)
         The samples that it took, SI.
     logarithmic : bool
         Whether it minimises the residual of ln F rather than of F.
     fixed : tuple of str
-        The law's parameters that were not identified; the factors of these are 1.
+        The law's parameters that were not identified; their factors are 1.
     """
-    own = np.array([name not in fixed for name in law.names()])
-    factors, model = np.ones(len(own)), law.force(penetration, velocity)
-    slopes = law.parameter_gradient(penetration, velocity)[:, own]
+    free = np.array([name not in fixed for name in law.names()])
+    factors, model = np.ones(len(free)), law.force(penetration, velocity)
+    slopes = law.parameter_gradient(penetration, velocity)[:, free]
     if logarithmic:
         used = (model > 0.0) & (force > 0.0)
         slopes, model, force = slopes[used], model[used], force[used]
@@ -211,35 +208,35 @@ def widening(
     if freedom < 1:
         return factors
     residual = force - model
-    with np.errstate(all="ignore"):  # what comes to nothing widens nothing
+    with np.errstate(all="ignore"):  # a zero or non-finite term leaves the factor at 1
         weight = 1.0 / model**2 if logarithmic else np.ones_like(model)
         weighted = weight[:, None] * slopes
         information = slopes.T @ weighted
-        units = np.sqrt(np.diag(information))  # of the parameters
+        units = np.sqrt(np.diag(information))  # they normalise the information matrix
         noise = np.sqrt(np.mean(residual**2))
         if not ((np.isfinite(units) & (units > 0.0)).all() and 0.0 < noise < np.inf):
             return factors
         inverse = np.linalg.pinv(information / np.outer(units, units), hermitian=True)
         white = np.diag(inverse) * (np.sum(weight * residual**2) / freedom)
         scores = (weighted / units) @ inverse
-        found = np.diag(long_run_covariance(scores, residual / noise, fitted=len(units)))
-        wide = np.sqrt(np.maximum(found * noise**2 / white, 1.0))
+        correlated = np.diag(long_run_covariance(scores, residual / noise, fitted=len(units)))
+        ratios = np.sqrt(np.maximum(correlated * noise**2 / white, 1.0))
     if (white > 0.0).all():
-        factors[own] = np.where(np.isfinite(wide), wide, 1.0)
+        factors[free] = np.where(np.isfinite(ratios), ratios, 1.0)
     return factors
 
 
-def predicted_force(estimate: Estimate, contact: Contact, *, begins: bool = False) -> Floats:
-    """Force by an estimate's law, and offset, at every sample of a contact, N.
+def predict_force(estimate: Estimate, contact: Contact, *, begins: bool = False) -> Floats:
+    """Force of an estimate's law, with its offset, at every sample of a contact, N.
 
     Parameters
     ----------
     estimate : Estimate
-        Of any law.
+        An estimate of any law.
     contact : Contact
-        Its path is taken for straight over gaps.
+        Its path is assumed straight over gaps.
     begins : bool
-        Whether it begins as the samples of the estimate did, in an unknown state.
+        Whether the contact begins with the samples of the estimate, in an unknown state.
     """
     depth = contact.penetration - estimate.surface
     steps = steps_over_breaks(contact.time, depth, contact.sample_time)

@@ -11,6 +11,7 @@ from bisect import bisect_left
 from collections import deque
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, field
+from enum import Enum
 from typing import Any
 
 import numpy as np
@@ -24,7 +25,7 @@ from palpate.live.choices import LiveCommand, LoopCounts, State, chosen, main_se
 from palpate.live.ring import MOST_PARAMETERS, Writer
 from palpate.live.sources import Arrival, EndOfSourceError, Source, Value
 from palpate.preparation import OnlinePreparation
-from palpate.preparation.gates import noise_of
+from palpate.preparation.resolution import noise_of
 from palpate.preparation.velocity import step_of
 from palpate.validation import Floats, defined, number_in
 
@@ -154,6 +155,18 @@ STARVED = 200
 _SAID_EVERY = 1.0  # s
 
 
+class Fault(Enum):
+    """A fault of the source, with its description."""
+
+    NO_TIME = "rejecting samples without a time"
+    REPEATED = "rejecting samples that repeat the time of the one before"
+    DISORDERED = "rejecting samples that arrive out of order"
+    CLOCK_BACK = "the source's clock went back by {back:.3g} s"
+    CLOCK_AHEAD = "the source's clock went ahead by {ahead:.3g} s in {elapsed:.3g} s"
+    NO_NUMBER = "rejecting samples that are NaN, infinite or out of range"
+    STARVING = "sample rate too low for the velocity filter: pass --rate"
+
+
 @dataclass(slots=True)
 class Watchdog:
     """Compares the source's clock with this machine's, sample by sample.
@@ -177,49 +190,51 @@ class Watchdog:
     _there: float = 0.0
     _unprepared: int = 0
     _shown_until: float = -math.inf
-    _said: dict[str, float] = field(default_factory=dict)
+    _reported: dict[Fault, float] = field(default_factory=dict)
+    _numbers: dict[str, float] = field(default_factory=dict)
 
-    def see(self, arrival: Arrival) -> str:
-        """Return a description of what is wrong with a sample's time; empty if nothing is."""
+    def check(self, arrival: Arrival) -> Fault | None:
+        """Return what is wrong with a sample's time; None if nothing is."""
         step, elapsed = arrival.time - self._time, arrival.there - self._there
         if 0.0 < step <= self.longest_gap:
             self._time, self._there = arrival.time, arrival.there
-            return ""
-        return self._judge(arrival, step, elapsed * self.pace)
+            return None
+        return self._find_fault(arrival, step, elapsed * self.pace)
 
-    def _judge(self, arrival: Arrival, step: float, elapsed: float) -> str:
+    def _find_fault(self, arrival: Arrival, step: float, elapsed: float) -> Fault | None:
         counts = self.counts
         if not math.isfinite(arrival.time):
-            return "rejecting samples without a time"
+            return Fault.NO_TIME
         if step == 0.0:
             counts.repeated += 1
-            return "rejecting samples that repeat the time of the one before"
+            return Fault.REPEATED
         if -self.longest_gap <= step < 0.0:
             counts.disordered += 1
-            return "rejecting samples that arrive out of order"
+            return Fault.DISORDERED
         self._time, self._there = arrival.time, arrival.there
+        self._numbers = {"back": -step, "ahead": step, "elapsed": elapsed}
         if step < 0.0:
             counts.jumps += 1
-            return f"the source's clock went back by {-step:.3g} s"
+            return Fault.CLOCK_BACK
         if step > 2.0 * elapsed + self.longest_gap:
             counts.jumps += 1
-            return f"the source's clock went ahead by {step:.3g} s in {elapsed:.3g} s"
+            return Fault.CLOCK_AHEAD
         # The first sample has no step (NaN).
         counts.gaps += not math.isnan(step)
-        return ""
+        return None
 
     def starving(self, *, prepared: bool) -> bool:
         """Whether the sample rate is too low for the velocity filter."""
         self._unprepared = 0 if prepared else self._unprepared + 1
         return self._unprepared > STARVED
 
-    def fault(self, text: str, there: float) -> bool:
+    def show(self, fault: Fault, there: float) -> bool:
         """Show a fault for a while; return whether to report it, at most once a second."""
-        self.text, self._shown_until = text, there + FAULT_SHOWN_FOR
-        kind = text.partition(" by ")[0]
-        if there - self._said.get(kind, -math.inf) < _SAID_EVERY:
+        self.text = fault.value.format(**self._numbers)
+        self._shown_until = there + FAULT_SHOWN_FOR
+        if there - self._reported.get(fault, -math.inf) < _SAID_EVERY:
             return False
-        self._said[kind] = there
+        self._reported[fault] = there
         return True
 
     def shows(self, there: float) -> bool:
@@ -277,8 +292,6 @@ _NONE = (math.nan,) * 4
 #: Statuses of a sample that updated the estimate.
 TAKEN = frozenset({Status.UPDATED, Status.GUARDED, Status.RESTARTED})
 _REFUSED = frozenset({Status.NOT_FINITE, Status.INVALID_STEP, Status.OUT_OF_RANGE})
-_NO_NUMBER = "rejecting samples that are NaN, infinite or out of range"
-_STARVING = "sample rate too low for the velocity filter: pass --rate"
 
 
 @dataclass(slots=True)
@@ -378,7 +391,7 @@ class Loop:
         if not counts.taken:
             self._check(arrival)
         counts.taken += 1
-        fault = self.watchdog.see(arrival)
+        fault = self.watchdog.check(arrival)
         sample = self.preparation.update(arrival.position, arrival.force, arrival.time)
         if self._resting is not None and self._refuses_tare(arrival, self._resting):
             sample = None
@@ -436,16 +449,18 @@ class Loop:
             advice = "vectors: pass --direction, into the material, such as 0,0,-1"
         raise InvalidParameterError(f"{self.source.name} delivers {advice}")
 
-    def _judge(self, arrival: Arrival, status: Status, fault: str, *, sampled: bool) -> None:
+    def _judge(
+        self, arrival: Arrival, status: Status, fault: Fault | None, *, sampled: bool
+    ) -> None:
         """Update the counts and the state after a sample."""
         counts = self.counts
         preparing = self.preparation.status
         refused = status in _REFUSED or preparing in _REFUSED
         starving = self.watchdog.starving(prepared=sampled or self._taring)
         if refused or fault or starving:
-            text = fault or (_NO_NUMBER if refused else _STARVING)
-            if self.watchdog.fault(text, arrival.there):
-                self.say(text)
+            fault = fault or (Fault.NO_NUMBER if refused else Fault.STARVING)
+            if self.watchdog.show(fault, arrival.there):
+                self.say(self.watchdog.text)
         if status in TAKEN:
             counts.learned += 1
         if status is Status.RESTARTED:

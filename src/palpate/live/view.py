@@ -22,7 +22,7 @@ from palpate.estimators.law_verdicts import (
     verdict_of,
 )
 from palpate.estimators.viscoelastic import RelaxingEstimate, law_of
-from palpate.findings import Finding, spoken
+from palpate.findings import Check, Finding, spoken
 from palpate.force_laws import GeneralisedHuntCrossley
 from palpate.live.sinks import undiagnosed
 from palpate.quantities.derived import in_hertz
@@ -81,16 +81,17 @@ def _open(page: Mapping[str, Any], verdict: LawVerdict, estimate: Estimate) -> I
     # Two changes while the samples doubled. The first law after a restart is no change.
     if (count := min(len(late), page["changes"])) >= 2:
         words = f"the preferred law is not settled: {count} changes while the samples doubled"
-        yield Finding("which law", words)
+        yield Check.UNSETTLED_LAW.finding(words)
     if verdict.effective_samples < _FEW * verdict.samples:
-        yield Finding(
-            "misfit",
+        yield Check.CORRELATED_RESIDUALS.finding(
             "the residuals of the best law are correlated: either the sensor noise is, or no "
-            "compared law holds and the error bars are too small",
+            "compared law holds and the error bars are too small"
         )
     damping, error = estimate.parameters[_DAMPING], estimate.standard_errors[_DAMPING]
     if verdict.candidate.damping != "none" and abs(damping) < 1e-6 * error:
-        yield Finding("damping", "B is 0: laws that differ only in their damper are equivalent")
+        yield Check.NO_DAMPER.finding(
+            "B is 0: laws that differ only in their damper are equivalent"
+        )
 
 
 #: Unit and name of each number.

@@ -10,11 +10,11 @@ from numpy.typing import ArrayLike
 
 from palpate.contact import Contact, VelocityFilter
 from palpate.errors import InvalidParameterError, RecordingError
-from palpate.findings import Finding
+from palpate.findings import Check, Finding
 from palpate.preparation.clocks import Signals, measurable, settle_stamps
 from palpate.preparation.delay import in_step
-from palpate.preparation.gates import exclude_load_transfer
 from palpate.preparation.held import held_channels
+from palpate.preparation.load_transfer import exclude_load_transfer
 from palpate.preparation.roles import Columns, Roles
 from palpate.preparation.settings import Normal, Preparation
 from palpate.preparation.surfaces import (
@@ -140,10 +140,16 @@ def contact_of_arrays(given: Mapping[str, ArrayLike], settings: Preparation) -> 
         if "time" in given or "velocity" in given:
             raise InvalidParameterError("no_time excludes a time and a velocity: leave them out")
         given = {**given, "time": np.arange(np.size(given.get("force", ())), dtype=float)}
+    elif settings.rate is not None:
+        if "time" in given:
+            raise InvalidParameterError("pass time or rate, not both: time is measured, rate even")
+        given = {**given, "time": np.arange(np.size(given.get("force", ()))) / settings.rate}
     missing = [name for name in ("time", "penetration", "force") if name not in given]
     if missing:
         raise InvalidParameterError(
-            f"{missing[0]} is missing: pass it as an array, or pass a recording instead of arrays"
+            f"{missing[0]} is missing: pass it as an array"
+            f"{', or the sample rate as rate' if missing[0] == 'time' else ''}, or pass a "
+            "recording instead of arrays"
         )
     made, values = dict[str, str](), dict(given)
     for channel, unit in settings.units.items():
@@ -284,7 +290,7 @@ def _surface_found(contact: Contact, done: Prepared) -> tuple[Contact, Prepared]
 
 # The contacts of a travelling probe, one at each place.
 
-OF_THE_WHOLE = ("episodes", "surface", "orientation")
+OF_THE_WHOLE = (Check.EPISODES, Check.SURFACE, Check.ORIENTATION)
 
 
 def at_places(contact: Contact, *, rejecting: bool) -> Iterator[tuple[Place, Contact]]:

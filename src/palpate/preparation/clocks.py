@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from palpate.contact import SHORTEST_STEP, numbered, slices_of
 from palpate.errors import InvalidParameterError, RecordingError
-from palpate.findings import Finding
+from palpate.findings import Check, Finding
 from palpate.preparation.roles import Roles
 from palpate.recordings import Recording
 from palpate.recordings.poses import align_signs, covered
@@ -181,7 +181,7 @@ def settle_stamps(
             f"samples arrive in packets of about {many:.0f}, every "
             f"{tick * size_of('time', unit) * 1e3:.3g} ms: palpate spread them evenly"
         )
-        return times, keep, [Finding("clock", words, "stamp each sample when it is taken")]
+        return times, keep, [Check.CLOCK.finding(words, "stamp each sample when it is taken")]
     again[1:] = time[1:] == time[:-1]
     if not again.any():
         return time, keep, []
@@ -199,10 +199,10 @@ def settle_stamps(
             f"the clock ticks every {tick * size_of('time', unit) * 1e3:.3g} ms: palpate spread "
         )
         words += f"{np.count_nonzero(again)} samples evenly within its ticks"
-        return times, keep, [Finding("clock", words, "stamp the samples by a finer clock")]
+        return times, keep, [Check.CLOCK.finding(words, "stamp the samples by a finer clock")]
     count = int(np.count_nonzero(copies))
     words = f"palpate dropped {count} row{'s' * (count > 1)} that {'were' if count > 1 else 'was'} "
-    found = [Finding("rows", f"{words}written twice, of {time.size}", "check the recorder")]
+    found = [Check.ROWS.finding(f"{words}written twice, of {time.size}", "check the recorder")]
     return time, ~copies, found if count else []
 
 
@@ -455,7 +455,7 @@ class _Taking:
                 if not given and own[0] in WEIGHTS:
                     words = f"{listed} is in {own[0]}, a mass: palpate multiplies it by {GRAVITY}"
                     remedy = "pass --unit force=N if the values are forces in N"
-                    self.findings.append(Finding("units", f"{words} m/s²", remedy))
+                    self.findings.append(Check.UNITS.finding(f"{words} m/s²", remedy))
             lengths = {name: column.size for name, column in zip(names, columns, strict=True)}
             if len({*lengths.values()}) > 1:
                 listed = ", ".join(f"{name!r} has {size}" for name, size in lengths.items())
@@ -501,7 +501,9 @@ class _Taking:
         return column
 
     def _say_rows(self, words: str, remedy: str, *, many: bool) -> None:
-        self.findings.append(Finding("rows", words, remedy, "with-care" if many else "note"))
+        self.findings.append(
+            Check.ROWS.finding(words, remedy, severity="with-care" if many else "note")
+        )
 
     def _unit_of(self, name: str, kind: str, usual: str | None = None) -> str:
         """The unit from the recording or the channel's name; else the usual one, else SI."""
@@ -591,7 +593,7 @@ class _Taking:
         if rows.restarts:
             times = "once" if rows.restarts == 1 else f"{rows.restarts} times"
             words = f"the recorder restarted {times}: contacts are separated there"
-            self.findings.append(Finding("rows", words))
+            self.findings.append(Check.ROWS.finding(words))
         if not rows.skipped:
             return stream.time, stream.values, rows.part
         taken = {role: channel[rows.keep] for role, channel in stream.values.items()}
@@ -621,7 +623,7 @@ class _Taking:
             longest, count = float(np.diff(time)[breaks[1:]].max()), np.count_nonzero(breaks)
             many = f"{count} gaps in time, the longest" if count > 1 else "a gap in time,"
             words = f"{many} {longest:.3g} s: contacts are separated there"
-            self.findings.append(Finding("rows", words))
+            self.findings.append(Check.ROWS.finding(words))
         known: dict[str, Any] = {"part": part + np.cumsum(breaks), "made": self.made, **values}
         stated = frozenset(self.stated)
         return Signals(time, **known, findings=tuple(self.findings), stated_units=stated)
@@ -664,7 +666,7 @@ class _Taking:
         if not keep.all():
             words = f"palpate excluded {np.count_nonzero(~keep)} of {keep.size} samples of {clock}"
             self.findings.append(
-                Finding("clock", f"{words}: the other clock has no sample near them")
+                Check.CLOCK.finding(f"{words}: the other clock has no sample near them")
             )
         taken = {role: channel[keep] for role, channel in values.items()}
         return self._made(at[keep], taken, np.zeros(int(keep.sum()), dtype=np.int64))

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.findings import Finding
+from palpate.digits import rounded
+from palpate.findings import Check, Finding
 from palpate.validation import Floats
 
 LONGEST = 60  # samples of a beat
@@ -85,9 +86,20 @@ def held_channels(
     step = float(np.median(np.diff(time)))
     apart = [each != round(each) for each in beats]
     late = 0.5 * step * (apart[1] - apart[0]), step * math.sqrt(sum(apart) / 12.0)
-    words = f"the {name} changes only every {beat:.0f} samples (sample and hold): palpate uses the "
-    finding = Finding("held channel", words + "samples at which it changes")
+    finding = held_channel(name, beat)
     return FreshSamples(before, after, at, late if any(apart) else 0.0, finding)
+
+
+def held_channel(name: str, beat: float, late: float | None = None) -> Finding:
+    """Report a channel that changes every so many samples; ``late``: on average, s, if kept."""
+    words = f"the {name} changes only every {beat:.0f} samples (sample and hold): "
+    if late is None:
+        return Check.HELD_CHANNEL.finding(f"{words}palpate uses the samples at which it changes")
+    return Check.HELD_CHANNEL.finding(
+        f"{words}it is {rounded(1e3 * late, 2)} ms late on average",
+        "record at the rate of the slowest channel",
+        mark="with-care",
+    )
 
 
 def _changes(values: Floats) -> NDArray[np.bool_]:

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from palpate.contact import Contact, VelocityFilter
 from palpate.errors import InvalidParameterError
-from palpate.findings import Finding
+from palpate.findings import Check, Finding
 from palpate.preparation.along_penetration import along_penetration, contact_of_arrays
 from palpate.preparation.clocks import signals_of
 from palpate.preparation.roles import Columns, Roles, contact_groups, is_wanted, roles_of
@@ -39,6 +39,8 @@ class Frame(Protocol):
         """Return a column."""
 
 
+#: How to pass arrays.
+BY_NAME = "pass arrays by their names: palpate.identify(time=t, penetration=x, force=F)"
 #: What a contact can be prepared from: a recording, a file, or a pandas or polars frame.
 Recorded: TypeAlias = Recording | str | os.PathLike[str] | Frame
 
@@ -52,6 +54,7 @@ def prepare(
     force: "ArrayLike | None" = None,
     velocity: "ArrayLike | None" = None,
     segment: "ArrayLike | None" = None,
+    position: "ArrayLike | None" = None,
     velocity_window: float | None = None,
     source: str | None = None,
     provenance: Mapping[str, str] | None = None,
@@ -89,6 +92,9 @@ def prepare(
         m/s, positive while penetrating, in addition to these arrays.
     segment : array_like, shape (k,), optional
         One label per sample, in addition to these arrays; a new label starts a new contact.
+    position : array_like, shape (k,) or (k, 3), optional
+        m, the position of the probe along one axis or in space, in place of a penetration; then
+        ``force`` may have the same shape.
     velocity_window : float, optional
         Length of the velocity filter, s, if there is no velocity. Default: 15 samples, at most 15
         ms, at least 5 samples.
@@ -124,7 +130,7 @@ def prepare(
     tool_weight : float, optional
         Weight of the tool to subtract, N, along −z of the position's frame.
     rate : float, optional
-        Sample rate, Hz, of a recording without time.
+        Sample rate, Hz, of a recording or arrays without time.
     no_time : bool
         Identify the stiffness alone, of a curve without time or of one whose time is ignored:
         ``time`` counts the samples, as does ``window``. Default: False.
@@ -152,12 +158,30 @@ def prepare(
         Arrays are missing or differ in type or length, their time does not increase within a
         segment, or a setting is outside its range.
     """
-    asked = {name: value for name, value in locals().items() if name in Preparation.__slots__}
-    settings = Preparation(**{**asked, "columns": columns or Columns(), "units": units or {}})
+    settings = Preparation(
+        columns=columns or Columns(),
+        velocity_window=velocity_window,
+        units=units or {},
+        flip=flip,
+        tare=tare,
+        delay=delay,
+        surface=surface,
+        normal=normal,
+        force_frame=force_frame,
+        tool_weight=tool_weight,
+        rate=rate,
+        no_time=no_time,
+        spot=spot,
+        window=window,
+        strict=strict,
+    )
     arrays = {"time": time, "penetration": penetration, "force": force, "velocity": velocity}
-    arrays["segment"] = segment
+    arrays |= {"segment": segment, "position": position}
     given = {name: values for name, values in arrays.items() if values is not None}
-    if recording is None:
+    if recording is None and position is not None:
+        settings = replace(settings, columns=Columns(force="force", position="position"))
+        contact = prepared_contact(_recording_of_arrays(given, settings), settings)
+    elif recording is None:
         contact = contact_of_arrays(given, settings)
     elif given:
         raise InvalidParameterError(
@@ -172,6 +196,27 @@ def prepare(
         source=contact.source if source is None else source,
         provenance={**(provenance or {}), **contact.provenance},
     )
+
+
+def _recording_of_arrays(given: Mapping[str, ArrayLike], settings: Preparation) -> Recording:
+    """Return a recording of a position and a force, along one axis or in space."""
+    clocks = [settings.rate is not None, settings.no_time, "time" in given]
+    excluded = not given.keys().isdisjoint(("penetration", "velocity"))
+    if excluded or "force" not in given or sum(clocks) != 1:
+        raise InvalidParameterError(
+            "a position needs a force and one of time, rate and no_time, and excludes a "
+            "penetration and a velocity"
+        )
+    arrays = {name: np.asanyarray(values) for name, values in given.items()}
+    shapes = {array.shape[1:] for array in arrays.values()}
+    if not shapes <= {(), (3,)} or len({array.shape[:1] for array in arrays.values()}) != 1:
+        raise InvalidParameterError(
+            "time, position and force must have one row for each sample, with one number or three"
+        )
+    channels = {name: array for name, array in arrays.items() if array.ndim == 1}
+    for name in arrays.keys() - channels.keys():
+        channels |= {f"{name}[{k}]": arrays[name][:, k] for k in range(3)}
+    return Recording(channels)
 
 
 def prepared_contact(recording: Recording, settings: Preparation) -> Contact:
@@ -244,7 +289,7 @@ def _contacts_of_groups(
     )
     remedy = f"if they are several objects, choose one: --position {groups[0]} --force {groups[0]}"
     contact = joined(contacts)
-    findings = (*recording.findings, Finding("channels", words, remedy), *contact.findings)
+    findings = (*recording.findings, Check.CHANNELS.finding(words, remedy), *contact.findings)
     return dataclasses.replace(contact, source=recording.source, findings=findings)
 
 
@@ -269,7 +314,7 @@ def _commanded(roles: Roles) -> list[Finding]:
             if kind == "position":
                 words += ": the robot's own compliance is in the numbers"
             remedy = f"record the measured {kind} and name its channel with --{kind}"
-            found.append(Finding.of_both("with-care", "channels", words, remedy))
+            found.append(Check.CHANNELS.finding(words, remedy, mark="with-care"))
     return found
 
 
@@ -283,7 +328,7 @@ def _unused(settings: Preparation, roles: Roles, *, pressing: bool) -> list[Find
     }
     idle = [name for name, (value, unused) in options.items() if unused and value is not None]
     words = f"{' and '.join(idle)} had no effect: position and force do not both have three axes"
-    finding = Finding("options", words, f"drop {' and '.join(idle)}")
+    finding = Check.OPTIONS.finding(words, f"drop {' and '.join(idle)}")
     return [finding] if idle else []
 
 
@@ -306,7 +351,7 @@ def as_recording(recorded: Recorded, *, strict: bool = False) -> Recording:
     except (AttributeError, TypeError, KeyError, ValueError):
         raise InvalidParameterError(
             "recording must be a Recording, a path, or a pandas or polars DataFrame, not "
-            f"{type(recorded).__name__}"
+            f"{type(recorded).__name__}; {BY_NAME}"
         ) from None
     return Recording(channels)
 

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 
 from palpate.errors import MissingChannelError, RecordingError, listed
-from palpate.findings import Finding
+from palpate.findings import Check, Finding
 from palpate.recordings import Recording
 from palpate.recordings.opening import within
 from palpate.recordings.poses import (
@@ -488,10 +488,19 @@ class _Choosing:
         return found[0] or found[1]
 
     def groups(self, depths: list[tuple[str, ...]], forces: list[tuple[str, ...]]) -> list[str]:
-        """The groups with one of the depths and one of the forces each, on clocks of their own."""
-        clocks = {self.recording.clocks.get(names[0]) for names in depths}
-        if len(depths) < 2 or None in clocks or len(clocks) != len(depths):
+        """The groups with one of the depths and one of the forces each, on clocks of their own.
+
+        Without clocks, groups that are counted as runs or tests.
+        """
+        names = [each[0] for each in depths]
+        clocks = {self.recording.clocks.get(name) for name in names}
+        if len(names) < 2:
             return []
+        if None in clocks or len(clocks) != len(names):
+            own = [set(split_name(name.rpartition("/")[0])) for name in names]
+            timed = any(self._kind(name) == "time" for name in self.recording.channels)
+            if timed or any(_ONE_OF_MANY.isdisjoint(each) for each in own):
+                return []
         of_depth, of_force = (_differing_groups([n[0] for n in each]) for each in (depths, forces))
         return of_depth if set(of_depth) == set(of_force) else []
 
@@ -625,7 +634,27 @@ class _Choosing:
             remedy = _REMEDIES["angle"]
         if {"stress", "strain"} <= kinds:
             remedy = _REMEDIES["strain"]
+        elif unnamed := self._unnamed(absent):
+            words_for = "its channel" if len(absent) == 1 else "their channels"
+            remedy = f"name {words_for}, such as {_options(unnamed, unnamed)}"
         return MissingChannelError(absent[0], names, self.recording.source, f"{words}; {remedy}")
+
+    def _unnamed(self, absent: Sequence[str]) -> dict[str, str]:
+        """Channels whose names say nothing, by the roles that they may have; {} if there are none.
+
+        One role may be that of a vector: ``state`` of an array with a position and a quaternion.
+        Several may be those of the columns of a table without names.
+        """
+        names = self.recording.channels
+        unknown = [name for name in names if self._kind(name) is None]
+        timed = any(self._kind(name) == "time" for name in names)
+        if len(absent) == 1:
+            stems = (v.stem for v in self.vectors if len(v) == 3 and self._vector_kind(v) is None)
+            unknown = [stem for stem in stems if stem and not is_wanted(stem)]
+        elif len(unknown) + timed < len(names):
+            return {}
+        roles = [*absent] if timed or len(absent) == 1 else ["time", *absent]
+        return dict(zip(roles, unknown, strict=False)) if len(unknown) >= len(roles) else {}
 
     def _question(self, found: Mapping[str, list[tuple[str, ...]]]) -> RecordingError:
         """The error that several channels fit, with options that choose one, or all three."""
@@ -674,6 +703,7 @@ class _Choosing:
             ]
         found = [names for names in found if names[0] not in self.replaced]
         measured = [names for names in found if not is_wanted(names[0])]
+        measured = [names for names in measured if names[0] in recording.plots] or measured
         if kind in UNITS or kind == "position":  # volts are no length where there are millimetres
             measured = [
                 names for names in measured if self._convertible(names[0], kind)
@@ -728,7 +758,7 @@ class _Choosing:
             listed = " and ".join(", ".join(names) for names in arrays)
             words = f"palpate takes {listed} for x, y and z, because of their numbers"
             remedy = "if they are runs or sensors, choose one with --position and --force"
-            yield Finding("channels", words, remedy)
+            yield Check.VECTORS.finding(words, remedy)
 
     def _is(self, vector: Vector, kind: str) -> bool:
         if vector.second:
@@ -753,6 +783,8 @@ class _Choosing:
             if kind in ("position", "velocity") and self._is_joint(name):
                 kind = "angle"
             kind = "position" if kind == "angle" and slides else kind
+            if kind is None and name in recording.plots:
+                kind = {"signal": "force", "axis": "position"}[recording.plots[name]]
             self.kinds[name] = "time" if recording.channels[name].dtype.kind in "mM" else kind
         return self.kinds[name]
 

@@ -9,8 +9,8 @@ from typing import Any, Literal, get_args
 import numpy as np
 
 from palpate.errors import InvalidParameterError, RecordingError
-from palpate.findings import Finding
-from palpate.preparation.gates import noise_of
+from palpate.findings import Check, Finding
+from palpate.preparation.resolution import noise_of
 from palpate.preparation.roles import Columns, Roles
 from palpate.preparation.surfaces import RADIUS, SurfaceRule
 from palpate.recordings import Recording
@@ -187,7 +187,7 @@ def frame_of(
         if roles.orientation:
             words = "the recording does not state the frame of the force; palpate assumes that of "
             remedy = "pass --force-frame tool if the sensor rotates with the tool"
-            findings.append(Finding("force frame", f"{words}the position", remedy))
+            findings.append(Check.FORCE_FRAME.finding(f"{words}the position", remedy))
         return "base"
     if force.lstrip("/") == depth.lstrip("/"):
         return "base"
@@ -195,11 +195,11 @@ def frame_of(
     if roles.orientation:
         words += ": palpate rotates it by the orientation, assuming it is in the tool's axes"
         remedy = "pass --force-frame base if both frames have the same axes"
-        findings.append(Finding("force frame", words, remedy))
+        findings.append(Check.FORCE_FRAME.finding(words, remedy))
         return "tool"
     words += ", and there is no orientation to convert one to the other"
     remedy = "record the pose, or pass the contact normal, such as --normal z"
-    findings.append(Finding("force frame", words, remedy, "with-care"))
+    findings.append(Check.FORCE_FRAME.finding(words, remedy, severity="with-care"))
     return "base"
 
 
@@ -209,12 +209,11 @@ def turn_findings(orientation: Floats, weight: float | None) -> list[Finding]:
     if weight is not None or angle <= LARGEST_TURN:
         return []
     return [
-        Finding.of_both(
-            "with-care",
-            "orientation",
+        Check.ORIENTATION.finding(
             f"the orientation changes by {math.degrees(angle):.0f}°, which changes the tool's "
             "weight along each axis of the sensor, and --tool-weight is missing",
             "pass the weight of the tool, such as --tool-weight 1.2N, or keep its orientation",
+            mark="with-care",
         )
     ]
 

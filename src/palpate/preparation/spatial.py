@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from palpate.contact import Contact, VelocityFilter, between, slices_of
 from palpate.digits import with_error
 from palpate.errors import RecordingError
-from palpate.findings import Finding, Mark
+from palpate.findings import Check, Finding, Mark
 from palpate.preparation.along_penetration import (
     Place,
     Prepared,
@@ -19,8 +19,8 @@ from palpate.preparation.along_penetration import (
 )
 from palpate.preparation.clocks import Signals
 from palpate.preparation.delay import in_step
-from palpate.preparation.gates import noise_of
 from palpate.preparation.held import held_channels
+from palpate.preparation.resolution import noise_of
 from palpate.preparation.roles import Roles
 from palpate.preparation.settings import (
     Normal,
@@ -34,12 +34,12 @@ from palpate.preparation.settings import (
     turned,
 )
 from palpate.preparation.surfaces import (
-    ASSUMPTION,
     Baseline,
     Stay,
     Surface,
     SurfaceRule,
     add,
+    assumed_surface,
     baseline_between,
     baseline_of,
     deviation_left,
@@ -205,7 +205,11 @@ def _travelled(pieces: list[Piece], signals: Signals) -> list[Finding]:
         words = "the probe travels over the material and stays for a second at one place only"
         elsewhere, end = "elsewhere, and are excluded", ""
     words += f"; {left:.0%} of the samples were {elsewhere}{end}" if left > 0.0 else end
-    return [Finding("episodes", words, "pass --spot inf if it is all one material", "with-care")]
+    return [
+        Check.EPISODES.finding(
+            words, "pass --spot inf if it is all one material", severity="with-care"
+        )
+    ]
 
 
 @timed("surface and velocity of each place")
@@ -271,9 +275,8 @@ def _say_surface(places: list[Place], made: dict[str, str], findings: list[Findi
     add(made, "penetration", "at each place along its own normal, relative to its own surface")
     assumed = sum(place.surface.assumed for place in places)
     if assumed:
-        words = f"at {assumed} of {len(places)} places the probe is always in contact, so "
-        remedy = "lift the probe between places"
-        findings.append(Finding("surface", words + ASSUMPTION, remedy, "with-care"))
+        where = f"at {assumed} of {len(places)} places the probe is always in contact"
+        findings.append(assumed_surface(where, "lift the probe between places"))
 
 
 # Projection of a position and a force in space on the contact normal.
@@ -316,7 +319,9 @@ def on_normal(signals: Signals, settings: Preparation, source: str) -> AlongNorm
     result = _along_axis(depth, force, normal, settings, turn_depth=False)
     if given is None:
         words = "palpate found the contact normal from the motion in which the force grows"
-        result.findings.append(Finding("direction", words, "pass it if known, such as --normal z"))
+        result.findings.append(
+            Check.DIRECTION.finding(words, "pass it if known, such as --normal z")
+        )
     return result
 
 
@@ -331,7 +336,7 @@ def _in_space(
             found = Normal(-found.vector, found.spread)
         else:
             words = "the recorded force acts on the material: palpate reversed its sign"
-            findings.append(Finding("direction", words, "pass --flip-force to confirm"))
+            findings.append(Check.DIRECTION.finding(words, "pass --flip-force to confirm"))
     depth = -(position @ found.vector)
     known = np.isfinite(along)
     pulls = _is_negative(along)
@@ -339,7 +344,7 @@ def _in_space(
         how = "is mostly negative" if pulls else "decreases as the probe goes in"
         words = f"along the given normal the force {how}"
         remedy = "reverse the sign of --normal, or pass --flip-force"
-        findings.append(Finding.of_both("do-not-trust", "direction", words, remedy))
+        findings.append(Check.DIRECTION.finding(words, remedy, mark="do-not-trust"))
     findings += misdirected(position, force, found.vector, given=given is not None)
     return AlongNormal(depth, along, found, findings)
 
@@ -373,13 +378,13 @@ def _along_axis(
     if "force" not in settings.flip and _is_negative(force):
         force = -force
         words = "the force is mostly negative: palpate reversed its sign, compression is positive"
-        findings.append(Finding("direction", words, "pass --flip-force to confirm"))
+        findings.append(Check.DIRECTION.finding(words, "pass --flip-force to confirm"))
     both = np.isfinite(force) & np.isfinite(depth)
     asked = "penetration" in settings.flip
     if turn_depth and not asked and not grows(depth[both], force[both]):
         depth = -depth
         words = "the force grows as the position decreases: palpate reversed the position's sign"
-        findings.append(Finding("direction", words, "pass --flip-penetration to confirm"))
+        findings.append(Check.DIRECTION.finding(words, "pass --flip-penetration to confirm"))
     return AlongNormal(depth, force, normal, findings)
 
 
@@ -401,7 +406,7 @@ def tared(
         force = force - (weight or 0.0) * down
     found = _zero(replace(signals, force=force), settings, source)
     words = "palpate found no free air and did not tare the force"
-    findings = [Finding("tare", words, "record a second in free air")]
+    findings = [Check.NO_TARE.finding(words, "record a second in free air")]
     if found is not None:
         signals, findings = replace(signals, force=force - found.zero), []
         if down is not None:
@@ -467,7 +472,7 @@ def _weight_left(
     if weight is not None:
         words += f", not {weight:g} N"
     mark: Mark = "do-not-trust" if off > LARGE_WEIGHT else "with-care"
-    return [Finding.of_both(mark, "tool weight", words, remedy)]
+    return [Check.TOOL_WEIGHT.finding(words, remedy, mark=mark)]
 
 
 def _free(signals: Signals, along: Floats) -> NDArray[np.bool_] | None:
@@ -531,12 +536,11 @@ def misdirected(position: Floats, force: Floats, normal: Floats, *, given: bool)
     if angle <= LARGE_ANGLE + ERRORS_OF_DIRECTION * error:
         return []
     return [
-        Finding.of_both(
-            "do-not-trust" if angle > TOO_LARGE_ANGLE else "with-care",
-            "direction",
+        Check.DIRECTION.finding(
             f"{of} {math.degrees(angle):.0f}° away from the {other}: a wrong frame, a reversed or "
             "swapped axis, a force offset, friction, or a probe that slides down a slope",
             "compare the axes of force and position, then pass --force-frame tool or --normal z",
+            mark="do-not-trust" if angle > TOO_LARGE_ANGLE else "with-care",
         )
     ]
 
@@ -584,7 +588,7 @@ def saturated(force: Floats) -> list[Finding]:
     moves = [bool(np.isfinite(c).any() and np.nanmin(c) < np.nanmax(c)) for c in force.T]
     axes = " and ".join(axis for axis, moving in zip("xyz", moves, strict=True) if not moving)
     words = f"the force along {axes} is constant: the sensor does not measure it"
-    found = [Finding("force axes", words)] if axes else []
+    found = [Check.FORCE_AXES.finding(words)] if axes else []
     beyond = [MOVES * noise_of(column) + STEPS * step_of(column) for column in force.T]
     for k, column in enumerate(force.T):
         others = [each for each in range(force.shape[1]) if each != k]
@@ -602,5 +606,5 @@ def saturated(force: Floats) -> list[Finding]:
                 words += "recording while the others change: it is probably saturated"
                 remedy = "press less deeply, or use a sensor with a larger range"
                 mark: Mark = "do-not-trust" if part > MANY else "with-care"
-                found.append(Finding.of_both(mark, "saturation", words, remedy))
+                found.append(Check.SATURATED_AXIS.finding(words, remedy, mark=mark))
     return found

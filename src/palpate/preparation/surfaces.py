@@ -13,9 +13,9 @@ from palpate.contact import slices_of
 from palpate.digits import rounded
 from palpate.errors import RecordingError
 from palpate.estimators.least_squares import Fitted, robust_covariance
-from palpate.findings import Finding
+from palpate.findings import Check, Finding
 from palpate.force_laws import HuntCrossley
-from palpate.preparation.gates import noise_of
+from palpate.preparation.resolution import noise_of
 from palpate.validation import Floats
 
 # The force in free air: its samples, its mean and its drift.
@@ -65,7 +65,7 @@ class Baseline:
         if self.drift:
             drift = rounded(self.drift, 3)
             words = f"the force offset drifts by {drift} N: palpate subtracted the drift"
-            findings.append(Finding("tare", words, "let the sensor warm up"))
+            findings.append(Check.TARE.finding(words, "let the sensor warm up"))
             add(made, "force", f"minus its drift of {drift} N")
 
 
@@ -254,10 +254,6 @@ FARTHEST = 4.0
 # A flat punch has 1, a sphere 1.5, a cone 2. An exponent far from these compensates for a wrong
 # surface; the light branch alone is then more accurate.
 LEAST_EXPONENT, MOST_EXPONENT = 0.7, 2.6
-ASSUMPTION = (
-    "the surface position is assumed (the shallowest sample): K, B and n depend on it, stiffness "
-    "and damping at working depth do not"
-)
 GROWTHS = (1.0, 1.5, 2.0)  # exponents of the force: flat punch or foam, sphere, cone
 
 
@@ -296,9 +292,20 @@ class Surface:
         """The finding on an assumed surface; none if it was found."""
         if not self.assumed:
             return []
-        words = f"the recording has no free air, so {ASSUMPTION}"
-        remedy = "record from before the touch, or pass the surface, such as --surface 0.7mm"
-        return [Finding("surface", words, remedy, "with-care")]
+        return [assumed_surface("the recording has no free air")]
+
+
+def assumed_surface(
+    reason: str,
+    remedy: str = "record from before the touch, or pass the surface, such as --surface 0.7mm",
+) -> Finding:
+    """Report that the surface is assumed where the shallowest sample is."""
+    return Check.SURFACE.finding(
+        f"{reason}, so the surface position is assumed (the shallowest sample): K, B and n depend "
+        "on it, stiffness and damping at working depth do not",
+        remedy,
+        severity="with-care",
+    )
 
 
 def surface_of(depth: Floats, velocity: Floats, force: Floats, rule: SurfaceRule) -> Surface:

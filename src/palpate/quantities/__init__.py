@@ -1,1 +1,1 @@
-"""What follows from an identified law: impacts, energy, passivity and elastic modulus."""
+"""Quantities derived from an identified law: impacts, energy, passivity and elastic modulus."""

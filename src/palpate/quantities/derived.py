@@ -1,4 +1,4 @@
-"""The numbers derived from an identification; modulus, energy and restitution have own modules."""
+"""Quantities derived from an identification; modulus, energy and restitution have own modules."""
 
 import math
 from collections.abc import Callable
@@ -10,12 +10,13 @@ from numpy.typing import NDArray
 
 from palpate.contact import Contact
 from palpate.diagnosis import Data, Diagnosis
-from palpate.diagnosis.finding import Quantity, WorkingDepth
+from palpate.diagnosis.outcome import Quantity, WorkingDepth
 from palpate.digits import rounded
 from palpate.errors import InvalidParameterError
 from palpate.estimators import ContactEstimator
 from palpate.estimators.estimate import Estimate, Trace
 from palpate.estimators.law_verdicts import band_about
+from palpate.findings import Check
 from palpate.quantities.energy import (
     EnergyLoss,
     Passivity,
@@ -32,11 +33,12 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from palpate.quantities.elastic_modulus import ElasticModulus, Tip
+    from palpate.quantities.specimen import CompressionModulus, Specimen
 
 
 @dataclass(frozen=True, slots=True)
 class QueryOptions:
-    """The impact, tip and oscillation for which derived numbers are computed.
+    """The impact, tip or specimen, and oscillation for which derived numbers are computed.
 
     Parameters
     ----------
@@ -46,21 +48,34 @@ class QueryOptions:
     tip : Tip, optional
         :class:`Sphere`, :class:`FlatPunch` or :class:`Cone`. Default: none, and no modulus.
     poisson_ratio : float, optional
-        The material's, in (−1, 0.5]. Default: 0.5, incompressible as soft tissue nearly is.
+        Poisson's ratio of the material, in (−1, 0.5]. Default: 0.5, incompressible; soft tissue is
+        nearly incompressible.
     frequency : float, optional
         Frequency of a small oscillation, rad/s, > 0. Default: the motion's mean frequency.
+    specimen : Specimen, optional
+        Size of a specimen compressed between plates; excludes a tip. Default: none.
     """
 
     impact_speed: float | None = None
     tip: "Tip | None" = None
     poisson_ratio: float | None = None
     frequency: float | None = None
+    specimen: "Specimen | None" = None
 
     def __post_init__(self) -> None:
         if self.tip is not None:
             from palpate.quantities.elastic_modulus import Tip
 
             instance("tip", self.tip, Tip)
+        if self.specimen is not None:
+            from palpate.quantities.specimen import Specimen
+
+            instance("specimen", self.specimen, Specimen)
+            if self.tip is not None:
+                raise InvalidParameterError(
+                    "tip and specimen exclude each other: a tip presses into a large body, a "
+                    "specimen is compressed between plates; drop one of them"
+                )
         ranges = {
             "impact_speed": (0.0, 1e6),
             "poisson_ratio": (-1.0, 0.5),
@@ -147,10 +162,10 @@ class SmallOscillation(Plain):
 def oscillation_of(
     result: Derivable, frequency: float | None = None, depth: float | None = None
 ) -> SmallOscillation:
-    """Dynamic stiffness K′ + iωB′ for small oscillations about a depth, by a law of any kind.
+    """Dynamic stiffness K′ + iωB′ for small oscillations about a depth, for any law.
 
-    By default the numbers of the working depth; at another frequency those of the law, with the
-    same relative errors.
+    At the motion's frequency these are the numbers of the diagnosis; at another frequency the
+    values of the law, with the same relative errors.
 
     Parameters
     ----------
@@ -167,34 +182,34 @@ def oscillation_of(
         The frequency is outside half to twice the motion's mean frequency, or the depth is out of
         its range.
     """
-    omega, there = _in_band(result, frequency), _at(result, depth)
+    omega, there = _check_frequency(result, frequency), _numbers_at(result, depth)
     stiffness, damping = there.stiffness, there.damping
     if result.law.relaxes and omega != result.frequency:
         law = result.law
         own = complex(law.dynamic_stiffness(there.depth, result.frequency))
         other = complex(law.dynamic_stiffness(there.depth, omega))
-        # The bars are those at the motion's own frequency, in proportion.
+        # The relative errors are known at the motion's frequency only.
         stiffness = stiffness.scaled(other.real / own.real)
         damping = damping.scaled(other.imag * result.frequency / (own.imag * omega))
-    tangent = _tangent(omega, stiffness, damping)
+    tangent = _loss_tangent(omega, stiffness, damping)
     return SmallOscillation(there.depth, omega, stiffness, damping, tangent)
 
 
 def relaxed_stiffness_of(result: Derivable, depth: float | None = None) -> Quantity:
     """∂F/∂x of the fully relaxed material, N/m, at a depth [m]; default: the working depth."""
-    there = _at(result, depth)
+    there = _numbers_at(result, depth)
     if not result.law.relaxes:
         return there.stiffness
-    found = _by_law(result, there.depth, lambda law, at: float(law.relaxed().stiffness_at(at)))
+    found = _evaluate(result, there.depth, lambda law, at: float(law.relaxed().stiffness_at(at)))
     return Quantity(*found, 0.0)
 
 
 def instantaneous_stiffness_of(result: Derivable, depth: float | None = None) -> Quantity:
     """∂F/∂x before any relaxation, N/m, at a depth [m]; default: the working depth."""
-    there = _at(result, depth)
+    there = _numbers_at(result, depth)
     if not result.law.relaxes:
         return there.stiffness
-    found = _by_law(
+    found = _evaluate(
         result, there.depth, lambda law, at: float(law.instantaneous().stiffness_at(at))
     )
     return Quantity(*found, 0.0)
@@ -219,7 +234,7 @@ def in_hertz(frequency: float) -> str:
     return f"{rounded(frequency / _TURN, 3)} Hz"
 
 
-def _in_band(result: Derivable, frequency: float | None) -> float:
+def _check_frequency(result: Derivable, frequency: float | None) -> float:
     low, high = band_of(result)
     if not (low > 0.0 and math.isfinite(high)):
         raise InvalidParameterError(
@@ -237,7 +252,7 @@ def _in_band(result: Derivable, frequency: float | None) -> float:
     return omega
 
 
-def _by_law(
+def _evaluate(
     result: Derivable, depth: float, value: Callable[[Any, float], float]
 ) -> tuple[float, float]:
     """A function of the law at a depth, with its standard error including the surface's."""
@@ -247,8 +262,8 @@ def _by_law(
     return found, math.hypot(error, 0.5 * moved)
 
 
-def _at(result: Derivable, depth: float | None) -> WorkingDepth:
-    """The numbers at a depth; for None or the working depth, the diagnosis' own."""
+def _numbers_at(result: Derivable, depth: float | None) -> WorkingDepth:
+    """Return the numbers at a depth; None means the working depth."""
     known = result.diagnosis.working_depth
     if depth is None and not 0.0 < known.depth <= 1e100:
         raise InvalidParameterError(
@@ -259,7 +274,7 @@ def _at(result: Derivable, depth: float | None) -> WorkingDepth:
     return known if known.depth == x else result.at(x)
 
 
-def _tangent(omega: float, stiffness: Quantity, damping: Quantity) -> Quantity:
+def _loss_tangent(omega: float, stiffness: Quantity, damping: Quantity) -> Quantity:
     """ωB′/K′, with the errors of both propagated as independent."""
     if not stiffness.value:
         return Quantity(math.nan, math.nan, math.nan)
@@ -277,7 +292,7 @@ def _tangent(omega: float, stiffness: Quantity, damping: Quantity) -> Quantity:
 
 # From an identification to the numbers derived from its law and its motion.
 
-# In sample times: over a longer gap the probe's path is unknown.
+# Multiple of the sample time: over a longer gap the probe's path is unknown.
 LONGEST_GAP = 20.0
 
 # Overflows, such as the square of 1e200 N, give undefined numbers without a warning.
@@ -298,13 +313,13 @@ def path_of(result: Derivable) -> Path:
         contact.penetration[kept] - estimate.surface,
         contact.velocity[kept],
         contact.force[kept] - estimate.offset,
-        _going_on(contact)[kept],
+        _segment_numbers(contact)[kept],
         trace.taken[kept],
     )
 
 
-def _going_on(contact: Contact) -> NDArray[np.int64]:
-    """The number of each sample's segment; segments end where the time jumps or goes back."""
+def _segment_numbers(contact: Contact) -> NDArray[np.int64]:
+    """Return each sample's segment number; segments end where the time jumps or goes back."""
     usual = np.empty(len(contact))  # time between samples, which may differ between segments
     for part in contact.segments():
         steps = np.diff(contact.time[part])
@@ -323,7 +338,7 @@ def restitution_from(result: Derivable, speed: float | None = None) -> Restituti
     result : Identification
         The identification.
     speed : float, optional
-        m/s, > 0. Default: that of :attr:`query`, or the fastest approach in contact.
+        m/s, > 0. Default: the speed in :attr:`query`, or the fastest approach in contact.
     """
     if speed is not None:
         number_in("speed", speed, 0.0, 1e6, open_low=True)
@@ -338,9 +353,9 @@ def restitution_from(result: Derivable, speed: float | None = None) -> Restituti
 
 @_absurd_numbers
 def energy_from(result: Derivable) -> EnergyLoss:
-    """Energy dissipated per touch, or per cycle in lasting contact: measured and by the model."""
+    """Energy dissipated per touch, or per cycle in lasting contact: measured and from the law."""
     data, path = result.data or Data(result.contact), path_of(result)
-    going_on = replace(result.contact, segment=_going_on(result.contact))
+    going_on = replace(result.contact, segment=_segment_numbers(result.contact))
     checks = {each.check for each in result.diagnosis.findings}
     return energy_of(
         path,
@@ -349,8 +364,8 @@ def energy_from(result: Derivable) -> EnergyLoss:
         result.diagnosis.working_depth.damping,
         force_noise=data.force_noise,
         depth_noise=data.penetration_noise,
-        skewed=bool({"delay", "skew jump"} & checks),
-        drifting="offset drift" in checks,
+        skewed=bool({Check.DELAY, Check.SKEW_JUMP} & checks),
+        drifting=Check.OFFSET_DRIFT in checks,
     )
 
 
@@ -372,9 +387,9 @@ def elastic_modulus_from(
     result : Identification
         The identification.
     tip : Tip, optional
-        Such as ``Sphere(radius=5e-3)``. Default: that of :attr:`query`.
+        For example ``Sphere(radius=5e-3)``. Default: the tip in :attr:`query`.
     poisson_ratio : float, optional
-        The material's, in (−1, 0.5]. Default: that of :attr:`query`, or 0.5.
+        Poisson's ratio of the material, in (−1, 0.5]. Default: the ratio in :attr:`query`, or 0.5.
 
     Raises
     ------
@@ -396,3 +411,30 @@ def elastic_modulus_from(
         return found
     unchecked = "the exponent was fixed, so it does not confirm the shape of the tip"
     return replace(found, remarks=(*found.remarks, unchecked))
+
+
+def compression_modulus_from(
+    result: Derivable, specimen: "Specimen | None" = None
+) -> "CompressionModulus":
+    """Young's modulus E = S h/A of a specimen that is compressed between plates.
+
+    Parameters
+    ----------
+    result : Identification
+        The identification.
+    specimen : Specimen, optional
+        Such as ``Specimen(area=3e-4, height=0.02)``. Default: that of :attr:`query`.
+
+    Raises
+    ------
+    InvalidParameterError
+        There is no specimen.
+    """
+    from palpate.quantities.specimen import compression_modulus_of
+
+    specimen = specimen or result.query.specimen
+    if specimen is None:
+        raise InvalidParameterError(
+            "specimen is missing: pass one, such as specimen=Specimen(area=3e-4, height=0.02)"
+        )
+    return compression_modulus_of(result.diagnosis, specimen)

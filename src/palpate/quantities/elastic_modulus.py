@@ -10,9 +10,10 @@ import math
 from dataclasses import dataclass, fields
 from typing import Any, ClassVar
 
-from palpate.diagnosis.finding import Diagnosis, Quantity, WorkingDepth
-from palpate.diagnosis.marks import STOPPED
+from palpate.diagnosis.bars import STOPPED
+from palpate.diagnosis.outcome import Diagnosis, Quantity, WorkingDepth
 from palpate.digits import format_quantity
+from palpate.findings import Check
 from palpate.force_laws import ForceLaw
 from palpate.quantities.restitution import UNKNOWN
 from palpate.validation import defined, kept
@@ -60,8 +61,8 @@ class Tip:
 class Sphere(Tip):
     """A ball, or a tip with a round end: F = 4/3 E* √R x^(3/2) (Hertz 1882).
 
-    Hertz approximates the ball by a paraboloid. By Sneddon's solution the force on a ball is lower
-    by the fraction x/(10 R), accurate to 0.001 up to x = R.
+    Hertz approximates the ball by a paraboloid. According to Sneddon's solution the force on a ball
+    is lower by the fraction x/(10 R), accurate to 0.001 up to x = R.
 
     Parameters
     ----------
@@ -82,7 +83,7 @@ class Sphere(Tip):
         return 4.0 / 3.0 * math.sqrt(self.radius)
 
     def departure(self, depth: float) -> float:
-        """x/(10 R): a ball against Hertz's paraboloid."""
+        """x/(10 R), for a ball instead of Hertz's paraboloid."""
         return depth / (10.0 * self.radius)
 
     def limitations(self, depth: float) -> list[str]:
@@ -157,17 +158,19 @@ class Cone(Tip):
         return [f"{words}{strain:.2g} at any depth"] if strain > SMALL_STRAIN else []
 
 
-#: Every tip by its kind.
+#: The tips by kind.
 TIPS: dict[str, type[Tip]] = {each.kind: each for each in (Sphere, FlatPunch, Cone)}
 
 
 # Young's modulus of the touched material, for a tip of known shape.
 
 # Largest relative systematic uncertainty from the exponent; above it there is no modulus, as a
-# stiffness of that uncertainty is not trusted either. An exponent off by a half, that of the next
-# shape, causes as much over depths in a ratio of 2.7; strokes from the surface have one of 9.
+# stiffness of that uncertainty is not trusted either. An exponent that differs by a half, as
+# between neighbouring shapes, causes this uncertainty over depths in a ratio of 2.7; strokes from
+# the surface have a ratio of 9.
 WIDEST_SPREAD = STOPPED[0]
-# Poisson's ratio of materials of constant volume, as soft tissue, gels and rubber nearly are.
+# Poisson's ratio of incompressible materials; soft tissue, gels and rubber are nearly
+# incompressible.
 INCOMPRESSIBLE = 0.5
 # Half the distance to the next shape's exponent, and standard errors for a certain difference.
 NEXT_SHAPE, CERTAIN = 0.25, 3.0
@@ -211,7 +214,7 @@ class ElasticModulus:
         return f"ElasticModulus({number}; {self.tip}, ν = {self.poisson_ratio:g})"
 
     def as_dict(self) -> dict[str, Any]:
-        """Return it as plain numbers and text; undefined numbers are None."""
+        """Return it as plain numbers and text, with None for undefined numbers."""
         return {
             **self.value.as_dict(),
             "reduced": defined(self.value.value / (1.0 - self.poisson_ratio**2)),
@@ -234,9 +237,10 @@ def elastic_modulus_of(
     """Return Young's modulus from the force at working depth and the shape of the tip.
 
     It uses the force where it was measured, not K, which is an extrapolation to one metre and
-    depends on the exponent; of a law that relaxes the force of its K′, so that the modulus is that
-    at the motion's frequency. palpate refuses a modulus if those of light and deep touch differ by
-    more than 25 % from it, or the exponent is certainly another shape's: the tip's shape is wrong.
+    depends on the exponent. For a relaxing law it uses the force that belongs to K′, so that the
+    modulus is valid at the motion's frequency. palpate refuses a modulus if the moduli at both
+    depths differ by more than ± 25 % of it, or if the exponent is certainly different: then the
+    tip has another shape.
 
     Parameters
     ----------
@@ -268,7 +272,7 @@ def elastic_modulus_of(
         for depth in (depths[0], there.depth, depths[1])
     )
     spread = 0.5 * abs(high - low) / modulus
-    refused = _another_shape(exponent, spread, tip)
+    refused = _shape_mismatch(exponent, spread, tip)
     if refused:
         return ElasticModulus(UNKNOWN, *known, refused)
     moved = there.stiffness.systematic / abs(there.stiffness.value)
@@ -283,7 +287,7 @@ def elastic_modulus_of(
 
 
 def _elastic_force(law: ForceLaw, there: WorkingDepth, depth: float) -> float:
-    """Force at a depth, N; of a law that relaxes that of its stiffness K′, F = K′ x/n."""
+    """Return the force at a depth, N; for a relaxing law the force F = K′ x/n of its K′."""
     if not law.remembers:
         return float(law.force(depth, 0.0))
     exponent = there.depth * there.stiffness.value / there.force.value
@@ -291,14 +295,14 @@ def _elastic_force(law: ForceLaw, there: WorkingDepth, depth: float) -> float:
 
 
 def _exponent(there: WorkingDepth) -> Quantity:
-    """Exponent d ln F/d ln x, with the relative errors of the stiffness, the larger ones."""
+    """Return the exponent d ln F/d ln x; with the stiffness's relative errors, the larger ones."""
     if not there.force.value > 0.0:
         return UNKNOWN
     return there.stiffness.scaled(there.depth / there.force.value)
 
 
-def _another_shape(exponent: Quantity, spread: float, tip: Tip) -> str | None:
-    """Return why the force does not grow with depth as under this tip; None if it does."""
+def _shape_mismatch(exponent: Quantity, spread: float, tip: Tip) -> str | None:
+    """Return why the force does not grow with depth as for this tip; None if it does."""
     words = (
         f"the force grows with depth to the power {exponent.combined.format()}, but under a "
         f"{tip.kind} it has the power {tip.exponent:g}"
@@ -318,7 +322,7 @@ def _remarks(found: Diagnosis, exponent: Quantity, tip: Tip) -> list[str]:
         remarks.append(
             f"the exponent, {exponent.combined.format()}, is too uncertain to confirm a {tip.kind}"
         )
-    if any(finding.check == "surface" for finding in found.findings):
+    if any(finding.check == Check.SURFACE for finding in found.findings):
         remarks.append(
             "the surface position is uncertain (see palpate diagnose): an error of 1 % in depth "
             f"changes the modulus by {tip.exponent:g} %"

@@ -9,10 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.contact import Contact
-from palpate.diagnosis.finding import Quantity, WorkingDepth
+from palpate.diagnosis.outcome import Quantity, WorkingDepth
 from palpate.digits import rounded
 from palpate.force_laws import ForceLaw, steps_over_breaks
-from palpate.preparation.gates import choose_gate, touches_of
+from palpate.preparation.gates import choose_gate
+from palpate.preparation.touches import find_touches
 from palpate.quantities.restitution import UNKNOWN
 from palpate.validation import Floats, Plain, defined
 
@@ -73,15 +74,7 @@ class Path:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Loops:
-    """Parts of a path that begin and end at equal depth.
-
-    Attributes
-    ----------
-    kind : str
-        ``"touch"`` or ``"cycle"``.
-    starts, stops : numpy.ndarray, shape (m,)
-        Sample indices, from 0; fractional for cycles.
-    """
+    """Loops of a path, which begin and end at equal depth."""
 
     kind: str
     starts: Floats
@@ -110,7 +103,8 @@ def loops_of(contact: Contact, path: Path) -> Loops:
     a loop, however the depth of the strokes varies.
     """
     touches = _touches(contact, path)
-    # A law that relaxes takes light samples too, of which a probe at rest on the surface has most.
+    # A relaxing law also takes shallow samples, and a probe at rest on the surface has many of
+    # them.
     firm = path.inside & (path.force > choose_gate(contact).make_force)
     counts = np.concatenate([[0], np.cumsum(firm)])
     held = sum(counts[int(b) + 1] - counts[int(a)] for a, b in touches)
@@ -123,9 +117,9 @@ def _touches(contact: Contact, path: Path) -> list[tuple[float, float]]:
     """First and last sample of each touch, extended to where the probe leaves the surface."""
     gate, found = choose_gate(contact), []
     for part in contact.segments():
-        first, last = _ends(path, int(contact.segment[part.start]))
+        first, last = _segment_ends(path, int(contact.segment[part.start]))
         time, cores = path.time[first : last + 1], []
-        for touch in touches_of(contact.taken(part), gate):
+        for touch in find_touches(contact.taken(part), gate):
             start = first + int(np.searchsorted(time, touch.start))
             stop = first + int(np.searchsorted(time, touch.stop, side="right")) - 1
             if path.inside[start : stop + 1].any():  # a rejected spike is not a touch
@@ -135,17 +129,17 @@ def _touches(contact: Contact, path: Path) -> list[tuple[float, float]]:
         limits = [first, *limits, last]
         for (start, stop), (low, high) in zip(cores, pairwise(limits), strict=False):
             if first < start and stop < last:
-                found.append(_outwards(path.depth, start, stop, low, high))
+                found.append(_extend_touch(path.depth, start, stop, low, high))
     return found
 
 
-def _ends(path: Path, segment: int) -> tuple[int, int]:
+def _segment_ends(path: Path, segment: int) -> tuple[int, int]:
     """First and last sample of a segment."""
     first = int(np.searchsorted(path.segment, segment))
     return first, int(np.searchsorted(path.segment, segment, side="right")) - 1
 
 
-def _outwards(depth: Floats, start: int, stop: int, low: int, high: int) -> tuple[float, float]:
+def _extend_touch(depth: Floats, start: int, stop: int, low: int, high: int) -> tuple[float, float]:
     before, after = depth[low : start + 1] <= 0.0, depth[stop : high + 1] <= 0.0
     begin = low + int(np.flatnonzero(before)[-1]) if before.any() else low
     end = stop + int(np.argmax(after)) if after.any() else high
@@ -161,8 +155,8 @@ def _cycles(path: Path) -> list[tuple[float, float]]:
     some = HYSTERESIS * (high - low)
     found: list[tuple[float, float]] = []
     for each in np.unique(path.segment):
-        first, last = _ends(path, int(each))
-        places = _passages(path.depth[first : last + 1], level - some, level, level + some)
+        first, last = _segment_ends(path, int(each))
+        places = _inward_passages(path.depth[first : last + 1], level - some, level, level + some)
         # A cycle is nearly all in contact; one with a lift-off would be a touch.
         found += [
             (first + a, first + b)
@@ -172,7 +166,7 @@ def _cycles(path: Path) -> list[tuple[float, float]]:
     return found
 
 
-def _passages(depth: Floats, low: float, level: float, high: float) -> list[float]:
+def _inward_passages(depth: Floats, low: float, level: float, high: float) -> list[float]:
     """Fractional sample indices where the depth rises through a level, from ``low`` to ``high``."""
     far = np.flatnonzero((depth < low) | (depth > high))
     if not far.size:
@@ -221,7 +215,7 @@ def _turns(values: Floats, least: float) -> list[float]:
 
 # The energy that a material dissipates in a loop, measured and by the model.
 
-# Fraction of the measured loss: palpate reports a larger difference between law and measurement.
+# Relative difference of loss between law and measurement above which palpate reports it.
 UNACCOUNTED = 0.10
 
 
@@ -272,7 +266,7 @@ class EnergyLoss:
         return f"EnergyLoss({measured} measured, {predicted} by the model; {loops})"
 
     def as_dict(self) -> dict[str, Any]:
-        """Return the means as plain numbers and text; undefined ones are None."""
+        """Return the means as plain numbers and text, with None for undefined values."""
         return {
             "kind": self.kind,
             "loops": len(self.lost),
@@ -330,7 +324,7 @@ def energy_of(
     moved = by_damping * damping.systematic if skewed else 0.0
     # An encoder's error e depends on the position and repeats in every loop: ∮ e dF, e of one sign.
     steps = depth_noise * float(loops.swings(path.force).mean())
-    drifted = _drifted(path, loops, law) if drifting else 0.0
+    drifted = _drift_work(path, loops, law) if drifting else 0.0
     measured = Quantity(float(lost.mean()), noise, math.hypot(moved, steps, drifted))
     of_law = Quantity(float(predicted.mean()), by_damping * damping.standard_error, 0.0)
     remarks = _remarks(measured, of_law) or _loop_by_loop(loops.kind, lost, predicted, variance)
@@ -341,7 +335,7 @@ def energy_of(
     )
 
 
-def _drifted(path: Path, loops: Loops, law: ForceLaw) -> float:
+def _drift_work(path: Path, loops: Loops, law: ForceLaw) -> float:
     """Return ∮ ḋ t dx, mean of the loops, J, for a zero that drifts at the residual's rate ḋ."""
     inside = path.inside
     time = path.time[inside] - path.time[inside].mean()
@@ -463,6 +457,6 @@ def passivity_of(path: Path, law: ForceLaw, there: WorkingDepth, force_noise: fl
 
 
 def fastest_of(velocity: Floats) -> float:
-    """99.9th percentile of the positive velocities, m/s (robust to spikes); 0 if there are none."""
+    """99.9th percentile of the positive velocities, m/s (robust to spikes); 0 without any."""
     inwards = velocity[velocity > 0.0]
     return float(np.percentile(inwards, 99.9)) if inwards.size else 0.0

@@ -26,7 +26,7 @@ from typing import overload
 import numpy as np
 from numpy.typing import ArrayLike
 
-from palpate.diagnosis.finding import Quantity, WorkingDepth
+from palpate.diagnosis.outcome import Quantity, WorkingDepth
 from palpate.digits import rounded
 from palpate.force_laws import ForceLaw
 from palpate.validation import Floats, Plain, all_good, together
@@ -312,12 +312,12 @@ def restitution_of(
 def dissipation_of(law: ForceLaw, covariance: Floats, there: WorkingDepth) -> Quantity:
     """Return b = B/K of a Hunt–Crossley law, s/m; unknown for other laws or without stiffness.
 
-    For the generalised law, such as one that relaxes, b = B′/F′ of the Hunt–Crossley law with its
-    K′ and B′ at working depth and the motion's frequency, as for errors that are independent.
+    For a generalised law, b = B′/F′ of the Hunt–Crossley law with the same K′ and B′ at working
+    depth and the motion's frequency; the errors of K′ and B′ are treated as independent.
 
     Var b = b² (Var B/B² + Var K/K² − 2 Cov/(B K)): errors of the exponent and the surface change K
-    and B by the same factor and cancel in b. Its systematic uncertainty is that of the damping C at
-    working depth over the force F there, as C/F = b.
+    and B by the same factor and cancel in b. Its systematic uncertainty is the uncertainty of the
+    damping C at working depth over the force F there, as C/F = b.
 
     Parameters
     ----------
@@ -328,7 +328,7 @@ def dissipation_of(law: ForceLaw, covariance: Floats, there: WorkingDepth) -> Qu
     there : WorkingDepth
         Its numbers at working depth.
     """
-    if math.isnan(there.damping.value):  # the recording does not give it
+    if math.isnan(there.damping.value):  # the recording does not determine it
         return UNKNOWN
     if law.relaxes and there.force.value > 0.0 and there.stiffness.value > 0.0:
         b = there.damping.value / there.force.value

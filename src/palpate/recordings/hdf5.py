@@ -32,6 +32,8 @@ _LONGEST_TEXT = 4096
 _CUT = re.compile(r"truncated file: eof = (\d+).* stored_eof = (\d+)")
 _UNITS = ("units", "unit", "Units", "Unit")
 _FRAMES = ("frame_id", "frame")
+# NeXus: attributes of a group NXdata that name the arrays to plot, and over which.
+_PLOTTED = {"signal": "signal", "axes": "axis"}
 _RATE = re.compile(r"(sampl\w*[ _]?)?(rate|freq\w*)([ _]\w+)?$|fs$", re.IGNORECASE)
 
 
@@ -111,6 +113,9 @@ class Walk:
         try:
             self._seen.add(h5py.h5o.get_info(group.id).addr)
             names = list(group)
+            for attribute, part in _PLOTTED.items():  # axes are one name or several
+                for name in np.atleast_1d(group.attrs.get(attribute, ())).tolist():
+                    self.found.plots["/".join((*path, text_of(name) or ""))] = part
         except DAMAGED as error:
             self.found.lose("/".join(path) or "the file", f"cannot be read: {first_line(error)}")
             return

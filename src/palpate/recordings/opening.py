@@ -20,7 +20,7 @@ from rich.filesize import decimal as format_bytes
 
 from palpate.contact import Contact
 from palpate.errors import InvalidParameterError, RecordingError, needed
-from palpate.findings import Finding
+from palpate.findings import Check
 from palpate.recordings.recording import Faults, Recording, printable
 from palpate.writing import scratch_file, write_bytes, write_text
 
@@ -56,6 +56,8 @@ class Request:
         of it. Damaged and hostile files state or unpack to far more than they hold.
     source : str
         Name of the file, for errors.
+    sheet : str, optional
+        Name, or number from 1, of the sheet to read in a spreadsheet.
     """
 
     channels: tuple[str, ...] | None = None
@@ -64,6 +66,7 @@ class Request:
     progress: Callable[[float], None] | None = None
     max_size: int = MAX_SIZE
     source: str = ""
+    sheet: str | None = None
     _reserved: list[int] = field(default_factory=lambda: [0], compare=False, repr=False)
 
     @property
@@ -165,6 +168,10 @@ FORMATS: list[Format] = [
     ),
     Format("MATLAB", (".mat",), f"{_HERE}.matlab", _MAT, "recordings"),
     Format("Parquet", (".parquet", ".pq"), f"{_HERE}.arrow", (b"PAR1",), "recordings"),
+    Format("spreadsheet", (".xlsx", ".xlsm", ".xltx"), f"{_HERE}.spreadsheet", (), "recordings"),
+    Format("NumPy", (".npz", ".npy"), f"{_HERE}.numpy_files", (b"\x93NUMPY",)),
+    Format("JSON", (".json", ".jsonl", ".ndjson"), f"{_HERE}.json_tables"),
+    Format("unread", (), f"{_HERE}.no_reader", (b"TDSm", b"\xd0\xcf\x11\xe0")),
 ]
 
 
@@ -177,6 +184,7 @@ def open_recording(
     *,
     strict: bool = False,
     curve: int | None = None,
+    sheet: str | int | None = None,
     progress: Callable[[float], None] | None = None,
     max_size: float = MAX_SIZE,
 ) -> Recording:
@@ -195,6 +203,8 @@ def open_recording(
         rest.
     curve : int, optional
         Index, from 0, of the curve to read in a file with several.
+    sheet : str or int, optional
+        Name, or number from 1, of the sheet to read in a spreadsheet. Default: all with a table.
     progress : callable, optional
         Called at intervals with the fraction read so far.
     max_size : float
@@ -219,7 +229,9 @@ def open_recording(
         raise InvalidParameterError(f"max_size must be in [1, 1e+18] bytes, not {max_size!r}")
     begun = time.perf_counter()
     source = "standard input" if str(file) == "-" else printable(file)
-    recording = _read(file, Request(wanted, strict, curve, progress, int(max_size), source))
+    named = None if sheet is None else str(sheet)
+    request = Request(wanted, strict, curve, progress, int(max_size), source, sheet=named)
+    recording = _read(file, request)
     _log(recording, time.perf_counter() - begun)
     return recording
 
@@ -372,6 +384,7 @@ class Draft:
     frames: dict[str, str] = field(default_factory=dict)
     types: dict[str, str] = field(default_factory=dict)
     faults: dict[str, Faults] = field(default_factory=dict)
+    plots: dict[str, str] = field(default_factory=dict)
     losses: list[str] = field(default_factory=list)
     omissions: list[str] = field(default_factory=list)
 
@@ -399,10 +412,10 @@ class Draft:
             more = f" (and {len(self.losses) - 1} more)" if len(self.losses) > 1 else ""
             rest = "drop --strict to use the rest of the file"
             raise self.error(f"{self.losses[0]}{more}; {rest}")
-        mappings = ("units", "notes", "clocks", "frames", "types", "faults")
+        mappings = ("units", "notes", "clocks", "frames", "types", "faults", "plots")
         own: dict[str, Any] = {name: getattr(self, name) for name in mappings}
-        lost = [Finding("file", words, _USED, "with-care") for words in self.losses]
-        findings = (*lost, *(Finding("file", words) for words in self.omissions))
+        lost = [Check.FILE.finding(words, _USED, severity="with-care") for words in self.losses]
+        findings = (*lost, *(Check.FILE.finding(words) for words in self.omissions))
         return Recording(self.channels, source=self.source, rows=rows, findings=findings, **own)
 
 

@@ -73,6 +73,8 @@ class Recording:
         ``{"/ft": "geometry_msgs/msg/WrenchStamped"}``.
     faults : mapping
         Name of a numeric channel to its values that are not numbers; these are NaN.
+    plots : mapping
+        Name of a channel to ``"signal"`` or ``"axis"``, if the file states what to plot over what.
     findings : sequence of Finding
         Parts of the file that could not be read (``with-care``); and, as notes, parts skipped
         because they hold no numbers or were not requested.
@@ -98,6 +100,7 @@ class Recording:
     frames: Mapping[str, str] = field(default_factory=dict)
     types: Mapping[str, str] = field(default_factory=dict)
     faults: Mapping[str, Faults] = field(default_factory=dict)
+    plots: Mapping[str, str] = field(default_factory=dict)
     findings: Sequence[Finding] = ()
 
     def __post_init__(self) -> None:

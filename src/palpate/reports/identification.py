@@ -24,11 +24,11 @@ from palpate.results.saved import (
     RESULT,
     TRACES,
     as_toml,
-    described,
-    digest_of,
+    describe_contact,
     how_made,
-    in_file,
+    toml_text,
     trace_columns,
+    trace_digest,
 )
 from palpate.stages import timed
 from palpate.writing import check_own, check_writable, make_folder, write_text
@@ -39,7 +39,7 @@ _COLOURS = {"trust": "#009e73", "with-care": "#d08a00", "do-not-trust": "#d55e00
 
 def card(result: Identified) -> str:
     """Return verdict, values at working depth and contact model as HTML."""
-    sections = view.verdict(result), view.depths(result), view.law(result)
+    sections = view.verdict_section(result), view.depth_table(result), view.law_section(result)
     colour = _COLOURS[result.diagnosis.verdict.overall]
     name = escape(Path(result.contact.source).name or "contact")
     inside = "".join(html.composed(sections))
@@ -97,14 +97,14 @@ def page(
     """
     name = Path(result.contact.source).name or "contact"
     others, made = list((compared or {}).values()), result.contact.provenance.items()
-    numbers = [view.depths(result), view.law(result, whole=True)]
-    follows, findings = view.follows(result, whole=True), view.findings(result)
-    prepared = [view.preparation([result], whole=True)]
+    numbers = [view.depth_table(result), view.law_section(result, whole=True)]
+    follows, findings = view.derived_section(result, whole=True), view.findings_section(result)
+    prepared = [view.preparation_section([result], whole=True)]
     prepared.append(view.ViewSection("Source of each channel", [], ("channel", ""), [*made]))
-    methods = view.of_comparison(others) if others else ()
+    methods = view.comparison_sections(others) if others else ()
     # Of a probe that travels the verdict of each place counts, not that of all places as one.
     travels = any(part.place is not None for part in result.segments)
-    each = view.parts(result, whole=True)
+    each = view.segment_table(result, whole=True)
     values, beside = (each, numbers) if travels else (numbers, each)
     beside_title = "One law for all places, an average" if travels else "Segments"
     parts = [
@@ -130,7 +130,7 @@ def page(
 
 def _verdicts_of_places(result: Identified) -> Iterator[str]:
     """How many places have each verdict, and the next step."""
-    counts, *steps = next(view.answer(result, ())).lines
+    counts, *steps = next(view.short_answer(result, ())).lines
     yield f"<p><strong>{escape(counts.text)}</strong></p>"
     yield from (
         f"<p><strong>{escape(each.name.capitalize())}:</strong> {escape(each.text)}</p>"
@@ -155,7 +155,7 @@ def _tiles(result: Identified) -> Iterator[str]:
 
 def _which_law(result: Identified, others: Sequence[Identified]) -> Iterator[str]:
     """Yield the selected law, and K′ and B′ of the model and of the selected one."""
-    if words := view.law_verdict(result):
+    if words := view.describe_model_selection(result):
         yield f"<p>{escape(words)}</p>"
     chosen = (
         ()
@@ -282,7 +282,7 @@ class Destination:
         given = {"method": result.method} if options is None else options
         run = as_toml(given, how_made(result.contact, files))
         columns, units = trace_columns(result)
-        whole = {**described(files, [result]), "trace": self.trace}
+        whole = {**describe_contact(files, [result]), "trace": self.trace}
         circumstances = Circumstances(
             made=datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
             command=self._command(files if options is None else files or [Path("-")]),
@@ -295,10 +295,10 @@ class Destination:
         if (used := result.contact.velocity_filter) is not None:
             notes |= used.as_note()
         trace = self.folder / self.trace
-        named = in_file(columns)
-        write_columns(named, trace, units=in_file(units), notes=notes, inputs=self.inputs)
+        named = toml_text(columns)
+        write_columns(named, trace, units=toml_text(units), notes=notes, inputs=self.inputs)
         write_text(self.folder / OPTIONS, run, self.inputs)
-        whole["trace_digest"] = digest_of(trace)
+        whole["trace_digest"] = trace_digest(trace)
         text = json.dumps(whole, ensure_ascii=False, allow_nan=False, indent=1)
         write_text(self.folder / RESULT, text + "\n", self.inputs)
 

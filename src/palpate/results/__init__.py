@@ -1,1 +1,1 @@
-"""An identification on its way out: as numbers, tables, words and files, and back."""
+"""Output and input of an identification: numbers, tables, text and files."""

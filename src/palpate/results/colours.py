@@ -1,11 +1,11 @@
-"""Colours of figures and pages, which the live page has too: so they need no matplotlib."""
+"""Colours of figures and pages; without matplotlib, because the live page uses them too."""
 
 from dataclasses import dataclass
 
 
 @dataclass(frozen=True, slots=True)
 class Theme:
-    """Colours of Okabe & Ito, distinct for colour-blind readers too, for one background."""
+    """Colours of Okabe & Ito, which colour-blind readers can distinguish, for one background."""
 
     background: str
     ink: str
@@ -14,7 +14,7 @@ class Theme:
     lines: tuple[str, ...]
 
     def variables(self) -> dict[str, str]:
-        """Each colour by the name that a page's style sheet has for it."""
+        """Return the colours, keyed by the names in a page's style sheet."""
         named = {"background": self.background, "ink": self.ink, "grid": self.grid}
         named |= {"measured": self.measured}
         named |= {f"line-{k}": colour for k, colour in enumerate(self.lines)}

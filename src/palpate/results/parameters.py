@@ -29,39 +29,39 @@ _LAWS = {
 class ParameterRow:
     """A parameter of a law."""
 
-    #: Where it stands among the law's parameters.
+    #: Index of the parameter in the law.
     index: int
     name: str
     symbol: str
-    #: As the law's exponents make it.
+    #: Unit with the law's exponents.
     unit: str
-    #: The number and its standard error; or what it is bound to, such as ``n``.
+    #: The value with its standard error, or the parameter that determines it, such as ``n``.
     text: str
-    #: Whether it is a number of its own, which was looked for.
+    #: Whether it is a free parameter that was estimated.
     estimated: bool = False
 
     @property
     def with_unit(self) -> str:
-        """The words, and the unit."""
+        """The text and the unit."""
         return f"{self.text} {self.unit}".rstrip()
 
     def __str__(self) -> str:
         return f"{self.symbol} = {self.with_unit}"
 
 
-def terms_of(result: "Identified") -> str:
+def parameter_terms(result: "Identified") -> str:
     """Return a line for each parameter: ``K = 2002.0 ± 1.9 N/mⁿ``."""
     return "\n".join(map(str, parameter_rows(result)))
 
 
 def law_name(result: "Identified") -> str:
-    """Return the law that was chosen, or the only one that the method identifies."""
+    """Return the name of the selected law, or of the only law that the method identifies."""
     verdict, kind = result.estimator.verdict(), result.law.kind
     return _LAWS.get(kind, kind) if verdict is None else verdict.candidate.title
 
 
 def parameter_rows(result: "Identified") -> list[ParameterRow]:
-    """Return the parameters that the law has, in its order."""
+    """Return the parameters of the law, in its order."""
     if result.law.relaxes:
         return list(_generalised(result, result.law))
     return [_number(result, k) for k in range(len(result.law.symbols))]
@@ -76,7 +76,7 @@ def _number(result: "Identified", k: int, unit: str | None = None) -> ParameterR
 
 def _generalised(result: "Identified", law: GeneralisedHuntCrossley) -> Iterator[ParameterRow]:
     stiffness, n, damping, p, relaxing = range(len(law.symbols))
-    verdict, growth = result.estimator.verdict(), _growth_of(law)
+    verdict, growth = result.estimator.verdict(), _growth(law)
     chosen = None if verdict is None else verdict.candidate
     linear = chosen is not None and chosen.linear
     yield _number(result, stiffness, "N/m" if linear else None)
@@ -108,15 +108,15 @@ def relaxation_range(law: GeneralisedHuntCrossley) -> str:
     return " to ".join(_time(float(each)) for each in present[[0, -1]])
 
 
-def _growth_of(law: GeneralisedHuntCrossley) -> str | None:
-    """Return how the damper goes with the spring: ``n`` or ``n − 1``; None where by neither."""
+def _growth(law: GeneralisedHuntCrossley) -> str | None:
+    """Return the damper's exponent in terms of the spring's, ``n`` or ``n − 1``; else None."""
     if law.damping_exponent == law.exponent:
         return "n"
     return "n − 1" if law.damping_exponent == law.exponent - 1.0 else None
 
 
 def _time(seconds: float) -> str:
-    """Thousands of seconds are seconds still."""
+    """Format a time; a thousand seconds or more keep the unit s."""
     return format_quantity(seconds, "s") if seconds < 1.0 else f"{rounded(seconds, 3)} s"
 
 
@@ -124,16 +124,17 @@ def _bound(law: ForceLaw, k: int, words: str) -> ParameterRow:
     return ParameterRow(k, law.names()[k], law.symbols[k], "", words)
 
 
-# The truth that a recording states, compared with the identified law.
+# The truth stated in a recording, compared with the identified law.
 
-# Of the logarithms of the first and the last time: 5 % of a time move M by less than 1 %.
+# Tolerance of the logarithms of the first and the last time: a change of a time by 5 % changes M by
+# less than 1 %.
 _SAME_TIME = 0.05
 
 
-def truth_at(result: "Identified", depth: float) -> dict[str, float]:
-    """Return the stated truth of the numbers at a depth, SI, by name; empty where there is none.
+def stated_truth(result: "Identified", depth: float) -> dict[str, float]:
+    """Return the stated truth of the numbers at a depth, SI, by name; empty without one.
 
-    Where one of the two laws relaxes: K′ and B′ at the motion's frequency, and no force.
+    If one of the two laws relaxes: K′ and B′ at the motion's frequency, and no force.
     """
     truth = truth_of(result.contact.provenance)
     if truth is None or not math.isfinite(depth):
@@ -149,11 +150,11 @@ def truth_at(result: "Identified", depth: float) -> dict[str, float]:
 
 
 def comparable(law: Any, truth: Any) -> set[str]:
-    """Return the parameters of a law that mean what the truth's of the same names do.
+    """Return the names of the law's parameters that are comparable to the truth's.
 
-    Those of a law of another kind do not; of two generalised laws they do where the same relaxes,
-    one relaxation time each, or the same kind of spectrum over the same times; but B is in
-    N·s/mᵖ⁺¹.
+    Laws of different kinds share none. For two generalised laws they are comparable if both relax
+    or neither, and if both have one relaxation time or the same kind of spectrum over the same
+    times. B is comparable only with equal p − n, because its unit is N·s/mᵖ⁺¹.
     """
     names = set(law.names())
     if law.kind != truth.kind:
@@ -178,31 +179,32 @@ def _same_memory(law: GeneralisedHuntCrossley, truth: GeneralisedHuntCrossley) -
 
 
 def against_truth(value: float, truth: float, error: float, unit: str = "") -> str:
-    """Return the truth, and how many standard errors away from it a number is."""
-    words = f"truth {rounded(truth, 5)} {unit}".rstrip()
+    """Return the truth, and the difference of a number from it in standard errors."""
+    words = f"{rounded(truth, 5)} {unit}".rstrip()
     if not (error > 0.0 and math.isfinite(value) and math.isfinite(error)):
         return words
-    return f"{words}, {signed((value - truth) / error, 2)} σ"
+    return f"{words}, {format_signed((value - truth) / error, 2)} σ"
 
 
 def truths(result: "Identified") -> list[str]:
-    """The truth beside each parameter, where it is a law of the same kind."""
+    """Return the truth of each parameter, or empty texts if it is a law of another kind."""
     law, truth, rows = result.law, truth_of(result.contact.provenance), parameter_rows(result)
     if truth is not None:
         alike = law.simplest()
         law = alike if alike.kind == truth.kind else law
     if truth is None or truth.kind != law.kind:
         return [""] * len(rows)
-    # How far it is from the truth only where the two mean the same.
+    # The difference from the truth is meaningful only for comparable parameters.
     same = comparable(law, truth)
     values, real, words = law.as_dict(), truth.as_dict(), []
     for row in rows:
         error = float(result.standard_errors[row.index]) if row.name in same else 0.0
         known = row.name in real and row.estimated
-        words.append(against_truth(values[row.name], real[row.name], error) if known else "")
+        deviation = against_truth(values[row.name], real[row.name], error) if known else ""
+        words.append(deviation and f"truth {deviation}")
     return words
 
 
-def signed(value: float, digits: int) -> str:
-    """A number in so many digits, with its sign."""
+def format_signed(value: float, digits: int) -> str:
+    """Format a number with its sign to some significant digits."""
     return f"{'-' if value < 0.0 else '+'}{rounded(abs(value), digits)}"

@@ -1,6 +1,6 @@
 """Save and load a result: options as TOML, numbers as JSON, the trace as columns.
 
-``docs/results.md`` says what each field of ``result.json`` means, which ``--json`` prints too.
+``docs/results.md`` documents the fields of ``result.json``, which ``--json`` prints too.
 """
 
 import hashlib
@@ -23,8 +23,8 @@ from palpate.estimators import LawVerdict
 from palpate.estimators.estimate import Trace
 from palpate.findings import MARKS, Finding
 from palpate.force_laws import ForceLaw, law_from
-from palpate.identification.identified import rank
-from palpate.preparation.gates import touches_of
+from palpate.identification.ranking import rank
+from palpate.preparation.touches import find_touches
 from palpate.recordings import open_recording
 from palpate.recordings.recording import Recording
 from palpate.validation import Floats, defined, or_nan, plain
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
     from palpate.identification.identified import Identified
 
-# No TOML may hold them, not even in a comment; a name of a file and a note may.
+# TOML forbids them, even in a comment, but a file name or a note may contain them.
 _CONTROL = re.compile(r"[\x00-\x08\x0a-\x1f\x7f]")
 
 
@@ -45,42 +45,42 @@ def as_toml(options: Mapping[str, Any], comments: Iterable[str]) -> str:
     Parameters
     ----------
     options : mapping
-        Values by their option's name without dashes before it.
+        Values by option name, without leading dashes.
     comments : iterable of str
-        Lines.
+        One line each.
     """
-    lines = [f"{name} = {_value(value)}" for name, value in options.items()]
+    lines = [f"{name} = {_toml_value(value)}" for name, value in options.items()]
     lines += [""] if lines else []
     lines += [f"# {_CONTROL.sub('?', ' '.join(each.split()))}" for each in comments]
     return "\n".join(lines) + "\n"
 
 
-def _value(value: Any) -> str:
+def _toml_value(value: Any) -> str:
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, tuple | list):
-        return f"[{', '.join(_value(each) for each in value)}]"
+        return f"[{', '.join(_toml_value(each) for each in value)}]"
     if isinstance(value, int | float):
         return repr(value)
-    # JSON's escapes are TOML's, but for those of characters beyond 16 bits: left as they are; and
-    # JSON leaves the one control character beyond its range.
+    # JSON's escapes are valid TOML, except escapes of characters beyond 16 bits, which are written
+    # unescaped. JSON does not escape one control character, U+007F.
     return json.dumps(str(value), ensure_ascii=False).replace("\x7f", "\\u007f")
 
 
 def how_made(contact: Contact, files: Sequence[Path]) -> list[str]:
-    """The files of a contact and how it was prepared, a line each, for comments."""
+    """Return the files of a contact and its preparation as comment lines."""
     made = contact.provenance
-    if len(files) > 1:  # the first one's stands there without its name too
+    if len(files) > 1:  # the first file's notes also occur without its name
         made = {name: words for name, words in made.items() if " of " in name} or made
     lines = [f"of {file}" for file in files]
     lines += [f"{channel}: {words}" for channel, words in made.items()]
     return lines + [f"{each.check}: {each.message}" for each in contact.findings]
 
 
-# A contact and its trace as named columns, a row a sample.
+# A contact and its trace as named columns, one row for each sample.
 
 _CONTACT = {"time": "s", "penetration": "m", "velocity": "m/s", "force": "N"}
-#: In a file, where they are found without being named.
+#: Names in a file, which a reader recognises without options.
 FILE_NAMES = {
     "time": "time_s",
     "penetration": "penetration_m",
@@ -93,9 +93,9 @@ def trace_columns(result: "Identified") -> tuple[dict[str, NDArray[Any]], dict[s
     """Return contact, predictions and the law after each sample as columns, and their units.
 
     Columns by name, of equal length: ``time``, ``penetration``, ``velocity``, ``force``,
-    ``segment``, ``predicted_force`` (a priori), ``fitted_force`` (by the final law), ``status`` and
-    ``validity_margin`` (condition 10), then each parameter of the law and its ``…_standard_error``,
-    SI; NaN where a thinned trace has none.
+    ``segment``, ``predicted_force`` (one-step prediction), ``fitted_force`` (final law), ``status``
+    and ``validity_margin`` (condition 10), then each parameter of the law and its
+    ``…_standard_error``, SI; NaN where a thinned trace has none.
     """
     contact, trace, law = result.contact, result.trace, result.law
     columns: dict[str, NDArray[Any]] = {name: getattr(contact, name) for name in _CONTACT}
@@ -103,7 +103,7 @@ def trace_columns(result: "Identified") -> tuple[dict[str, NDArray[Any]], dict[s
         "segment": contact.segment,
         "predicted_force": trace.predicted_force,
         "fitted_force": result.fitted_force,
-        "status": _names()[trace.status],
+        "status": _status_names()[trace.status],
         "validity_margin": trace.validity_margin,
     }
     units = {**_CONTACT, "predicted_force": "N", "fitted_force": "N"}
@@ -120,8 +120,8 @@ def trace_columns(result: "Identified") -> tuple[dict[str, NDArray[Any]], dict[s
 Column = TypeVar("Column")
 
 
-def in_file(columns: Mapping[str, Column]) -> dict[str, Column]:
-    """The same columns by their names in a file."""
+def toml_text(columns: Mapping[str, Column]) -> dict[str, Column]:
+    """Return the columns by their names in a file."""
     return {FILE_NAMES.get(name, name): column for name, column in columns.items()}
 
 
@@ -139,12 +139,12 @@ def contact_and_trace(
     time, penetration, velocity, force = map(recording.numbers, FILE_NAMES.values())
     names = law.names()
     texts = recording.channels.get("status", np.empty(0, dtype=str)).astype(str)
-    known = {str(name): value for value, name in enumerate(_names())}
+    known = {str(name): value for value, name in enumerate(_status_names())}
     if not set(texts.tolist()) <= set(known):
         raise RecordingError(f"{recording.source}: column 'status' holds an unknown status")
     parameters = np.column_stack([recording.numbers(name) for name in names])
     errors = np.column_stack([recording.numbers(f"{name}_standard_error") for name in names])
-    after = np.flatnonzero(np.isfinite(parameters).all(axis=1))  # as every estimate is
+    after = np.flatnonzero(np.isfinite(parameters).all(axis=1))  # true for each estimate
     trace = Trace(
         parameters[after],
         errors[after],
@@ -175,29 +175,30 @@ def contact_and_trace(
     return contact, trace
 
 
-def _names() -> NDArray[np.str_]:
-    """Names of the statuses, in lower case, by their numbers."""
+def _status_names() -> NDArray[np.str_]:
+    """Return the names of the statuses in lower case, indexed by their numbers."""
     names = {int(status.value): status.name.lower() for status in Status}
     return np.array([names.get(k, "") for k in range(max(names) + 1)])
 
 
-#: A field that goes, or means another thing, makes it the next.
+#: Increment it if a field is removed or changes its meaning.
 SCHEMA_VERSION = 3
 
 
-def described(files: Sequence[Path], results: "Sequence[Identified]") -> dict[str, Any]:
+def describe_contact(files: Sequence[Path], results: "Sequence[Identified]") -> dict[str, Any]:
     """Return the results of files, by one method or several, as plain numbers and text.
 
     Parameters
     ----------
     files : sequence of Path
-        Where the contact came from; may be empty.
+        Files of the contact; may be empty.
     results : sequence of Identification
-        Of one contact, a method each.
+        Identifications of one contact, one for each method.
     """
     first = results[0]
     gates = (result.gate for result in results if result.estimator.settings.get("gate"))
-    gate, scale, contact = next(gates, first.gate), first.scale, first.contact  # not all need one
+    # Not every method has a gate.
+    gate, scale, contact = next(gates, first.gate), first.scale, first.contact
     ranking = asdict(rank({result.method: result for result in results})) if results[1:] else {}
     return {
         "schema_version": SCHEMA_VERSION,
@@ -205,7 +206,7 @@ def described(files: Sequence[Path], results: "Sequence[Identified]") -> dict[st
         "file": ", ".join(map(str, files)) or contact.source,
         **({"files": [str(file) for file in files]} if len(files) > 1 else {}),
         "samples": len(contact),
-        "touches": [touch.as_dict() for touch in touches_of(contact)],
+        "touches": [touch.as_dict() for touch in find_touches(contact)],
         "provenance": dict(contact.provenance),
         "findings": [each.as_dict() for each in contact.findings],
         "tare_deviation": contact.tare_deviation,
@@ -216,20 +217,21 @@ def described(files: Sequence[Path], results: "Sequence[Identified]") -> dict[st
         "delay": None if contact.delay is None else asdict(contact.delay),
         "gate": asdict(gate),
         "scale": asdict(scale),
-        "results": [of_one(result) for result in results],
+        "results": [result_dict(result) for result in results],
         **({"ranking": ranking} if ranking else {}),
     }
 
 
-def of_one(result: "Identified") -> dict[str, Any]:
-    """Return the result of one method; undefined values are None."""
+def result_dict(result: "Identified") -> dict[str, Any]:
+    """Return the result of one method, with None for undefined values."""
     law, estimate, trace = result.law, result.estimate, result.trace
-    beside: dict[str, float] = {}
+    estimated: dict[str, float] = {}
     for name in ("offset", "surface"):
         value, error = getattr(estimate, name), getattr(estimate, f"{name}_standard_error")
-        # An error bar that is undefined, or 0 of samples without noise, has its number too.
+        # The number is also written if its error bar is undefined, or is 0 for samples without
+        # noise.
         if value != 0.0 or error > 0.0:
-            beside |= {name: value, f"{name}_standard_error": error}
+            estimated |= {name: value, f"{name}_standard_error": error}
     return {
         "method": result.method,
         "frequency": defined(result.frequency),
@@ -240,8 +242,8 @@ def of_one(result: "Identified") -> dict[str, Any]:
         "standard_errors": dict(zip(law.as_dict(), result.standard_errors.tolist(), strict=True)),
         **({"fixed": list(result.fixed)} if result.fixed else {}),
         "correlations": [[*map(defined, row)] for row in result.correlations.tolist()],
-        **beside,
-        **derived(result),
+        **estimated,
+        **derived_dict(result),
         "prediction_rmse_percent": defined(result.prediction_rmse_percent),
         "fit_rmse_percent": defined(result.fit_rmse_percent),
         "violated_fraction": defined(result.violated_fraction),
@@ -253,7 +255,7 @@ def of_one(result: "Identified") -> dict[str, Any]:
 
 
 def _episodes(result: "Identified") -> list[dict[str, Any]]:
-    """Each segment with its own law and verdict; or as the search for changes found it."""
+    """Return each segment with its own law and verdict, or as the search for changes found it."""
     if result.segments:
         return [_episode(stretch) for stretch in result.segments]
     return [
@@ -263,45 +265,47 @@ def _episodes(result: "Identified") -> list[dict[str, Any]]:
     ]
 
 
-def _episode(stretch: "Identified") -> dict[str, Any]:
-    """One of the episodes of a longer contact."""
-    found, time = stretch.diagnosis, stretch.contact.time
-    own = Episode(float(time[0]), float(time[-1]), stretch.law, found.working_depth)
-    there: dict[str, Any] = {}
-    if stretch.place is not None:
-        there = {"kind": "place", "place": stretch.place.as_dict()}
+def _episode(part: "Identified") -> dict[str, Any]:
+    """Return one segment or place of a longer contact."""
+    found, time = part.diagnosis, part.contact.time
+    episode = Episode(float(time[0]), float(time[-1]), part.law, found.working_depth)
+    location: dict[str, Any] = {}
+    if part.place is not None:
+        location = {"kind": "place", "place": part.place.as_dict()}
     return {
-        **own.as_dict(),
+        **episode.as_dict(),
         "verdict": found.verdict.as_dict(),
-        **there,
-        **derived(stretch),
+        **location,
+        **derived_dict(part),
     }
 
 
-def derived(result: "Identified") -> dict[str, Any]:
+def derived_dict(result: "Identified") -> dict[str, Any]:
     """Return the derived quantities as plain numbers and text."""
     modulus = {}
     if result.query.tip is not None:
         modulus = {"elastic_modulus": result.elastic_modulus().as_dict()}
+    elif result.query.specimen is not None:
+        modulus = {"compression_modulus": result.compression_modulus().as_dict()}
     names = ("restitution", "energy", "passivity", "small_oscillation")
     if result.contact.timeless:
         return {**dict.fromkeys(names), **modulus}
-    felt: dict[str, Any] | None = None
-    with suppress(InvalidParameterError):  # of a probe held still, or beyond the band of a part
-        felt = result.dynamic_stiffness(result.query.frequency).as_dict()
+    oscillation: dict[str, Any] | None = None
+    with suppress(InvalidParameterError):  # a probe held still, or out of a segment's band
+        oscillation = result.dynamic_stiffness(result.query.frequency).as_dict()
     return {
         "restitution": result.restitution().as_dict(),
         "energy": result.energy.as_dict(),
         "passivity": result.passivity.as_dict(),
-        "small_oscillation": felt,
+        "small_oscillation": oscillation,
         **modulus,
     }
 
 
-# A result that was saved, read back.
+# Loading a saved result.
 
 RESULT = "result.json"
-TRACES = ("trace.parquet", "trace.csv")  # the second where there is no pyarrow
+TRACES = ("trace.parquet", "trace.csv")  # the second without pyarrow
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -311,33 +315,33 @@ class SavedResult:
     Attributes
     ----------
     folder : Path
-        Where it lies.
+        Folder of the result.
     method : str
         Name of the estimator.
     law : ForceLaw
         The contact model, SI.
     standard_errors, correlations : numpy.ndarray, shapes (p,) and (p, p)
-        Of the law's parameters, in their order.
+        Standard errors and correlations of the law's parameters, in their order.
     verdict : Verdict
-        How far to trust it.
+        Marks of stiffness and damping.
     findings : tuple of Finding
-        The gravest first.
+        The most severe first.
     working_depths : tuple of WorkingDepth
         Force, stiffness and damping, with both error bars.
     contact : Contact
-        What was identified; :func:`palpate.identify` takes it again.
+        The identified contact; :func:`palpate.identify` accepts it again.
     trace : Trace
-        Every sample; thinned as it was saved.
+        Every sample, with the estimates that were saved.
     fixed : tuple of str
-        The law's parameters that were given, and not identified.
+        Parameters of the law that were fixed, and not identified.
     frequency : float
-        ω of the motion at which stiffness and damping are given, rad/s; NaN of a probe held still.
+        ω of the motion, at which stiffness and damping hold, rad/s; NaN for a probe held still.
     relaxed_stiffness : Quantity, optional
-        At the working depth, N/m; None of a law that does not relax.
+        Relaxed stiffness at the working depth, N/m; None if the law does not relax.
     law_verdict : LawVerdict, optional
-        Which law it is, and by what evidence; None where no laws were compared.
+        The selected law and the evidence; None if no laws were compared.
     description : dict
-        The whole of ``result.json``; ``docs/results.md`` says what is in it.
+        The content of ``result.json``, documented in ``docs/results.md``.
     """
 
     folder: Path
@@ -368,8 +372,8 @@ def load_result(path: str | Path) -> SavedResult:
     Raises
     ------
     RecordingError
-        There is no result, it is damaged, another run wrote the trace beside it, or it has another
-        schema.
+        There is no result, it is damaged, the trace next to it is from another run, or it has
+        another schema.
     """
     named = Path(path)
     if named.suffix != ".json" and named.is_file():
@@ -378,14 +382,14 @@ def load_result(path: str | Path) -> SavedResult:
             "and pass that folder"
         )
     file = named if named.suffix == ".json" and not named.is_dir() else named / RESULT
-    whole = _described(file)
+    whole = _read_json(file)
     try:
         [found], name = whole["results"], whole["trace"]
         if name not in TRACES:
             raise ValueError(f"{name!r} is not a trace of palpate")
         law = law_from(found["law"])
         recording = open_recording(file.parent / name)
-        if whole["trace_digest"] != digest_of(file.parent / name):
+        if whole["trace_digest"] != trace_digest(file.parent / name):
             raise RecordingError(
                 f"{file}: {name} has changed or is from another run; save the result again"
             )
@@ -417,14 +421,14 @@ def load_result(path: str | Path) -> SavedResult:
         raise RecordingError(f"{file}: the result is damaged ({reason}); identify again") from None
 
 
-def digest_of(trace: Path) -> dict[str, Any]:
+def trace_digest(trace: Path) -> dict[str, Any]:
     """Return length and SHA-256 of a trace's file, which identify it."""
     with trace.open("rb") as file:
         found = hashlib.file_digest(file, "sha256").hexdigest()
         return {"bytes": file.tell(), "sha256": found}
 
 
-def _described(file: Path) -> dict[str, Any]:
+def _read_json(file: Path) -> dict[str, Any]:
     try:
         whole = json.loads(file.read_bytes())
     except OSError as error:
@@ -451,7 +455,7 @@ def _described(file: Path) -> dict[str, Any]:
 
 
 def _verdict(words: Mapping[str, Any]) -> Verdict:
-    """The verdict; an unknown mark would pass for trust, so it is an error."""
+    """Return the verdict; an unknown mark is an error, because it would count as trust."""
     verdict = Verdict(**words)
     for mark in verdict.as_dict().values():
         if mark not in MARKS:
@@ -472,7 +476,7 @@ def _quantity(words: Mapping[str, Any]) -> Quantity:
 
 
 def to_pandas(result: "Identified") -> "pandas.DataFrame":
-    """Columns of :func:`trace_columns`, indexed by time; units in ``attrs``."""
+    """Return the columns of :func:`trace_columns`, indexed by time; units in ``attrs``."""
     pandas = needed("pandas", "to_pandas", "notebook")
     columns, units = trace_columns(result)
     frame = pandas.DataFrame(columns).set_index("time")
@@ -483,7 +487,7 @@ def to_pandas(result: "Identified") -> "pandas.DataFrame":
 
 
 def to_xarray(result: "Identified") -> "xarray.Dataset":
-    """The samples along ``time``, the law's parameters along ``parameter``; units as attributes."""
+    """Return samples along ``time`` and parameters along ``parameter``; units as attributes."""
     module = needed("xarray", "to_xarray", "notebook")
     law, trace, (columns, units) = result.law, result.trace, trace_columns(result)
     own = {name for each in law.names() for name in (each, f"{each}_standard_error")}

@@ -1,7 +1,7 @@
 """A result as text: sections of rows and lines, composed once for terminal, report and notebook.
 
-Each of them renders the sections by a loop of its own. Sections are generated one by one: one that
-is not rendered is not composed.
+Each output renders the sections in its own loop. Sections are generated one by one, so a section
+that is not rendered is not computed.
 """
 
 import itertools
@@ -20,21 +20,21 @@ from palpate.diagnosis.fit import DEEP
 from palpate.digits import format_quantity, interval, rounded, with_error
 from palpate.errors import InvalidParameterError
 from palpate.estimators import VariableProjection
-from palpate.findings import MARKS, Mark, spoken
-from palpate.identification.identified import rank
-from palpate.preparation.gates import touches_of
+from palpate.findings import MARKS, Check, Mark, spoken
+from palpate.identification.ranking import rank
+from palpate.preparation.touches import find_touches
 from palpate.quantities.derived import band_of, in_hertz
 from palpate.recordings.recording import truth_of
 from palpate.results.parameters import (
     RELAXATION,
     ParameterRow,
     against_truth,
+    format_signed,
     law_name,
     parameter_rows,
+    parameter_terms,
     relaxation_range,
-    signed,
-    terms_of,
-    truth_at,
+    stated_truth,
     truths,
 )
 
@@ -44,8 +44,8 @@ if TYPE_CHECKING:
     from palpate.quantities.restitution import Restitution
 
 
-class Marked(NamedTuple):
-    """Words in the colour of a verdict or a severity, and what stands around them."""
+class Styled(NamedTuple):
+    """Text in the colour of a verdict or a severity, with plain text around it."""
 
     text: str
     mark: str
@@ -56,27 +56,27 @@ class Marked(NamedTuple):
         return f"{self.before}{self.text}{self.after}"
 
 
-def _marked(mark: str) -> Marked:
-    return Marked(spoken(mark), mark)
+def _mark_cell(mark: str) -> Styled:
+    return Styled(spoken(mark), mark)
 
 
-#: Of a table; it may have several lines.
-Cell: TypeAlias = str | Marked
+#: A cell of a table; it may have several lines.
+Cell: TypeAlias = str | Styled
 _NOTHING = {"", "–"}
 
 
 class Line(NamedTuple):
-    """A sentence, and what stands around it."""
+    """A sentence with an optional name, mark, remarks and remedy."""
 
     text: str
-    #: Of what it is, which stands before it.
+    #: Name of the subject, before the text.
     name: str = ""
-    #: Verdict, which stands between the two.
+    #: Verdict, between name and text.
     mark: str = ""
-    #: What a reader should know of it, and do about it.
+    #: Additional remarks, and the next step.
     remarks: tuple[str, ...] = ()
     remedy: str | None = None
-    #: ``soft`` of what explains a table, ``warning``, ``strong``, or none.
+    #: ``soft`` for the explanation of a table, ``warning``, ``strong``, or empty.
     tone: str = ""
 
     def __str__(self) -> str:
@@ -88,84 +88,84 @@ class Line(NamedTuple):
 class ViewSection(NamedTuple):
     """A table, if any, and the lines below it."""
 
-    #: Of the table, where tables have titles.
+    #: Title of the table, for outputs that print titles.
     title: str
     lines: Sequence[Line] = ()
-    #: Of the columns; one that begins with ``>`` stands above numbers.
+    #: Headings of the columns; ``>`` marks a column of numbers.
     headings: Sequence[str] = ()
     rows: Sequence[Sequence[Cell]] = ()
-    #: Column whose words may be folded.
+    #: Column whose text may be wrapped.
     prose: int | None = None
 
     def table(self) -> tuple[list[str], list[list[Cell]]]:
-        """Return headings and rows without columns in which no cell has anything."""
+        """Return headings and rows without columns whose cells are all empty."""
         kept = [k for k, _ in enumerate(self.headings) if {str(r[k]) for r in self.rows} - _NOTHING]
         return [self.headings[k] for k in kept], [[row[k] for k in kept] for row in self.rows]
 
 
-# Which sections an identification, a diagnosis and a comparison have.
+# Sections of an identification, a diagnosis and a comparison.
 
 
-def answer(result: "Identified", names: Sequence[str]) -> Iterator[ViewSection]:
-    """Compose the short answer of ``palpate identify``: a line a number, the next step, the law.
+def short_answer(result: "Identified", names: Sequence[str]) -> Iterator[ViewSection]:
+    """Compose the short answer of ``palpate identify``: a line per number, the next step, the law.
 
     Parameters
     ----------
     result : Identified
-        What was identified.
+        The identification.
     names : sequence of str
-        Of the files, as a shell takes them, for the commands that show more.
+        Names of the files, quoted for a shell, for the commands that show more.
     """
     places = [part for part in result.segments if part.place is not None]
-    yield ViewSection("Verdict", [*_verdicts_of(places)]) if places else verdict(result)
+    yield ViewSection("Verdict", [*_count_verdicts(places)]) if places else verdict_section(result)
     # The worst three places, or every segment between changes.
-    shown = by_verdict(places)[:3] or list(result.segments)
-    yield from parts(replace(result, segments=tuple(shown)))
+    shown = sort_by_verdict(places)[:3] or list(result.segments)
+    yield from segment_table(replace(result, segments=tuple(shown)))
     yield ViewSection("", headings=("", ""), rows=_fit_rows(result, names), prose=1)
 
 
-def of_identification(
+def identification_sections(
     result: "Identified", *, with_findings: bool = False
 ) -> Iterator[ViewSection]:
-    """Compose what ``palpate identify -v`` prints; with the findings of ``diagnose`` if wanted."""
-    yield verdict(result)
-    yield depths(result)
-    yield from parts(result, whole=True)
-    yield law(result, whole=True)
-    yield follows(result, whole=True)
-    yield preparation([result], whole=with_findings)
+    """Compose the output of ``palpate identify -v``, optionally with all findings."""
+    yield verdict_section(result)
+    yield depth_table(result)
+    yield from segment_table(result, whole=True)
+    yield law_section(result, whole=True)
+    yield derived_section(result, whole=True)
+    yield preparation_section([result], whole=with_findings)
     if with_findings:
-        yield findings(result)
+        yield findings_section(result)
 
 
 def summary(result: "Identified") -> str:
-    """Return everything as text: all findings, and 95 % intervals."""
-    text = as_text(of_identification(result, with_findings=True))
+    """Return everything as text, with all findings and 95 % intervals."""
+    text = as_text(identification_sections(result, with_findings=True))
     return f"{result.contact.source or 'contact'}, by {result.method}\n{text}"
 
 
-def of_diagnosis(result: "Identified") -> Iterator[ViewSection]:
-    """Compose what ``palpate diagnose`` prints."""
-    yield verdict(result)
-    yield depths(result)
-    yield findings(result)
+def diagnosis_sections(result: "Identified") -> Iterator[ViewSection]:
+    """Compose the output of ``palpate diagnose``."""
+    yield verdict_section(result)
+    yield depth_table(result)
+    yield findings_section(result)
 
 
-def of_comparison(results: "Sequence[Identified]") -> Iterator[ViewSection]:
-    """Compose what ``palpate compare`` prints: the methods and their laws."""
+def comparison_sections(results: "Sequence[Identified]") -> Iterator[ViewSection]:
+    """Compose the output of ``palpate compare``: the methods and their laws."""
     by_name = {result.method: result for result in results}
     ranking = rank(by_name)
     ordered = [by_name[name] for name in ranking.order]
     words = f"recommended method: {ranking.recommended or 'none'}"
     yield ViewSection("Methods", [Line(words, tone="strong")])
-    yield numbers(ordered, ranking.exclusions)
-    yield laws(ordered)
+    yield number_table(ordered, ranking.exclusions)
+    yield model_table(ordered)
 
 
 # The sections.
 
 _BARS = "± statistical ± systematic standard error"
-#: What *trust* means.
+#: Meaning of *trust*.
 TRUST = (
     "trust: the standard error, all causes together, is at most 10 % (damping 20 %); do not trust: "
     "it is more than 25 % (damping 60 %), or the recording has a fault"
@@ -179,94 +179,96 @@ _QUALITY = (
     "of the force. |v| ≥ 0.1 K/B: part of the contact in which the single-stage method is biased"
 )
 _CHECKS = "z: significance in standard errors; S, C: stiffness and damping at working depth"
-_SKEWED = 0.05  # of the damping by 1 ms of skew, from which on its line says so
-_FOLD = 69, 73  # columns of what stands beside the labels of two tables, to fit 80
+_SKEWED = 0.05  # fraction of the damping; the line reports a larger change by 1 ms of skew
+_FOLD = 69, 73  # columns of text next to the labels of two tables, which together fit in 80
 
 
 class NumberLine(NamedTuple):
-    """Stiffness or damping, with all that a reader needs beside it."""
+    """Stiffness or damping with its mark and what limits it."""
 
     name: str
-    #: Value ± one standard error, and unit; or that it is not given.
+    #: Value ± one standard error with unit, or the reason why there is no value.
     value: str
     #: Depth and, where it matters, frequency.
     at: str
-    #: None of a number that is not given.
+    #: None if there is no value.
     mark: Mark | None
-    #: What sets the error bar or the mark; empty for *trust*.
+    #: Reason of the error bar or the mark; empty for *trust*.
     reason: str = ""
-    #: How much 1 ms of skew changes it, where that is much.
+    #: Change by 1 ms of skew, if it is large.
     skew: str = ""
 
 
 def number_lines(result: "Identified") -> list[NumberLine]:
     """Return stiffness and damping at the working depth and the motion's frequency."""
-    found, lines = result.diagnosis, list[NumberLine]()
-    there, often = found.working_depth, result.frequency
-    marks = found.verdict.stiffness, found.verdict.damping
-    reasons = ["" if each is None else each.brief or each.message for each in found.limits]
+    diagnosis, lines = result.diagnosis, list[NumberLine]()
+    at_depth, frequency = diagnosis.working_depth, result.frequency
+    marks = diagnosis.verdict.stiffness, diagnosis.verdict.damping
+    reasons = ["" if each is None else each.brief or each.message for each in diagnosis.limits]
     for k, (name, unit) in enumerate(_ROWS[:2]):
-        quantity: Quantity = getattr(there, name)
+        quantity: Quantity = getattr(at_depth, name)
         reason = reasons[k]
         if k and math.isnan(quantity.value):
             lines.append(NumberLine(name, f"not given: {reason}", "", None))
             continue
-        at = f"at {format_quantity(there.depth, 'm')}"
-        if math.isfinite(often) and (k or result.law.remembers):
-            at += f", {in_hertz(often)}"
-        skew = _skew(there) if k else ""
+        at = f"at {format_quantity(at_depth.depth, 'm')}"
+        if math.isfinite(frequency) and (k or result.law.remembers):
+            at += f", {in_hertz(frequency)}"
+        skew = _describe_skew(at_depth) if k else ""
         same = bool(k and reason and reason == reasons[0])
         words = "for the same reason" if same else reason
-        lines.append(NumberLine(name, f"{number(quantity)} {unit}", at, marks[k], words, skew))
+        lines.append(
+            NumberLine(name, f"{format_number(quantity)} {unit}", at, marks[k], words, skew)
+        )
     return lines
 
 
-def _skew(there: WorkingDepth) -> str:
-    """How much 1 ms of skew between force and position changes the damping, beyond 5 %."""
+def _describe_skew(there: WorkingDepth) -> str:
+    """Describe the change of the damping by 1 ms of skew, if it is above 5 %."""
     stiffness, damping = abs(there.stiffness.value), abs(there.damping.value)
     part = 1e-3 * stiffness / damping if damping > 0.0 else math.inf
     known = _SKEWED < part < math.inf
     return f"1 ms of skew changes it by {rounded(100.0 * part, 2)} %" if known else ""
 
 
-def verdict(result: "Identified") -> ViewSection:
-    """A line for each number: value, depth, frequency, mark and reason; then the next step."""
+def verdict_section(result: "Identified") -> ViewSection:
+    """Compose a line per number with depth, frequency, mark and reason; then the next step."""
     numbers, rows = number_lines(result), list[tuple[Cell, ...]]()
     values = max(len(each.value) for each in numbers if each.mark is not None)
     places = max(len(each.at) for each in numbers)
     for each in numbers:
         if each.mark is None:
-            rows.append((each.name, _words(each.value)))
+            rows.append((each.name, _fold_sentence(each.value)))
             continue
         words = "; ".join(filter(None, (each.reason, each.skew)))
         before = f"{each.value.ljust(values)}  {each.at.ljust(places)}  "
         beside = len(before) + len(spoken(each.mark)) + 2 + len(words) <= _FOLD[0]
-        after = (f": {words}" if beside else f"\n{_words(words)}") if words else ""
-        rows.append((each.name, Marked(spoken(each.mark), each.mark, before, after)))
+        after = (f": {words}" if beside else f"\n{_fold_sentence(words)}") if words else ""
+        rows.append((each.name, Styled(spoken(each.mark), each.mark, before, after)))
     if remedy := result.diagnosis.remedy:
-        rows.append(("next", _words(remedy)))
+        rows.append(("next", _fold_sentence(remedy)))
     return ViewSection("Verdict", (), ("", ""), rows)
 
 
-def _words(text: str) -> str:
-    """Fold a sentence beside the labels of the two numbers."""
-    return _folded(text.split(" "), " ", _FOLD[0])
+def _fold_sentence(text: str) -> str:
+    """Wrap a sentence to the width next to the labels of the two numbers."""
+    return _fold(text.split(" "), " ", _FOLD[0])
 
 
-def _verdicts_of(places: "Sequence[Identified]") -> Iterator[Line]:
-    """How many places have each mark, and the next step for the worst."""
+def _count_verdicts(places: "Sequence[Identified]") -> Iterator[Line]:
+    """Describe the number of places with each mark, and the next step for the worst place."""
     counts = []
     for number in ("stiffness", "damping"):
         marks = [getattr(part.diagnosis.verdict, number) for part in places]
         each = ", ".join(f"{marks.count(mark)} {spoken(mark)}" for mark in MARKS if mark in marks)
         counts.append(f"{number} {each}")
     yield Line(f"{len(places)} places: {'; '.join(counts)}; below the worst three.")
-    if remedy := next((part.diagnosis.remedy for part in by_verdict(places)), None):
+    if remedy := next((part.diagnosis.remedy for part in sort_by_verdict(places)), None):
         yield Line(_sentence(remedy), "next step, for the worst place")
 
 
-def by_verdict(places: "Iterable[Identified]") -> "list[Identified]":
-    """Return places, the worst first: by verdict, then by the error of the stiffness."""
+def sort_by_verdict(places: "Iterable[Identified]") -> "list[Identified]":
+    """Return places, the worst first: by verdict, then by the relative error of the stiffness."""
 
     def badness(part: "Identified") -> tuple[int, float]:
         found = part.diagnosis
@@ -278,24 +280,28 @@ def by_verdict(places: "Iterable[Identified]") -> "list[Identified]":
 
 
 def _sentence(words: str) -> str:
-    """Begin with a capital, unless it is an option, and end with a full stop."""
+    """Begin with a capital letter, unless it is an option, and end with a full stop."""
     return f"{words[:1].upper()}{words[1:]}{'' if words.endswith(('.', '?')) else '.'}"
 
 
 def _fit_rows(result: "Identified", names: Sequence[str]) -> list[tuple[str, str]]:
-    """The law's parameters, one line on the fit, the truth if stated, and where to read more."""
+    """Compose the law's parameters, a line on the fit, the stated truth, and further commands."""
     rows = list[tuple[str, str]]()
     if not result.segments:
         shown = (row for row in parameter_rows(result) if row.name != "relaxation_stiffness")
         terms = (_parameter(result, row) for row in shown)
-        # Which moves K, B and n by far more than stiffness and damping.
-        checks = (f.check == "surface" and math.isfinite(f.z) for f in result.diagnosis.findings)
+        # A wrong surface changes K, B and n by far more than stiffness and damping.
+        checks = (
+            f.check == Check.SURFACE and math.isfinite(f.z) for f in result.diagnosis.findings
+        )
         doubt = "(surface in doubt: -v)" if any(checks) else ""
-        parts = f"{law_name(result)}:", *terms, doubt, relaxed(result)
-        rows.append(("law", _folded(filter(None, parts), "  ")))
-    rows.append(("fit", _fit(result)))
-    rows.append(("truth", _truth(result)))
-    rows += [(each.name, "\n".join((each.text, *each.remarks))) for each in follows(result).lines]
+        parts = f"{law_name(result)}:", *terms, doubt, describe_relaxed_stiffness(result)
+        rows.append(("law", _fold(filter(None, parts), "  ")))
+    rows.append(("fit", _describe_fit(result)))
+    rows.append(("truth", _describe_truth(result)))
+    rows += [
+        (each.name, "\n".join((each.text, *each.remarks))) for each in derived_section(result).lines
+    ]
     rows = [(name, words) for name, words in rows if words]
     return [*rows, ("more", f"palpate diagnose {' '.join(names)}, or -v, -o report/")]
 
@@ -305,8 +311,8 @@ def _parameter(result: "Identified", row: ParameterRow) -> str:
     return f"{row.symbol} = {relaxation_range(result.law)}" if several else str(row)
 
 
-def _folded(parts: Iterable[str], between: str, width: int = _FOLD[1]) -> str:
-    """Join parts; those that do not fit beside the others begin another line."""
+def _fold(parts: Iterable[str], between: str, width: int = _FOLD[1]) -> str:
+    """Join parts; a part that does not fit in the line begins the next one."""
     lines = [""]
     for part in parts:
         if lines[-1] and len(lines[-1]) + len(between) + len(part) > width:
@@ -315,11 +321,11 @@ def _folded(parts: Iterable[str], between: str, width: int = _FOLD[1]) -> str:
     return "\n".join(lines)
 
 
-def _fit(result: "Identified") -> str:
-    """Error, samples and contacts; what else fits in the line."""
-    touches, estimate = len(touches_of(result.contact)), result.estimate
+def _describe_fit(result: "Identified") -> str:
+    """Describe error, samples and contacts; then the settings that fit in the line."""
+    touches, estimate = len(find_touches(result.contact)), result.estimate
     words = (
-        f"{percent(result.fit_rmse_percent)} rms, {estimate.samples} samples, {touches} "
+        f"{format_percent(result.fit_rmse_percent)} rms, {estimate.samples} samples, {touches} "
         f"contact{'s' * (touches != 1)}"
     )
     parts = []
@@ -327,14 +333,14 @@ def _fit(result: "Identified") -> str:
         parts.append(f"method {result.method}")
     if rejected := int(np.count_nonzero(result.trace.rejected)):
         parts.append(f"{rejected} outlier{'s' * (rejected > 1)} excluded")
-    for part in (*parts, *_estimated(estimate)):
+    for part in (*parts, *_describe_settings(estimate)):
         if len(longer := f"{words}; {part}") <= _FOLD[1]:
             words = longer
     return words
 
 
-def relaxed(result: "Identified") -> str:
-    """The relaxed stiffness of a law that relaxes, and whether it is extrapolated."""
+def describe_relaxed_stiffness(result: "Identified") -> str:
+    """Describe the relaxed stiffness of a relaxing law, and whether it is extrapolated."""
     if not result.law.remembers:
         return ""
     found = result.relaxed_stiffness()
@@ -343,39 +349,39 @@ def relaxed(result: "Identified") -> str:
     if found.value == 0.0:  # K is at its bound, where its error is unknown
         return "relaxed stiffness not given: the memory takes all of it (K = 0)"
     checks = (each.check for each in result.diagnosis.findings)
-    caution = " (extrapolated)" if "relaxed stiffness" in checks else ""
-    return f"relaxed stiffness {number(found)} N/m{caution}"
+    caution = " (extrapolated)" if Check.RELAXED_STIFFNESS in checks else ""
+    return f"relaxed stiffness {format_number(found)} N/m{caution}"
 
 
-def _truth(result: "Identified") -> str:
-    """The truth that the file states of stiffness and damping at working depth."""
+def _describe_truth(result: "Identified") -> str:
+    """Describe the truth of stiffness and damping at working depth, as stated in the file."""
     at = result.working_depths[0]
-    real = {} if result.segments else truth_at(result, at.depth)
+    real = {} if result.segments else stated_truth(result, at.depth)
     words = (
-        f"{name} {against_truth(found.value, real[name], found.whole_error, unit)[6:]}"
+        f"{name} {against_truth(found.value, real[name], found.whole_error, unit)}"
         for name, unit in _ROWS[:2]
         for found in [getattr(at, name)]
         if name in real and math.isfinite(found.value)
     )
-    return _folded(words, "; ")
+    return _fold(words, "; ")
 
 
-def depths(result: "Identified") -> ViewSection:
+def depth_table(result: "Identified") -> ViewSection:
     """Stiffness, damping and force at both working depths, with both error bars.
 
-    And with the truth where the file states it.
+    It includes the truth if the file states it.
     """
     names = ["median" if result.depth is None else "--at", f"{DEEP:.0f}th percentile"]
     headings, columns, known = [""], [], [_BARS]
     for each, name in zip(result.working_depths, names, strict=False):
         headings.append(f"at {format_quantity(each.depth, 'm', 4)} ({name})")
-        real, cells = truth_at(result, each.depth), []
+        real, cells = stated_truth(result, each.depth), []
         known = [_BARS, _LEGEND] if real else known
         for quantity, unit in _ROWS:
             found: Quantity = getattr(each, quantity)
             words = found.format(unit)
             if quantity in real:
-                words += f"\n{against_truth(found.value, real[quantity], found.whole_error)}"
+                words += f"\ntruth {against_truth(found.value, real[quantity], found.whole_error)}"
             cells.append(words)
         columns.append(cells)
     lines = [Line("; ".join(known), tone="soft"), Line(TRUST, tone="soft")]
@@ -384,8 +390,8 @@ def depths(result: "Identified") -> ViewSection:
     )
 
 
-def parts(result: "Identified", *, whole: bool = False) -> Iterator[ViewSection]:
-    """Each segment between changes, or each place; nothing for one material.
+def segment_table(result: "Identified", *, whole: bool = False) -> Iterator[ViewSection]:
+    """Compose each segment between changes, or each place; empty for one material.
 
     With the law and the fit of each segment if ``whole``.
     """
@@ -393,16 +399,16 @@ def parts(result: "Identified", *, whole: bool = False) -> Iterator[ViewSection]
     for part in result.segments:
         found, time, place = part.diagnosis, part.contact.time, part.place
         there = found.working_depth
-        both_numbers = number(there.stiffness), number(there.damping)
+        both_numbers = format_number(there.stiffness), format_number(there.damping)
         if place is None:
-            times = _when(part).replace(" s to ", "\nto " if whole else " to ").removesuffix(" s")
-            terms = terms_of(part) if whole else ""
-            fit = percent(part.fit_rmse_percent) if whole else ""
+            times = _span(part).replace(" s to ", "\nto " if whole else " to ").removesuffix(" s")
+            terms = parameter_terms(part) if whole else ""
+            fit = format_percent(part.fit_rmse_percent) if whole else ""
             cells = (times, "", "", *both_numbers, "", terms, fit)
         else:
             at = ", ".join(f"{1e3 * each:.1f}" for each in place.position)
             depth = rounded(1e3 * there.depth, 4)
-            modulus = _modulus_alone(part) if part.query.tip else ""
+            modulus = _format_modulus(part) if part.query.tip or part.query.specimen else ""
             times = f"{time[0]:.1f}–{time[-1]:.1f}" if whole else ""
             cells = (times, at, depth, *both_numbers, modulus, "", "")
         rows.append([*cells, _hertz(part) if whole else "", *_both_marks(part)])
@@ -412,8 +418,8 @@ def parts(result: "Identified", *, whole: bool = False) -> Iterator[ViewSection]
         yield ViewSection("Each by itself", (), headings, rows)
 
 
-def law(result: "Identified", *, whole: bool = False) -> ViewSection:
-    """The law's parameters, with the truth where the file states it, and how well it fits."""
+def law_section(result: "Identified", *, whole: bool = False) -> ViewSection:
+    """Compose the law's parameters, with the truth if stated, and the quality of the fit."""
     headings, rows = ["contact model", ""], []
     for row, truth in zip(parameter_rows(result), truths(result), strict=True):
         rows.append([str(row), truth])
@@ -421,18 +427,22 @@ def law(result: "Identified", *, whole: bool = False) -> ViewSection:
             value, error = result.law.parameters[row.index], result.standard_errors[row.index]
             rows[-1].append(interval(float(value), float(error)) if row.estimated else "–")
             rows[-1].append(row.name.replace("_", " "))
-    lines = [relaxed(result), _correlation(result), *_estimated(result.estimate)]
-    lines += [law_verdict(result), _quality(result)]
+    lines = [
+        describe_relaxed_stiffness(result),
+        _describe_correlation(result),
+        *_describe_settings(result.estimate),
+    ]
+    lines += [describe_model_selection(result), _describe_fit_errors(result)]
     shown = [Line(each) for each in lines if each]
     title = f"Contact model: {law_name(result)}, by {result.method}"
     return ViewSection(title, shown, headings + ["95 % interval", "parameter"] * whole, rows)
 
 
-def follows(result: "Identified", *, whole: bool = False) -> ViewSection:
-    """Quantities derived from the law: those requested; if ``whole``, all that apply.
+def derived_section(result: "Identified", *, whole: bool = False) -> ViewSection:
+    """Compose quantities derived from the law: those requested; if ``whole``, all that apply.
 
-    Restitution applies where the contact dissipates at least 1 % of an impact's speed, energy where
-    the probe goes in and out, passivity where the law is trusted or fitted with care.
+    Restitution applies if the contact dissipates at least 1 % of an impact's speed, energy if the
+    probe moves in and out, passivity if the law is trusted or usable with care.
     """
     query, lines, timed = result.query, list[Line](), not result.contact.timeless
     trusted = result.diagnosis.verdict.overall != "do-not-trust"
@@ -441,39 +451,39 @@ def follows(result: "Identified", *, whole: bool = False) -> ViewSection:
         if query.impact_speed is not None or (trusted and _impact(restitution)):
             lines.append(_describe_restitution(restitution, whole=whole))
     if query.frequency is not None:
-        lines += _oscillation(result, whole=whole)
+        lines += _describe_oscillation(result, whole=whole)
     if whole and timed and result.energy.kind != "none":
-        lines.append(_energy(result))
+        lines.append(_describe_energy(result))
     if whole and timed and trusted:
-        lines.append(_passivity(result))
-    if query.tip is not None:
-        parts = [("", result), *((_when(part), part) for part in between(result))]
-        lines += [_modulus(part, when, whole=whole) for when, part in parts]
-    if result.noticed is not None:  # when a control loop would have known of the changes
+        lines.append(_describe_passivity(result))
+    if query.tip is not None or query.specimen is not None:
+        parts = [("", result), *((_span(part), part) for part in segments_between_changes(result))]
+        lines += [_describe_modulus(part, when, whole=whole) for when, part in parts]
+    if result.noticed is not None:  # when a control loop would have noticed
         times = ", ".join(f"{rounded(time, 4)} s" for time in result.changes.tolist())
         alarms = f"an alarm at {times}" if times else "no alarm"
         words = f"the online change detector raises {alarms}"
         lines.append(Line(words, "online"))
     if whole:
-        for finding in result.diagnosis.findings:  # an assumption, and no fault of the stiffness
-            if finding.check == "surface" and finding.severity == "note":
+        for finding in result.diagnosis.findings:  # an assumption, not a fault of the stiffness
+            if finding.check == Check.SURFACE and finding.severity == "note":
                 lines.insert(0, Line(finding.message, "note"))
     return ViewSection("Derived quantities", lines)
 
 
 def _impact(found: "Restitution") -> bool:
-    """Whether a restitution says anything: not of a quasi-static press, nor of an unknown law."""
+    """Whether a restitution is informative: not for a quasi-static press or an unknown law."""
     return math.isfinite(found.coefficient.value) and 1.0 - found.coefficient.value > _QUASI_STATIC
 
 
-def findings(result: "Identified") -> ViewSection:
-    """Every finding with its next step and how far it moves the result; each segment's own law."""
+def findings_section(result: "Identified") -> ViewSection:
+    """Compose every finding with its next step and its change of the result; each segment's law."""
     rows = []
     for each in result.diagnosis.findings:
         words = "\n→ ".join(filter(None, (each.message, each.remedy)))
         z = "–" if math.isnan(each.z) else rounded(each.z, 3)
-        moves = _moves(each.moves_stiffness_percent, each.moves_damping_percent)
-        rows.append((Marked(each.check, each.severity), words, z, moves))
+        moves = _format_changes(each.moves_stiffness_percent, each.moves_damping_percent)
+        rows.append((Styled(each.check, each.severity), words, z, moves))
     lines = [Line(_CHECKS, tone="soft")]
     for episode in result.diagnosis.episodes:
         terms = (f"{name} = {rounded(v, 4)}" for name, v in episode.law.as_dict().items())
@@ -484,21 +494,21 @@ def findings(result: "Identified") -> ViewSection:
     return ViewSection("Findings, the most severe first", lines, headings, rows, prose=1)
 
 
-def numbers(ordered: "Sequence[Identified]", exclusions: Sequence[str]) -> ViewSection:
-    """Stiffness and damping at each method's working depth; what is not to be trusted, and why."""
+def number_table(ordered: "Sequence[Identified]", exclusions: Sequence[str]) -> ViewSection:
+    """Compose stiffness and damping at each method's working depth, and reasons for low marks."""
     rows: list[tuple[Cell, ...]] = []
     reasons: dict[str, list[str]] = {}
     places = list({(_millimetres(each), _hertz(each)) for each in ordered})
     for result in ordered:
         found = result.diagnosis
         there = found.working_depth
-        values = number(there.stiffness), number(there.damping)
+        values = format_number(there.stiffness), format_number(there.damping)
         where = (_millimetres(result), _hertz(result)) if places[1:] else ("", "")
         rows.append((result.method, *_both_marks(result), *where, *values))
         if found.deciding is not None:
             reasons.setdefault(found.reason, []).append(result.method)
     at = ordered[0].diagnosis.working_depth.depth
-    if real := truth_at(ordered[0], at):
+    if real := stated_truth(ordered[0], at):
         numbers = (rounded(real[name], 4) for name, _ in _ROWS[:2])
         rows.append(("truth", "", "", rounded(1e3 * at, 4) if places[1:] else "", "", *numbers))
     same = "" if places[1:] else f"at {places[0][0]} mm and {places[0][1]} Hz; "
@@ -514,12 +524,14 @@ def numbers(ordered: "Sequence[Identified]", exclusions: Sequence[str]) -> ViewS
     )
 
 
-def laws(ordered: "Sequence[Identified]") -> ViewSection:
-    """Each method's law, and how well it predicts and fits."""
+def model_table(ordered: "Sequence[Identified]") -> ViewSection:
+    """Compose each method's law, and its errors of prediction and fit."""
     rows = []
     for each in ordered:
-        errors = percent(each.prediction_rmse_percent), percent(each.fit_rmse_percent)
-        rows.append((each.method, terms_of(each), *errors, share(each.violated_fraction)))
+        errors = format_percent(each.prediction_rmse_percent), format_percent(each.fit_rmse_percent)
+        rows.append(
+            (each.method, parameter_terms(each), *errors, format_share(each.violated_fraction))
+        )
     if truth := truth_of(ordered[0].contact.provenance):
         named = zip(truth.symbols, truth.parameters, truth.units, strict=True)
         terms = (f"{name} = {rounded(value, 5)} {unit}".rstrip() for name, value, unit in named)
@@ -528,52 +540,52 @@ def laws(ordered: "Sequence[Identified]") -> ViewSection:
     return ViewSection("Their laws", [Line(_QUALITY, tone="soft")], headings, rows)
 
 
-def preparation(results: "Sequence[Identified]", *, whole: bool = False) -> ViewSection:
-    """The samples, how the contact was prepared, and the flags of the methods.
+def preparation_section(results: "Sequence[Identified]", *, whole: bool = False) -> ViewSection:
+    """Compose the samples, the preparation of the contact, and the flags of the methods.
 
-    Without the messages that the verdict shows too or, if ``whole``, the diagnosis.
+    It omits messages that the verdict also shows or, if ``whole``, the diagnosis.
     """
     first = results[0]
     found = first.diagnosis
-    shown = "\n".join(each.message for each in found.findings) if whole else found.reason
-    lines = [Line(_samples(first))]
+    shown = {each.check for each in (found.findings if whole else (found.deciding,)) if each}
+    lines = [Line(_describe_samples(first))]
     lines += (
         Line(each.message, each.check, remedy=each.remedy)
         for each in first.contact.findings
-        if each.message not in shown
+        if each.check not in shown
     )
     for result in results:
-        # One law for two materials is not identifiable by any motion: its flags would mislead.
+        # No motion identifies one law for two materials, so its flags would mislead.
         flags = () if whole or result.diagnosis.episodes else result.flags
         lines += [Line(flag, result.method, tone="warning") for flag in flags]
     return ViewSection("Preparation", lines)
 
 
-# Of one number.
+# Formats of one number.
 
 
-def depth_of(depth: float) -> str:
-    """A depth below the surface."""
+def format_depth(depth: float) -> str:
+    """Format a depth below the surface."""
     return format_quantity(depth, "m", digits=4)
 
 
-def number(quantity: Quantity) -> str:
-    """A number with both error bars as one."""
+def format_number(quantity: Quantity) -> str:
+    """Format a number with both error bars combined."""
     return with_error(quantity.value, quantity.whole_error)
 
 
-def percent(value: float) -> str:
-    """Return a percentage of the force; a dash where it is not defined."""
+def format_percent(value: float) -> str:
+    """Format a percentage of the force; a dash if undefined."""
     return "–" if math.isnan(value) else f"{value:.2f} %"
 
 
-def share(value: float) -> str:
-    """Return a fraction as a percentage; a dash where it is not defined."""
+def format_share(value: float) -> str:
+    """Format a fraction as a percentage; a dash if undefined."""
     return "–" if math.isnan(value) else f"{value:.1%}"
 
 
-def with_prefix(quantity: Quantity, unit: str, *, as_of: float | None = None) -> str:
-    """A quantity, SI, with its errors and a prefix to the unit, that of a value or its own."""
+def format_with_prefix(quantity: Quantity, unit: str, *, as_of: float | None = None) -> str:
+    """Format a quantity, SI, with its errors and the unit prefix of ``as_of`` (or its value)."""
     value = quantity.value if as_of is None else as_of
     size = abs(value) if math.isfinite(value) and value else 1.0
     step = min(max(math.floor(math.log10(size) / 3.0 + 1e-12), -6), 3)
@@ -581,23 +593,23 @@ def with_prefix(quantity: Quantity, unit: str, *, as_of: float | None = None) ->
 
 
 def _plain(value: float, unit: str) -> str:
-    return with_prefix(Quantity(value, 0.0, 0.0), unit)
+    return format_with_prefix(Quantity(value, 0.0, 0.0), unit)
 
 
-def _moves(stiffness: float, damping: float) -> str:
+def _format_changes(stiffness: float, damping: float) -> str:
     if math.isnan(stiffness) or math.isnan(damping):
         return "–"
     return ", ".join(
-        f"{round(value, 1) + 0.0:+.1f} %" if abs(value) < 1000.0 else f"{signed(value, 3)} %"
+        f"{round(value, 1) + 0.0:+.1f} %" if abs(value) < 1000.0 else f"{format_signed(value, 3)} %"
         for value in (stiffness, damping)
     )
 
 
-# Of one result.
+# Texts of one result.
 
 
-def line(result: "Identified") -> str:
-    """What was identified, in a line: stiffness and damping, each with its mark."""
+def one_line(result: "Identified") -> str:
+    """Describe the identification in a line: stiffness and damping, each with its mark."""
     name = Path(result.contact.source).name or "a contact"
     numbers = (
         f"{each.name} {each.value}" + (f" {each.at} ({spoken(each.mark)})" if each.mark else "")
@@ -615,37 +627,37 @@ def _hertz(part: "Identified") -> str:
 
 
 def _both_marks(part: "Identified") -> tuple[Cell, Cell]:
-    """The marks of stiffness and damping; nothing of a damping that is not given."""
+    """Return the marks of stiffness and damping; a dash for a damping without a value."""
     found = part.diagnosis
-    given = math.isfinite(found.working_depth.damping.value)
-    return _marked(found.verdict.stiffness), _marked(found.verdict.damping) if given else "–"
+    finite = math.isfinite(found.working_depth.damping.value)
+    return _mark_cell(found.verdict.stiffness), _mark_cell(found.verdict.damping) if finite else "–"
 
 
-def between(result: "Identified") -> "list[Identified]":
+def segments_between_changes(result: "Identified") -> "list[Identified]":
     """Return the segments between changes of the material."""
     return [part for part in result.segments if part.place is None]
 
 
-def _when(part: "Identified") -> str:
+def _span(part: "Identified") -> str:
     time = part.contact.time
     return f"{rounded(float(time[0]), 4)} s to {rounded(float(time[-1]), 4)} s"
 
 
-def _quality(result: "Identified") -> str:
+def _describe_fit_errors(result: "Identified") -> str:
     fit = "fit (each part by its own law)" if result.segments else "fit"
     words = (
         f"method {result.method}; rms error of the force: {fit} "
-        f"{percent(result.fit_rmse_percent)}, one-step prediction "
-        f"{percent(result.prediction_rmse_percent)}"
+        f"{format_percent(result.fit_rmse_percent)}, one-step prediction "
+        f"{format_percent(result.prediction_rmse_percent)}"
     )
     if result.law.has_condition_10:
-        words += f"; |v| ≥ 0.1 K/B in {share(result.violated_fraction)} of the contact"
+        words += f"; |v| ≥ 0.1 K/B in {format_share(result.violated_fraction)} of the contact"
     return words
 
 
-def _samples(result: "Identified") -> str:
+def _describe_samples(result: "Identified") -> str:
     contact, gate, scale = result.contact, result.gate, result.scale
-    touches = len(touches_of(contact))
+    touches = len(find_touches(contact))
     force = f"force > {rounded(gate.make_force, 3)} N"
     if isinstance(result.estimator, VariableProjection) and not gate.make_force:
         force = "selected by the force of their neighbours"
@@ -658,27 +670,27 @@ def _samples(result: "Identified") -> str:
     )
 
 
-def law_verdict(result: "Identified") -> str:
-    """The selected law, and how it compares; empty where no laws were compared."""
+def describe_model_selection(result: "Identified") -> str:
+    """Describe the selected law and its comparison; empty if no laws were compared."""
     found = result.law_verdict
     known = found is not None and found.known
     return f"Model selection: {str(found).removeprefix('law: ')}" if known else ""
 
 
-def _correlation(result: "Identified") -> str:
+def _describe_correlation(result: "Identified") -> str:
     matrix, words = result.correlations, []
     estimated = [row for row in parameter_rows(result) if row.estimated]
     for one, other in itertools.combinations(estimated, 2):
         value = matrix[one.index, other.index]
         if math.isfinite(value):
-            # With as many digits as keep it apart from one, up to four.
+            # Use enough digits to distinguish it from 1, at most four.
             digits = next((k for k in (2, 3) if abs(round(value, k)) < 1.0), 4)
             words.append(f"{one.symbol}–{other.symbol} {value:.{digits}f}")
     return f"correlation {', '.join(words)}" if words else ""
 
 
-def _estimated(estimate: "Estimate") -> list[str]:
-    """Offset and surface, if they were estimated together with the law."""
+def _describe_settings(estimate: "Estimate") -> list[str]:
+    """Describe offset and surface, if they were estimated together with the law."""
     words = []
     if estimate.offset_standard_error > 0.0:
         offset = with_error(estimate.offset, estimate.offset_standard_error, unit="N")
@@ -691,19 +703,19 @@ def _estimated(estimate: "Estimate") -> list[str]:
 
 # Derived quantities.
 
-_MANY = 0.01  # of the samples in contact; fewer may be the noise of a light touch
-_QUASI_STATIC = 0.01  # of the speed, below which no impact is worth a line
+_MANY = 0.01  # fraction of the samples in contact; fewer may be noise in shallow contact
+_QUASI_STATIC = 0.01  # fraction of the speed; a smaller loss is not shown
 
 
-def _oscillation(result: "Identified", *, whole: bool) -> list[Line]:
-    """Dynamic stiffness and damping of a small oscillation; nothing of a probe held still."""
+def _describe_oscillation(result: "Identified", *, whole: bool) -> list[Line]:
+    """Describe stiffness and damping of a small oscillation; empty for a probe held still."""
     with suppress(InvalidParameterError):
-        felt = result.dynamic_stiffness(result.query.frequency)
-        parts = felt.stiffness, felt.damping, felt.loss_tangent
+        response = result.dynamic_stiffness(result.query.frequency)
+        parts = response.stiffness, response.damping, response.loss_tangent
         k, b, tangent = (each if whole else each.combined for each in parts)
-        often, depth = in_hertz(felt.frequency), format_quantity(felt.depth, "m")
+        frequency, depth = in_hertz(response.frequency), format_quantity(response.depth, "m")
         words = (
-            f"at {often} and {depth}: K′ = {k.format('N/m')}, B′ = {b.format('N·s/m')}, "
+            f"at {frequency} and {depth}: K′ = {k.format('N/m')}, B′ = {b.format('N·s/m')}, "
             f"tan δ = {tangent.format()}"
         )
         low, high = band_of(result)
@@ -729,17 +741,17 @@ def _describe_restitution(found: "Restitution", *, whole: bool) -> Line:
     return Line(words, "restitution", remarks=(*remarks, *found.remarks))
 
 
-def _energy(result: "Identified") -> Line:
+def _describe_energy(result: "Identified") -> Line:
     found = result.energy
     words = (
-        f"{with_prefix(found.measured, 'J')} measured, "
+        f"{format_with_prefix(found.measured, 'J')} measured, "
         f"{found.fraction.scaled(100.0).format()} % of the energy put in; "
-        f"{with_prefix(found.predicted, 'J', as_of=found.measured.value)} by the model"
+        f"{format_with_prefix(found.predicted, 'J', as_of=found.measured.value)} by the model"
     )
     return Line(words, f"energy dissipated per {found.kind}", remarks=found.remarks)
 
 
-def _passivity(result: "Identified") -> Line:
+def _describe_passivity(result: "Identified") -> Line:
     found, words = result.passivity, "the law is never adhesive (its force is never negative)"
     if found.fraction > 0.0:
         part = rounded(100.0 * found.fraction, 2)
@@ -764,7 +776,9 @@ def _passivity(result: "Identified") -> Line:
     return Line(words, "passivity", remarks=(remark,))
 
 
-def _modulus(part: "Identified", when: str, *, whole: bool) -> Line:
+def _describe_modulus(part: "Identified", when: str, *, whole: bool) -> Line:
+    if part.query.specimen is not None:
+        return _describe_compression_modulus(part, when, whole=whole)
     found = part.elastic_modulus()
     size = found.tip.as_dict()
     tip = f"a {found.tip.kind} of {_plain(size.get('radius', math.nan), 'm')} radius"
@@ -776,21 +790,32 @@ def _modulus(part: "Identified", when: str, *, whole: bool) -> Line:
         return Line(f"{at}not determined: {found.refused}", name)
     ratio = f"{'assumed ' if found.assumed else ''}Poisson's ratio {found.poisson_ratio:g}"
     value = found.value if whole else found.value.combined
-    words = f"{at}{with_prefix(value, 'Pa')} for {tip}, {ratio}"
+    words = f"{at}{format_with_prefix(value, 'Pa')} for {tip}, {ratio}"
     return Line(words, name, remarks=found.remarks)
 
 
-def _modulus_alone(part: "Identified") -> str:
-    """With its whole error; the JSON says why there is none."""
-    found = part.elastic_modulus()
-    return "refused" if found.refused else with_prefix(found.value.combined, "Pa")
+def _describe_compression_modulus(part: "Identified", when: str, *, whole: bool) -> Line:
+    found, at = part.compression_modulus(), f"{when}: " * bool(when)
+    size, name = found.specimen, "Young's modulus"
+    if found.refused:
+        return Line(f"{at}not determined: {found.refused}", name)
+    value = format_with_prefix(found.value if whole else found.value.combined, "Pa")
+    area, height = rounded(1e6 * size.area, 4), _plain(size.height, "m")
+    words = f"{at}{value} for a specimen of {area} mm² and {height} height"
+    return Line(f"{words}, at a strain of {rounded(found.strain, 2)}", name, remarks=found.remarks)
+
+
+def _format_modulus(part: "Identified") -> str:
+    """Format the modulus with its whole error; the JSON has the reason of a refusal."""
+    found = part.compression_modulus() if part.query.specimen else part.elastic_modulus()
+    return "refused" if found.refused else format_with_prefix(found.value.combined, "Pa")
 
 
 # Sections as plain text.
 
 
 def as_text(sections: Iterable[ViewSection], *, width: int = 100) -> str:
-    """Return sections as text: tables in columns, lines folded; an empty line between sections."""
+    """Return sections as text: tables in columns, lines wrapped, an empty line between sections."""
     text = []
     for section in sections:
         headings, rows = section.table()
@@ -810,7 +835,7 @@ def as_text(sections: Iterable[ViewSection], *, width: int = 100) -> str:
 
 
 def _plain_cell(cell: Cell) -> str:
-    """With its severity, which has no colour here."""
+    """Return the text of a cell with its severity, which has no colour here."""
     if isinstance(cell, str) or spoken(cell.mark) == spoken(cell.text):
         return str(cell)
     return f"{cell.mark}: {cell}"

@@ -1,7 +1,7 @@
-"""Checks of the recording itself, and what they ask of it, worked out once.
+"""The channels of a recording and their checks: units, signs, clocks, steps and spikes.
 
-Each looks at the data once, whatever law is fitted. To add one: a function of a :class:`Data`, and
-its name in ``CHECKS``.
+Each check looks at the data once, independent of the fitted law. To add one: a function of a
+:class:`Data`, and its name in ``CHECKS``.
 """
 
 import math
@@ -12,28 +12,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.contact import Contact, slices_of
-from palpate.diagnosis.finding import Laws
+from palpate.diagnosis.outcome import ModelSelection
 from palpate.digits import format_quantity, rounded
-from palpate.findings import Finding
-from palpate.preparation.gates import dead_band_of, exclude_load_transfer, noise_of
-from palpate.preparation.held import beat_of
-from palpate.preparation.velocity import (
-    largest_of,
-    noise_gain,
-    spiked,
-    step_of,
-    window_samples,
-)
+from palpate.findings import Check, Finding
+from palpate.preparation.held import beat_of, held_channel
+from palpate.preparation.load_transfer import exclude_load_transfer
+from palpate.preparation.resolution import find_dead_band, noise_of
+from palpate.preparation.velocity import largest_of, noise_gain, spiked, step_of, window_samples
 from palpate.validation import Floats
 
 
 class Data:
-    """A contact without the samples that are not finite, and what is known of its channels.
+    """The finite samples of a contact, and properties of its channels.
 
     Parameters
     ----------
     contact : Contact
-        As it was prepared.
+        The prepared contact.
     """
 
     def __init__(self, contact: Contact) -> None:
@@ -48,14 +43,14 @@ class Data:
         self.sample_time = contact.sample_time
         #: How the velocity was computed from the penetration; None: it was recorded.
         self.velocity_filter = contact.velocity_filter
-        #: By how they were compared: methods of one contact share them.
-        self.laws: dict[str, Laws] = {}
+        #: Model selections, keyed by how laws were compared; the methods of one contact share them.
+        self.laws: dict[str, ModelSelection] = {}
 
     def __len__(self) -> int:
         return len(self.time)
 
     def samples(self, *, rejecting: bool) -> "Data":
-        """Return the data without load transfer where outliers are rejected, else itself."""
+        """Return the data without load transfer if outliers are rejected, else the data itself."""
         return self._without_load_transfer if rejecting else self
 
     @cached_property
@@ -74,43 +69,43 @@ class Data:
 
     @cached_property
     def force_noise(self) -> float:
-        """Standard deviation of the force's noise, N, its rounding included."""
+        """Standard deviation of the force's noise, N, including its rounding."""
         return max(noise_of(self.force), self.force_step / math.sqrt(12.0))
 
     @cached_property
     def penetration_noise(self) -> float:
-        """Standard deviation of the penetration's noise, m, its rounding included."""
+        """Standard deviation of the penetration's noise, m, including its rounding."""
         return max(noise_of(self.penetration), step_of(self.penetration) / math.sqrt(12.0))
 
     @cached_property
     def velocity_noise(self) -> float:
-        """Standard deviation of the velocity's noise, m/s, by the filter in white noise of x."""
+        """Standard deviation of the velocity's noise, m/s; after a filter, for white noise of x."""
         if self.velocity_filter is None:
             return noise_of(self.velocity)
         return self.penetration_noise * noise_gain(self.velocity_filter) / self.sample_time
 
     @property
     def filter_samples(self) -> int:
-        """Samples in the window of the velocity's filter."""
+        """Samples in the window of the velocity filter."""
         own = self.velocity_filter
         return window_samples(self.sample_time) if own is None else own.samples
 
     @property
     def wider_window(self) -> str:
-        """Next step where a differentiated velocity is noisy: twice the filter's window."""
+        """Remedy for a differentiated velocity that is noisy: twice the filter's window."""
         window = self.filter_samples * self.sample_time
         return f"run again with --velocity-window {2.0 * window:.2g}"
 
     @cached_property
     def findings(self) -> tuple[Finding, ...]:
-        """What the checks of the data found, and the findings of its preparation."""
-        with np.errstate(all="ignore"):  # absurd samples overflow, and are then found
-            found = [check(self) for check in (CHECKS if len(self) >= FEWEST else ())]
+        """Findings of the checks of the data, then findings of the preparation."""
+        with np.errstate(all="ignore"):  # absurd samples overflow; a check then finds them
+            found = [check(self) for check in (CHECKS if len(self) >= FEWEST_SAMPLES else ())]
         return (*(each for each in found if each is not None), *self.contact.findings)
 
     @cached_property
     def peak_force(self) -> float:
-        """99.9th percentile of the force's size, N, so that a spike sets nothing."""
+        """99.9th percentile of |force|, N, on which single spikes have no effect."""
         return largest_of(self.force)
 
     @cached_property
@@ -119,74 +114,59 @@ class Data:
         return float(np.percentile(self.penetration, 99.9)) if len(self) else 0.0
 
 
-# Steps of the force or of the penetration that are coarse against what they measure.
-
-FORCE_STEP = 0.04  # of the largest force
-# Of the largest penetration: with 0.8 % the velocity's noise makes the damping 3 % too small, with
-# 1.5 % 16 % (three draws each).
+FORCE_STEP = 0.04  # fraction of the largest force
+# Fraction of the largest penetration. With 0.8 % the velocity's noise makes the damping 3 % too
+# small, with 1.5 % it makes it 16 % too small (three draws each).
 PENETRATION_STEP = 0.01
-# Of the samples that repeat the one before; noise dithers the lab's steps of 1/8 N: 55 % repeat.
+# Fraction of samples that equal the previous one. Noise dithers the lab's steps of 1/8 N: 55 %
+# repeat.
 REPEATED = 0.85
 
 
-def coarse(data: Data) -> Finding | None:
+def check_steps(data: Data) -> Finding | None:
     """Steps above 4 % of the force or 1 % of the penetration, and over 85 % of samples repeat."""
-    if _coarse(data.force, data.force_step, FORCE_STEP * data.peak_force):
+    if _has_coarse_steps(data.force, data.force_step, FORCE_STEP * data.peak_force):
         part = data.force_step / data.peak_force
-        return Finding.of_both(
-            "with-care",
-            "coarse steps",
+        return Check.COARSE_STEPS.finding(
             f"the force is quantised in steps of {format_quantity(data.force_step, 'N')}, "
             f"{part:.1%} of its largest value",
             "set the force sensor to a finer range",
+            mark="with-care",
         )
     step = step_of(data.penetration)
-    if _coarse(data.penetration, step, PENETRATION_STEP * data.peak_penetration):
-        return Finding.of_both(
-            "with-care",
-            "coarse steps",
+    if _has_coarse_steps(data.penetration, step, PENETRATION_STEP * data.peak_penetration):
+        return Check.COARSE_STEPS.finding(
             f"the penetration is quantised in steps of {format_quantity(step, 'm')}, "
             f"{step / data.peak_penetration:.1%} of its largest value: the velocity is coarse and "
             "the damping too small",
             data.wider_window if data.velocity_filter else VELOCITY_NONE,
+            mark="with-care",
         )
     return None
 
 
-def _coarse(values: Floats, step: float, largest: float) -> bool:
+def _has_coarse_steps(values: Floats, step: float, largest: float) -> bool:
     return 0.0 < largest < step and float(np.mean(np.diff(values) == 0.0)) > REPEATED
 
 
-# A channel that is held: the same value again and again, at a fixed beat.
-
-
-def held(data: Data) -> Finding | None:
-    """Changes every k ≤ 60 samples: a delay of (k − 1)/2 samples, or k/2 of two clocks apart."""
+def check_held_channel(data: Data) -> Finding | None:
+    """Changes every k ≤ 60 samples: a delay of (k − 1)/2 samples, or of k/2 with two clocks."""
     for name, values in (("force", data.force), ("penetration", data.penetration)):
         beat = beat_of(values)
         if beat:
             samples = 0.5 * (beat - (beat == round(beat)))
-            late = 1e3 * samples * data.sample_time
-            return Finding.of_both(
-                "with-care",
-                "held channel",
-                f"the {name} changes only every {beat:.0f} samples (sample and hold): it is "
-                f"{rounded(late, 2)} ms late on average",
-                "record at the rate of the slowest channel",
-            )
+            return held_channel(name, beat, samples * data.sample_time)
     return None
 
-
-# Signs: force positive in compression, penetration positive into the material.
 
 MOST_RANKED = 5000  # samples whose ranks are taken
 RANKS_AGAINST = -0.3  # rank correlation; recordings with the right signs have 0.4 and more
 
 
-def signs(data: Data) -> Finding | None:
+def check_signs(data: Data) -> Finding | None:
     """Rank correlation of x and F below −0.3, and less force at the deepest 5 % than at the least.
 
-    Looked at before any gate, which would throw away what tells it.
+    It runs before any gate, because a gate removes the samples that show the wrong sign.
     """
     every = -(-len(data) // MOST_RANKED)
     x, force = data.penetration[::every], data.force[::every]
@@ -209,7 +189,7 @@ def signs(data: Data) -> Finding | None:
             f"the force is negative, {rounded(deep, 3)} N, where the penetration is largest: "
             "compression must be positive"
         )
-    return Finding.of_both("do-not-trust", "signs", words, remedy)
+    return Check.SIGNS.finding(words, remedy, mark="do-not-trust")
 
 
 def _ranks(values: Floats) -> Floats:
@@ -218,29 +198,29 @@ def _ranks(values: Floats) -> Floats:
     return ranks
 
 
-# Spikes: single samples that leave their neighbours.
-
-SOME, MANY = 1e-3, 2e-2  # of the samples
-# Of the rms of the velocity: below it the probe turns, and friction jumps from side to side within
-# a sample (on the robot at up to 0.26). Spikes come at any speed, so they are counted above it.
+SOME, MANY = 1e-3, 2e-2  # fractions of the samples
+# Fraction of the rms velocity. At slower speeds the probe reverses and friction jumps between its
+# two signs within a sample (on the robot at up to 0.26). Spikes occur at any speed, so they are
+# counted at faster speeds only.
 SLOW = 1.0 / 3.0
-# Of the largest force, and of its noise: heavier tails than a Gaussian's are no spikes.
+# Fraction of the largest force, and multiple of its noise: tails heavier than a Gaussian's are not
+# spikes.
 LARGE, FAR = 0.05, 16.0
 FEWEST_SPIKES = 3.0
-FEWEST_FAST = 0.2  # of the samples; with fewer all are counted
+FEWEST_FAST = 0.2  # fraction of the samples; with fewer all samples are counted
 
 
-def _leaps(data: Data, at: NDArray[np.intp]) -> Floats:
-    """How far samples of the force are from the mean of their neighbours, N."""
+def _distance_to_neighbours(data: Data, at: NDArray[np.intp]) -> Floats:
+    """Distance of force samples from the mean of their two neighbours, N."""
     before, after = np.maximum(at - 1, 0), np.minimum(at + 1, len(data) - 1)
     leaps: Floats = np.abs(data.force[at] - 0.5 * (data.force[before] + data.force[after]))
     return leaps
 
 
-def spikes(data: Data) -> Finding | None:
-    """More than 0.1 % of the samples are spikes; of the force only where the probe moves."""
+def check_spikes(data: Data) -> Finding | None:
+    """More than 0.1 % of the samples are spikes; force spikes count only while the probe moves."""
     force, penetration = spiked(data.force), spiked(data.penetration)
-    force[force] = _leaps(data, np.flatnonzero(force)) > max(
+    force[force] = _distance_to_neighbours(data, np.flatnonzero(force)) > max(
         LARGE * data.peak_force, FAR * data.force_noise
     )
     speed = np.abs(data.velocity)
@@ -252,31 +232,28 @@ def spikes(data: Data) -> Finding | None:
     part = fractions[name]
     if part <= SOME or part * len(data) < FEWEST_SPIKES:
         return None
-    return Finding.of_both(
-        "do-not-trust" if part > MANY else "with-care",
-        "spikes",
+    return Check.SPIKES.finding(
         f"{part:.2%} of the {name} samples are spikes",
         f"check the {name} sensor's cable",
+        mark="do-not-trust" if part > MANY else "with-care",
     )
 
 
-# A step of the force while the probe presses: the sensor was zeroed there.
-
-JUMP, MUCH = 0.05, 0.20  # of the largest force
-USUAL = 4.0  # times the scatter of the changes of three samples before and after
-ONE_WAY = 0.5  # of the sum of sizes; jumps up and down are friction, or a sensor that was lost
-MOST_JUMPS = 3  # friction that jumps as the probe turns does so at every turn
-PRESSING = 0.05  # of the largest force
+JUMP, MUCH = 0.05, 0.20  # fractions of the largest force
+USUAL = 4.0  # multiple of the scatter of the changes of three samples before and after
+ONE_WAY = 0.5  # |sum| over the sum of sizes; jumps up and down are friction or sensor dropouts
+MOST_JUMPS = 3  # friction jumps at every reversal of the probe, so it makes more jumps
+PRESSING = 0.05  # fraction of the largest force
 
 
-def force_jump(data: Data) -> Finding | None:
-    """One change of the force that leaves those of three samples around by 5 % of the largest.
+def check_force_jump(data: Data) -> Finding | None:
+    """One change of the force deviates from its six neighbours by 5 % of the largest force.
 
-    The position must not jump with it, nor the motion reverse: friction does jump then.
+    The position must not jump with it, and the motion must not reverse, since friction jumps then.
     """
     changes, moves = np.diff(data.force), np.abs(np.diff(data.penetration))
     least = max(JUMP * data.peak_force, FAR * data.force_noise, 3.0 * data.force_step)
-    beyond, jumps, band = changes.copy(), list[int](), dead_band_of(data.contact)
+    beyond, jumps, band = changes.copy(), list[int](), find_dead_band(data.contact)
     for k in np.flatnonzero(np.abs(changes) > least).tolist():
         near = [j for j in range(max(k - 3, 0), min(k + 4, len(changes))) if j != k]
         before, after = data.velocity[max(k - 3, 0)], data.velocity[min(k + 4, len(data) - 1)]
@@ -295,54 +272,50 @@ def force_jump(data: Data) -> Finding | None:
             jumps.append(k)
     if not 0 < len(jumps) <= MOST_JUMPS or beat_of(data.force):
         return None
-    found = beyond[jumps]
-    if abs(found.sum()) < ONE_WAY * np.abs(found).sum():
+    jump_sizes = beyond[jumps]
+    if abs(jump_sizes.sum()) < ONE_WAY * np.abs(jump_sizes).sum():
         return None
-    largest = jumps[int(np.argmax(np.abs(found)))]
+    largest = jumps[int(np.argmax(np.abs(jump_sizes)))]
     size, when = beyond[largest], rounded(float(data.time[largest]), 4)
-    return Finding.of_both(
-        "do-not-trust" if abs(size) > MUCH * data.peak_force else "with-care",
-        "force jump",
+    return Check.FORCE_JUMP.finding(
         f"the force jumps by {format_quantity(float(size), 'N')} within a sample at {when} s while "
         "the probe presses: the sensor was zeroed in contact, or the material gave way",
         f"use the samples before it: --stop {when}, or zero the sensor in free air",
+        mark="do-not-trust" if abs(size) > MUCH * data.peak_force else "with-care",
     )
 
 
-# Time stamps of arrival in place of sampling.
-
 WIDTH = 7  # samples of a local parabola
-MOST_STAMPS = 20_000  # samples that are looked at
-# Residual against the stamps over that against the index: recordings have 1.13 and less, jittered
-# stamps 4 to 7.5, and missing samples 0.4 to 0.7.
+MOST_STAMPS = 20_000  # samples that are used
+# Ratio of the residual against the time stamps to the residual against the sample index: recordings
+# have at most 1.13, jittered time stamps 4 to 7.5, and missing samples 0.4 to 0.7.
 RATIO = 2.0
 UNEVEN = 0.2  # sd(Δt)/mean
 
 
-def stamps(data: Data) -> Finding | None:
-    """A parabola in time that fits twice worse by the stamps than by the count of samples."""
+def check_time_stamps(data: Data) -> Finding | None:
+    """A local parabola fits the time stamps twice worse than it fits the sample index."""
     part = slice(0, MOST_STAMPS)
     time, x = data.time[part], data.penetration[part]
     steps = np.diff(time)
     steps = steps[(np.diff(data.segment[part]) == 0) & (steps > 0.0)]
     if steps.size < 10 * WIDTH or float(steps.std()) <= UNEVEN * float(steps.mean()):
         return None
-    by_index = _misfit(np.arange(len(x), dtype=np.float64), x)
-    ratio = _misfit(time, x) / by_index if by_index > 0.0 else 0.0
+    by_index = _distance_to_parabola(np.arange(len(x), dtype=np.float64), x)
+    ratio = _distance_to_parabola(time, x) / by_index if by_index > 0.0 else 0.0
     if ratio <= RATIO:
         return None
-    return Finding.of_both(
-        "with-care",
-        "time stamps",
+    return Check.TIME_STAMPS.finding(
         "the time stamps jump where the penetration is smooth: they are times of arrival, not of "
         "sampling",
         "record the time at which the sensor is sampled",
         z=ratio,
+        mark="with-care",
     )
 
 
-def _misfit(time: Floats, x: Floats) -> float:
-    """Median residual of the middle of a window against the parabola through it."""
+def _distance_to_parabola(time: Floats, x: Floats) -> float:
+    """Median residual of the middle sample of a window against a parabola through the window."""
     windows = np.lib.stride_tricks.sliding_window_view(np.arange(len(x)), WIDTH)
     t = time[windows] - time[windows[:, WIDTH // 2], None]
     t = t / np.maximum(np.abs(t).max(axis=1, keepdims=True), 1e-300)
@@ -353,16 +326,14 @@ def _misfit(time: Floats, x: Floats) -> float:
     return float(np.median(np.abs(x[windows[:, WIDTH // 2]] - middle)))
 
 
-# Units: millimetres for metres, millinewtons for newtons, milliseconds for seconds.
-
-DEEPEST, FASTEST = 0.25, 3.0  # m, m/s; of the recordings the largest are 19 mm and 0.84 m/s
-# F/x², a modulus that no geometry changes much: recordings show 6e3 to 7e7 Pa.
-SOFTEST, HARDEST = 2.0, 5e8  # never by depth**2, which overflows
-LARGEST_FORCE = 5e3  # N; TPU under a testing machine is pressed with 2.6 kN
+DEEPEST, FASTEST = 0.25, 3.0  # m, m/s; the recordings reach at most 19 mm and 0.84 m/s
+# F/x² in Pa, a modulus that depends little on geometry: recordings have 6e3 to 7e7 Pa.
+SOFTEST, HARDEST = 2.0, 5e8  # compared as F/x with x, because x² can overflow
+LARGEST_FORCE = 5e3  # N; the testing machine presses TPU with 2.6 kN
 SLOWEST = 0.2  # s between samples
 
 
-def penetration_unit(data: Data) -> Finding | None:
+def check_penetration_unit(data: Data) -> Finding | None:
     """Largest x > 0.25 m, rms v > 3 m/s, or F/x² < 2 Pa."""
     depth, force = data.peak_penetration, data.peak_force
     if depth <= 0.0 or "penetration" in data.contact.stated_units:
@@ -371,98 +342,93 @@ def penetration_unit(data: Data) -> Finding | None:
     speed = float(np.sqrt(np.mean(data.velocity[touched] ** 2))) if touched.any() else 0.0
     if depth <= DEEPEST and speed <= FASTEST and force / depth >= SOFTEST * depth:
         return None
-    return Finding.of_both(
-        "do-not-trust",
-        "penetration unit",
+    return Check.PENETRATION_UNIT.finding(
         f"the penetration reaches {rounded(depth, 3)} m at {rounded(force, 3)} N: it may be in "
         "millimetres, or swapped with another column",
-        _either_unit("penetration", "mm", "m"),
+        _unit_remedy("penetration", "mm", "m"),
+        mark="do-not-trust",
     )
 
 
-def force_unit(data: Data) -> Finding | None:
-    """F > 5 kN or F/x² > 5e8 Pa; it sees 87 % of the cases, so the peak force is always printed."""
+def check_force_unit(data: Data) -> Finding | None:
+    """F > 5 kN or F/x² > 5e8 Pa; it finds 87 % of such errors, so the peak is always shown."""
     depth, force = data.peak_penetration, data.peak_force
     if depth <= 0.0 or "force" in data.contact.stated_units:
         return None
     if force <= LARGEST_FORCE and force / depth <= HARDEST * depth:
         return None
-    return Finding.of_both(
-        "do-not-trust",
-        "force unit",
+    return Check.FORCE_UNIT.finding(
         f"the force reaches {rounded(force, 3)} N at {rounded(1e3 * depth, 3)} mm: it may be in "
         "millinewtons",
-        _either_unit("force", "mN", "N"),
+        _unit_remedy("force", "mN", "N"),
+        mark="do-not-trust",
     )
 
 
-def time_unit(data: Data) -> Finding | None:
-    """Median step > 0.2 s: a slow recording where position and force are plausible."""
+def check_time_unit(data: Data) -> Finding | None:
+    """Median step > 0.2 s; only a note if position and force are plausible (slow recording)."""
     contact = data.contact
     if data.sample_time <= SLOWEST or "time" in contact.stated_units or contact.timeless:
         return None
     words = f"there is a sample every {rounded(data.sample_time, 3)} s: the times may be in "
-    said = f"{words}milliseconds", _either_unit("time", "ms", "s")
-    if penetration_unit(data) is None and force_unit(data) is None:
-        return Finding("time unit", *said)
-    return Finding.of_both("do-not-trust", "time unit", *said)
+    explanation = f"{words}milliseconds", _unit_remedy("time", "ms", "s")
+    if check_penetration_unit(data) is None and check_force_unit(data) is None:
+        return Check.TIME_UNIT.finding(*explanation)
+    return Check.TIME_UNIT.finding(*explanation, mark="do-not-trust")
 
 
-def _either_unit(channel: str, guess: str, si: str) -> str:
-    """Next step where a unit is a guess: state that one, or the one that was taken."""
+def _unit_remedy(channel: str, guess: str, si: str) -> str:
+    """Remedy for a suspected unit: state the suspected unit, or confirm the one that was used."""
     option = f"--unit {channel}="
     return f"run again with {option}{guess}, or with {option}{si} if it is right"
 
 
-# A recorded velocity against the penetration's own rate.
-
 VELOCITY_NONE = "differentiate the penetration instead: --velocity none"
 OTHER = ": it may have another unit or sign, or be another channel"
-MEAN = 15  # samples of a piece, over which noise averages out
+MEAN = 15  # samples of a piece over which noise averages out
 STOP = (0.8, 1.25)  # slopes; recorded columns have 1.01 to 1.08
-CARE = 0.05  # of the damping, as for every cause
-ALIKE = 0.9  # correlation, above which a slope means something
+CARE = 0.05  # fraction of the damping, the same as for every cause
+ALIKE = 0.9  # correlation above which the slope is meaningful
 VELOCITIES_AGAINST = -0.5
 
 
-def velocity_column(data: Data) -> Finding | None:
-    """Slope of ∫v dt on Δx, over pieces of 15 samples, where the two are correlated.
+def check_velocity_column(data: Data) -> Finding | None:
+    """Slope of ∫v dt on Δx, over pieces of 15 samples, if the two are correlated.
 
-    Beyond 0.8 … 1.25, or where they run against each other, it is another channel; within, the
-    damping B = ∂F/∂v is wrong by the slope.
+    Outside 0.8 … 1.25, or with a negative correlation, the column is another channel. Inside, the
+    slope is the error of the damping B = ∂F/∂v.
     """
     if data.velocity_filter is not None or len(data) < 4 * MEAN:
         return None
-    way, integral = _pieces(data)
-    if way.size < 4 or np.ptp(way) == 0.0 or np.ptp(integral) == 0.0:
+    dx, integral = _displacements(data)
+    if dx.size < 4 or np.ptp(dx) == 0.0 or np.ptp(integral) == 0.0:
         return None
-    alike = float(np.corrcoef(way, integral)[0, 1])
-    if alike < VELOCITIES_AGAINST:
+    correlation = float(np.corrcoef(dx, integral)[0, 1])
+    if correlation < VELOCITIES_AGAINST:
         words = "the velocity column runs against the rate of the penetration" + OTHER
-        return Finding.of_both("do-not-trust", "velocity column", words, VELOCITY_NONE)
-    if alike <= ALIKE:
+        return Check.VELOCITY_COLUMN.finding(words, VELOCITY_NONE, mark="do-not-trust")
+    if correlation <= ALIKE:
         return None
-    # Noise in one of the two lowers the first and raises the second: the one nearer to 1 is sure.
-    slopes = float(way @ integral / (way @ way)), float(integral @ integral / (way @ integral))
+    # Noise in Δx lowers the first slope, noise in ∫v dt raises the second: the one nearer to 1 is
+    # less biased.
+    slopes = float(dx @ integral / (dx @ dx)), float(integral @ integral / (dx @ integral))
     slope = min(slopes, key=lambda each: abs(each - 1.0))
     words = f"the velocity column is {rounded(slope, 3)} times the rate of the penetration"
     if not STOP[0] <= slope <= STOP[1]:
-        return Finding.of_both("do-not-trust", "velocity column", words + OTHER, VELOCITY_NONE)
+        return Check.VELOCITY_COLUMN.finding(words + OTHER, VELOCITY_NONE, mark="do-not-trust")
     if abs(slope - 1.0) <= CARE:
         return None
     wrong = f"{abs(slope - 1.0):.0%} too {'small' if slope > 1.0 else 'large'}"
-    return Finding(
-        "velocity column",
+    return Check.VELOCITY_COLUMN.finding(
         f"{words}: the damping is {wrong} if the penetration is right",
         VELOCITY_NONE,
         damping="with-care",
-        moves_stiffness_percent=0.0,
-        moves_damping_percent=100.0 * (slope - 1.0),
+        moves_percent=(0.0, 100.0 * (slope - 1.0)),
     )
 
 
-def _pieces(data: Data) -> tuple[Floats, Floats]:
-    """Way of each piece by the penetration, and by the velocity's integral, m."""
+def _displacements(data: Data) -> tuple[Floats, Floats]:
+    """Displacement of each piece from the penetration, and from the integral of the velocity, m."""
     ends = np.arange(0, (len(data) // MEAN) * MEAN, MEAN)
     last = ends + MEAN - 1
     whole = data.segment[ends] == data.segment[last]
@@ -474,16 +440,15 @@ def _pieces(data: Data) -> tuple[Floats, Floats]:
 
 #: Every check of the data.
 CHECKS: tuple[Callable[[Data], Finding | None], ...] = (
-    penetration_unit,
-    force_unit,
-    time_unit,
-    signs,
-    velocity_column,
-    stamps,
-    held,
-    force_jump,
-    spikes,
-    coarse,
+    check_penetration_unit,
+    check_force_unit,
+    check_time_unit,
+    check_signs,
+    check_velocity_column,
+    check_time_stamps,
+    check_held_channel,
+    check_force_jump,
+    check_spikes,
+    check_steps,
 )
-
-FEWEST = 20  # samples, below which a recording is only short
+FEWEST_SAMPLES = 20  # a shorter recording is reported only as short

@@ -1,9 +1,8 @@
-"""The parts of a diagnosis: findings, a verdict, and numbers at the working depth."""
+"""A diagnosis: findings, marks, and numbers with error bars at the working depth."""
 
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from operator import attrgetter
 from typing import Any
 
 import numpy as np
@@ -11,14 +10,14 @@ import numpy as np
 from palpate.digits import format_quantity, with_error
 from palpate.estimators import ContactEstimator, LawVerdict
 from palpate.estimators.law_verdicts import verdict_of
-from palpate.findings import Finding, Mark, spoken, worst
+from palpate.findings import Finding, Mark, spoken
 from palpate.force_laws import ForceLaw, GeneralisedHuntCrossley
 from palpate.validation import Plain
 
 
 @dataclass(frozen=True, slots=True)
 class Verdict(Plain):
-    """Whether to trust the stiffness and the damping at working depth, and the whole.
+    """Marks of the stiffness and the damping at working depth, and the overall mark.
 
     Attributes
     ----------
@@ -43,12 +42,12 @@ class Quantity(Plain):
     Attributes
     ----------
     value : float
-        By the identified law.
+        Value of the identified law.
     standard_error : float
         Statistical part, from the long-run covariance of the residual; NaN if unknown.
     systematic : float
-        How far the causes that were found change it, or how far the method is off the least
-        squares of its law, whichever is larger; 0 without either.
+        The larger of two changes: the one that the detected causes make, and the distance of the
+        method from the least squares of its law; 0 without either.
     """
 
     value: float
@@ -66,7 +65,7 @@ class Quantity(Plain):
         return Quantity(self.value, self.whole_error, 0.0)
 
     def scaled(self, factor: float) -> "Quantity":
-        """Return so many times the quantity."""
+        """Return the quantity multiplied by a factor."""
         return Quantity(*(factor * x for x in (self.value, self.standard_error, self.systematic)))
 
     def format(self, unit: str = "") -> str:
@@ -96,8 +95,8 @@ class WorkingDepth(Plain):
     damping: Quantity
 
 
-def stacked(depths: Sequence[WorkingDepth], shape: tuple[int, ...]) -> WorkingDepth:
-    """Return the numbers at several depths as one, with arrays of a shape; floats for ()."""
+def stack_depths(depths: Sequence[WorkingDepth], shape: tuple[int, ...]) -> WorkingDepth:
+    """Combine the numbers at several depths into arrays of a shape; floats for ()."""
 
     def column(values: Iterable[float]) -> Any:
         found = np.array(list(values)).reshape(shape)
@@ -124,9 +123,9 @@ class Episode:
     start, stop : float
         s.
     law : ForceLaw
-        That describes it.
+        The law of this time span.
     working_depth : WorkingDepth
-        Its numbers at the working depth of the whole.
+        Its numbers at the working depth of the whole recording.
     """
 
     start: float
@@ -135,30 +134,30 @@ class Episode:
     working_depth: WorkingDepth
 
     def as_dict(self) -> dict[str, Any]:
-        """Return it as plain numbers and words."""
+        """Return it as plain numbers and text."""
         return {
             "start": self.start,
             "stop": self.stop,
             "kind": "change",
             "law": self.law.description(),
             "working_depth": self.working_depth.as_dict(),
-            "verdict": None,  # it takes an identification of its own
+            "verdict": None,  # a verdict needs a separate identification
         }
 
 
 @dataclass(frozen=True, slots=True, repr=False)
 class Diagnosis(Plain):
-    """What may be wrong with an identification, and how far to trust its numbers.
+    """Findings, marks and error bars of an identification.
 
     Attributes
     ----------
     verdict : Verdict
-        On the stiffness and the damping at working depth, and overall.
+        Marks of the stiffness and the damping at working depth, and overall.
     findings : tuple of Finding
         The most severe first.
     working_depths : tuple of WorkingDepth
-        Force, stiffness and damping with both error bars: at the working depth, which the verdict
-        is about (default: the median penetration); then at the 90th percentile of the
+        Force, stiffness and damping with both error bars: first at the working depth, to which the
+        verdict refers (default: the median penetration), then at the 90th percentile of the
         penetration.
     episodes : tuple of Episode
         One for each segment between changes of the material; empty without a change.
@@ -194,7 +193,7 @@ class Diagnosis(Plain):
 
     @property
     def deciding(self) -> Finding | None:
-        """The finding that decides the overall mark; None for *trust* in all that is given."""
+        """The finding that decides the overall mark; None if the overall mark is *trust*."""
         marks = self.verdict.stiffness, self.verdict.damping
         return self.limits[marks.index(self.verdict.overall)]
 
@@ -206,11 +205,11 @@ class Diagnosis(Plain):
 
     @property
     def remedy(self) -> str | None:
-        """The next step: the remedy of the reason."""
+        """The remedy of the deciding finding."""
         return None if self.deciding is None else self.deciding.remedy
 
     def as_dict(self) -> dict[str, Any]:
-        """Return plain numbers and text; undefined values are None."""
+        """Return plain numbers and text, with None for undefined values."""
         limits = zip(("stiffness", "damping"), self.limits, strict=True)
         return {
             **Plain.as_dict(self),
@@ -219,42 +218,21 @@ class Diagnosis(Plain):
         }
 
 
-def verdict_by(
-    findings: Sequence[Finding], at: WorkingDepth
-) -> tuple[Verdict, tuple[Finding | None, Finding | None]]:
-    """Return the marks by findings, and the finding that decides that of each number."""
-    marks, limits = [], []
-    # A fault of the recording says more than a wide bar.
-    ordered = sorted(findings, key=lambda each: each.check == "precision")
-    for mark_by in map(attrgetter, ("stiffness", "damping")):
-        mark = worst(*map(mark_by, ordered))
-        deciding = (each for each in ordered if mark_by(each) == mark)
-        marks.append(mark)
-        limits.append(None if mark == "trust" else next(deciding))
-    # A damping that is not given has no say.
-    given = math.isfinite(at.damping.value)
-    overall = worst(*marks) if given else marks[0]
-    return Verdict(marks[0], marks[1], overall), (limits[0], limits[1])
-
-
-# Model selection on the samples that were identified.
-
 SELECT_LAW = "let palpate select the law: run again without --law and --method"
-TASK_SPEED = "record at the speed of the task"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Laws:
-    """Which law was selected, and by what evidence.
+class ModelSelection:
+    """The selected law and the evidence for it.
 
     Attributes
     ----------
     law : GeneralisedHuntCrossley
-        That was selected.
+        The selected law.
     verdict : LawVerdict
         The evidence.
     longest : float
-        The longest relaxation time that was looked for, s.
+        The longest relaxation time among the candidates, s.
     """
 
     law: GeneralisedHuntCrossley
@@ -262,24 +240,7 @@ class Laws:
     longest: float = 0.0
 
     @classmethod
-    def of(cls, estimator: ContactEstimator) -> "Laws":
-        """Return the selection of an estimator that has learned the samples."""
+    def of(cls, estimator: ContactEstimator) -> "ModelSelection":
+        """Return the selection of an estimator after all its samples."""
         evidence, estimate = estimator.evidence(), estimator.estimate()
         return cls(estimate.law, verdict_of(evidence, estimate), evidence.longest)
-
-
-def remedy_of_memory(laws: Laws | None, time: float) -> str:
-    """Return the next step for relaxation in the residual.
-
-    Parameters
-    ----------
-    laws : Laws, optional
-        The selection, where there was one.
-    time : float
-        Relaxation time that the residual shows, s.
-    """
-    if laws is None:
-        return SELECT_LAW
-    if time > laws.longest:  # as likely the drift of a sensor
-        return "tare the sensor before each touch"
-    return TASK_SPEED

@@ -1,0 +1,73 @@
+"""The Hunt–Crossley law equivalent to a relaxing law at one depth and frequency."""
+
+from copy import copy
+
+import numpy as np
+
+from palpate.diagnosis.recording import Data
+from palpate.estimators.estimate import Estimate
+from palpate.estimators.oscillation import dynamic_response
+from palpate.estimators.viscoelastic import RelaxingEstimate
+from palpate.force_laws import GeneralisedHuntCrossley, HuntCrossley, steps_over_breaks
+from palpate.validation import Floats
+
+
+class EquivalentEstimate(Estimate):
+    """An estimate with the equivalent Hunt–Crossley law in place of its law.
+
+    Attributes
+    ----------
+    law_errors : numpy.ndarray, shape (3,)
+        Standard errors of force, stiffness and damping at the depth, from the identified law.
+    longest : float
+        The longest relaxation time of the identified law, s; 0 for a law without relaxation.
+    """
+
+    __slots__ = ("_equivalent", "law_errors", "longest")
+
+    def __init__(
+        self, estimate: Estimate, law: HuntCrossley, depth: float, frequency: float
+    ) -> None:
+        super().__init__(estimate, estimate._law_type, estimate.fixed)
+        self._equivalent = law
+        relaxation = estimate.law.relaxation
+        self.longest = 0.0 if relaxation is None else relaxation.longest_time
+
+        def numbers(law: GeneralisedHuntCrossley) -> tuple[float, float, float]:
+            stiffness, damping = dynamic_response(law, depth, frequency).tolist()
+            return stiffness * depth / law.exponent, stiffness, damping
+
+        self.law_errors = estimate.with_errors(numbers)[1]
+
+    @property
+    def law(self) -> HuntCrossley:
+        """The equivalent Hunt–Crossley law."""
+        return self._equivalent
+
+
+def force_along(data: Data, estimate: Estimate) -> Floats:
+    """Return the force of a generalised law at every sample, with its unknown initial state, N."""
+    x = data.penetration - estimate.surface
+    steps = steps_over_breaks(data.time, x, data.sample_time)
+    force: Floats = estimate.law.force_along(x, data.velocity, steps)
+    if isinstance(estimate, RelaxingEstimate):
+        force += np.where(x > 0.0, estimate.start_force(np.cumsum(steps) - steps[0]), 0.0)
+    return force
+
+
+def equivalent_hunt_crossley(
+    data: Data, estimate: Estimate, depth: float, frequency: float, force: Floats
+) -> tuple[Data, EquivalentEstimate]:
+    """Subtract from the force the difference of a generalised law and its equivalent law.
+
+    The equivalent Hunt–Crossley law has the same K′ and B′ at a depth [m] and a frequency ω
+    [rad/s]. Compared with the corrected force it has the same residual as the generalised law.
+    """
+    law: GeneralisedHuntCrossley = estimate.law
+    stiffness, damping = dynamic_response(law, depth, frequency).tolist()
+    n = law.exponent
+    equivalent = HuntCrossley(stiffness / (n * depth ** (n - 1.0)), damping / depth**n, n)
+    corrected = copy(data)
+    equivalent_force = equivalent.force(data.penetration - estimate.surface, data.velocity)
+    corrected.force = data.force - (force - equivalent_force)
+    return corrected, EquivalentEstimate(estimate, equivalent, depth, frequency)

@@ -1,0 +1,61 @@
+"""Checks that the motion is informative enough: samples, directions, depths."""
+
+import numpy as np
+
+from palpate.diagnosis.fit import Fit
+from palpate.digits import format_quantity, rounded
+from palpate.estimators.law_verdicts import ONE_WAY, one_way
+from palpate.findings import Check, Finding, Mark
+
+FEWEST_SAMPLES = 60
+
+
+def check_excitation(fit: Fit) -> Finding | None:
+    """Too few samples in contact to check the law."""
+    count = int(np.count_nonzero(fit.inside))
+    return few_samples(count, "do-not-trust") if count < FEWEST_SAMPLES else None
+
+
+def explain_no_check(fit: Fit) -> Finding:
+    """Report why the law cannot be checked: too few samples, or too little motion."""
+    return check_excitation(fit) or Check.EXCITATION.finding(
+        "the motion varies too little to check the law",
+        "move the probe in and out at several speeds",
+        mark="do-not-trust",
+    )
+
+
+def few_samples(count: int, mark: Mark = "trust") -> Finding:
+    """Report the number of samples in contact as too small."""
+    words = f"only {count} sample{'s' * (count != 1)} in contact"
+    return Check.EXCITATION.finding(words, "record longer", mark=mark)
+
+
+def check_extrapolation(fit: Fit) -> Finding | None:
+    """The requested working depth is outside the depths of the recording."""
+    least, peak = fit.range
+    if least <= fit.depth <= peak:
+        return None
+    return Check.DEPTH.finding(
+        f"the working depth, {format_quantity(fit.depth, 'm')}, is outside the recorded depths, "
+        f"{format_quantity(least, 'm')} to {format_quantity(peak, 'm')}: the law is extrapolated",
+        f"choose a recorded depth: --at {1e3 * fit.reference:.2g}mm",
+        mark="with-care",
+    )
+
+
+def check_one_way(fit: Fit) -> Finding | None:
+    """The mean velocity in contact is close to ±1 times its rms: the probe moves one way."""
+    v = fit.data.velocity[fit.inside]
+    if not abs(float(v.mean())) > ONE_WAY * fit.speed:
+        return None
+    known = "exponent" in fit.estimate.fixed
+    return one_way("trust" if known else "do-not-trust", "do-not-trust")
+
+
+def check_peaks(fit: Fit) -> Finding:
+    """Report the largest force and penetration, which show a wrong unit."""
+    return Check.PEAK_FORCE.finding(
+        f"the largest force is {rounded(fit.data.peak_force, 3)} N, the largest penetration "
+        f"{rounded(1e3 * fit.data.peak_penetration, 3)} mm"
+    )

@@ -1,0 +1,66 @@
+"""Prediction of the last third of a recording from the law of the first two."""
+
+import math
+
+import numpy as np
+
+from palpate.diagnosis.fit import Fit
+from palpate.diagnosis.windows import FEWEST_ROWS
+from palpate.digits import rounded
+from palpate.findings import Check, Finding
+
+PARTS = 3  # parts of the rows; the last part is predicted
+CARE, STOP = 0.25, 1.0  # fractions of the force
+# Multiple of the error expected from noise, misfit and a different motion
+UNEXPECTED = 3.0
+FADES = 0.8  # ratio to the error of a law of all rows before
+CYCLES = 6.0  # periods of the motion; a ramp with its hold is not a change of the material
+
+
+def check_forecast(fit: Fit) -> Finding | None:
+    """The law of the first two thirds predicts the last badly, or worse than the second third does.
+
+    The law of some rows is one linear step from the law of all rows. Only every third row is used:
+    those windows do not overlap.
+    """
+    rows = len(fit.windows)
+    if rows < FEWEST_ROWS:
+        return None
+    third, last = rows // PARTS, rows - rows // PARTS
+    size = math.sqrt(float(np.mean((fit.force[last:] - fit.solution.offset) ** 2)))
+    whole, expected = _prediction_error(fit, slice(0, last, 3))
+    if not whole > UNEXPECTED * fit.noise_floor:
+        return None
+    if whole > max(CARE * size, UNEXPECTED * expected):
+        return Check.FORECAST.finding(
+            "identified on its first two thirds, the recording's last third is off by "
+            f"{whole / size:.0%} of the force",
+            "record the motion of the task, and repeat it",
+            mark="do-not-trust" if whole > STOP * size else "trust",
+        )
+    recent, _ = _prediction_error(fit, slice(third, last, 3))
+    cycles = fit.time[-1] - fit.time[0] > CYCLES * fit.period > 0.0
+    if not (cycles and recent < FADES * whole and (fit.time[:last] < fit.time[last]).all()):
+        return None
+    parts = (f"{rounded(100.0 * error / size, 2)} %" for error in (recent, whole))
+    return Check.FORECAST.finding(
+        "the force settles, or the material or a sensor changes slowly: the third before the last "
+        "predicts that to {} of the force, all before it to {}".format(*parts),
+        "to predict what comes next, identify the latest part alone: "
+        f"--start {rounded(float(fit.time[last]), 4)}",
+    )
+
+
+def _prediction_error(fit: Fit, before: slice) -> tuple[float, float]:
+    """Return the rms error of predicting later rows from earlier ones, and its expectation, N."""
+    jacobian, residual = fit.solution.jacobian, fit.solution.residual
+    after = slice(before.stop, None, before.step)
+    earlier, later = jacobian[before], jacobian[after]
+    size = np.maximum(np.linalg.norm(earlier, axis=0), 1e-300)
+    earlier, later = earlier / size, later / size
+    inverse = np.linalg.pinv(earlier.T @ earlier, rcond=1e-12, hermitian=True)
+    change = inverse @ (earlier.T @ residual[before])
+    error, earlier_residual = residual[after] - later @ change, residual[before] - earlier @ change
+    leverage = float(np.mean(np.sum((later @ inverse) * later, axis=1)))
+    noise = max(float(np.mean(earlier_residual**2)), fit.noise_floor**2)
+    return math.sqrt(float(np.mean(error**2))), math.sqrt(noise * (1.0 + leverage))

@@ -1,0 +1,329 @@
+"""Effects of the material beyond the law: friction, other damping, relaxation, adhesion."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from palpate.diagnosis.causes import (
+    SURE,
+    MisfitHypothesis,
+    cause_from_column,
+    causes_from_columns,
+    relative_time,
+)
+from palpate.diagnosis.change import find_changes
+from palpate.diagnosis.fit import SIGNIFICANT, Fit, deeper_half_remedy, fit_with_column
+from palpate.diagnosis.outcome import SELECT_LAW, ModelSelection
+from palpate.diagnosis.windows import FEWEST_FREE
+from palpate.digits import format_quantity, rounded
+from palpate.estimators.least_squares import mean_error
+from palpate.findings import Check, Finding
+from palpate.force_laws import ForceLaw
+from palpate.validation import Floats
+
+
+def find_material_causes(fit: Fit) -> list[MisfitHypothesis]:
+    """Fit one column each for friction, slow change, other damping and other shape."""
+    law, time = fit.solution.law, relative_time(fit)
+    x, rest = np.maximum(fit.x, 1e-12), np.zeros_like(fit.x)
+    # Dimensionless: depth over the working depth, speed over its rms.
+    depth, speed = x * fit.units.depth / fit.reference, fit.v * fit.units.speed / fit.speed
+    spring, slope = law.force(x, rest), law.penetration_gradient(x, rest)
+    spring = spring / (float(np.median(spring)) or 1.0)  # ξⁿ of a power law
+    slope = slope / (float(np.median(slope)) or 1.0)  # ξⁿ⁻¹ of a power law
+    logarithm = np.log(np.maximum(depth, 1e-12))
+    columns = {
+        Check.GAIN_DRIFT: law.force(x, fit.v) * time,
+        Check.FRICTION: spring * np.tanh(20.0 * speed),
+        # Only for laws whose damping grows as xⁿ. For a constant damper, K₁ v + 2 K₂ x v would
+        # equal that damper except for rounding of K₂.
+        Check.DAMPING_FORM: slope * speed if law.power_law else rest,
+        Check.DAMPING_WITH_DEPTH: spring * speed,
+        # ∂²F/∂n², or ∂F/∂n if the exponent is fixed, because the true exponent is then only
+        # assumed.
+        Check.SHAPE: spring * (logarithm if fit.fixed else logarithm**2),
+        Check.SQUARE_SPEED: spring * speed * np.abs(speed),
+    }
+    return causes_from_columns(fit, columns, _explain_column)
+
+
+def _explain_column(fit: Fit, check: Check, amount: float) -> tuple[str, str]:
+    """Return the sentence and the next step for an amount of a column."""
+    part = abs(amount) / max(abs(fit.force_at_depth(fit.solution.law)), 1e-300)
+    half = rounded(float(np.median(fit.data.time)), 3)
+    return {
+        Check.GAIN_DRIFT: (
+            f"the material {'hardens' if amount > 0.0 else 'softens'} by {abs(amount):.1%} during "
+            "the recording",
+            f"identify the two halves separately: --stop {half}, then --start {half}",
+        ),
+        Check.FRICTION: (
+            f"friction of {part:.1%} of the force: it depends on the direction of motion, not on "
+            "the speed",
+            "press along the surface normal",
+        ),
+        Check.DAMPING_FORM: (
+            "the damping grows with depth differently than in the law",
+            "use the damping at the working depth only",
+        ),
+        Check.DAMPING_WITH_DEPTH: (
+            "the damping grows with depth, but not in this law",
+            "run again with --method variable-projection, whose damping grows with depth",
+        ),
+        Check.SHAPE: (
+            "the force does not grow with depth by the exponent that was passed"
+            if fit.fixed
+            else "the force grows with depth differently than in the law",
+            deeper_half_remedy(fit),
+        ),
+        Check.SQUARE_SPEED: ("the damping force is not proportional to the speed", TASK_SPEED),
+    }[check]
+
+
+TIMES = 7  # relaxation times tried, from P/30 to 0.7 of the recording
+BLOCK = 64  # samples whose state is computed in one vectorised step
+
+
+def find_relaxation(fit: Fit) -> list[MisfitHypothesis]:
+    """Fit a relaxation branch dh/dt = d(ξⁿ)/dt − h/τ next to the law, with the best of seven τ.
+
+    With q = ωτ at the motion's frequency ω, the branch adds q²/(1 + q²) of its force to the
+    stiffness and τ/(1 + q²) to the damping. Without these terms a dynamic stiffness would be
+    reported as 50 % wrong.
+    """
+    data = fit.data
+    steps = np.diff(data.time, prepend=data.time[0])
+    duration = float(steps.sum())
+    shortest = max(8.0 * data.sample_time, fit.period / 30.0)
+    if not 0.0 < shortest < 0.7 * duration:
+        return []
+    law, x = fit.solution.law, np.maximum(fit.penetration / fit.units.depth, 0.0)
+    at_depth = fit.force_at_depth(law) or 1.0
+    spring = law.force(x, np.zeros_like(x)) / at_depth
+    best, time = None, shortest
+    for tau in np.geomspace(shortest, 0.7 * duration, TIMES):
+        state = relaxation_state(spring, steps, float(tau), data.sample_time)
+        result = fit_with_column(fit, fit.windows.mean(state[fit.windows.samples]))
+        if result is not None and (
+            best is None or result.explained_fraction > best.explained_fraction
+        ):
+            best, time = result, float(tau)
+    if best is None:
+        return []
+    turn = 2.0 * math.pi * time / fit.period
+    branch = best.amount / (1.0 + turn**2) / at_depth
+    change = BranchChange(law, best.change, turn**2 * branch, time * branch)
+    words = _describe_relaxation(fit, time)
+    numbers = best.z, best.explained_fraction, 0.0
+    return [MisfitHypothesis(Check.MEMORY, *numbers, *words, change, *change.relative(fit))]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class BranchChange:
+    """A change of the parameters, and an added relaxation branch.
+
+    The branch's stiffness and damping [s] are multiples of the law's stiffness.
+    """
+
+    law: ForceLaw
+    parameters: Floats
+    stiffness: float
+    damping: float
+
+    def relative(self, fit: Fit) -> tuple[float, float]:
+        """Return the change of stiffness and damping at the fit's depth over their scales."""
+        stiffness, damping = fit.relative_change(self.parameters)
+        slope = fit.stiffness(self.law)
+        by_stiffness = self.stiffness * slope / fit.reference_scales[0]
+        by_damping = self.damping * slope / fit.reference_scales[1]
+        return stiffness + by_stiffness, damping + by_damping
+
+
+def _describe_relaxation(fit: Fit, time: float) -> tuple[str, str]:
+    """Return the sentence and the next step for relaxation in the residual."""
+    over, tare = f"about {rounded(time, 2)} s", "tare the sensor before each touch"
+    if fit.equivalent is None:
+        return (
+            f"stress relaxation over {over}: the stiffness holds at "
+            f"{rounded(1.0 / fit.period, 2)} Hz",
+            relaxation_remedy(fit.laws, time),
+        )
+    if fit.equivalent.longest == 0.0:
+        return (
+            f"the force relaxes over {over}, which no compared law describes better: sensor drift, "
+            "or a material that changes",
+            tare,
+        )
+    if time > fit.equivalent.longest:
+        return (
+            f"the force relaxes over {over}, longer than the law does: sensor drift, or a material "
+            "that softens",
+            tare,
+        )
+    return (
+        f"the force relaxes over {over} differently than the law",
+        relaxation_remedy(fit.laws, time),
+    )
+
+
+def relaxation_state(drive: Floats, steps: Floats, tau: float, sample_time: float) -> Floats:
+    """State h of dh = d(drive) − h dt/τ, from h = 0, with the median time step within blocks.
+
+    Exact for even time steps. For uneven steps the decay over a block of 64 samples uses the
+    block's own duration, and the decay within it the median step.
+    """
+    decay = math.exp(-sample_time / tau)
+    power = decay ** np.arange(BLOCK + 1)
+    blocks = -(-len(drive) // BLOCK)
+    rise = np.zeros(blocks * BLOCK)
+    rise[1 : len(drive)] = np.diff(drive)
+    local, span = rise.reshape(blocks, BLOCK), 1
+    while span < BLOCK:  # Σ aⁱz⁻ⁱ = (1 + az⁻¹)(1 + a²z⁻²)(1 + a⁴z⁻⁴)…
+        local[:, span:] += power[span] * local[:, :-span]
+        span *= 2
+    elapsed = np.zeros(blocks * BLOCK)
+    elapsed[: len(drive)] = steps
+    over = np.exp(-elapsed.reshape(blocks, BLOCK).sum(axis=1) / tau).tolist()
+    carried, state = np.empty(blocks), 0.0
+    for block, (end, fade) in enumerate(zip(local[:, -1].tolist(), over, strict=True)):
+        carried[block] = state
+        state = end + fade * state
+    return (local + carried[:, None] * power[1:]).reshape(-1)[: len(drive)]
+
+
+# Depth range over the working depth in which adhesion is searched for, and its number of pieces.
+LIGHT, PIECES = (-0.2, 0.5), 8
+FEWEST_PULLED = 10  # samples in a piece
+PULL_Z, LEAST_PULL = 4.0, 0.003  # standard errors; fraction of the largest force
+REACHES = (0.1, 0.2, 0.4, 0.8)  # lengths of an adhesive neck over the working depth
+
+
+def find_adhesion_or_relaxation(fit: Fit) -> list[MisfitHypothesis]:
+    """Return adhesion if the force is negative and adhesion fits as well, else relaxation.
+
+    The columns of adhesion are −exp(−ξ/r) on withdrawal, a neck that breaks, and −√ξ on withdrawal
+    or in both directions, as in the theory of Johnson, Kendall and Roberts. Relaxation of
+    a material causes no negative force. A relaxing law may still have one; it then explains far
+    more than adhesion.
+    """
+    causes = find_relaxation(fit)
+    pull = largest_pull(fit)
+    if not pull > 0.0:
+        return causes
+    depth = np.maximum(fit.x, 0.0) * fit.units.depth / fit.reference
+    root = np.sqrt(depth)
+    shapes = np.array([*(np.exp(-depth / reach) for reach in REACHES), root])
+    columns = fit.windows.mean(-np.vstack([np.where(fit.v < 0.0, shapes, 0.0), root]).T).T
+    fits = (fit_with_column(fit, column) for column in columns)
+    pulls = [each for each in fits if each is not None and each.amount > 0.0]
+    if not pulls:
+        return causes
+    best = max(pulls, key=lambda each: each.explained_fraction)
+    if causes and 1.0 - causes[0].explained_fraction < SURE * (1.0 - best.explained_fraction):
+        return causes
+    force = format_quantity(pull, "N")
+    sentence = f"adhesion: near the surface the material pulls the probe with {force}"
+    remedy = f"record a motion that stays in contact, or {deeper_half_remedy(fit)}"
+    return [cause_from_column(fit, Check.ADHESION, best, sentence, remedy)]
+
+
+def largest_pull(fit: Fit) -> float:
+    """Return the largest adhesive force during withdrawal, relative to free air, N; 0 without.
+
+    The reference is the lower of two means in free air, of all samples and of those in withdrawal,
+    so that friction of the probe does not count, and follows the slope of the approach in air.
+    """
+    free = np.flatnonzero(fit.free)
+    if free.size < FEWEST_FREE:
+        return 0.0
+    x, force = fit.penetration / fit.reference, fit.data.contact.force[fit.data.known]
+    leaves = (fit.data.velocity < -0.1 * fit.speed) & ~fit.rejected
+    still = [each for each in (free, free[leaves[free]]) if each.size]
+    away = [each[x[each] <= np.median(x[each])] for each in still]
+    zero = min((force[each] for each in away), key=np.mean)
+    comes, slope = free[~leaves[free]], 0.0
+    if comes.size and np.ptp(x[comes]) > 0.0:
+        # Centred sums, which are defined even if the positions differ in their last digits only.
+        off = x[comes] - x[comes].mean()
+        slope = min(float(off @ force[comes] / max(off @ off, float(np.finfo(float).tiny))), 0.0)
+    place = (x - LIGHT[0]) * PIECES / (LIGHT[1] - LIGHT[0])
+    least, largest = LEAST_PULL * fit.data.peak_force, 0.0
+    for piece in range(PIECES):
+        in_piece = leaves & (place >= piece) & (place < piece + 1)
+        if np.count_nonzero(in_piece) < FEWEST_PULLED:
+            continue
+        below = zero.mean() + slope * (x[in_piece] - float(np.mean(x[away[0]]))) - force[in_piece]
+        pull = float(below.mean())
+        if pull > max(least, largest) and pull > PULL_Z * math.hypot(
+            mean_error(below), mean_error(zero)
+        ):
+            largest = pull
+    return largest
+
+
+HOLD = 3.0  # relaxation times, after which e⁻³ = 5 % remains
+STILL = 0.05  # fraction of the rms velocity
+
+
+def check_relaxed_stiffness(fit: Fit) -> Finding | None:
+    """The relaxed stiffness is extrapolated: no hold of three relaxation times was recorded."""
+    if fit.laws is None or fit.equivalent is None or not fit.laws.law.remembers:
+        return None
+    inside, data = np.flatnonzero(fit.inside), fit.data
+    still = np.abs(data.velocity[inside]) < STILL * fit.speed
+    ends = np.flatnonzero(np.diff(still, prepend=False, append=False)).reshape(-1, 2)
+    time = data.time[inside]
+    held = max((float(time[end - 1] - time[begin]) for begin, end in ends.tolist()), default=0.0)
+    relaxation = fit.laws.law.relaxation
+    assert relaxation is not None
+    if held >= HOLD * relaxation.longest_time:
+        return None
+    return Check.RELAXED_STIFFNESS.finding(
+        "the relaxed stiffness is extrapolated: no hold as long as three relaxation times was "
+        "recorded; K′ and B′ at the motion's frequency do not need it",
+        f"press, and hold for {rounded(HOLD * relaxation.longest_time, 2)} s",
+    )
+
+
+def check_behind_relaxation(fit: Fit) -> list[Finding]:
+    """Report adhesion, or a change of the material, that a relaxing law has absorbed.
+
+    The Hunt–Crossley law is fitted to the same samples. With adhesion its residual is about as
+    small as the residual of the selected law, with a change of the material far smaller.
+    """
+    data, trace, _ = fit._given
+    plain, energy = Fit(data, trace, fit.estimate, fit.depth), fit.solution.energy
+    causes = []
+    if largest_pull(plain) > 0.0:
+        pulls = (
+            each for each in find_adhesion_or_relaxation(plain) if each.check is Check.ADHESION
+        )
+        causes += [(each, energy / SURE) for each in pulls if each.z > SIGNIFICANT]
+    if not fit.at_noise_floor and (changed := find_changes(plain)) is not None:
+        causes.append((changed.cause, energy * SURE))
+    return [
+        each.check.finding(each.sentence, each.remedy, each.z, mark="with-care")
+        for each, most in causes
+        if (1.0 - each.explained_fraction) * plain.solution.energy < most
+    ]
+
+
+TASK_SPEED = "record at the speed of the task"
+
+
+def relaxation_remedy(laws: ModelSelection | None, time: float) -> str:
+    """Return the next step for relaxation in the residual.
+
+    Parameters
+    ----------
+    laws : ModelSelection, optional
+        The model selection, if the law was selected.
+    time : float
+        Relaxation time in the residual, s.
+    """
+    if laws is None:
+        return SELECT_LAW
+    if time > laws.longest:  # sensor drift is as likely
+        return "tare the sensor before each touch"
+    return TASK_SPEED

@@ -1,0 +1,214 @@
+"""Faults of the force sensor and of the velocity: range, dead band, offset, gain, noise."""
+
+import math
+
+import numpy as np
+
+from palpate.diagnosis.causes import (
+    CARE,
+    MisfitHypothesis,
+    causes_from_columns,
+    relative_time,
+)
+from palpate.diagnosis.fit import Fit
+from palpate.diagnosis.recording import VELOCITY_NONE
+from palpate.diagnosis.windows import FEWEST_FREE
+from palpate.digits import format_quantity, rough_percent, rounded
+from palpate.estimators.least_squares import mean_error
+from palpate.findings import Check, Finding, Mark
+from palpate.preparation.held import beat_of
+from palpate.preparation.resolution import find_dead_band
+
+SHORTEST = 5  # samples
+MOVES = 4.0  # multiple of the noise or of the step by which the law's force must vary during a run
+SOME_FLAT, MANY_FLAT = 0.01, 0.05  # fractions of the samples in contact
+
+
+def check_saturation(fit: Fit) -> Finding | None:
+    """Runs of 5 or more equal forces while the law's force varies by more than 4 max(σ, step).
+
+    A held force has another check, so only runs of more than two of its beats count. A dead band
+    also has another check, so its samples do not count. A run ends at the surface.
+    """
+    force, inside = fit.data.force, fit.inside | (fit.rejected & (fit.penetration > 0.0))
+    shortest = max(SHORTEST, math.floor(2.0 * beat_of(force)) + 1)
+    changed = np.diff(force, prepend=np.nan, append=np.nan) != 0.0
+    below = fit.penetration > 0.0
+    changed[1:-1] |= below[1:] != below[:-1]
+    borders = np.flatnonzero(changed)
+    lengths, began = np.diff(borders), borders[:-1]
+    # Samples in which the sensor was lost are not taken, but the one before is.
+    long = (lengths >= shortest) & below[began] & (inside[began] | inside[np.maximum(began - 1, 0)])
+    if band := find_dead_band(fit.data.contact):
+        long &= force[began] >= band
+    if not long.any():
+        return None
+    starts, lengths = began[long], lengths[long]
+    within = np.repeat(starts - np.cumsum(lengths) + lengths, lengths) + np.arange(lengths.sum())
+    model = fit.law.force(np.maximum(fit.penetration[within], 0.0), fit.data.velocity[within])
+    runs = np.cumsum(lengths) - lengths
+    span = np.maximum.reduceat(model, runs) - np.minimum.reduceat(model, runs)
+    stuck = span > MOVES * max(fit.data.force_noise, fit.data.force_step)
+    top = float(force[inside].max())
+    highest = force[starts] >= top
+    count = np.count_nonzero(inside)
+    at_top = lengths[stuck & highest].sum() / count
+    elsewhere = lengths[stuck & ~highest].sum() / count
+    part = max(at_top, elsewhere)
+    if part <= SOME_FLAT:
+        return None
+    mark: Mark = "do-not-trust" if part > MANY_FLAT else "with-care"
+    if at_top < elsewhere:
+        words = f"the force is constant for {part:.1%} of the contact while the probe moves"
+        return Check.STUCK_FORCE.finding(words, "check the sensor's connection", mark=mark)
+    words = (
+        f"the force stays at its largest value, {rounded(top, 3)} N, for {part:.1%} of the "
+        "contact: the sensor saturates"
+    )
+    return Check.SATURATION.finding(words, "use a force sensor with a larger range", mark=mark)
+
+
+def check_dead_band(fit: Fit) -> Finding | None:
+    """The force is constant in air and at light touch, and jumps from there to a larger value."""
+    band = find_dead_band(fit.data.contact)
+    if not band:
+        return None
+    return Check.DEAD_BAND.finding(
+        f"the force is zero below {format_quantity(band, 'N', digits=1)}: the sensor or its "
+        "firmware has a dead band, and palpate leaves these samples out",
+        "switch the threshold off",
+    )
+
+
+MANY_LEFT_OUT = 0.05  # fraction of the samples in contact
+
+
+def outlier_finding(count: int, samples: int) -> Finding:
+    """Report the number of samples in contact that were excluded; more than 5 % call for care."""
+    part = rounded(100.0 * count / samples, 2)
+    return Check.OUTLIERS.finding(
+        f"{count} sample{'s' * (count > 1)} ({part} %) excluded as outlier{'s' * (count > 1)}",
+        "if they are real, run again with --no-reject-outliers",
+        mark="with-care" if count > MANY_LEFT_OUT * samples else "trust",
+    )
+
+
+def check_velocity_noise(fit: Fit) -> Finding | None:
+    """Errors in a regressor attenuate its coefficient: C is too small by σ_v²/⟨v²⟩.
+
+    σ_v is the noise of a recorded velocity, from its fourth differences, or the filter's output for
+    the penetration's noise, including its steps.
+    """
+    speed = float(np.mean(fit.data.velocity[fit.inside] ** 2))
+    part = fit.data.velocity_noise**2 / speed if speed > 0.0 else 0.0
+    if not part > CARE:
+        return None
+    derived = fit.data.velocity_filter is not None
+    whose = (
+        "the velocity, differentiated from the penetration," if derived else "the velocity column"
+    )
+    return Check.VELOCITY_NOISE.finding(
+        f"{whose} is noisy: the damping is about {min(part, 1.0):.0%} too small",
+        fit.data.wider_window if derived else VELOCITY_NONE,
+        moves_percent=(0.0, 100.0 * min(part, 1.0)),
+    )
+
+
+#: Standard errors, and fraction of stiffness or damping, above which a slope in free air counts.
+AIR_Z, AIR_PART = 6.0, 0.01
+
+
+def check_free_air(fit: Fit) -> Finding | None:
+    """The force in free air follows the probe's position or velocity.
+
+    A cause that moves with the probe in free air also does so in contact: its slope adds to the
+    stiffness, its drag to the damping.
+    """
+    slopes, errors = np.array(fit.free_air.slopes), np.array(fit.free_air.errors)
+    moved = np.where(np.abs(slopes) > AIR_Z * errors, slopes / fit.reference_scales, 0.0)
+    moved = np.where(np.abs(moved) > AIR_PART, moved, 0.0)
+    if not moved.any():
+        return None
+    parts = zip(("stiffness", "damping"), moved.tolist(), strict=True)
+    much = " and ".join(f"{name} by {rough_percent(abs(by))}" for name, by in parts if by)
+    return Check.FREE_AIR.finding(
+        "the force changes with the motion in free air: a cable, a guide or a mass that moves "
+        f"with the probe changes {much}",
+        "route the cable so that it does not pull, and subtract the force measured in free air",
+        float(np.max(np.abs(slopes) / errors)),
+        brief="the force in free air changes with the motion",
+        moves_percent=(100.0 * float(moved[0]), 100.0 * float(moved[1])),
+    )
+
+
+OFFSET_Z, OFFSET_PART = 5.0, 0.01
+
+
+def check_offset(fit: Fit) -> Finding | None:
+    """The fitted offset differs from the force in free air."""
+    free = np.flatnonzero(fit.free)
+    if free.size < FEWEST_FREE or not fit.with_offset:
+        return None
+    x = fit.penetration[free]
+    force = fit.data.force[free[x <= np.median(x)]]
+    difference = fit.solution.offset - float(force.mean())
+    error = math.hypot(math.sqrt(fit.covariance[-1, -1]), mean_error(force))
+    z = abs(difference) / max(error, 1e-300)
+    if z <= OFFSET_Z or abs(difference) <= OFFSET_PART * fit.data.peak_force:
+        return None
+    return Check.OFFSET.finding(
+        f"the fitted force offset is {format_quantity(abs(difference), 'N')} "
+        f"{'above' if difference > 0 else 'below'} the force in free air: another law at light "
+        "touch, or a wrong tare",
+        f"tare in free air: --tare {_longest_free_interval(fit)}",
+        z,
+    )
+
+
+def _longest_free_interval(fit: Fit) -> str:
+    """Return the longest interval without contact as START:STOP, s."""
+    edges = np.flatnonzero(np.diff(np.r_[0, fit.free, 0]))
+    starts, stops = edges[::2], edges[1::2] - 1
+    k = int(np.argmax(stops - starts))
+    ends = (float(fit.data.time[at]) for at in (starts[k], stops[k]))
+    return ":".join(f"{end:.3f}".rstrip("0").rstrip(".") for end in ends)
+
+
+# Change of the sensor's gain up to the working force; a larger one is due to the material.
+MOST_CURVED = 0.3
+
+
+def find_sensor_causes(fit: Fit) -> list[MisfitHypothesis]:
+    """Fit a column each for zero drift, nonlinear gain, and a mass between sensor and material."""
+    law, x = fit.solution.law, np.maximum(fit.x, 1e-12)
+    force, at_depth = law.force(x, fit.v), fit.force_at_depth(law) or 1.0
+    columns = {
+        Check.OFFSET_DRIFT: relative_time(fit),
+        Check.INERTIA: fit.acceleration,  # its coefficient is the mass beyond the sensor
+    }
+    # If the exponent is fixed, curvature is more likely due to the material.
+    if law.power_law and not fit.fixed:
+        columns[Check.SENSOR_GAIN] = force**2 / at_depth
+    return causes_from_columns(fit, columns, _explain_column)
+
+
+def _explain_column(fit: Fit, check: Check, amount: float) -> tuple[str, str] | None:
+    """Return the sentence and the next step for an amount of a column; None for other causes."""
+    if check is Check.OFFSET_DRIFT:
+        return (
+            f"the force sensor's zero drifts by {format_quantity(abs(amount), 'N')}",
+            "tare the sensor before each touch",
+        )
+    if check is Check.SENSOR_GAIN:
+        if abs(amount) > MOST_CURVED:
+            return None
+        return (
+            f"the force sensor's gain changes by {abs(amount):.0%} up to the working force",
+            "calibrate the force sensor at several forces",
+        )
+    return (
+        f"a mass of {rounded(amount, 2)} kg moves between the force sensor and the material"
+        if amount > 0.0
+        else "the force depends on the acceleration",
+        "subtract the inertia of the parts beyond the sensor from the force",
+    )

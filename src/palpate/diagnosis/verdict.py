@@ -1,0 +1,235 @@
+"""The path from an identification to its diagnosis: causes, error bars, findings, marks."""
+
+import logging
+import math
+import time
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
+from itertools import pairwise
+from operator import attrgetter
+
+import numpy as np
+
+from palpate.diagnosis.bars import (
+    check_precision,
+    numbers_at_depth,
+    systematic_errors,
+    unknown_working_depth,
+)
+from palpate.diagnosis.causes import CauseAssessment, MisfitHypothesis, Search, assess_causes
+from palpate.diagnosis.change import Changes, find_changes
+from palpate.diagnosis.delay import check_skew, find_delay, find_skew_jump
+from palpate.diagnosis.excitation import (
+    check_excitation,
+    check_extrapolation,
+    check_one_way,
+    check_peaks,
+    explain_no_check,
+)
+from palpate.diagnosis.fit import Fit
+from palpate.diagnosis.forecast import check_forecast
+from palpate.diagnosis.geometry import check_known_surface, check_unobservable, find_surface
+from palpate.diagnosis.material import (
+    check_behind_relaxation,
+    check_relaxed_stiffness,
+    find_adhesion_or_relaxation,
+    find_material_causes,
+)
+from palpate.diagnosis.misfit import check_method, check_misfit, fraction_unexplained
+from palpate.diagnosis.outcome import (
+    Diagnosis,
+    Episode,
+    ModelSelection,
+    Quantity,
+    Verdict,
+    WorkingDepth,
+)
+from palpate.diagnosis.recording import Data
+from palpate.diagnosis.sensor import (
+    check_dead_band,
+    check_free_air,
+    check_offset,
+    check_saturation,
+    check_velocity_noise,
+    find_sensor_causes,
+)
+from palpate.estimators.estimate import Estimate, Trace
+from palpate.estimators.oscillation import Oscillation
+from palpate.findings import MAY_CAP, SEVERITIES, Check, Finding, worst
+from palpate.stages import timed
+
+_LOGGER = logging.getLogger(__name__)
+#: Checks of the fit as a whole.
+CHECKS: tuple[Callable[[Fit], Finding | None], ...] = (
+    check_saturation,
+    check_dead_band,
+    check_method,
+    check_excitation,
+    check_one_way,
+    check_offset,
+    check_free_air,
+    check_velocity_noise,
+    check_misfit,
+    check_forecast,
+    check_relaxed_stiffness,
+    check_extrapolation,
+    check_skew,
+    check_unobservable,
+    check_peaks,
+    check_known_surface,
+)
+#: Searches for causes of the misfit.
+SEARCHES: tuple[Search, ...] = (
+    find_sensor_causes,
+    find_material_causes,
+    find_adhesion_or_relaxation,
+    find_delay,
+    find_skew_jump,
+    find_surface,
+)
+
+
+@timed("diagnosis")
+def diagnose_parts(
+    data: Data,
+    trace: Trace,
+    estimate: Estimate,
+    *,
+    depths: Sequence[float] = (),
+    laws: ModelSelection | None = None,
+    notes: Sequence[Finding] = (),
+    method: str = "variable-projection",
+    response: Oscillation | None = None,
+    frequency: float = math.nan,
+) -> Diagnosis:
+    """Diagnose the identification of a recording.
+
+    Parameters
+    ----------
+    data : Data
+        The recording; its own checks run once for all methods.
+    trace : Trace
+        The replay.
+    estimate : Estimate
+        The last estimate.
+    depths : sequence of float
+        The working depth, to which the verdict refers, and further depths, m, > 0. Default: the
+        median and the 90th percentile of the penetration in contact.
+    laws : ModelSelection, optional
+        Model selection on the same samples.
+    notes : sequence of Finding
+        Flags of the estimate and its samples. If the material changes, only those that are more
+        than notes are reported: no motion identifies one law for several materials.
+    method : str
+        Name of the method, for remedies.
+    response : Oscillation, optional
+        Small oscillations of the selected law, which give K′ and B′.
+    frequency : float, optional
+        ω of the motion, rad/s.
+    """
+    with np.errstate(all="ignore"):  # a column of an absurd fit may overflow and is then skipped
+        fit = Fit(
+            data, trace, estimate, depths[0] if depths else None, laws, method, response, frequency
+        )
+        others = depths[1:] if depths else fit.deep_depths
+        try:
+            if fit.checkable:
+                return _diagnose(fit, data.findings, others, notes)
+        except np.linalg.LinAlgError:  # a motion without information, such as a probe held still
+            pass
+        found = [*data.findings, explain_no_check(fit), *notes]
+        unknown = tuple(unknown_working_depth(fit.at_depth(d)) for d in (fit.depth, *others))
+        return _assemble(found, unknown, (), fit.laws)
+
+
+def _diagnose(
+    fit: Fit, of_data: Sequence[Finding], others: Sequence[float], notes: Sequence[Finding]
+) -> Diagnosis:
+    """Find causes, compute error bars, collect findings and decide the marks."""
+    causes, changed = _find_causes(fit)
+    findings = [*of_data, *causes.findings]
+    if fit.equivalent is not None and not has_reported(findings, Check.ADHESION, Check.CHANGE):
+        findings += check_behind_relaxation(fit)
+    for check in CHECKS:
+        finding = check(fit)
+        if finding is None:
+            continue
+        # An error of the surface position makes the offset wrong too.
+        if not (finding.check == Check.OFFSET and causes.leading == Check.SURFACE):
+            findings.append(finding)
+    systematic = systematic_errors(fit, causes, findings)
+    depths = [numbers_at_depth(fit.at_depth(depth), systematic) for depth in (fit.depth, *others)]
+    findings += check_precision(fit, depths[0], systematic)
+    if has_reported(findings, Check.ONE_WAY):
+        unknown = Quantity(math.nan, math.nan, math.nan)
+        depths = [replace(depth, damping=unknown) for depth in depths]
+    episodes = () if changed is None else _episodes(fit, changed)
+    known = {finding.check for finding in findings}
+    more = (note for note in notes if note.check not in known)
+    findings += (note for note in more if not (episodes and note.severity == "note"))
+    return _assemble(findings, tuple(depths), episodes, fit.laws)
+
+
+def _find_causes(fit: Fit) -> tuple[CauseAssessment, Changes | None]:
+    """Search for all causes and assess them; also return the changes, if change is a finding."""
+    changed = find_changes(fit)
+    causes: list[MisfitHypothesis] = [] if changed is None else [changed.cause]
+    for search in SEARCHES:
+        begun = time.perf_counter()
+        causes += search(fit)
+        _LOGGER.debug("%s: %.4f s", search.__name__, time.perf_counter() - begun)
+    unexplained, selected = fraction_unexplained(fit), fit.response is not None
+    assessment = assess_causes(
+        causes, unexplained, at_noise_floor=fit.at_noise_floor, law_selected=selected
+    )
+    return assessment, changed if has_reported(assessment.findings, Check.CHANGE) else None
+
+
+def has_reported(findings: Iterable[Finding], *checks: str) -> bool:
+    """Whether one of the checks has a finding."""
+    return any(finding.check in checks for finding in findings)
+
+
+def _assemble(
+    findings: Sequence[Finding],
+    depths: tuple[WorkingDepth, ...],
+    episodes: tuple[Episode, ...],
+    laws: ModelSelection | None,
+) -> Diagnosis:
+    capped = [f if f.check in MAY_CAP else _drop_marks(f) for f in findings]
+    in_order = sorted(capped, key=lambda finding: -SEVERITIES.index(finding.severity))
+    selection = laws.verdict if laws is not None else None
+    verdict, limits = decide_marks(in_order, depths[0])
+    return Diagnosis(verdict, tuple(in_order), depths, episodes, selection, limits)
+
+
+def _drop_marks(finding: Finding) -> Finding:
+    """Return a finding that widens error bars but lowers no mark."""
+    return replace(finding, severity="note", stiffness="trust", damping="trust")
+
+
+def _episodes(fit: Fit, changed: Changes) -> tuple[Episode, ...]:
+    borders = [float(fit.data.time[0]), *changed.times, float(fit.data.time[-1])]
+    episodes = []
+    for ends, law in zip(pairwise(borders), changed.laws, strict=True):
+        quantities = [Quantity(value, math.nan, 0.0) for value in law.at_rest(fit.depth)]
+        episodes.append(Episode(*ends, law, WorkingDepth(fit.depth, *quantities)))
+    return tuple(episodes)
+
+
+def decide_marks(
+    findings: Sequence[Finding], at: WorkingDepth
+) -> tuple[Verdict, tuple[Finding | None, Finding | None]]:
+    """Return the verdict, and for stiffness and damping the finding that decides the mark."""
+    marks, limits = [], []
+    # A fault of the recording is more informative than a wide error bar, so it comes first.
+    ordered = sorted(findings, key=lambda each: each.check == Check.PRECISION)
+    for mark_by in map(attrgetter, ("stiffness", "damping")):
+        mark = worst(*map(mark_by, ordered))
+        deciding = (each for each in ordered if mark_by(each) == mark)
+        marks.append(mark)
+        limits.append(None if mark == "trust" else next(deciding))
+    # A damping that is not reported does not count.
+    given = math.isfinite(at.damping.value)
+    overall = worst(*marks) if given else marks[0]
+    return Verdict(marks[0], marks[1], overall), (limits[0], limits[1])

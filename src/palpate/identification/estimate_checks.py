@@ -1,0 +1,89 @@
+"""Checks of the last estimate of a contact and of its samples."""
+
+import math
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from palpate._core import Status
+from palpate.contact import Contact
+from palpate.diagnosis.causes import CARE
+from palpate.diagnosis.excitation import few_samples
+from palpate.diagnosis.fit import reference_scale
+from palpate.diagnosis.sensor import outlier_finding
+from palpate.estimators import ContactEstimator
+from palpate.estimators.estimate import Estimate, Trace, prediction_rmse_percent, violated_fraction
+from palpate.findings import Check, Finding
+from palpate.identification.refusals import not_finite
+
+NEGATIVE_STIFFNESS = Check.NEGATIVE_STIFFNESS.finding(
+    "negative stiffness: in this law the force falls with depth",
+    "check the signs of penetration and force",
+)
+NEGATIVE_DAMPING = Check.NEGATIVE_DAMPING.finding(
+    "negative damping: this law creates energy, which no passive material does"
+)
+
+
+def check_estimate(
+    contact: Contact, trace: Trace, estimator: ContactEstimator
+) -> Iterator[Finding]:
+    """Yield findings of the last estimate and of the samples."""
+    estimate = estimator.estimate()
+    law = estimate.law
+    yield from estimate.motion_findings
+    if estimate.samples < 10 * len(law.symbols):
+        yield few_samples(estimate.samples)
+    pulls = (law.power_law or law.relaxes) and not law.remembers
+    if pulls and law.stiffness < 0.0:
+        yield NEGATIVE_STIFFNESS
+    if law.as_dict().get("damping", 0.0) < 0.0 and _creates_energy(contact, trace, estimate):
+        yield NEGATIVE_DAMPING
+    violated = violated_fraction(trace) if estimator.needs_condition_10 else 0.0
+    if violated > 0.0:
+        yield Check.CONDITION_10.finding(
+            f"|v| ≥ 0.1 K/B in {violated:.1%} of the contact, where the method is biased"
+        )
+    if math.isnan(prediction_rmse_percent(trace, contact.force, contact.time_steps)):
+        yield Check.PREDICTION.finding("less than 0.2 s of contact: no prediction error")
+    if estimate.guarded:
+        yield Check.GUARD.finding(f"the covariance was limited on {estimate.guarded} samples")
+    if left_out := int(np.count_nonzero(trace.rejected)):
+        taken = int(np.count_nonzero(trace.taken))
+        yield outlier_finding(left_out, left_out + taken)
+    if (verdict := estimator.verdict()) is not None:
+        yield from verdict.findings
+    for refusal in (Status.NOT_FINITE, Status.INVALID_STEP, Status.OUT_OF_RANGE):
+        if count := int(np.count_nonzero(trace.status == refusal)):
+            words = refusal.name.lower().replace("_", " ")
+            if refusal == Status.NOT_FINITE:
+                words += f": {not_finite(contact)}"
+            yield Check.REJECTED_SAMPLES.finding(f"{count} samples rejected: {words}")
+
+
+def _creates_energy(contact: Contact, trace: Trace, estimate: Estimate) -> bool:
+    taken = trace.taken
+    depth = float(np.median(contact.penetration[taken])) - estimate.surface if taken.any() else 0.0
+    if not depth > 0.0:
+        return False
+    with np.errstate(all="ignore"):
+        (force, _, damping), errors = estimate.with_errors(lambda of: of.at_rest(depth))
+        speed = np.sqrt(np.mean(contact.velocity[taken] ** 2))
+        return bool(creates_energy(damping, errors[2], force, speed))
+
+
+def creates_energy(damping: Any, error: Any, force: Any, speed: Any) -> Any:
+    """Whether a damping is negative, beyond two standard errors and the diagnosis's tolerance.
+
+    Parameters
+    ----------
+    damping, error : float or numpy.ndarray
+        Damping at a depth and its standard error, N·s/m.
+    force : float or numpy.ndarray
+        Force at that depth and at rest, N.
+    speed : float or numpy.ndarray
+        Root mean square of the velocity in contact, m/s.
+    """
+    size = reference_scale(damping, force, speed)
+    return damping < -np.maximum(2.0 * error, CARE * size)

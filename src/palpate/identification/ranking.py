@@ -1,0 +1,125 @@
+"""Comparison of methods: the recommended one, failures, and error bars that exclude each other."""
+
+import itertools
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate.diagnosis import Quantity
+from palpate.diagnosis.causes import CARE
+from palpate.digits import rounded, with_error
+from palpate.estimators import ViscoelasticContact
+from palpate.estimators.estimate import rmse_percent
+from palpate.findings import MARKS, Check
+from palpate.identification.identified import Identified
+
+EXCLUDED = 3.0  # standard errors of the difference
+
+
+@dataclass(frozen=True, slots=True)
+class Ranking:
+    """Result of a comparison of methods.
+
+    Attributes
+    ----------
+    recommended : str or None
+        The recommended method; None if no method can be trusted.
+    order : tuple of str
+        The methods, the best first: by overall mark; then the methods that fit clearly worse than a
+        selected relaxing law come last; then by both marks, and by the error of the fit.
+    failing : tuple of str
+        Methods whose estimate is not the least squares of their law, or that have no estimate.
+    exclusions : tuple of str
+        A sentence for each pair of methods whose error bars exclude each other.
+    """
+
+    recommended: str | None
+    order: tuple[str, ...]
+    failing: tuple[str, ...]
+    exclusions: tuple[str, ...]
+
+
+def rank(results: "Mapping[str, Identified]") -> Ranking:
+    """Rank the identifications that :func:`palpate.compare` returned.
+
+    Parameters
+    ----------
+    results : mapping
+        Identifications by the names of their methods.
+    """
+    common = np.logical_and.reduce([result.trace.taken for result in results.values()])
+    errors = {name: _common_rmse(result, common) for name, result in results.items()}
+    outdone = _clearly_worse(results, errors)
+    order = tuple(
+        sorted(results, key=lambda name: _badness(results[name], errors[name], name in outdone))
+    )
+    failing = tuple(name for name in order if method_fails(results[name]))
+    pairs = itertools.combinations(order, 2)
+    words = (_exclusion(results[a], results[b]) for a, b in pairs)
+    hopeless = all(r.diagnosis.verdict.overall == "do-not-trust" for r in results.values())
+    best = None if hopeless else order[0]
+    return Ranking(best, order, failing, tuple(each for each in words if each))
+
+
+def method_fails(result: "Identified") -> bool:
+    """Whether the method's estimate is not the least squares of its law on these samples."""
+    moves = (
+        max(abs(f.moves_stiffness_percent), abs(f.moves_damping_percent))
+        for f in result.diagnosis.findings
+        if f.check == Check.METHOD
+    )
+    return any(each > 100.0 * CARE for each in moves)
+
+
+def _common_rmse(result: "Identified", common: NDArray[np.bool_]) -> float:
+    """RMSE% on the samples that all methods took; variable projection also takes shallow ones."""
+    fit = rmse_percent(result.contact.force[common], result.fitted_force[common])
+    return fit if math.isfinite(fit) else math.inf
+
+
+# Ratio of errors below which a selected relaxing law is clearly better.
+CLEARLY = 0.9
+
+
+def _clearly_worse(results: "Mapping[str, Identified]", errors: Mapping[str, float]) -> set[str]:
+    """Return the methods that fit clearly worse than a relaxing law that was selected."""
+    method = ViscoelasticContact.method
+    if method not in results or not results[method].law.remembers:
+        return set()
+    return {name for name, fit in errors.items() if errors[method] <= CLEARLY * fit}
+
+
+def _badness(result: "Identified", error: float, outdone: bool) -> tuple[float, ...]:
+    verdict = result.diagnosis.verdict
+    overall, *others = (
+        MARKS.index(mark) for mark in (verdict.overall, verdict.stiffness, verdict.damping)
+    )
+    # Rounded to a tenth, so that methods with one law and equal fit keep the order of the registry.
+    return overall, outdone, *others, round(error, 1)
+
+
+def _exclusion(one: "Identified", other: "Identified") -> str | None:
+    if one.law.remembers or other.law.remembers:
+        return None  # the stiffness of a relaxing law is not comparable to others
+    first, second = one.diagnosis.working_depth, other.diagnosis.working_depth
+    words = []
+    for name, a, b in (
+        ("stiffness", first.stiffness, second.stiffness),
+        ("damping", first.damping, second.damping),
+    ):
+        apart = abs(a.value - b.value) / math.hypot(_bar(a), _bar(b))
+        if apart > EXCLUDED:
+            both = f"{with_error(a.value, _bar(a))} and {with_error(b.value, _bar(b))}"
+            words.append(f"{name} {both} ({rounded(apart, 2)} standard errors)")
+    if not words:
+        return None
+    return f"{one.method} and {other.method} exclude each other: {', '.join(words)}"
+
+
+def _bar(quantity: Quantity) -> float:
+    """Return both error bars together; infinite if the statistical one is unknown."""
+    bar = quantity.whole_error
+    return bar if math.isfinite(bar) and bar > 0.0 else math.inf

@@ -1,0 +1,93 @@
+"""NumPy's .npz and .npy: arrays by their names, fields of structured arrays, columns of tables."""
+
+import zipfile
+import zlib
+from collections.abc import Callable, Iterator
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate.errors import RecordingError
+from palpate.recordings.nested import Findings
+from palpate.recordings.opening import Request, first_line
+from palpate.recordings.recording import Recording, printable
+
+_DAMAGED = (
+    zipfile.BadZipFile, zlib.error, EOFError, KeyError, MemoryError, NotImplementedError, OSError,
+    RuntimeError, SyntaxError, TypeError, ValueError,
+)  # fmt: skip
+#: The name of the array in a .npy, which has none.
+COLUMN = "column"
+
+
+def read(path: Path, request: Request) -> Recording:
+    """Read the arrays of a .npz, or the one of a .npy, whose columns are ``column[0]`` and so on.
+
+    Arrays of Python objects are not loaded: unpickling runs code.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    request : Request
+        What to read.
+
+    Raises
+    ------
+    RecordingError
+        The file is damaged or holds no arrays of numbers.
+    """
+    found = Findings(printable(path), request)
+    try:
+        for name, load in _arrays(path, found):
+            try:
+                _add(found, name, load())
+            except _DAMAGED as error:
+                found.lose(name, _why(error))
+    except RecordingError:  # more than the caps
+        raise
+    except _DAMAGED as error:
+        words = f"the file is no archive of arrays, or is cut off ({first_line(error)})"
+        raise found.error(f"{words}; copy it again") from None
+    request.release()
+    return found.recording()
+
+
+def _arrays(path: Path, found: Findings) -> Iterator[tuple[str, Callable[[], NDArray[Any]]]]:
+    """Names and loaders of the arrays; a file unpacks no more than it states, or is refused."""
+    with path.open("rb") as file:
+        if file.read(6) == b"\x93NUMPY":
+            yield COLUMN, partial(np.load, path, mmap_mode="r", allow_pickle=False)
+            return
+        archive = zipfile.ZipFile(file)
+        for member in archive.infolist():
+            name = member.filename.removesuffix(".npy")
+            if found.request.wants(name):
+                found.request.reserve(member.file_size)
+                content = archive.open(member)
+                yield name, partial(np.lib.format.read_array, content, allow_pickle=False)
+
+
+def _add(found: Findings, name: str, array: NDArray[Any]) -> None:
+    unit = None
+    if array.dtype.kind in "mM":
+        array = array.astype(f"{array.dtype.kind}8[ns]").astype(np.int64)
+        unit = "ns"
+    if array.dtype.names:
+        for field in array.dtype.names:
+            _add(found, field if name == COLUMN else f"{name}.{field}", array[field])
+    elif array.dtype.kind not in "iufb" and array.ndim:
+        found.omit(name, "holds text or complex numbers")
+    elif not array.ndim:
+        found.note(name, array[()])
+    else:
+        found.add((), name, array.shape, lambda: np.array(array), unit=unit)
+
+
+def _why(error: BaseException) -> str:
+    if "allow_pickle" in (words := first_line(error)) or "Python objects" in words:
+        return "holds Python objects, which palpate does not unpickle; save plain arrays of numbers"
+    return f"cannot be read: {words}"

@@ -1,0 +1,241 @@
+"""Spreadsheets (.xlsx), read by openpyxl: the table of each sheet, parsed by the text reader."""
+
+import csv
+import io
+import warnings
+import zipfile
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import replace
+from datetime import timedelta
+from pathlib import Path
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+from openpyxl import load_workbook
+
+from palpate.errors import RecordingError, listed
+from palpate.recordings.opening import TEXT, Draft, Request, excess, first_line
+from palpate.recordings.recording import (
+    KNOWN,
+    OTHER_UNITS,
+    WEIGHTS,
+    Recording,
+    number_in_text,
+    plain_unit,
+    printable,
+)
+from palpate.recordings.times import SECONDS, clock_rank
+from palpate.writing import temporary_file
+
+_MOST_ROWS = 1 << 20  # of a sheet in Excel; a row may state a number far beyond it
+_CELL = 60  # bytes that a cell takes as a Python object
+# A contact needs as many samples; shorter tables beside longer ones are lists of results.
+_FEWEST_ROWS = 20
+_NO_TABLE = "holds no table of numbers; expected names above columns of numbers"
+_FORMULAS = "has formulas without values; open it in a spreadsheet program and save it again"
+
+_Row: TypeAlias = tuple[Any, ...]
+
+
+def read(path: Path, request: Request) -> Recording:
+    """Read the table of each sheet; of several tables each is a group, and a contact.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    request : Request
+        What to read; ``sheet`` chooses one sheet.
+
+    Raises
+    ------
+    RecordingError
+        The file is no spreadsheet, is damaged, has no such sheet, or none of them holds a table.
+    """
+    draft, tables = Draft(printable(path), request), dict[str, Recording]()
+    with path.open("rb") as file:
+        with _damage_explained(draft):
+            _check_sizes(file, draft)
+            book = load_workbook(file, read_only=True, data_only=True)
+        for name in _chosen_sheets([sheet.title for sheet in book.worksheets], draft):
+            with _damage_explained(draft):
+                rows = _rows_of(book[name], draft)
+            begin, end = _table_in(rows)
+            table = _parsed(rows[:begin], rows[begin:end], draft) if end else Recording({})
+            filled = {n: values for n, values in table.channels.items() if _is_filled(values)}
+            if end:
+                tables[name] = replace(table, channels=filled)
+            else:
+                draft.omit(f"sheet {name!r}", _NO_TABLE)
+            if not end or len(filled) < len(table.channels):
+                with _damage_explained(draft):
+                    if _has_formulas(file, name):
+                        draft.lose(f"sheet {name!r}", _FORMULAS)
+    if not tables:
+        raise draft.error([*draft.losses, *draft.omissions][0])
+    counts = {name: len(table.rows or ()) for name, table in tables.items()}
+    for name, count in counts.items():
+        if count < _FEWEST_ROWS <= max(counts.values()):
+            draft.omit(f"sheet {name!r}", f"holds only {count} rows of numbers")
+            del tables[name]
+    return _joined(tables, draft)
+
+
+@contextmanager
+def _damage_explained(draft: Draft) -> Iterator[None]:
+    """Name the file and the remedy where openpyxl cannot read it."""
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # extensions and styles that openpyxl does not know
+            yield
+    except RecordingError:
+        raise
+    except Exception as error:  # what openpyxl raises on damaged XML is of many kinds
+        words = f"the spreadsheet is damaged or has a password ({first_line(error)})"
+        raise draft.error(f"{words}; open it in a spreadsheet program and save it again") from None
+
+
+def _check_sizes(file: Any, draft: Draft) -> None:
+    """Refuse an archive that states more than the caps; zipfile unpacks no more than stated."""
+    for member in zipfile.ZipFile(file).infolist():
+        is_sheet = member.filename.startswith("xl/worksheets/")
+        most = draft.request.max_size if is_sheet else draft.request.largest_block
+        if member.file_size > most:
+            raise draft.error(excess(f"{member.filename} needs", member.file_size, most))
+
+
+def _chosen_sheets(names: Sequence[str], draft: Draft) -> Sequence[str]:
+    wanted = draft.request.sheet
+    by_number = {str(k): [name] for k, name in enumerate(names, start=1)}
+    if wanted is None or wanted in names:
+        return names if wanted is None else [wanted]
+    if wanted not in by_number:
+        raise draft.error(f"no sheet {wanted!r}; pass --sheet with one of {listed(list(names))}")
+    return by_number[wanted]
+
+
+def _rows_of(sheet: Any, draft: Draft) -> list[_Row]:
+    sheet.reset_dimensions()  # the stated ones may be wrong
+    rows = []
+    for row in sheet.iter_rows(max_row=_MOST_ROWS, values_only=True):
+        draft.request.reserve(_CELL * (len(row) + 1))
+        rows.append(row)
+    return rows
+
+
+def _table_in(rows: Sequence[_Row]) -> tuple[int, int]:
+    """The place of the first sample and of the end of the table; 0, 0 without a table.
+
+    The table is the longest run of rows with numbers in the columns that most often have some.
+    """
+    same: dict[frozenset[int], frozenset[int]] = {}  # a set of its own for each row takes 200 bytes
+    numbers = []
+    for row in rows:
+        places = frozenset(k for k, cell in enumerate(row) if _is_number(cell))
+        numbers.append(same.setdefault(places, places))
+    counts = Counter(places for places in numbers if len(places) > 1)
+    if not counts:
+        return 0, 0
+    columns = max(counts, key=lambda places: counts[places] * len(places))
+    begin = end = start = 0
+    for k, places in enumerate([*numbers, frozenset[int]()]):
+        if not columns <= places:
+            begin, end = (start, k) if k - start > end - begin else (begin, end)
+            start = k + 1
+    # A cell without a number does not end the table, a blank row does.
+    while begin and 2 * len(numbers[begin - 1] & columns) >= len(columns):
+        begin -= 1
+    while end < len(rows) and any(cell is not None for cell in rows[end]):
+        end += 1
+    return begin, end
+
+
+def _is_number(cell: Any) -> bool:
+    """Whether a cell holds a number, or one that was pasted as text."""
+    try:
+        return type(cell) in (int, float) or number_in_text(cell.replace(",", ".")) is not None
+    except (AttributeError, TypeError, ValueError):
+        return False
+
+
+def _parsed(above: Sequence[_Row], body: Sequence[_Row], draft: Draft) -> Recording:
+    """Parse a table by the text reader, with the rows above as notes; row numbers stay."""
+    text = io.StringIO()
+    lines = csv.writer(text, delimiter="\t", lineterminator="\n")
+    names, width = _header_rows(above), max(map(len, body))
+    for k, row in enumerate(above):
+        cells = [" ".join(_words(cell).split()) for cell in row]
+        filled = [cell for cell in cells if cell]
+        if k in names:
+            lines.writerow([*cells, *[""] * width][:width])
+        elif len(filled) > 1:
+            text.write(f"# {filled[0].rstrip(':')}: {' '.join(filled[1:])}\n")
+        else:
+            text.write("\n")
+    lines.writerows([_words(cell) for cell in row] for row in body)
+    with temporary_file("sheet.tsv", [text.getvalue().encode()]) as copy:
+        try:
+            return TEXT.read(copy, replace(draft.request, channels=None, progress=None))
+        except RecordingError as error:
+            raise RecordingError(str(error).replace(printable(copy), draft.source)) from None
+
+
+def _header_rows(above: Sequence[_Row]) -> list[int]:
+    """The places of the row of names, and of the row of units below it if there is one."""
+    words = [[cell for cell in row if cell is not None] for row in above]
+    filled = [k for k, row in enumerate(words) if len(row) > 1 and set(map(type, row)) == {str}]
+    cells = [plain_unit(cell) for k in filled[-1:] for cell in words[k]]
+    known = sum(cell in KNOWN or cell in OTHER_UNITS or cell in WEIGHTS for cell in cells)
+    return filled[-2:] if 2 * known >= len(cells) else filled[-1:]
+
+
+def _words(cell: Any) -> str:
+    """A cell as text from which the text reader makes the same number, time or words."""
+    cell = cell.total_seconds() if isinstance(cell, timedelta) else cell
+    return "" if cell is None else str(cell)
+
+
+def _joined(tables: dict[str, Recording], draft: Draft) -> Recording:
+    """One recording: of a single table with its own names, else of a group for each sheet."""
+    for sheet, table in tables.items():
+        group = f"{sheet}/" if len(tables) > 1 else ""
+        clock = _clock_of(table) if group else None
+        for name in table.channels:
+            draft.channels[group + name] = table.channels[name]
+            if clock not in (None, name):
+                draft.clocks[group + name] = f"{group}{clock}"
+        draft.units |= {group + name: unit for name, unit in table.units.items()}
+        draft.faults |= {group + name: fault for name, fault in table.faults.items()}
+        draft.notes |= {group + name: words for name, words in table.notes.items()}
+        draft.losses += [f"sheet {sheet!r}: {words}" for words in table.losses]
+    needed = {*filter(draft.request.wants, draft.channels)}
+    needed |= {draft.clocks[name] for name in needed if name in draft.clocks}
+    if not needed:
+        wanted = ", ".join(draft.request.channels or ())
+        raise draft.error(f"no channel {wanted}; available: {listed(list(draft.channels))}")
+    for name in draft.channels.keys() - needed:
+        del draft.channels[name]
+    return draft.done(table.rows if len(tables) == 1 else None)
+
+
+def _clock_of(table: Recording) -> str | None:
+    """The column with the times: by its name, else by its unit."""
+    ranks = {name: rank for name in table.channels if (rank := clock_rank(name)) is not None}
+    timed = [name for name in table.channels if table.unit_of(name) in SECONDS]
+    return min(ranks, key=ranks.__getitem__) if ranks else next(iter(timed), None)
+
+
+def _is_filled(values: NDArray[Any]) -> bool:
+    """Whether a column belongs to the table, not to a list of results beside it."""
+    count = np.count_nonzero(values != "" if values.dtype == object else values == values)
+    return bool(count >= min(_FEWEST_ROWS, 0.1 * len(values)) and count)
+
+
+def _has_formulas(file: Any, name: str) -> bool:
+    """Whether a sheet holds formulas, which without their values look like empty cells."""
+    sheet = load_workbook(file, read_only=True)[name]
+    rows = sheet.iter_rows(max_row=1000, max_col=100, values_only=True)
+    return any(isinstance(cell, str) and cell.startswith("=") for row in rows for cell in row)
