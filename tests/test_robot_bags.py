@@ -197,7 +197,9 @@ def test_a_chain_is_chosen_by_its_two_frames(recorded):
         assert contact.prepared.normal.vector == pytest.approx([0.0, 0.0, 1.0], abs=2e-3)
     pose = prepare(path, columns=Columns(position="/ee_pose"))
     assert_right(identify(pose))
-    assert any(f"{CHAIN} rotates the force" in each.message for each in pose.findings)
+    assert any(
+        f"rotated by the chain of transforms {CHAIN}" in each.message for each in pose.findings
+    )
     assert (pose.prepared.again().penetration == pose.penetration).all()
     with pytest.raises(RecordingError, match="no chain of transforms leads from 'tool' to 'base'"):
         prepare(path, columns=Columns(position="/tf[tool>base]"))
@@ -321,7 +323,7 @@ def test_what_is_late_or_no_rotation_is_excluded_and_said(tmp_path):
     roles = roles_of(open_recording(path))
     time = roles.recording.channels[roles.recording.clocks[roles.depth[0]]]
     assert (time[0], len(time)) == (START + 100_000_000, 30)
-    [said] = [each for each in roles.findings if each.check == "rows"]
+    [said] = [each for each in roles.findings if "excluded" in each.message]
     assert "palpate excluded 4 of 40 rows of /tf[arm>ft_sensor]" in said.message
     assert said.severity == "with-care"
 

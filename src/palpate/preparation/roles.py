@@ -15,7 +15,7 @@ from palpate.recordings.poses import (
     IN_BASE,
     Step,
     Transforms,
-    describe_chain,
+    chain_in_use,
     frames_in,
     state_poses,
 )
@@ -551,13 +551,10 @@ class _Choosing:
         """Say which chains of transforms are used, and what was excluded of them."""
         steps = self.chains.get(depth)
         if steps is not None:
-            words = f"the position is that of the chain of transforms {describe_chain(steps)}"
-            remedy = "choose another with --position, such as --position '/tf[base>tool]'"
-            yield Finding("transforms", words, remedy)
+            yield chain_in_use(steps, is_position=True)
         turning = next((each for each in self.chains.values() if each[-1].child == frame), None)
-        if frame is not None and turning is not None and turning is not steps:
-            words = f"the chain of transforms {describe_chain(turning)} rotates the force"
-            yield Finding("transforms", words, "choose another orientation with --orientation")
+        if turning is not None and turning is not steps:
+            yield chain_in_use(turning, is_position=False)
         yield from self.findings
 
     def _given(self, role: str) -> tuple[str, ...]:
@@ -630,10 +627,10 @@ class _Choosing:
         if unknown:
             words += f"; palpate does not know the unit {' or '.join(unknown[:3])}"
         remedy = _REMEDIES[absent[0] if len(absent) == 1 else "both"]
-        if absent == ["position"] and "angle" in kinds:
-            remedy = _REMEDIES["angle"]
         if {"stress", "strain"} <= kinds:
             remedy = _REMEDIES["strain"]
+        elif absent == ["position"] and "angle" in kinds:
+            remedy = _REMEDIES["angle"]
         elif unnamed := self._unnamed(absent):
             words_for = "its channel" if len(absent) == 1 else "their channels"
             remedy = f"name {words_for}, such as {_options(unnamed, unnamed)}"

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.errors import RecordingError, listed
-from palpate.findings import Finding
+from palpate.findings import Check, Finding, Severity
 from palpate.recordings.recording import Recording
 from palpate.validation import Floats
 
@@ -351,9 +351,9 @@ class Transforms:
             raise RecordingError.of(recording.source, words)
         if count := int(np.count_nonzero(~valid)):
             words = f"palpate excluded {count} of {len(rows)} rows of {title}: no valid rotation"
-            many = count > MOST_EXCLUDED * len(rows)
+            severity: Severity = "with-care" if count > MOST_EXCLUDED * len(rows) else "note"
             remedy = "check what publishes this transform"
-            findings.append(Finding("rows", words, remedy, "with-care" if many else "note"))
+            findings.append(Check.TRANSFORMS.finding(words, remedy, severity=severity))
         rows[:, 3:] /= length[:, None]
         time, first = np.unique(time[valid], return_index=True)
         rows = rows[valid][first]
@@ -361,18 +361,24 @@ class Transforms:
         still = bool((rows == rows[0]).all())
         if step.static and not still:
             words = f"the fixed transform {title} changes: palpate uses its last value"
-            findings.append(Finding("transforms", words, "publish it on /tf", "with-care"))
+            remedy = "publish it on /tf"
+            findings.append(Check.TRANSFORMS.finding(words, remedy, severity="with-care"))
         if step.static or still:
             time, rows = time[-1:], rows[-1:]
         return time, rows
 
 
-def describe_chain(steps: Sequence[Step]) -> str:
-    """Return the frames of a chain from its beginning to its end, as text."""
+def chain_in_use(steps: Sequence[Step], *, is_position: bool) -> Finding:
+    """Say which chain of transforms is the position, or only rotates the force."""
     frames: list[str] = [steps[0].parent, *(step.child for step in steps)]
     if len(frames) > _SHOWN:
         frames[_SHOWN // 2 : -_SHOWN // 2] = [f"… {len(frames) - _SHOWN} more …"]
-    return " > ".join(frames)
+    chain = f"the chain of transforms {' > '.join(frames)}"
+    if is_position:
+        remedy = "choose another with --position, such as --position '/tf[base>tool]'"
+        return Check.TRANSFORMS.finding(f"the position is that of {chain}", remedy)
+    remedy = "choose another orientation with --orientation"
+    return Check.TRANSFORMS.finding(f"the force is rotated by {chain}", remedy)
 
 
 def frames_in(name: str) -> tuple[str, str] | None:
