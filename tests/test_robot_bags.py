@@ -206,7 +206,7 @@ def test_a_chain_is_chosen_by_its_two_frames(recorded):
 
 
 def test_joints_without_a_pose_are_refused_with_what_to_record(tmp_path):
-    path = bag(tmp_path / "joints", wrenches(300), joints()[:150])
+    path = bag(tmp_path / "joints", wrenches(300), joints()[:150], mounted())
     with pytest.raises(MissingChannelError, match="record the pose of the tool or tf") as refused:
         prepare(path)
     assert "\n" not in str(refused.value)

@@ -699,6 +699,8 @@ class _Choosing:
                 and (values.dtype.kind != "O" or holds_numbers(values))
             ]
         found = [names for names in found if names[0] not in self.replaced]
+        if kind == "position":  # a fixed transform is not a probe, even if there is nothing else
+            found = [n for n in found if n[0] not in self.transforms.names or self._moves(n)]
         measured = [names for names in found if not is_wanted(names[0])]
         measured = [names for names in measured if names[0] in recording.plots] or measured
         if kind in UNITS or kind == "position":  # volts are no length where there are millimetres

@@ -350,7 +350,7 @@ class Transforms:
             words = f"no rotation of {title} is a quaternion of length 1; record it again"
             raise RecordingError.of(recording.source, words)
         if count := int(np.count_nonzero(~valid)):
-            words = f"palpate excluded {count} of {len(rows)} rows of {title}: no valid rotation"
+            words = f"palpate excluded {count} of {len(rows)} rows of {title}: no valid pose"
             severity: Severity = "with-care" if count > MOST_EXCLUDED * len(rows) else "note"
             remedy = "check what publishes this transform"
             findings.append(Check.TRANSFORMS.finding(words, remedy, severity=severity))
