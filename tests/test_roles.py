@@ -79,6 +79,15 @@ def test_several_that_could_be_it_are_named_with_the_option():
         assert roles_of(both, Columns(force=name)).force == tuple(names[:3])
 
 
+def test_two_positions_on_clocks_of_their_own_beside_one_force_are_asked_about():
+    channels = {f"/{name}.z_m": np.arange(5.0) for name in ("arm", "camera")}
+    channels |= {"/ft.force_N": np.arange(5.0)}
+    clocks = {name: f"{name}.stamp" for name in channels}
+    channels |= {clock: np.arange(5) for clock in clocks.values()}
+    with pytest.raises(RecordingError, match="2 channels could be the position"):
+        roles_of(Recording(channels, clocks=clocks))
+
+
 def test_of_several_orientations_the_positions_own_topic_has_the_right_one():
     places = [f"{topic}.pose.position.{axis}" for topic in ("/camera", "/arm") for axis in "xyz"]
     turns = [name.replace("position", "orientation") for name in places]

@@ -44,6 +44,7 @@ class Check(StrEnum):
     OPTIONS = "options", "recording", TIMELESS
     ROWS = "rows", "recording", TIMELESS
     REJECTED_SAMPLES = "rejected samples", "recording", TIMELESS
+    TRANSFORMS = "transforms", "recording", TIMELESS
     VECTORS = "vectors", "recording", CAPS | TIMELESS
     UNITS = "units", "recording", CAPS | TIMELESS
     PENETRATION_UNIT = "penetration unit", "recording", CAPS | TIMELESS

@@ -14,6 +14,7 @@ from palpate.errors import InvalidParameterError, RecordingError
 from palpate.findings import Check, Finding
 from palpate.preparation.roles import Roles
 from palpate.recordings import Recording
+from palpate.recordings.poses import align_signs, covered
 from palpate.recordings.recording import GRAVITY, UNITS, WEIGHTS, size_of
 from palpate.validation import Floats
 
@@ -465,6 +466,8 @@ class _Taking:
                 )
             values[role] = columns[0] if len(columns) == 1 else np.column_stack(columns)
             known = np.isfinite(np.column_stack(columns)).all(axis=1)
+            if role == "orientation":  # interpolation needs it
+                values[role] = align_signs(np.column_stack(columns))
             if role in ("depth", "force") and known.size and not known.any():
                 option = "position" if role == "depth" and not roles.is_penetration else kind
                 words = f"no sample has a number in [-{LARGEST:g}, {LARGEST:g}]; check its unit, or"
@@ -649,7 +652,7 @@ class _Taking:
         at, values, clock = on_time.pop(first)
         values, keep = dict(values), np.ones(at.size, dtype=bool)
         for other, own, name in on_time:
-            keep &= _covered(at, other)
+            keep &= covered(at, other)
             for role, channel in own.items():
                 values[role] = _at(at, other, np.asarray(channel))
                 kind = "penetration" if role == "depth" else role
@@ -683,16 +686,6 @@ def _origin_of(*streams: Stream) -> int | float:
 
 def _step(time: Floats) -> float:
     return float(np.median(np.diff(time))) if time.size > 1 else np.inf
-
-
-def _covered(wanted: Floats, time: Floats) -> NDArray[np.bool_]:
-    """Whether each time lies between two samples of a clock without a gap between them."""
-    after = np.searchsorted(time, wanted)
-    inside = (after > 0) & (after < time.size)
-    exact = (after < time.size) & (time[np.minimum(after, time.size - 1)] == wanted)
-    low, high = time[np.maximum(after - 1, 0)], time[np.minimum(after, time.size - 1)]
-    covered: NDArray[np.bool_] = (inside & (high - low <= GAP * _step(time))) | exact
-    return covered
 
 
 def _at(wanted: Floats, time: Floats, values: NDArray[np.generic]) -> NDArray[np.generic]:

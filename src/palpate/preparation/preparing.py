@@ -229,7 +229,8 @@ def prepared_contact(recording: Recording, settings: Preparation) -> Contact:
     """
     if groups := contact_groups(recording, settings.columns):
         return _contacts_of_groups(recording, groups, settings)
-    roles = roles_of(recording, settings.columns)
+    recorded, roles = recording, roles_of(recording, settings.columns)
+    recording = roles.recording
     _log_roles(roles)
     with np.errstate(all="ignore"):  # a flipped bit gives 1e300 N, which the gate excludes
         with stage(_LOGGER, "one clock, units and bad rows"):
@@ -255,7 +256,7 @@ def prepared_contact(recording: Recording, settings: Preparation) -> Contact:
     return dataclasses.replace(
         contact,
         source=recording.source,
-        prepared=dataclasses.replace(contact.prepared, way=prepared_contact),
+        prepared=dataclasses.replace(contact.prepared, recording=recorded, way=prepared_contact),
         provenance={**notes, **done},
         velocity_filter=used,
         stated_units=signals.stated_units,

@@ -11,6 +11,14 @@ from palpate.errors import MissingChannelError, RecordingError, listed
 from palpate.findings import Check, Finding
 from palpate.recordings import Recording
 from palpate.recordings.opening import within
+from palpate.recordings.poses import (
+    IN_BASE,
+    Step,
+    Transforms,
+    chain_in_use,
+    frames_in,
+    state_poses,
+)
 from palpate.recordings.recording import UNITS, holds_numbers, plain_unit, size_of, stated_unit
 
 _INDEX = re.compile(r"^(.*)\[(\d+)\]$")
@@ -176,6 +184,7 @@ _WEAK = {
 _DOMINANT = frozenset(
     (*WORDS["angle"], "acceleration", "accelerations", "accel", "covariance", "static")
 )
+_JOINTS = "sensor_msgs/msg/JointState"
 # A joint that slides has a position in metres.
 _SLIDES = frozenset(("prismatic", "slide", "slider", "rail", "linear"))
 _KIND = {word: kind for kind, words in WORDS.items() for word in words}
@@ -184,6 +193,8 @@ WANTED = frozenset(
     ("command", "commands", "commanded", "cmd", "desired", "des", "target", "targets", "setpoint",
      "reference", "ref", "goal", "goals", "action", "actions", "planned", "demand", "demanded")
 )  # fmt: skip
+# What libfranka names so is desired or commanded.
+_DESIRED = re.compile(r"O_d?d?[TP]_EE_[cd](?![^\W\d_])", re.I)
 TIP = frozenset(("tip", "tcp", "probe"))
 _OF_UNIT = {
     **dict.fromkeys(UNITS["time"], ("time",)),
@@ -221,7 +232,7 @@ def kind_of(name: str, unit: str | None = None) -> str | None:
 
 def is_wanted(name: str) -> bool:
     """Whether the name suggests a commanded, not a measured, channel."""
-    return not WANTED.isdisjoint(split_name(name))
+    return not WANTED.isdisjoint(split_name(name)) or bool(_DESIRED.search(name))
 
 
 def split_name(name: str) -> list[str]:
@@ -291,10 +302,14 @@ class Roles:
         The channels, if there are any.
     orientation : tuple of str
         Four channels, or none.
+    orientation_frame : str or None
+        The frame whose orientation it is, if transforms state it.
     reasons : mapping
         Role to the reason for its choice, as text.
     findings : tuple of Finding
         What was assumed.
+    recording : Recording
+        The recording with the poses that palpate computed from it.
     """
 
     depth: tuple[str, ...]
@@ -304,8 +319,10 @@ class Roles:
     velocity: str | None = None
     segment: str | None = None
     orientation: tuple[str, ...] = ()
+    orientation_frame: str | None = None
     reasons: Mapping[str, str] = field(default_factory=dict)
     findings: tuple[Finding, ...] = ()
+    recording: Recording = field(kw_only=True, repr=False, compare=False)
 
     @property
     def by_role(self) -> dict[str, tuple[str, ...]]:
@@ -356,6 +373,7 @@ _REMEDIES = {
     "position": "record the position of the probe, or name its channel with --position",
     "force": "record the force on the same clock, or name its channel with --force",
     "both": "record both, or name their channels with --position and --force",
+    "angle": "record the pose of the tool or tf, or name the position's channels with --position",
     "strain": "multiply the stress by the area and the strain by the length of the specimen, and "
     "name the products with --force and --position",
 }
@@ -369,6 +387,10 @@ class _Choosing:
 
     def __post_init__(self) -> None:
         self.kinds: dict[str, str | None] = {}
+        self.recording, self.replaced = state_poses(self.recording)
+        self.transforms = Transforms(self.recording)
+        self.chains: dict[tuple[str, ...], list[Step]] = {}  # by the three channels of the position
+        self.findings: list[Finding] = []
         names = self.recording.channels
         self.arrays = flattened_arrays(names)
         found = vectors_of(names)
@@ -378,6 +400,47 @@ class _Choosing:
         self.vectors = [each for each in found if self._is_one(each)]
         self.assumed = self._assumed_vectors()
         self.vectors += self.assumed
+        self.vectors += [v for v in self.arrays if IN_BASE.match(v.stem) and v not in self.vectors]
+        self._add_chains()
+
+    def _add_chains(self) -> None:
+        """Compose the named chain of transforms, else that to the frame of each possible force."""
+        position, frames = self.columns.position, self.recording.frames
+        if position is None and self.transforms.names and not self.depths()[0]:
+            for frame in sorted({frames.get(names[0], "") for names in self.forces(3)} - {""}):
+                self._add_chain(self.transforms.chain(frame))
+            if self.chains:
+                self.replaced |= self.transforms.names - {names[0] for names in self.chains}
+        ends = None if position is None else frames_in(position)
+        if ends is None or any(within(name, str(position)) for name in self.recording.channels):
+            return
+        if not (steps := self.transforms.chain(ends[1], ends[0])):
+            words = f"no chain of transforms leads from {ends[0]!r} to {ends[1]!r}; list them with "
+            source = self.recording.source
+            raise RecordingError.of(source, f"{words}palpate info {source or 'FILE'}")
+        self._add_chain(steps, str(position))
+
+    def _add_chain(self, steps: list[Step], name: str | None = None) -> tuple[str, ...]:
+        """Compose a chain under its name; return its rotation's channels, none if it is fixed."""
+        if not steps:
+            return ()
+        if name is None:
+            topic = next((step.topic for step in reversed(steps) if not step.static), "/tf")
+            name = f"{topic}[{steps[0].parent}>{steps[-1].child}]"
+        place, turn = (f"{name}.transform.{part}" for part in ("translation", "rotation"))
+        vectors = [
+            Vector(place, tuple(f"{place}.{a}" for a in "xyz")),
+            Vector(turn, tuple(f"{turn}.{a}" for a in "xyzw")),
+        ]
+        if vectors[0].components not in self.chains:
+            if (composed := self.transforms.compose(steps, name)) is None:
+                return ()
+            self.recording, findings = composed
+            self.transforms.recording = self.recording
+            self.findings += findings
+            self.vectors += [each for each in vectors if each not in self.vectors]
+            self.chains[vectors[0].components] = steps
+        return vectors[1].components
 
     def roles(self) -> Roles:
         is_penetration, depths = self.depths()
@@ -393,6 +456,7 @@ class _Choosing:
         time = self._given("time")
         if not time and not self.recording.clocks:
             time = self._time(depth)
+        orientation, frame = self._orientation(depth, force)
         return Roles(
             depth,
             is_penetration,
@@ -400,9 +464,11 @@ class _Choosing:
             next(iter(time), None),
             next(iter(self._velocity(depth, is_penetration)), None),
             next(iter(self._given("segment")), None),
-            self._orientation(depth),
+            orientation,
+            frame,
             self.reasons,
-            tuple(self._assumptions(depth, force)),
+            (*self._assumptions(depth, force), *self._chain_findings(depth, frame)),
+            recording=self.recording,
         )
 
     def depths(self) -> tuple[bool, list[tuple[str, ...]]]:
@@ -461,13 +527,35 @@ class _Choosing:
         self._because("velocity", found[0])
         return found[0]
 
-    def _orientation(self, depth: tuple[str, ...]) -> tuple[str, ...]:
-        """The named orientation, else that in the position's topic or group, else the only one."""
+    def _orientation(
+        self, depth: tuple[str, ...], force: tuple[str, ...]
+    ) -> tuple[tuple[str, ...], str | None]:
+        """The orientation, and the frame that it is of if transforms state it.
+
+        It is the named one, else that of the force's frame by transforms, else that in the
+        position's topic or group, else the only one.
+        """
         if self.columns.orientation is not None:
-            return self._named("orientation", self.columns.orientation)
-        found = self._candidates("orientation", 4)
-        own = [names for names in found if _group(names[0]) == _group(depth[0])]
-        return own[0] if len(own) == 1 else found[0] if len(found) == 1 else ()
+            return self._named("orientation", self.columns.orientation), None
+        own, frame = (self.recording.frames.get(names[0], "") for names in (depth, force))
+        if len(depth) == len(force) == 3 and own and frame:
+            steps = self.transforms.chain(frame, own)
+            if channels := self._add_chain(steps):
+                return channels, steps[-1].child
+        found, pose = self._candidates("orientation", 4), depth[0].rsplit(".", 2)[0]
+        near = [names for names in found if within(names[0], pose)]
+        group = [names for names in found if _group(names[0]) == _group(depth[0])]
+        return next((each[0] for each in (near, group, found) if len(each) == 1), ()), None
+
+    def _chain_findings(self, depth: tuple[str, ...], frame: str | None) -> Iterable[Finding]:
+        """Say which chains of transforms are used, and what was excluded of them."""
+        steps = self.chains.get(depth)
+        if steps is not None:
+            yield chain_in_use(steps, is_position=True)
+        turning = next((each for each in self.chains.values() if each[-1].child == frame), None)
+        if turning is not None and turning is not steps:
+            yield chain_in_use(turning, is_position=False)
+        yield from self.findings
 
     def _given(self, role: str) -> tuple[str, ...]:
         """The named channels, or those of the default name if present."""
@@ -497,7 +585,9 @@ class _Choosing:
             vector
             for vector in vectors
             if within(vector.stem, name) and len(vector) == size and self._is(vector, kind)
-        ] or [vector for vector in vectors if vector.stem == name and len(vector) == size]
+        ] or [
+            v for v in vectors if v.stem == name and len(v) == size and (size == 4 or not v.second)
+        ]
         if len(below) == 1:
             self.reasons[role] = f"the {role} of {name}"
             return below[0].components
@@ -539,6 +629,8 @@ class _Choosing:
         remedy = _REMEDIES[absent[0] if len(absent) == 1 else "both"]
         if {"stress", "strain"} <= kinds:
             remedy = _REMEDIES["strain"]
+        elif absent == ["position"] and "angle" in kinds:
+            remedy = _REMEDIES["angle"]
         elif unnamed := self._unnamed(absent):
             words_for = "its channel" if len(absent) == 1 else "their channels"
             remedy = f"name {words_for}, such as {_options(unnamed, unnamed)}"
@@ -606,6 +698,9 @@ class _Choosing:
                 and self._kind(name) == kind
                 and (values.dtype.kind != "O" or holds_numbers(values))
             ]
+        found = [names for names in found if names[0] not in self.replaced]
+        if kind == "position":  # a fixed transform is not a probe, even if there is nothing else
+            found = [n for n in found if n[0] not in self.transforms.names or self._moves(n)]
         measured = [names for names in found if not is_wanted(names[0])]
         measured = [names for names in measured if names[0] in recording.plots] or measured
         if kind in UNITS or kind == "position":  # volts are no length where there are millimetres
@@ -617,6 +712,7 @@ class _Choosing:
         if kind == "position":  # of several bodies, the tip touches the material
             tips = [names for names in measured if not TIP.isdisjoint(split_name(names[0]))]
             measured = tips or measured
+            measured = [names for names in measured if names in self.chains] or measured
         return measured or found
 
     def _convertible(self, name: str, kind: str) -> bool:
@@ -672,6 +768,8 @@ class _Choosing:
         if vector.second:
             return "orientation" if len(vector) == 4 else "torque"
         name = vector.components[0]
+        if "*" not in vector.stem and self._is_joint(name):
+            return "angle"
         unit = self.recording.unit_of(name)
         # The stem of x, y, z is empty; then the component's name decides.
         return kind_of(vector.stem, unit) or kind_of(name, unit)
@@ -681,14 +779,18 @@ class _Choosing:
             recording = self.recording
             kind = kind_of(name, recording.unit_of(name) or "-")
             slides = not _SLIDES.isdisjoint(split_name(name))
-            types = [kind for topic, kind in recording.types.items() if within(name, topic)]
-            if kind in ("position", "velocity") and "sensor_msgs/msg/JointState" in types:
+            if kind in ("position", "velocity") and self._is_joint(name):
                 kind = "angle"
             kind = "position" if kind == "angle" and slides else kind
             if kind is None and name in recording.plots:
                 kind = {"signal": "force", "axis": "position"}[recording.plots[name]]
             self.kinds[name] = "time" if recording.channels[name].dtype.kind in "mM" else kind
         return self.kinds[name]
+
+    def _is_joint(self, name: str) -> bool:
+        """Whether a channel is one of ROS's joints."""
+        types = self.recording.types
+        return any(types[each] == _JOINTS and within(name, each) for each in types)
 
     def _because(self, role: str, names: Sequence[str]) -> None:
         words = f"the only {role}{' in space' if len(names) == 3 else ''}"
@@ -709,8 +811,8 @@ def _numbers(names: Sequence[str]) -> list[str]:
 def _differing_groups(names: list[str]) -> list[str]:
     """The groups above what all the names end with."""
     parts = [re.split(r"(?=[/.])", name) for name in names]
-    common = 0
-    while len({tuple(each[len(each) - common - 1 :]) for each in parts}) == 1:
+    common, most = 0, min(map(len, parts))
+    while common < most and len({tuple(each[len(each) - common - 1 :]) for each in parts}) == 1:
         common += 1
     return ["".join(each[: len(each) - common]) for each in parts]
 

@@ -14,6 +14,7 @@ from palpate.preparation.resolution import noise_of
 from palpate.preparation.roles import Columns, Roles
 from palpate.preparation.surfaces import RADIUS, SurfaceRule
 from palpate.recordings import Recording
+from palpate.recordings.poses import IN_BASE, UNIT_LENGTH, rotate
 from palpate.recordings.recording import UNITS, size_of
 from palpate.validation import Floats, instance, number_in, pair_in, shown
 
@@ -126,7 +127,6 @@ def flipped(flip: Sequence[str]) -> set[str]:
 #: A rotation by more than this shifts 3 % of the tool's weight from one axis to another: 0.3 N for
 #: a kilogram, a tenth of a soft contact.
 LARGEST_TURN = math.radians(2.0)
-UNIT_LENGTH = 0.02  # deviation of a quaternion's norm from 1 by rounding and interpolation
 
 
 def turned(force: Floats, orientation: Floats, source: str = "") -> Floats:
@@ -154,10 +154,7 @@ def turned(force: Floats, orientation: Floats, source: str = "") -> Floats:
         )
     with np.errstate(invalid="ignore", divide="ignore"):
         unit = orientation / length[:, None]
-    axis, scalar = unit[:, :3], unit[:, 3:]
-    across = 2.0 * np.cross(axis, force)
-    result: Floats = force + scalar * across + np.cross(axis, across)
-    return result
+    return rotate(force, unit)
 
 
 def largest_turn(orientation: Floats) -> float:
@@ -181,6 +178,10 @@ def frame_of(
     """
     if asked is not None:
         return asked
+    if roles.orientation_frame is not None:  # that of the force, by transforms
+        return "tool"
+    if IN_BASE.match(roles.force[0]):
+        return "base"
     force, depth = (recording.frames.get(names[0]) for names in (roles.force, roles.depth))
     if force is None or depth is None:
         if roles.orientation:

@@ -23,6 +23,7 @@ from palpate.errors import PalpateError
 
 # A list of more elements is a scan or an image, not a vector, a matrix or a set of joints.
 LONGEST_LIST = 64
+MOST_TRANSFORMS = 256  # in a message; a humanoid has some 100
 
 #: Names of the groups of two numbers, seconds first, that are a time or a duration.
 TIME = "builtin_interfaces/msg/Time"
@@ -457,9 +458,9 @@ class _Walk:
                 self._take(element.size, count)
             self._skipped(path, begin)
             return
-        long = count > LONGEST_LIST
-        self.quiet += long
         transforms = isinstance(element, Group) and element.name == TRANSFORM
+        long = count > (MOST_TRANSFORMS if transforms else LONGEST_LIST)
+        self.quiet += long
         for k in range(count):
             if transforms and not self.quiet:
                 self._transform(element)

@@ -1,0 +1,387 @@
+"""Poses that a recording states in other forms: chains of transforms, matrices, rotation vectors.
+
+A quaternion x, y, z, w rotates a vector v to v + w c + u × c with u = (x, y, z) and c = 2 u × v.
+"""
+
+import re
+from collections import defaultdict, deque
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate.errors import RecordingError, listed
+from palpate.findings import Check, Finding, Severity
+from palpate.recordings.recording import Recording
+from palpate.validation import Floats
+
+UNIT_LENGTH = 0.02  # deviation of a quaternion's norm from 1 by rounding and interpolation
+GAP = 10.0  # median steps: palpate does not interpolate across longer ones
+FARTHEST = 1e30  # m; a translation beyond it comes from a bit error
+MOST_EXCLUDED = 0.02  # of the rows of a transform; more is a finding with care
+_SHOWN = 8  # frames of a chain in a message
+
+
+def rotate(vectors: Floats, quaternions: Floats) -> Floats:
+    """Rotate vectors, shape (k, 3), by unit quaternions, shape (k, 4)."""
+    axis, scalar = quaternions[..., :3], quaternions[..., 3:]
+    across = 2.0 * np.cross(axis, vectors)
+    rotated: Floats = vectors + scalar * across + np.cross(axis, across)
+    return rotated
+
+
+def multiply(left: Floats, right: Floats) -> Floats:
+    """Return the quaternions that rotate by ``right`` first and by ``left`` then."""
+    u, v, a, b = left[..., :3], right[..., :3], left[..., 3:], right[..., 3:]
+    scalar = a * b - (u * v).sum(axis=-1, keepdims=True)
+    return np.concatenate([a * v + b * u + np.cross(u, v), scalar], axis=-1)
+
+
+def align_signs(quaternions: Floats) -> Floats:
+    """Return the same rotations with signs that do not jump: q and −q are one rotation."""
+    turns = (quaternions[1:] * quaternions[:-1]).sum(axis=1) < 0.0
+    return quaternions * np.cumprod(np.concatenate([[1.0], 1.0 - 2.0 * turns]))[:, None]
+
+
+def interpolate_rotation(at: Floats, time: Floats, quaternions: Floats) -> Floats:
+    """Interpolate unit quaternions with aligned signs by slerp: sin((1−s) θ) q₀ + sin(s θ) q₁."""
+    k = np.clip(np.searchsorted(time, at, "right"), 1, time.size - 1)
+    first, last = quaternions[k - 1], quaternions[k]
+    part = ((at - time[k - 1]) / (time[k] - time[k - 1]))[:, None]
+    angle = np.arccos(np.clip((first * last).sum(axis=1, keepdims=True), -1.0, 1.0))
+    weights = [s * np.sinc(s * angle / np.pi) for s in (1.0 - part, part)]
+    mixed = weights[0] * first + weights[1] * last
+    unit: Floats = mixed / np.linalg.norm(mixed, axis=1, keepdims=True)
+    return unit
+
+
+def covered(wanted: NDArray[Any], time: NDArray[Any]) -> NDArray[np.bool_]:
+    """Whether each time lies between two samples of a clock without a gap between them."""
+    step = float(np.median(np.diff(time))) if time.size > 1 else np.inf
+    after = np.searchsorted(time, wanted)
+    inside = (after > 0) & (after < time.size)
+    exact = (after < time.size) & (time[np.minimum(after, time.size - 1)] == wanted)
+    low, high = time[np.maximum(after - 1, 0)], time[np.minimum(after, time.size - 1)]
+    result: NDArray[np.bool_] = (inside & (high - low <= GAP * step)) | exact
+    return result
+
+
+def _rotation_of_matrix(m: Floats) -> Floats:
+    """Quaternions of rotation matrices, shape (3, 3, k); the best conditioned of four formulas."""
+    (a, b, c), (d, e, f), (g, h, i) = m
+    forms = [
+        (1.0 + a - e - i, b + d, c + g, h - f),
+        (b + d, 1.0 - a + e - i, f + h, c - g),
+        (c + g, f + h, 1.0 - a - e + i, d - b),
+        (h - f, c - g, d - b, 1.0 + a + e + i),
+    ]
+    stacked = np.array(forms).transpose(0, 2, 1)
+    norms = np.linalg.norm(stacked, axis=2)
+    best = np.argmax(np.nan_to_num(norms), axis=0), np.arange(m.shape[2])
+    return align_signs(stacked[best] / norms[best][:, None])
+
+
+def _rotation_of_vector(vectors: Floats) -> Floats:
+    """Quaternions of rotation vectors: axis times angle, rad."""
+    angle = np.linalg.norm(vectors, axis=1, keepdims=True)
+    axis = 0.5 * np.sinc(angle / (2.0 * np.pi)) * vectors
+    return align_signs(np.concatenate([axis, np.cos(0.5 * angle)], axis=1))
+
+
+#: Poses and wrenches in the frame of the base: libfranka's RobotState, Universal Robots' RTDE.
+IN_BASE = re.compile(
+    r"(?:.*[./])?(?:O_T_EE|O_F_ext_hat_K|actual_TCP_(?:pose|force))(?![^\W\d_]|_[^\W\d])", re.I
+)
+_LAST_OF_16 = re.compile(r"(.*[^\d_.])(\[15\]|_15)")
+_LAST_OF_6 = re.compile(r"((?:.*[./])?actual_TCP_pose)(\[5\]|_5)", re.I)
+
+
+def state_poses(recording: Recording) -> tuple[Recording, frozenset[str]]:
+    """Add the poses that are stated as matrices or rotation vectors, under the array's name.
+
+    A homogeneous matrix is an array of 16 numbers, by columns, of which 3, 7 and 11 are 0 and the
+    last is 1. The second half of a UR's ``actual_TCP_pose`` is a rotation vector.
+
+    Returns
+    -------
+    tuple
+        The recording, and the channels to use only if an option names them.
+    """
+    added, replaced = dict[str, Floats](), set[str]()
+    frames, clocks = dict(recording.frames), dict(recording.clocks)
+    for name in recording.channels:
+        if IN_BASE.match(name):
+            twin = re.sub("O_F(?=_ext_hat_K)", "K_F", re.sub("o_f(?=_ext_hat_k)", "k_f", name))
+            replaced |= {twin} - {name}
+        matrix, pose = _LAST_OF_16.fullmatch(name), _LAST_OF_6.fullmatch(name)
+        if not (array := matrix or pose):
+            continue
+        last = 15 if matrix else 5
+        names = [array[1] + array[2].replace(str(last), str(k)) for k in range(last + 1)]
+        numbers = _equally_long(recording, names)
+        if numbers is None:
+            continue
+        own: dict[str, Floats] = {}
+        with np.errstate(all="ignore"):
+            if pose:
+                turns = _rotation_of_vector(numbers[3:].T)
+            elif (divided := _divide_matrix(numbers)) is not None:
+                place, turns = divided
+                own |= {f"{array[1]}.position.{a}": place[k] for k, a in enumerate("xyz")}
+                replaced.update(names)
+            else:
+                continue
+        own |= {f"{array[1]}.orientation.{a}": turns[:, k] for k, a in enumerate("xyzw")}
+        added |= own
+        for mapping in (frames, clocks):
+            if name in mapping:
+                mapping |= dict.fromkeys(own, mapping[name])
+    if added:
+        channels = {**recording.channels, **added}
+        recording = replace(recording, channels=channels, frames=frames, clocks=clocks)
+    return recording, frozenset(replaced)
+
+
+def _equally_long(recording: Recording, names: Sequence[str]) -> Floats | None:
+    """The numbers of an array, a row for each element; None if one is missing."""
+    columns = [recording.channels.get(name) for name in names]
+    if any(c is None or c.ndim != 1 or c.dtype.kind not in "fiu" for c in columns):
+        return None
+    if len({len(c) for c in columns if c is not None}) > 1:
+        return None
+    return np.array(columns, dtype=np.float64)
+
+
+def _divide_matrix(numbers: Floats) -> tuple[Floats, Floats] | None:
+    """The translation (3, k) and the quaternions (k, 4) of homogeneous matrices, if they are."""
+    m = numbers.reshape(4, 4, -1).transpose(1, 0, 2)
+    last = m[3][:, np.isfinite(m).all(axis=(0, 1))]
+    if not last.size or (last != np.array([[0.0], [0.0], [0.0], [1.0]])).any():
+        return None
+    return m[:3, 3], _rotation_of_matrix(m[:3, :3])
+
+
+# Chains of transforms: tf states the pose of each frame in its parent.
+
+_TRANSFORM = re.compile(r"((.*)\[([^>]*)>(.*)\]\.(?:transform\.)?)translation\.x")
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """One transform of a chain.
+
+    Attributes
+    ----------
+    parent, child : str
+        Its frames.
+    topic : str
+        The topic.
+    above : str
+        The beginning of the names of its channels, such as ``/tf[base>tool].transform.``
+    rows : int
+        Number of messages.
+    """
+
+    parent: str
+    child: str
+    topic: str
+    above: str
+    rows: int
+
+    @property
+    def static(self) -> bool:
+        """Whether its topic is one of fixed transforms, as ``/tf_static``."""
+        return self.topic.endswith("_static")
+
+
+#: The times of a transform, ns, and its translation and quaternion, shape (k, 7); at rest k = 1.
+_Link: TypeAlias = tuple[NDArray[np.int64], Floats]
+
+
+def _interpolate(link: _Link, wanted: NDArray[np.int64]) -> tuple[Floats, Floats]:
+    """The translation of a transform by linear interpolation, and its rotation by slerp."""
+    stamps, rows = link
+    if stamps.size == 1:
+        return rows[:, :3], rows[:, 3:]
+    at, time = ((each - wanted[0]).astype(np.float64) for each in (wanted, stamps))
+    place = np.column_stack([np.interp(at, time, column) for column in rows[:, :3].T])
+    return place, interpolate_rotation(at, time, rows[:, 3:])
+
+
+class Transforms:
+    """The tree of transforms in a recording.
+
+    Parameters
+    ----------
+    recording : Recording
+        The recording. Only transforms with a clock in ns count, as messages have.
+    """
+
+    def __init__(self, recording: Recording) -> None:
+        self.recording = recording
+        self.names = set[str]()  # the first channels of translations and rotations
+        self._above: dict[str, dict[str, Step]] = defaultdict(dict)
+        for name in recording.channels:
+            if (found := _TRANSFORM.fullmatch(name)) and self._is_whole(found[1]):
+                parent, child = (found[k].lstrip("/") for k in (3, 4))
+                rows = len(recording.channels[name])
+                step = Step(parent, child, found[2], found[1], rows)
+                self.names |= {name, f"{step.above}rotation.x"}
+                same = self._above[child].setdefault(parent, step)
+                if rows > same.rows:  # a transform on two topics
+                    self._above[child][parent] = step
+
+    @staticmethod
+    def _channels(above: str) -> list[str]:
+        place = [f"{above}translation.{axis}" for axis in "xyz"]
+        return place + [f"{above}rotation.{axis}" for axis in "xyzw"]
+
+    def _is_whole(self, above: str) -> bool:
+        names, recording = self._channels(above), self.recording
+        clocks = {recording.clocks.get(name) for name in names}
+        times = [recording.channels.get(clock or "") for clock in clocks]
+        whole = len(times) == 1 and times[0] is not None and times[0].dtype.kind == "i"
+        return whole and _equally_long(recording, names) is not None
+
+    def chain(self, child: str, ancestor: str | None = None) -> list[Step]:
+        """Return the steps down to a frame from its ancestor, or from the root; none if there are.
+
+        Raises
+        ------
+        RecordingError
+            There is no ancestor to be chosen: several roots, several ways, or a circle.
+        """
+        child, ancestor = child.lstrip("/"), None if ancestor is None else ancestor.lstrip("/")
+        below: dict[str, Step | None] = {child: None}
+        waiting, roots, several = deque([child]), list[str](), False
+        while waiting:
+            frame = waiting.popleft()
+            if frame == ancestor:
+                return self._downward(frame, below)
+            parents = self._above.get(frame, {})
+            if not parents:
+                roots.append(frame)
+            for parent, step in parents.items():
+                several |= parent in below
+                if parent not in below:
+                    below[parent] = step
+                    waiting.append(parent)
+        if ancestor is not None or roots == [child]:
+            return []
+        if len(roots) == 1 and not several:
+            return self._downward(roots[0], below)
+        words = f"the transforms above {child!r} go round in a circle; record a fixed frame"
+        if roots:
+            names = [f"--position '/tf[{root}>{child}]'" for root in roots[:3]]
+            words = f"several chains of transforms end in {child!r}; choose one: {listed(names)}"
+        raise RecordingError.of(self.recording.source, words)
+
+    def _downward(self, frame: str, below: Mapping[str, Step | None]) -> list[Step]:
+        steps = []
+        while (step := below[frame]) is not None:
+            steps.append(step)
+            frame = step.child
+        return steps
+
+    def compose(self, steps: Sequence[Step], name: str) -> tuple[Recording, list[Finding]] | None:
+        """Add the pose at the end of a chain, in the frame at its beginning.
+
+        The times are those of the fastest moving transform; the others are interpolated.
+
+        Parameters
+        ----------
+        steps : sequence of Step
+            The chain.
+        name : str
+            The pose's name, such as ``/tf[base>tool]``.
+
+        Returns
+        -------
+        tuple or None
+            The recording with the pose, and what was excluded; None if no transform moves.
+
+        Raises
+        ------
+        RecordingError
+            A transform has no valid row, or the moving ones are at no time all known.
+        """
+        findings = list[Finding]()
+        with np.errstate(all="ignore"):
+            links = [self._link(step, findings) for step in steps]
+            clocks = [time for time, _ in links if time.size > 1]
+            if not clocks:
+                return None
+            at = min(clocks, key=lambda time: float(np.median(np.diff(time))))
+            for time in clocks:
+                at = at[covered(at, time)]
+            if not at.size:
+                words = f"the transforms of {name} are at no time all known; record them together"
+                raise RecordingError.of(self.recording.source, words)
+            place, turn = np.zeros((1, 3)), np.array([[0.0, 0.0, 0.0, 1.0]])
+            for link in links:
+                own_place, own_turn = _interpolate(link, at)
+                place, turn = place + rotate(own_place, turn), multiply(turn, own_turn)
+            turn = align_signs(np.broadcast_to(turn, (at.size, 4)))
+            turn /= np.linalg.norm(turn, axis=1, keepdims=True)
+        pose = np.hstack([np.broadcast_to(place, (at.size, 3)), turn])
+        names = self._channels(f"{name}.transform.")
+        stamp, recording = f"{name}.header.stamp", self.recording
+        channels = {**recording.channels, stamp: at, **dict(zip(names, pose.T, strict=True))}
+        done = replace(
+            recording,
+            channels=channels,
+            clocks={**recording.clocks, **dict.fromkeys([*names, stamp], stamp)},
+            frames={**recording.frames, **dict.fromkeys(names, steps[0].parent)},
+            units={**recording.units, stamp: "ns", **dict.fromkeys(names[:3], "m")},
+        )
+        return done, findings
+
+    def _link(self, step: Step, findings: list[Finding]) -> _Link:
+        names, recording = self._channels(step.above), self.recording
+        rows = np.column_stack([recording.numbers(name) for name in names])
+        time = recording.channels[recording.clocks[names[0]]]
+        length = np.linalg.norm(rows[:, 3:], axis=1)
+        valid = np.abs(length - 1.0) <= UNIT_LENGTH
+        valid &= (np.abs(rows[:, :3]) <= FARTHEST).all(axis=1)
+        title = step.above.removesuffix(".").removesuffix(".transform")
+        if not valid.any():
+            words = f"no rotation of {title} is a quaternion of length 1; record it again"
+            raise RecordingError.of(recording.source, words)
+        if count := int(np.count_nonzero(~valid)):
+            words = f"palpate excluded {count} of {len(rows)} rows of {title}: no valid pose"
+            severity: Severity = "with-care" if count > MOST_EXCLUDED * len(rows) else "note"
+            remedy = "check what publishes this transform"
+            findings.append(Check.TRANSFORMS.finding(words, remedy, severity=severity))
+        rows[:, 3:] /= length[:, None]
+        time, first = np.unique(time[valid], return_index=True)
+        rows = rows[valid][first]
+        rows[:, 3:] = align_signs(rows[:, 3:])
+        still = bool((rows == rows[0]).all())
+        if step.static and not still:
+            words = f"the fixed transform {title} changes: palpate uses its last value"
+            remedy = "publish it on /tf"
+            findings.append(Check.TRANSFORMS.finding(words, remedy, severity="with-care"))
+        if step.static or still:
+            time, rows = time[-1:], rows[-1:]
+        return time, rows
+
+
+def chain_in_use(steps: Sequence[Step], *, is_position: bool) -> Finding:
+    """Say which chain of transforms is the position, or only rotates the force."""
+    frames: list[str] = [steps[0].parent, *(step.child for step in steps)]
+    if len(frames) > _SHOWN:
+        frames[_SHOWN // 2 : -_SHOWN // 2] = [f"… {len(frames) - _SHOWN} more …"]
+    chain = f"the chain of transforms {' > '.join(frames)}"
+    if is_position:
+        remedy = "choose another with --position, such as --position '/tf[base>tool]'"
+        return Check.TRANSFORMS.finding(f"the position is that of {chain}", remedy)
+    remedy = "choose another orientation with --orientation"
+    return Check.TRANSFORMS.finding(f"the force is rotated by {chain}", remedy)
+
+
+def frames_in(name: str) -> tuple[str, str] | None:
+    """Return the two frames in a name such as ``/tf[base>tool]``; None if it has none."""
+    found = re.fullmatch(r"[^\[]*\[([^>]+)>([^\]]+)\]", name)
+    return None if found is None else (found[1], found[2])
