@@ -45,6 +45,7 @@ class Check(StrEnum):
     ROWS = "rows", "recording", TIMELESS
     REJECTED_SAMPLES = "rejected samples", "recording", TIMELESS
     VECTORS = "vectors", "recording", CAPS | TIMELESS
+    IGNORED = "ignored channels", "recording", TIMELESS
     UNITS = "units", "recording", CAPS | TIMELESS
     PENETRATION_UNIT = "penetration unit", "recording", CAPS | TIMELESS
     FORCE_UNIT = "force unit", "recording", CAPS | TIMELESS

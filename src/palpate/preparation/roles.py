@@ -11,7 +11,14 @@ from palpate.errors import MissingChannelError, RecordingError, listed
 from palpate.findings import Check, Finding
 from palpate.recordings import Recording
 from palpate.recordings.opening import within
-from palpate.recordings.recording import UNITS, holds_numbers, plain_unit, size_of, stated_unit
+from palpate.recordings.recording import (
+    OTHER_UNITS,
+    UNITS,
+    holds_numbers,
+    plain_unit,
+    size_of,
+    stated_unit,
+)
 
 _INDEX = re.compile(r"^(.*)\[(\d+)\]$")
 _LETTERS = ("xyzw", "xyz")
@@ -145,7 +152,7 @@ WORDS: dict[str, tuple[str, ...]] = {
     "torque": ("torque", "torques", "moment", "tau", "mx", "my", "mz", "tx", "ty", "tz"),
     "penetration": (
         "penetration", "indentation", "depth", "deformation", "compression", "eindringtiefe",
-        "tiefe", "profundidad", "profondeur", "profondita",
+        "tiefe", "profundidad", "profondeur", "profondita", "h",  # as in ISO 14577
     ),
     "position": (
         "position", "positions", "pos", "p", "x", "y", "z", "px", "py", "pz", "s", "pose", "tip",
@@ -168,9 +175,10 @@ WORDS: dict[str, tuple[str, ...]] = {
 }  # fmt: skip
 # Of the words of a name the strongest count: "force_z", "f_tcp" and "force_t" are forces.
 _WEAK = {
+    "h": -1,
     **dict.fromkeys("xyzst", 0),
     **dict.fromkeys(("tip", "tcp", "ee"), 1),
-    **dict.fromkeys("fpqv", 2),
+    **dict.fromkeys((*"fpqv", "vx", "vy", "vz"), 2),
 }
 # "joint_position", "angular_velocity" and "tf_static" are no position and no velocity.
 _DOMINANT = frozenset(
@@ -194,6 +202,8 @@ _OF_UNIT = {
     **dict.fromkeys(("rad", "deg", "°"), ("angle",)),
     **dict.fromkeys(("m/s²", "m/s^2", "m/s2"), ("acceleration",)),
 }
+#: Words for readings that nobody has converted to a quantity.
+_RAW = frozenset(("adc", "raw", "count", "counts", "ticks", "lsb"))
 _WORD = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|[^\W\d_]+")
 
 
@@ -224,6 +234,13 @@ def is_wanted(name: str) -> bool:
     return not WANTED.isdisjoint(split_name(name))
 
 
+def is_raw(recording: Recording, name: str) -> bool:
+    """Whether a channel without a unit holds raw counts, by its name; messages are in SI."""
+    own = re.split(r"[/.]", name)[-1]
+    stated = recording.unit_of(name) or any(within(name, topic) for topic in recording.types)
+    return not stated and not _RAW.isdisjoint(split_name(own))
+
+
 def split_name(name: str) -> list[str]:
     """The words of a name in lower case, without its unit and accents: ``Fz [mN]`` is fz."""
     bare = unicodedata.normalize("NFKD", divide_unit(name)[0])
@@ -234,7 +251,7 @@ def divide_unit(name: str) -> tuple[str, str | None]:
     """The name without the unit at its end, and this unit."""
     unit = stated_unit(name)
     if unit is not None:
-        name = re.sub(rf"[\[(_/ ]*{re.escape(unit)}[\])\s]*$", "", name, flags=re.IGNORECASE)
+        name = re.sub(rf"[\[(_/, ]*{re.escape(unit)}[\])\s]*$", "", name, flags=re.IGNORECASE)
     return name, unit
 
 
@@ -402,8 +419,21 @@ class _Choosing:
             next(iter(self._given("segment")), None),
             self._orientation(depth),
             self.reasons,
-            tuple(self._assumptions(depth, force)),
+            (*self._assumptions(depth, force), *self._inconvertible()),
         )
+
+    def _inconvertible(self) -> Iterable[Finding]:
+        """Report channels of other units beside those in use, such as a depth in volts."""
+        names = [
+            name
+            for name in self.recording.channels
+            if (kind := self._kind(name)) in ("penetration", "position", "force")
+            and self.recording.unit_of(name) in OTHER_UNITS
+            and not self._convertible(name, kind)
+        ]
+        if names:
+            listed = ", ".join(map(repr, names[:6]))
+            yield Check.IGNORED.finding(f"palpate ignores {listed}: in no unit of length or force")
 
     def depths(self) -> tuple[bool, list[tuple[str, ...]]]:
         """Whether they are penetrations, and the channels or vectors that could be the depth."""
@@ -478,10 +508,10 @@ class _Choosing:
 
     def _named(self, role: str, name: str) -> tuple[str, ...]:
         channels = self.recording.channels
-        if name in channels:
+        if found := self._channel(name):
             self.reasons[role] = "has this name"
-            return (name,)
-        parts = tuple(part.strip() for part in name.split(","))
+            return (found,)
+        parts = tuple(self._channel(part.strip()) or part.strip() for part in name.split(","))
         if len(parts) > 1:
             for part in parts:
                 self.recording.channel(part)
@@ -506,6 +536,13 @@ class _Choosing:
             self.reasons[role] = f"the {role} of {name}"
             return (single[0],)
         raise self._missing(name)
+
+    def _channel(self, name: str) -> str | None:
+        """The channel of this name, or the only one that has it before a unit."""
+        if name in self.recording.channels:
+            return name
+        found = [each for each in self.recording.channels if divide_unit(each)[0].strip() == name]
+        return found[0] if len(found) == 1 else None
 
     def _missing(self, name: str) -> MissingChannelError:
         return MissingChannelError(name, list(self.recording.channels), self.recording.source)
