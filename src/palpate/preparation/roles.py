@@ -348,6 +348,11 @@ def roles_of(recording: Recording, columns: Columns | None = None) -> Roles:
     return _Choosing(recording, Columns() if columns is None else columns).roles()
 
 
+def uses_of(recording: Recording) -> tuple[dict[str, tuple[str, str]], str]:
+    """Return the role of each channel, empty for none, and why; and why none has one, if so."""
+    return _Choosing(recording, Columns()).uses()
+
+
 def contact_groups(recording: Recording, columns: Columns) -> list[str]:
     """Return the groups of a file that hold a contact each, on a clock of its own; or none.
 
@@ -421,6 +426,45 @@ class _Choosing:
             self.reasons,
             (*self._assumptions(depth, force), *self._inconvertible()),
         )
+
+    def uses(self) -> tuple[dict[str, tuple[str, str]], str]:
+        """The role of each channel, empty if it has none, and the reason; why none has, if so."""
+        uses: dict[str, tuple[str, str]] = {}
+        refusal = ""
+        try:
+            roles = self.roles()
+        except RecordingError as error:
+            refusal = str(error).removeprefix(f"{self.recording.source}: ")
+        else:
+            depth = "penetration" if roles.is_penetration else "position"
+            for role, names in roles.by_role.items():
+                role = depth if role == "depth" else role
+                usual = "the only quaternion" if role == "orientation" else "has this name"
+                uses |= dict.fromkeys(names, (role, self.reasons.get(role, usual)))
+                clocks = {self.recording.clocks.get(name, roles.time) for name in names}
+                reason = self.reasons.get("time", "clock of these channels")
+                uses |= {clock: ("time", reason) for clock in clocks if clock}
+        return {
+            name: uses.get(name) or ("", self._reason_against(name))
+            for name in self.recording.channels
+        }, refusal
+
+    def _reason_against(self, name: str) -> str:
+        """Why a channel has no role."""
+        values, kind = self.recording.channels[name], self._kind(name)
+        if values.dtype.kind in "OUS" and not holds_numbers(values):
+            return "text"
+        if name in self.recording.clocks.values():
+            return "a clock"
+        if is_wanted(name):
+            return "commanded"
+        if kind in (*UNITS, "position") and not self._convertible(name, kind):
+            return f"in {self.recording.unit_of(name)}, no {_quantity(kind)}"
+        if kind in ("position", "force") and not self._moves((name,)):
+            return "never changes"
+        if kind is None or kind == "nothing":
+            return "unknown quantity"
+        return _SPOKEN.get(kind, f"a {kind}")
 
     def _inconvertible(self) -> Iterable[Finding]:
         """Report channels of other units beside those in use, such as a depth in volts."""
@@ -730,6 +774,11 @@ class _Choosing:
     def _because(self, role: str, names: Sequence[str]) -> None:
         words = f"the only {role}{' in space' if len(names) == 3 else ''}"
         self.reasons.setdefault(role, words)
+
+
+def _quantity(kind: str) -> str:
+    """The quantity that the units of a role measure."""
+    return "length" if kind in ("penetration", "position") else kind
 
 
 def _group(name: str) -> str:
