@@ -64,6 +64,26 @@ def test_a_curve_of_a_map_is_chosen_or_asked_for(run, printed, tmp_path):
     assert "spring constant: 0.02 N/m" in out
 
 
+def test_info_prints_a_line_a_channel_with_its_role_or_why_it_has_none(printed, tmp_path):
+    names = ["time_s", "depth_mm", "load_N", "goal_pos", "fz_V", "torque", "still_force", "state"]
+    names += [f"a rather long name of a channel that nobody uses, number {k}" for k in range(38)]
+    table = np.arange(40.0)[:, None] * np.ones(46)
+    table[:, 6] = 3.0
+    path = tmp_path / "r.csv"
+    np.savetxt(path, table, delimiter="\t", header="\t".join(names), comments="")
+    out = printed("info", path).splitlines()
+    assert len(out) < 46 + 10
+    rows = {
+        name: next(line for line in out[::-1] if line.startswith(f"{name} ")) for name in names[:8]
+    }
+    for name, words in {
+        "time_s": "time ", "depth_mm": "penetration ", "load_N": "force ",
+        "goal_pos": "commanded", "fz_V": "in V, no force",
+        "torque": "a torque", "still_force": "never changes", "state": "unknown quantity",
+    }.items():  # fmt: skip
+        assert words in rows[name]
+
+
 def test_many_channels_are_cut_off_and_said(run, tmp_path):
     path = write_hdf5(tmp_path / "a.h5", {f"c{k:03}": np.arange(9.0) for k in range(100)})
     assert "and 40 more channels: --channel NAME or --json" in run("info", path)[1]

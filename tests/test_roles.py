@@ -481,3 +481,39 @@ def test_a_unit_that_is_not_known_is_the_reason():
     table = {"Zeit [s]": touch()[0], "Weg [mm]": touch()[1], "Kraft [p]": touch()[2]}
     with pytest.raises(RecordingError, match="cannot convert the unit p of the force"):
         prepare(Recording(table))
+
+
+RAW = ("{} (counts)", "{} [ADC]", "{} raw", "adc_{}", "raw_{}")
+
+
+@pytest.mark.parametrize("form", RAW)
+@pytest.mark.parametrize("kind, unit", [("force", "0.01N"), ("penetration", "0.01m")])
+def test_raw_counts_are_refused_with_the_option_that_calibrates_them(form, kind, unit):
+    names = {"penetration": "depth_m", "force": "load_N"}
+    names[kind] = form.format({"penetration": "depth", "force": "load"}[kind])
+    read = recording("time_s", *names.values())
+    with pytest.raises(RecordingError, match=rf"--unit {kind}=0\.0098") as caught:
+        prepare(read)
+    assert repr(names[kind]) in str(caught.value)
+    assert getattr(prepare(read, units={kind: unit}), kind)[-1] == pytest.approx(0.04)
+
+
+def test_raw_messages_are_not_raw_counts():
+    names = "/ft_raw.wrench.force.z", "depth_m", "time_s"
+    read = dataclasses.replace(recording(*names), types={"/ft_raw": "geometry_msgs/msg/Wrench"})
+    assert prepare(read).force[-1] == 4.0
+
+
+def test_channels_in_volts_are_ignored_and_said():
+    contact = prepare(recording("Time (s)", "Depth (nm)", "Load (µN)", "Depth (V)", "Load (V)"))
+    assert contact.penetration[-1] == pytest.approx(4e-9)
+    assert "palpate ignores 'Depth (V)', 'Load (V)'" in str(contact.findings)
+
+
+def test_a_name_without_its_unit_names_a_channel():
+    read = recording("t [s]", "Stempel_pos [mm]", "Stempel_soll [mm]", "Kraft [N]", "a [N]", "a")
+    chosen = roles_of(read, Columns(penetration="Stempel_pos", force="Kraft"))
+    assert (chosen.depth, chosen.force) == (("Stempel_pos [mm]",), ("Kraft [N]",))
+    assert roles_of(read, Columns(penetration="Stempel_pos", force="a")).force == ("a",)
+    with pytest.raises(MissingChannelError, match="no column 'Stempel'"):
+        roles_of(read, Columns(penetration="Stempel"))

@@ -46,6 +46,7 @@ class Check(StrEnum):
     REJECTED_SAMPLES = "rejected samples", "recording", TIMELESS
     TRANSFORMS = "transforms", "recording", TIMELESS
     VECTORS = "vectors", "recording", CAPS | TIMELESS
+    IGNORED = "ignored channels", "recording", TIMELESS
     UNITS = "units", "recording", CAPS | TIMELESS
     PENETRATION_UNIT = "penetration unit", "recording", CAPS | TIMELESS
     FORCE_UNIT = "force unit", "recording", CAPS | TIMELESS

@@ -1,6 +1,7 @@
 """The commands ``palpate identify``, ``diagnose`` and ``compare``."""
 
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Annotated, TypeVar
 
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
     from palpate.contact import Contact
     from palpate.estimators import ContactEstimator
     from palpate.identifying import Identification
+    from palpate.quantities.elastic_modulus import Tip
 
 
 Item = TypeVar("Item")
@@ -82,6 +84,8 @@ def identify(
     choosing.check()
     contact = reading.contact(files, choosing.options)
     choosing, estimator = _estimator(contact, choosing, reading)
+    if query.tip is None:
+        query = replace(query, tip=_stated_tip(contact))
     result = run(contact, estimator).with_query(query)
     if result.query.frequency is not None:  # refused before anything is written
         result.dynamic_stiffness(result.query.frequency)
@@ -105,6 +109,15 @@ def _estimator(
     choosing = reading.by_default(choosing, timeless=contact.timeless)
     kind = choosing.kind
     return choosing, kind(**reading.settings(contact, kind) | choosing.settings)
+
+
+def _stated_tip(contact: "Contact") -> "Tip | None":
+    """The ball on the probe, if the recording states its radius."""
+    from palpate.quantities.elastic_modulus import Sphere
+
+    prepared = contact.prepared
+    radius = None if prepared is None else prepared.recording.settings.get("tip radius")
+    return None if radius is None else Sphere(radius)
 
 
 def _in_parts(result: "Identification", *, changes: bool) -> "Identification":

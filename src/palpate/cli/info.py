@@ -14,6 +14,7 @@ def info(
     channel: tuple[str, ...] = (),
     curve: int | None = None,
     sheet: str | None = None,
+    header_row: int | None = None,
     max_size: Annotated[float | None, in_si(SIZES, "SIZE", READ)] = None,
     figure: FigureFile = None,
     dark: Dark = False,
@@ -36,6 +37,8 @@ def info(
         Index, from 0, of the curve to read in a file with several.
     sheet
         Name, or number from 1, of the sheet to read in a spreadsheet.
+    header_row
+        Line of the column names in a text (default: above the largest block of numbers).
     max_size
         Largest size of the data in memory, such as 8GB (default: 4 GiB).
     figure
@@ -52,7 +55,8 @@ def info(
         from palpate.figures import check_figure
 
         check_figure(figure, inputs=[file])
-    recording = opened(file, channel or None, max_size=max_size, curve=curve, sheet=sheet)
+    options = {"curve": curve, "sheet": sheet, "header_row": header_row}
+    recording = opened(file, channel or None, max_size=max_size, **options)
     surveyed = survey(recording)
     if figure is not None:
         from palpate import figures

@@ -1,33 +1,34 @@
 """The contents of a recording as tables or as one JSON object."""
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, TypeAlias
 
+from rich.cells import cell_len
 from rich.text import Text
 
 from palpate.cli.printing import Cell, Terminal, print_table, say, say_path
 from palpate.digits import rounded
-from palpate.errors import RecordingError, printable
-from palpate.preparation import roles_of
+from palpate.errors import printable
+from palpate.preparation.roles import uses_of
 from palpate.recordings.recording import Recording
 from palpate.recordings.survey import ChannelSurvey, ClockSurvey, Survey
 from palpate.validation import plain
 
 #: Version of the JSON; it increases when a field is removed or changes its meaning.
-SCHEMA_VERSION = 1
+SCHEMA_VERSION = 2
 
 # Limits for a readable output: rows of a table, lines of one kind. The JSON has all.
 _MOST_ROWS = 60
 _MOST_LINES = 12
+_NAME = 36  # characters
+_NARROW = 60  # characters; below, several lines a channel keep its numbers
 
 # Times from 2001 on, in seconds since 1970, are printed as dates.
 _DATES = 1e9
-
-_BECAUSE = "because"
 
 #: Headings and rows of a table.
 Section: TypeAlias = tuple[list[str], list[list[Cell]]]
@@ -39,15 +40,14 @@ def print_recording(recording: Recording, surveyed: Survey) -> None:
     channels, clocks = len(surveyed.channels), sum(bool(c.name) for c in surveyed.clocks)
     say_path(console, recording.source or "recording", "bold")
     say(console, f"{_count(channels, 'channel')} on {_count(clocks, 'clock')}")
-    for headings, rows in (
-        _types_table(recording, surveyed),
-        _clocks_table(surveyed),
-        _channels_table(surveyed.channels),
-        (["used as", "channel", _BECAUSE], [[*map(printable, row)] for row in _roles(recording)]),
-    ):
+    for headings, rows in (_types_table(recording, surveyed), _clocks_table(surveyed)):
         if rows:
             console.print()
-            print_table(console, headings, rows, prose=[_BECAUSE])
+            print_table(console, headings, rows)
+    uses, refusal = uses_of(recording)
+    if channels:
+        console.print()
+        _say_channels(console, uses, surveyed.channels)
     if channels > _MOST_ROWS:
         say(console, f"and {channels - _MOST_ROWS} more channels: --channel NAME or --json")
     notes = [f"{name}: {words}" for name, words in recording.notes.items()]
@@ -57,6 +57,8 @@ def print_recording(recording: Recording, surveyed: Survey) -> None:
         for name, f in recording.faults.items()
     ]
     for word, lines, style in (
+        ("roles", [refusal] if refusal else [], "yellow"),
+        ("table", [recording.table] if recording.table else [], "dim"),
         ("note", notes, "dim"),
         ("skipped", recording.omissions, "dim"),
         ("fault", faults, "yellow"),
@@ -70,15 +72,19 @@ def print_recording(recording: Recording, surveyed: Survey) -> None:
 
 def as_dict(file: Path, recording: Recording, surveyed: Survey) -> dict[str, Any]:
     """Return the contents of a recording as JSON types."""
+    uses, refusal = uses_of(recording)
     return {
         "schema_version": SCHEMA_VERSION,
         "file": str(file),
         "types": dict(recording.types),
         "clocks": [_clock_dict(clock) for clock in surveyed.clocks],
-        "channels": [_channel_dict(recording, channel) for channel in surveyed.channels],
-        "roles": [
-            dict(zip(("role", "channels", _BECAUSE), row, strict=True)) for row in _roles(recording)
+        "channels": [
+            _channel_dict(recording, channel)
+            | dict(zip(("role", "because"), uses[channel.name], strict=True))
+            for channel in surveyed.channels
         ],
+        "roles_refused": refusal or None,
+        "table": recording.table or None,
         "notes": dict(recording.notes),
         "omissions": list(recording.omissions),
         "losses": list(recording.losses),
@@ -93,31 +99,6 @@ def _channel_dict(recording: Recording, channel: ChannelSurvey) -> dict[str, Any
     fault = recording.faults.get(channel.name)
     empty = {"unit": channel.unit or None, "frame": channel.frame or None}
     return {**plain(asdict(channel)), **empty, "faults": fault and asdict(fault)}
-
-
-def _roles(recording: Recording) -> list[tuple[str, str, str]]:
-    """The role, channels and reason of each choice; or why palpate cannot choose."""
-    try:
-        roles = roles_of(recording)
-    except RecordingError as error:
-        return [("cannot be chosen", "", str(error).removeprefix(f"{recording.source}: "))]
-    depth = "penetration" if roles.is_penetration else "position"
-    clock = recording.clocks.get(roles.depth[0]), recording.clocks.get(roles.force[0])
-    time = [roles.time] if roles.time else sorted({name for name in clock if name})
-    channels: dict[str, Iterable[str]] = {
-        "time": time,
-        depth: roles.depth,
-        "force": roles.force,
-        "velocity": [roles.velocity or ""],
-        "orientation": roles.orientation,
-        "segment": [roles.segment or ""],
-    }
-    usual = {"time": "clock of these channels", "orientation": "the only quaternion"}
-    return [
-        (role, words, roles.reasons.get(role, usual.get(role, "has this name")))
-        for role, names in channels.items()
-        if (words := ", ".join(names))
-    ]
 
 
 def _types_table(recording: Recording, surveyed: Survey) -> Section:
@@ -144,21 +125,38 @@ def _clocks_table(surveyed: Survey) -> Section:
     return headings, rows
 
 
-def _channels_table(channels: Sequence[ChannelSurvey]) -> Section:
-    shown = channels[:_MOST_ROWS]
-    framed = ["frame"] * any(channel.frame for channel in shown)
-    headings = ["channel", "holds", "unit", *framed, ">samples", ">unknown", ">least", ">greatest"]
-    rows: list[list[Cell]] = []
-    for channel in shown:
-        frame = [channel.frame or "–"] * len(framed)
-        words = [channel.name, channel.kind, channel.unit or "–", *frame]
-        counts = channel.samples, channel.samples - channel.known or "–"
+def _say_channels(
+    console: Terminal, uses: Mapping[str, tuple[str, str]], channels: Sequence[ChannelSurvey]
+) -> None:
+    """Print one line a channel, cut off at the width of the terminal unless that is narrow."""
+    rows: list[tuple[str, ...]] = [
+        ("channel", "used as", "unit", "frame", "least", "greatest", "because")
+    ]
+    for channel in channels[:_MOST_ROWS]:
+        role, reason = uses[channel.name]
+        unknown = channel.samples - channel.known
+        because = [reason if channel.known else "empty", *[f"{unknown} unknown"] * bool(unknown)]
         span = (
             rounded(value, 5) if math.isfinite(value) else "–"
             for value in (channel.minimum, channel.maximum)
         )
-        rows.append([*map(printable, words), *map(str, counts), *span])
-    return headings, rows
+        words = channel.name, role or "–", channel.unit or "–", channel.frame, *span
+        rows.append((*map(printable, words), printable("; ".join(because))))
+    if console.width < _NARROW:
+        return print_table(console, rows[0], rows[1:])
+    widths = [max(map(cell_len, column)) for column in zip(*rows, strict=True)]
+    widths[0] = min(widths[0], _NAME)  # a longer name moves the rest of its line
+    if not any(channel.frame for channel in channels):
+        widths[3] = 0
+    for k, row in enumerate(rows):
+        cells = [
+            f"{cell:>{width}}" if place in (4, 5) else f"{cell:<{width}}"
+            for place, (cell, width) in enumerate(zip(row, widths, strict=True))
+            if width
+        ]
+        line = Text("  ".join(cells).rstrip(), "" if k else "bold")
+        line.truncate(console.width, overflow="ellipsis")
+        console.print(line, soft_wrap=True)
 
 
 def _count(number: int, noun: str) -> str:

@@ -73,6 +73,8 @@ class ReadingOptions:
     "Index, from 0, of the curve to read in a file with several."
     sheet: Annotated[str | None, Parameter(group=READ, metavar="NAME|K")] = None
     "Sheet of a spreadsheet: its name or its number from 1 (default: all that hold a table)."
+    header_row: Annotated[int | None, _READ] = None
+    "Line of the column names in a text (default: above the largest block of numbers)."
     max_size: Annotated[float | None, in_si(SIZES, "SIZE", READ)] = None
     "Largest size of the data in memory, such as 8GB (default: 4 GiB)."
     start: Annotated[float | None, _READ] = None
@@ -137,7 +139,8 @@ class ReadingOptions:
 
         recording = None
         try:
-            options = {name: getattr(self, name) for name in ("strict", "curve", "sheet")}
+            given = ("strict", "curve", "sheet", "header_row")
+            options = {name: getattr(self, name) for name in given}
             recording = opened(file, self._channels, max_size=self.max_size, **options)
             return prepare(recording, **self.preparation)
         except MissingChannelError as error:
@@ -145,6 +148,8 @@ class ReadingOptions:
                 raise RecordingError(f"{error}; {recording.losses[0]}") from None
             names = "name channels with --time, --penetration or --position, --force, --velocity; "
             hint = f"{'' if error.missing else names}palpate info {file} lists them"
+            if recording is not None and recording.table:
+                hint = f"{recording.table}; {hint}"
             raise RecordingError(f"{error} ({hint})") from None
 
     @property

@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 from palpate.contact import SHORTEST_STEP, numbered, slices_of
 from palpate.errors import InvalidParameterError, RecordingError
 from palpate.findings import Check, Finding
-from palpate.preparation.roles import Roles
+from palpate.preparation.roles import Roles, is_raw
 from palpate.recordings import Recording
 from palpate.recordings.poses import align_signs, covered
-from palpate.recordings.recording import GRAVITY, UNITS, WEIGHTS, size_of
+from palpate.recordings.recording import GRAVITY, UNITS, UNSTATED, WEIGHTS, size_of
 from palpate.validation import Floats
 
 # After a restart of the recorder, time falls back and increases from there. After a single late
@@ -509,19 +509,34 @@ class _Taking:
         """The unit from the recording or the channel's name; else the usual one, else SI."""
         own, stated = self.recording.units.get(name), self.recording.unit_of(name)
         si = next(iter(UNITS[kind]))
-        if stated is None or (kind == "time" and not own and not size_of(kind, stated)):
+        remedy = f"its unit, such as --unit {kind}={si}, or the size of one count, such as --unit "
+        remedy += f"{kind}=0.0098{si}"
+        if kind in ("penetration", "force") and is_raw(self.recording, name):
+            words = "these are raw counts, by the name"
+        elif stated == UNSTATED:
+            words = f"the file states no unit of the {kind} ({self.recording.table})"
+            remedy = "the units, such as --unit penetration=um,force=mN"
+        elif stated is None or (kind == "time" and not own and not size_of(kind, stated)):
             return usual or si  # ``time (UTC)`` states a time zone, not a unit
-        if not size_of(kind, stated):
-            raise RecordingError(
-                f"{self.recording.place(name)}: palpate cannot convert the unit {stated} of the "
-                f"{kind} (known: {', '.join(UNITS[kind])}); pass its unit, such as --unit "
-                f"{kind}={si}, or the size of one count, such as --unit {kind}=0.0098{si}"
-            )
-        return stated
+        elif not size_of(kind, stated):
+            known = ", ".join(UNITS[kind])
+            words = f"palpate cannot convert the unit {stated} of the {kind} (known: {known})"
+        else:
+            return stated
+        raise RecordingError(f"{self.recording.place(name)}: {words}; pass {remedy}")
+
+    def _stated_rate(self) -> float | None:
+        """The rate that the file states, if any."""
+        rate = self.recording.settings.get("rate")
+        if rate is not None:
+            words = f"there is no time; palpate uses the rate that the file states, {rate:g} Hz"
+            self.findings.append(Check.CLOCK.finding(words, "pass --rate if another is right"))
+        return rate
 
     def _stream(self, clock: str | None, values: Channels, rate: float | None) -> Stream:
         recording, lengths = self.recording, {role: len(each) for role, each in values.items()}
         if clock is None:
+            rate = rate or self._stated_rate()
             if rate is None:
                 raise RecordingError.of(
                     recording.source,

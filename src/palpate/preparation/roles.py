@@ -19,7 +19,14 @@ from palpate.recordings.poses import (
     frames_in,
     state_poses,
 )
-from palpate.recordings.recording import UNITS, holds_numbers, plain_unit, size_of, stated_unit
+from palpate.recordings.recording import (
+    OTHER_UNITS,
+    UNITS,
+    holds_numbers,
+    plain_unit,
+    size_of,
+    stated_unit,
+)
 
 _INDEX = re.compile(r"^(.*)\[(\d+)\]$")
 _LETTERS = ("xyzw", "xyz")
@@ -153,7 +160,7 @@ WORDS: dict[str, tuple[str, ...]] = {
     "torque": ("torque", "torques", "moment", "tau", "mx", "my", "mz", "tx", "ty", "tz"),
     "penetration": (
         "penetration", "indentation", "depth", "deformation", "compression", "eindringtiefe",
-        "tiefe", "profundidad", "profondeur", "profondita",
+        "tiefe", "profundidad", "profondeur", "profondita", "h",  # as in ISO 14577
     ),
     "position": (
         "position", "positions", "pos", "p", "x", "y", "z", "px", "py", "pz", "s", "pose", "tip",
@@ -176,9 +183,10 @@ WORDS: dict[str, tuple[str, ...]] = {
 }  # fmt: skip
 # Of the words of a name the strongest count: "force_z", "f_tcp" and "force_t" are forces.
 _WEAK = {
+    "h": -1,
     **dict.fromkeys("xyzst", 0),
     **dict.fromkeys(("tip", "tcp", "ee"), 1),
-    **dict.fromkeys("fpqv", 2),
+    **dict.fromkeys((*"fpqv", "vx", "vy", "vz"), 2),
 }
 # "joint_position", "angular_velocity" and "tf_static" are no position and no velocity.
 _DOMINANT = frozenset(
@@ -205,6 +213,8 @@ _OF_UNIT = {
     **dict.fromkeys(("rad", "deg", "°"), ("angle",)),
     **dict.fromkeys(("m/s²", "m/s^2", "m/s2"), ("acceleration",)),
 }
+#: Words for readings that nobody has converted to a quantity.
+_RAW = frozenset(("adc", "raw", "count", "counts", "ticks", "lsb"))
 _WORD = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|[^\W\d_]+")
 
 
@@ -235,6 +245,13 @@ def is_wanted(name: str) -> bool:
     return not WANTED.isdisjoint(split_name(name)) or bool(_DESIRED.search(name))
 
 
+def is_raw(recording: Recording, name: str) -> bool:
+    """Whether a channel without a unit holds raw counts, by its name; messages are in SI."""
+    own = re.split(r"[/.]", name)[-1]
+    stated = recording.unit_of(name) or any(within(name, topic) for topic in recording.types)
+    return not stated and not _RAW.isdisjoint(split_name(own))
+
+
 def split_name(name: str) -> list[str]:
     """The words of a name in lower case, without its unit and accents: ``Fz [mN]`` is fz."""
     bare = unicodedata.normalize("NFKD", divide_unit(name)[0])
@@ -245,7 +262,7 @@ def divide_unit(name: str) -> tuple[str, str | None]:
     """The name without the unit at its end, and this unit."""
     unit = stated_unit(name)
     if unit is not None:
-        name = re.sub(rf"[\[(_/ ]*{re.escape(unit)}[\])\s]*$", "", name, flags=re.IGNORECASE)
+        name = re.sub(rf"[\[(_/, ]*{re.escape(unit)}[\])\s]*$", "", name, flags=re.IGNORECASE)
     return name, unit
 
 
@@ -346,6 +363,11 @@ def roles_of(recording: Recording, columns: Columns | None = None) -> Roles:
         Several channels fit: the message names them and the option.
     """
     return _Choosing(recording, Columns() if columns is None else columns).roles()
+
+
+def uses_of(recording: Recording) -> tuple[dict[str, tuple[str, str]], str]:
+    """Return the role of each channel, empty for none, and why; and why none has one, if so."""
+    return _Choosing(recording, Columns()).uses()
 
 
 def contact_groups(recording: Recording, columns: Columns) -> list[str]:
@@ -467,9 +489,65 @@ class _Choosing:
             orientation,
             frame,
             self.reasons,
-            (*self._assumptions(depth, force), *self._chain_findings(depth, frame)),
+            (
+                *self._assumptions(depth, force),
+                *self._chain_findings(depth, frame),
+                *self._inconvertible(),
+            ),
             recording=self.recording,
         )
+
+    def uses(self) -> tuple[dict[str, tuple[str, str]], str]:
+        """The role of each channel, empty if it has none, and the reason; why none has, if so."""
+        uses: dict[str, tuple[str, str]] = {}
+        refusal = ""
+        try:
+            roles = self.roles()
+        except RecordingError as error:
+            refusal = str(error).removeprefix(f"{self.recording.source}: ")
+        else:
+            depth = "penetration" if roles.is_penetration else "position"
+            for role, names in roles.by_role.items():
+                role = depth if role == "depth" else role
+                usual = "the only quaternion" if role == "orientation" else "has this name"
+                uses |= dict.fromkeys(names, (role, self.reasons.get(role, usual)))
+                clocks = {self.recording.clocks.get(name, roles.time) for name in names}
+                reason = self.reasons.get("time", "clock of these channels")
+                uses |= {clock: ("time", reason) for clock in clocks if clock}
+        return {
+            name: uses.get(name) or ("", self._reason_against(name))
+            for name in self.recording.channels
+        }, refusal
+
+    def _reason_against(self, name: str) -> str:
+        """Why a channel has no role."""
+        values, kind = self.recording.channels[name], self._kind(name)
+        if values.dtype.kind in "OUS" and not holds_numbers(values):
+            return "text"
+        if name in self.recording.clocks.values():
+            return "a clock"
+        if is_wanted(name):
+            return "commanded"
+        if kind in (*UNITS, "position") and not self._convertible(name, kind):
+            return f"in {self.recording.unit_of(name)}, no {_quantity(kind)}"
+        if kind in ("position", "force") and not self._moves((name,)):
+            return "never changes"
+        if kind is None or kind == "nothing":
+            return "unknown quantity"
+        return _SPOKEN.get(kind, f"a {kind}")
+
+    def _inconvertible(self) -> Iterable[Finding]:
+        """Report channels of other units beside those in use, such as a depth in volts."""
+        names = [
+            name
+            for name in self.recording.channels
+            if (kind := self._kind(name)) in ("penetration", "position", "force")
+            and self.recording.unit_of(name) in OTHER_UNITS
+            and not self._convertible(name, kind)
+        ]
+        if names:
+            listed = ", ".join(map(repr, names[:6]))
+            yield Check.IGNORED.finding(f"palpate ignores {listed}: in no unit of length or force")
 
     def depths(self) -> tuple[bool, list[tuple[str, ...]]]:
         """Whether they are penetrations, and the channels or vectors that could be the depth."""
@@ -566,10 +644,10 @@ class _Choosing:
 
     def _named(self, role: str, name: str) -> tuple[str, ...]:
         channels = self.recording.channels
-        if name in channels:
+        if found := self._channel(name):
             self.reasons[role] = "has this name"
-            return (name,)
-        parts = tuple(part.strip() for part in name.split(","))
+            return (found,)
+        parts = tuple(self._channel(part.strip()) or part.strip() for part in name.split(","))
         if len(parts) > 1:
             for part in parts:
                 self.recording.channel(part)
@@ -596,6 +674,13 @@ class _Choosing:
             self.reasons[role] = f"the {role} of {name}"
             return (single[0],)
         raise self._missing(name)
+
+    def _channel(self, name: str) -> str | None:
+        """The channel of this name, or the only one that has it before a unit."""
+        if name in self.recording.channels:
+            return name
+        found = [each for each in self.recording.channels if divide_unit(each)[0].strip() == name]
+        return found[0] if len(found) == 1 else None
 
     def _missing(self, name: str) -> MissingChannelError:
         return MissingChannelError(name, list(self.recording.channels), self.recording.source)
@@ -795,6 +880,11 @@ class _Choosing:
     def _because(self, role: str, names: Sequence[str]) -> None:
         words = f"the only {role}{' in space' if len(names) == 3 else ''}"
         self.reasons.setdefault(role, words)
+
+
+def _quantity(kind: str) -> str:
+    """The quantity that the units of a role measure."""
+    return "length" if kind in ("penetration", "position") else kind
 
 
 def _group(name: str) -> str:

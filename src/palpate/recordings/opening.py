@@ -49,6 +49,8 @@ class Request:
         Fail on unreadable parts instead of skipping them with a warning.
     curve : int, optional
         Index, from 0, of the curve to read in a file with several.
+    header_row : int, optional
+        Line of the header of a text table, from 1. Default: above the largest block of numbers.
     progress : callable, optional
         Called at intervals with the fraction read so far, 0 to 1.
     max_size : int
@@ -67,6 +69,7 @@ class Request:
     max_size: int = MAX_SIZE
     source: str = ""
     sheet: str | None = None
+    header_row: int | None = None
     _reserved: list[int] = field(default_factory=lambda: [0], compare=False, repr=False)
 
     @property
@@ -147,7 +150,9 @@ class Format:
 _HERE = "palpate.recordings"
 _MESSAGES = f"{_HERE}.messages.containers"
 _PACKED = ("", ".gz", ".bz2", ".xz")
-_TEXTS = tuple(f".{kind}{end}" for end in _PACKED for kind in ("csv", "tsv", "txt", "dat"))
+_TEXTS = tuple(
+    f".{kind}{end}" for end in _PACKED for kind in ("csv", "tsv", "txt", "dat", "lvm", "mot")
+)
 _CURVES = (".jpk-force", ".jpk-force-map", ".jpk-qi-data", ".jpk-qi-series", ".ibw")
 _BAGS = (".db3", ".db3.zstd", ".mcap.zstd", "metadata.yaml")
 _MAT = (b"MATLAB 5.0 MAT", b"MATLAB 7.3 MAT")
@@ -185,6 +190,7 @@ def open_recording(
     strict: bool = False,
     curve: int | None = None,
     sheet: str | int | None = None,
+    header_row: int | None = None,
     progress: Callable[[float], None] | None = None,
     max_size: float = MAX_SIZE,
 ) -> Recording:
@@ -205,6 +211,8 @@ def open_recording(
         Index, from 0, of the curve to read in a file with several.
     sheet : str or int, optional
         Name, or number from 1, of the sheet to read in a spreadsheet. Default: all with a table.
+    header_row : int, optional
+        Line of the header of a text table, from 1. Default: above the largest block of numbers.
     progress : callable, optional
         Called at intervals with the fraction read so far.
     max_size : float
@@ -225,12 +233,15 @@ def open_recording(
         raise InvalidParameterError(f"path must be a path, not {path!r}") from None
     if curve is not None and curve < 0:
         raise InvalidParameterError(f"curve must be an index from 0 on, not {curve}")
+    if header_row is not None and header_row < 1:
+        raise InvalidParameterError(f"header_row must be a line from 1 on, not {header_row}")
     if not 1.0 <= max_size <= 1e18:
         raise InvalidParameterError(f"max_size must be in [1, 1e+18] bytes, not {max_size!r}")
     begun = time.perf_counter()
     source = "standard input" if str(file) == "-" else printable(file)
     named = None if sheet is None else str(sheet)
-    request = Request(wanted, strict, curve, progress, int(max_size), source, sheet=named)
+    most = int(max_size)
+    request = Request(wanted, strict, curve, progress, most, source, named, header_row)
     recording = _read(file, request)
     _log(recording, time.perf_counter() - begun)
     return recording

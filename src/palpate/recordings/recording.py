@@ -62,6 +62,11 @@ class Recording:
         What the file says about itself, as text.
     rows : sequence of int, optional
         The row of the file for each sample, for messages; None for files without rows.
+    settings : mapping
+        Settings that the file states, SI: ``"rate"`` of the samples, ``"tip radius"``, ``"spring
+        constant"``, ``"specimen height"``, ``"specimen diameter"``, ``"specimen area"``.
+    table : str
+        For messages: where in a text the reader found the table; empty for other files.
     clocks : mapping
         Name of a channel to name of the channel with its times. Channels on one clock have equal
         length. Channels not listed are on the clock of the file, which :func:`palpate.prepare`
@@ -102,6 +107,8 @@ class Recording:
     faults: Mapping[str, Faults] = field(default_factory=dict)
     plots: Mapping[str, str] = field(default_factory=dict)
     findings: Sequence[Finding] = ()
+    settings: Mapping[str, float] = field(default_factory=dict)
+    table: str = ""
 
     def __post_init__(self) -> None:
         channels = {}
@@ -278,6 +285,8 @@ WEIGHTS = {"kg": GRAVITY, "g": 1e-3 * GRAVITY, "mg": 1e-6 * GRAVITY,
 TORQUE_UNITS = {"Nm": 1.0, "N·m": 1.0, "N*m": 1.0, "Ncm": 1e-2, "mNm": 1e-3, "Nmm": 1e-3}
 
 KNOWN = frozenset([*(unit for units in UNITS.values() for unit in units), *TORQUE_UNITS])
+#: The unit of the channels of a report that states no unit at all; none is assumed.
+UNSTATED = "not stated"
 #: Other entries of a row of units.
 OTHER_UNITS = frozenset(["-", "–", "1", "%", "deg", "°", "rad", "rad/s", "V", "mV", "A", "mA", "Hz",
                          "°C", "C", "K", "Pa", "kPa", "MPa", "g", "kg", "m/s^2", "m/s²", "counts",
@@ -299,14 +308,19 @@ _NO_UNIT = re.compile(
 )
 _SPELT = {
     "sec": "s", "seconds": "s", "m s-1": "m/s", "N.m": "N·m", '"': "in", "inch": "in",
-    "inches": "in", "mils": "mil", "newton": "N", "newtons": "N", "lbs": "lb", "pounds": "lb",
+    "inches": "in", "mils": "mil", "lbs": "lb", "pounds": "lb",
     "ounces": "oz", "gram": "g", "grams": "g", "gram-force": "gf", "kilogram-force": "kgf",
-    "pound-force": "lbf", "metres": "m", "meters": "m", "millimetres": "mm", "millimeters": "mm",
+    "pound-force": "lbf", "second": "s",
+    **{f"{prefix}met{end}{s}": f"{unit}m" for end in ("er", "re") for s in ("", "s")
+       for prefix, unit in (("", ""), ("milli", "m"), ("micro", "µ"), ("nano", "n"))},
+    **{f"{prefix}newton{s}": f"{unit}N" for s in ("", "s")
+       for prefix, unit in (("", ""), ("milli", "m"), ("micro", "µ"), ("kilo", "k"))},
     # Case does not matter here; in MN and mN, or Nm and nm, it does.
     **{unit.lower(): unit for unit in ("kN", "kgf", "gf", "lbf", "ozf", "kg", "lb", "oz", "mm",
                                        "cm", "in", "mil")},
 }  # fmt: skip
 _BRACKETED = re.compile(r"(.*\S)\s*(?:\[([^\[\]]*)\]|\(([^()]*)\))\s*")
+_AFTER_A_COMMA = re.compile(r".*\S(?:,\s*|\s+in\s+)(\S+)\s*")
 _AFTER_A_SLASH = re.compile(r"[^/\s]+\s*/\s*([^/\s]+(?:/s)?)")
 _SCALED = re.compile(r"\s*(\d+\.?\d*(?:[eE][+-]?\d+)?|\.\d+(?:[eE][+-]?\d+)?)?\s*(.*)")
 
@@ -352,6 +366,8 @@ def stated_unit(name: str) -> str | None:
         if not _NO_UNIT.fullmatch(unit):
             return _of_time(name, unit)
         name = bracketed[1]
+    if (behind := _AFTER_A_COMMA.fullmatch(name)) and plain_unit(behind[1]) in _BARE:
+        return _of_time(name, plain_unit(behind[1]))  # ``Fz, gf``, ``Kraft in N``
     words = re.split(r"[_\s]+", name)
     for count in (2, 1):  # velocity_m_s before any other that ends with _s
         unit = _of_time(name, plain_unit("/".join(words[-count:])))

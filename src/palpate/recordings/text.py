@@ -1,4 +1,4 @@
-"""Text tables: a header line, then one sample per row; read some megabytes at a time."""
+"""Text tables, also inside a report: one sample per row; read some megabytes at a time."""
 
 import bz2
 import codecs
@@ -12,6 +12,7 @@ import sys
 import zlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import nullcontext, suppress
+from dataclasses import replace
 from functools import cache, lru_cache
 from importlib import import_module
 from pathlib import Path
@@ -26,8 +27,10 @@ from palpate.recordings.recording import Faults, Recording, printable
 from palpate.recordings.text_layout import (
     SPACES,
     WHOLE_THOUSANDS,
+    WIDE,
     TextLayout,
     cells_of,
+    is_other_table,
     layout_of,
     padded,
     parsed_number,
@@ -54,7 +57,11 @@ PROBED = 1000  # lines from which the kinds of the columns are found
 PIECE = 1 << 19
 LARGE = 5 << 20  # bytes of a file for which pyarrow is worth the time to import it
 MOST_LINES = 50  # of a quoted cell; without a limit one stray mark would swallow all the rest
-WIDE = 8  # columns
+# A line of words in a table whose rows begin with numbers: text around it, or a row of words.
+_WORDS = re.compile(
+    rb"\n(?:[ \t,;|]*|[ \t\"'<*#({\[=-]*(?!(?:nan|inf)(?:\W|inity))[a-z\x80-\xff][^\r\0\n]*)(?=\n)",
+    re.IGNORECASE,
+)
 # A killed writer leaves a file whose size is a multiple of its buffer's.
 BUFFER = 4096
 # A last cell shorter than all of so many above it is most likely cut off.
@@ -78,9 +85,10 @@ def read(path: Path, request: Request) -> Recording:
     """Read a text table: CSV, TSV and similar, compressed or not.
 
     palpate detects the delimiter (comma, semicolon, tab, bar or spaces), the decimal mark, the
-    encoding and what each column holds. In a numeric column a cell without a number is NaN and
-    counted in ``Recording.faults``. ``Recording.losses`` lists the rows that palpate could not read
-    and skipped. Columns of the same name get their position: ``force_N (column 3)``.
+    encoding, where in a report the table is, and what each column holds. In a numeric column a cell
+    without a number is NaN and counted in ``Recording.faults``. ``Recording.losses`` lists the rows
+    that palpate could not read and skipped. Columns of the same name get their position: ``force_N
+    (column 3)``. Blocks below the same header are told apart by the channel ``segment``.
 
     Parameters
     ----------
@@ -391,18 +399,24 @@ class _Table:
         self.lost: dict[str, tuple[int, str]] = {}  # reason: number of rows, the first row
         self.text = _Text(path, self.source, request.max_size)
         self.rows: list[Sequence[int]] = []  # the row in the file of each sample
+        self.begins = [0]  # where in ``rows`` each block below the header begins
+        self.skipped: dict[str, int] = {}  # what is skipped around the table: the first line
+        self.words = b""  # lines of words at the end of what was added
         blocks = self.text.blocks()
         first = next(blocks, b"")
         self._begin(first, kinds)
         row, counted = self.layout.first + 1, 0
-        for block in itertools.chain(first.split(b"\n", self.layout.first)[-1:], blocks):
+        rows = first.split(b"\n", self.layout.first)[-1]
+        self.is_numeric = self.columns[0].kind != "text" and not _WORDS.match(b"\n" + rows[:TAIL])
+        for block in itertools.chain([rows], blocks):
             last = b""
             if self.text.cut_off and block:
                 begin = block.rfind(b"\n", 0, -1) + 1
                 block, last = block[:begin], block[begin:]
             self._add(block, row)
             row += block.count(b"\n")
-            if last and not self._is_cut_off(last, row, block):
+            words = self.is_numeric and _WORDS.match(b"\n" + last)
+            if last and (words or not self._is_cut_off(last, row, block)):
                 self._add(last, row)
                 row += 1
             request.report(self.text.fraction)
@@ -412,16 +426,25 @@ class _Table:
                 8 * (made - counted) + any(c.kind == "text" for c in self.columns) * len(block)
             )
             counted = made
+        if self.words:
+            self._add_last_words(row - self.words.count(b"\n"))
 
     def _begin(self, first: bytes, kinds: Mapping[str, str]) -> None:
         """Find the layout, and what the columns hold."""
         head = first[: first.rfind(b"\n", 0, HEAD) + 1]
         lines = self.text.decode(head).split("\n")[:-1]
-        layout = layout_of(lines, self.source) if lines else None
-        if layout is None or layout.first >= len(lines) - 1:  # long notes, or no rows below them
+        named = self.request.header_row
+        layout = layout_of(lines, self.source, named) if len(lines) > (named or 0) else None
+        # Long notes, no rows below them, or rows of which another table may have more.
+        if layout is None or layout.first >= len(lines) - 1 or layout.table.last < len(lines) - 1:
             lines = self.text.decode(first).split("\n")[:-1]
-            layout = layout_of(lines, self.source)
+            layout = layout_of(lines, self.source, named)
         self.layout: TextLayout = layout
+        # The lines of the header, which may stand again above other blocks.
+        self.title, *below = first.split(b"\n", layout.first)[layout.table.header : -1] or [b""]
+        units = b"|".join(re.escape(line + b"\n") for line in [*below, b""])
+        again = rb"^(" + re.escape(self.title) + rb"\n(?:" + units + rb")*)"
+        self.header = re.compile(again, re.MULTILINE)
         some = lines[layout.first : layout.first + PROBED]
         probed = list(self._records(some, 0, lambda *_: None))
         cells = _turned([found for _, found in probed], len(layout.header))
@@ -438,12 +461,67 @@ class _Table:
         self.lost[what] = count + 1, first
 
     def _add(self, block: bytes, row: int) -> None:
-        arrays = self._parsed_at_once(block) if block else None
+        arrays = self._parsed_at_once(block) if block and not self.words else None
         if arrays is not None:
             for column, values in zip(self.columns, arrays, strict=True):
                 column.extend(values)
             self.rows.append(range(row, row + len(arrays[0])))
             return
+        row -= self.words.count(b"\n")
+        block, self.words = self.words + block, b""
+        # Rows, and the headers between them.
+        parts = self.header.split(block) if self.title and self.title in block else [block]
+        if len(parts) > 1 and not parts[-1]:  # units may follow in the next block
+            self.words = parts[-2]
+            parts = parts[:-2]
+        for k in range(0, len(parts), 2):
+            if k:
+                row += parts[k - 1].count(b"\n")
+                self.begins.append(len(self.rows))
+            rows, words = self._divide_words(parts[k], row)
+            self._add_rows(rows, row)
+            row += parts[k].count(b"\n")
+            if (k < len(parts) - 1 or self.words) and words.strip():
+                self.skipped.setdefault("text between tables", row - words.count(b"\n"))
+            elif len(words) > TAIL:  # a column of words
+                self._add_rows(words, row - words.count(b"\n"))
+            elif k == len(parts) - 1 and not self.words:
+                self.words = words
+
+    def _divide_words(self, lines: bytes, row: int) -> tuple[bytes, bytes]:
+        """The rows of the table, and the lines of words below them; skip another table."""
+        if not self.is_numeric:
+            return lines, b""
+        text = b"\n" + lines
+        begin = text.rfind(b"\n", 0, -1)
+        end = len(lines)
+        # A line with half of the quotation marks is the end of a cell of several lines.
+        while end and _WORDS.match(text, begin) and text.count(b'"', begin, end) % 2 == 0:
+            end, begin = begin, text.rfind(b"\n", 0, begin)
+        begin = stop = 0
+        for found in _WORDS.finditer(text, 0, end + 1):
+            begin, stop = begin if found.start() == stop else found.start(), found.end()
+            below = lines[stop : lines.find(b"\n", stop) + 1]
+            if not below or _WORDS.match(text, stop):
+                continue
+            words = self.text.decode(lines[begin:stop] + below).split("\n")[:-1]
+            if is_other_table(words):
+                self.skipped.setdefault(
+                    "another table; palpate reads the largest", row + lines.count(b"\n", 0, begin)
+                )
+                return lines[:begin], b""
+        return lines[:end], lines[end:]
+
+    def _add_last_words(self, row: int) -> None:
+        """Add the last lines if they have the cells of rows; else they are text below the table."""
+        lines = self.text.decode(self.words).split("\n")[:-1]
+        cells = [cells_of(line, self.layout.delimiter) for line in lines if line.strip(" ,;|\t")]
+        if cells and all(len(each) == len(self.columns) for each in cells):
+            self._add_rows(self.words, row)
+        elif cells:
+            self.skipped.setdefault("text below the table", row)
+
+    def _add_rows(self, block: bytes, row: int) -> None:
         while block:
             cut = len(block) if len(block) < PIECE else block.rfind(b"\n", 0, PIECE) + 1
             cut = cut or block.find(b"\n") + 1
@@ -588,6 +666,11 @@ class _Table:
         for name in [each for each in channels if not self.request.wants(each)]:
             del channels[name]
             units.pop(name, None)
+        if len(self.begins) > 1 and "segment" not in channels:
+            ends = [*self.begins[1:], len(self.rows)]
+            parts = (self.rows[a:b] for a, b in zip(self.begins, ends, strict=True))
+            lengths = [sum(map(len, part)) for part in parts]
+            channels["segment"] = np.repeat(np.arange(1.0, len(lengths) + 1.0), lengths)
         if self.request.channels and not channels:
             raise MissingChannelError(self.request.channels[0], self.layout.header, self.source)
         draft.losses = [
@@ -597,15 +680,22 @@ class _Table:
             for what, (count, first) in self.lost.items()
         ]
         draft.losses += self.text.losses
+        for line in self.layout.table.others:
+            self.skipped.setdefault("another table; palpate reads the largest", line)
+        for what, line in self.skipped.items():
+            draft.omit(f"lines from {line} on", what)
         if ignored := ", ".join(each.name for each in self.columns if each.kind == "nothing"):
             draft.omit("columns not requested", ignored)
         if self.text.encoding != "utf-8":
             encoding = self.text.encoding.upper().replace("WINDOWS", "Windows")
             draft.notes["encoding"] = encoding
         rows = _in_one(self.rows)
-        recording = draft.done(rows)
+        recording = replace(
+            draft.done(rows), settings=self.layout.settings, table=self.layout.place
+        )
         if draft.losses and not len(rows):
-            raise draft.error(f"no row can be read: {draft.losses[0]}")
+            place = f"; {self.layout.place}" * bool(self.layout.place)
+            raise draft.error(f"no row can be read: {draft.losses[0]}{place}")
         return recording
 
 
