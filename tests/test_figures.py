@@ -284,7 +284,9 @@ def test_no_legend_lies_on_data_and_no_text_on_text(name, width):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("width", [None, COLUMN])
-@pytest.mark.parametrize("path", sorted(REAL.glob("*_*.csv")), ids=lambda path: path.stem)
+@pytest.mark.parametrize(
+    "path", sorted(REAL.glob("*_*.csv")), ids=lambda path: getattr(path, "stem", "none")
+)
 def test_figures_of_real_recordings_are_legible(path, width):
     results = palpate.compare(path)
     for result in results.values():
