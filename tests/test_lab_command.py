@@ -13,7 +13,7 @@ from palpate import GeneralisedHuntCrossley, InvalidParameterError, lab
 from palpate.lab.figures import NoRendererError, photograph
 from palpate.lab.rig import Geometry
 from palpate.recordings.recording import truth_of
-from palpate.results.parameters import comparable
+from palpate.results.truth import comparable
 
 QUICK = ("--seconds", "4", "--seed", "3")
 

@@ -36,12 +36,7 @@ from palpate.figures.style import (
 from palpate.force_laws import ForceLaw, GeneralisedHuntCrossley
 from palpate.identification.identified import Identified
 from palpate.quantities.derived import in_hertz
-from palpate.results.parameters import (
-    RELAXATION,
-    ParameterRow,
-    describe_relaxation,
-    parameter_rows,
-)
+from palpate.results.parameters import RELAXATION, ParameterRow, describe_relaxation, parameter_rows
 from palpate.results.view import format_depth
 from palpate.validation import Floats
 

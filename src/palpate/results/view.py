@@ -28,15 +28,13 @@ from palpate.recordings.recording import truth_of
 from palpate.results.parameters import (
     RELAXATION,
     ParameterRow,
-    against_truth,
     format_signed,
     law_name,
     parameter_rows,
     parameter_terms,
     relaxation_range,
-    stated_truth,
-    truths,
 )
+from palpate.results.truth import against_truth, stated_truth, truths
 
 if TYPE_CHECKING:
     from palpate.estimators.estimate import Estimate
