@@ -42,7 +42,7 @@ from palpate.lab import BALL, PVC, TISSUE
 from palpate.quantities.derived import in_hertz
 from palpate.results.saved import SCHEMA_VERSION, result_dict
 
-EXAMPLES = Path(__file__).parents[1] / "examples" / "recordings"
+EXAMPLES = Path(__file__).parents[2] / "examples" / "recordings"
 
 
 @pytest.fixture(scope="module")
