@@ -16,7 +16,8 @@ import numpy as np
 
 from benchmarks.report import Row, Section
 from palpate import HuntCrossley, lab
-from palpate.exports.engine import ProbeMotion, force_error
+from palpate.exports.motion import ProbeMotion
+from palpate.exports.replay_errors import force_error
 from palpate.force_laws import ForceLaw
 from palpate.validation import Floats
 

@@ -20,7 +20,7 @@ from benchmarks.export_laws import LAWS, MODULES, made, there, tip
 from benchmarks.export_round_trip import measure_round_trip
 from benchmarks.report import Limit, Row, Section
 from palpate import KelvinVoigt, exports
-from palpate.exports.engine import drop_to
+from palpate.exports.replay_errors import drop_to
 from palpate.force_laws import GeneralisedHuntCrossley
 from palpate.writing import check_outputs, write_text
 

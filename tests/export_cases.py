@@ -3,7 +3,7 @@
 import numpy as np
 
 from palpate.exports import ExportRequest, ProbeMotion, engine_called
-from palpate.exports.engine import force_error
+from palpate.exports.replay_errors import force_error
 from palpate.force_laws import GeneralisedHuntCrossley
 from palpate.lab import BALL, PVC, SPONGE
 

@@ -52,7 +52,11 @@ UNFIT = re.compile(
     r"browser|damage|doc|endurance|fuzz|help|hostile|notebooks|paper|peers|process_end|running"
 )
 PYTEST = [sys.executable, "-m", "pytest", "-x", "-q", "-n2", "-ocache_dir=cache"]
-WIDE = ["tests/test_cli.py", "tests/test_identification.py", "tests/test_conformance.py"]
+WIDE = [
+    "tests/cli/test_cli.py",
+    "tests/identification/test_identification.py",
+    "tests/estimators/test_conformance.py",
+]
 
 SWAPS = {"<": "<=", ">": ">=", "+": "-", "*": "/", "and": "or", "&&": "||", "min": "max"}
 SWAPS |= {new: old for old, new in SWAPS.items()}

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 from paper_cases import Tiny, no_processes
-from test_report_page import Reading
+from report_reading import Reading
 
 from palpate import PalpateError, RecordingError
 from paper import command, experiments, running

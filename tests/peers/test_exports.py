@@ -16,7 +16,7 @@ from export_cases import (
 )
 
 from palpate import KelvinVoigt, exports
-from palpate.exports.engine import drop_to
+from palpate.exports.replay_errors import drop_to
 from peers.installed import installed
 
 pytestmark = pytest.mark.peers

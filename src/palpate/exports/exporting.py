@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 
 from palpate.errors import ExportRefusedError, InvalidParameterError, MissingExtraError
-from palpate.exports.engine import Engine, ExportRequest, Fragment, ProbeMotion, engine_called
+from palpate.exports.engine import Engine, Fragment, engine_called
+from palpate.exports.motion import ExportRequest, ProbeMotion
 from palpate.exports.statement import Exportable, ExportedLaw, Statement, compared
 from palpate.lab.materials import Touch
 from palpate.validation import Floats, number_in

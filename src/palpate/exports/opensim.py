@@ -11,21 +11,11 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from palpate.errors import InvalidParameterError
-from palpate.exports.engine import (
-    Drop,
-    Engine,
-    ExportRequest,
-    Fragment,
-    ProbeMotion,
-    Replayed,
-    came_back,
-    hash_comment,
-    state_by_state,
-    template,
-    warned,
-    with_one_exponent,
-    xml_comment,
-)
+from palpate.exports.engine import Engine, Fragment, Replayed, warned
+from palpate.exports.motion import ExportRequest, ProbeMotion
+from palpate.exports.nearest_law import with_one_exponent
+from palpate.exports.replay_errors import Drop, came_back, state_by_state
+from palpate.exports.texts import hash_comment, template, xml_comment
 from palpate.writing import temporary_file
 
 # Running OpenSim: the force and restitution of the exported model.

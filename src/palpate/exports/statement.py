@@ -20,23 +20,11 @@ from palpate.errors import (
     RecordingError,
 )
 from palpate.estimators import VariableProjection
-from palpate.exports.engine import (
-    Drop,
-    Engine,
-    Fragment,
-    Nearest,
-    ProbeMotion,
-    drop_to,
-    force_error,
-    length,
-    numbers_of,
-    one_power,
-    percent,
-    refused,
-    warned,
-    with_exponents,
-    without_memory,
-)
+from palpate.exports.engine import Engine, Fragment, refused, warned
+from palpate.exports.motion import ProbeMotion
+from palpate.exports.nearest_law import Nearest, one_power, with_exponents, without_memory
+from palpate.exports.replay_errors import Drop, drop_to, force_error
+from palpate.exports.texts import length, numbers_of, percent
 from palpate.findings import Finding
 from palpate.force_laws import ForceLaw, GeneralisedHuntCrossley
 from palpate.force_laws.laws import Spring

@@ -9,17 +9,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
-from palpate.exports.engine import (
-    Engine,
-    ExportRequest,
-    Fragment,
-    hash_comment,
-    is_kelvin_voigt,
-    kelvin_voigt,
-    stable_step,
-    template,
-    warned,
-)
+from palpate.exports.engine import Engine, Fragment, warned
+from palpate.exports.motion import ExportRequest
+from palpate.exports.nearest_law import is_kelvin_voigt, kelvin_voigt, stable_step
+from palpate.exports.texts import hash_comment, template
 
 _ALWAYS = (
     "bind the material to both touching shapes: if one has no material, Newton averages this "

@@ -28,23 +28,11 @@ from palpate.exports.drake.shapes import (
     one_sphere,
     slab,
 )
-from palpate.exports.engine import (
-    Drop,
-    Engine,
-    ExportRequest,
-    Fragment,
-    ProbeMotion,
-    Replayed,
-    digits,
-    force_error,
-    hash_comment,
-    is_kelvin_voigt,
-    kelvin_voigt,
-    template,
-    warned,
-    with_one_exponent,
-    xml_comment,
-)
+from palpate.exports.engine import Engine, Fragment, Replayed, warned
+from palpate.exports.motion import ExportRequest, ProbeMotion
+from palpate.exports.nearest_law import is_kelvin_voigt, kelvin_voigt, with_one_exponent
+from palpate.exports.replay_errors import Drop, force_error
+from palpate.exports.texts import digits, hash_comment, template, xml_comment
 from palpate.force_laws import GeneralisedHuntCrossley
 from palpate.validation import Floats
 

@@ -14,14 +14,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
-from palpate.exports.engine import (
-    Drop,
-    Pointwise,
-    ProbeMotion,
-    came_back,
-    drop_restitution,
-    state_by_state,
-)
+from palpate.exports.motion import Pointwise, ProbeMotion
+from palpate.exports.replay_errors import Drop, came_back, drop_restitution, state_by_state
 from palpate.validation import Floats
 
 #: A body that has not returned after this multiple of the time down counts as at rest.

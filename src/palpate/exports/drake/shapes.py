@@ -19,7 +19,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from palpate.exports.engine import ProbeMotion
+from palpate.exports.motion import ProbeMotion
 from palpate.force_laws import GeneralisedHuntCrossley
 from palpate.validation import Floats
 

@@ -16,27 +16,8 @@ import numpy as np
 
 from palpate.digits import rounded
 from palpate.errors import InvalidParameterError
-from palpate.exports.engine import (
-    Drop,
-    Engine,
-    ExportRequest,
-    Fragment,
-    ProbeMotion,
-    Replayed,
-    drop_to,
-    force_error,
-    is_kelvin_voigt,
-    kelvin_voigt,
-    length,
-    numbers_of,
-    percent,
-    refused,
-    stable_step,
-    template,
-    warned,
-    with_exponents,
-    xml_comment,
-)
+from palpate.exports.engine import Engine, Fragment, Replayed, refused, warned
+from palpate.exports.motion import ExportRequest, ProbeMotion
 from palpate.exports.mujoco import callback
 from palpate.exports.mujoco.fitting import FITS, MOST_STEPS, PairRows, drop_restitution, misfit_to
 from palpate.exports.mujoco.robot import (
@@ -51,6 +32,9 @@ from palpate.exports.mujoco.robot import (
     read,
     sections,
 )
+from palpate.exports.nearest_law import is_kelvin_voigt, kelvin_voigt, stable_step, with_exponents
+from palpate.exports.replay_errors import Drop, drop_to, force_error
+from palpate.exports.texts import length, numbers_of, percent, template, xml_comment
 from palpate.force_laws import GeneralisedHuntCrossley
 from palpate.validation import Floats, above_zero
 

@@ -20,15 +20,9 @@ from itertools import combinations
 import numpy as np
 
 from palpate.errors import InvalidParameterError
-from palpate.exports.engine import (
-    Drop,
-    ProbeMotion,
-    course,
-    drop_to,
-    force_error,
-    half_period,
-    kelvin_voigt,
-)
+from palpate.exports.motion import ProbeMotion
+from palpate.exports.nearest_law import kelvin_voigt
+from palpate.exports.replay_errors import Drop, course, drop_to, force_error, half_period
 from palpate.force_laws import GeneralisedHuntCrossley
 from palpate.validation import Floats
 

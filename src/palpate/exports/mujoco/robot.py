@@ -15,9 +15,11 @@ from xml.etree import ElementTree
 import numpy as np
 
 from palpate.errors import InvalidParameterError, RecordingError
-from palpate.exports.engine import ProbeMotion, digits, refused, template, warned, xml_comment
+from palpate.exports.engine import refused, warned
 from palpate.exports.exporting import STATEMENT, InAnEngine
+from palpate.exports.motion import ProbeMotion
 from palpate.exports.mujoco.fitting import PairRow
+from palpate.exports.texts import digits, template, xml_comment
 from palpate.findings import Finding
 from palpate.lab.rig import require_mujoco
 from palpate.validation import Floats

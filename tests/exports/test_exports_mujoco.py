@@ -13,9 +13,9 @@ from export_cases import KELVIN_VOIGT_LAW as KELVIN_VOIGT
 import palpate
 from palpate import GeneralisedHuntCrossley, InvalidParameterError, exports, lab
 from palpate.exports import ExportRequest, ProbeMotion, engine_called, export
-from palpate.exports.engine import drop_to, force_error
 from palpate.exports.mujoco.fitting import PairRow, PairRows
 from palpate.exports.mujoco.robot import Scene
+from palpate.exports.replay_errors import drop_to, force_error
 
 MOTION = ProbeMotion.of_paper()
 FIRM = MOTION.firm()

@@ -21,7 +21,7 @@ from palpate.errors import RecordingError
 from palpate.recordings import opening as tables
 from palpate.reports import identification
 
-EXAMPLES = Path(__file__).parents[1] / "examples" / "recordings"
+EXAMPLES = Path(__file__).parents[2] / "examples" / "recordings"
 BALL = EXAMPLES / "ball.csv"
 
 

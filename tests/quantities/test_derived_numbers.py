@@ -353,7 +353,7 @@ def test_the_numbers_of_every_method_are_in_the_json_object_and_can_be_written()
 
 
 def test_the_page_shows_the_keys_that_there_are():
-    page = Path(__file__).parents[1] / "docs" / "quantities.md"
+    page = Path(__file__).parents[2] / "docs" / "quantities.md"
     [shown] = re.findall(r"^```json\n(.*?)^```$", page.read_text(encoding="utf-8"), re.M | re.S)
     recording = "examples/recordings/tapping.csv"
     wanted = QueryOptions(impact_speed=0.3, tip=palpate.Cone(math.radians(60.0)))

@@ -344,7 +344,7 @@ def test_many_short_curves_of_one_chunk_are_work_for_every_worker(diagnosis, mos
 
 
 def force_maps():
-    beside = Path(__file__).parents[2] / "shared" / "data"
+    beside = Path(__file__).parents[3] / "shared" / "data"
     folder = Path(os.environ.get("PALPATE_DATA", beside)) / "afm_maps"
     return sorted(folder.glob("*.jpk-force-map"))
 

@@ -152,7 +152,7 @@ def test_compare_ranks_and_recommends_nothing_where_nothing_is_to_be_trusted(run
     assert "recommended method: none" in out
 
 
-PHANTOM = Path(__file__).parents[1] / "examples" / "recordings" / "phantom.csv"
+PHANTOM = Path(__file__).parents[2] / "examples" / "recordings" / "phantom.csv"
 BALL = PHANTOM.with_name("ball.csv")
 
 

@@ -40,8 +40,8 @@ def holes(signals: Signals, bad: float) -> Signals:
 BALL = exciting(MATERIALS["ball"], seconds=0.5, noise=0.05, seed=2)
 STILL = Signals(np.arange(500) * 1e-3, np.full(500, 0.01), np.zeros(500), np.full(500, 20.0))
 
-EXAMPLES = Path(__file__).parents[1] / "examples" / "recordings"
-BESIDE = Path(__file__).resolve().parents[2] / "shared" / "data"
+EXAMPLES = Path(__file__).parents[2] / "examples" / "recordings"
+BESIDE = Path(__file__).resolve().parents[3] / "shared" / "data"
 REAL = Path(os.environ.get("PALPATE_DATA", BESIDE))
 COLUMN = 88e-3  # m, of a journal
 

@@ -11,8 +11,7 @@ from importlib import metadata
 from pathlib import Path
 
 import pytest
-from recordings import HEADER, recording, rows_of, text_of, written
-from test_csv import changed
+from recordings import HEADER, changed, recording, rows_of, text_of, written
 
 import palpate
 from palpate import figures
@@ -272,7 +271,7 @@ def test_values_beyond_any_measurement_are_no_numbers(
     assert vectors or not status
 
 
-RECORDINGS = Path(__file__).parents[1] / "examples" / "recordings"
+RECORDINGS = Path(__file__).parents[2] / "examples" / "recordings"
 NAMED = {
     "BALL": str(RECORDINGS / "ball.csv"),
     "GUESS": "--stiffness 2000 --damping 2000 --exponent 1",

@@ -6,28 +6,14 @@ holds the reference fits; numbers are read from there, not repeated here.
 
 import json
 import math
-import os
-from pathlib import Path
 
 import numpy as np
 import pytest
+from recordings import FOLDER, files, has_penetration
 
 import palpate
 from palpate import ESTIMATORS, ContactGate, RecordingError, SingleStageRLS, open_recording, prepare
 from palpate.preparation.along_penetration import at_places
-
-BESIDE = Path(__file__).resolve().parents[2] / "shared" / "data"
-FOLDER = Path(os.environ.get("PALPATE_DATA", BESIDE))
-ABSENT = pytest.param(
-    None,
-    marks=pytest.mark.skip(reason="no recordings beside the checkout, and PALPATE_DATA is not set"),
-    id="absent",
-)
-
-
-def files(*patterns: str) -> list:
-    found = sorted(path for pattern in patterns for path in FOLDER.glob(pattern))
-    return [pytest.param(path, id=path.stem) for path in found] or [ABSENT]
 
 
 def one_of_each_set(*patterns: str) -> list:
@@ -48,12 +34,6 @@ def reference_rmse(name: str) -> float:
     column = next(k for k, cell in enumerate(header) if "final RMSE%" in cell)
     [row] = [row for row in rows if len(row) > column and row[1].strip() == name]
     return float(row[column].split("(")[0].split(",")[2])
-
-
-def has_penetration(path: Path) -> bool:
-    """Not that of a robot, which travels."""
-    with path.open() as lines:
-        return "penetration_m" in next(lines).strip().split(",")
 
 
 @pytest.mark.parametrize("path", one_of_each_set("*.csv"))

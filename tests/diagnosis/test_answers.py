@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from recordings import files, has_penetration
 from test_diagnosis import CAUSES, INPUTS
-from test_recordings import files, has_penetration
 
 import palpate
 from palpate import ESTIMATORS, GeneralisedHuntCrossley, SingleRelaxation

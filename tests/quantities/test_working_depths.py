@@ -12,7 +12,7 @@ from palpate.errors import InvalidParameterError
 from palpate.recordings.recording import truth_of
 
 HARD = palpate.HuntCrossley(228e3, 2e3, 2.0)
-EXAMPLES = Path(__file__).parents[1] / "examples" / "recordings"
+EXAMPLES = Path(__file__).parents[2] / "examples" / "recordings"
 
 
 @pytest.fixture(scope="module")

@@ -37,7 +37,7 @@ from palpate import (
 )
 from palpate.design import Motion as Planned
 
-DATA = Path(os.environ.get("PALPATE_DATA", Path(__file__).parents[2] / "shared" / "data"))
+DATA = Path(os.environ.get("PALPATE_DATA", Path(__file__).parents[3] / "shared" / "data"))
 
 BOTH = {"exponent", "damping"}
 

@@ -1,6 +1,5 @@
 """The report of an identification: the verdict first, whole without anything beside it."""
 
-import html.parser
 import re
 from collections import Counter
 from dataclasses import replace
@@ -11,6 +10,7 @@ import pytest
 from faults import changed
 from matplotlib.figure import Figure
 from probing import BALL, SPONGE, Motion, tapping
+from report_reading import Reading
 from robots import ORIGIN, Hand, hand, table_of
 
 import palpate
@@ -22,39 +22,8 @@ from palpate.reports.html import DRAWINGS, STYLE
 from palpate.reports.identification import Circumstances, page
 from palpate.results import view
 
-EXAMPLES = Path(__file__).parents[1] / "examples" / "recordings"
+EXAMPLES = Path(__file__).parents[2] / "examples" / "recordings"
 HERE = Circumstances("today", "palpate identify <file>", 'method = "x"\n', ("a&b.csv",))
-VOID = {"meta", "br", "img", "source"}
-REFERRING = {"href", "src", "xlink:href"}
-
-
-class Reading(html.parser.HTMLParser):
-    """What is open, which names there are, what is referred to, and the words."""
-
-    def __init__(self, text: str) -> None:
-        super().__init__()
-        self.open: list[str] = []
-        self.names: list[str] = []
-        self.references: set[str] = set()
-        self.words = ""
-        self.feed(text)
-
-    def handle_starttag(self, tag, attributes):
-        if tag not in VOID:
-            self.open.append(tag)
-        self.names += [value for name, value in attributes if name == "id"]
-        self.references |= {value for name, value in attributes if name in REFERRING}
-
-    def handle_startendtag(self, tag, attributes):
-        self.handle_starttag(tag, attributes)
-        if tag not in VOID:
-            self.open.pop()
-
-    def handle_endtag(self, tag):
-        assert self.open.pop() == tag
-
-    def handle_data(self, data):
-        self.words += data
 
 
 @pytest.fixture(scope="module")

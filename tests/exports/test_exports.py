@@ -31,26 +31,18 @@ from palpate.errors import ExportRefusedError, InvalidParameterError, RecordingE
 from palpate.exports import Engine, Fragment, ProbeMotion, Replayed
 from palpate.exports.drake.running import restitution_by_steps
 from palpate.exports.drake.shapes import shapes
-from palpate.exports.engine import (
-    Drop,
-    drop_to,
-    force_error,
-    hash_comment,
-    kelvin_voigt,
-    restitution_by,
-    stable_step,
-    without_memory,
-    xml_comment,
-)
 from palpate.exports.exporting import export
+from palpate.exports.nearest_law import kelvin_voigt, stable_step, without_memory
+from palpate.exports.replay_errors import Drop, drop_to, force_error, restitution_by
 from palpate.exports.statement import ExportedLaw
+from palpate.exports.texts import hash_comment, xml_comment
 from palpate.findings import Finding
 from palpate.force_laws import engines, law_from
 from palpate.lab import BALL, PVC, TISSUE
 from palpate.quantities.derived import in_hertz
 from palpate.results.saved import SCHEMA_VERSION, result_dict
 
-EXAMPLES = Path(__file__).parents[1] / "examples" / "recordings"
+EXAMPLES = Path(__file__).parents[2] / "examples" / "recordings"
 
 
 @pytest.fixture(scope="module")

@@ -13,7 +13,7 @@ from rich.cells import cell_len
 
 from palpate.cli.printing import Terminal, print_table, say
 
-BALL = Path(__file__).parents[1] / "examples" / "recordings" / "ball.csv"
+BALL = Path(__file__).parents[2] / "examples" / "recordings" / "ball.csv"
 GUESS = ("--stiffness", "2000", "--damping", "2000", "--exponent", "1.2", "--noise", "0.05")
 COMMANDS = {
     "identify": ("identify", BALL),

@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pandas
 import pytest
-from recordings import HEADER, SIGNALS, recording, rows_of, text_of, written
+from recordings import HEADER, SIGNALS, changed, recording, rows_of, text_of, written
 
 from palpate import Columns, RecordingError, open_recording, prepare, write_contact
 from palpate.preparation.velocity import velocity_of
@@ -90,13 +90,6 @@ def test_not_a_number_is_a_value_that_is_not_known(tmp_path):
     for last in ("99,1,2.5", "99,1,-2.25"):
         read = open_recording(written(tmp_path / "l.csv", text + last))
         assert (len(read.rows), list(read.losses)) == (100, [])
-
-
-def changed(row: int, column: int, value: str) -> str:
-    """The good file with one cell changed; row 0 is the first sample, on line 2."""
-    rows = rows_of()
-    rows[row][column] = value
-    return text_of(rows)
 
 
 def without(column: int) -> str:
