@@ -56,7 +56,7 @@ from palpate.validation import Floats
 
 _LOGGER = logging.getLogger(__name__)
 
-FIRM = 0.1  # of the largest force: an episode with less is free air
+FIRM = 0.1  # fraction of the largest force; an episode with less force is free air
 
 
 @dataclass(slots=True, eq=False)
@@ -350,7 +350,7 @@ def _in_space(
 
 
 def _is_negative(force: Floats) -> bool:
-    """Whether a force is mostly negative, weighted by its size."""
+    """Whether a force is mostly negative, weighted by magnitude."""
     return float(np.nansum(force * np.abs(force))) < 0.0
 
 
@@ -478,7 +478,7 @@ def _weight_left(
 def _free(signals: Signals, along: Floats) -> NDArray[np.bool_] | None:
     """Samples in free air: at one end of the motion along the normal, where the force is constant.
 
-    It tries both ends, because the sign of the force is not known yet. The normal is that of
+    It tries both ends, because the sign of the force is not known yet. The normal is found from
     ``along``, the force in the frame of the position.
     """
     height = signals.depth
