@@ -74,14 +74,14 @@ def interval(value: float, error: float) -> str:
 
 
 def rounded(value: float, digits: int) -> str:
-    """Write a number without an error in so many significant digits; ``1.2·10⁵`` where long.
+    """Write a number without an error with ``digits`` significant digits; a long one: ``1.2·10⁵``.
 
     Parameters
     ----------
     value : float
         The number.
     digits : int
-        At least 1. A whole number below 10⁵ keeps all of its own.
+        At least 1. A whole number below 10⁵ keeps all its digits.
     """
     if not math.isfinite(value):
         return "unknown"
@@ -140,7 +140,7 @@ def _scaled(value: float, power: int) -> float:
 
 
 def _power(value: float) -> int:
-    # Of its shortest digits: written out, 1e-6 begins with 9.99.
+    # From the shortest decimal form: with all its digits, 1e-6 begins with 9.99.
     return Decimal(repr(float(value))).adjusted() if value else 0
 
 
