@@ -129,8 +129,8 @@ class Contact:
     velocity_filter : VelocityFilter, optional
         How the velocity was computed from the penetration. None: it was recorded.
     stated_units : set of str
-        Channels whose unit was stated, by an option or as another than SI in the recording: the
-        diagnosis does not guess those.
+        Channels whose unit was stated by an option, or in the recording as a unit other than SI;
+        the diagnosis does not question these units.
     timeless : bool
         Whether no time was recorded, and ``time`` counts the samples. Default: False.
 

@@ -110,7 +110,7 @@ def _joined(
 
 
 def _last_place(error: float) -> tuple[float, int]:
-    """The error as it is written, and the power of ten of its last digit."""
+    """Return the rounded error, and the power of ten of its last digit."""
     power = _power(error)
     leading = int(100.0 * _scaled(error, power))
     if leading <= 354:
@@ -121,7 +121,7 @@ def _last_place(error: float) -> tuple[float, int]:
 
 
 def _error(error: float, place: int) -> str:
-    """An error to a decimal; one that would be half or less of its unit keeps a digit."""
+    """Format an error to a decimal place; an error of at most half its unit keeps one digit."""
     return _written(error, min(place, _power(float(f"{error:.0e}"))))
 
 
@@ -134,7 +134,7 @@ def _written(value: float, place: int) -> str:
 
 
 def _scaled(value: float, power: int) -> float:
-    """value/10ᵖ, also where 10ᵖ is no double."""
+    """Return value/10ᵖ, also if 10ᵖ is outside the range of a double."""
     mantissa, exponent = f"{value:.16e}".split("e")
     return float(f"{mantissa}e{int(exponent) - power}")
 

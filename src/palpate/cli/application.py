@@ -17,7 +17,7 @@ from palpate.cli.printing import Terminal, say, say_path
 from palpate.errors import InvalidParameterError, printable
 from palpate.writing import write_text
 
-#: Command to module with a function of this name, which itself imports slow libraries.
+#: Command to module. The function of this name in the module imports slow libraries itself.
 COMMANDS = {
     "identify": "identify", "diagnose": "identify", "compare": "identify", "info": "info",
     "fleet": "fleet", "map": "fleet", "design": "design", "lab": "lab", "export": "export",

@@ -234,7 +234,7 @@ def write_motion(
     sample_time : float
         s, in [1e-5, 1].
     notes : mapping, optional
-        Comment lines above the header, before those on start and end of the sines.
+        Comment lines above the header, before the lines on start and end of the sines.
 
     Raises
     ------

@@ -345,7 +345,7 @@ def limits_around(
     max_depth: float | None,
     max_speed: float | None,
 ) -> Limits:
-    """The requested limits; those not specified are the motion's own.
+    """Return the requested limits; by default they are the motion's own extremes.
 
     The speed also stays below K/B, above which the law is adhesive on withdrawal, and the frequency
     so low that a velocity filter of 15 samples biases the damping by at most 0.5 %.

@@ -39,7 +39,7 @@ BEFORE = (
     ("surface", "surface"),  # m
     ("margin", "margin"),  # validity margin of the linearisation (condition 10)
 )
-#: Fields of the last diagnosis: K′ and B′ with their standard errors, where they hold, and marks.
+#: Fields of the last diagnosis: K′ and B′, their standard errors, depth and frequency, and marks.
 DIAGNOSED = (
     "dynamic_stiffness", "dynamic_stiffness_standard_error",
     "dynamic_damping", "dynamic_damping_standard_error",

@@ -154,7 +154,7 @@ class Writer(_Shared):
 
 
 class Reader(_Shared):
-    """Reads rows, from the first one on, and counts those that were overwritten."""
+    """Reads rows, from the first one on, and counts the overwritten ones."""
 
     def __init__(self, address: Address) -> None:
         super().__init__(0, address.name)

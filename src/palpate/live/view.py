@@ -109,7 +109,7 @@ Numbers = dict[str, tuple[float, float]]
 
 
 def numbers_of(verdict: Mapping[str, Any]) -> Numbers:
-    """Return those :data:`NUMBERS` that the preferred law has, each with its standard error.
+    """Return the :data:`NUMBERS` of the preferred law, each with its standard error.
 
     They hold at the depth and frequency of the motion. Empty until the first verdict of
     :func:`verdict_on`, and again after a change of material.
@@ -471,7 +471,7 @@ def facts_of(page: Mapping[str, Any], state: str, contact_force: float | None = 
 def _counts(
     counts: Mapping[str, Any], others: Mapping[str, Any], own: Mapping[str, Any]
 ) -> list[list[str]]:
-    """Return the rows of counts; those that should be 0 are marked ``bad`` if they are not."""
+    """Return the rows of counts; a count that should be 0 but is not is marked ``bad``."""
     rows = [[words, counts.get(key, 0), ""] for key, words in _FINE.items()]
     rows += [[words, counts.get(key, 0), "bad"] for key, words in COUNTED.items()]
     rows += [

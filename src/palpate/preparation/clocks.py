@@ -208,7 +208,7 @@ def settle_stamps(
 
 
 def _arrivals(time: "Times", columns: Sequence[NDArray[Any]]) -> "Times | None":
-    """Return the time at which the packet of each sample arrived; None where there are no packets.
+    """Return the time at which the packet of each sample arrived; None without packets.
 
     Packets have one size and a pause after each, in which the channels move only as far as between
     any two samples. If the motion is proportional to the length of the pause, the samples were

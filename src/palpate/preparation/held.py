@@ -24,13 +24,14 @@ class FreshSamples:
     Attributes
     ----------
     before : numpy.ndarray of bool, shape (k,)
-        Samples from which the velocity is computed: all, or those at which the position changes.
+        Samples from which the velocity is computed: all, or only samples at which the position
+        changes.
     after : numpy.ndarray of bool
         Samples of ``before`` to keep after that: all, or the first after each change of the force.
     changes : numpy.ndarray of int, optional
         Changes of the force, if it is interpolated between them because the position is held too.
     late : float or tuple of float
-        Delay of the force, s, with its standard error where the rates are no multiples: a value is
+        Delay of the force, s, with its standard error if the rates are no multiples: a value is
         then logged by up to a sample after it was measured.
     finding : Finding
         A note.
@@ -115,7 +116,7 @@ def _busiest(values: Floats) -> Floats:
 
 
 def beat_of(values: Floats) -> float:
-    """Mean number of samples for which a held channel keeps a value; 0 for one that is not held.
+    """Mean number of samples for which a held channel keeps a value; 0 if it is not held.
 
     It is a whole number if all changes fall on one phase, as with clocks in step.
     """

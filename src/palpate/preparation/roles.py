@@ -676,7 +676,7 @@ class _Choosing:
         raise self._missing(name)
 
     def _channel(self, name: str) -> str | None:
-        """The channel of this name, or the only one that has it before a unit."""
+        """The channel of this name, or the only channel that has this name before a unit."""
         if name in self.recording.channels:
             return name
         found = [each for each in self.recording.channels if divide_unit(each)[0].strip() == name]
@@ -722,7 +722,7 @@ class _Choosing:
         return MissingChannelError(absent[0], names, self.recording.source, f"{words}; {remedy}")
 
     def _unnamed(self, absent: Sequence[str]) -> dict[str, str]:
-        """Map the missing roles to channels with unknown names; {} if there are too few.
+        """Map the missing roles to channels with unknown names; {} if they cannot be matched.
 
         A single role may be a vector: ``state``, an array with a position and a quaternion. Several
         roles may be the columns of a table without names.
@@ -788,13 +788,13 @@ class _Choosing:
             found = [n for n in found if n[0] not in self.transforms.names or self._moves(n)]
         measured = [names for names in found if not is_wanted(names[0])]
         measured = [names for names in measured if names[0] in recording.plots] or measured
-        if kind in UNITS or kind == "position":  # volts are no length where there are millimetres
+        if kind in UNITS or kind == "position":  # prefer millimetres to volts
             measured = [
                 names for names in measured if self._convertible(names[0], kind)
             ] or measured
         if kind in ("position", "force"):  # a constant is a fixed frame, or not measured
             measured = [names for names in measured if self._moves(names)] or measured
-        if kind == "position":  # of several bodies, the tip touches the material
+        if kind == "position":  # the tip is the body that touches the material
             tips = [names for names in measured if not TIP.isdisjoint(split_name(names[0]))]
             measured = tips or measured
             measured = [names for names in measured if names in self.chains] or measured

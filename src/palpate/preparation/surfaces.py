@@ -21,8 +21,8 @@ from palpate.validation import Floats
 # The force in free air: its samples, its mean and its drift.
 
 FEWEST_FREE_SAMPLES = 50  # samples out of contact
-BINS = 64  # of the height
-LEAST_FREE = 0.05  # of the range of heights: less is a turning point, not a free approach
+BINS = 64  # number of bins of the height
+LEAST_FREE = 0.05  # fraction of the range of heights; less is a turning point, no free approach
 # Used fraction of the free bins: the lowest may be in light contact if the force grows as a square.
 SURE = 0.7
 NOISES_OF_A_BIN = 6.0  # σ of a bin's mean, in addition to slow drift
@@ -200,7 +200,7 @@ def _inflation(left: Floats) -> Floats:
 
 # The uncertainty of the offset after a tare.
 
-LEAST_DEVIATION = 1e-6  # of the largest force: no force sensor is more accurate than 1e-5
+LEAST_DEVIATION = 1e-6  # over the largest force: no force sensor is more accurate than 1e-5
 
 
 def deviation_left(force: Floats, free: NDArray[np.bool_]) -> float:
@@ -425,7 +425,7 @@ SURFACE_RANGE = (-3.0, 0.9)  # working depths
 
 
 def placed(samples: Floats, starts: Floats, *, exponent_fixed: bool = False) -> Fitted:
-    """Least squares of (k, c, n, F₀, d), the best of those from several starts.
+    """Fit (k, c, n, F₀, d) by least squares from several starts; return the best fit.
 
     Parameters
     ----------

@@ -18,7 +18,7 @@ from palpate.recordings.nested import MOST_COLUMNS, text_of
 from palpate.recordings.opening import Draft, Request, excess, first_line
 from palpate.recordings.recording import Faults, Recording, printable
 
-# What pyarrow raises on a damaged file.
+# Exceptions that pyarrow raises on a damaged file.
 _DAMAGED = (
     pa.ArrowException, ArithmeticError, OSError, LookupError, TypeError, ValueError, struct.error,
 )  # fmt: skip

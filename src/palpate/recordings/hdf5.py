@@ -24,7 +24,7 @@ from palpate.recordings.nested import (
 from palpate.recordings.opening import FORCE_CURVES, Request, excess, first_line
 from palpate.recordings.recording import Recording, printable
 
-# What h5py raises on a damaged file.
+# Exceptions that h5py raises on a damaged file.
 DAMAGED = (OSError, RuntimeError, KeyError, ValueError, TypeError, AttributeError, OverflowError)
 
 _LONGEST_TEXT = 4096

@@ -66,7 +66,7 @@ class _WrongError(ValueError):
 
 
 def read(path: Path, request: Request) -> Recording:
-    """Read a MATLAB file: every variable of numbers, and those in structs.
+    """Read a MATLAB file: every variable and every field of a struct that holds numbers.
 
     Parameters
     ----------

@@ -62,7 +62,7 @@ class NumberBlock:
     mark : str
         Delimiter of its cells; empty if there are no numbers.
     keys : set of str
-        First words of its rows, if these are no numbers.
+        First words of its rows, if they are not numbers.
     others : list of int
         Lines, counted from 1, at which smaller blocks with a header begin.
     """

@@ -32,7 +32,7 @@ _ERRORS = slice(8 + MOST_PARAMETERS, 8 + 2 * MOST_PARAMETERS)
 _AS_THEY_ARE = [PLACE[name] for name in ("penetration", "velocity", "force", "predicted_force")]
 _LAST = [PLACE[name] for name in ("margin", "state", "lateness")]
 _RESPONSE = slice(len(COLUMNS), len(COLUMNS) + 4)  # in the rows of a history, after the ring's
-_LARGEST = 3.4e38  # of a float32: larger values are not drawn
+_LARGEST = 3.4e38  # limit of a float32; larger values are not drawn
 
 
 def column(rows: Floats, name: str) -> Floats:
@@ -211,7 +211,7 @@ class History:
         """Return rows ``first`` to ``until - 1`` as one binary message.
 
         Little-endian: :data:`HEADER`; the times [s], float64; then each of :data:`CHANNELS`,
-        float32. With ``every`` > 1 only rows whose number is a multiple of it.
+        float32. With ``every`` > 1 it contains only rows whose number is a multiple of it.
         """
         offset = self._end - self.total
         first = first + (-first) % every

@@ -47,7 +47,7 @@ _WINDOW = 1 << 18  # bytes of an MCAP file read at a time; a chunk may be longer
 _BATCH = 8 << 20  # bytes of messages from rosbags collected before they are decoded
 _LONGEST_NOTE = 300  # characters
 _LENGTH = struct.Struct("<Q").unpack_from
-_HIGHEST_RATIO = 2000  # of chunks to the file; time stamps alone differ too much for more
+_HIGHEST_RATIO = 2000  # size of unpacked chunks over the file; time stamps alone prevent more
 _MOST_DESCRIBED = 10_000  # schemas, channels and metadata; more are a bomb
 _BEFORE = 9  # bytes of kind and length at the start of an MCAP record
 # The header of an MCAP message: kind, length, channel, number, log time, publish time.

@@ -108,7 +108,7 @@ class Topic:
     found : dict
         Suffix of the topic's name, empty or ``[parent>child]``, to data.
     messages, undecodable : int
-        Number of messages; number of those that could not be decoded.
+        Number of messages; number of messages that could not be decoded.
     omitted : str
         Why the topic is skipped; empty if it is read.
     """
