@@ -7,7 +7,7 @@ if TYPE_CHECKING:
 
     __version__: str
 else:
-    # Imported when the first of them is asked for: the command line answers --help, and an
+    # Imported at the first use of a public name, because the command line answers --help, and an
     # interrupt, without NumPy.
     def __getattr__(name: str) -> object:
         from importlib import import_module

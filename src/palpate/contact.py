@@ -36,11 +36,12 @@ class VelocityFilter(Plain):
     Attributes
     ----------
     samples : int
-        Samples in the centred window, ≥ 3; of a spline, those of the parabola with the same noise.
+        Samples in the centred window, ≥ 3; for a spline, in the window of the parabola with equal
+        noise.
     degree : int
-        Degree of the polynomial, 1 to 9; of a spline 3.
+        Degree of the polynomial, 1 to 9; 3 for a spline.
     penalty : float, optional
-        Of a spline, λ/h³ > 0 with h the usual time step. None: polynomials in a window.
+        Penalty of a spline, λ/h³ > 0 with h the usual time step. None: polynomials in a window.
 
     Raises
     ------
@@ -59,7 +60,7 @@ class VelocityFilter(Plain):
             kept(self, "penalty", 0.0, 1e300, open_low=True)
 
     def as_note(self) -> dict[str, str]:
-        """Return the note of a file that holds the velocity."""
+        """Return the note for a file with this velocity."""
         return {VELOCITY_NOTE: json.dumps(self.as_dict())}
 
     @classmethod
@@ -82,7 +83,7 @@ class Delay:
     standard_error : float
         Its standard error, s.
     found : bool
-        Whether palpate found it, instead of being told.
+        Whether palpate found it; otherwise the user specified it.
     """
 
     seconds: float
@@ -119,16 +120,17 @@ class Contact:
     surface_deviation : float, optional
         Standard deviation of the position of the surface, m, > 0. None: unknown.
     delay : Delay, optional
-        The delay of the force that was taken out of it; its error is in the damping's.
+        The delay of the force that was taken out of it; its error is part of the damping's error.
     findings : sequence of Finding
-        What preparation assumed, found or excluded.
+        Problems, assumptions and excluded samples that the preparation reports.
     prepared : Prepared, optional
-        The recording and the settings from which the contact was made, and what was found.
+        The recording and the settings from which the contact was made, and the results of the
+        preparation.
     velocity_filter : VelocityFilter, optional
         How the velocity was computed from the penetration. None: it was recorded.
     stated_units : set of str
-        Channels whose unit was stated, by an option or as another than SI in the recording: the
-        diagnosis does not guess those.
+        Channels whose unit was stated by an option, or in the recording as a unit other than SI;
+        the diagnosis does not question these units.
     timeless : bool
         Whether no time was recorded, and ``time`` counts the samples. Default: False.
 
@@ -227,7 +229,7 @@ class Contact:
 
 
 def between(time: Floats, low: float, high: float, source: str) -> NDArray[np.bool_]:
-    """Mask of the samples between two times, s. Raises RecordingError if there are none."""
+    """Mask of the samples between two times, s; raise RecordingError if no sample is there."""
     keep = (time >= low) & (time <= high)
     if not keep.any():
         first, last = time.min(initial=np.inf), time.max(initial=-np.inf)

@@ -74,14 +74,14 @@ def interval(value: float, error: float) -> str:
 
 
 def rounded(value: float, digits: int) -> str:
-    """Write a number without an error in so many significant digits; ``1.2·10⁵`` where long.
+    """Write a number without an error with ``digits`` significant digits; a long one: ``1.2·10⁵``.
 
     Parameters
     ----------
     value : float
         The number.
     digits : int
-        At least 1. A whole number below 10⁵ keeps all of its own.
+        At least 1. A whole number below 10⁵ keeps all its digits.
     """
     if not math.isfinite(value):
         return "unknown"
@@ -110,7 +110,7 @@ def _joined(
 
 
 def _last_place(error: float) -> tuple[float, int]:
-    """The error as it is written, and the power of ten of its last digit."""
+    """Return the rounded error, and the power of ten of its last digit."""
     power = _power(error)
     leading = int(100.0 * _scaled(error, power))
     if leading <= 354:
@@ -121,7 +121,7 @@ def _last_place(error: float) -> tuple[float, int]:
 
 
 def _error(error: float, place: int) -> str:
-    """An error to a decimal; one that would be half or less of its unit keeps a digit."""
+    """Format an error to a decimal place; an error of at most half its unit keeps one digit."""
     return _written(error, min(place, _power(float(f"{error:.0e}"))))
 
 
@@ -134,13 +134,13 @@ def _written(value: float, place: int) -> str:
 
 
 def _scaled(value: float, power: int) -> float:
-    """value/10ᵖ, also where 10ᵖ is no double."""
+    """Return value/10ᵖ, also if 10ᵖ is outside the range of a double."""
     mantissa, exponent = f"{value:.16e}".split("e")
     return float(f"{mantissa}e{int(exponent) - power}")
 
 
 def _power(value: float) -> int:
-    # Of its shortest digits: written out, 1e-6 begins with 9.99.
+    # From the shortest decimal form: with all its digits, 1e-6 begins with 9.99.
     return Decimal(repr(float(value))).adjusted() if value else 0
 
 

@@ -1,4 +1,4 @@
-"""palpate's exceptions. Every message says what is wrong, where, and what to do."""
+"""palpate's exceptions. Every message names the fault, its place and the next step."""
 
 from importlib import import_module
 
@@ -57,7 +57,7 @@ class MissingChannelError(RecordingError):
     available : list of str
         The channels of the recording.
     missing : str
-        What is recorded and what is missing, if no channel could have the role.
+        Recorded and missing quantities, as text, if no channel could have the role.
     """
 
     def __init__(
@@ -92,7 +92,7 @@ class MissingExtraError(PalpateError, ImportError):
 
     @classmethod
     def named(cls, what: str, package: str, extra: str) -> "MissingExtraError":
-        """Return the error for a package of an extra that ``what`` needs."""
+        """Return the error for a package that ``what`` needs and that an extra installs."""
         return cls(f"{what} needs {package}: {cls.remedy(extra)}")
 
     @classmethod

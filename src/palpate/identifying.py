@@ -137,7 +137,7 @@ class Identification(Identified):
         Destination(Path(folder)).save(self)
 
     def as_dict(self) -> dict[str, Any]:
-        """Return the result as plain numbers and text; undefined values are None."""
+        """Return the result as numbers and text in JSON types; undefined values are None."""
         from palpate.results.saved import result_dict
 
         return result_dict(self)
@@ -197,8 +197,8 @@ def identify(
     rate : float, optional
         Sample rate, Hz, instead of ``time``.
     position : array_like, shape (k,) or (k, 3), optional
-        m, instead of ``penetration``: a coordinate, or a position in space, of which
-        :func:`prepare` finds the direction and the surface. ``force`` may have the same shape.
+        m, instead of ``penetration``: a coordinate, or a position in space; :func:`prepare` finds
+        its direction and the surface. ``force`` may have the same shape.
     velocity : array_like, shape (k,), optional
         m/s, positive while penetrating, in addition to these arrays. Default: differentiated.
 

@@ -142,8 +142,8 @@ class ChangeDetector(_Numbers):
 
     z = min(e²/s², 25);  g ← max(0, g + z − drift);  alarm at g > threshold   (Page's CUSUM)
 
-    e is the one-step prediction error of the force, whitened by its own correlation; s² follows e²
-    slowly. A second sum uses the errors before whitening, for materials that the law cannot
+    e is the one-step prediction error of the force, whitened with its autocorrelation; s² follows
+    e² slowly. A second sum uses the errors before whitening, for materials that the law cannot
     describe. Either alarms only once a change of stiffness and damping explains the errors since it
     was zero, which a burst of noise does not. A third uses blocks of errors: it detects small
     changes, as of the damping or the exponent alone. Each alarms only above the highest value from

@@ -1,4 +1,4 @@
-"""Timing of each stage of the work, logged by the module that does it."""
+"""Timing of each stage; the module that does the work logs it."""
 
 import functools
 import logging

@@ -15,7 +15,7 @@ Floats = NDArray[np.float64]
 
 
 def shown(value: Any, most: int = 80) -> str:
-    """``value`` for a message: its repr on one line, at most so many characters."""
+    """``value`` for a message: its repr on one line, cut after ``most`` characters."""
     try:
         words = repr(value)
     except Exception:  # a failing repr must not hide the actual error

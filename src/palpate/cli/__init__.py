@@ -1,7 +1,7 @@
-"""The command line: a module per command, each of which parses, calls and prints.
+"""The command line: one module per command, which parses, calls and prints.
 
-Here is what surrounds every command: its streams, how it ends, and what it prints of an error. No
-library is needed for that, and ``palpate --version`` imports none.
+This module contains the parts common to all commands: streams, exit status and error messages. They
+need no library, and ``palpate --version`` imports none.
 """
 
 import os
@@ -20,7 +20,7 @@ def _end_quietly(
     sys.__excepthook__(kind, error, trace)
 
 
-sys.excepthook = _end_quietly  # before the imports: Ctrl-C may come at once
+sys.excepthook = _end_quietly  # before the imports, so that they cannot miss Ctrl-C
 
 import codecs
 import io
@@ -32,12 +32,12 @@ from palpate.errors import PalpateError, printable
 
 sys.excepthook = sys.__excepthook__  # from here on main() catches it
 
-# A word of a person or a file that is no word is shown by its beginning and its end; a path of the
-# usual length is shown whole.
+# A very long word from the user or a file is shortened to its beginning and its end; a path of the
+# usual length is shown completely.
 _TOO_LONG = re.compile(r"(\S{60})\S{121,}(\S{20})")
 _LONGEST_LINE = 2000
 
-# What palpate prints beyond ASCII, for terminals that have no more than that.
+# ASCII replacements of the characters that palpate prints, for terminals limited to ASCII.
 _PLAIN = {
     "µ": "u", "°": " deg", "₁": "1", "₂": "2", "·": "*", "±": "+-", "Σ": "sum of",
     "–": "-", "−": "-", "×": "x", "√": "sqrt", "≥": ">=", "≤": "<=", "…": "...", "“": '"',
@@ -45,7 +45,7 @@ _PLAIN = {
     "≈": "~", "→": "->", "λ": "lambda", "₀": "0", "α": "alpha", "τ": "tau",
     "Δ": "delta ", "δ": "delta", "′": "'",
 }  # fmt: skip
-# Of several in a row only the first needs the sign that says what they are: 10⁻¹² is 10^-12.
+# In a row of superscripts only the first gets a ^: 10⁻¹² becomes 10^-12.
 _SUPERSCRIPTS = dict(zip("ⁿᵖ⁺⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "np+-0123456789", strict=True))
 
 
@@ -55,14 +55,14 @@ def main() -> None:
     Raises
     ------
     SystemExit
-        What the command returns, if anything: 3 for a verdict that was to fail; 2 after an error;
-        130 after an interrupt; 141 where the reader of the output is gone.
+        If the status is not 0: the status of the command, such as 3 for a verdict that counts as a
+        failure; 2 after an error; 130 after an interrupt; 141 if the reader of the output is gone.
     """
     caught = _Interrupts()
     prepare_output()
     try:
         status = _run(sys.argv[1:])
-        sys.stdout.flush()  # what cannot be written is known before the end
+        sys.stdout.flush()  # so that a write error is known before the end
     except KeyboardInterrupt:
         status = 130
     except PalpateError as error:
@@ -70,13 +70,13 @@ def main() -> None:
         status = 2
     except BrokenPipeError:
         _abandon_output()
-        status = 141  # as of a program that SIGPIPE ended
+        status = 141  # as for a program that SIGPIPE ended
     except OSError as error:
         _abandon_output()
         complain(f"{error.filename or 'standard output'}: {error.strerror or error}")
         status = 2
     caught.ended = True
-    if caught.waiting:  # Python lets go of the handler at its exit, and the alarm would kill
+    if caught.waiting:  # Python drops the handler at its exit; the alarm would then kill it
         signal.setitimer(signal.ITIMER_REAL, 0.0)
         status = 130
     if status:
@@ -86,11 +86,12 @@ def main() -> None:
 class _Interrupts:
     """Handles Ctrl-C: a KeyboardInterrupt, after an import, and an exit once the command has ended.
 
-    An import that is interrupted may print a traceback, hide the interrupt or leave half a module;
-    so an interrupt waits for its end. When the command has ended, nothing is left that catches it.
+    An import that is interrupted may print a traceback, hide the interrupt or leave half a module.
+    So an interrupt waits for the end of the import. When the command has ended, no code is left to
+    catch a KeyboardInterrupt.
     """
 
-    interval, longest = 0.05, 5.0  # s; an import may be one of a user's module that never ends
+    interval, longest = 0.05, 5.0  # s; the import of a user's module may never end
 
     def __init__(self) -> None:
         self.ended, self.waiting, self._left = False, False, round(self.longest / self.interval)
@@ -123,17 +124,17 @@ def _run(words: list[str]) -> int:
 
         print(__version__)
         return 0
-    # Here, so that an interrupt while importing ends as quietly as any other.
+    # Imported here, so that an interrupt during the import ends as quietly as any other.
     from palpate.cli.application import run
 
     return run(words)
 
 
 def prepare_output() -> None:
-    """Let what the output's encoding lacks be printed in other signs, instead of failing.
+    """Replace characters that the output's encoding lacks, instead of failing.
 
-    A stream that is closed leads nowhere: no file that is opened later takes its descriptor, into
-    which libraries print.
+    Redirect closed streams to the null device, so that no file that is opened later gets their
+    descriptors, to which libraries print.
     """
     while (nowhere := os.open(os.devnull, os.O_RDWR)) < 3:
         pass
@@ -142,14 +143,14 @@ def prepare_output() -> None:
         if getattr(sys, name) is None:
             setattr(sys, name, os.fdopen(descriptor, "w", encoding="utf-8", errors="replace"))
     codecs.register_error("palpate.plain", _in_plain_signs)
-    # In the C locale Python lets bytes of file names through, and other signs fail all the same.
+    # In the C locale Python passes the bytes of file names, but fails on other characters.
     failing = ("strict", "surrogateescape")
     if isinstance(sys.stdout, io.TextIOWrapper) and sys.stdout.errors in failing:
         sys.stdout.reconfigure(errors="palpate.plain")
 
 
 def complain(words: str) -> None:
-    """Print one line on standard error, whatever the words are made of."""
+    """Print any text as one line on standard error."""
     line = _TOO_LONG.sub(r"\1…\2", printable(" ".join(words.split())))
     with suppress(OSError):  # there is nobody left to tell
         print(f"palpate: {line[:_LONGEST_LINE]}", file=sys.stderr)

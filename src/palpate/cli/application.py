@@ -1,4 +1,4 @@
-"""All commands together, and the options that each of them takes: their file, colour and logs."""
+"""All commands, and their common options: file of options, colour and logs."""
 
 import logging
 import os
@@ -17,7 +17,7 @@ from palpate.cli.printing import Terminal, say, say_path
 from palpate.errors import InvalidParameterError, printable
 from palpate.writing import write_text
 
-#: Each is a function of its name, in this module. What takes time to import, it imports itself.
+#: Command to module. The function of this name in the module imports slow libraries itself.
 COMMANDS = {
     "identify": "identify", "diagnose": "identify", "compare": "identify", "info": "info",
     "fleet": "fleet", "map": "fleet", "design": "design", "lab": "lab", "export": "export",
@@ -25,13 +25,13 @@ COMMANDS = {
 }  # fmt: skip
 _NOT_IN_A_FILE = ("config", "save-config", "no-color", "verbose")
 _Shell: TypeAlias = Literal["bash", "zsh", "fish", "powershell"]
-_NARROWEST_HELP = 20  # rich folds frames forever where they have no room for a word
+_NARROWEST_HELP = 20  # rich folds frames forever if they have no room for a word
 _ANY = Group("Any command", sort_key=10)
 _VERBOSE = Parameter(name=["--verbose", "-v"], count=True, show_default=False, group=_ANY)
 
 
 def application(words: Sequence[str] = ()) -> App:
-    """Return the command line; where words name a command, no other's module is imported."""
+    """Return the command line; if words name a command, no other command's module is imported."""
     app = App(
         name="palpate",
         help_format="markdown",
@@ -114,15 +114,15 @@ def run(arguments: Sequence[str]) -> int:
     Raises
     ------
     InvalidParameterError
-        The arguments are not those of a command, or the file that they name not one of options.
+        The arguments do not fit the command, or the file of ``--config`` contains no options.
     """
-    # Standard input: cyclopts takes a lone hyphen for an option, and Path makes it of this again.
+    # Standard input: cyclopts treats a lone hyphen as an option, and Path converts ./- to - again.
     words = ["./-" if word == "-" else word for word in arguments]
     if words[:1] == ["paper"]:  # for one release
         raise InvalidParameterError(
             "'palpate paper' has moved: run python -m paper in a checkout of the repository palpate"
         )
-    # --help after a misspelt command would be that of palpate; __complete is the shell's.
+    # --help after a misspelt command would print the help of palpate; the shell calls __complete.
     if words and words[0] not in COMMANDS and not words[0].startswith(("-", "__")):
         words = words[:1]
     if "--no-color" in words:  # before help is printed
@@ -135,7 +135,7 @@ def run(arguments: Sequence[str]) -> int:
 
 
 class OptionsFile(Toml):
-    """The file of ``--config``: what is wrong with it is refused by its name."""
+    """The file of ``--config``; errors name the file and the invalid option."""
 
     def _load_config(self, path: Path) -> dict[str, Any]:
         try:
@@ -143,21 +143,21 @@ class OptionsFile(Toml):
         except (OSError, ValueError, RecursionError) as error:
             why = "it nests too deeply" if isinstance(error, RecursionError) else error
             raise CycloptsError(msg=f"{self.path}: not TOML of options: {why}") from None
-        for key in options:  # cyclopts passes over what could be meant for another command
+        for key in options:  # cyclopts ignores keys that may be for another command
             if key in (*COMMANDS, *_NOT_IN_A_FILE):
                 raise CycloptsError(msg=f"{self.path}: {key!r} is no option of a file")
         return options
 
 
 def _default(value: Any) -> str | None:
-    """A default as help shows it: none of what is off."""
+    """A default as help shows it; None for an option that is off."""
     if value is None or value is False or value == ():
         return None
     return "on" if value is True else f"{value:g}" if isinstance(value, float) else str(value)
 
 
 class _Lines(logging.Handler):
-    """A line for each record: seconds, where it comes from, and what it says."""
+    """Prints a line for each record: seconds, module and message."""
 
     begun = time.perf_counter()
 
@@ -171,7 +171,7 @@ class _Lines(logging.Handler):
 
 @contextmanager
 def _logged(loudness: int) -> Iterator[None]:
-    """Print what palpate's modules say: at 1 what is done, at 2 how, too."""
+    """Print palpate's log: level INFO at loudness 1, level DEBUG at 2."""
     logger, handler = logging.getLogger("palpate"), _Lines()
     level = logger.level
     if loudness:

@@ -85,7 +85,7 @@ def export(
     try:
         made = run(saved, to, allow=allow, replay=replay, **into.options())
     except ExportRefusedError as refused:
-        if refused.statement is None:  # the refusal came before the law was fitted
+        if refused.statement is None:  # refused before the law was fitted
             complain(str(refused))
             return UNTRUSTED
         paths = [] if output is None else save_statement(refused.statement, output, inputs, {})

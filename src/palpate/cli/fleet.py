@@ -101,7 +101,7 @@ def fleet(
             found = run_fleet(sources, output, settings, **vars(running), progress=progress)
     except KeyboardInterrupt:
         complain(f"interrupted; finished rows are in {output}; repeat the command to continue")
-        os._exit(130)  # at once: 1 of 140 interrupted starts hung after this line
+        os._exit(130)  # immediately: 1 of 140 interrupted starts hung after this line
     page = None
     if report:
         from palpate.fleet.report import save_report

@@ -59,7 +59,7 @@ def _laws(_: object) -> Iterable[str]:
 
 
 def names_in(*registries: str, prefix: str = "") -> Callable[[object], Iterable[str]]:
-    """What completes a value: the names in registries, each such as ``palpate.lab.MATERIALS``."""
+    """Return a completion of values: the names in registries such as ``palpate.lab.MATERIALS``."""
 
     def complete(_: object) -> Iterable[str]:
         for module, _, name in (each.rpartition(".") for each in registries):
@@ -101,7 +101,7 @@ class MethodOptions:
         return estimator_by_law(self.law, self.method)
 
     def by_default(self, exponent: float | None = None) -> "MethodOptions":
-        """Return law auto where neither law nor method is requested and it knows the exponent."""
+        """Return law auto if neither law nor method is requested and it can take the exponent."""
         from palpate.estimators import ViscoelasticContact
 
         low, high = ViscoelasticContact.exponents
@@ -236,7 +236,8 @@ class QuantityOptions:
 def quantity(option: str, text: str, channel: str | Mapping[str, float]) -> float:
     """Return a number with a unit of a channel in SI; without a unit it is in SI already.
 
-    Or with a unit of a mapping from units to their sizes, the first if it has none.
+    If ``channel`` is a mapping from units to sizes, the number has one of its units; without a unit
+    it has the first.
     """
     from palpate.recordings.recording import UNITS
 
@@ -267,7 +268,7 @@ def in_si(channel: str | Mapping[str, float], metavar: str, group: Group) -> Par
 def positive(
     option: str, text: str | None, channel: str | Mapping[str, float], most: float
 ) -> float | None:
-    """Return a quantity above zero and at most so much, SI; None if it was not passed."""
+    """Return a quantity in SI, in (0, ``most``]; None if it was not passed."""
     from palpate.validation import number_in
 
     if text is None:
@@ -303,7 +304,7 @@ def tip_of(text: str) -> "Tip":
     Raises
     ------
     InvalidParameterError
-        It is not of one of the forms, or a size is out of its range.
+        The text has none of the forms, or a size is out of its range.
     """
     from palpate.quantities.elastic_modulus import Cone, FlatPunch, Sphere
 
@@ -314,7 +315,7 @@ def tip_of(text: str) -> "Tip":
         length = quantity(option, value, "penetration")
         return round_[kind](length if name == "radius" else 0.5 * length)
     if kind == "cone" and name in ("angle", "opening"):
-        found = _ANGLE.match(value)  # without its unit 1.2 might be either
+        found = _ANGLE.match(value)  # without a unit 1.2 may be degrees or radians
         if found is None:
             raise InvalidParameterError(f"{option} must be such as 30deg or 0.52rad, not {value!r}")
         angle = float(found[1]) if found[2] == "rad" else math.radians(float(found[1]))
@@ -328,7 +329,7 @@ def specimen_of(text: str) -> "Specimen":
     Raises
     ------
     InvalidParameterError
-        It is not of this form, or a size is out of its range.
+        The text does not have this form, or a size is out of its range.
     """
     from palpate.quantities.specimen import Specimen
 

@@ -1,4 +1,4 @@
-"""Printing to the terminal: words fold at its width, and numbers stay whole."""
+"""Printing to the terminal: text is wrapped at its width, but numbers are never divided."""
 
 import json
 import logging
@@ -31,10 +31,10 @@ Cell: TypeAlias = str | Text
 
 AsJson = Annotated[bool, Parameter(name="--json", negative="", group=OUTPUT)]
 
-#: Width and height of what goes to a file or a pipe, unless COLUMNS says otherwise. A dumb terminal
-#: has a width only where it has a height too.
+#: Width and height for a file or a pipe; COLUMNS overrides the width. rich accepts the width of a
+#: dumb terminal only together with a height.
 _PIPE = 100, 25
-#: A column of prose that is narrower takes many lines for few words.
+#: In a narrower column a few words of prose would take many lines.
 _NARROWEST_PROSE = 28
 _NARROWEST_LABEL = 8
 _GAP = 2
@@ -42,10 +42,10 @@ _NOTHING = ("", "–")
 
 
 class Terminal(Console):
-    """Where text is printed: standard output, or standard error.
+    """A console on standard output or standard error.
 
-    In colour only where a person looks on who did not ask for none: by ``--no-color``, by the
-    environment's NO_COLOR (no-color.org) or by TERM=dumb.
+    It prints in colour only on a terminal, and only without ``--no-color``, the environment's
+    NO_COLOR (no-color.org) and TERM=dumb.
     """
 
     def __init__(self, *, stderr: bool = False, least: int = 1) -> None:
@@ -60,24 +60,24 @@ class Terminal(Console):
         )
 
     def on_broken_pipe(self) -> None:
-        """Leave the exit status to who runs the command."""
+        """Raise, so that the caller sets the exit status."""
         raise BrokenPipeError
 
 
 def print_json(whole: dict[str, Any]) -> None:
-    """Print one JSON object on a line of its own, in signs that any encoding carries."""
+    """Print one JSON object on one line, in ASCII."""
     print(json.dumps(whole, allow_nan=False))
 
 
 def as_text(words: Cell) -> Text:
-    """Lines of text, of which the terminal shows every sign and obeys none."""
+    """Return lines of text with control characters escaped, so that a terminal obeys none."""
     given = words if isinstance(words, Text) else Text(words)
     plain = "\n".join(map(printable, str(words).split("\n")))
     return given.copy() if plain == given.plain else Text(plain, given.style)
 
 
 def say(console: Console, words: Cell, style: str = "") -> None:
-    """Print words, folded between them; all lines but the first are indented."""
+    """Print text, wrapped between words; all lines but the first are indented."""
     text = as_text(words)
     text.stylize_before(style)
     for line in text.split("\n", allow_blank=True):
@@ -88,13 +88,13 @@ def say(console: Console, words: Cell, style: str = "") -> None:
 
 
 def say_path(console: Console, words: str, style: str = "") -> None:
-    """Print what is there to be copied, such as a file's name: in one line, however long."""
+    """Print text to be copied, such as a file's name, on one line of any length."""
     console.print(Text(printable(words), style), soft_wrap=True)
 
 
 def say_command(console: Console, words: str, style: str = "") -> None:
     r"""Print a command to be copied: broken before its options, with a \ that the shell joins."""
-    joined = re.sub(" (?!--)", "\xa0", words)  # is no place to break at
+    joined = re.sub(" (?!--)", "\xa0", words)  # prevents a line break
     folder = textwrap.TextWrapper(max(console.width - _GAP, 1), subsequent_indent="  ")
     folder.break_long_words = folder.break_on_hyphens = False
     for line in " \\\n".join(folder.wrap(joined)).split("\n"):
@@ -108,21 +108,21 @@ def print_table(
     *,
     prose: Sequence[str] = (),
 ) -> None:
-    """Print rows side by side where that fits, else one below the other; nothing is cut off.
+    """Print cells side by side if they fit, else one below the other; nothing is cut off.
 
     Parameters
     ----------
     console : Console
         Its width counts.
     headings : sequence of str
-        Those that begin with ``>`` stand above numbers, flush right. The first column names the
-        row. A column in which no cell has anything is not shown.
+        A heading that begins with ``>`` is for a column of numbers, flush right. The first column
+        names the row. Empty columns are omitted.
     rows : sequence of sequences of str or Text
         A cell for each column; it may have several lines.
     prose : sequence of str
-        Headings of the columns of which the words may be folded; anything else stays whole.
+        Headings of the columns whose text may be wrapped; other cells are never wrapped.
     """
-    from rich.table import Table  # here, so that help, which has none, comes at once
+    from rich.table import Table  # here, because help needs no table and must be fast
 
     texts = [list(map(as_text, row)) for row in rows]
     shown, plain, least, cells = list[int](), dict[int, str](), dict[int, int](), dict[int, int]()
@@ -184,10 +184,10 @@ def opened(
 
 @contextmanager
 def bar(words: str) -> Iterator[Callable[..., None]]:
-    """Show how much of something is done, and the time left.
+    """Show the progress of a task, and the remaining time.
 
-    What it yields takes the number done and of how many: a fraction alone is one of 1. Nothing is
-    shown where standard error is no terminal.
+    It yields a function of the number done and the total (default: 1, for a fraction). Nothing is
+    shown if standard error is no terminal.
     """
     if not sys.stderr.isatty():
         yield lambda done, total=1: None
@@ -200,7 +200,7 @@ def bar(words: str) -> Iterator[Callable[..., None]]:
         yield lambda done, total=1: shown.update(task, completed=done, total=total)
 
 
-# Identifications as a person reads them on a terminal, or as one JSON object.
+# Identifications as text on a terminal, or as one JSON object.
 
 _STYLES = {
     "trust": "green", "with-care": "yellow", "do-not-trust": "red", "note": "dim",
@@ -216,7 +216,7 @@ def print_identifications(
     as_json: bool,
     folder: Path | None = None,
 ) -> None:
-    """Print what a file gave: its identification, or several side by side."""
+    """Print the identification of a file, or several identifications side by side."""
     if as_json:
         from palpate.results.saved import describe_contact
 
@@ -240,7 +240,7 @@ def print_identifications(
 
 
 def print_diagnosis(result: "Identification") -> None:
-    """Print the verdict, the numbers that it is about, and every finding with its remedy."""
+    """Print the verdict, its numbers, and every finding with its remedy."""
     from palpate.results import view
 
     _print(result.contact.source or "contact", view.diagnosis_sections(result))
@@ -264,7 +264,7 @@ def _print(title: str, sections: "Iterable[ViewSection]") -> Terminal:
 
 
 def is_verbose() -> bool:
-    """Whether -v was given: it makes palpate's logger say what is done."""
+    """Whether -v was passed, which sets palpate's logger to level INFO."""
     return logging.getLogger("palpate").isEnabledFor(logging.INFO)
 
 
@@ -275,7 +275,7 @@ def _cell(cell: "str | Styled") -> Cell:
 
 
 def _format_line(line: "Line") -> Text:
-    from palpate.findings import spoken  # here: it imports NumPy, which help does without
+    from palpate.findings import spoken  # here: it imports NumPy, which help does not need
 
     words = Text(f"{line.name}: " if line.name else "")
     if line.mark:

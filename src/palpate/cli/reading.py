@@ -144,7 +144,7 @@ class ReadingOptions:
             recording = opened(file, self._channels, max_size=self.max_size, **options)
             return prepare(recording, **self.preparation)
         except MissingChannelError as error:
-            if recording is not None and recording.losses:  # the column may be in what is lost
+            if recording is not None and recording.losses:  # the column may be in a lost part
                 raise RecordingError(f"{error}; {recording.losses[0]}") from None
             names = "name channels with --time, --penetration or --position, --force, --velocity; "
             hint = f"{'' if error.missing else names}palpate info {file} lists them"
@@ -154,7 +154,7 @@ class ReadingOptions:
 
     @property
     def _channels(self) -> list[str] | None:
-        """The topics to read, if topics name all that is needed; else None, for all."""
+        """The topics to read, if the options name a topic for each channel; else None, for all."""
         named = [self.force, self.position or self.penetration]
         if not all(name.startswith("/") for name in named):
             return None
@@ -213,9 +213,10 @@ class ReadingOptions:
         }
 
     def by_default(self, choosing: MethodOptions, *, timeless: bool = False) -> MethodOptions:
-        """Return the options with the default, where neither law nor method is requested.
+        """Return the options, with the default law if neither law nor method is requested.
 
-        It selects the law; variable projection does what only that can.
+        The default selects the law. Variable projection remains the default for requests that only
+        it supports.
         """
         able = self.weak_prior and self.surface != "estimate" and not timeless
         return choosing.by_default(self.exponent) if able else choosing
@@ -241,7 +242,7 @@ class ReadingOptions:
         return settings
 
     def compared(self, contact: "Contact", **watched: Any) -> "dict[str, Identification]":
-        """Identify the same samples by every method."""
+        """Identify the same samples with every method."""
         from palpate.identifying import compare
 
         outliers = None if self.reject_outliers else False
@@ -268,7 +269,7 @@ def _span(option: str, text: str) -> tuple[float, float]:
 
 
 def _with_error(text: str) -> float | tuple[float, float]:
-    """Parse a duration, or one and its standard error: 14ms+-0.2ms."""
+    """Parse a duration, or a duration and its standard error: 14ms+-0.2ms."""
     late, sign, error = text.replace("±", "+-").partition("+-")
     found = quantity("--delay", late, "time")
     return (found, quantity("--delay", error, "time")) if sign else found

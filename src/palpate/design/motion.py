@@ -25,7 +25,7 @@ class Motion:
     depth : float
         x₀, m, in (0, 10].
     amplitudes : sequence of float, shape (m,)
-        aᵢ, m, each in [0, 10]. If there are none, or all are 0, the probe is held still.
+        aᵢ, m, each in [0, 10]. Without sines, or if all aᵢ are 0, the probe is held still.
     frequencies : sequence of float, shape (m,)
         ωᵢ, rad/s (not Hz), each in (0, 1e5].
 
@@ -109,7 +109,7 @@ PAPER_MOTION = Motion(10e-3, (1e-3, 1.8e-3, 1.8e-3), (4.0, 11.0, 15.0))
 PAUSE = 2.0
 # Rest after the retreat, s, for the velocity filter.
 _REST = 0.5
-# Start height over the peak penetration; the surface must be known that well to plan a motion.
+# Start height over the peak penetration; to plan a motion, one must know the surface as precisely.
 _CLEARANCE = 0.1
 # Points per period of the fastest sine in the search for the start of the retreat, and at most.
 _POINTS, _MOST_POINTS = 64, 1_000_000
@@ -133,7 +133,7 @@ class MotionCommand:
         The sines; at least one amplitude is above 0.
     seconds : float
         Minimum duration of the sines, s, in (0, 1e5]. Default: 20. They last at most one period of
-        the slowest longer.
+        the slowest sine longer.
 
     Attributes
     ----------
@@ -234,7 +234,7 @@ def write_motion(
     sample_time : float
         s, in [1e-5, 1].
     notes : mapping, optional
-        Comment lines above the header, before those on start and end of the sines.
+        Comment lines above the header, before the lines on start and end of the sines.
 
     Raises
     ------

@@ -42,7 +42,7 @@ class Design(PlannedMeasurement, Plain):
         Precision of the motion within the limits with the least worst expected error after the
         longest duration; None if the planned motion is as good.
     reason : str
-        Why it is better, or why there is none.
+        Why the better motion is better, or why there is no better motion.
     """
 
     limits: Limits
@@ -52,7 +52,9 @@ class Design(PlannedMeasurement, Plain):
 
     @property
     def chosen(self) -> tuple[str, PredictedPrecision]:
-        """The motion to play: the better one, or the planned one if there is none.
+        """The motion to play, as "better" or "planned", and its precision.
+
+        It is the planned motion if there is no better one.
 
         Raises
         ------
@@ -99,8 +101,8 @@ def design(
     :class:`VariableProjection` comes close to it. The prediction assumes exact penetration and
     velocity, white noise and a true law; a real rig takes longer.
 
-    K is the force extrapolated to a depth of 1 m: much of its error is that of n. The force within
-    the probed depths is known far better.
+    K is the force extrapolated to a depth of 1 m, so much of its error is due to the error of n.
+    The force within the probed depths is known far better.
 
     Parameters
     ----------
@@ -115,16 +117,17 @@ def design(
     offset : bool
         Whether a force offset is estimated too, as in :class:`VariableProjection`.
     surface : bool
-        Whether the surface position is estimated too. Only samples in contact count; those of the
-        free approach would help.
+        Whether the surface position is estimated too. Only samples in contact count; the samples of
+        the free approach, which would help, do not.
     durations : sequence of float
         s, each in [sample_time, 1000] and of at most 1e7 samples.
     max_depth, max_speed : float, optional
         Limits of the better motion: peak penetration, m, in (0, 10], and speed, m/s, in (0, 1000].
-        Default: those of the planned motion. The better motion is always slower than K/B, above
-        which the law becomes adhesive. It stays deeper than a tenth of the peak penetration, and
-        than where K xⁿ is ten times the noise but at most a tenth of its largest value (or than the
-        planned motion, if that is shallower but stays in contact).
+        Default: peak penetration and top speed of the planned motion. The better motion is always
+        slower than K/B, above which the law becomes adhesive. It stays deeper than a tenth of the
+        peak penetration, and deeper than the depth at which K xⁿ is ten times the noise but at most
+        a tenth of its largest value (or than the planned motion, if that is shallower but stays in
+        contact).
 
     Raises
     ------
@@ -169,7 +172,7 @@ def _checked_durations(durations: Sequence[float], step: float) -> tuple[float, 
 
 
 def _why(planned: PredictedPrecision, better: PredictedPrecision | None, limits: Limits) -> str:
-    """Why the better motion is better, or why there is none."""
+    """Explain why the better motion is better, or why palpate proposes no other motion."""
     if better is None:
         if limits.speed == 0.0:
             return "the planned motion holds the probe still: pass --max-speed to search for one"

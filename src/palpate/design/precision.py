@@ -28,7 +28,7 @@ _LEAST = 1e-3
 
 
 def effective_noise(noise: float, resolution: float) -> float:
-    """Noise of a sensor that also rounds: √(σ² + Δ²/12), N.
+    """Standard deviation of a sensor's noise and rounding together: √(σ² + Δ²/12), N.
 
     Rounding to steps of Δ adds an error that is uniform over a step, of variance Δ²/12. For
     σ ≥ Δ/2 it is independent from sample to sample. Below that, a part of amplitude
@@ -99,7 +99,8 @@ def cramer_rao_bound(
 ) -> Floats:
     """Return lower bounds of the standard errors for a motion, in the order of :func:`jacobian`.
 
-    They are infinite for what the motion does not identify; ``noise`` is that of the force, N.
+    A bound is infinite for a parameter that the motion does not identify. ``noise`` is the standard
+    deviation of the force, N.
     """
     rows = jacobian(law, penetration, velocity, **unknown) / noise
     return np.sqrt(np.diag(inverse_information(rows.T @ rows)))
@@ -172,8 +173,8 @@ class PlannedMeasurement:
     def relative_errors(self, motion: Motion, duration: float, *, quick: bool = False) -> Floats:
         """Cramér–Rao bounds of (K, B, n) over their values after a duration [s], shape (3,).
 
-        Infinite for what the motion does not identify. With ``quick`` one sample represents
-        several.
+        A bound is infinite for a parameter that the motion does not identify. With ``quick`` one
+        sample represents several.
         """
         stride = self._stride(motion) if quick else 1
         total = self._nothing()
@@ -224,8 +225,8 @@ class PlannedMeasurement:
         Each sample adds information (JᵀJ grows by positive semidefinite terms), so no bound grows
         with time, and the first block of samples that meets a target is bisected. Every sample
         counts for 20 s; then one represents several, with at least 64 in a period of the fastest
-        sine and one in 10 ms, which changes the time by far less than its printed digits. Infinite
-        beyond ``HORIZON``.
+        sine and one in 10 ms, which changes the time by far less than its printed digits. A time
+        beyond ``HORIZON`` is infinite.
         """
         times = np.full((len(targets), 3), math.inf)
         total = self._nothing()
@@ -244,7 +245,7 @@ class PlannedMeasurement:
     def _first(
         self, motion: Motion, before: Floats, index: Floats, stride: int, column: int, target: float
     ) -> int:
-        """Return the least number of samples of a block that meets a target; the block does."""
+        """Return the least number of a block's samples that meets a target; all of them meet it."""
 
         def met(count: int) -> bool:
             part = before + self._information(motion, index[:count], stride)
@@ -344,7 +345,7 @@ def limits_around(
     max_depth: float | None,
     max_speed: float | None,
 ) -> Limits:
-    """The requested limits; those not specified are the motion's own.
+    """Return the requested limits; by default they are the motion's own extremes.
 
     The speed also stays below K/B, above which the law is adhesive on withdrawal, and the frequency
     so low that a velocity filter of 15 samples biases the damping by at most 0.5 %.
@@ -451,7 +452,7 @@ class PredictedPrecision:
         s, increasing.
     relative_errors : numpy.ndarray, shape (durations, 3)
         Lower bound of the relative standard errors of (K, B, n) after each duration (Cramér–Rao);
-        infinite for what the motion does not identify.
+        infinite for a parameter that the motion does not identify.
     expected_errors : numpy.ndarray, shape (durations, 3)
         Relative RMS errors of least squares, including the sensor's rounding.
     targets : tuple of float

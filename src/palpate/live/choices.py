@@ -14,7 +14,7 @@ from palpate.validation import number_in, shown
 SWITCHES = {"outlier_rejection": OutlierRejection, "change_detector": ChangeDetector}
 #: Numbers that only some methods have.
 NUMBERS = ("stiffness_drift", "dissipation_drift", "exponent_drift")
-#: Choices of laws, of an estimator that compares them.
+#: Settings for the choice of laws; only an estimator that compares laws has them.
 CHOICES = {"damping": get_args(Damping), "memory": get_args(Memory)}
 #: Settings of the recording or the tip rather than the method: another method keeps them.
 _KEPT = ("gate", "sample_time", "scale", "exponent", "outlier_rejection", "change_detector")
@@ -23,7 +23,7 @@ _KEPT = ("gate", "sample_time", "scale", "exponent", "outlier_rejection", "chang
 def main_settings(estimator: ContactEstimator) -> dict[str, Any]:
     """Return the settings that the user may change, as plain values.
 
-    ``forgetting_factor`` is None if the method has its own forgetting, or none.
+    ``forgetting_factor`` is None if the method has another kind of forgetting or does not forget.
     """
     settings = estimator.settings
     found: dict[str, Any] = {

@@ -184,9 +184,9 @@ class DDS(RosTopics):
     Parameters
     ----------
     address : str
-        Topics and options, such as ``/pose,/wrench?domain=3&interface=eth0``: those of
-        :class:`~palpate.live.ros.RosTopics`, ``domain`` (default: 0) and ``interface``, the
-        network interface (default: this machine only).
+        Topics and options, such as ``/pose,/wrench?domain=3&interface=eth0``. The options are
+        ``domain`` (default: 0), ``interface``, the network interface (default: this machine only),
+        and the options of :class:`~palpate.live.ros.RosTopics`.
     options : SourceOptions
         Options of the source.
     """

@@ -1,4 +1,4 @@
-"""Repeated diagnosis of the last seconds, in a process of its own."""
+"""Repeated diagnosis of the last seconds, in a separate process."""
 
 import time
 from multiprocessing.connection import Connection
@@ -34,7 +34,7 @@ _SMEARED = 3.0
 class Diagnosing:
     """Identifies the last seconds as ``palpate identify`` does, and diagnoses them, repeatedly.
 
-    By the method and the laws of the loop.
+    It uses the method and the laws of the loop.
 
     Parameters
     ----------
@@ -118,7 +118,7 @@ def _estimator(status: dict[str, Any]) -> ContactEstimator | None:
 
 
 def diagnosed(samples: Floats, status: dict[str, Any]) -> dict[str, Any]:
-    """Return the diagnosis of these samples by the loop's method, as a status."""
+    """Diagnose these samples with the loop's method, and return the diagnosis as a status."""
     page: dict[str, Any] = {
         "at": time.strftime("%H:%M:%S"),
         "window": [float(samples[0, 0]), float(samples[-1, 0])],

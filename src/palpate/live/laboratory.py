@@ -22,14 +22,14 @@ from palpate.live.ring import Address, Reader, Writer
 from palpate.live.sources import Arrival, Counts, EndOfSourceError, SourceOptions
 from palpate.validation import one_of, shown
 
-#: Columns of a row: time, position, force, and its due time by the monotonic clock.
+#: Columns of a row: time, position, force, and the due time on the monotonic clock.
 WIDTH = 4
 #: Queue length, 4 s at 1 kHz; older rows are lost and counted.
 CAPACITY = 4096
 # s ahead of real time: other programs may delay the process by a tenth of a second. It is also the
 # time that a command takes to have an effect.
 _AHEAD = 0.2
-# s per step: the kinematics of several samples take little longer than those of one.
+# s per step: the kinematics of several samples take little longer than for one sample.
 _BLOCK = 0.01
 _BEHIND = 1.0  # s late, after which the laboratory's clock is reset
 
@@ -72,7 +72,7 @@ class _Pressing:
         self._setup, self._writer, self._connection = setup, writer, connection
         self._bench, self._probe, words = setup.bench()
         self._say(words)
-        self._began = time.monotonic() + _BLOCK  # it gains the rest of its lead at once
+        self._began = time.monotonic() + _BLOCK  # the rest of its lead is gained immediately
         self._block = max(round(_BLOCK / setup.sample_time), 1)
 
     def run(self) -> None:
@@ -220,7 +220,7 @@ class Laboratory:
         return Arrival(row[0], row[1], row[2], due)
 
     def ask(self, options: dict[str, Any]) -> str:
-        """Change the material, with the probe lifted or at once, or the motion."""
+        """Change the material, with the probe lifted or in contact, or the motion."""
         if not options or not set(options) <= set(self.offers):
             raise InvalidParameterError(
                 f"options of the laboratory are {', '.join(self.offers)}, not {shown(options)}"

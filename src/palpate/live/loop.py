@@ -194,7 +194,7 @@ class Watchdog:
     _numbers: dict[str, float] = field(default_factory=dict)
 
     def check(self, arrival: Arrival) -> Fault | None:
-        """Return what is wrong with a sample's time; None if nothing is."""
+        """Return the fault in a sample's time; None without one."""
         step, elapsed = arrival.time - self._time, arrival.there - self._there
         if 0.0 < step <= self.longest_gap:
             self._time, self._there = arrival.time, arrival.there
@@ -242,7 +242,7 @@ class Watchdog:
         return there < self._shown_until
 
 
-# What speaks against a tare: the probe presses already.
+# Check of a tare: it is refused if the probe presses already.
 
 #: Part of the samples inside the material; changes of the force over its noise; their share of the
 #: force's variance that depth or time explains. At rest in free air noise explains next to nothing.
@@ -252,7 +252,7 @@ _MOST_OF_TARE = 100_000  # samples that are kept
 
 
 def pressing(depth: Floats, force: Floats, *, below_surface: bool) -> str:
-    """Return why the probe seems to press during a tare; empty if nothing speaks for it.
+    """Return why the probe seems to press during a tare; empty if it does not seem to.
 
     Parameters
     ----------
@@ -338,7 +338,7 @@ class Loop:
     generation: int = 0
     #: Why the tare at the start is refused so far; empty without.
     tare_refused: str = ""
-    #: Depth and force of each sample of the tare; None if there is none in progress.
+    #: Depth and force of each sample of the tare; None if no tare is in progress.
     _resting: deque[tuple[float, float]] | None = None
     _before_tare: OnlinePreparation | None = None
     _changed: float = -math.inf
@@ -481,7 +481,7 @@ class Loop:
     def _refuses_tare(self, arrival: Arrival, resting: "deque[tuple[float, float]]") -> bool:
         """Note a sample of the tare; at its end refuse it if the probe presses.
 
-        The tare at the start then begins again; that of a command leaves the earlier zero.
+        The tare at the start then begins again; a tare on command keeps the earlier zero.
         """
         settings = self.preparation.settings
         sign = {

@@ -157,7 +157,7 @@ class Order:
         Parameters
         ----------
         stamp : int
-            Time of the sample by the sender's clock, ns.
+            Time of the sample on the sender's clock, ns.
         number : int, optional
             The sender's sample number.
         """
@@ -235,10 +235,10 @@ class Gaps:
 
 
 class Receipt:
-    """Estimates when each sample became available, by this machine's monotonic clock.
+    """Estimates when each sample became available, on this machine's monotonic clock.
 
     A sample that the loop waited for became available now. A sample from the queue is assumed to
-    have come after the one before it by the difference of their timestamps.
+    have followed the previous one after the difference of their timestamps.
     """
 
     def __init__(self) -> None:
@@ -285,7 +285,7 @@ class WireSource:
     options : SourceOptions
         Options of the source.
     streams : int
-        Number of streams of messages, each with an order of its own. Default: 1.
+        Number of streams of messages; the order of each is checked separately. Default: 1.
     """
 
     def __init__(self, name: str, options: SourceOptions, streams: int = 1) -> None:
@@ -297,7 +297,7 @@ class WireSource:
 
     @property
     def origin(self) -> int:
-        """Zero of the times, ns by the sender's clock: the first timestamp if after 1970."""
+        """Zero of the times, ns on the sender's clock: the first timestamp if after 1970."""
         return self._origin or 0
 
     def take(self, timeout: float) -> Arrival | None:

@@ -28,7 +28,7 @@ from palpate.validation import Floats, shown
 
 #: Fields before the law's parameters and their standard errors: published name, column of the ring.
 BEFORE = (
-    ("time", "arrived"),  # of the newest measurement, s, by the robot's clock
+    ("time", "arrived"),  # of the newest measurement, s, on the robot's clock
     ("prepared_time", "time"),  # s, of penetration, velocity and force
     ("penetration", "penetration"),
     ("velocity", "velocity"),
@@ -39,13 +39,13 @@ BEFORE = (
     ("surface", "surface"),  # m
     ("margin", "margin"),  # validity margin of the linearisation (condition 10)
 )
-#: Fields of the last diagnosis: K′ and B′ with their standard errors, where they hold, and marks.
+#: Fields of the last diagnosis: K′ and B′, their standard errors, depth and frequency, and marks.
 DIAGNOSED = (
     "dynamic_stiffness", "dynamic_stiffness_standard_error",
     "dynamic_damping", "dynamic_damping_standard_error",
     "working_depth", "frequency", "stiffness_verdict", "damping_verdict", "verdict",
 )  # fmt: skip
-#: Fields at the end: those, and the time since the last update, s.
+#: Fields at the end: the diagnosis, and the time since the last update, s.
 AFTER = (*DIAGNOSED, "age")
 #: Version of the published fields; it rises when a field is removed or changes its meaning.
 SCHEMA = 2
@@ -117,7 +117,7 @@ class Wire:
         source : str
             Name of the source.
         stamp : int
-            Time by the robot's clock, ns.
+            Time on the robot's clock, ns.
         values : dict
             Values by name.
         """
@@ -210,7 +210,7 @@ class Publisher:
         self.name = f"publish {wire.name}"
         self._fields: Fields | None = None
         self._last: dict[str, float] = {}  # fields of the last published estimate
-        # Time of publication; time of the last update, by the robot's clock.
+        # Time of publication; time of the last update, on the robot's clock.
         self._seen = self._learned = math.nan
         self._told = 0.0
 

@@ -65,7 +65,7 @@ _SET_ATTRIBUTES = {"x86_64": 314, "aarch64": 274, "riscv64": 274}
 # period, and the two bounds of utilisation.
 _ATTRIBUTES = struct.Struct("=IIQiIQQQII")
 _SHORTEST_SLICE, _LONGEST_SLICE = 100_000, 100_000_000  # ns, the limits of Linux
-_GENTLY = 5  # niceness: a third of what the loop would get
+_GENTLY = 5  # niceness: a third of the loop's share of the processor
 
 
 @contextmanager

@@ -31,7 +31,7 @@ _MATRIX = MOST_PARAMETERS**2
 def message_type(name: str) -> tuple[str, str]:
     """Return the full name of a message type and its definition, from the folder ``messages``.
 
-    Prepared quantities have names of their own there, so that no reader takes them for measured.
+    Prepared quantities have separate names there, so that no reader treats them as measured.
     """
     definition = Path(__file__).parent / "messages" / f"{name}.msg"
     return f"palpate_msgs/msg/{name}", definition.read_text(encoding="utf-8")
@@ -279,7 +279,7 @@ class RunFile:
         return stamp if -_LATEST < stamp // NANO < _LATEST else None
 
     def _log_time(self, stamp: int) -> int:
-        """Return a measurement's time by this machine's clock, ns, from the source's steps."""
+        """Return a measurement's time on this machine's clock, ns, from the source's steps."""
         now = time.time_ns()
         if not abs(stamp + self._shift - now) < _SET:
             self._shift = now - stamp

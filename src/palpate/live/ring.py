@@ -22,8 +22,8 @@ MOST_PARAMETERS = 8
 
 #: Columns of a sample, in order.
 SAMPLE = (
-    "time",  # of the sample that was prepared, s, by the source's clock
-    "arrived",  # time of the newest measurement, s, by the same clock
+    "time",  # of the prepared sample, s, on the source's clock
+    "arrived",  # time of the newest measurement, s, on the same clock
     "position", "raw_force",  # of the newest measurement, along the contact normal; m, N
     "penetration", "velocity", "force",  # the estimator's input, NaN if none was prepared
     "predicted_force",  # one-step prediction, N
@@ -43,7 +43,7 @@ ESTIMATE = (
 #: Columns of a row as read: a sample, and the newest estimate after it.
 COLUMNS = (*SAMPLE, *ESTIMATE)
 _NUMBER = SAMPLE.index("estimate")
-_HEADER = 64  # bytes: a cache line of its own
+_HEADER = 64  # bytes: one cache line
 #: Rows: 16 s at 1 kHz, longer than the page shows and a reader may stall.
 CAPACITY = 1 << 14
 
@@ -154,7 +154,7 @@ class Writer(_Shared):
 
 
 class Reader(_Shared):
-    """Reads rows, from the first one on, and counts those that were overwritten."""
+    """Reads rows, from the first one on, and counts the overwritten ones."""
 
     def __init__(self, address: Address) -> None:
         super().__init__(0, address.name)

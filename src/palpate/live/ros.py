@@ -1,6 +1,6 @@
 """Reads the positions and forces in live ROS messages.
 
-The first message is decoded by its definition, as in a recording
+The first message is decoded with its definition, as in a recording
 (:mod:`palpate.recordings.messages`). Later messages whose length fields have the same bytes have
 their numbers at the same offsets, so reading them costs only a few comparisons.
 """
@@ -137,7 +137,7 @@ class MessageReader:
                 "standard type"
             ) from None
         leaves = leaves_of_empty(self._fields)
-        try:  # finds missing fields at once, except in lists, whose length is not known yet
+        try:  # finds missing fields early, except in lists, whose length is not known yet
             for path in paths:
                 if "[" not in path:
                     self._leaves(leaves, path)
@@ -219,7 +219,7 @@ class RosTopics(WireSource):
     address : WireAddress
         Topics and options. ``position`` and ``force`` name a field, such as ``wrench.force.z``
         (default: :data:`POSITIONS` and :data:`FORCES`). ``at=position`` (default) gives a sample
-        at each position, ``at=force`` at each force. ``tolerance`` is that of :class:`Pairing`, s
+        at each position, ``at=force`` at each force. ``tolerance`` is as in :class:`Pairing`, s
         (default: two sample times).
     options : SourceOptions
         Options of the source.

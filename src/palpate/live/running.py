@@ -1,4 +1,4 @@
-"""A live run: the loop in this process, each sink in a process of its own."""
+"""A live run: the loop in this process, each sink in a separate process."""
 
 import signal
 import threading
@@ -68,7 +68,7 @@ def run(
     estimator : ContactEstimator, optional
         Default: :func:`default_estimator`.
     sinks : sequence of Sink
-        Consumers of the results, each run in a process of its own. Default: none.
+        Consumers of the results, each in a separate process. Default: none.
     preparation : OnlinePreparation, optional
         Default: ``OnlinePreparation(sample_time=source.sample_time)``.
     realtime : bool
@@ -79,8 +79,8 @@ def run(
     Returns
     -------
     dict
-        The last :meth:`palpate.live.loop.Loop.status`, and under ``"failed"`` the exit code of each
-        sink whose process failed or was killed, by its name.
+        The last :meth:`palpate.live.loop.Loop.status`; and under ``"failed"``, by name of the sink,
+        the exit code of each process that failed or was killed.
 
     Raises
     ------
@@ -181,7 +181,7 @@ def _started(
             own = replace(session, own=session.shared_by_sink[sink.name])
             process, connections[sink.name] = start(sink.name, _serve, sink, own)
             processes.append(process)
-            # What the sink opened here, such as a port, now belongs to its process.
+            # Anything that the sink opened here, such as a port, now belongs to its process.
             getattr(sink, "handed_over", lambda: None)()
         until = time.monotonic() + _IMPORTING
         waiting = list(connections.values())
@@ -212,7 +212,7 @@ def _serve(sink: Sink, session: Session, commands: Connection) -> None:
 def _interruptible() -> Iterator[Callable[[Loop], None]]:
     """Let the first Ctrl-C or SIGTERM stop the loop in order; a second one acts as usual.
 
-    The yielded function registers the loop to stop; an earlier signal stops it at once.
+    The yielded function registers the loop to stop; an earlier signal stops it immediately.
     """
     loops, before, came = list[Loop](), dict[signal.Signals, Any](), False
 

@@ -1,4 +1,4 @@
-"""Sinks, which consume the loop's results: their interface, what they read, how they print."""
+"""Sinks, which consume the loop's results: their interface, their data and their printing."""
 
 import math
 import multiprocessing
@@ -32,7 +32,7 @@ def printed(words: str, end: str = "\n") -> bool:
     return sys.stdout is not None
 
 
-# The interface of a sink, which runs in a process of its own.
+# The interface of a sink, which runs in a separate process.
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,7 +46,7 @@ class Session:
     shared_json : str
         The loop's status, a :class:`palpate.live.ring.SharedJson`; ``"stopped": true`` at the end.
     shared_by_sink : dict
-        The status of each sink, such as the diagnosis or the recorder, by the sink's name.
+        Name of each sink, such as the diagnosis or the recorder, to its status.
     own : str
         The status that this sink writes.
     """
@@ -71,13 +71,13 @@ class Sink(Protocol):
         """Unique name of the sink."""
 
     def run(self, session: Session, commands: Connection) -> None:
-        """Run, in a process of its own, until the loop's status has ``"stopped": true``.
+        """Run, in a separate process, until the loop's status has ``"stopped": true``.
 
         ``commands.send(LiveCommand(…))`` sends the loop a command.
         """
 
 
-# What a sink reads.
+# The data that a sink reads.
 
 #: Place of each column in a row.
 PLACE = {name: k for k, name in enumerate(COLUMNS)}
@@ -106,7 +106,7 @@ _SINCE = {
 
 
 def basis_of(status: Mapping[str, Any]) -> dict[str, Any]:
-    """Return what a diagnosis depends on; it is outdated as soon as one of these differs."""
+    """Return the fields on which a diagnosis depends; it is outdated as soon as one differs."""
     changes = status.get("counts", {}).get("changes", 0)
     method = [status.get("method"), status.get("generation")]
     shared = {name: status.get(name) for name in ("tare", "depth")}

@@ -20,13 +20,13 @@ class Arrival(NamedTuple):
     Attributes
     ----------
     time : float
-        Time by the source's clock, s.
+        Time on the source's clock, s.
     position : float or tuple of 3 float
         Position of the probe, or penetration, m.
     force : float or tuple of 3 float
         Contact force, N.
     there : float
-        Time by this machine's monotonic clock at which the measurement became available, s. The
+        Time on this machine's monotonic clock at which the measurement became available, s. The
         loop's delay counts from then on.
     """
 
@@ -174,7 +174,7 @@ class Replay:
 
 
 def _hindsight(contact: Contact) -> list[str]:
-    """Return messages about what the replay knows from the whole recording, unlike a robot."""
+    """Return messages about results from the whole recording, which a robot would not have."""
     said = [f"{finding.check}: {finding}" for finding in contact.findings]
     found = {"tare": contact.tare_deviation, "surface": contact.surface_deviation}
     names = [name for name, deviation in found.items() if deviation is not None]

@@ -109,7 +109,7 @@ Numbers = dict[str, tuple[float, float]]
 
 
 def numbers_of(verdict: Mapping[str, Any]) -> Numbers:
-    """Return those :data:`NUMBERS` that the preferred law has, each with its standard error.
+    """Return the :data:`NUMBERS` of the preferred law, each with its standard error.
 
     They hold at the depth and frequency of the motion. Empty until the first verdict of
     :func:`verdict_on`, and again after a change of material.
@@ -302,7 +302,7 @@ def times_of(status: Mapping[str, Any]) -> Iterator[list[str]]:
         yield [words, *columns, limit]
 
 
-# The page's text, by the id of the element that shows it.
+# The page's text: id of an element to the text that it shows.
 
 _STATES = {
     "free": ("○", "Free", "The probe is out of contact; the estimate is held."),
@@ -328,7 +328,7 @@ Words = dict[str, Any]
 
 
 def view_of(page: Mapping[str, Any], verdict: Mapping[str, Any] | None, now: float) -> Words:
-    """Return the texts that stand still while the view is paused; ``now`` is a sample's time, s."""
+    """Return the texts that freeze while the view is paused; ``now`` is a sample's time, s."""
     loop, depth, found = page["loop"], page["depth"], page["now"]
     law, tiles = loop.get("law") or {}, []
     panels = [
@@ -433,7 +433,7 @@ def _absent(verdict: Mapping[str, Any], numbers: Numbers, name: str) -> str:
 
 
 def facts_of(page: Mapping[str, Any], state: str, contact_force: float | None = None) -> Words:
-    """Return the texts that go on while the view is paused: answer, state, counts, times.
+    """Return the texts that continue while the view is paused: answer, state, counts, times.
 
     ``contact_force`` is the present force, N, if the probe is in contact.
     """
@@ -471,7 +471,7 @@ def facts_of(page: Mapping[str, Any], state: str, contact_force: float | None = 
 def _counts(
     counts: Mapping[str, Any], others: Mapping[str, Any], own: Mapping[str, Any]
 ) -> list[list[str]]:
-    """Return the rows of counts; those that should be 0 are marked ``bad`` if they are not."""
+    """Return the rows of counts; a count that should be 0 but is not is marked ``bad``."""
     rows = [[words, counts.get(key, 0), ""] for key, words in _FINE.items()]
     rows += [[words, counts.get(key, 0), "bad"] for key, words in COUNTED.items()]
     rows += [
@@ -500,7 +500,7 @@ def _tiles(page: Mapping[str, Any], found: Mapping[str, Any] | None) -> Iterator
 
 
 def _diagnosis(found: Mapping[str, Any]) -> Iterator[list[str]]:
-    """Yield what to do and what was diagnosed: text, class."""
+    """Yield the remedy, if any, and the law, method and samples of the diagnosis: text, class."""
     if found.get("remedy"):
         yield [found["remedy"], ""]
     last = rounded(found["window"][1] - found["window"][0], 2)

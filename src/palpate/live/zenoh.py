@@ -134,9 +134,10 @@ class Zenoh(RosTopics):
     Parameters
     ----------
     address : str
-        Topics and options, such as ``/pose,/wrench?connect=tcp/192.168.1.2:7447``: those of
-        :class:`~palpate.live.ros.RosTopics`, ``domain`` (default: 0), ``connect``, the address of a
-        router or peer, ``listen``, to become a peer, and ``scouting``, to find peers by multicast.
+        Topics and options, such as ``/pose,/wrench?connect=tcp/192.168.1.2:7447``. The options are
+        ``domain`` (default: 0), ``connect``, the address of a router or peer, ``listen``, to become
+        a peer, ``scouting``, to find peers by multicast, and the options of
+        :class:`~palpate.live.ros.RosTopics`.
     options : SourceOptions
         Options of the source.
     """

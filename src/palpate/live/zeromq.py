@@ -111,7 +111,7 @@ def _value(value: Any, name: str, vectors: bool) -> Value:
 
 def _float(value: Any, name: str) -> float:
     if value is None:
-        return math.nan  # JSON has no NaN of its own
+        return math.nan  # JSON has no NaN
     if type(value) not in (int, float):
         raise PacketError(f"a {name} that is not a number")
     try:

@@ -296,7 +296,8 @@ OF_THE_WHOLE = (Check.EPISODES, Check.SURFACE, Check.ORIENTATION)
 def at_places(contact: Contact, *, rejecting: bool) -> Iterator[tuple[Place, Contact]]:
     """Yield each place and the contact there, with its own surface; nothing for a single place.
 
-    ``rejecting``: without load transfer, of which all touches together tell more than one place.
+    ``rejecting``: exclude load transfer first, because all touches together show it more clearly
+    than the touches at one place.
     Findings on the whole recording are dropped: within one place the orientation hardly changes.
     """
     places = () if contact.prepared is None else contact.prepared.places

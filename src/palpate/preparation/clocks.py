@@ -22,7 +22,7 @@ from palpate.validation import Floats
 # message, the next one is later than all before.
 RESTART = 10  # samples in a row
 GAP = 10.0  # median steps
-MOST_SKIPPED = 0.02  # of the samples; more is a finding with care
+MOST_SKIPPED = 0.02  # fraction of the samples; a larger one is a finding with care
 MOST_BACKWARD = 0.1
 
 
@@ -33,13 +33,13 @@ class Rows:
     Attributes
     ----------
     keep : numpy.ndarray of bool, shape (k,)
-        Samples whose time is later than all before it since the last start.
+        Mask of the samples whose time exceeds all times before it since the last start.
     part : numpy.ndarray of int, shape (k,)
         A number that increases at each change of the label and each restart.
     restarts : int
         Number of restarts.
     first_wrong : int
-        The first sample that is skipped or begins a restart; −1 if there is none.
+        Index of the first sample that is skipped or begins a restart; −1 without one.
     untimed, repeated, late : int
         Number of samples without a time, with the previous time, or with an earlier time.
     """
@@ -139,12 +139,12 @@ def gaps(time: Floats, part: NDArray[np.int64]) -> NDArray[np.bool_]:
 # Several samples with one time: rows that were written twice, a clock that ticks slowly, or samples
 # that arrive in packets.
 
-COARSE = 0.1  # of the samples repeat the time before; fewer are skipped one by one
-EXACT = 1000  # counts a sample; whole times of a finer unit stay whole numbers
-PAUSE = 5.0  # steps within a packet, at least
+COARSE = 0.1  # fraction of samples that repeat a time; below it they are skipped one by one
+EXACT = 1000  # clock counts per sample; integer times of a finer unit stay integers
+PAUSE = 5.0  # least pause between packets, in steps within a packet
 LARGEST_PACKET = 64  # samples
 FEWEST_PACKETS = 10
-OF_ONE_SIZE = 0.9  # of the packets, to half a packet
+OF_ONE_SIZE = 0.9  # least fraction of packets whose size is the median to within half of it
 
 
 def settle_stamps(
@@ -152,11 +152,11 @@ def settle_stamps(
 ) -> tuple["Times", NDArray[np.bool_], list[Finding]]:
     """Drop the rows that were written twice, and spread the samples of a coarse clock.
 
-    A row is written twice if its time and all its channels equal those of the row before. Where
-    over a tenth of the samples repeat a time with other values, the clock ticks more slowly than
-    the samples come: each stretch gets the even times that lie within every tick, t ≤ a + b k <
-    t + tick, or else even times within each tick. So do samples that arrive in packets, and are
-    stamped on arrival.
+    A row is written twice if its time and all its channels repeat the previous row. If more than a
+    tenth of the samples repeat a time with other values, the clock ticks more slowly than the
+    recorder samples. Each run of samples without a gap then gets evenly spaced times within every
+    tick, t ≤ a + b k < t + tick; if there are no such times, evenly spaced times within each single
+    tick. Samples that arrive in packets and are stamped on arrival are spread in the same way.
 
     Parameters
     ----------
@@ -192,7 +192,8 @@ def settle_stamps(
         )
         copies[1:] &= same.reshape(len(same), -1).all(axis=1)
     others = int(np.count_nonzero(again & ~copies))
-    # At rest a slow clock's samples are equal too: copies are most of what repeats, or none is.
+    # At rest, samples with one time of a slow clock are equal too: equal rows are copies only if
+    # they outnumber the rows that repeat a time with other values.
     if others > COARSE * time.size and others >= np.count_nonzero(copies):
         times, tick = _spread(time)
         words = (
@@ -207,13 +208,14 @@ def settle_stamps(
 
 
 def _arrivals(time: "Times", columns: Sequence[NDArray[Any]]) -> "Times | None":
-    """Return the time at which the packet of each sample arrived; None where there are no packets.
+    """Return the time at which the packet of each sample arrived; None without packets.
 
-    Packets are of one size, with a pause after each in which the channels move as far as between
-    any two samples. Where they move as far as the pause is long, samples are taken in bursts.
+    Packets have one size and a pause after each, in which the channels move only as far as between
+    any two samples. If the motion is proportional to the length of the pause, the samples were
+    measured in bursts and their times are right.
     """
     steps = np.diff(time)
-    usual = float(np.quantile(steps, 0.25)) if steps.size else 0.0  # of pairs half are pauses
+    usual = float(np.quantile(steps, 0.25)) if steps.size else 0.0  # in pairs half are pauses
     if not usual > 0.0:
         return None
     last = np.flatnonzero(steps > PAUSE * usual)
@@ -235,7 +237,7 @@ def _arrivals(time: "Times", columns: Sequence[NDArray[Any]]) -> "Times | None":
 
 
 def _moving(column: NDArray[Any]) -> list[Floats]:
-    """The components of a channel that are numbers."""
+    """The components of a numeric channel whose values are all finite."""
     if column.dtype.kind not in "iuf":
         return []
     parts = np.asarray(column, dtype=np.float64).reshape(len(column), -1).T
@@ -243,9 +245,9 @@ def _moving(column: NDArray[Any]) -> list[Floats]:
 
 
 def _share_of_pauses(values: Floats, last: NDArray[np.intp]) -> float:
-    """Part of the motion that lies between packets: its regression on that of the packets around.
+    """Fraction of the motion during the pauses: its regression on the motion of adjacent packets.
 
-    The two have no sample in common, so noise does not make it larger.
+    The two have no sample in common, so noise does not increase the fraction.
     """
     pauses = values[last[1:-1] + 1] - values[last[1:-1]]
     around = 0.5 * (values[last[2:]] - values[last[:-2]])
@@ -253,13 +255,13 @@ def _share_of_pauses(values: Floats, last: NDArray[np.intp]) -> float:
 
 
 def _spread(time: "Times") -> tuple["Times", float]:
-    """Even times within the ticks of a clock, and its median tick."""
+    """Evenly spaced times within the ticks of a clock, and the median tick."""
     known = np.isfinite(time)
     origin = time[known][0]
     since = np.asarray(time - origin, dtype=np.float64)
     steps = np.diff(since)
     tick = float(np.median(steps[steps > 0.0])) if (steps > 0.0).any() else 0.0
-    ends = ~((steps >= 0.0) & (steps <= GAP * tick))  # also beside a time that is unknown
+    ends = ~((steps >= 0.0) & (steps <= GAP * tick))  # an unknown time also ends a run
     for part in slices_of(np.concatenate([[0], np.cumsum(ends)])):
         since[part] = _spread_stretch(since[part], tick)
     if time.dtype.kind in "iu" and tick * np.mean(steps > 0.0) > EXACT:
@@ -268,7 +270,7 @@ def _spread(time: "Times") -> tuple["Times", float]:
 
 
 def _spread_stretch(stamps: Floats, tick: float) -> Floats:
-    """Even times that lie in the tick of every stamp; within each tick where no such times do."""
+    """Evenly spaced times within the tick of every stamp, or within each tick if there are none."""
     begins = np.concatenate([[0], np.flatnonzero(np.diff(stamps)) + 1])
     if begins.size > 2:  # the first tick may have begun before the recording
         index, first, last = np.arange(stamps.size), begins[1], begins[-1]
@@ -323,7 +325,7 @@ class Signals:
     made : mapping
         How each channel was obtained, as text.
     findings : tuple of Finding
-        What was skipped or assumed.
+        Reports of skipped samples and of assumptions.
     stated_units : frozenset of str
         As in :class:`~palpate.Contact`.
     """
@@ -390,7 +392,7 @@ def signals_of(
 
 
 def measurable(values: Floats) -> Floats:
-    """The values, with those of implausible size replaced by NaN."""
+    """Replace implausibly large values by NaN."""
     beyond = np.abs(values) > LARGEST
     return np.where(beyond, np.nan, values) if beyond.any() else values
 
@@ -411,7 +413,7 @@ class Stream:
 
 @dataclass(slots=True)
 class _Taking:
-    """Converts the channels of a recording, and records how, and what was skipped."""
+    """Converts the channels of a recording and notes each conversion and each skipped sample."""
 
     recording: Recording
     units: Mapping[str, str]
@@ -478,7 +480,7 @@ class _Taking:
         return values
 
     def _read(self, name: str) -> Floats:
-        """A channel as numbers; report its samples that are not numbers, which are excluded."""
+        """Return a channel as numbers; exclude and report the samples that are not numbers."""
         recording = self.recording
         before = recording.numbers(name, strict=self.strict)
         column = measurable(before)

@@ -16,23 +16,24 @@ from palpate.preparation.surfaces import add
 from palpate.preparation.velocity import spiked
 from palpate.validation import Floats
 
-LONGEST_FOUND = 50e-3  # s, and a sixth of the motion's period, beyond which delays are ambiguous
+LONGEST_FOUND = 50e-3  # s; beyond this or a sixth of the motion's period delays are ambiguous
 SCANNED = 13  # shifts of a coarse scan
-MOST_SCANNED, MOST_SAMPLES = 4000, 400_000  # by which it is made; by which the delay is found
+MOST_SCANNED, MOST_SAMPLES = 4000, 400_000  # largest numbers of samples: in the scan, in the search
 MOST_ROUNDS = 8
-WINDOWS_A_PERIOD = 20  # over which noise is averaged, as in the diagnosis
-REPEATED = 0.25  # of the readings of a force that is rounded
-LIGHT = 0.1  # of the median depth: above it contact may be lost
+WINDOWS_A_PERIOD = 20  # windows over which noise is averaged, as in the diagnosis
+REPEATED = 0.25  # fraction of repeated readings above which a force counts as rounded
+LIGHT = 0.1  # fraction of the median depth; at smaller depths contact may be lost
 
 
 def in_step(contact: Contact, late: float | tuple[float, float] | Literal["find"]) -> Contact:
-    """Shift the force earlier by its delay, s, by linear interpolation.
+    """Remove the delay of the force, s, by linear interpolation.
 
-    It shifts the force, because interpolation smooths, and a smoothed penetration would change the
-    velocity; but of a rounded force the motion and the clock, because between two readings there is
-    no level, and the law knows the error of a level alone. It drops the samples at an end of a
-    segment whose force or motion is then unknown. A delay without a standard error is known to half
-    a sample.
+    It shifts the force rather than the motion, because interpolation smooths, and a smoothed
+    penetration would change the velocity. If the force is rounded, it shifts the motion and the
+    clock instead: an interpolated force would lie between two levels of the sensor, and the error
+    of rounding is known only at a level. It drops the samples at an end of a segment whose force or
+    motion is then unknown. A delay without a standard error is assumed to be known to half a
+    sample.
     """
     if late == 0.0 or not len(contact):
         return contact
@@ -63,9 +64,10 @@ def in_step(contact: Contact, late: float | tuple[float, float] | Literal["find"
 def find_delay(contact: Contact) -> Delay:
     """Find the delay of the force: the shift of the motion by which Hunt–Crossley fits best.
 
-    Whole samples, because to interpolate a motion smooths it, and half a sample then fits clean
-    data better; what is left is the coefficient of dF̂/dτ next to the law's own columns, in averages
-    over a twentieth of the motion's period, with the standard error of a correlated residual.
+    The shift is a whole number of samples, because interpolation smooths the motion, and a shift by
+    half a sample would then fit clean data better. The remaining delay is the coefficient of dF̂/dτ
+    in a regression that also contains the gradient of the law. The regression uses averages over a
+    twentieth of the motion's period, and its standard error allows for a correlated residual.
 
     Raises
     ------
@@ -112,7 +114,7 @@ def _unknown(contact: Contact, why: str) -> RecordingError:
 
 
 def _moved(contact: Contact, shift: int) -> tuple[Floats, Floats]:
-    """Penetration and velocity of so many samples earlier; NaN where a segment has none."""
+    """Penetration and velocity ``shift`` samples earlier; NaN outside the segment."""
     place = np.arange(len(contact)) - shift
     there = np.clip(place, 0, len(contact) - 1)
     known = (place == there) & (contact.segment[there] == contact.segment)
@@ -123,7 +125,7 @@ def _moved(contact: Contact, shift: int) -> tuple[Floats, Floats]:
 
 
 def _rest(contact: Contact, shift: int, width: int) -> tuple[float, float]:
-    """What is left of the delay beside a whole shift, and its standard error, s."""
+    """Return the delay that remains after a shift by whole samples, and its standard error, s."""
     (x, v), force = _moved(contact, shift), contact.force
     fit = fit_curves(x, v, force)
     law, offset = fit.law(0), float(fit.offset[0])
@@ -148,7 +150,7 @@ def _rest(contact: Contact, shift: int, width: int) -> tuple[float, float]:
 
 
 def _means(values: Floats, at: NDArray[np.intp], segment: NDArray[np.int64], width: int) -> Floats:
-    """Means over windows of so many rows that follow each other within a segment."""
+    """Means over windows of up to ``width`` consecutive rows within a segment."""
     width = min(width, max(len(at) // 40, 1))
     border = np.flatnonzero((np.diff(at) != 1) | (np.diff(segment) != 0)) + 1
     runs = np.split(np.arange(len(at)), border)

@@ -47,7 +47,7 @@ def requested_gate(
     *,
     alone: bool = False,
 ) -> ContactGate | None:
-    """Return the gate for the requested thresholds; None if there are none.
+    """Return the gate for the requested thresholds, or None if no threshold is requested.
 
     ``alone`` is for a method that chooses its samples itself: it gets no other threshold.
     """

@@ -10,10 +10,10 @@ from palpate.digits import rounded
 from palpate.findings import Check, Finding
 from palpate.validation import Floats
 
-LONGEST = 60  # samples of a beat
-IN_STEP = 0.9  # of the changes, that fall on one phase
-REGULAR, IRREGULAR = 0.8, 0.35  # of the gaps between changes; of their mean
-MOST_HELD = 20_000  # samples that are looked at
+LONGEST = 60  # samples between two changes
+IN_STEP = 0.9  # least fraction of the changes on one phase
+REGULAR, IRREGULAR = 0.8, 0.35  # least fraction of regular gaps; their tolerance over their mean
+MOST_HELD = 20_000  # samples that are examined
 FEWEST_LEFT = 50  # samples in contact, above a tenth of the largest force
 
 
@@ -24,13 +24,14 @@ class FreshSamples:
     Attributes
     ----------
     before : numpy.ndarray of bool, shape (k,)
-        Samples from which the velocity is computed: all, or those at which the position changes.
+        Samples from which the velocity is computed: all, or only samples at which the position
+        changes.
     after : numpy.ndarray of bool
-        Of these, the samples to keep then: all, or the first after each change of the force.
+        Samples of ``before`` to keep after that: all, or the first after each change of the force.
     changes : numpy.ndarray of int, optional
         Changes of the force, if it is interpolated between them because the position is held too.
     late : float or tuple of float
-        Delay of the force, s, with its standard error where the rates are no multiples: a value is
+        Delay of the force, s, with its standard error if the rates are no multiples: a value is
         then logged by up to a sample after it was measured.
     finding : Finding
         A note.
@@ -56,7 +57,8 @@ def held_channels(
 ) -> FreshSamples | None:
     """Find the samples to keep of a recording with a held channel; None without one.
 
-    None also if fewer than 50 in contact would be left. Of two held channels the slower counts.
+    Also None if fewer than 50 samples in contact would remain. If both channels are held, the
+    slower one decides.
 
     Parameters
     ----------
@@ -65,7 +67,7 @@ def held_channels(
     depth, force : numpy.ndarray, shape (k,) or (k, 3)
         As recorded.
     pressed : numpy.ndarray, shape (k,)
-        Compression, whatever its offset.
+        Compression with any offset.
     """
     beats = [beat_of(_busiest(each)) for each in (depth, force)]
     if not any(beats):
@@ -91,7 +93,7 @@ def held_channels(
 
 
 def held_channel(name: str, beat: float, late: float | None = None) -> Finding:
-    """Report a channel that changes every so many samples; ``late``: on average, s, if kept."""
+    """Report a channel that changes every ``beat`` samples; ``late``: mean delay, s, if kept."""
     words = f"the {name} changes only every {beat:.0f} samples (sample and hold): "
     if late is None:
         return Check.HELD_CHANNEL.finding(f"{words}palpate uses the samples at which it changes")
@@ -114,9 +116,9 @@ def _busiest(values: Floats) -> Floats:
 
 
 def beat_of(values: Floats) -> float:
-    """Mean number of samples for which a held channel keeps a value; 0 for one that is not held.
+    """Mean number of samples for which a held channel keeps a value; 0 if it is not held.
 
-    A whole number where all changes fall on one phase, as of clocks in step.
+    It is a whole number if all changes fall on one phase, as with clocks in step.
     """
     values = values[:MOST_HELD]
     changes = np.diff(values)
@@ -127,11 +129,11 @@ def beat_of(values: Floats) -> float:
     beat = round(float(np.median(gaps)))
     if not 2 <= beat <= LONGEST or at.size <= 0.5 * len(values) / beat:
         return 0.0
-    # The phase may slip by one sample now and then where the two rates are no multiples.
+    # The phase may slip by one sample now and then if the two rates are no multiples.
     if np.bincount(at % beat, minlength=beat).max() / at.size > IN_STEP:
         return float(beat)
-    # Rates that are no multiples: nearly equal gaps. Those of a noisy channel's steps are spread,
-    # and a ramp's steps are equal.
+    # If the rates are no multiples, the gaps are nearly equal. The gaps between the steps of a
+    # noisy channel vary, and the steps of a ramp have equal heights.
     mean = float(gaps[gaps < 1.5 * beat].mean())
     regular = np.abs(gaps - mean) < IRREGULAR * mean
     jumps = np.abs(changes[at])

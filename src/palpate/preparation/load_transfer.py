@@ -11,25 +11,27 @@ from palpate.findings import Check, Finding
 from palpate.settings import ContactGate
 from palpate.validation import Floats
 
-# No passive material pushes harder at less depth, on the way out, than where the probe turned. A
-# heel does when the foot has rolled on: 5 to 60 % more, while it rises by a fifth. A force that is
-# 20 ms late rises on too, but only while the depth is still within a few per cent.
+# While the probe withdraws, no passive material pushes harder than at the turning point. A heel
+# does when the foot has rolled on: 5 to 60 % more, while it rises by a fifth. A force that is 20 ms
+# late also continues to rise, but only while the depth is still within a few per cent.
 RISE, RISE_OF_LARGEST, WITHDRAWN = 1.05, 0.05, 0.95
-FEWEST = 2  # touches, and half of them: where one material ends and another begins is no such part
+FEWEST = 2  # touches, and half of all: a border between two materials is no load transfer
 SHORTEST = 20  # samples in a touch that counts
-# Samples, or a tenth of the rise: all of it within, or half of the force, is the border of another
-# material. Heels rise by at most 0.7 of it and 0.3 of the force, borders by 0.75 and 1 or more.
+# Samples, or a tenth of the duration of the rise. A jump within this time by most of the rise, or
+# by half of the force, is the border of another material. Within this time heels rise by at most
+# 0.7 of the rise and 0.3 of the force, borders by 0.75 and 1 or more.
 SUDDEN = 5
-LEAST_PART, MOST_PART = 0.05, 0.9  # of the contact: less changes no result, more leaves none
+LEAST_PART, MOST_PART = 0.05, 0.9  # of the contact: less has no effect, more leaves too little
 
 
 def exclude_load_transfer(contact: Contact) -> Contact:
-    """Return the contact without the rest of each touch from where the load goes elsewhere.
+    """Exclude the rest of each touch after another place has begun to carry the load.
 
     Parameters
     ----------
     contact : Contact
-        Returned as it is if that is little of it, or leaves little, or is excluded already.
+        The contact. It is returned unchanged if the excluded part would be small or would leave
+        little, or if load transfer is excluded already.
     """
     if any(finding.check == Check.LOAD_TRANSFER for finding in contact.findings):
         return contact
@@ -47,7 +49,7 @@ def exclude_load_transfer(contact: Contact) -> Contact:
 def find_load_transfer(
     depth: Floats, velocity: Floats, force: Floats, segment: NDArray[np.int64]
 ) -> tuple[NDArray[np.bool_], Finding] | None:
-    """Return the samples during which another place carries the load, and a finding; or None."""
+    """Return the samples while another place carries the load, and a finding; None without any."""
     gate = ContactGate(*_core.gate_of(depth, velocity, force))
     inside = gate.makes(depth, force) & np.isfinite(velocity)
     count = int(np.count_nonzero(inside))

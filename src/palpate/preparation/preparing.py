@@ -41,7 +41,7 @@ class Frame(Protocol):
 
 #: How to pass arrays.
 BY_NAME = "pass arrays by their names: palpate.identify(time=t, penetration=x, force=F)"
-#: What a contact can be prepared from: a recording, a file, or a pandas or polars frame.
+#: Sources of a contact: a recording, a file, or a pandas or polars data frame.
 Recorded: TypeAlias = Recording | str | os.PathLike[str] | Frame
 
 
@@ -78,7 +78,7 @@ def prepare(
     free air, projects position and force on the contact normal, and finds the surface; it cuts the
     recording of a travelling probe into one segment per place. If there is no velocity, it computes
     one per segment by :func:`palpate.preparation.velocity.velocity_of`. ``provenance``,
-    ``findings`` and ``prepared`` of the contact describe what was done, found and assumed.
+    ``findings`` and ``prepared`` of the contact describe the steps, problems and assumptions.
 
     Parameters
     ----------
@@ -99,7 +99,7 @@ def prepare(
         Length of the velocity filter, s, if there is no velocity. Default: 15 samples, at most 15
         ms, at least 5 samples.
     source : str, optional
-        Name of the origin. Default: that of the recording.
+        Name of the origin. Default: the source of the recording.
     provenance : mapping, optional
         Notes on how the arrays were obtained; notes of palpate under the same key replace them.
     units : mapping, optional
@@ -115,7 +115,7 @@ def prepare(
         Delay of the force, s, negative if it is early; the force is shifted earlier by it. With its
         standard error: (delay, error); default: half a sample. ``"find"``: the shift by which a
         Hunt–Crossley law fits best (:func:`palpate.preparation.delay.find_delay`). The damping's
-        error bar includes that of the delay.
+        error bar includes the error of the delay.
     surface : float or str, optional
         Position of the surface, m, in the corrected penetration; or how
         :func:`palpate.preparation.surfaces.surface_of` finds it: ``"threshold"``, ``"baseline"`` or
@@ -123,7 +123,7 @@ def prepare(
         zero is far from it. Default: 0 for a penetration, ``"fit"`` for a position.
     normal : str or sequence of float, optional
         Direction out of the material, in the frame of the position: ``"z"``, ``"-z"`` or three
-        numbers. Default: the mean direction of the force, weighted by its size.
+        numbers. Default: the mean direction of the force, weighted by magnitude.
     force_frame : "tool" or "base", optional
         Frame of the force: palpate rotates a force in the tool's frame by the orientation. Default:
         from the recording, else the frame of the position.
@@ -338,7 +338,7 @@ def as_recording(recorded: Recorded, *, strict: bool = False) -> Recording:
     Raises
     ------
     InvalidParameterError
-        The argument is none of these.
+        The argument has another type.
     RecordingError
         The file cannot be read.
     """
@@ -397,7 +397,7 @@ def joined(contacts: Sequence[Contact]) -> Contact:
         for contact in contacts
         for name, words in contact.provenance.items()
     }
-    # Where palpate computed the velocity of some contacts only, that counts for all.
+    # If palpate computed the velocity of only some contacts, their filter counts for all.
     filters = [each.velocity_filter for each in contacts if each.velocity_filter is not None]
     return replace(
         first,

@@ -16,9 +16,9 @@ ABOVE_NOISE = 4.0  # σ or steps, from that value to the next
 def find_dead_band(contact: Contact) -> float:
     """Return the least force above a dead band, N; 0 without one.
 
-    In a dead band the most common force is the least, no sample lies within four σ and steps above
-    it, and the probe is in contact there, but no deeper than at twice that force: else the sensor
-    was lost.
+    In a dead band the most common force is the least, and no sample lies within four σ and steps
+    above it. The probe is in contact there, but no deeper than at twice that force: otherwise the
+    sensor failed.
     """
     known = np.isfinite(contact.force) & np.isfinite(contact.penetration)
     force, depth = contact.force[known], contact.penetration[known]

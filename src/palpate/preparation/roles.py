@@ -34,9 +34,9 @@ _QUATERNIONS = ("0123", "1234")
 # Arrays of two vectors: force and torque, or position and quaternion.
 _PAIRED = {"012345": (3, 6), "0123456": (3, 7)}
 _ARRAYS = {"012": (3, 3), **_PAIRED}
-# ``position_0`` of an array that was written as columns.
+# A column such as ``position_0``, from an array written as columns.
 _FLATTENED = re.compile(r"(.*[^\d\s_.])[_.]?(\d)")
-# What is counted, if a name has one of these words, is not the axes of a vector.
+# Numbers in a name with one of these words count objects or repetitions, not axes of a vector.
 COUNTED = frozenset(
     plural
     for word in ("run", "trial", "test", "cell", "sensor", "marker", "finger", "repeat")
@@ -144,10 +144,10 @@ def _divide_array(
         yield Vector(stem, components[first:last], second=True)
 
 
-# What a channel measures, by its unit and the words of its name.
+# The quantity of a channel, from the unit and the words of the name.
 
-# Words that state what a channel without a unit measures, also in German, Spanish, French and
-# Italian, without accents. The last such word of a name counts: "/tool.wrench.torque" is a torque.
+# Words for the quantity of a channel without a unit, also in German, Spanish, French and Italian,
+# without accents. The last such word of a name counts: "/tool.wrench.torque" is a torque.
 WORDS: dict[str, tuple[str, ...]] = {
     "time": (
         "time", "t", "stamp", "timestamp", "seconds", "sec", "zeit", "uhrzeit", "tiempo", "temps",
@@ -181,7 +181,7 @@ WORDS: dict[str, tuple[str, ...]] = {
         "covariance", "effort", "current", "voltage", "temperature", "magnetometer", "static",
     ),
 }  # fmt: skip
-# Of the words of a name the strongest count: "force_z", "f_tcp" and "force_t" are forces.
+# The strongest words of a name count: "force_z", "f_tcp" and "force_t" are forces.
 _WEAK = {
     "h": -1,
     **dict.fromkeys("xyzst", 0),
@@ -201,7 +201,7 @@ WANTED = frozenset(
     ("command", "commands", "commanded", "cmd", "desired", "des", "target", "targets", "setpoint",
      "reference", "ref", "goal", "goals", "action", "actions", "planned", "demand", "demanded")
 )  # fmt: skip
-# What libfranka names so is desired or commanded.
+# libfranka's names of desired and commanded values.
 _DESIRED = re.compile(r"O_d?d?[TP]_EE_[cd](?![^\W\d_])", re.I)
 TIP = frozenset(("tip", "tcp", "probe"))
 _OF_UNIT = {
@@ -219,7 +219,7 @@ _WORD = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|[^\W\d_]+")
 
 
 def kind_of(name: str, unit: str | None = None) -> str | None:
-    """Return what a channel measures: a key of ``WORDS``, or None if its name does not tell.
+    """Return the quantity of a channel: a key of ``WORDS``, or None if the name does not show it.
 
     Parameters
     ----------
@@ -246,7 +246,7 @@ def is_wanted(name: str) -> bool:
 
 
 def is_raw(recording: Recording, name: str) -> bool:
-    """Whether a channel without a unit holds raw counts, by its name; messages are in SI."""
+    """Whether the name of a channel without a unit suggests raw counts; messages are in SI."""
     own = re.split(r"[/.]", name)[-1]
     stated = recording.unit_of(name) or any(within(name, topic) for topic in recording.types)
     return not stated and not _RAW.isdisjoint(split_name(own))
@@ -273,8 +273,8 @@ def divide_unit(name: str) -> tuple[str, str | None]:
 class Columns:
     """Names of the channels; palpate auto-detects a channel that has no default name.
 
-    A name is that of a channel, of three channels ``x,y,z`` of a vector, or of a topic or group
-    that holds one, such as ``/ft``.
+    A name is a channel, three channels ``x,y,z`` of a vector, or a topic or group that contains a
+    single one, such as ``/ft``.
 
     Parameters
     ----------
@@ -324,7 +324,7 @@ class Roles:
     reasons : mapping
         Role to the reason for its choice, as text.
     findings : tuple of Finding
-        What was assumed.
+        Reports of assumptions.
     recording : Recording
         The recording with the poses that palpate computed from it.
     """
@@ -352,8 +352,8 @@ class Roles:
 def roles_of(recording: Recording, columns: Columns | None = None) -> Roles:
     """Choose the channels of a contact.
 
-    A channel is chosen by the given name, else by its default name, else because it is the only one
-    whose name or unit fits.
+    It is the channel with the requested name, else the channel with the default name, else the only
+    channel whose name or unit fits.
 
     Raises
     ------
@@ -366,15 +366,15 @@ def roles_of(recording: Recording, columns: Columns | None = None) -> Roles:
 
 
 def uses_of(recording: Recording) -> tuple[dict[str, tuple[str, str]], str]:
-    """Return the role of each channel, empty for none, and why; and why none has one, if so."""
+    """Return each channel's role (empty without one) and the reason, and the error if any."""
     return _Choosing(recording, Columns()).uses()
 
 
 def contact_groups(recording: Recording, columns: Columns) -> list[str]:
-    """Return the groups of a file that hold a contact each, on a clock of its own; or none.
+    """Return the groups of a file that each hold a contact with a separate clock; may be empty.
 
-    Groups are those of HDF5 and MATLAB, if position and force are in several and no option names
-    either. Topics are not groups: they are recorded at the same time.
+    Only HDF5 and MATLAB files have groups. They count if several contain position and force and no
+    option names either. Topics are not groups: they are recorded at the same time.
     """
     usual, stated = Columns(), (columns.penetration, columns.force, columns.position)
     if stated != (usual.penetration, usual.force, None) or recording.types:
@@ -384,7 +384,7 @@ def contact_groups(recording: Recording, columns: Columns) -> list[str]:
     return choosing.groups(depths, choosing.forces(len(depths[0]))) if depths else []
 
 
-# Quantities as a message names them; the order is that of the message.
+# Names of quantities in messages, in the order in which a message lists them.
 _SPOKEN = {
     "penetration": "a penetration", "position": "a position", "force": "a force",
     "velocity": "a velocity", "acceleration": "an acceleration", "torque": "a torque",
@@ -411,12 +411,12 @@ class _Choosing:
         self.kinds: dict[str, str | None] = {}
         self.recording, self.replaced = state_poses(self.recording)
         self.transforms = Transforms(self.recording)
-        self.chains: dict[tuple[str, ...], list[Step]] = {}  # by the three channels of the position
+        self.chains: dict[tuple[str, ...], list[Step]] = {}  # keys: channels of the position
         self.findings: list[Finding] = []
         names = self.recording.channels
         self.arrays = flattened_arrays(names)
         found = vectors_of(names)
-        # Beside depth[0], depth[1], depth[2] the force[k] are those of three runs.
+        # If there are depth[0], depth[1] and depth[2], then force[k] are three runs, not axes.
         runs = any(self._vector_kind(each) == "penetration" for each in found)
         found = [v for v in found if not (runs and v.components[0].endswith("]"))]
         self.vectors = [each for each in found if self._is_one(each)]
@@ -498,7 +498,7 @@ class _Choosing:
         )
 
     def uses(self) -> tuple[dict[str, tuple[str, str]], str]:
-        """The role of each channel, empty if it has none, and the reason; why none has, if so."""
+        """Return each channel's role (empty without one) and the reason, and the error if any."""
         uses: dict[str, tuple[str, str]] = {}
         refusal = ""
         try:
@@ -537,7 +537,7 @@ class _Choosing:
         return _SPOKEN.get(kind, f"a {kind}")
 
     def _inconvertible(self) -> Iterable[Finding]:
-        """Report channels of other units beside those in use, such as a depth in volts."""
+        """Report channels in units of other quantities, such as a depth in volts."""
         names = [
             name
             for name in self.recording.channels
@@ -550,7 +550,7 @@ class _Choosing:
             yield Check.IGNORED.finding(f"palpate ignores {listed}: in no unit of length or force")
 
     def depths(self) -> tuple[bool, list[tuple[str, ...]]]:
-        """Whether they are penetrations, and the channels or vectors that could be the depth."""
+        """Return whether the depths are penetrations, and all channels or vectors that fit."""
         if self.columns.position is not None:
             return False, [self._named("position", self.columns.position)]
         given = self._given("penetration")
@@ -559,16 +559,16 @@ class _Choosing:
         return False, self._candidates("position", 3) or self._candidates("position", 1)
 
     def forces(self, size: int) -> list[tuple[str, ...]]:
-        """The channels or vectors that could be the force, if possible of the size of the depth."""
+        """Return the channels or vectors that could be the force, if possible of the same size."""
         given = self._given("force")
         sizes = (3, 1) if size == 3 else (1, 3)
         found = [[given] if given else self._candidates("force", size) for size in sizes]
         return found[0] or found[1]
 
     def groups(self, depths: list[tuple[str, ...]], forces: list[tuple[str, ...]]) -> list[str]:
-        """The groups with one of the depths and one of the forces each, on clocks of their own.
+        """Return the groups that each hold one depth and one force on a separate clock.
 
-        Without clocks, groups that are counted as runs or tests.
+        Without clocks, return the groups whose names count runs or tests.
         """
         names = [each[0] for each in depths]
         clocks = {self.recording.clocks.get(name) for name in names}
@@ -583,7 +583,7 @@ class _Choosing:
         return of_depth if set(of_depth) == set(of_force) else []
 
     def _time(self, depth: tuple[str, ...]) -> tuple[str, ...]:
-        """The time; of several runs side by side the one with the number of the depth."""
+        """Return the time channel; for runs side by side, the one with the depth's number."""
         found = self._candidates("time", 1)
         number = _numbers(depth)
         own = [names for names in found if _numbers(names) == number]
@@ -608,10 +608,10 @@ class _Choosing:
     def _orientation(
         self, depth: tuple[str, ...], force: tuple[str, ...]
     ) -> tuple[tuple[str, ...], str | None]:
-        """The orientation, and the frame that it is of if transforms state it.
+        """Return the orientation, and its frame if transforms state it.
 
-        It is the named one, else that of the force's frame by transforms, else that in the
-        position's topic or group, else the only one.
+        It is the named one, else the orientation of the force's frame from transforms, else the one
+        in the position's topic or group, else the only one.
         """
         if self.columns.orientation is not None:
             return self._named("orientation", self.columns.orientation), None
@@ -626,7 +626,7 @@ class _Choosing:
         return next((each[0] for each in (near, group, found) if len(each) == 1), ()), None
 
     def _chain_findings(self, depth: tuple[str, ...], frame: str | None) -> Iterable[Finding]:
-        """Say which chains of transforms are used, and what was excluded of them."""
+        """Report the chains of transforms in use and the rows excluded from them."""
         steps = self.chains.get(depth)
         if steps is not None:
             yield chain_in_use(steps, is_position=True)
@@ -636,7 +636,7 @@ class _Choosing:
         yield from self.findings
 
     def _given(self, role: str) -> tuple[str, ...]:
-        """The named channels, or those of the default name if present."""
+        """Return the requested channels, else the channels with the default name if present."""
         name = getattr(self.columns, role)
         if name == getattr(Columns(), role) and name not in self.recording.channels:
             return ()
@@ -676,7 +676,7 @@ class _Choosing:
         raise self._missing(name)
 
     def _channel(self, name: str) -> str | None:
-        """The channel of this name, or the only one that has it before a unit."""
+        """The channel of this name, or the only channel that has this name before a unit."""
         if name in self.recording.channels:
             return name
         found = [each for each in self.recording.channels if divide_unit(each)[0].strip() == name]
@@ -722,10 +722,10 @@ class _Choosing:
         return MissingChannelError(absent[0], names, self.recording.source, f"{words}; {remedy}")
 
     def _unnamed(self, absent: Sequence[str]) -> dict[str, str]:
-        """Channels whose names say nothing, by the roles that they may have; {} if there are none.
+        """Map the missing roles to channels with unknown names; {} if they cannot be matched.
 
-        One role may be that of a vector: ``state`` of an array with a position and a quaternion.
-        Several may be those of the columns of a table without names.
+        A single role may be a vector: ``state``, an array with a position and a quaternion. Several
+        roles may be the columns of a table without names.
         """
         names = self.recording.channels
         unknown = [name for name in names if self._kind(name) is None]
@@ -788,13 +788,13 @@ class _Choosing:
             found = [n for n in found if n[0] not in self.transforms.names or self._moves(n)]
         measured = [names for names in found if not is_wanted(names[0])]
         measured = [names for names in measured if names[0] in recording.plots] or measured
-        if kind in UNITS or kind == "position":  # volts are no length where there are millimetres
+        if kind in UNITS or kind == "position":  # prefer millimetres to volts
             measured = [
                 names for names in measured if self._convertible(names[0], kind)
             ] or measured
-        if kind in ("position", "force"):  # what never changes is a fixed frame, or not measured
+        if kind in ("position", "force"):  # a constant is a fixed frame, or not measured
             measured = [names for names in measured if self._moves(names)] or measured
-        if kind == "position":  # of several bodies, the tip touches the material
+        if kind == "position":  # the tip is the body that touches the material
             tips = [names for names in measured if not TIP.isdisjoint(split_name(names[0]))]
             measured = tips or measured
             measured = [names for names in measured if names in self.chains] or measured
@@ -818,9 +818,9 @@ class _Choosing:
         return len(lengths) == len(clocks) == 1 and right_size
 
     def _assumed_vectors(self) -> list[Vector]:
-        """Position and force of arrays written as columns, if both are and nothing else fits.
+        """Return position and force if both are arrays written as columns and nothing else fits.
 
-        Numbered columns may as well be three runs or sensors, so anything less must be asked.
+        Numbered columns may as well be three runs or sensors, so otherwise the user must choose.
         """
         arrays = [each for each in self.arrays if not is_wanted(each.components[0])] or self.arrays
         taken = [v for kind in ("position", "force") for v in arrays if self._is(v, kind)]
@@ -899,7 +899,7 @@ def _numbers(names: Sequence[str]) -> list[str]:
 
 
 def _differing_groups(names: list[str]) -> list[str]:
-    """The groups above what all the names end with."""
+    """Return the names without the ending that they all share: their groups."""
     parts = [re.split(r"(?=[/.])", name) for name in names]
     common, most = 0, min(map(len, parts))
     while common < most and len({tuple(each[len(each) - common - 1 :]) for each in parts}) == 1:

@@ -122,7 +122,7 @@ def flipped(flip: Sequence[str]) -> set[str]:
     return names
 
 
-# Rotation of forces from the frame of the tool to that of the position; the weight of the tool.
+# Rotation of forces from the tool's frame to the position's frame; the weight of the tool.
 
 #: A rotation by more than this shifts 3 % of the tool's weight from one axis to another: 0.3 N for
 #: a kilogram, a tenth of a soft contact.
@@ -130,7 +130,7 @@ LARGEST_TURN = math.radians(2.0)
 
 
 def turned(force: Floats, orientation: Floats, source: str = "") -> Floats:
-    """Rotate forces by the orientation of the probe, from the tool's frame to the base's.
+    """Rotate forces from the tool's frame to the base's frame, with the probe's orientation.
 
     Parameters
     ----------
@@ -178,7 +178,7 @@ def frame_of(
     """
     if asked is not None:
         return asked
-    if roles.orientation_frame is not None:  # that of the force, by transforms
+    if roles.orientation_frame is not None:  # from transforms: the force's frame
         return "tool"
     if IN_BASE.match(roles.force[0]):
         return "base"
@@ -258,7 +258,7 @@ def normal_given(given: str | Sequence[float]) -> Normal:
     Raises
     ------
     InvalidParameterError
-        The value is none of these, or zero.
+        The value has another form, or is zero.
     """
     if isinstance(given, str) and (axis := AXES.get(given.strip().lower())) is not None:
         return Normal(axis)
@@ -280,7 +280,7 @@ def normal_given(given: str | Sequence[float]) -> Normal:
 
 
 def normal_found(force: Floats, position: Floats, source: str = "") -> Normal:
-    """Find the contact normal: the mean direction of the force, weighted by its size.
+    """Find the contact normal: the mean direction of the force, weighted by magnitude.
 
     n = Σ |F| F / |Σ |F| F|,  spread² = Σ |F|² ∠(F, n)² / Σ |F|²
 

@@ -56,7 +56,7 @@ from palpate.validation import Floats
 
 _LOGGER = logging.getLogger(__name__)
 
-FIRM = 0.1  # of the largest force: an episode with less is free air
+FIRM = 0.1  # fraction of the largest force; an episode with less force is free air
 
 
 @dataclass(slots=True, eq=False)
@@ -283,7 +283,7 @@ def _say_surface(places: list[Place], made: dict[str, str], findings: list[Findi
 
 WEIGHT_DIRECTION = (0.0, 0.0, -1.0)  # in the frame of the position
 INVERSE = (-1.0, -1.0, -1.0, 1.0)  # of a quaternion x, y, z, w
-NOTHING = 1e-3  # of the largest force: no sensor is more linear than that
+NOTHING = 1e-3  # fraction of the largest force: no sensor is more linear than that
 SMALL_WEIGHT, LARGE_WEIGHT = 0.01, 0.10  # error of the weight, over the largest force
 ERRORS_OF_WEIGHT, BLOCKS_OF_WEIGHT = 5.0, 8  # standard errors, from the scatter of blocks
 
@@ -350,7 +350,7 @@ def _in_space(
 
 
 def _is_negative(force: Floats) -> bool:
-    """Whether a force is mostly negative, weighted by its size."""
+    """Whether a force is mostly negative, weighted by magnitude."""
     return float(np.nansum(force * np.abs(force))) < 0.0
 
 
@@ -459,7 +459,7 @@ def _weight_left(
         m = m - np.outer(t, t @ m / (t @ t))
     energy = max(float((m**2).sum()), 1e-300)
     left = float((m * f).sum()) / energy
-    # From the scatter of blocks, because neighbouring samples of a force correlate.
+    # The error is from the scatter of blocks, because neighbouring samples of a force correlate.
     rest = np.array_split((m * (f - left * m)).sum(axis=1), BLOCKS_OF_WEIGHT)
     error = float(np.linalg.norm([each.sum() for each in rest])) / energy
     off, whole = abs(left) * reach / peak, (weight or 0.0) + left
@@ -478,7 +478,7 @@ def _weight_left(
 def _free(signals: Signals, along: Floats) -> NDArray[np.bool_] | None:
     """Samples in free air: at one end of the motion along the normal, where the force is constant.
 
-    It tries both ends, because the sign of the force is not known yet. The normal is that of
+    It tries both ends, because the sign of the force is not known yet. The normal is found from
     ``along``, the force in the frame of the position.
     """
     height = signals.depth
@@ -503,7 +503,7 @@ STRIDE = 5  # samples over which changes are computed; over fewer, noise dominat
 
 SHORTEST = 5  # samples in a row
 MOVES, STEPS = 8.0, 3.0  # change of the other axes meanwhile: σ and steps of resolution
-SOME, MANY = 0.002, 0.02  # of the recording
+SOME, MANY = 0.002, 0.02  # fractions of the recording
 
 
 def misdirected(position: Floats, force: Floats, normal: Floats, *, given: bool) -> list[Finding]:

@@ -21,12 +21,12 @@ from palpate.validation import Floats
 # The force in free air: its samples, its mean and its drift.
 
 FEWEST_FREE_SAMPLES = 50  # samples out of contact
-BINS = 64  # of the height
-LEAST_FREE = 0.05  # of the range of heights: less is a turning point, not a free approach
-# Of the free bins: the lowest may be in light contact if the force grows as a square.
+BINS = 64  # number of bins of the height
+LEAST_FREE = 0.05  # fraction of the range of heights; less is a turning point, no free approach
+# Used fraction of the free bins: the lowest may be in light contact if the force grows as a square.
 SURE = 0.7
 NOISES_OF_A_BIN = 6.0  # σ of a bin's mean, in addition to slow drift
-# Slow drift allowed, of the range of the force: a sensor drifts less while it warms up.
+# Allowed slow drift over the range of the force: a sensor drifts less while it warms up.
 WANDER = 0.01
 DRIFTS = 5.0  # standard errors above which a drift is subtracted
 
@@ -107,7 +107,7 @@ def free_samples(height: Floats, force: Floats) -> NDArray[np.bool_] | None:
     """Find the samples in free air: from the highest down, while the force stays constant.
 
     The range of heights is divided into bins. From the highest down, a bin is free if its mean
-    force equals that of the bins above it within the noise.
+    force equals the mean force of the bins above within the noise.
 
     Parameters
     ----------
@@ -200,7 +200,7 @@ def _inflation(left: Floats) -> Floats:
 
 # The uncertainty of the offset after a tare.
 
-LEAST_DEVIATION = 1e-6  # of the largest force: no force sensor is more accurate than 1e-5
+LEAST_DEVIATION = 1e-6  # over the largest force: no force sensor is more accurate than 1e-5
 
 
 def deviation_left(force: Floats, free: NDArray[np.bool_]) -> float:
@@ -311,11 +311,12 @@ def assumed_surface(
 def surface_of(depth: Floats, velocity: Floats, force: Floats, rule: SurfaceRule) -> Surface:
     """Find the surface of the material.
 
-    *threshold*: where the force exceeds max(6 σ, 3 % of its peak) on the way in; too deep by the
-    depth at which the material gives that force. *baseline*: where a line through the light branch,
-    F^(1/n) over depth, reaches zero for n = 1.5; the results for n = 1 and 2 give its uncertainty.
-    *fit*: from there, by joint least squares of a Hunt–Crossley law, an offset and the surface.
-    Without free air it is the shallowest depth, an assumption.
+    *threshold*: the depth at which the force exceeds max(6 σ, 3 % of its peak) on the way in. It is
+    too deep by the penetration at which the material gives this force. *baseline*: the depth at
+    which a line through the light branch, F^(1/n) over depth, reaches zero for n = 1.5; the results
+    for n = 1 and 2 give its uncertainty. *fit*: joint least squares of a Hunt–Crossley law, an
+    offset and the surface, started at the baseline's surface. Without free air the surface is
+    assumed at the shallowest depth.
 
     Parameters
     ----------
@@ -358,7 +359,7 @@ def _crossings(x: Floats, f: Floats, least: float) -> Surface | None:
     fraction = (least - f[entered]) / np.maximum(f[entered + 1] - f[entered], 1e-300)
     at = x[entered] + np.clip(fraction, 0.0, 1.0) * (x[entered + 1] - x[entered])
     position = float(np.median(at))
-    # The depth below the surface of that force, by F ∝ x^1.5 through the deepest sample.
+    # The penetration at this force, from F ∝ x^1.5 through the deepest sample.
     deepest, peak = float(np.percentile(x, 99.0)), float(np.percentile(f, 99.0))
     part = (least / peak) ** (1.0 / 1.5) if peak > least else 0.0
     late = max(deepest - position, 0.0) * part / max(1.0 - part, 1e-3)
@@ -424,7 +425,7 @@ SURFACE_RANGE = (-3.0, 0.9)  # working depths
 
 
 def placed(samples: Floats, starts: Floats, *, exponent_fixed: bool = False) -> Fitted:
-    """Least squares of (k, c, n, F₀, d), the best of those from several starts.
+    """Fit (k, c, n, F₀, d) by least squares from several starts; return the best fit.
 
     Parameters
     ----------
@@ -509,7 +510,7 @@ def episodes_of(time: Floats, position: Floats, force: Floats, radius: float) ->
 
 
 def _rest(taken: NDArray[np.bool_], start: int, stop: int) -> tuple[int, int] | None:
-    """The longest part of an interval that is still free."""
+    """The longest part of an interval without taken samples."""
     free = [run for run in slices_of(taken[start:stop]) if not taken[start + run.start]]
     longest = max(free, key=lambda run: run.stop - run.start, default=None)
     return None if longest is None else (start + longest.start, start + longest.stop)
@@ -560,7 +561,7 @@ class _Path:
         return [each for each in found if self.long_enough(*each)]
 
     def _reach(self, start: int, stop: int, stride: int) -> int:
-        """Extend an interval as far as possible, in steps that double, then halve."""
+        """Extend an interval while it stays within the radius, in steps that double, then halve."""
         size, step = self.time.size, stride
         while stop < size and self._within(start, min(stop + step, size)):
             stop = min(stop + step, size)
@@ -576,9 +577,9 @@ class _Path:
 
 
 def travel(position: Floats, force: Floats) -> float:
-    """Return how far a probe moves across the contact normal while in contact, m.
+    """Return the travel of a probe across the contact normal while in contact, m.
 
-    The radius around its median position; contact means a force above a tenth of the largest.
+    It is the radius around the median position; contact means a force above a tenth of the largest.
     """
     size = np.linalg.norm(np.nan_to_num(force), axis=1)
     touching = size > 0.1 * float(np.percentile(size, 99.0)) if size.size else size > 0.0

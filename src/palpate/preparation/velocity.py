@@ -15,16 +15,16 @@ from palpate.validation import Floats, number_in
 Indices = NDArray[np.intp]
 
 # The default window of a parabola hardly smooths the motion of a probe (B within 0.5 % at 15 ms);
-# that of a spline is at most twice as long.
+# the window of a spline is at most twice as long.
 LONGEST_WINDOW = 15e-3  # s
 MOST_SAMPLES = 15
 FEWEST_SAMPLES = 5
-# Below, no spline: a part of the samples has to choose its penalty.
+# A shorter run has too few samples for a spline, because a part of them chooses the penalty.
 FEWEST_OF_SPLINE = 20
 # Largest relative difference of equal steps: rounding to nanoseconds gives 1e-6 at 1 kHz, and as
 # much relative error of the velocity.
 EVEN = 2e-6
-AT_ONCE = 1 << 18  # samples of the windows fitted at once, 2 MB per array
+AT_ONCE = 1 << 18  # samples in a batch of windows, 2 MB per array
 
 
 def window_samples(sample_time: float, window: float | None = None) -> int:
@@ -41,7 +41,7 @@ def window_samples(sample_time: float, window: float | None = None) -> int:
 
 
 def _slope_weights(samples: int, degree: int) -> Floats:
-    """Weights of the slope at the middle of a window of even steps, of a polynomial, per step."""
+    """Weights for a polynomial's slope, per step, at the middle of a window of even steps."""
     k = np.arange(-(samples // 2), samples // 2 + 1.0)
     middle: Floats = np.linalg.pinv(k[:, None] ** np.arange(degree + 1))[1]
     return 0.5 * (middle - middle[::-1])
@@ -50,7 +50,7 @@ def _slope_weights(samples: int, degree: int) -> Floats:
 def filter_gain(used: VelocityFilter, turn: "float | Floats") -> Floats:
     """Fraction of a sine's velocity that a filter keeps, at a phase of 0 to π per sample.
 
-    Of a spline of even steps h, with s² = (2 − 2 cos ωh)² and c = 2 + cos ωh,
+    For a spline with even steps h, s² = (2 − 2 cos ωh)² and c = 2 + cos ωh, it is
     3 sin ωh/(ωh c)/(1 + 3 s² λ/(h³ c)): about 1/(1 + λ h ω⁴) (Silverman 1984, Ann. Stat. 12, 898).
     """
     turn = np.maximum(turn, 1e-6)
@@ -68,7 +68,7 @@ def filter_gain(used: VelocityFilter, turn: "float | Floats") -> Floats:
 
 @cache
 def noise_gain(used: VelocityFilter) -> float:
-    """Standard deviation of a velocity in white noise σ of the position, over σ/h."""
+    """Standard deviation of the velocity due to white noise σ of the position, over σ/h."""
     if used.penalty is None:
         return float(np.linalg.norm(_slope_weights(used.samples, used.degree)))
     turn = (np.arange(2048) + 0.5) * np.pi / 2048
@@ -97,15 +97,16 @@ def velocities_of(
 
     By default it is the slope of the cubic smoothing spline, the f with the least
     Σ (xᵢ − f(tᵢ))² + λ ∫ f″² dt (Reinsch 1967, Numerische Mathematik 10, 177), with one λ for all
-    runs. Of penalties each four times the one before, it is between the two that differ least in
-    velocity, from the largest down (``choose_spline`` in ``smoothing_spline.hpp``): more smoothing
-    bends the motion, which happens in contact, and less adds noise, white or correlated. Where a
-    position was measured at every so many samples and interpolated linearly between, those choose.
+    runs. λ is chosen from a series of penalties, each four times the previous one: it lies between
+    the two neighbours whose velocities differ least, searched from the largest down
+    (``choose_spline`` in ``smoothing_spline.hpp``). More smoothing distorts the motion, which
+    happens in contact, and less adds noise, white or correlated. If the position was measured at
+    every k-th sample only and interpolated linearly between, only the measured samples choose λ.
 
-    A run of fewer than 20 samples, or a window that is passed, takes the slope of the least-squares
-    parabola through the window around the sample, also for uneven time steps; near an end the
-    window keeps its length. A dropout is excluded, because it would distort the velocity around it;
-    its own velocity is interpolated.
+    For a run of fewer than 20 samples, or if a window is passed, the velocity is the slope of the
+    least-squares parabola through the window around the sample, also for uneven time steps; near an
+    end the window keeps its length. A dropout is excluded, because it would distort the velocity
+    around it; its velocity is interpolated.
     """
     velocity = np.full(time.shape, np.nan)
     samples: list[tuple[Indices, NDArray[np.bool_]]] = []
@@ -132,7 +133,7 @@ def velocities_of(
             for t, x in own:
                 _core.add_spline_changes(t, x, beat * step, sums)
             longest = _longest(window_samples(beat * step), max(t.size for t, _ in own))
-            # So many times the samples: λ too, and h³ is that of the shorter step.
+            # With all samples λ is ``beat`` times as large; h³ of the shorter step gives beat³.
             used = _spline_filter(_core.choose_spline(sums, longest) * beat**4)
         for (known, good), at in zip(samples, kept, strict=True):
             slope = _slope_of(time[at], penetration[at], step, width, used.penalty)
@@ -197,7 +198,7 @@ def velocities_of_rows(
 
 
 def _longest(width: int, samples: int) -> float:
-    """Window of the parabola, in samples, than which no spline is smoother."""
+    """Window of the smoothest parabola that a spline may equal, in samples."""
     return min(2.0 * width, samples / 4.0)
 
 

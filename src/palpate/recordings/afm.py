@@ -217,7 +217,7 @@ def _recording(
 def _add_tip(draft: Draft, metadata: Mapping[str, Any]) -> None:
     """Add the position of the tip, from the height of the cantilever's base: z + F/k.
 
-    With the base as the probe, the compliance of the cantilever would count as the sample's.
+    If the base were the probe, the compliance of the cantilever would be attributed to the sample.
     """
     channels = draft.channels
     stiffness = float(metadata.get("spring constant", np.nan))

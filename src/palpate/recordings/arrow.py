@@ -18,7 +18,7 @@ from palpate.recordings.nested import MOST_COLUMNS, text_of
 from palpate.recordings.opening import Draft, Request, excess, first_line
 from palpate.recordings.recording import Faults, Recording, printable
 
-# What pyarrow raises on a damaged file.
+# Exceptions that pyarrow raises on a damaged file.
 _DAMAGED = (
     pa.ArrowException, ArithmeticError, OSError, LookupError, TypeError, ValueError, struct.error,
 )  # fmt: skip
@@ -47,7 +47,7 @@ def read(path: Path, request: Request) -> Recording:
     Raises
     ------
     RecordingError
-        The file is none of these, is cut off or too damaged, or has no requested column.
+        The file has another format, is cut off or too damaged, or has no requested column.
     """
     source = printable(path)
     with path.open("rb") as file:
@@ -83,7 +83,7 @@ def read(path: Path, request: Request) -> Recording:
 
 
 def _parquet_column(table: parquet.ParquetFile, name: str, request: Request) -> pa.Table:
-    """Read a column; words and lists, of any length, in parts, while they fit."""
+    """Read a column; text and lists may have any length, so read them in parts while they fit."""
     kind = table.schema_arrow.field(name).type
     if pa.types.is_primitive(kind) or pa.types.is_decimal(kind):
         return table.read(columns=[name])
@@ -97,7 +97,7 @@ def _parquet_column(table: parquet.ParquetFile, name: str, request: Request) -> 
 
 
 def _reserve(data: memoryview, request: Request) -> None:
-    """Count what the compressed buffers of an Arrow file state, before any is decompressed."""
+    """Count the stated sizes of an Arrow file's compressed buffers, before unpacking any."""
     at = len(_BEGIN)
     with suppress(struct.error):  # cut off or damaged: the reader of the batches reports it
         while size := _word("I", data, at):
@@ -107,7 +107,7 @@ def _reserve(data: memoryview, request: Request) -> None:
 
 
 def _reserve_message(data: memoryview, metadata: int, body: int, request: Request) -> int:
-    """Count the buffers of a message, by Message.fbs of the Arrow format; return where it ends.
+    """Count the buffers of a message, parsed as in the Arrow format's Message.fbs; return its end.
 
     A compressed buffer begins with its size; -1 means that it is stored as it is.
     """
@@ -201,7 +201,7 @@ def _recording(schema: pa.Schema, table_of: Callable[[str], pa.Table], draft: Dr
 
 
 def _size_of_words(values: pa.ChunkedArray) -> int:
-    """Size of a column of numbered words when each number is replaced by its word."""
+    """Size of a dictionary-encoded text column after decoding."""
     if not (
         pa.types.is_string(values.type.value_type)
         or pa.types.is_large_string(values.type.value_type)
@@ -236,7 +236,7 @@ def _values(name: str, values: pa.ChunkedArray) -> tuple[NDArray[Any], str | Non
 
 
 class _NoChannelError(ValueError):
-    """A column is not a channel: the message says what it holds."""
+    """A column is not a channel: the message describes its contents."""
 
 
 def _leaves(name: str, column: pa.ChunkedArray) -> Iterator[tuple[str, pa.ChunkedArray]]:

@@ -24,7 +24,7 @@ from palpate.recordings.nested import (
 from palpate.recordings.opening import FORCE_CURVES, Request, excess, first_line
 from palpate.recordings.recording import Recording, printable
 
-# What h5py raises on a damaged file.
+# Exceptions that h5py raises on a damaged file.
 DAMAGED = (OSError, RuntimeError, KeyError, ValueError, TypeError, AttributeError, OverflowError)
 
 _LONGEST_TEXT = 4096
@@ -32,7 +32,7 @@ _LONGEST_TEXT = 4096
 _CUT = re.compile(r"truncated file: eof = (\d+).* stored_eof = (\d+)")
 _UNITS = ("units", "unit", "Units", "Unit")
 _FRAMES = ("frame_id", "frame")
-# NeXus: attributes of a group NXdata that name the arrays to plot, and over which.
+# NeXus: attributes of a group NXdata that name the arrays to plot, and the arrays for the axes.
 _PLOTTED = {"signal": "signal", "axes": "axis"}
 _RATE = re.compile(r"(sampl\w*[ _]?)?(rate|freq\w*)([ _]\w+)?$|fs$", re.IGNORECASE)
 
@@ -94,7 +94,7 @@ def _why(error: BaseException) -> str:
 
 
 def _is_afm(file: h5py.File) -> bool:
-    """Whether these are force curves exported by the package afmformats."""
+    """Whether the file holds force curves that afmformats exported."""
     try:
         return text_of(file.attrs.get("software")) == "afmformats" and "0" in file
     except DAMAGED:
@@ -183,7 +183,7 @@ class Walk:
         piece = math.prod(item.chunks or (0,)) * item.dtype.itemsize
         if not stored:
             self.found.lose(whole, f"none of its {item.size} values was written")
-        elif 2 * written < pieces:  # more is missing than is there
+        elif 2 * written < pieces:  # most of it is missing
             self.found.lose(whole, f"only {written} of its {pieces} chunks were written")
         elif piece > (most := max(claimed, self.found.request.largest_block)):
             self.found.lose(whole, excess("a chunk needs", piece, most))
@@ -217,7 +217,7 @@ class Walk:
 
 
 def _pieces(item: h5py.Dataset) -> tuple[int, int]:
-    """The number of chunks of an array that were written, and the number it needs."""
+    """Return the number of written chunks of an array, and the number of all its chunks."""
     if item.chunks is None:
         return 1, 1
     sides = zip(item.shape, item.chunks, strict=True)
@@ -262,7 +262,7 @@ class _Variables(Walk):
             super().group(group, path)
 
     def dataset(self, item: h5py.Dataset, path: tuple[str, ...], name: str) -> None:
-        """Add a variable or a field, by its class."""
+        """Add a variable or a field, depending on the class."""
         whole = "/".join((*path, name))
         kind = text_of(item.attrs.get("MATLAB_class"))
         if "MATLAB_empty" in item.attrs:

@@ -17,7 +17,7 @@ _LARGEST = 24  # bytes of Python objects per byte of text: {} takes 64
 
 
 def read(path: Path, request: Request) -> Recording:
-    """Read samples, one object each, or columns; of an object in an object the group is its name.
+    """Read samples, one object each, or columns; a nested object is a group with its key as name.
 
     Parameters
     ----------
@@ -46,7 +46,7 @@ def read(path: Path, request: Request) -> Recording:
 
 
 def _parsed(content: bytes, found: Findings) -> Any:
-    """The JSON of a file, or a list of that of its lines; a damaged line is skipped."""
+    """Parse a file as one JSON value, or line by line as a list; skip damaged lines."""
     text = content.decode("utf-8-sig", "replace")
     try:
         return json.loads(text)
@@ -66,7 +66,7 @@ def _parsed(content: bytes, found: Findings) -> Any:
 
 
 def _add_samples(found: Findings, group: tuple[str, ...], samples: Sequence[Any]) -> None:
-    """Add a channel of each value in the samples; a value that a sample lacks is null."""
+    """Add a channel for each value in the samples; a value that a sample lacks is null."""
     columns: dict[str, list[Any]] = {}
     for row, sample in enumerate(samples):
         for name, value in _leaves(sample, "" if isinstance(sample, dict) else "column"):
@@ -110,7 +110,7 @@ def _add_columns(found: Findings, group: tuple[str, ...], whole: Mapping[str, An
 def _add(
     found: Findings, group: tuple[str, ...], name: str, values: list[Any], unit: object = None
 ) -> None:
-    """Add a column of numbers, times or lists of numbers; or report what else it holds."""
+    """Add a column of numbers, times or lists of numbers; report any other contents."""
     whole = "/".join((*group, name))
     array, is_time = _array(values)
     if array.dtype == object and (clock_rank(name) is not None or not isinstance(values[0], str)):

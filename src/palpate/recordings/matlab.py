@@ -66,7 +66,7 @@ class _WrongError(ValueError):
 
 
 def read(path: Path, request: Request) -> Recording:
-    """Read a MATLAB file: every variable of numbers, and those in structs.
+    """Read a MATLAB file: every variable and every field of a struct that holds numbers.
 
     Parameters
     ----------
@@ -265,7 +265,7 @@ class _Matrix:
         fields = [self._text(k, k + longest) for k in range(start, stop, longest)]
         if count * len(fields) * 8 > end - stop or (not fields and count > 1):
             raise _WrongError(f"it states {count} structs in {format_bytes(end - stop)}")
-        if count > OBJECTS:  # another kind of table, of which only the size is reported
+        if count > OBJECTS:  # another kind of table: report only its size
             return Struct(({},) * count)
         if len(fields) > _MOST_FIELDS:
             raise _WrongError(f"a struct of {len(fields)} fields is not a time series")

@@ -1,4 +1,4 @@
-"""Arrays in groups: their channels, and which array is the clock of which."""
+"""Arrays in groups: their channels and their clocks."""
 
 import math
 from collections.abc import Callable, Iterable, Mapping
@@ -23,7 +23,7 @@ _MOST_NOTES = 60
 #: Largest number of structs in an array; more are another kind of table.
 OBJECTS = 256
 
-#: Fields of a struct that state the unit of the others.
+#: Fields of a struct that state the unit of its other fields.
 UNIT_FIELDS = ("unit", "units", "Unit", "Units")
 
 #: MATLAB's classes of plain numbers.
@@ -49,7 +49,7 @@ _NO_SERIES = {
     "complex": "holds complex numbers",
     "sparse": "is a sparse matrix, not a time series",
 }
-# What the libraries raise on damaged data.
+# Exceptions that the libraries raise on damaged data.
 _FAULTS = (ArithmeticError, LookupError, OSError, RuntimeError, TypeError, ValueError)
 
 
@@ -122,7 +122,7 @@ class Findings(Draft):
         else:
             lengths = lengths or (1,)
             squeezed = lambda: _plain(read()).reshape(lengths)  # noqa: E731
-            if len(lengths) == 2 or clock_rank(name) is None:  # it is not the unit of a clock
+            if len(lengths) == 2 or clock_rank(name) is None:  # a clock has no such unit
                 unit = unit or group_unit
             self.leaves[group, name] = Leaf(group, name, channel, lengths, squeezed, unit)
 
@@ -158,7 +158,7 @@ class Findings(Draft):
         return self.done()
 
     def _clock_of(self, leaf: Leaf, ranked: Mapping[tuple[str, ...], list[Leaf]]) -> Leaf | None:
-        """The clock of an array: by its name, else in its group, else in a group above."""
+        """Return the clock named after an array, else the one in its group or in a group above."""
         for form in _OWN_CLOCKS:
             own = self.leaves.get((leaf.group, form.format(leaf.name)))
             if own is not None and _fits(own, leaf):
@@ -219,10 +219,10 @@ def _fits(clock: Leaf, leaf: Leaf) -> bool:
 def _columns(
     leaf: Leaf, values: NDArray[Any], clock: Leaf | None
 ) -> Iterable[tuple[str, NDArray[Any]]]:
-    """The channels of an array: one, or one per column if it has two dimensions.
+    """Yield the channels of an array: one, or one per column if it has two dimensions.
 
-    Samples run along the side that is as long as the clock, without a clock along the longer one,
-    and in a square along the first.
+    Samples run along the dimension that is as long as the clock; without a clock, along the longer
+    dimension; in a square array, along the first.
     """
     if values.ndim == 1:
         yield leaf.channel, values

@@ -39,7 +39,7 @@ def excess(what: str, size: int, most: int) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Request:
-    """What a reader has to read.
+    """Request to a reader: channels, parts of the file and limits.
 
     Attributes
     ----------
@@ -85,7 +85,7 @@ class Request:
             raise RecordingError.of(self.source, words)
 
     def release(self) -> None:
-        """Forget all that was counted: a reader begins again."""
+        """Reset the count of memory, because a reader begins again."""
         self._reserved[0] = 0
 
     def check_block(self, size: int) -> None:
@@ -180,7 +180,7 @@ FORMATS: list[Format] = [
 ]
 
 
-# The format of a file: by its first bytes, else by its suffix.
+# The format of a file, from its first bytes, else from its suffix.
 
 
 def open_recording(
@@ -199,8 +199,8 @@ def open_recording(
     Parameters
     ----------
     path : str or path-like
-        The file; ``-`` is standard input. palpate recognises the format by the content, else by the
-        suffix; any other file is read as text.
+        The file; ``-`` is standard input. palpate recognises the format from the content, else from
+        the suffix; any other file is read as text.
     channels : sequence of str, optional
         Read only these channels, topics or groups, such as ``"/ft"``. Default: all that hold
         numbers.
@@ -292,7 +292,7 @@ def _copy_stream(file: Path, source: str, content: IO[bytes], most: int) -> None
 
 
 def _log(recording: Recording, seconds: float) -> None:
-    """Log what was read, and how long it took."""
+    """Log the contents of a recording, and the time that reading took."""
     if not _LOGGER.isEnabledFor(logging.INFO):
         return
     sizes = {len(values) for values in recording.channels.values()}
@@ -356,7 +356,7 @@ def regular_size(path: Path, source: str = "") -> int:
 def unreadable(source: str, error: Exception) -> Exception:
     """Return a RecordingError if the system could not read the file, else the error itself.
 
-    A ValueError comes from the system only if it is about a zero byte in the name.
+    The only ValueError from the system is about a zero byte in the name.
     """
     if not isinstance(error, OSError) and "embedded null" not in str(error):
         return error
@@ -432,7 +432,7 @@ class Draft:
 
 # Writing tables and contacts: Parquet by pyarrow, or CSV.
 
-_ROWS = 100_000  # rows of text that are formatted at once
+_ROWS = 100_000  # rows in a batch of formatted text
 
 
 def write_columns(
@@ -551,7 +551,7 @@ def write_contact(
     path : str or Path
         The file.
     notes : mapping, optional
-        Further lines above those of the contact's ``provenance``.
+        Further lines, above the lines of the contact's ``provenance``.
     velocity : bool
         Write the velocity too. Default: omit it; palpate computes it when reading the file.
 

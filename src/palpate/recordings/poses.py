@@ -20,7 +20,7 @@ from palpate.validation import Floats
 UNIT_LENGTH = 0.02  # deviation of a quaternion's norm from 1 by rounding and interpolation
 GAP = 10.0  # median steps: palpate does not interpolate across longer ones
 FARTHEST = 1e30  # m; a translation beyond it comes from a bit error
-MOST_EXCLUDED = 0.02  # of the rows of a transform; more is a finding with care
+MOST_EXCLUDED = 0.02  # fraction of the rows of a transform; more is a finding with care
 _SHOWN = 8  # frames of a chain in a message
 
 
@@ -101,8 +101,8 @@ _LAST_OF_6 = re.compile(r"((?:.*[./])?actual_TCP_pose)(\[5\]|_5)", re.I)
 def state_poses(recording: Recording) -> tuple[Recording, frozenset[str]]:
     """Add the poses that are stated as matrices or rotation vectors, under the array's name.
 
-    A homogeneous matrix is an array of 16 numbers, by columns, of which 3, 7 and 11 are 0 and the
-    last is 1. The second half of a UR's ``actual_TCP_pose`` is a rotation vector.
+    A homogeneous matrix is an array of 16 numbers in column order: elements 3, 7 and 11 are 0 and
+    the last is 1. The second half of a UR's ``actual_TCP_pose`` is a rotation vector.
 
     Returns
     -------
@@ -155,7 +155,7 @@ def _equally_long(recording: Recording, names: Sequence[str]) -> Floats | None:
 
 
 def _divide_matrix(numbers: Floats) -> tuple[Floats, Floats] | None:
-    """The translation (3, k) and the quaternions (k, 4) of homogeneous matrices, if they are."""
+    """Return translation (3, k) and quaternions (k, 4) of homogeneous matrices, else None."""
     m = numbers.reshape(4, 4, -1).transpose(1, 0, 2)
     last = m[3][:, np.isfinite(m).all(axis=(0, 1))]
     if not last.size or (last != np.array([[0.0], [0.0], [0.0], [1.0]])).any():
@@ -246,12 +246,12 @@ class Transforms:
         return whole and _equally_long(recording, names) is not None
 
     def chain(self, child: str, ancestor: str | None = None) -> list[Step]:
-        """Return the steps down to a frame from its ancestor, or from the root; none if there are.
+        """Return the steps down to a frame from its ancestor, or from the root; may be empty.
 
         Raises
         ------
         RecordingError
-            There is no ancestor to be chosen: several roots, several ways, or a circle.
+            The ancestor is not unique: there are several roots, several ways, or a circle.
         """
         child, ancestor = child.lstrip("/"), None if ancestor is None else ancestor.lstrip("/")
         below: dict[str, Step | None] = {child: None}
@@ -288,7 +288,7 @@ class Transforms:
     def compose(self, steps: Sequence[Step], name: str) -> tuple[Recording, list[Finding]] | None:
         """Add the pose at the end of a chain, in the frame at its beginning.
 
-        The times are those of the fastest moving transform; the others are interpolated.
+        The fastest moving transform gives the times; the others are interpolated.
 
         Parameters
         ----------
@@ -300,12 +300,12 @@ class Transforms:
         Returns
         -------
         tuple or None
-            The recording with the pose, and what was excluded; None if no transform moves.
+            The recording with the pose, and reports of excluded rows; None if no transform moves.
 
         Raises
         ------
         RecordingError
-            A transform has no valid row, or the moving ones are at no time all known.
+            A transform has no valid row, or the moving transforms have no time in common.
         """
         findings = list[Finding]()
         with np.errstate(all="ignore"):

@@ -19,7 +19,7 @@ from palpate.force_laws import ForceLaw, law_from
 from palpate.recordings.times import SECONDS, is_timelike
 from palpate.validation import Floats, shown, unmasked
 
-# With an apostrophe or a narrow space; or a comma where it cannot be the decimal mark.
+# With an apostrophe or a narrow space, or with a comma that cannot be the decimal mark.
 _THOUSANDS = re.compile(
     r"\s*[+-]?[1-9]\d{0,2}"
     r"((['\u2019\u00a0\u2009\u202f]\d{3})+(\.\d*)?|(,\d{3})+\.\d*|(,\d{3}){2,})\s*"
@@ -59,7 +59,7 @@ class Recording:
     source : str
         The name of the file.
     notes : mapping
-        What the file says about itself, as text.
+        Texts of the file about itself, by name.
     rows : sequence of int, optional
         The row of the file for each sample, for messages; None for files without rows.
     settings : mapping
@@ -79,7 +79,7 @@ class Recording:
     faults : mapping
         Name of a numeric channel to its values that are not numbers; these are NaN.
     plots : mapping
-        Name of a channel to ``"signal"`` or ``"axis"``, if the file states what to plot over what.
+        Name of a channel to ``"signal"`` or ``"axis"``, if the file states how to plot it.
     findings : sequence of Finding
         Parts of the file that could not be read (``with-care``); and, as notes, parts skipped
         because they hold no numbers or were not requested.
@@ -154,7 +154,7 @@ class Recording:
     def unit_of(self, name: str) -> str | None:
         """Return the unit of a channel, from the file, else from its name; None if unknown.
 
-        What the name of an element of a message has in brackets is a joint or a frame.
+        Brackets in the name of an element of a message contain a joint or a frame, not a unit.
         """
         own = self.units.get(name)
         is_element = name.endswith("]") and any(name.startswith(topic) for topic in self.types)
@@ -216,9 +216,9 @@ def _number_of(value: Any) -> float | None:
 
 
 def number_in_text(text: str) -> float:
-    """Return the number in a cell; raises ValueError if there is none.
+    """Return the number in a cell; raise ValueError for any other text.
 
-    Thousands may be apart where nothing else can be meant: ``1,063.208``, ``1'063``.
+    Thousands may be separated if this is unambiguous: ``1,063.208``, ``1'063``.
     """
     if "_" in text:  # float() accepts 1_000
         raise ValueError
@@ -285,13 +285,13 @@ WEIGHTS = {"kg": GRAVITY, "g": 1e-3 * GRAVITY, "mg": 1e-6 * GRAVITY,
 TORQUE_UNITS = {"Nm": 1.0, "N·m": 1.0, "N*m": 1.0, "Ncm": 1e-2, "mNm": 1e-3, "Nmm": 1e-3}
 
 KNOWN = frozenset([*(unit for units in UNITS.values() for unit in units), *TORQUE_UNITS])
-#: The unit of the channels of a report that states no unit at all; none is assumed.
+#: The unit of all channels of a report without units; palpate does not assume a unit.
 UNSTATED = "not stated"
 #: Other entries of a row of units.
 OTHER_UNITS = frozenset(["-", "–", "1", "%", "deg", "°", "rad", "rad/s", "V", "mV", "A", "mA", "Hz",
                          "°C", "C", "K", "Pa", "kPa", "MPa", "g", "kg", "m/s^2", "m/s²", "counts",
                          "bool", "text", "N/m", "N/mm", "mg", "lb", "oz"])  # fmt: skip
-# A name that ends with one of these is in none of the units of a contact.
+# A name that ends with one of these has a unit of another quantity.
 _FOREIGN = frozenset(["counts", "MPa", "mpa", "kPa", "kpa", "Pa", "bar", "psi", "V", "mV", "mv",
                       "pct", "percent", "%"])  # fmt: skip
 # ``force_min`` is the least force and ``t_h`` a name: after a name these are not units.
@@ -350,7 +350,7 @@ def size_of(kind: str, unit: str) -> float:
 def unit_in_name(name: str) -> str | None:
     """Return the unit at the end of a column's name: ``force_N``, ``Fx [mN]``, ``t/s``.
 
-    None if there is none or palpate does not know it.
+    None without a unit, or with a unit that palpate does not know.
     """
     unit = stated_unit(name)
     return unit if unit in KNOWN or unit in WEIGHTS else None
@@ -359,7 +359,7 @@ def unit_in_name(name: str) -> str | None:
 def stated_unit(name: str) -> str | None:
     """Return the unit at the end of a column's name, even if palpate cannot convert it.
 
-    In brackets any text counts; without them only what is unlikely to be a word of the name.
+    In brackets any text counts; without them only a text that is unlikely to be part of the name.
     """
     while bracketed := _BRACKETED.fullmatch(name):
         unit = plain_unit(bracketed[2] or bracketed[3] or "")
@@ -380,5 +380,5 @@ def stated_unit(name: str) -> str | None:
 
 
 def _of_time(name: str, unit: str) -> str:
-    """The unit, in lower case if it is that of a time: ``Time_MS``."""
+    """Return the unit, in lower case if it is a unit of time, as in ``Time_MS``."""
     return unit.lower() if unit.lower() in SECONDS and is_timelike(name) else unit

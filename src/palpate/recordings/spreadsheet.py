@@ -1,4 +1,4 @@
-"""Spreadsheets (.xlsx), read by openpyxl: the table of each sheet, parsed by the text reader."""
+"""Spreadsheets (.xlsx), read with openpyxl: the text reader parses the table of each sheet."""
 
 import csv
 import io
@@ -30,9 +30,9 @@ from palpate.recordings.recording import (
 from palpate.recordings.times import SECONDS, clock_rank
 from palpate.writing import temporary_file
 
-_MOST_ROWS = 1 << 20  # of a sheet in Excel; a row may state a number far beyond it
+_MOST_ROWS = 1 << 20  # limit of Excel; a row may state a number far beyond it
 _CELL = 60  # bytes that a cell takes as a Python object
-# A contact needs as many samples; shorter tables beside longer ones are lists of results.
+# Fewest samples of a contact; a shorter table next to longer ones is a list of results.
 _FEWEST_ROWS = 20
 _NO_TABLE = "holds no table of numbers; expected names above columns of numbers"
 _FORMULAS = "has formulas without values; open it in a spreadsheet program and save it again"
@@ -41,7 +41,7 @@ _Row: TypeAlias = tuple[Any, ...]
 
 
 def read(path: Path, request: Request) -> Recording:
-    """Read the table of each sheet; of several tables each is a group, and a contact.
+    """Read the table of each sheet; if there are several, each is a group and a contact.
 
     Parameters
     ----------
@@ -86,14 +86,14 @@ def read(path: Path, request: Request) -> Recording:
 
 @contextmanager
 def _damage_explained(draft: Draft) -> Iterator[None]:
-    """Name the file and the remedy where openpyxl cannot read it."""
+    """Name the file and the remedy if openpyxl cannot read it."""
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # extensions and styles that openpyxl does not know
             yield
     except RecordingError:
         raise
-    except Exception as error:  # what openpyxl raises on damaged XML is of many kinds
+    except Exception as error:  # openpyxl raises many types on damaged XML
         words = f"the spreadsheet is damaged or has a password ({first_line(error)})"
         raise draft.error(f"{words}; open it in a spreadsheet program and save it again") from None
 
@@ -127,11 +127,11 @@ def _rows_of(sheet: Any, draft: Draft) -> list[_Row]:
 
 
 def _table_in(rows: Sequence[_Row]) -> tuple[int, int]:
-    """The place of the first sample and of the end of the table; 0, 0 without a table.
+    """Return the indices of the first sample and of the table's end; 0, 0 without a table.
 
     The table is the longest run of rows with numbers in the columns that most often have some.
     """
-    same: dict[frozenset[int], frozenset[int]] = {}  # a set of its own for each row takes 200 bytes
+    same: dict[frozenset[int], frozenset[int]] = {}  # one more set per row would take 200 bytes
     numbers = []
     for row in rows:
         places = frozenset(k for k, cell in enumerate(row) if _is_number(cell))
@@ -145,7 +145,7 @@ def _table_in(rows: Sequence[_Row]) -> tuple[int, int]:
         if not columns <= places:
             begin, end = (start, k) if k - start > end - begin else (begin, end)
             start = k + 1
-    # A cell without a number does not end the table, a blank row does.
+    # A blank row ends the table; a cell without a number does not.
     while begin and 2 * len(numbers[begin - 1] & columns) >= len(columns):
         begin -= 1
     while end < len(rows) and any(cell is not None for cell in rows[end]):
@@ -162,7 +162,7 @@ def _is_number(cell: Any) -> bool:
 
 
 def _parsed(above: Sequence[_Row], body: Sequence[_Row], draft: Draft) -> Recording:
-    """Parse a table by the text reader, with the rows above as notes; row numbers stay."""
+    """Parse a table with the text reader, with the rows above as notes and the same row numbers."""
     text = io.StringIO()
     lines = csv.writer(text, delimiter="\t", lineterminator="\n")
     names, width = _header_rows(above), max(map(len, body))
@@ -193,13 +193,13 @@ def _header_rows(above: Sequence[_Row]) -> list[int]:
 
 
 def _words(cell: Any) -> str:
-    """A cell as text from which the text reader makes the same number, time or words."""
+    """Format a cell as text that the text reader parses to the same number, time or words."""
     cell = cell.total_seconds() if isinstance(cell, timedelta) else cell
     return "" if cell is None else str(cell)
 
 
 def _joined(tables: dict[str, Recording], draft: Draft) -> Recording:
-    """One recording: of a single table with its own names, else of a group for each sheet."""
+    """Join tables to one recording: a single table without a group, else a group for each sheet."""
     for sheet, table in tables.items():
         group = f"{sheet}/" if len(tables) > 1 else ""
         clock = _clock_of(table) if group else None
@@ -222,14 +222,14 @@ def _joined(tables: dict[str, Recording], draft: Draft) -> Recording:
 
 
 def _clock_of(table: Recording) -> str | None:
-    """The column with the times: by its name, else by its unit."""
+    """The column with the times: its name or else its unit shows it."""
     ranks = {name: rank for name in table.channels if (rank := clock_rank(name)) is not None}
     timed = [name for name in table.channels if table.unit_of(name) in SECONDS]
     return min(ranks, key=ranks.__getitem__) if ranks else next(iter(timed), None)
 
 
 def _is_filled(values: NDArray[Any]) -> bool:
-    """Whether a column belongs to the table, not to a list of results beside it."""
+    """Whether a column belongs to the table, not to a list of results next to it."""
     count = np.count_nonzero(values != "" if values.dtype == object else values == values)
     return bool(count >= min(_FEWEST_ROWS, 0.1 * len(values)) and count)
 

@@ -12,7 +12,7 @@ from palpate.recordings.times import SECONDS, clock_rank, clock_unit
 from palpate.stages import timed
 from palpate.validation import Floats
 
-#: A gap is a step of so many median steps: recorders miss single samples and jitter.
+#: Least length of a gap in median steps; shorter ones are single missed samples and jitter.
 GAP = 10.0
 
 
@@ -129,7 +129,7 @@ def survey(recording: Recording) -> Survey:
 
 
 def clock_of(recording: Recording, name: str) -> str:
-    """Return the channel with the times of a channel; empty if there is none.
+    """Return the name of the channel with the times of a channel; empty without one.
 
     In a table, whose columns name no clock, it is the column whose name suggests times.
     """
@@ -171,7 +171,7 @@ def unit_of_clock(recording: Recording, clock: str) -> tuple[str, float]:
 
 
 def _since(values: NDArray[Any]) -> Floats:
-    """Times relative to the first, subtracted before they are rounded to a float."""
+    """Return times relative to the first, subtracted before rounding to a float."""
     if values.dtype.kind == "u":
         values = values.astype(np.int64)
     known = values[np.isfinite(values)]

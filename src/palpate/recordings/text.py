@@ -49,14 +49,14 @@ from palpate.recordings.times import (
 )
 
 CHUNK = 1 << 20
-BLOCK = 4 << 20  # bytes that are parsed at once
+BLOCK = 4 << 20  # bytes in a parsed block
 LONGEST_LINE = 4 * BLOCK
 HEAD = 1 << 16  # bytes searched first for the header, before the whole first block
-PROBED = 1000  # lines from which the kinds of the columns are found
-# Bytes whose cells are Python objects at one time; an object takes some five times its text.
+PROBED = 1000  # lines that show the kinds of the columns
+# Bytes of text whose cells are Python objects at one time; they take some five times as much.
 PIECE = 1 << 19
 LARGE = 5 << 20  # bytes of a file for which pyarrow is worth the time to import it
-MOST_LINES = 50  # of a quoted cell; without a limit one stray mark would swallow all the rest
+MOST_LINES = 50  # of a quoted cell; without a limit one stray mark would enclose the whole rest
 # A line of words in a table whose rows begin with numbers: text around it, or a row of words.
 _WORDS = re.compile(
     rb"\n(?:[ \t,;|]*|[ \t\"'<*#({\[=-]*(?!(?:nan|inf)(?:\W|inity))[a-z\x80-\xff][^\r\0\n]*)(?=\n)",
@@ -64,7 +64,7 @@ _WORDS = re.compile(
 )
 # A killed writer leaves a file whose size is a multiple of its buffer's.
 BUFFER = 4096
-# A last cell shorter than all of so many above it is most likely cut off.
+# A last cell that is shorter than all of this many cells above it is most likely cut off.
 FEW = 20
 TAIL = 1 << 16  # bytes
 # Images, archives and noise are a tenth control characters; text has none, except a letter with a
@@ -85,10 +85,10 @@ def read(path: Path, request: Request) -> Recording:
     """Read a text table: CSV, TSV and similar, compressed or not.
 
     palpate detects the delimiter (comma, semicolon, tab, bar or spaces), the decimal mark, the
-    encoding, where in a report the table is, and what each column holds. In a numeric column a cell
-    without a number is NaN and counted in ``Recording.faults``. ``Recording.losses`` lists the rows
-    that palpate could not read and skipped. Columns of the same name get their position: ``force_N
-    (column 3)``. Blocks below the same header are told apart by the channel ``segment``.
+    encoding, the place of the table in a report, and the kind of each column. In a numeric column a
+    cell without a number is NaN and counted in ``Recording.faults``. ``Recording.losses`` lists the
+    rows that palpate could not read and skipped. Columns of the same name get their position:
+    ``force_N (column 3)``. The channel ``segment`` numbers the blocks below the same header.
 
     Parameters
     ----------
@@ -120,7 +120,7 @@ class _Text:
     encoding : str
         Its encoding: ``"windows-1252"`` from the first bytes on that are not UTF-8.
     losses : list of str
-        Sentences on what could not be read.
+        Sentences on the unreadable parts.
     fraction : float
         Fraction of the file read so far, 0 to 1.
     cut_off : bool
@@ -158,7 +158,7 @@ class _Text:
 
     @staticmethod
     def _filled(lines: bytes, end: int) -> int:
-        """Where the last line that is not blank ends."""
+        """Return the end of the last line that is not blank."""
         filled = len(lines[:end].rstrip(b" \t\f\r\n"))
         return lines.find(b"\n", filled) + 1 if filled else 0
 
@@ -240,15 +240,15 @@ class _Column:
     decimal : str
         The decimal mark.
     kind : str
-        What it holds: ``"numbers"``, ``"text"``, ``"vectors"``, ``"dates"``, ``"nanoseconds"``; or
-        ``"nothing"`` if it is not requested.
+        Kind of its cells: ``"numbers"``, ``"text"``, ``"vectors"``, ``"dates"`` or
+        ``"nanoseconds"``; ``"nothing"`` if the column is not requested.
     width : int
         Numbers per cell of vectors.
 
     Attributes
     ----------
     dtype : dtype, optional
-        Type of the array into which cells can be parsed at once; None if they cannot.
+        Type of the array into which NumPy can parse all cells together; None if it cannot.
     """
 
     def __init__(self, name: str, decimal: str, kind: str, width: int = 1) -> None:
@@ -269,7 +269,7 @@ class _Column:
         return [k for k, cell in enumerate(cells) if self._value(cell) is None]
 
     def extend(self, values: NDArray[Any], wrong: int = 0, blank: int = 0) -> None:
-        """Add parsed values, of which ``wrong`` are not numbers and ``blank`` are empty."""
+        """Add parsed values; ``wrong`` of them are not numbers, and ``blank`` are empty."""
         if self.kind != "nothing":
             self.pieces.append(values)
         self.size += len(values)
@@ -281,7 +281,8 @@ class _Column:
         if self.kind == "nothing":
             return
         if self.kind == "text":
-            # As objects: one long cell would widen all others, and equal labels share memory.
+            # Python objects, because one long cell would widen all others of an array of text, and
+            # equal labels share memory.
             words = np.array(list(map(sys.intern, cells)), dtype=object)
             wrong = len(cells) - sum(map(self._is_number, cells))
             self.extend(words, wrong, sum(not cell.strip() for cell in cells))
@@ -341,7 +342,7 @@ class _Column:
         return {self.name: whole}
 
     def fault(self) -> Faults | None:
-        """The cells without a number; None if there are none."""
+        """The cells without a number; None if all have one."""
         if self.wrong is None or not self.filled:
             return None
         return Faults(self.size - self.good, *self.wrong)
@@ -369,7 +370,7 @@ def _column_for(name: str, cells: Sequence[str], decimal: str, kind: str | None)
             kind = "text"
     column = _Column(name, decimal, kind or "numbers")
     commas = [cell for cell in filled if "," in cell and parsed_number(cell, ".") is None]
-    # Numbers without a comma beside them show that it is not the decimal mark.
+    # If some numbers have no comma, a comma before three digits is not the decimal mark.
     plain = sum(parsed_number(cell, ".") is not None for cell in filled)
     column.has_thousands = (
         decimal == "."
@@ -399,9 +400,9 @@ class _Table:
         self.lost: dict[str, tuple[int, str]] = {}  # reason: number of rows, the first row
         self.text = _Text(path, self.source, request.max_size)
         self.rows: list[Sequence[int]] = []  # the row in the file of each sample
-        self.begins = [0]  # where in ``rows`` each block below the header begins
-        self.skipped: dict[str, int] = {}  # what is skipped around the table: the first line
-        self.words = b""  # lines of words at the end of what was added
+        self.begins = [0]  # index in ``rows`` at which each block begins
+        self.skipped: dict[str, int] = {}  # kind of lines outside the table: the first of them
+        self.words = b""  # trailing lines of words
         blocks = self.text.blocks()
         first = next(blocks, b"")
         self._begin(first, kinds)
@@ -421,7 +422,7 @@ class _Table:
                 row += 1
             request.report(self.text.fraction)
             made = sum(column.size * column.width for column in self.columns if column.pieces)
-            # Words are kept besides the pointers to them; equal ones only once.
+            # Texts take memory in addition to the pointers to them; equal texts are kept only once.
             request.reserve(
                 8 * (made - counted) + any(c.kind == "text" for c in self.columns) * len(block)
             )
@@ -430,17 +431,17 @@ class _Table:
             self._add_last_words(row - self.words.count(b"\n"))
 
     def _begin(self, first: bytes, kinds: Mapping[str, str]) -> None:
-        """Find the layout, and what the columns hold."""
+        """Find the layout and the kinds of the columns."""
         head = first[: first.rfind(b"\n", 0, HEAD) + 1]
         lines = self.text.decode(head).split("\n")[:-1]
         named = self.request.header_row
         layout = layout_of(lines, self.source, named) if len(lines) > (named or 0) else None
-        # Long notes, no rows below them, or rows of which another table may have more.
+        # The notes are long, no rows follow them, or a later table may have more rows.
         if layout is None or layout.first >= len(lines) - 1 or layout.table.last < len(lines) - 1:
             lines = self.text.decode(first).split("\n")[:-1]
             layout = layout_of(lines, self.source, named)
         self.layout: TextLayout = layout
-        # The lines of the header, which may stand again above other blocks.
+        # The lines of the header, which other blocks may repeat.
         self.title, *below = first.split(b"\n", layout.first)[layout.table.header : -1] or [b""]
         units = b"|".join(re.escape(line + b"\n") for line in [*below, b""])
         again = rb"^(" + re.escape(self.title) + rb"\n(?:" + units + rb")*)"
@@ -469,7 +470,7 @@ class _Table:
             return
         row -= self.words.count(b"\n")
         block, self.words = self.words + block, b""
-        # Rows, and the headers between them.
+        # Blocks of rows between repeated headers.
         parts = self.header.split(block) if self.title and self.title in block else [block]
         if len(parts) > 1 and not parts[-1]:  # units may follow in the next block
             self.words = parts[-2]
@@ -559,7 +560,7 @@ class _Table:
     def _records(
         self, lines: Sequence[str], row: int, lose: Callable[[str, int], None]
     ) -> Iterator[tuple[int, list[str]]]:
-        """The row in the file and the cells of each record; ``row`` is that of the first line."""
+        """Return row in the file and cells of each record; the first line is row ``row``."""
         width, delimiter = len(self.layout.header), self.layout.delimiter
         k = 0
         while k < len(lines):
@@ -572,7 +573,7 @@ class _Table:
                 end = next((j for j in range(k, min(k + MOST_LINES, len(lines)))
                             if unclosed(lines[j])), None)  # fmt: skip
                 line = "" if end is None else "\n".join(lines[k - 1 : end + 1])
-                # Two stray marks far apart do not make one cell of the rows between them.
+                # Two stray marks far apart do not enclose the rows between them.
                 if end is None or len(cells_of(line, delimiter)) != width:
                     lose("has a quotation mark that is never closed", at)
                     continue
@@ -633,7 +634,7 @@ class _Table:
             cells = [] if unclosed(text) else cells_of(text[:-1], self.layout.delimiter)
         killed = self.text.size % BUFFER == 0 and not self.text.compressed
         cut = len(cells) < len(self.columns) or killed or bool(self.text.losses)
-        # Its last number may lack digits; compare its length with those above.
+        # Its last number may lack digits; compare its length with the numbers above.
         above = before[-TAIL:].split(b"\n")[1:-1]
         if not cut and len(above) > FEW:
             mark = None if self.layout.delimiter == SPACES else self.layout.delimiter.encode()

@@ -24,7 +24,7 @@ DELIMITERS = ",;\t|"
 SPACES = " "  # as a delimiter: any run of spaces and tabs
 MOST_COLUMNS = 1 << 16  # four times the limit of a spreadsheet
 LONGEST_NAME = 10_000  # characters
-TRIED = 50  # lines from which the delimiter is found
+TRIED = 50  # lines that show the delimiter
 _BRACKETS = re.compile(r"^\s*(?:np\.)?array\(|,?\s?dtype=[\w.]+|[\[\](){}]")
 MOST_ELEMENTS = 1000
 LONGEST_VECTOR = 40 * MOST_ELEMENTS  # characters
@@ -53,8 +53,8 @@ class NumberBlock:
     Attributes
     ----------
     header, first, last : int
-        Index of the line of its header (of the first row, without one), of its first row, and of
-        the line below its last (0 if there is none).
+        Index of the line of its header (or of the first row, if it has none), of its first row, and
+        of the line below its last row (0 without rows).
     named : bool
         Whether it has a header.
     rows, numbers : int
@@ -62,7 +62,7 @@ class NumberBlock:
     mark : str
         Delimiter of its cells; empty if there are no numbers.
     keys : set of str
-        First words of its rows, if these are no numbers.
+        First words of its rows, if they are not numbers.
     others : list of int
         Lines, counted from 1, at which smaller blocks with a header begin.
     """
@@ -108,7 +108,7 @@ class TextLayout:
     table : NumberBlock
         Where the table is among the given lines.
     place : str
-        Where the table begins and what stands there, for messages; empty if it is the first line.
+        Begin of the table and the text there, for messages; empty if it is the first line.
     """
 
     header: list[str]
@@ -194,7 +194,7 @@ def layout_of(lines: Sequence[str], source: str, header_row: int | None = None) 
     if report:
         units = _units_above(report, names, delimiter) | units
         in_si = any(line.strip() == "endheader" for line in report)  # OpenSim writes SI units
-        if in_si:  # translations, of which the names end in _tx, _ty, _tz
+        if in_si:  # names of translations end in _tx, _ty, _tz
             units |= {name: "m" for name in names if re.search(r"_t[xyz]$", name)}
         elif not any(map(stated_unit, names)) and not units:
             units = {name: UNSTATED for name in names if not is_timelike(name)}
@@ -207,7 +207,7 @@ def layout_of(lines: Sequence[str], source: str, header_row: int | None = None) 
 
 
 def _largest_block(lines: Sequence[str], top: int) -> NumberBlock:
-    """The block with most numbers; blocks below the same header count together."""
+    """Return the block with most numbers; blocks below the same header count together."""
     blocks: dict[tuple[str, tuple[str, int, bool]], NumberBlock] = {}
     words: list[int] = []  # lines without numbers since the last row
     title = ""
@@ -215,7 +215,7 @@ def _largest_block(lines: Sequence[str], top: int) -> NumberBlock:
     block = NumberBlock()
     for k in range(top, len(lines)):
         line = lines[k]
-        # Most rows are like the one above; to look no closer saves most of the time.
+        # Most rows have the shape of the row above; skipping their analysis saves most of the time.
         if k == block.last and line[:1].isdecimal() and line.count(mark) == count - 1 and not key:
             block.last, block.rows, block.numbers = k + 1, block.rows + 1, block.numbers + numbers
             continue
@@ -274,7 +274,7 @@ def _row_shape(line: str) -> tuple[str, int, str, int] | None:
 def _header_above(
     lines: Sequence[str], words: Sequence[int], delimiter: str, count: int, numbers: int
 ) -> int | None:
-    """The line above a row that names its cells; blank lines and units may be between."""
+    """Return the line above a row that names its cells; blank lines and units may lie between."""
     least = min(numbers, count)
     for k in reversed(words):
         cells = _names(lines[k].strip(" \r\n"), delimiter)
@@ -409,7 +409,7 @@ def _delimiter(lines: Sequence[str]) -> str:
 
 
 def _names(line: str, delimiter: str) -> list[str]:
-    """The cells of a header; between spaces one before a bracket divides none: ``Time (s)``."""
+    """The cells of a header; a space before a bracket is no delimiter: ``Time (s)``."""
     line = line.lstrip("# ") if line.startswith("#") else line
     if delimiter == SPACES:
         line = _BEFORE_BRACKET.sub("\0", line)
@@ -431,7 +431,7 @@ def _commented_header(
 ) -> list[str]:
     """The names in the last comment, as rostopic and NumPy write them; else numbered columns.
 
-    Of ``%time,field.x`` the sign belongs to the name, of ``# time, force`` it does not.
+    In ``%time,field.x`` the sign belongs to the name, in ``# time, force`` it does not.
     """
     line = (commented or "").lstrip("# ")
     line = line.lstrip("% ") if line.startswith("% ") else line
@@ -501,7 +501,7 @@ def cells_of(line: str, delimiter: str) -> list[str]:
 
 
 def parsed_number(cell: str, decimal: str) -> float | None:
-    """Return the number in a cell, with this decimal mark; None if there is none."""
+    """Return the number in a cell, with this decimal mark; None for any other text."""
     if decimal == ",":
         if _THOUSANDS.fullmatch(cell):
             cell = cell.replace(".", "")

@@ -73,7 +73,7 @@ def past_midnight(times: Whole) -> Whole:
 
 
 def plain_iso_times(cells: Sequence[str]) -> Whole | None:
-    """Convert many cells at once, as :func:`iso_nanoseconds` does.
+    """Convert many cells together, as :func:`iso_nanoseconds` does for one.
 
     None if a cell is not in UTC or not in the usual form.
     """
@@ -106,7 +106,7 @@ def is_nanoseconds(cell: str) -> bool:
 
 
 def epoch_unit(value: float) -> str | None:
-    """Return the unit of a time since 1970, by its size; None if it is not one."""
+    """Return the unit of a time since 1970 from its magnitude; None if it is not one."""
     fitting = (u for u, size in EPOCHS.items() if EARLIEST * size <= value <= LATEST * size)
     return next(fitting, None)
 
@@ -175,7 +175,7 @@ _SHORT = {
 
 
 def clock_rank(name: str) -> int | None:
-    """Return how likely a name is that of a clock, 0 the most likely; None if it is not.
+    """Return the rank of a name as the name of a clock, 0 the most likely; None for other names.
 
     The last part of a name with groups or fields counts: ``robot/time``, ``/ft.header.stamp``.
     """
@@ -189,7 +189,7 @@ def clock_unit(name: str) -> str | None:
 
 
 def epoch_unit_of(values: NDArray[Any]) -> str | None:
-    """Return the unit of times since 1970, by the first; None for seconds and other times."""
+    """Return the unit of times since 1970 from the first one; None for seconds and other times."""
     known = values[np.isfinite(values)]
     unit = epoch_unit(float(known[0])) if known.size else None
     return None if unit == "s" else unit

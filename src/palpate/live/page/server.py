@@ -71,7 +71,7 @@ class Served:
 
 
 def protocols(counted: Served) -> tuple[type[H11Protocol], type[WebSocketsSansIOProtocol]]:
-    """Return the HTTP and WebSocket protocols, which count what they refuse."""
+    """Return the HTTP and WebSocket protocols, which count refused connections and frames."""
 
     class Http(H11Protocol):
         def connection_made(self, transport: Any) -> None:
@@ -139,7 +139,7 @@ HEADERS = {
     "cache-control": "no-store",
 }
 _WITHOUT_TOKEN = "This page needs its token: open the address that palpate printed.\n"
-#: Hosts accepted without a token. Otherwise another site could point a name of its own here and
+#: Hosts accepted without a token. Otherwise another site could point its own name here and
 #: read the page (DNS rebinding).
 _LOOPBACK = ("localhost", "127.0.0.1", "[::1]", "::1")
 
@@ -310,7 +310,7 @@ class Allowance:
         self._left -= 1.0
 
 
-# The page's style sheet: that of the reports, and the page's own.
+# The page's style sheet: the style sheet of the reports and the additions of the page.
 
 STATIC = Path(__file__).parent / "static"
 

@@ -32,7 +32,7 @@ _ERRORS = slice(8 + MOST_PARAMETERS, 8 + 2 * MOST_PARAMETERS)
 _AS_THEY_ARE = [PLACE[name] for name in ("penetration", "velocity", "force", "predicted_force")]
 _LAST = [PLACE[name] for name in ("margin", "state", "lateness")]
 _RESPONSE = slice(len(COLUMNS), len(COLUMNS) + 4)  # in the rows of a history, after the ring's
-_LARGEST = 3.4e38  # of a float32: larger values are not drawn
+_LARGEST = 3.4e38  # limit of a float32; larger values are not drawn
 
 
 def column(rows: Floats, name: str) -> Floats:
@@ -43,7 +43,7 @@ def column(rows: Floats, name: str) -> Floats:
 def at_depth(law: type[ForceLaw], parameters: Floats, covariance: Floats, depth: float) -> Floats:
     """Return stiffness and damping of many estimates at a depth, with their standard errors.
 
-    The errors follow by the delta method, √(gᵀ C g), as in :meth:`palpate.Estimate.stiffness_at`;
+    The errors are from the delta method, √(gᵀ C g), as in :meth:`palpate.Estimate.stiffness_at`;
     the gradient is a central difference over a hundredth of a standard error.
 
     Returns
@@ -166,7 +166,7 @@ class History:
         if law is not self._law:
             self._generations.clear()
         self._generations = [*self._generations[-_MOST_GENERATIONS:], generation]
-        if not same_depth:  # those of another depth are not shown
+        if not same_depth:  # rows for another depth are not shown
             self._rows[:, _RESPONSE] = np.nan
         self._law, self._depth = law, depth
         return True
@@ -211,7 +211,7 @@ class History:
         """Return rows ``first`` to ``until - 1`` as one binary message.
 
         Little-endian: :data:`HEADER`; the times [s], float64; then each of :data:`CHANNELS`,
-        float32. With ``every`` > 1 only rows whose number is a multiple of it.
+        float32. With ``every`` > 1 it contains only rows whose number is a multiple of it.
         """
         offset = self._end - self.total
         first = first + (-first) % every
@@ -320,7 +320,7 @@ class Watch:
             self._changed_law = self._law if self._knows(self._changed_in) else None
             self._noticed += 1
             kept = self.history.rows()
-            kept = kept[column(kept, "method") == self._changed_in]  # by the same estimator
+            kept = kept[column(kept, "method") == self._changed_in]  # of the same estimator
             # The samples between a change and its detection have biased the estimate already.
             settled = kept[column(kept, "time") <= moment - _NOTICED][-1:]
             before = self._of(settled if len(settled) else kept[:1], self._changed_law)
@@ -395,7 +395,7 @@ class Watch:
         diagnosis = others.get("diagnosis") or {}
         if now and diagnosis.get("numbers") and not undiagnosed(diagnosis, self.loop):
             now |= self._where_diagnosed(row, diagnosis)
-        # The motion's frequency, by the loop's law or by the last diagnosis.
+        # The motion's frequency, from the loop's law or the last diagnosis.
         frequency = (verdict or diagnosis).get("frequency")
         chosen = math.isfinite(self.chosen_depth)
         sure = None

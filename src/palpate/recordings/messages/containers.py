@@ -1,7 +1,7 @@
-"""ROS 1 and ROS 2 bags, read by the package rosbags, and MCAP, read by the package mcap.
+"""ROS 1 and ROS 2 bags, read with the package rosbags, and MCAP, read with the package mcap.
 
 A reader passes blocks of raw messages to the :class:`~palpate.recordings.messages.topic.Topic` of
-each channel, which decodes many at once.
+each channel, which decodes them block by block.
 """
 
 import bz2
@@ -47,7 +47,7 @@ _WINDOW = 1 << 18  # bytes of an MCAP file read at a time; a chunk may be longer
 _BATCH = 8 << 20  # bytes of messages from rosbags collected before they are decoded
 _LONGEST_NOTE = 300  # characters
 _LENGTH = struct.Struct("<Q").unpack_from
-_HIGHEST_RATIO = 2000  # of chunks to the file; time stamps alone differ too much for more
+_HIGHEST_RATIO = 2000  # size of unpacked chunks over the file; time stamps alone prevent more
 _MOST_DESCRIBED = 10_000  # schemas, channels and metadata; more are a bomb
 _BEFORE = 9  # bytes of kind and length at the start of an MCAP record
 # The header of an MCAP message: kind, length, channel, number, log time, publish time.
@@ -176,7 +176,7 @@ def _read_ros1(path: Path, collection: Collection) -> Iterator[float]:
 
 
 def _unpacked_bag_chunk(data: bytes, request: Request) -> bytes:
-    """Decompress a chunk of a ROS 1 bag by its first bytes, up to the cap."""
+    """Decompress a chunk of a ROS 1 bag, up to the cap; its first bytes show the method."""
     if data.startswith(_LZ4):
         unpacker: Any = lz4.frame.LZ4FrameDecompressor()
     elif data.startswith(b"BZh"):
@@ -366,7 +366,7 @@ class _Mcap:
         is_message = (kinds == Opcode.MESSAGE) & (sizes >= _HEAD.itemsize)
         others = np.flatnonzero(_IS_OTHER[kinds]).tolist()
         first = 0
-        # Not a list: a chunk among them may hold what the summary after it repeats.
+        # Not a list: a chunk among them may hold records that the summary after it repeats.
         new = (k for k in others if self._is_new(data[starts[k] : starts[k] + sizes[k]]))
         for k in itertools.chain(new, [len(starts)]):
             # A schema or channel precedes its messages; chunks may lie between single messages.
@@ -442,7 +442,7 @@ class _Mcap:
             self._take(data, starts, end)
 
     def _check_unpacked(self) -> None:
-        """End the reading of chunks that all together unpack to far more than a recording does."""
+        """Raise if all chunks together unpack to far more bytes than any recording has."""
         request, size = self.collection.request, self.path.stat().st_size
         most = max(request.largest_block, _HIGHEST_RATIO * size)
         if self.unpacked > most:

@@ -2,8 +2,8 @@
 
 The definition of a type gives a tree of numbers, texts, lists and groups. Parsing one message with
 it gives the layout. All messages of equal length whose structural bytes (encoding, counts of lists,
-lengths of strings, names) equal those of the first have their numbers at the same positions. They
-form one matrix of bytes, in which a field is some of the columns.
+lengths of strings, names) agree with the first message have their numbers at the same positions.
+They form one matrix of bytes, in which a field is some of the columns.
 """
 
 import re
@@ -352,7 +352,7 @@ def gather(data: Bytes, starts: NDArray[np.int64], length: int) -> Matrix:
     return windows[starts].view(np.uint8).reshape(-1, length)
 
 
-# Parsing one ROS 1 or ROS 2 message by its definition, to find its layout.
+# Parsing one ROS 1 or ROS 2 message with its definition, to find its layout.
 
 # A message of more parts is a map or a plan; parsing one takes some 0.1 s.
 MOST_PARTS = 100_000
@@ -362,7 +362,7 @@ _NAMES = ("name", "names", "joint_names")  # names for the elements of the other
 _LONGEST_NAME = 200  # bytes
 
 
-# The byte order and largest alignment of a CDR message, by its second byte.
+# Second byte of a CDR message: byte order and largest alignment.
 _CDR = {0x00: (">", 8), 0x01: ("<", 8), 0x06: (">", 4), 0x07: ("<", 4)}
 
 

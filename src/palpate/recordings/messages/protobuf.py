@@ -108,7 +108,7 @@ def _whole(digits: str) -> int | float:
     return number if -_LARGEST <= number < _LARGEST else float(digits)
 
 
-# Protobuf messages, decoded by its own package; a field of many messages is a column.
+# Protobuf messages, decoded by the protobuf package; one field over many messages is a column.
 
 _Kind = descriptor_pb2.FieldDescriptorProto
 _DTYPES = {

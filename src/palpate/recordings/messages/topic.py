@@ -22,13 +22,13 @@ from palpate.recordings.messages.layout import (
 from palpate.recordings.opening import Request
 from palpate.recordings.recording import Faults
 
-# palpate gives up on a topic after so many undecodable messages: some 0.1 s per topic.
+# Undecodable messages after which palpate gives up on a topic: some 0.1 s per topic.
 PATIENCE = 1000
 # Largest number of layouts kept for comparison.
 MOST_LAYOUTS = 256
 #: Largest number of layouts in a topic. All messages of a length are compared with each.
 MOST_PARSED = 4096
-_BATCH = 4096  # messages held as Python objects at once, some 1 kB each
+_BATCH = 4096  # messages in a batch of Python objects, some 1 kB each
 
 _ZSTD = b"\x28\xb5\x2f\xfd"  # first bytes of a compressed message
 #: The column of log times. No field of a message has a space in its name.
@@ -40,7 +40,7 @@ _Rows: TypeAlias = slice | NDArray[np.int64]
 
 
 def stamp_of(paths: Iterable[str]) -> str | None:
-    """Return the path of the time of measurement; None if there is none."""
+    """Return the path of the time of measurement, or None without such a path."""
     there = set(paths)
     return next((path for path in STAMPS if path in there), None)
 
@@ -106,9 +106,9 @@ class Topic:
     name, type_name : str
         Name and type in the file.
     found : dict
-        The data, by the suffix of the topic's name: empty, or ``[parent>child]``.
+        Suffix of the topic's name, empty or ``[parent>child]``, to data.
     messages, undecodable : int
-        Number of messages; number of those that could not be decoded.
+        Number of messages; number of messages that could not be decoded.
     omitted : str
         Why the topic is skipped; empty if it is read.
     """
@@ -199,7 +199,7 @@ class BinaryTopic(Topic):
         super().__init__(request)
         self._cdr = cdr
         self._walk = walk
-        self._parsed = 0  # messages of which the layout was new
+        self._parsed = 0  # number of messages with a new layout
         self._layouts: dict[int, list[Layout]] = {}
 
     def take(self, block: Block) -> None:
