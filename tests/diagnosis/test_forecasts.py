@@ -22,7 +22,8 @@ from palpate.findings import Finding
 from palpate.fleet.running import identify_batch
 from palpate.fleet.tasks import Settings
 from palpate.identifying import Identification
-from palpate.preparation.along_penetration import Place, Prepared, at_places
+from palpate.preparation.along_penetration import at_places
+from palpate.preparation.prepared import Place, Prepared
 from palpate.preparation.settings import Preparation
 from palpate.preparation.surfaces import Surface
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from palpate.errors import InvalidParameterError
-from palpate.recordings.opening import write_formatted
+from palpate.recordings.table_files import write_formatted
 from palpate.validation import Floats, instance, kept, number_in
 
 

@@ -58,8 +58,9 @@ from palpate.identification.replaying import (
     resolve_estimator,
 )
 from palpate.identification.weak_prior import prior_finding
-from palpate.preparation.along_penetration import Place, at_places
+from palpate.preparation.along_penetration import at_places
 from palpate.preparation.gates import choose_gate
+from palpate.preparation.prepared import Place
 from palpate.preparation.velocity import window_samples
 from palpate.quantities.derived import (
     QueryOptions,

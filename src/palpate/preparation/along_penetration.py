@@ -1,24 +1,23 @@
 """Preparation of a contact from a penetration and a compression: signs, tare, surface."""
 
 import logging
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field, replace
-from typing import Any
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from palpate.contact import Contact, VelocityFilter
-from palpate.errors import InvalidParameterError, RecordingError
+from palpate.errors import InvalidParameterError
 from palpate.findings import Check, Finding
 from palpate.preparation.clocks import Signals, measurable, settle_stamps
 from palpate.preparation.delay import in_step
 from palpate.preparation.held import held_channels
 from palpate.preparation.load_transfer import exclude_load_transfer
+from palpate.preparation.prepared import Place, Prepared
 from palpate.preparation.roles import Columns, Roles
-from palpate.preparation.settings import Normal, Preparation
+from palpate.preparation.settings import Preparation
 from palpate.preparation.surfaces import (
-    Surface,
     add,
     baseline_between,
     baseline_of,
@@ -31,91 +30,11 @@ from palpate.preparation.velocity import velocities_of
 from palpate.recordings import Recording
 from palpate.recordings.recording import UNITS, size_of
 from palpate.stages import stage
-from palpate.validation import Floats
 from palpate.validation import signals as checked_signals
 
 _LOGGER = logging.getLogger(__name__)
-
 # m. The estimator's own search finds a surface nearer than this to zero without help.
 SEARCHED = 2e-3
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Place:
-    """One place on the material, and when the probe was there.
-
-    Attributes
-    ----------
-    start, stop : float
-        Time interval, s.
-    position : numpy.ndarray, shape (3,)
-        Median position of the probe, m, in the frame of the recording.
-    normal : Normal or None
-        Contact normal; None if the position is along one axis.
-    surface : Surface
-        Surface along that normal.
-    """
-
-    start: float
-    stop: float
-    position: Floats
-    normal: Normal | None
-    surface: Surface
-
-    def as_dict(self) -> dict[str, Any]:
-        """Return the place as JSON types."""
-        return {
-            "position": self.position.tolist(),
-            "normal": None if self.normal is None else self.normal.vector.tolist(),
-            "surface": self.surface.position,
-            "surface_deviation": self.surface.deviation,
-        }
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Prepared:
-    """How a contact was made from a recording.
-
-    Attributes
-    ----------
-    recording : Recording
-        The channels as they were recorded.
-    settings : Preparation
-        The requested settings.
-    zero : numpy.ndarray, optional
-        The subtracted mean force offset, N: one number, or three in the axes of the sensor.
-    drift : float
-        Change of the force offset over the recording, N.
-    normal : Normal, optional
-        Contact normal of the whole recording, if the probe moves in space.
-    surface : Surface, optional
-        The surface found, in the penetration of the recording or along the normal.
-    places : tuple of Place
-        For a travelling probe, the place of each segment of the contact.
-    way : callable, optional
-        The function that makes the contact from the recording and the settings.
-    """
-
-    recording: Recording
-    settings: Preparation
-    zero: Floats | None = None
-    drift: float = 0.0
-    normal: Normal | None = None
-    surface: Surface | None = None
-    places: tuple[Place, ...] = ()
-    way: Callable[[Recording, Preparation], Contact] | None = field(default=None, repr=False)
-
-    def again(self) -> Contact:
-        """Make the contact again, bit for bit the same.
-
-        Raises
-        ------
-        RecordingError
-            The contact was made from arrays, not from a recording.
-        """
-        if self.way is None:
-            raise RecordingError("this contact was made from arrays and has no recording")
-        return self.way(self.recording, self.settings)
 
 
 def along_penetration(
@@ -287,8 +206,6 @@ def _surface_found(contact: Contact, done: Prepared) -> tuple[Contact, Prepared]
     )
     return counted, replace(done, surface=found)
 
-
-# The contacts of a travelling probe, one at each place.
 
 OF_THE_WHOLE = (Check.EPISODES, Check.SURFACE, Check.ORIENTATION)
 

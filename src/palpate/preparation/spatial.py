@@ -12,14 +12,11 @@ from palpate.contact import Contact, VelocityFilter, between, slices_of
 from palpate.digits import with_error
 from palpate.errors import RecordingError
 from palpate.findings import Check, Finding, Mark
-from palpate.preparation.along_penetration import (
-    Place,
-    Prepared,
-    describe_filter,
-)
+from palpate.preparation.along_penetration import describe_filter
 from palpate.preparation.clocks import Signals
 from palpate.preparation.delay import in_step
 from palpate.preparation.held import held_channels
+from palpate.preparation.prepared import Place, Prepared
 from palpate.preparation.resolution import noise_of
 from palpate.preparation.roles import Roles
 from palpate.preparation.settings import (

@@ -16,7 +16,7 @@ from palpate._core import __version__
 from palpate.errors import InvalidParameterError, MissingExtraError
 from palpate.identification.identified import Identified
 from palpate.quantities.derived import band_of
-from palpate.recordings.opening import has_parquet, write_columns
+from palpate.recordings.table_files import has_parquet, write_columns
 from palpate.reports import html
 from palpate.reports.html import DRAWINGS, GENERATOR, REPORT_STYLE, STYLE, drawing
 from palpate.results import view
