@@ -4,7 +4,6 @@ import csv
 import io
 import warnings
 import zipfile
-from collections import Counter
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
@@ -19,12 +18,7 @@ from openpyxl import load_workbook
 from palpate.errors import RecordingError, listed
 from palpate.recordings.opening import TEXT, Draft, Request, excess, first_line
 from palpate.recordings.recording import (
-    KNOWN,
-    OTHER_UNITS,
-    WEIGHTS,
     Recording,
-    number_in_text,
-    plain_unit,
     printable,
 )
 from palpate.recordings.times import SECONDS, clock_rank
@@ -63,14 +57,16 @@ def read(path: Path, request: Request) -> Recording:
         for name in _chosen_sheets([sheet.title for sheet in book.worksheets], draft):
             with _damage_explained(draft):
                 rows = _rows_of(book[name], draft)
-            begin, end = _table_in(rows)
-            table = _parsed(rows[:begin], rows[begin:end], draft) if end else Recording({})
+            table = _parsed(rows, draft) if any(map(any, rows)) else Recording({})
             filled = {n: values for n, values in table.channels.items() if _is_filled(values)}
-            if end:
+            numbers = [n for n, values in filled.items() if values.dtype != object]
+            if set(numbers) <= {"segment"}:  # a sheet of text, whose first row may come again
+                filled = {}
+            if filled:
                 tables[name] = replace(table, channels=filled)
             else:
                 draft.omit(f"sheet {name!r}", _NO_TABLE)
-            if not end or len(filled) < len(table.channels):
+            if len(filled) < len(table.channels):
                 with _damage_explained(draft):
                     if _has_formulas(file, name):
                         draft.lose(f"sheet {name!r}", _FORMULAS)
@@ -126,70 +122,25 @@ def _rows_of(sheet: Any, draft: Draft) -> list[_Row]:
     return rows
 
 
-def _table_in(rows: Sequence[_Row]) -> tuple[int, int]:
-    """Return the indices of the first sample and of the table's end; 0, 0 without a table.
+def _parsed(rows: Sequence[_Row], draft: Draft) -> Recording:
+    """Parse the table in a sheet with the text reader; no channels without a table.
 
-    The table is the longest run of rows with numbers in the columns that most often have some.
+    Raises
+    ------
+    RecordingError
+        The table has no header, or another defect that the text reader refuses.
     """
-    same: dict[frozenset[int], frozenset[int]] = {}  # one more set per row would take 200 bytes
-    numbers = []
-    for row in rows:
-        places = frozenset(k for k, cell in enumerate(row) if _is_number(cell))
-        numbers.append(same.setdefault(places, places))
-    counts = Counter(places for places in numbers if len(places) > 1)
-    if not counts:
-        return 0, 0
-    columns = max(counts, key=lambda places: counts[places] * len(places))
-    begin = end = start = 0
-    for k, places in enumerate([*numbers, frozenset[int]()]):
-        if not columns <= places:
-            begin, end = (start, k) if k - start > end - begin else (begin, end)
-            start = k + 1
-    # A blank row ends the table; a cell without a number does not.
-    while begin and 2 * len(numbers[begin - 1] & columns) >= len(columns):
-        begin -= 1
-    while end < len(rows) and any(cell is not None for cell in rows[end]):
-        end += 1
-    return begin, end
-
-
-def _is_number(cell: Any) -> bool:
-    """Whether a cell holds a number, or one that was pasted as text."""
-    try:
-        return type(cell) in (int, float) or number_in_text(cell.replace(",", ".")) is not None
-    except (AttributeError, TypeError, ValueError):
-        return False
-
-
-def _parsed(above: Sequence[_Row], body: Sequence[_Row], draft: Draft) -> Recording:
-    """Parse a table with the text reader, with the rows above as notes and the same row numbers."""
     text = io.StringIO()
     lines = csv.writer(text, delimiter="\t", lineterminator="\n")
-    names, width = _header_rows(above), max(map(len, body))
-    for k, row in enumerate(above):
-        cells = [" ".join(_words(cell).split()) for cell in row]
-        filled = [cell for cell in cells if cell]
-        if k in names:
-            lines.writerow([*cells, *[""] * width][:width])
-        elif len(filled) > 1:
-            text.write(f"# {filled[0].rstrip(':')}: {' '.join(filled[1:])}\n")
-        else:
-            text.write("\n")
-    lines.writerows([_words(cell) for cell in row] for row in body)
+    width = max((len(row) for row in rows), default=0)
+    for row in rows:
+        cells = [_words(cell) for cell in row]
+        lines.writerow([*cells, *[""] * width][:width] if any(cells) else [])
     with temporary_file("sheet.tsv", [text.getvalue().encode()]) as copy:
         try:
             return TEXT.read(copy, replace(draft.request, channels=None, progress=None))
         except RecordingError as error:
             raise RecordingError(str(error).replace(printable(copy), draft.source)) from None
-
-
-def _header_rows(above: Sequence[_Row]) -> list[int]:
-    """The places of the row of names, and of the row of units below it if there is one."""
-    words = [[cell for cell in row if cell is not None] for row in above]
-    filled = [k for k, row in enumerate(words) if len(row) > 1 and set(map(type, row)) == {str}]
-    cells = [plain_unit(cell) for k in filled[-1:] for cell in words[k]]
-    known = sum(cell in KNOWN or cell in OTHER_UNITS or cell in WEIGHTS for cell in cells)
-    return filled[-2:] if 2 * known >= len(cells) else filled[-1:]
 
 
 def _words(cell: Any) -> str:
