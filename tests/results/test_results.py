@@ -18,7 +18,7 @@ import pytest
 
 import palpate
 from palpate.errors import RecordingError
-from palpate.recordings import opening as tables
+from palpate.recordings import table_files
 from palpate.reports import identification
 
 EXAMPLES = Path(__file__).parents[2] / "examples" / "recordings"
@@ -223,7 +223,7 @@ def test_without_matplotlib_a_card_and_the_live_page_work_and_a_figure_names_its
 
 def test_a_table_has_an_ending_that_is_known(tmp_path):
     with pytest.raises(palpate.InvalidParameterError, match=r"\.parquet or \.csv"):
-        tables.write_columns({"a": np.zeros(3)}, tmp_path / "a.xlsx")
+        table_files.write_columns({"a": np.zeros(3)}, tmp_path / "a.xlsx")
 
 
 def test_the_representation_is_a_line_and_the_summary_a_page(ball):
