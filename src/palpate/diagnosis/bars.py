@@ -255,7 +255,7 @@ def check_precision(fit: Fit, at: WorkingDepth, systematic: SystematicErrors) ->
             # contacts with a sensor fault.
             mark, remedy = "with-care", IN_STEP
             step = format_quantity(systematic.skew, "s", digits=1)
-            reason = f"if force and position are in step to {step}: this law cannot tell"
+            reason = f"provided that force and position are in step to {step}, which no fit shows"
         marks: dict[str, Mark] = {name: mark}
         message = f"{sentence}, {reason}"
         findings.append(
