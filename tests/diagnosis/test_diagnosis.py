@@ -199,7 +199,7 @@ def test_a_fault_of_the_data_is_found_by_its_check_and_by_no_other(name):
 
 
 # A force that is reversed throughout is refused: tests/cli/test_diagnose_command.py.
-@pytest.mark.parametrize("name", sorted(MAY_CAP & {*INPUTS, *CAUSES} - {"time unit", "signs"}))
+@pytest.mark.parametrize("name", sorted(MAY_CAP & {*INPUTS, *CAUSES} - {"signs"}))
 def test_what_no_bar_can_hold_caps_the_marks(name):
     diagnosis = palpate.diagnose({**INPUTS, **CAUSES}[name])
     verdict = diagnosis.verdict
@@ -415,9 +415,9 @@ def test_millimetres_and_millinewtons_under_a_name_in_si_are_not_trusted(fault):
     assert found.findings[0].check == f"{fault} unit"
 
 
-def test_slow_samples_are_a_note_where_position_and_force_are_plausible():
+def test_slow_samples_leave_the_damping_open_where_position_and_force_are_plausible():
     [slow] = [f for f in Data(faults.scaled(time=1e3)).findings if f.check == "time unit"]
-    assert (slow.severity, slow.stiffness, slow.damping) == ("note", "trust", "trust")
+    assert (slow.stiffness, slow.damping) == ("trust", "do-not-trust")
     assert slow.remedy == "run again with --unit time=ms, or with --unit time=s if it is right"
     both = Data(faults.scaled(time=1e3, force=1e3)).findings
     assert {f.check: f.severity for f in both}["time unit"] == "do-not-trust"

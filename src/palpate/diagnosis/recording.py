@@ -366,14 +366,17 @@ def check_force_unit(data: Data) -> Finding | None:
 
 
 def check_time_unit(data: Data) -> Finding | None:
-    """Median step > 0.2 s; only a note if position and force are plausible (slow recording)."""
+    """Median step > 0.2 s: the velocity, and with it the damping, may be 1000 times too small.
+
+    The stiffness does not depend on the unit of time, unless another unit is suspected too.
+    """
     contact = data.contact
     if data.sample_time <= SLOWEST or "time" in contact.stated_units or contact.timeless:
         return None
     words = f"there is a sample every {rounded(data.sample_time, 3)} s: the times may be in "
     explanation = f"{words}milliseconds", _unit_remedy("time", "ms", "s")
     if check_penetration_unit(data) is None and check_force_unit(data) is None:
-        return Check.TIME_UNIT.finding(*explanation)
+        return Check.TIME_UNIT.finding(*explanation, damping="do-not-trust")
     return Check.TIME_UNIT.finding(*explanation, mark="do-not-trust")
 
 
