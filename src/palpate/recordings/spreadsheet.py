@@ -59,9 +59,8 @@ def read(path: Path, request: Request) -> Recording:
                 rows = _rows_of(book[name], draft)
             table = _parsed(rows, draft) if any(map(any, rows)) else Recording({})
             filled = {n: values for n, values in table.channels.items() if _is_filled(values)}
-            numbers = [n for n, values in filled.items() if values.dtype != object]
-            if set(numbers) <= {"segment"}:  # a sheet of text, whose first row may come again
-                filled = {}
+            if all(values.dtype == object for values in filled.values()):
+                filled = {}  # a sheet of text
             if filled:
                 tables[name] = replace(table, channels=filled)
             else:

@@ -667,7 +667,8 @@ class _Table:
         for name in [each for each in channels if not self.request.wants(each)]:
             del channels[name]
             units.pop(name, None)
-        if len(self.begins) > 1 and "segment" not in channels:
+        has_numbers = any(values.dtype != object for values in channels.values())
+        if len(self.begins) > 1 and has_numbers and "segment" not in channels:
             ends = [*self.begins[1:], len(self.rows)]
             parts = (self.rows[a:b] for a, b in zip(self.begins, ends, strict=True))
             lengths = [sum(map(len, part)) for part in parts]
