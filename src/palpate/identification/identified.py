@@ -45,7 +45,6 @@ from palpate.estimators.estimate import (
 )
 from palpate.estimators.law_verdicts import Candidate
 from palpate.estimators.oscillation import Oscillation
-from palpate.estimators.variable_projection import constrained
 from palpate.findings import Check, Finding
 from palpate.force_laws import steps_over_breaks
 from palpate.identification.estimate_checks import check_estimate
@@ -57,7 +56,7 @@ from palpate.identification.replaying import (
     replay,
     resolve_estimator,
 )
-from palpate.identification.weak_prior import prior_finding
+from palpate.identification.weak_prior import weak_prior
 from palpate.preparation.along_penetration import at_places
 from palpate.preparation.gates import choose_gate
 from palpate.preparation.prepared import Place
@@ -213,15 +212,11 @@ class Identified:
 
     def _apply_weak_prior(self) -> Self:
         """Return it with an estimate under the weak prior, if its own violates the prior."""
-        own, settings = self.estimator.estimate(), self.estimator.settings
-        given = ("exponent", "forgetting", "change_detector", "surface")
-        if not self.depths or any(settings[name] is not None for name in given):
+        answer = weak_prior(self.contact, self.trace, self.estimator, next(iter(self.depths), None))
+        if answer is None:
             return self
-        bounded = constrained(self.contact, self.trace, own)
-        if bounded is None:
-            return self
-        found = [prior_finding(own, bounded, self.depths[0])]
-        findings = findings_without_time(found) if self.contact.timeless else found
+        bounded, finding = answer
+        findings = findings_without_time([finding]) if self.contact.timeless else (finding,)
         return replace(self, bounded=bounded, findings=(*self.findings, *findings))
 
     @cached_property

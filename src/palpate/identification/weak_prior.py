@@ -2,24 +2,57 @@
 
 import math
 
+from palpate.contact import Contact
 from palpate.diagnosis.causes import CARE
-from palpate.estimators.estimate import Estimate
-from palpate.estimators.variable_projection import EXPONENTS
+from palpate.estimators import ContactEstimator
+from palpate.estimators.estimate import Estimate, Trace
+from palpate.estimators.variable_projection import EXPONENTS, constrained
 from palpate.findings import Check, Finding, Mark
+from palpate.force_laws import HuntCrossley
 
 # Relative change of the stiffness above which the estimate is not trusted; chosen by judgement.
 STOP = 0.20
+#: Settings that determine what the prior would.
+EXCLUDING = ("exponent", "forgetting", "change_detector", "surface")
 
 
-def prior_finding(own: Estimate, bounded: Estimate, depth: float) -> Finding:
+def weak_prior(
+    contact: Contact, trace: Trace, estimator: ContactEstimator, depth: float | None
+) -> tuple[Estimate, Finding] | None:
+    """Return the least squares with B ≥ 0 and 1 ≤ n ≤ 2, and its finding; None if not needed.
+
+    It is needed if the probe moves one way at nearly one speed, and the estimate violates the
+    prior.
+
+    Parameters
+    ----------
+    contact : Contact
+        The samples.
+    trace : Trace
+        Which of them were taken.
+    estimator : ContactEstimator
+        The estimator after all samples.
+    depth : float or None
+        The working depth, m.
+    """
+    if depth is None or any(estimator.settings[name] is not None for name in EXCLUDING):
+        return None
+    least_squares = estimator.estimate()
+    bounded = constrained(contact, trace, least_squares)
+    if bounded is None:
+        return None
+    return bounded, _finding(least_squares.law, bounded.law, depth)
+
+
+def _finding(least_squares: HuntCrossley, bounded: HuntCrossley, depth: float) -> Finding:
     """Report that the estimate uses the weak prior, and the least squares without it."""
-    moved = bounded.law.stiffness_at(depth) / own.law.stiffness_at(depth) - 1.0
-    sign = "negative" if own.law.damping < 0.0 else "positive"
+    moved = float(bounded.stiffness_at(depth) / least_squares.stiffness_at(depth)) - 1.0
+    sign = "negative" if least_squares.damping < 0.0 else "positive"
     mark: Mark = "trust" if abs(moved) <= CARE else "with-care"
     return Check.WEAK_PRIOR.finding(
         "the probe moves one way at nearly one speed, which leaves n and B open: the answer is the "
         f"least squares with B ≥ 0 and n from {EXPONENTS[0]:g} to {EXPONENTS[1]:g}; without this "
-        f"prior n is {own.law.exponent:.2f} and B {sign}",
+        f"prior n is {least_squares.exponent:.2f} and B {sign}",
         "press and release, at several speeds; without the prior: --no-weak-prior",
         stiffness="do-not-trust" if abs(moved) > STOP else mark,
         damping="do-not-trust",
