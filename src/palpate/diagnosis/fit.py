@@ -135,6 +135,7 @@ class Fit:
         data: Data,
         trace: Trace,
         estimate: Estimate,
+        *,
         depth: float | None = None,
         laws: ModelSelection | None = None,
         method: str = "variable-projection",
@@ -200,11 +201,23 @@ class Fit:
         Only a relaxing law is fitted again: its equivalent law holds at one depth.
         """
         if self._given[2].law.relaxes:
-            by_law = self.response, self.frequency, self._force
-            return Fit(*self._given, depth, self.laws, self.method, *by_law)
+            return Fit(
+                *self._given,
+                depth=depth,
+                laws=self.laws,
+                method=self.method,
+                response=self.response,
+                frequency=self.frequency,
+                force=self._force,
+            )
         other = copy(self)
         other.depth = depth
         return other
+
+    def by_equivalent_law(self) -> "Fit":
+        """Return the fit of the equivalent Hunt–Crossley law to the force as recorded."""
+        data, trace, _ = self._given
+        return Fit(data, trace, self.estimate, depth=self.depth)
 
     @property
     def identified_law(self) -> ForceLaw:

@@ -292,8 +292,7 @@ def check_behind_relaxation(fit: Fit) -> list[Finding]:
     The Hunt–Crossley law is fitted to the same samples. With adhesion its residual is about as
     small as the residual of the selected law, with a change of the material far smaller.
     """
-    data, trace, _ = fit._given
-    plain, energy = Fit(data, trace, fit.estimate, fit.depth), fit.solution.energy
+    plain, energy = fit.by_equivalent_law(), fit.solution.energy
     causes = []
     if largest_pull(plain) > 0.0:
         pulls = (

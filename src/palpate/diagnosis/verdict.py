@@ -129,7 +129,14 @@ def diagnose_parts(
     """
     with np.errstate(all="ignore"):  # a column of an absurd fit may overflow and is then skipped
         fit = Fit(
-            data, trace, estimate, depths[0] if depths else None, laws, method, response, frequency
+            data,
+            trace,
+            estimate,
+            depth=depths[0] if depths else None,
+            laws=laws,
+            method=method,
+            response=response,
+            frequency=frequency,
         )
         others = depths[1:] if depths else fit.deep_depths
         try:
