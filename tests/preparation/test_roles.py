@@ -15,7 +15,8 @@ import palpate
 from palpate import MissingChannelError, Recording, RecordingError, prepare
 from palpate.preparation import Columns
 from palpate.preparation.clocks import gaps, rows_of, signals_of
-from palpate.preparation.roles import roles_of, vectors_of
+from palpate.preparation.roles import roles_of
+from palpate.preparation.vectors import vectors_of
 
 SPACE = {"position": ("px_m", "py_m", "pz_m"), "force": ("fx_N", "fy_N", "fz_N")}
 

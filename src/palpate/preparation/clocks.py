@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from palpate.contact import SHORTEST_STEP, numbered, slices_of
 from palpate.errors import InvalidParameterError, RecordingError
 from palpate.findings import Check, Finding
-from palpate.preparation.roles import Roles, is_raw
+from palpate.preparation.channel_kinds import is_raw
+from palpate.preparation.roles import Roles
 from palpate.recordings import Recording
 from palpate.recordings.poses import align_signs, covered
 from palpate.recordings.recording import GRAVITY, UNITS, UNSTATED, WEIGHTS, size_of
@@ -226,13 +227,15 @@ def _arrivals(time: "Times", columns: Sequence[NDArray[Any]]) -> "Times | None":
     alike = np.abs(sizes - size) <= 0.5 * size
     if not 2.0 <= size <= LARGEST_PACKET or np.mean(alike) < OF_ONE_SIZE:
         return None
-    by_count, by_stamps = 1.0 / size, pause / (pause + (size - 1.0) * usual)
+    # The share of the motion in the pauses: 1/size in packets, the share of time in bursts. The
+    # border is their geometric mean; a channel of noise alone has a share near 0.
+    in_packets, in_bursts = 1.0 / size, pause / (pause + (size - 1.0) * usual)
+    border = math.sqrt(in_packets * in_bursts)
     shares = [_share_of_pauses(values, last) for column in columns for values in _moving(column)]
-    evenly = [0.5 * by_count < share < math.sqrt(by_count * by_stamps) for share in shares]
-    if not any(evenly) or any(share >= math.sqrt(by_count * by_stamps) for share in shares):
+    if max(shares, default=0.0) >= border or max(shares, default=0.0) <= 0.5 * in_packets:
         return None
-    own = np.searchsorted(last, np.arange(time.size))
-    arrivals: Times = time[np.append(last, time.size - 1)[own]]
+    packet = np.searchsorted(last, np.arange(time.size))
+    arrivals: Times = time[np.append(last, time.size - 1)[packet]]
     return arrivals
 
 

@@ -15,8 +15,9 @@ from palpate.contact import Contact, VelocityFilter
 from palpate.errors import InvalidParameterError
 from palpate.findings import Check, Finding
 from palpate.preparation.along_penetration import along_penetration, contact_of_arrays
+from palpate.preparation.channel_kinds import is_wanted
 from palpate.preparation.clocks import signals_of
-from palpate.preparation.roles import Columns, Roles, contact_groups, is_wanted, roles_of
+from palpate.preparation.roles import Columns, Roles, contact_groups, roles_of
 from palpate.preparation.settings import ForceFrame, Preparation
 from palpate.preparation.spatial import along_normal
 from palpate.preparation.surfaces import RADIUS, SurfaceRule

@@ -2,271 +2,26 @@
 
 import re
 import shlex
-import unicodedata
-from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 
 from palpate.errors import MissingChannelError, RecordingError, listed
 from palpate.findings import Check, Finding
+from palpate.preparation.channel_kinds import (
+    _OF_UNIT,
+    JOINTS,
+    SLIDES,
+    TIP,
+    divide_unit,
+    is_wanted,
+    kind_of,
+    split_name,
+)
+from palpate.preparation.vectors import COUNTED, ONE_OF_MANY, Vector, flattened_arrays, vectors_of
 from palpate.recordings import Recording
 from palpate.recordings.opening import within
-from palpate.recordings.poses import (
-    IN_BASE,
-    Step,
-    Transforms,
-    chain_in_use,
-    frames_in,
-    state_poses,
-)
-from palpate.recordings.recording import (
-    OTHER_UNITS,
-    UNITS,
-    holds_numbers,
-    plain_unit,
-    size_of,
-    stated_unit,
-)
-
-_INDEX = re.compile(r"^(.*)\[(\d+)\]$")
-_LETTERS = ("xyzw", "xyz")
-_QUATERNIONS = ("0123", "1234")
-# Arrays of two vectors: force and torque, or position and quaternion.
-_PAIRED = {"012345": (3, 6), "0123456": (3, 7)}
-_ARRAYS = {"012": (3, 3), **_PAIRED}
-# A column such as ``position_0``, from an array written as columns.
-_FLATTENED = re.compile(r"(.*[^\d\s_.])[_.]?(\d)")
-# Numbers in a name with one of these words count objects or repetitions, not axes of a vector.
-COUNTED = frozenset(
-    plural
-    for word in ("run", "trial", "test", "cell", "sensor", "marker", "finger", "repeat")
-    for plural in (word, f"{word}s")
-)
-# ``ft_sensor[0]`` and ``load_cell[0]`` are the axes of one sensor, ``load_cells[0]`` is a sensor.
-_ONE_OF_MANY = COUNTED - {"cell", "sensor", "marker", "finger"}
-
-
-@dataclass(frozen=True, slots=True)
-class Vector:
-    """Channels that are the components of one vector.
-
-    Attributes
-    ----------
-    stem : str
-        The common part of their names: ``/ft.wrench.force`` of ``/ft.wrench.force.x``, ``f*_N``
-        of ``fx_N``.
-    components : tuple of str
-        The channels, in the order x, y, z (w) or of their numbers.
-    second : bool
-        Whether it is the second vector in an array of six or seven: a torque or a quaternion.
-    """
-
-    stem: str
-    components: tuple[str, ...]
-    second: bool = False
-
-    def __len__(self) -> int:
-        return len(self.components)
-
-
-def vectors_of(names: Iterable[str]) -> list[Vector]:
-    """Find vectors of three or four components, in order of first appearance.
-
-    ``force.x``, ``force.y``, ``force.z``; ``pos[0]``, ``pos[1]``, ``pos[2]``; ``fx_N``, ``fy_N``,
-    ``fz_N``; ``q0`` to ``q3``. A ``.w`` makes it a quaternion; six or seven elements of an array
-    are two vectors. Other numbers in names count runs or sensors as often as axes.
-    """
-    families: dict[str, dict[str, str]] = defaultdict(dict)
-    for name in names:
-        for stem, place in _places(name):
-            families[stem].setdefault(place, name)
-    found: list[Vector] = []
-    taken: set[str] = set()
-    for stem, places in families.items():
-        for vector in _vectors(stem, places):
-            if taken.isdisjoint(vector.components):
-                found.append(vector)
-                taken.update(vector.components)
-    return found
-
-
-def flattened_arrays(names: Iterable[str]) -> list[Vector]:
-    """Find consecutive columns ``name_0``, ``name_1`` … that may be an array written as columns."""
-    families: dict[str, list[tuple[int, int, str]]] = defaultdict(list)
-    for place, name in enumerate(names):
-        bare, _ = divide_unit(name)
-        if (parts := _FLATTENED.fullmatch(bare)) and COUNTED.isdisjoint(split_name(bare)):
-            families[parts[1]].append((place, int(parts[2]), name))
-    arrays: list[Vector] = []
-    for stem, columns in families.items():
-        places, numbers, components = zip(*columns, strict=True)
-        consecutive = places == tuple(range(places[0], places[0] + len(places)))
-        order = "".join(map(str, numbers))
-        if consecutive and order in _ARRAYS:
-            arrays += _divide_array(stem, components, *_ARRAYS[order])
-    return arrays
-
-
-def _places(name: str) -> Iterable[tuple[str, str]]:
-    """Each way to read a name as a component: the common part, and the letter or number."""
-    if (indexed := _INDEX.match(name)) is not None:
-        if split_name(re.split(r"[/.]", indexed[1])[-1])[-1:] not in [[w] for w in _ONE_OF_MANY]:
-            yield f"{indexed[1]}[]", indexed[2]
-        return
-    stem, dot, last = name.rpartition(".")
-    if dot and last.lower() in ("x", "y", "z", "w"):
-        yield stem, last.lower()
-        return
-    for k, sign in enumerate(name):
-        if sign.lower() in "wxyz" or sign.isdigit():
-            yield f"{name[:k]}*{name[k + 1 :]}", sign.lower()
-
-
-def _vectors(stem: str, places: dict[str, str]) -> Iterable[Vector]:
-    for order in _LETTERS:
-        if all(place in places for place in order):
-            yield Vector(stem, tuple(places[place] for place in order))
-            return
-    # Numbered channels must be complete: three of ten numbered columns are not a vector.
-    order = "".join(sorted(places))
-    components = tuple(places[place] for place in sorted(places))
-    if stem.endswith("[]") and order in _ARRAYS:
-        yield from _divide_array(stem.removesuffix("[]"), components, *_ARRAYS[order])
-    elif order in _QUATERNIONS:
-        yield Vector(stem.removesuffix("[]"), components)
-
-
-def _divide_array(
-    stem: str, components: tuple[str, ...], first: int, last: int
-) -> Iterable[Vector]:
-    yield Vector(stem, components[:first])
-    if last > first:
-        yield Vector(stem, components[first:last], second=True)
-
-
-# The quantity of a channel, from the unit and the words of the name.
-
-# Words for the quantity of a channel without a unit, also in German, Spanish, French and Italian,
-# without accents. The last such word of a name counts: "/tool.wrench.torque" is a torque.
-WORDS: dict[str, tuple[str, ...]] = {
-    "time": (
-        "time", "t", "stamp", "timestamp", "seconds", "sec", "zeit", "uhrzeit", "tiempo", "temps",
-        "tempo",
-    ),
-    "force": (
-        "force", "forces", "wrench", "load", "ft", "f", "fx", "fy", "fz", "fn", "fts", "kraft",
-        "fuerza", "forza",
-    ),
-    "torque": ("torque", "torques", "moment", "tau", "mx", "my", "mz", "tx", "ty", "tz"),
-    "penetration": (
-        "penetration", "indentation", "depth", "deformation", "compression", "eindringtiefe",
-        "tiefe", "profundidad", "profondeur", "profondita", "h",  # as in ISO 14577
-    ),
-    "position": (
-        "position", "positions", "pos", "p", "x", "y", "z", "px", "py", "pz", "s", "pose", "tip",
-        "tcp", "ee", "translation", "displacement", "disp", "height", "location", "stroke",
-        "extension", "crosshead", "weg", "verschiebung", "posicion", "desplazamiento",
-        "deplacement", "posizione", "spostamento",
-    ),
-    "velocity": ("velocity", "vel", "speed", "v", "vx", "vy", "vz", "linear", "xd"),
-    "orientation": ("orientation", "quaternion", "quat", "q", "rotation", "rot"),
-    "acceleration": (
-        "acceleration", "accelerations", "accelerometer", "accel", "acc", "ax", "ay", "az",
-        "beschleunigung", "aceleracion", "accelerazione",
-    ),
-    "angle": ("angle", "angles", "angular", "joint", "joints", "revolute", "gyro", "gyroscope"),
-    "stress": ("stress", "spannung", "pressure"),
-    "strain": ("strain", "dehnung"),
-    "nothing": (
-        "covariance", "effort", "current", "voltage", "temperature", "magnetometer", "static",
-    ),
-}  # fmt: skip
-# The strongest words of a name count: "force_z", "f_tcp" and "force_t" are forces.
-_WEAK = {
-    "h": -1,
-    **dict.fromkeys("xyzst", 0),
-    **dict.fromkeys(("tip", "tcp", "ee"), 1),
-    **dict.fromkeys((*"fpqv", "vx", "vy", "vz"), 2),
-}
-# "joint_position", "angular_velocity" and "tf_static" are no position and no velocity.
-_DOMINANT = frozenset(
-    (*WORDS["angle"], "acceleration", "accelerations", "accel", "covariance", "static")
-)
-_JOINTS = "sensor_msgs/msg/JointState"
-# A joint that slides has a position in metres.
-_SLIDES = frozenset(("prismatic", "slide", "slider", "rail", "linear"))
-_KIND = {word: kind for kind, words in WORDS.items() for word in words}
-#: Words for commanded, not measured, channels.
-WANTED = frozenset(
-    ("command", "commands", "commanded", "cmd", "desired", "des", "target", "targets", "setpoint",
-     "reference", "ref", "goal", "goals", "action", "actions", "planned", "demand", "demanded")
-)  # fmt: skip
-# libfranka's names of desired and commanded values.
-_DESIRED = re.compile(r"O_d?d?[TP]_EE_[cd](?![^\W\d_])", re.I)
-TIP = frozenset(("tip", "tcp", "probe"))
-_OF_UNIT = {
-    **dict.fromkeys(UNITS["time"], ("time",)),
-    **dict.fromkeys(UNITS["force"], ("force",)),
-    **dict.fromkeys(UNITS["penetration"], ("penetration", "position")),
-    **dict.fromkeys(UNITS["velocity"], ("velocity",)),
-    **dict.fromkeys(("Nm", "N·m", "N*m", "mNm"), ("torque",)),
-    **dict.fromkeys(("rad", "deg", "°"), ("angle",)),
-    **dict.fromkeys(("m/s²", "m/s^2", "m/s2"), ("acceleration",)),
-}
-#: Words for readings that nobody has converted to a quantity.
-_RAW = frozenset(("adc", "raw", "count", "counts", "ticks", "lsb"))
-_WORD = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|[^\W\d_]+")
-
-
-def kind_of(name: str, unit: str | None = None) -> str | None:
-    """Return the quantity of a channel: a key of ``WORDS``, or None if the name does not show it.
-
-    Parameters
-    ----------
-    name : str
-        Name of the channel, or the common part of the components of a vector.
-    unit : str, optional
-        Unit in the recording. Default: the unit at the end of the name.
-    """
-    unit = plain_unit(unit) if unit else stated_unit(name)
-    possible = _OF_UNIT.get(unit or "")
-    words = [word for word in split_name(name) if word in _KIND and word != unit]
-    kinds = [_KIND[word] for word in sorted(words, key=lambda word: _WEAK.get(word, 3))]
-    if possible is not None:
-        return next((kind for kind in reversed(kinds) if kind in possible), possible[-1])
-    kind = kinds[-1] if kinds else None
-    if kind in ("position", "velocity"):
-        return next((_KIND[word] for word in words if word in _DOMINANT), kind)
-    return kind
-
-
-def is_wanted(name: str) -> bool:
-    """Whether the name suggests a commanded, not a measured, channel."""
-    return not WANTED.isdisjoint(split_name(name)) or bool(_DESIRED.search(name))
-
-
-def is_raw(recording: Recording, name: str) -> bool:
-    """Whether the name of a channel without a unit suggests raw counts; messages are in SI."""
-    own = re.split(r"[/.]", name)[-1]
-    stated = recording.unit_of(name) or any(within(name, topic) for topic in recording.types)
-    return not stated and not _RAW.isdisjoint(split_name(own))
-
-
-def split_name(name: str) -> list[str]:
-    """The words of a name in lower case, without its unit and accents: ``Fz [mN]`` is fz."""
-    bare = unicodedata.normalize("NFKD", divide_unit(name)[0])
-    return [word.lower() for word in _WORD.findall(re.sub(r"[\u0300-\u036f]", "", bare))]
-
-
-def divide_unit(name: str) -> tuple[str, str | None]:
-    """The name without the unit at its end, and this unit."""
-    unit = stated_unit(name)
-    if unit is not None:
-        name = re.sub(rf"[\[(_/, ]*{re.escape(unit)}[\])\s]*$", "", name, flags=re.IGNORECASE)
-    return name, unit
-
-
-# Choosing the channels of a contact, with reasons.
+from palpate.recordings.poses import IN_BASE, Step, Transforms, chain_in_use, frames_in, state_poses
+from palpate.recordings.recording import OTHER_UNITS, UNITS, holds_numbers, size_of, stated_unit
 
 
 @dataclass(frozen=True, slots=True)
@@ -577,7 +332,7 @@ class _Choosing:
         if None in clocks or len(clocks) != len(names):
             own = [set(split_name(name.rpartition("/")[0])) for name in names]
             timed = any(self._kind(name) == "time" for name in self.recording.channels)
-            if timed or any(_ONE_OF_MANY.isdisjoint(each) for each in own):
+            if timed or any(ONE_OF_MANY.isdisjoint(each) for each in own):
                 return []
         of_depth, of_force = (_differing_groups([n[0] for n in each]) for each in (depths, forces))
         return of_depth if set(of_depth) == set(of_force) else []
@@ -863,7 +618,7 @@ class _Choosing:
         if name not in self.kinds:
             recording = self.recording
             kind = kind_of(name, recording.unit_of(name) or "-")
-            slides = not _SLIDES.isdisjoint(split_name(name))
+            slides = not SLIDES.isdisjoint(split_name(name))
             if kind in ("position", "velocity") and self._is_joint(name):
                 kind = "angle"
             kind = "position" if kind == "angle" and slides else kind
@@ -875,7 +630,7 @@ class _Choosing:
     def _is_joint(self, name: str) -> bool:
         """Whether a channel is one of ROS's joints."""
         types = self.recording.types
-        return any(types[each] == _JOINTS and within(name, each) for each in types)
+        return any(types[each] == JOINTS and within(name, each) for each in types)
 
     def _because(self, role: str, names: Sequence[str]) -> None:
         words = f"the only {role}{' in space' if len(names) == 3 else ''}"
