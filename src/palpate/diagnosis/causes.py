@@ -236,7 +236,7 @@ def assess_causes(
     """
     significant = [cause for cause in causes if cause.z > SIGNIFICANT]
     significant.sort(key=attrgetter("explained_fraction"), reverse=True)
-    undetected = _sum_undetected(causes)
+    undetected = _largest_undetected(causes)
     if not significant:
         return CauseAssessment([], undetected=undetected)
     leading = _leading_cause(significant, unexplained)
@@ -258,7 +258,7 @@ def assess_causes(
     return CauseAssessment(findings, tuple(counted), undetected)
 
 
-def _sum_undetected(causes: list[MisfitHypothesis]) -> tuple[float, float]:
+def _largest_undetected(causes: list[MisfitHypothesis]) -> tuple[float, float]:
     """Return the relative change that friction or a skew may cause without being significant.
 
     Each counts with its estimate, or with two standard errors if that is larger. Changes of at most

@@ -23,8 +23,8 @@ from palpate.validation import Floats
 AS_WELL = 1.05
 # Multiples of ε, the rms of the residual's correlated part over the peak force. For a law with
 # relaxation 2 covers 95 % of K′ and B′ (benchmarks.laws). A law without memory absorbs more of a
-# sensor fault in n and B, and has a smaller residual: 4 covers 94 and 92 %
-# (benchmarks.diagnosis.mix), 2 covers 91 %.
+# sensor fault in n and B, and has a smaller residual: 4 covers 93 and 92 %, 2 covers 91 %
+# (benchmarks.diagnosis.mix, --first 0 to 3000).
 MISFIT, MISFIT_PLAIN = 2.0, 4.0
 FEWEST_BLOCKS = 10
 # The force is late if a damper of free sign is below this, in standard errors. It flagged 2 of 213

@@ -1,4 +1,4 @@
-"""What the preparation of a contact found: its places, and the recording behind them."""
+"""Results of the preparation of a contact: its places, and the recording behind them."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field

@@ -102,7 +102,7 @@ def page(
     prepared = [view.preparation_section([result], whole=True)]
     prepared.append(view.ViewSection("Source of each channel", [], ("channel", ""), [*made]))
     methods = view.comparison_sections(others) if others else ()
-    # Of a probe that travels the verdict of each place counts, not that of all places as one.
+    # If the probe travels, the verdict of each place counts, not one verdict for all places.
     travels = any(part.place is not None for part in result.segments)
     each = view.segment_table(result, whole=True)
     values, beside = (each, numbers) if travels else (numbers, each)
