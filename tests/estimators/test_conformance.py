@@ -4,7 +4,7 @@ import pytest
 
 import palpate
 from palpate import Status
-from palpate.estimators.conformance import CHECKS, check, variants
+from conformance import CHECKS, check, variants
 
 
 @pytest.mark.parametrize("name", palpate.ESTIMATORS)
