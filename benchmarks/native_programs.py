@@ -22,7 +22,6 @@ class NativePrograms:
 
     replay: Path
     preparation: Path
-    sizes: Path
     empty_method: Any
     compiler: str
 
@@ -49,8 +48,8 @@ def native_programs() -> NativePrograms:
     if not modules:
         raise BuildError("the build made no empty_method module")
     compiler = (BUILD / "compiler.txt").read_text().strip()
-    replay, preparation, sizes = (BUILD / name for name in ("replay", "preparation", "sizes"))
-    return NativePrograms(replay, preparation, sizes, _loaded(modules[0]), compiler)
+    replay, preparation = (BUILD / name for name in ("replay", "preparation"))
+    return NativePrograms(replay, preparation, _loaded(modules[0]), compiler)
 
 
 def _output(command: list[str]) -> str:
