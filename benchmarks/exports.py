@@ -15,7 +15,6 @@ from rich.console import Console
 
 import palpate
 from benchmarks import machine, report
-from benchmarks.export_identification import measure_system_identification
 from benchmarks.export_laws import LAWS, MODULES, made, there, tip
 from benchmarks.export_round_trip import measure_round_trip
 from benchmarks.report import Limit, Row, Section
@@ -207,7 +206,6 @@ SECTIONS: tuple[Callable[[], Section], ...] = (
     measure_prediction,
     measure_round_trip,
     measure_time,
-    measure_system_identification,
 )
 
 
