@@ -1,7 +1,7 @@
-"""The delay until the force is right again after a change of the material, and false alarms."""
+"""The delay until the force is right again after a change of the material."""
 
 from dataclasses import dataclass, replace
-from functools import cache, partial
+from functools import partial
 
 import numpy as np
 
@@ -12,8 +12,6 @@ from benchmarks.accuracy.probing import (
     NOISE,
     PVC,
     Floats,
-    Sampled,
-    feed,
     noise,
     sines,
 )
@@ -38,7 +36,6 @@ CHANGES = {
     "inclusion → PVC": (INCLUSION, PVC),
     "PVC, 10 % stiffer": (PVC, STIFFER),
 }
-WATCHED = 600.0  # s
 # With the robot: from, to, and the limit of the overshoot.
 ROBOT = {
     "PVC → inclusion": (lab.PVC, lab.INCLUSION, Limit(15.0)),
@@ -78,7 +75,6 @@ def changes(campaign: Campaign) -> list[Group]:
         _recovery(runs, "b", "the model error has recovered for good", "model"),
         _overshoots(campaign),
         _exponents(campaign),
-        _false_alarms(campaign),
     ]
 
 
@@ -220,54 +216,3 @@ def _exponent_known(name: str, seed: int) -> float:
     trace = estimator.replay(x, v, true + noise(rng, len(x)))
     away = np.flatnonzero(np.abs(trace.parameters[at:, 2] - after.exponent) > 0.05)
     return float(away[-1] + 1 if away.size else 0)
-
-
-def _false_alarms(campaign: Campaign) -> Group:
-    lines = []
-    for name, function, limits in (
-        ("PVC", _alarms_in_class, (Limit(0.0),)),
-        ("Maxwell sponge, outside the class", _alarms_out_of_class, ()),
-    ):
-        counts = campaign.map(f"alarms, {name}", function, range(campaign.seeds))
-        total, hours = float(sum(counts)), len(counts) * WATCHED / 3600.0
-        lines.append(Line(name, (total,), limits, (total / hours / 6.0, float(max(counts)))))
-    law, branch = lab.RELAXING_SPONGE.law, lab.RELAXING_SPONGE.branch_stiffness
-    maxwell = (
-        f"K = {law.stiffness:g}, B = {law.damping:g}, n = {law.exponent:g} plus a Maxwell branch "
-        f"of {branch / law.stiffness:g} K and {lab.RELAXING_SPONGE.relaxation_time:g} s"
-    )
-    return Group(
-        "False alarms",
-        "The material does not change for 10 minutes of three sines, 0.05 N of noise, "
-        f"{campaign.seeds} seeds ({campaign.seeds * WATCHED / 3600.0:.0f} h); `ChangeDetector()`. "
-        f"The Maxwell sponge is {maxwell}.",
-        ("alarms",),
-        lines,
-        ("per 10 min", "most in one run"),
-        precision=".3g",
-    )
-
-
-def _alarms_in_class(seed: int) -> int:
-    motion = sines(WATCHED)
-    return _alarms(motion, PVC.force(motion.penetration, motion.velocity), seed)
-
-
-def _alarms_out_of_class(seed: int) -> int:
-    return _alarms(sines(WATCHED), _relaxing_force(), seed)
-
-
-@cache
-def _relaxing_force() -> Floats:
-    """The force of the lab's relaxing sponge, touched a microsecond before the first sample."""
-    motion = sines(WATCHED)
-    time = np.insert(motion.time, 0, -1e-6)
-    x, v = (np.insert(signal, 0, 0.0) for signal in (motion.penetration, motion.velocity))
-    return lab.RELAXING_SPONGE.force(time, np.zeros_like(time), x, v)[1:]
-
-
-def _alarms(motion: Sampled, force: Floats, seed: int) -> int:
-    estimator = VariableProjection(change_detector=ChangeDetector())
-    f = force + noise(np.random.default_rng(seed), len(force))
-    (estimate,) = feed(estimator, motion.penetration, motion.velocity, f, [len(f)])
-    return estimate.restarts
