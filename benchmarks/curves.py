@@ -4,28 +4,36 @@ Needs the ``develop`` extra. With one core: ``taskset -c 0 python -m benchmarks.
 """
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from time import thread_time
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
-from cyclopts import App, Parameter
-from rich.console import Console
+from numpy.typing import ArrayLike, NDArray
 from rich.progress import track
+from scipy.optimize import least_squares
 
-from benchmarks import machine, report
-from benchmarks.curve_reference import Reference, stated_cost
-from benchmarks.curve_sets import DEPTH, MOTIONS, Curves, approach_and_retract, random_curves
-from benchmarks.native_programs import BuildError, native_programs
-from benchmarks.report import Limit, Row, Section
-from palpate import SingleStageRLS, VariableProjection
+from benchmarks.common.report import (
+    Limit,
+    Row,
+    Section,
+    at_least,
+    describe_machine,
+    publish,
+    run_command,
+)
+from benchmarks.common.timing import compiler
+from palpate import InvalidParameterError, Scale, SingleStageRLS, VariableProjection, fit_curves
 from palpate.contact import Contact
-from palpate.estimators.batch_fit import CurveFits, fit_curves
+from palpate.estimators import batch_fit as core
+from palpate.estimators.batch_fit import CurveFits
 from palpate.preparation.gates import suggest_scale
-from palpate.writing import check_outputs, write_text
+from palpate.validation import Floats
 
-app = App(name="python -m benchmarks.curves", help_format="plaintext", version_flags=[])
+Motion = Callable[[Floats], tuple[Floats, Floats]]
 
+DEPTH, SPEED, PUSH = 10e-3, 20e-3, 2.0  # of a curve whose numbers are one, in SI
 SURFACES = (-0.2 * DEPTH, 0.2 * DEPTH)
 KNOWN: dict[str, Any] = {}
 UNKNOWN: dict[str, Any] = {"surface": "estimate", "surface_range": SURFACES}
@@ -34,13 +42,83 @@ LOW = "approach–retract, n 0.5 to 1"
 NANO = 1e9
 
 
-@app.default
-def main(
+@dataclass(frozen=True)
+class Curves:
+    """A set: arrays one row a curve, SI, and the truth by K, B, n, F₀, d."""
+
+    penetration: Floats
+    velocity: Floats
+    force: Floats
+    truth: Floats
+    noise: Floats
+
+    def __len__(self) -> int:
+        return len(self.force)
+
+
+def approach_and_retract(time: Floats) -> tuple[Floats, Floats]:
+    """One depth above the surface to one below it and back, at constant speed."""
+    return 1.0 - 2.0 * np.abs(2.0 * time - 1.0), np.where(time < 0.5, 1.0, -1.0)
+
+
+def palpation(time: Floats) -> tuple[Floats, Floats]:
+    """Two sines, which leave contact."""
+    slow, fast = 6.0 * np.pi, 14.6 * np.pi
+    depth = 0.45 + 0.4 * np.sin(slow * time) + 0.25 * np.sin(fast * time)
+    speed = 0.4 * slow * np.cos(slow * time) + 0.25 * fast * np.cos(fast * time)
+    return depth, speed / (0.4 * slow + 0.25 * fast)
+
+
+def one_way(time: Floats) -> tuple[Floats, Floats]:
+    """Going in, slower with depth: v = a − b x, which hardly distinguishes n from n + 1."""
+    rate = 3.0
+    fall = np.exp(-rate * time)
+    return 1.3 * (1.0 - fall) / (1.0 - np.exp(-rate)) - 0.3, fall
+
+
+MOTIONS: dict[str, Motion] = {
+    "approach–retract": approach_and_retract,
+    "palpation": palpation,
+    "one-way approach": one_way,
+}
+
+
+def random_curves(
+    motion: Motion,
+    count: int,
     *,
-    quick: Annotated[bool, Parameter(negative="")] = False,
-    curves: int = 400,
-    markdown: Path | None = None,
-) -> None:
+    samples: int = 1000,
+    surface: bool = False,
+    exponents: tuple[float, float] = (1.0, 2.5),
+    seed: int = 0,
+) -> Curves:
+    """Curves of laws n ~ ``exponents``, c/k in 0 to 0.4, noise 0.1 to 3 % of the peak force.
+
+    With ``surface`` the surface is within ±0.15 of the depth, else at 0.
+    """
+    chance = np.random.default_rng(seed)
+    depth, speed = motion((np.arange(samples) + 0.5) / samples)
+    exponent = chance.uniform(*exponents, count)
+    dissipation = chance.uniform(0.0, 0.4, count)
+    start = chance.uniform(-0.15, 0.15, count) if surface else np.zeros(count)
+    offset = 0.03 * chance.standard_normal(count)
+    noise = 10.0 ** chance.uniform(-3.0, np.log10(0.03), count)
+    # The surface shifts the coordinate; the motion through the material stays the same.
+    inside = np.maximum(depth, 0.0) ** exponent[:, None]
+    clean = inside * (1.0 + dissipation[:, None] * speed)
+    peak = clean.max(axis=1)
+    force = clean / peak[:, None] + offset[:, None]
+    force += noise[:, None] * chance.standard_normal((count, samples))
+    stiffness = PUSH / peak * DEPTH**-exponent
+    truth = np.stack(
+        [stiffness, stiffness * dissipation / SPEED, exponent, PUSH * offset, DEPTH * start], axis=1
+    )
+    penetration = DEPTH * (depth + start[:, None])
+    velocity = np.broadcast_to(SPEED * speed, penetration.shape).copy()
+    return Curves(penetration, velocity, PUSH * force, truth, PUSH * noise)
+
+
+def main(*, quick: bool = False, curves: int = 400, markdown: Path | None = None) -> None:
     """Measure, and print a table.
 
     Parameters
@@ -52,22 +130,9 @@ def main(
     markdown
         Write the tables to this file as Markdown.
     """
-    check_outputs([] if markdown is None else [markdown])
     count = 20 if quick else curves
-    try:
-        compiler = native_programs().compiler
-    except BuildError as error:
-        compiler = f"none ({error})"
-    where = machine.describe(compiler)
     sections = [measure_rates(count), measure_minima(count), measure_recursion(count)]
-    console = Console(highlight=False)
-    if not console.is_terminal:
-        console = Console(highlight=False, width=140)
-    report.print_sections(sections, where, console)
-    if markdown is not None:
-        write_text(
-            markdown, report.page("Fits of whole curves", "benchmarks.curves", sections, where)
-        )
+    publish(sections, describe_machine(compiler()), "Fits of whole curves", markdown)
 
 
 def measure_rates(count: int) -> Section:
@@ -178,7 +243,7 @@ def _update_seconds() -> float:
 
 def _rate(name: str, curves: Curves, settings: dict[str, Any], least: float | None) -> Row:
     rate = len(curves) / _seconds(lambda: _fit(curves, settings))
-    limit = None if least is None else Limit(least, at_least=True)
+    limit = None if least is None else at_least(least)
     return Row(name, rate, "curves/s", limit=limit)
 
 
@@ -223,5 +288,236 @@ def apart_from_the_recursion(curves: Curves, settings: dict[str, Any]) -> Any:
     return apart
 
 
+#: The role of a sample in a fit, by the codes of :attr:`StatedCost.roles`.
+ROLES = ("absent", "free air", "firm contact", "light contact", "left out")
+_FIRM, _LIGHT = ROLES.index("firm contact"), ROLES.index("light contact")
+# Of the priors, as in include/palpate/projection/covariance.hpp.
+_EXPONENT, _EXPONENT_DEVIATION, _DISSIPATION_DEVIATION = 1.3, 1.0, 1.0
+_OFFSET_WITHOUT_TARE = 20.0  # standard deviations of the noise, where a unit of force is less
+
+
+@dataclass(frozen=True, eq=False)
+class StatedCost:
+    """J = Σ (F − F̂)² + σ² [(n − 1.3)² + (b/b_s)² + (F₀ − m)²/s²], over the selected samples.
+
+    b = B/K is in units of the scale, b_s = 1, and σ² is the variance of the final residual.
+
+    Attributes
+    ----------
+    penetration, velocity, force : numpy.ndarray, shape (j,)
+        The selected samples, SI.
+    roles : numpy.ndarray of uint8, shape (k,)
+        The role of each sample of the curve, by the codes of :data:`ROLES`.
+    scale : Scale
+        The units of the arithmetic.
+    offset_mean, offset_deviation : float
+        The prior of F₀, N; with a deviation of 0 it is one unit of force, or 20 σ.
+    variance : float
+        σ² of the priors, N².
+    exponent : float or None
+        Its value if it is fixed.
+    offset : bool
+        Whether F₀ is fitted.
+    """
+
+    penetration: Floats
+    velocity: Floats
+    force: Floats
+    roles: NDArray[np.uint8]
+    scale: Scale
+    offset_mean: float
+    offset_deviation: float
+    variance: float
+    exponent: float | None
+    offset: bool
+
+    def residuals(self, parameters: Floats) -> Floats:
+        """Return the residuals whose squares sum to J, N: of the samples, then of the priors.
+
+        Parameters
+        ----------
+        parameters : numpy.ndarray, shape (5,)
+            K, B, n, F₀ and d, SI.
+        """
+        stiffness, damping, exponent, offset, surface = parameters
+        depth = self.penetration - surface
+        power = np.where(depth > 0.0, np.abs(depth) ** exponent, 0.0)
+        model = power * (stiffness + damping * self.velocity) + offset
+        noise = np.sqrt(self.variance)
+        parts = [noise * damping / stiffness * self.scale.velocity / _DISSIPATION_DEVIATION]
+        if self.exponent is None:
+            parts.append(noise * (exponent - _EXPONENT) / _EXPONENT_DEVIATION)
+        if self.offset:
+            parts.append((offset - self.offset_mean) * noise / self.offset_width)
+        return np.concatenate([self.force - model, parts])
+
+    @property
+    def offset_width(self) -> float:
+        """Standard deviation of the prior of F₀, N."""
+        if self.offset_deviation > 0.0:
+            return self.offset_deviation
+        return max(self.scale.force, _OFFSET_WITHOUT_TARE * float(np.sqrt(self.variance)))
+
+    def value(self, parameters: Floats) -> float:
+        """J at K, B, n, F₀ and d, N²."""
+        return float(np.sum(self.residuals(parameters) ** 2))
+
+
+def stated_cost(
+    penetration: "ArrayLike",
+    velocity: "ArrayLike",
+    force: "ArrayLike",
+    *,
+    exponent: float | None = None,
+    offset: bool = True,
+    **settings: Any,
+) -> StatedCost:
+    """Return the cost that :func:`fit_curves` minimises, for one curve.
+
+    Parameters
+    ----------
+    penetration, velocity, force : array_like, shape (samples,)
+        m, m/s and N.
+    exponent, offset, **settings
+        As :func:`fit_curves` takes them.
+
+    Raises
+    ------
+    InvalidParameterError
+        As :func:`fit_curves` does; or the curve has no contact.
+    """
+    curves = core._check_curves(penetration, velocity, force)
+    if len(curves[0]) != 1:
+        raise InvalidParameterError(f"pass one curve, not {len(curves[0])}")
+    roles = np.empty(curves[0].shape, np.uint8)
+    usual: dict[str, Any] = fit_curves.__kwdefaults__ or {}
+    if unknown := settings.keys() - usual.keys():
+        raise InvalidParameterError(f"unknown setting {', '.join(sorted(unknown))}")
+    checked = core._check_settings(1, {**usual, "exponent": exponent, "offset": offset, **settings})
+    numbers, _, _, codes = core._fit_rows(curves, checked, 1, roles)
+    if codes[0, 1] == core.STATUS_WORDS.index("no contact"):
+        raise InvalidParameterError("the curve has no contact")
+    chosen = (roles[0] == _FIRM) | (roles[0] == _LIGHT)
+    units, prior = numbers[0, 7:10].tolist(), numbers[0, 10:].tolist()
+    found: list[Any] = [values[0, chosen] for values in curves]
+    found += [roles[0], Scale(*units), *prior, exponent, offset]
+    return StatedCost(*found)
+
+
+class Reference:
+    """Levenberg–Marquardt from many starts, with the analytic Jacobian, to rounding.
+
+    Parameters
+    ----------
+    cost : StatedCost
+        The cost to minimise.
+    surfaces : tuple of float or None
+        Starts for the surface, m; None: it is at 0.
+    exponents : tuple of float
+        Starts for the exponent.
+    """
+
+    def __init__(
+        self,
+        cost: StatedCost,
+        surfaces: tuple[float, float] | None = None,
+        exponents: tuple[float, float] = (0.3, 3.6),
+    ) -> None:
+        self.cost, self.surfaces, self.exponents = cost, surfaces, exponents
+        scale = cost.scale
+        self.x = cost.penetration / scale.penetration
+        self.w = cost.velocity / scale.velocity
+        self.open = np.array([True, True, cost.exponent is None, cost.offset, surfaces is not None])
+
+    def least(self, starts: int) -> float:
+        """The lowest J of all starts, N²; infinite where none ends within the ranges."""
+        return min((self._from(*start) for start in self._starts(starts)), default=np.inf)
+
+    def in_si(self, point: Floats) -> Floats:
+        """K, B, n, F₀, d of k, c, n, F₀, d in units of the scale."""
+        k, c, n, offset, surface = point
+        scale = self.cost.scale
+        unit = scale.force * scale.penetration**-n
+        damping = c * unit / scale.velocity
+        return np.array([k * unit, damping, n, offset * scale.force, surface * scale.penetration])
+
+    def _starts(self, count: int) -> list[tuple[float, float]]:
+        low, high = self.exponents
+        if self.surfaces is None:
+            return [(n, 0.0) for n in np.linspace(low + 0.2, high - 0.3, count)]
+        shallow, deep = (at / self.cost.scale.penetration for at in self.surfaces)
+        exponents = np.linspace(low + 0.4, high - 0.7, 4)
+        inside = np.linspace(shallow, deep, count // 4 + 2)[1:-1]
+        return [(float(n), float(d)) for n in exponents for d in inside]
+
+    def _from(self, exponent: float, surface: float) -> float:
+        if self.cost.exponent is not None:
+            exponent = self.cost.exponent
+        start = self._linear(exponent, surface)
+        best = least_squares(
+            self._residuals,
+            start[self.open],
+            jac=self._jacobian,
+            method="lm",
+            x_scale="jac",
+            xtol=1e-15,
+            ftol=1e-15,
+            gtol=1e-15,
+            max_nfev=400,
+        )
+        point = self._whole(best.x)
+        if not self.exponents[0] <= point[2] <= self.exponents[1]:
+            return np.inf
+        at = point[4] * self.cost.scale.penetration
+        if self.surfaces is not None and not self.surfaces[0] <= at <= self.surfaces[1]:
+            return np.inf
+        return self.cost.value(self.in_si(point))
+
+    def _linear(self, exponent: float, surface: float) -> Floats:
+        power = self._power(exponent, surface)
+        columns = np.stack([power, power * self.w, np.ones_like(power)], axis=1)
+        found = np.linalg.lstsq(columns, self.cost.force / self.cost.scale.force, rcond=None)[0]
+        stiffness = found[0] if abs(found[0]) > 1e-3 else 1e-3
+        return np.array([stiffness, found[1], exponent, found[2], surface])
+
+    def _power(self, exponent: float, surface: float) -> Floats:
+        depth = self.x - surface
+        power: Floats = np.where(depth > 0.0, np.abs(depth) ** exponent, 0.0)
+        return power
+
+    def _whole(self, open_: Floats) -> Floats:
+        point = np.zeros(5)
+        point[2] = self.cost.exponent or 0.0
+        point[self.open] = open_
+        return point
+
+    def _residuals(self, open_: Floats) -> Floats:
+        return self.cost.residuals(self.in_si(self._whole(open_))) / self.cost.scale.force
+
+    def _jacobian(self, open_: Floats) -> Floats:
+        k, c, n, _, surface = self._whole(open_)
+        power, depth = self._power(n, surface), self.x - surface
+        below = depth > 0.0
+        held = np.where(below, depth, 1.0)
+        stiff = k + c * self.w
+        slopes = [
+            power,
+            power * self.w,
+            power * np.log(held) * stiff,
+            np.ones_like(power),
+            np.where(below, -n * power / held * stiff, 0.0),
+        ]
+        noise = np.sqrt(self.cost.variance) / self.cost.scale.force
+        priors = [[-c / k**2 * noise, noise / k, 0.0, 0.0, 0.0]]
+        if self.cost.exponent is None:
+            priors.append([0.0, 0.0, noise, 0.0, 0.0])
+        if self.cost.offset:
+            width = self.cost.offset_width / self.cost.scale.force
+            priors.append([0.0, 0.0, 0.0, noise / width, 0.0])
+        samples = -np.stack(slopes, axis=1)
+        whole: Floats = np.concatenate([samples, np.array(priors)])[:, self.open]
+        return whole
+
+
 if __name__ == "__main__":
-    app()
+    run_command(main)

@@ -3,16 +3,13 @@
 python -m benchmarks.design_bounds [--seeds 100]
 """
 
-import argparse
-import shlex
-import sys
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
-from benchmarks.accuracy.probing import BALL, PVC, SPONGE
-from benchmarks.diagnosis.tables import table
+from benchmarks.common.probing import BALL, PVC, SPONGE
+from benchmarks.common.report import command_line, markdown_table, run_command
 from palpate import VariableProjection
 from palpate.design import Design, design
 from palpate.design.precision import PredictedPrecision
@@ -53,12 +50,17 @@ def ratios(plan: Design, predicted: PredictedPrecision, duration: float, seeds: 
     return found
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--seeds", type=int, default=100)
-    parser.add_argument("--markdown", type=Path, help="write the page to this file too")
-    given = parser.parse_args()
-    seeds, rows = given.seeds, []
+def main(*, seeds: int = 100, markdown: Path | None = None) -> None:
+    """Measure, and print the table.
+
+    Parameters
+    ----------
+    seeds
+        Runs of each design.
+    markdown
+        Write the page to this file too.
+    """
+    rows = []
     for noise, step in SENSORS:
         plans = [
             design(law, noise=noise, resolution=step, durations=DURATIONS)
@@ -70,22 +72,13 @@ def main() -> None:
                 found = [ratios(p, getattr(p, name), duration, seeds) for p in plans]
                 cells.append(f"{np.min(found):.2f}–{np.max(found):.2f}")
             rows.append([f"{noise:g} N, steps of {step:g} N", name, *cells])
-    lines = table(["sensor", "motion", *(f"{duration:g} s" for duration in DURATIONS)], rows)
+    headings = ["sensor", "motion", *(f"{duration:g} s" for duration in DURATIONS)]
+    lines = markdown_table(headings, rows)
     print("\n".join(lines))
-    if given.markdown is not None:
-        command = shlex.join(["python", "-m", "benchmarks.design_bounds", *sys.argv[1:]])
-        page = [
-            f"<!-- Written by {command} -->",
-            "",
-            "# Designed motions",
-            "",
-            WHAT,
-            "",
-            *lines,
-            "",
-        ]
-        write_text(given.markdown, "\n".join(page))
+    if markdown is not None:
+        head = [f"<!-- Written by {command_line()} -->", "", "# Designed motions", "", WHAT, ""]
+        write_text(markdown, "\n".join([*head, *lines, ""]))
 
 
 if __name__ == "__main__":
-    main()
+    run_command(main)

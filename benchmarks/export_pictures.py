@@ -11,17 +11,15 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from cyclopts import App
 
 import palpate
-from benchmarks.external_recordings import folder_of_recordings
+from benchmarks.common.recordings import recorded
+from benchmarks.common.report import run_command
 from palpate import exports
 from palpate.figures.style import Look, save, style
 from palpate.results.colours import DARK, LIGHT, Theme
 from palpate.validation import Floats
 from palpate.writing import write_bytes
-
-app = App(name="python -m benchmarks.export_pictures", help_format="plaintext", version_flags=[])
 
 EXAMPLES = Path(__file__).parents[1] / "examples" / "recordings"
 # The width in which the docs show it: 1100 dots.
@@ -52,7 +50,6 @@ class Replayed:
     made: exports.Export
 
 
-@app.default
 def main(folder: Path) -> None:
     """Draw them.
 
@@ -63,9 +60,8 @@ def main(folder: Path) -> None:
     """
     folder.mkdir(parents=True, exist_ok=True)
     recordings = {"phantom": EXAMPLES / "phantom.csv"}
-    others = folder_of_recordings()
-    if others is not None:
-        recordings["silicone"] = others / "G_silicone_d10mm_sphere.csv"
+    for path in recorded("G_silicone_d10mm_sphere.csv"):
+        recordings["silicone"] = path
     for name, file in recordings.items():
         replayed = pressed(file)
         print(replayed.made, flush=True)
@@ -160,4 +156,4 @@ def _smoothed(values: Floats) -> Floats:
 
 
 if __name__ == "__main__":
-    app()
+    run_command(main)

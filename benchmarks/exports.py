@@ -6,28 +6,58 @@ skipped. ``docs/validation/exports.md`` has the tables.
 """
 
 from collections.abc import Callable, Iterator
+from dataclasses import replace
+from functools import lru_cache
+from importlib.util import find_spec
 from pathlib import Path
 from time import perf_counter
 
 import numpy as np
-from cyclopts import App
-from rich.console import Console
 
 import palpate
-from benchmarks import machine, report
-from benchmarks.export_laws import LAWS, MODULES, made, there, tip
-from benchmarks.export_round_trip import measure_round_trip
-from benchmarks.report import Limit, Row, Section
-from palpate import KelvinVoigt, exports
+from benchmarks.common.report import (
+    Limit,
+    Row,
+    Section,
+    describe_machine,
+    print_table,
+    run_command,
+    verdict,
+    write_page,
+)
+from palpate import HuntCrossley, KelvinVoigt, exports, lab
 from palpate.exports.replay_errors import drop_to
-from palpate.force_laws import GeneralisedHuntCrossley
-from palpate.writing import check_outputs, write_text
-
-app = App(name="python -m benchmarks.exports", help_format="plaintext", version_flags=[])
+from palpate.force_laws import ForceLaw, GeneralisedHuntCrossley
+from palpate.writing import check_outputs
 
 RECORDINGS = Path(__file__).parents[1] / "examples" / "recordings"
 # m, of the drops whose restitution is compared; the second where the damping is small.
 DEPTH, SHALLOW = 12e-3, 3.6e-3
+SEEDS, NOISE = 20, 0.05  # of a round trip; N
+LAWS: dict[str, ForceLaw] = {
+    "ball": lab.BALL.law,
+    "sponge": lab.SPONGE.law,
+    "n = 1.5": HuntCrossley(2e4, 3e4, 1.5),
+    "PVC": lab.PVC.law,
+}
+MODULES = {"drake": "pydrake", "opensim": "opensim", "mujoco": "mujoco"}
+RADIUS = 30e-3  # m, of the tip, for engines whose law has it
+
+
+@lru_cache(maxsize=64)
+def made(law: str, to: str, form: str = "auto", mass: float = 1.0) -> exports.Export:
+    """Return the export of one of the laws, whatever its error."""
+    return exports.export(LAWS[law], to, form=form, mass=mass, allow=True, tip_radius=tip(to))
+
+
+def tip(to: str) -> float | None:
+    """Return the tip's radius, m, for the engines whose law has it."""
+    return RADIUS if to == "opensim" else None
+
+
+def there(engine: str) -> bool:
+    """Whether an engine is installed."""
+    return find_spec(MODULES[engine]) is not None
 
 
 def error(law: str, to: str, form: str = "auto", mass: float = 1.0) -> float:
@@ -174,6 +204,56 @@ def measure_prediction() -> Section:
     return Section("Predicted against replayed: the worst of the laws", rows)
 
 
+def measure_round_trip() -> Section:
+    """Export, record in the engine with 0.05 N of noise, identify, and return the errors."""
+    rows = []
+    for to, form, laws in (
+        ("mujoco", "pair", tuple(LAWS)),
+        ("mujoco", "callback", tuple(LAWS)),
+        ("drake", "auto", tuple(LAWS)),
+        ("opensim", "auto", ("n = 1.5",)),
+    ):
+        for law in laws if there(to) else ():
+            worst, literal, biases = round_trips(made(law, to, form), law)
+            name = f"{to}, {form}, {law}"
+            rows += [
+                Row(f"{name}: K, B, n", worst, "s.e.", limit=Limit(3.0)),
+                Row(f"{name}: K, B, n, taken literally", literal, "s.e."),
+                Row(f"{name}: stiffness or damping at depth, the mean", biases, "%"),
+            ]
+    notes = (
+        "The stated error ε is one of force. It changes a parameter by s.e. · ε ‖F‖/σ at most, "
+        "which is subtracted; taken literally it is that fraction of the parameter.",
+    )
+    return Section(f"Round trip: beyond the stated error, worst of {SEEDS} seeds", rows, notes)
+
+
+def round_trips(export: exports.Export, law: str) -> tuple[float, float, float]:
+    """Return the worst of K, B and n, both ways, in s.e.; bias of stiffness or damping, %."""
+    bench = lab.Bench(
+        exports.SimulatedContact(export), lab.THREE_SINES, lab.IdealProbe(), lab.PERFECT
+    )
+    clean, truth = bench.run(seed=0).contact, LAWS[law]
+    stated = 0.01 * export.statement.compared.percent
+    worst, literal, biases = [], [], []
+    for seed in range(SEEDS):
+        noise = NOISE * np.random.default_rng(seed).standard_normal(len(clean))
+        result = palpate.identify(replace(clean, force=clean.force + noise), trace=False)
+        off = np.abs(result.law.parameters - truth.parameters)
+        errors = result.standard_errors
+        size = float(np.linalg.norm(result.contact.force[result.trace.taken]))
+        worst.append(float((off / errors).max()) - stated * size / NOISE)
+        literal.append(float(((off - stated * truth.parameters) / errors).max()))
+        there_ = result.working_depths[0]
+        real = np.array([truth.stiffness_at(there_.depth), truth.damping_at(there_.depth)])
+        biases.append(np.array([there_.stiffness.value, there_.damping.value]) / real - 1.0)
+    return (
+        max(0.0, *worst),
+        max(0.0, *literal),
+        100.0 * float(np.abs(np.mean(biases, axis=0)).max()),
+    )
+
+
 def measure_time() -> Section:
     """Time one export of an identified recording with its replay, seconds."""
     rows = []
@@ -218,7 +298,6 @@ def measured(only: str | None) -> Iterator[Section]:
                 yield section
 
 
-@app.default
 def main(*, only: str | None = None, markdown: Path | None = None) -> None:
     """Measure, and print each table as soon as it is complete.
 
@@ -230,23 +309,15 @@ def main(*, only: str | None = None, markdown: Path | None = None) -> None:
         Write the tables to this file as Markdown.
     """
     check_outputs([] if markdown is None else [markdown])
-    console = Console(highlight=False)
-    if not console.is_terminal:
-        console = Console(highlight=False, width=140)
     sections, begun = [], perf_counter()
     for section in measured(only):
         sections.append(section)
-        report.print_sections([section], {"after": f"{perf_counter() - begun:.0f} s"}, console)
-    where = machine.describe("")
-    console.print(report.verdict(sections), style="bold")
-    if markdown is not None:
-        write_text(
-            markdown,
-            report.page(
-                "Exported contacts, replayed in the engines", "benchmarks.exports", sections, where
-            ),
-        )
+        print_table(section)
+        print(f"after {perf_counter() - begun:.0f} s", flush=True)
+    title = "Exported contacts, replayed in the engines"
+    print(verdict(sections))
+    write_page(title, sections, describe_machine(), markdown)
 
 
 if __name__ == "__main__":
-    app()
+    run_command(main)

@@ -5,50 +5,51 @@ minute, with fewer of everything. ``--only`` chooses among arrays, balance, kill
 nanite; for the last, ``--nanite`` names the Python of an environment that has it.
 """
 
-import argparse
-from collections.abc import Callable
+import sys
 from pathlib import Path
+from typing import Annotated
 
-from rich.console import Console
+from cyclopts import Parameter
 
-from benchmarks.fleets import arrays, balance, files, kills, nanite
-from benchmarks.machine import describe
-from benchmarks.report import Section, page, print_sections
+from benchmarks.common.report import describe_machine, publish, run_command
+from benchmarks.fleets import arrays, files, nanite
 
 
-def parts(options: argparse.Namespace) -> dict[str, Callable[[], Section]]:
-    """The measurements, by name."""
-    short, folder = options.short, options.folder
-    return {
-        "arrays": lambda: arrays.measure(2_000 if short else 100_000, folder),
-        "balance": lambda: balance.measure(2_000, folder),
-        "kills": lambda: kills.measure(6_000 if short else 40_000, 2 if short else 20, folder),
-        "files": lambda: files.measure(40 if short else 10_000, 4 if short else 100, folder),
-        "nanite": lambda: nanite.measure(options.nanite),
+def main(
+    *,
+    short: bool = False,
+    only: Annotated[list[str] | None, Parameter(consume_multiple=True)] = None,
+    nanite_python: Annotated[str, Parameter("--nanite")] = "python",
+    folder: Path | None = None,
+    markdown: Path | None = None,
+) -> None:
+    """Measure the requested parts, and print them.
+
+    Parameters
+    ----------
+    short
+        Fewer of everything.
+    only
+        Some of the parts. Default: all.
+    nanite_python
+        Python that has nanite.
+    folder
+        For scratch files. Default: a temporary one.
+    markdown
+        Write the tables to this file too.
+    """
+    parts = {
+        "arrays": lambda: arrays.measure_arrays(2_000 if short else 100_000, folder),
+        "balance": lambda: arrays.measure_balance(2_000, folder),
+        "kills": lambda: arrays.measure_kills(*((6_000, 2) if short else (40_000, 20)), folder),
+        "files": lambda: files.measure(*((40, 4) if short else (10_000, 100)), folder),
+        "nanite": lambda: nanite.measure(nanite_python),
     }
-
-
-def main() -> None:
-    """Measure the requested parts, and print them."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--short", action="store_true", help="fewer of everything")
-    parser.add_argument("--only", nargs="+", help="some of the parts")
-    parser.add_argument("--nanite", default="python", help="Python that has nanite")
-    parser.add_argument("--folder", type=Path, help="for scratch files; else a temporary one")
-    parser.add_argument("--markdown", type=Path, help="write the tables to this file too")
-    options = parser.parse_args()
-    known = parts(options)
-    for name in options.only or ():
-        if name not in known:
-            parser.error(f"--only must name some of {', '.join(known)}, not {name}")
-    sections = [measure() for name, measure in known.items() if name in (options.only or known)]
-    machine = describe("none")
-    print_sections(sections, machine, Console())
-    if options.markdown is not None:
-        options.markdown.write_text(
-            page("Fleets", "benchmarks.fleet", sections, machine), encoding="utf-8"
-        )
+    if unknown := set(only or ()) - set(parts):
+        sys.exit(f"--only has {', '.join(sorted(unknown))}: use {', '.join(parts)}")
+    sections = [parts[name]() for name in parts if name in (only or parts)]
+    publish(sections, describe_machine(), "Fleets", markdown)
 
 
 if __name__ == "__main__":
-    main()
+    run_command(main)

@@ -11,12 +11,10 @@ from pathlib import Path
 from typing import cast
 
 import numpy as np
-from cyclopts import App
 
-from benchmarks.accuracy import report
-from benchmarks.accuracy.campaign import Campaign
-from benchmarks.accuracy.probing import truth
-from benchmarks.accuracy.table import Group, Line
+from benchmarks.common.campaign import Campaign
+from benchmarks.common.probing import truth
+from benchmarks.common.report import Group, Line, describe_machine, publish, run_command
 from palpate import (
     GeneralisedHuntCrossley,
     SingleRelaxation,
@@ -25,7 +23,7 @@ from palpate import (
     lab,
 )
 from palpate.validation import Floats
-from palpate.writing import check_writable, write_text
+from palpate.writing import check_writable
 
 MATERIALS = ("ball", "sponge", "pvc", "inclusion")
 HALF_SPACE = GeneralisedHuntCrossley(8000.0, 1.5, 60.0, 0.5)
@@ -36,18 +34,13 @@ REMEMBERING: dict[str, GeneralisedHuntCrossley] = {
     "tissue": cast(GeneralisedHuntCrossley, lab.TISSUE.law),
 }
 
-PAGE = "docs/validation/laboratory.md"
 QUESTION = (
     "How often does the truth lie within three standard errors (s.e.) when the laboratory's "
     "materials are pressed for 10 s along three sines? Normal errors do in 99.7 %, each."
 )
-app = App(name="python -m benchmarks.laboratory", help_format="plaintext")
 
 
-@app.default
-def laboratory(
-    *, seeds: int = 20, workers: int | None = None, markdown: Path | None = None
-) -> None:
+def main(*, seeds: int = 20, workers: int | None = None, markdown: Path | None = None) -> None:
     """Measure how often the truth lies within three standard errors.
 
     Parameters
@@ -69,29 +62,17 @@ def laboratory(
             _group(campaign, "Encoders without steps", 0.0),
             _remembering(campaign),
         ]
-    facts, console = report.circumstances(seeds), report.console()
-    for group in groups:
-        report.print_group(group, console)
-    console.print(report.words(facts))
-    if markdown is not None:
-        command = f"python -m benchmarks.laboratory --seeds {seeds} --markdown {PAGE}"
-        write_text(markdown, report.page("The laboratory", QUESTION, command, groups, facts))
+    publish(groups, describe_machine(seeds=seeds), "The laboratory", markdown, QUESTION)
 
 
 def _group(campaign: Campaign, title: str, counts: float) -> Group:
     lines = []
     for name in MATERIALS:
-        runs = campaign.map(name, partial(errors, name, counts), range(campaign.seeds))
+        runs = campaign.repeat(name, partial(errors, name, counts))
         relative, standardised = np.swapaxes(np.array(runs), 0, 1)
         inside = float(np.mean(np.abs(standardised).max(axis=1) < 3.0))
-        lines.append(
-            Line(
-                name,
-                (100.0 * inside, float(np.abs(standardised).max())),
-                (),
-                tuple(100.0 * np.sqrt(np.mean(relative**2, axis=0))),
-            )
-        )
+        ours = (100.0 * inside, float(np.abs(standardised).max()))
+        lines.append(Line(name, ours, (), tuple(100.0 * np.sqrt(np.mean(relative**2, axis=0)))))
     return Group(
         title,
         "`Bench(material, THREE_SINES).run(seed)`, 10 s, `identify` with its defaults. "
@@ -115,7 +96,7 @@ def errors(name: str, counts: float, seed: int) -> Floats:
 def _remembering(campaign: Campaign) -> Group:
     lines = []
     for name in REMEMBERING:
-        runs = np.array(campaign.map(name, partial(dynamic_errors, name), range(campaign.seeds)))
+        runs = np.array(campaign.repeat(name, partial(dynamic_errors, name)))
         inside, largest = float(np.mean(runs[:, 2] < 3.0)), float(runs[:, 2].max())
         rms = np.sqrt(np.mean(runs[:, :2] ** 2, axis=0))
         lines.append(Line(name, (100.0 * inside, largest), (), tuple(100.0 * rms)))
@@ -147,7 +128,4 @@ def dynamic_errors(name: str, seed: int) -> tuple[float, float, float]:
 
 
 if __name__ == "__main__":
-    try:
-        app()
-    except KeyboardInterrupt:
-        sys.exit(130)
+    run_command(main)

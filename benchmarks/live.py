@@ -3,7 +3,6 @@
 ``--law auto`` or ``any`` adds the selection of the law.
 """
 
-import argparse
 import json
 import os
 import tempfile
@@ -14,10 +13,16 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from rich.console import Console
 
-from benchmarks import machine, report
-from benchmarks.report import Limit, Row, Section
+from benchmarks.common.report import (
+    Limit,
+    Row,
+    Section,
+    at_least,
+    describe_machine,
+    publish,
+    run_command,
+)
 from palpate import VariableProjection
 from palpate.estimators import ContactEstimator
 from palpate.estimators.by_law import estimator_by_law
@@ -32,7 +37,6 @@ from palpate.live.running import default_estimator
 from palpate.live.sinks import Session, Sink, Watching
 from palpate.live.view import law_lines, verdict_on
 from palpate.preparation import OnlinePreparation
-from palpate.writing import write_text
 
 TARE = 1.6  # s, of the 2 s for which the laboratory pauses
 _EVERY = 1.0  # s between two measurements of the processes
@@ -184,7 +188,7 @@ def _section(
         Row("lost before the estimator", counts["lost"], "", limit=Limit(0.0)),
         Row("refused", counts["refused"], "", limit=Limit(0.0)),
         Row("done within 1 ms of their time", 100.0 * lateness["within"], "%",
-            limit=Limit(99.9, at_least=True)),
+            limit=at_least(99.9)),
         Row("  a loop that only waits, alone", 100.0 * alone["within"], "%"),
         Row("done after their time, p99.9", 1e3 * lateness["p99.9"], "ms"),
         Row("  a loop that only waits, alone", 1e3 * alone["p99.9"], "ms"),
@@ -232,29 +236,37 @@ def _growth(looks: list[dict[str, Any]]) -> dict[str, float]:
     }
 
 
-def main() -> None:
-    """Measure, and print a table."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--minutes", type=float, default=10.0)
-    parser.add_argument("--realtime", action="store_true", help="as palpate live --realtime")
-    parser.add_argument(
-        "--plain", action="store_true", help="variable projection without rejection and detection"
-    )
-    parser.add_argument("--law", help="as palpate live --law, such as auto")
-    parser.add_argument("--markdown", type=Path, help="write the table to this file too")
-    given = parser.parse_args()
-    where = machine.describe("")
-    method: ContactEstimator | None = VariableProjection() if given.plain else None
-    if given.law is not None:
-        kind, settings = estimator_by_law(given.law)
+def main(
+    *,
+    minutes: float = 10.0,
+    realtime: bool = False,
+    plain: bool = False,
+    law: str | None = None,
+    markdown: Path | None = None,
+) -> None:
+    """Measure, and print a table.
+
+    Parameters
+    ----------
+    minutes
+        How long.
+    realtime
+        As ``palpate live --realtime``.
+    plain
+        Variable projection without rejection and detection.
+    law
+        As ``palpate live --law``, such as auto.
+    markdown
+        Write the table to this file too.
+    """
+    facts = describe_machine()
+    method: ContactEstimator | None = VariableProjection() if plain else None
+    if law is not None:
+        kind, settings = estimator_by_law(law)
         method = default_estimator(kind, **settings)
-    section = measure(given.minutes, realtime=given.realtime, method=method)
-    report.print_sections([section], where, Console(highlight=False, width=120))
-    if given.markdown is not None:
-        write_text(
-            given.markdown, report.page("Live at 1 kHz", "benchmarks.live", [section], where)
-        )
+    section = measure(minutes, realtime=realtime, method=method)
+    publish([section], facts, "Live at 1 kHz", markdown)
 
 
 if __name__ == "__main__":
-    main()
+    run_command(main)

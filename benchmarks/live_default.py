@@ -4,14 +4,10 @@ How far K′ and B′ are from those that ``identify`` finds in the whole run, s
 contact; and after a change of the material, how soon the prediction has recovered.
 """
 
-import argparse
-
 import numpy as np
-from rich.console import Console
 
-from benchmarks import machine, report
-from benchmarks.accuracy.probing import NOISE, sines
-from benchmarks.report import Row, Section
+from benchmarks.common.probing import NOISE, sines
+from benchmarks.common.report import Row, Section, describe_machine, publish, run_command
 from palpate import VariableProjection, ViscoelasticContact, identify, lab
 from palpate.estimators import ContactEstimator
 from palpate.force_laws import ForceLaw, GeneralisedHuntCrossley
@@ -105,13 +101,16 @@ def measure(seeds: int) -> list[Section]:
     ]
 
 
-def main() -> None:
-    """Measure, and print the tables."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--seeds", type=int, default=4)
-    sections = measure(parser.parse_args().seeds)
-    report.print_sections(sections, machine.describe(""), Console(highlight=False, width=120))
+def main(*, seeds: int = 4) -> None:
+    """Measure, and print the tables.
+
+    Parameters
+    ----------
+    seeds
+        Runs of each material.
+    """
+    publish(measure(seeds), describe_machine())
 
 
 if __name__ == "__main__":
-    main()
+    run_command(main)

@@ -5,17 +5,14 @@ that never waits; and at 1 kHz, where the loop sleeps before each sample and wak
 compared with a loop that only sleeps.
 """
 
-import argparse
 import time
 from collections.abc import Sequence
 from functools import partial
 from multiprocessing.connection import Connection
 
 import numpy as np
-from rich.console import Console
 
-from benchmarks import machine, report
-from benchmarks.report import Limit, Row, Section
+from benchmarks.common.report import Limit, Row, Section, describe_machine, publish, run_command
 from palpate import HuntCrossley
 from palpate.estimators.by_law import estimator_by_law
 from palpate.live import run
@@ -117,13 +114,16 @@ def measure(count: int) -> Section:
     return Section("A sample of the live loop, CPU time", rows, [f"{count} samples each."])
 
 
-def main() -> None:
-    """Measure, and print a table."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--samples", type=int, default=10_000)
-    section = measure(parser.parse_args().samples)
-    report.print_sections([section], machine.describe(""), Console(highlight=False, width=120))
+def main(*, samples: int = 10_000) -> None:
+    """Measure, and print a table.
+
+    Parameters
+    ----------
+    samples
+        Of each run.
+    """
+    publish([measure(samples)], describe_machine())
 
 
 if __name__ == "__main__":
-    main()
+    run_command(main)

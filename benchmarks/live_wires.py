@@ -5,22 +5,20 @@ measured until ``take`` returns them, and compared with a bare datagram of the s
 the same processes. All lost samples are counted.
 """
 
-import argparse
 import os
 import socket
 import struct
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
-from rich.console import Console
+from cyclopts import Parameter
 
-from benchmarks import machine, report
-from benchmarks.report import Limit, Row, Section
+from benchmarks.common.report import Limit, Row, Section, describe_machine, publish, run_command
 from palpate.errors import PalpateError
 from palpate.live.sources import SourceOptions, open_source
 
@@ -225,7 +223,7 @@ def _free(kind: int = socket.SOCK_STREAM) -> int:
     return port
 
 
-def section_of(wires: list[str], seconds: float) -> Section:
+def section_of(wires: Sequence[str], seconds: float) -> Section:
     """Measure each wire, one after the other."""
     notes = [f"{seconds:g} s at {RATE:g} Hz each; ROS's wires carry two messages a sample."]
     direct = float(np.median(measure(DIRECT, seconds)[0]))
@@ -247,19 +245,26 @@ def section_of(wires: list[str], seconds: float) -> Section:
     return Section("1 kHz on the wire, from sending to taking", rows, notes)
 
 
-def main() -> None:
-    """Measure, and print a table."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("wires", nargs="*", default=["zmq", "dds", "zenoh"])
-    parser.add_argument("--seconds", type=float, default=60.0)
-    parser.add_argument("--send", nargs=3, help=argparse.SUPPRESS)
-    given = parser.parse_args()
-    if given.send:
-        wire, where, count = given.send
-        serve(wire, where, int(count))
-    section = section_of(given.wires, given.seconds)
-    report.print_sections([section], machine.describe(""), Console(highlight=False, width=120))
+def main(
+    *wires: str,
+    seconds: float = 60.0,
+    send: Annotated[tuple[str, str, int] | None, Parameter(show=False)] = None,
+) -> None:
+    """Measure, and print a table.
+
+    Parameters
+    ----------
+    wires
+        Default: zmq, dds and zenoh.
+    seconds
+        How long, each.
+    send
+        Be the sender of a wire: its name, its address, the number of samples.
+    """
+    if send is not None:
+        serve(*send)
+    publish([section_of(wires or ("zmq", "dds", "zenoh"), seconds)], describe_machine())
 
 
 if __name__ == "__main__":
-    main()
+    run_command(main)

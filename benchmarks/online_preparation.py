@@ -1,23 +1,28 @@
 """``python -m benchmarks.online_preparation``: the cost of velocity in real time."""
 
-import argparse
 import subprocess
 import tempfile
-from collections.abc import Callable
 from pathlib import Path
 from time import perf_counter
 from typing import Any
 
 import numpy as np
-from rich.console import Console
 
-from benchmarks import machine, report
-from benchmarks.motion import PERIOD, Samples, contact_arrays, contact_samples
-from benchmarks.native_programs import BuildError, native_programs
-from benchmarks.report import Row, Section
-from benchmarks.timing import Case, Clock, Effort, clock
+from benchmarks.common.report import Row, Section, describe_machine, publish, run_command
+from benchmarks.common.timing import (
+    PERIOD,
+    BuildError,
+    Case,
+    Clock,
+    Effort,
+    Samples,
+    clock,
+    contact_arrays,
+    contact_samples,
+    native_programs,
+    seconds_per_update,
+)
 from palpate import OnlinePreparation, SingleStageRLS, VariableProjection
-from palpate.writing import write_text
 
 PASSES = 5
 UPDATE, TIMED = "OnlinePreparation.update", "OnlinePreparation.update, time given"
@@ -65,20 +70,12 @@ def _cases(samples: Samples) -> dict[str, Case]:
     stamped = [(*row, 1e-3 * k + 1e-9 * (k % 97)) for k, row in enumerate(measured)]
     single, projection = SingleStageRLS(), VariableProjection()
     return {
-        SINGLE: lambda: _seconds(single, single.update, samples),
-        "VariableProjection.update": lambda: _seconds(projection, projection.update, samples),
+        SINGLE: lambda: seconds_per_update(single, samples),
+        "VariableProjection.update": lambda: seconds_per_update(projection, samples),
         UPDATE: lambda: _prepared(measured),
         TIMED: lambda: _prepared(stamped),
         LOOP: lambda: _loop(measured),
     }
-
-
-def _seconds(estimator: Any, update: Callable[..., Any], samples: Samples) -> float:
-    estimator.reset()
-    start = perf_counter()
-    for penetration, velocity, force in samples:
-        update(penetration, velocity, force)
-    return (perf_counter() - start) / len(samples)
 
 
 def _prepared(rows: list[Any]) -> float:
@@ -112,19 +109,19 @@ def _native(effort: Effort) -> dict[str, float]:
     return best
 
 
-def main() -> None:
-    """Measure, and print a table."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--markdown", type=Path, help="write the table to this file too")
-    markdown = parser.parse_args().markdown
+def main(*, markdown: Path | None = None) -> None:
+    """Measure, and print a table.
+
+    Parameters
+    ----------
+    markdown
+        Write the table to this file too.
+    """
     with clock() as running:
         section = measure_preparation(running, Effort())
-    where = machine.describe(native_programs().compiler)
-    report.print_sections([section], where, Console(highlight=False, width=140))
-    if markdown is not None:
-        title, module = "Preparing samples in a loop", "benchmarks.online_preparation"
-        write_text(markdown, report.page(title, module, [section], where))
+    facts = describe_machine(native_programs().compiler)
+    publish([section], facts, "Preparing samples in a loop", markdown)
 
 
 if __name__ == "__main__":
-    main()
+    run_command(main)

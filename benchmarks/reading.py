@@ -5,7 +5,6 @@ way, alternately and in separate processes, and prints a table. It is far larger
 benchmarks: an hour is 7.2 million messages, and takes a quarter of an hour and 4 GB of disk.
 """
 
-import argparse
 import json
 import struct
 import subprocess
@@ -15,11 +14,13 @@ import time
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
+from cyclopts import Parameter
 
-from benchmarks.machine import describe
-from benchmarks.memory import resident
+from benchmarks.common.report import describe_machine, print_facts, run_command
+from benchmarks.common.timing import resident
 from palpate.recordings import open_recording
 
 SEED = 1
@@ -230,27 +231,40 @@ def measure(kind: Kind, folder: Path, minutes: float, rounds: int, *, decoded: b
         )
 
 
-def main() -> None:
-    """Measure all kinds of files."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--minutes", type=float, default=1.0)
-    parser.add_argument("--rounds", type=int, default=2)
-    parser.add_argument("--decoded", action="store_true", help="the others decode, too: slow")
-    parser.add_argument("--folder", type=Path, help="for the files; else a temporary one")
-    parser.add_argument("--once", nargs=2, metavar=("READER", "PATH"), help=argparse.SUPPRESS)
-    options = parser.parse_args()
-    if options.once:
-        print(json.dumps(_once_here(options.once[0], Path(options.once[1]))))
+def main(
+    *,
+    minutes: float = 1.0,
+    rounds: int = 2,
+    decoded: bool = False,
+    folder: Path | None = None,
+    once: Annotated[tuple[str, Path] | None, Parameter(show=False)] = None,
+) -> None:
+    """Measure all kinds of files.
+
+    Parameters
+    ----------
+    minutes
+        Duration of a recording.
+    rounds
+        Turns of each reader.
+    decoded
+        The others decode, too: slow.
+    folder
+        For the files. Default: a temporary one.
+    once
+        Read a file with one reader, and print JSON.
+    """
+    if once is not None:
+        print(json.dumps(_once_here(*once)))
         return
-    for name, words in describe("none").items():
-        print(f"{name}: {words}")
-    print(f"\n{options.minutes:g} minutes of wrench and pose at 1 kHz, seed {SEED}\n")
+    print_facts(describe_machine())
+    print(f"\n{minutes:g} minutes of wrench and pose at 1 kHz, seed {SEED}\n")
     print("| file | reader | s | µs a message | palpate's time / this one's | peak / arrays |")
     print("|---|---|---|---|---|---|")
     for kind in KINDS:
-        with tempfile.TemporaryDirectory(dir=options.folder) as folder:
-            measure(kind, Path(folder), options.minutes, options.rounds, decoded=options.decoded)
+        with tempfile.TemporaryDirectory(dir=folder) as scratch:
+            measure(kind, Path(scratch), minutes, rounds, decoded=decoded)
 
 
 if __name__ == "__main__":
-    main()
+    run_command(main)

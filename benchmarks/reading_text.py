@@ -13,16 +13,12 @@ from time import perf_counter, process_time
 from typing import Annotated
 
 import numpy as np
-from cyclopts import App, Parameter
-from rich.console import Console
+from cyclopts import Parameter
 
-from benchmarks import machine, report
-from benchmarks.memory import resident
-from benchmarks.report import Limit, Row, Section
+from benchmarks.common.report import Limit, Row, Section, describe_machine, publish, run_command
+from benchmarks.common.timing import resident
 from palpate.recordings import open_recording
-from palpate.writing import write_text
 
-app = App(name="python -m benchmarks.reading_text", help_format="plaintext", version_flags=[])
 WRITTEN = 100_000  # rows at once
 LIMITS = {"pyarrow": 6.0, "NumPy": 20.0}  # s for 1e7 rows of four numbers
 
@@ -70,7 +66,6 @@ def _in_a_process(path: Path, parser: str) -> dict[str, float]:
     return result
 
 
-@app.default
 def main(
     *,
     rows: int = 10_000_000,
@@ -91,7 +86,7 @@ def main(
     if one is not None:
         print(json.dumps(measured(*one)))
         return
-    where = machine.describe("")
+    facts = describe_machine()
     found = []
     with tempfile.TemporaryDirectory() as folder:
         for label in (False, True):
@@ -100,26 +95,16 @@ def main(
             what = "four numbers" + " and a word" * label
             for parser, limit in LIMITS.items():
                 result = _in_a_process(path, parser)
+                extra, ratio = result["extra"], result["extra"] / result["arrays"]
                 bound = None if label else Limit(limit * rows / 1e7)
                 found += [
                     Row(f"{rows} rows of {what}, {parser}", result["seconds"], "s", limit=bound),
                     Row("of that, processor time", result["busy"], "s"),
-                    Row(
-                        "memory at the peak",
-                        result["extra"] / 1e6,
-                        "MB",
-                        result["extra"] / result["arrays"],
-                        "the arrays",
-                        Limit(3.0),
-                    ),
+                    Row("memory at the peak", extra / 1e6, "MB", ratio, "the arrays", Limit(3.0)),
                 ]
-    sections = [Section("Reading text", found, ["One run each, in a separate process."])]
-    report.print_sections(sections, where, Console(highlight=False, width=120))
-    if markdown is not None:
-        write_text(
-            markdown, report.page("Reading text", "benchmarks.reading_text", sections, where)
-        )
+    section = Section("Reading text", found, ["One run each, in a separate process."])
+    publish([section], facts, "Reading text", markdown)
 
 
 if __name__ == "__main__":
-    app()
+    run_command(main)

@@ -10,49 +10,47 @@ import time
 from pathlib import Path
 
 import numpy as np
-from cyclopts import App
-from rich.console import Console
 
-from benchmarks.accuracy.recordings import recorded
-from benchmarks.machine import describe
-from benchmarks.report import Limit, Row, Section, print_sections
+from benchmarks.common.recordings import recorded
+from benchmarks.common.report import (
+    Limit,
+    Row,
+    Section,
+    at_least,
+    describe_machine,
+    publish,
+    run_command,
+)
 from palpate import RecordingError, compare, identify, load_result
 from palpate.reports.identification import Destination
 
 EXAMPLES = Path(__file__).parents[1] / "examples" / "recordings"
 
-app = App(name="python -m benchmarks.reports", help_format="plaintext", version_flags=[])
 
-
-@app.default
 def main() -> None:
     """Write a report of each recording, and print its size and time."""
-    console, sizes, ratios, exact, names = Console(), [], [], 0, []
+    sizes, ratios, exact, names = [], [], 0, []
     for file in [*sorted(EXAMPLES.glob("*.csv")), *recorded()]:
         try:
             size, ratio, same = measure(file)
         except RecordingError as error:
-            console.print(f"{file.name}: skipped, {error}", soft_wrap=True)
+            print(f"{file.name}: skipped, {error}")
             continue
-        console.print(f"{file.stem}: {size / 1e3:.0f} kB, {ratio:.2f} of the numbers' time")
+        print(f"{file.stem}: {size / 1e3:.0f} kB, {ratio:.2f} of the numbers' time")
         sizes.append(size / 1e3)
         ratios.append(ratio)
         names.append(file.stem)
         exact += same
     largest = int(np.argmax(sizes))
+    median = statistics.median(ratios)
+    reference = "identifying by every method, with a diagnosis each"
     rows = [
         Row(f"largest page: {names[largest]}", sizes[largest], "kB", limit=Limit(1000.0)),
         Row("median page", statistics.median(sizes), "kB"),
-        Row(
-            "writing, median",
-            statistics.median(ratios),
-            "",
-            statistics.median(ratios),
-            "identifying by every method, with a diagnosis each",
-        ),
-        Row("results read back to the last bit", exact / len(sizes), "", limit=Limit(1.0, True)),
+        Row("writing, median", median, "", median, reference),
+        Row("results read back to the last bit", exact / len(sizes), "", limit=at_least(1.0)),
     ]
-    print_sections([Section(f"{len(sizes)} recordings", rows)], describe(""), console)
+    publish([Section(f"{len(sizes)} recordings", rows)], describe_machine())
 
 
 def measure(file: Path) -> tuple[int, float, bool]:
@@ -76,4 +74,4 @@ def measure(file: Path) -> tuple[int, float, bool]:
 
 
 if __name__ == "__main__":
-    app()
+    run_command(main)

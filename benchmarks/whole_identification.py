@@ -4,7 +4,6 @@
 taps a ball, at 1 kHz, into an MCAP file, and times each step of the command.
 """
 
-import argparse
 import tempfile
 import time
 from collections.abc import Callable, Iterator
@@ -13,8 +12,8 @@ from typing import TypeVar
 
 import numpy as np
 
-from benchmarks.machine import describe
-from benchmarks.memory import resident
+from benchmarks.common.report import describe_machine, print_facts, run_command
+from benchmarks.common.timing import resident
 from benchmarks.reading import BEGIN, STEP, Sent, by_mcap_stream, stamped, write_mcap
 from palpate import HuntCrossley, identify, open_recording, prepare
 
@@ -56,13 +55,15 @@ def timed(name: str, raw: float, work: Callable[[], Result]) -> Result:
     return result
 
 
-def main() -> None:
-    """Write, read and identify."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--minutes", type=float, default=2.0)
-    minutes = parser.parse_args().minutes
-    for name, words in describe("none").items():
-        print(f"{name}: {words}")
+def main(*, minutes: float = 2.0) -> None:
+    """Write, read and identify.
+
+    Parameters
+    ----------
+    minutes
+        Duration of the recording.
+    """
+    print_facts(describe_machine())
     print(f"\n{minutes:g} minutes at 1 kHz, seed {SEED}\n")
     print("| step | s | over the raw reading |\n|---|---|---|")
     with tempfile.TemporaryDirectory() as folder:
@@ -82,4 +83,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    run_command(main)

@@ -8,20 +8,16 @@ those of ``PALPATE_DATA``, or of ``../shared/data`` next to the checkout.
 import math
 import statistics
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from cyclopts import App
-from rich.console import Console
-
-from benchmarks.accuracy.recordings import recorded
-from benchmarks.machine import describe
+from benchmarks.common.recordings import recorded
+from benchmarks.common.report import command_line, describe_machine, markdown_table, run_command
 from palpate import Identification, RecordingError, identify
 from palpate.digits import rounded, with_error
 from palpate.writing import check_writable, write_text
 
-PAGE = "docs/validation/working-depth.md"
 MARKS = ("trust", "with-care", "do-not-trust")
 HEADINGS = (
     "recording",
@@ -47,8 +43,6 @@ NOTE = (
     "diagnosis. K's error is from the scatter and the surface only. Errors are one standard "
     "deviation, in per cent of the value's size."
 )
-
-app = App(name="python -m benchmarks.working_depth", help_format="plaintext", version_flags=[])
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,7 +74,6 @@ class Row:
         ]
 
 
-@app.default
 def main(markdown: Path | None = None) -> None:
     """Measure, and print the table.
 
@@ -91,17 +84,15 @@ def main(markdown: Path | None = None) -> None:
     """
     if markdown is not None:
         check_writable(markdown)
-    console = Console(stderr=True)
     rows, skipped = [], []
     for file in recorded():
         try:
             rows.append(row_of(file.stem, identify(file, law="hunt-crossley")))
         except RecordingError as error:
             skipped.append(f"{file.stem}: skipped, {str(error).removeprefix(f'{file}: ')}.")
-        console.print(f"{file.stem}: done", style="dim")
+        print(f"{file.stem}: done", file=sys.stderr)
     if not rows:
-        console.print("no recordings in PALPATE_DATA or ../shared/data")
-        sys.exit(1)
+        sys.exit("no recordings in PALPATE_DATA or ../shared/data")
     text = page(rows, skipped)
     print(text)
     if markdown is not None:
@@ -128,25 +119,21 @@ def row_of(name: str, result: Identification) -> Row:
 
 def page(rows: Sequence[Row], skipped: Sequence[str]) -> str:
     """Return the table, with what it comes to, as Markdown."""
+    about = ("stiffness marked", "recordings", "total error", "statistical", "K's error")
     lines = [
-        f"<!-- Written by python -m benchmarks.working_depth --markdown {PAGE} -->",
+        f"<!-- Written by {command_line()} -->",
         "",
         "# Stiffness at working depth, compared with K",
         "",
         *_why(rows),
         NOTE,
         "",
-        "| stiffness marked | recordings | total error | statistical | K's error | "
-        "K's over the statistical one |",
-        "|---|--:|--:|--:|--:|--:|",
-        *_summaries(rows),
+        *markdown_table((*about, "K's over the statistical one"), list(_summaries(rows))),
         "",
-        f"| {' | '.join(HEADINGS)} |",
-        "|---|---|--:|--:|--:|--:|--:|--:|--:|",
-        *(f"| {' | '.join(row.cells())} |" for row in rows),
+        *markdown_table(HEADINGS, [row.cells() for row in rows]),
         "",
         *(f"- {words}" for words in skipped),
-        *(f"- {name}: {value}" for name, value in describe("").items() if value),
+        *(f"- {name}: {value}" for name, value in describe_machine().items()),
     ]
     return "\n".join(lines) + "\n"
 
@@ -160,20 +147,16 @@ def _why(rows: Sequence[Row]) -> list[str]:
     return [WHY.format(whole=_percent(whole), coefficient=_percent(coefficient)), ""]
 
 
-def _summaries(rows: Sequence[Row]) -> list[str]:
-    lines = []
+def _summaries(rows: Sequence[Row]) -> Iterator[list[str]]:
     for mark in (*MARKS, "any"):
         chosen = [row for row in rows if mark in (row.verdict, "any")]
-        if not chosen:
-            continue
-        medians = [
-            _percent(statistics.median(getattr(row, name) for row in chosen))
-            for name in ("whole", "repeatable", "coefficient_error")
-        ]
-        times = statistics.median(row.coefficient_error / row.repeatable for row in chosen)
-        cells = [mark, str(len(chosen)), *medians, f"{rounded(times, 2)} times"]
-        lines.append(f"| {' | '.join(cells)} |")
-    return lines
+        if chosen:
+            medians = [
+                _percent(statistics.median(getattr(row, name) for row in chosen))
+                for name in ("whole", "repeatable", "coefficient_error")
+            ]
+            times = statistics.median(row.coefficient_error / row.repeatable for row in chosen)
+            yield [mark, str(len(chosen)), *medians, f"{rounded(times, 2)} times"]
 
 
 def _percent(value: float) -> str:
@@ -181,4 +164,4 @@ def _percent(value: float) -> str:
 
 
 if __name__ == "__main__":
-    app()
+    run_command(main)

@@ -1,152 +1,53 @@
 """``python -m benchmarks.accuracy``: run the parts, print the tables."""
 
+import inspect
 import sys
-from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 
-from cyclopts import App
-
 from benchmarks.accuracy import (
-    alarms,
-    approaches,
-    bars,
+    bounds,
     changes,
-    contact_point,
-    convergence,
-    coverage,
-    drift,
-    efficiency,
-    holding,
     light,
     outliers,
     recordings,
-    report,
-    starts,
+    special_contacts,
     timing,
 )
-from benchmarks.accuracy.campaign import Campaign
-from benchmarks.accuracy.table import Group
-from palpate.writing import check_writable, make_folder, write_text
+from benchmarks.common.campaign import Campaign
+from benchmarks.common.report import (
+    Table,
+    describe_machine,
+    print_table,
+    run_command,
+    write_json,
+    write_page,
+)
+from palpate.writing import check_writable, make_folder
 
 FOLDER = "docs/validation/accuracy"
-
-
-@dataclass(frozen=True, slots=True)
-class Part:
-    """Tables that are run together and written to one page."""
-
-    title: str
-    question: str
-    run: Callable[[Campaign], list[Group]]
-
-
 PARTS = {
-    "time": Part(  # first, while the workers are idle
-        "What a sample costs",
-        "What does a sample cost? Every ratio is relative to the paper's single-stage update in "
-        "the same run.",
-        timing.timing,
-    ),
-    "ideal": Part(
-        "Errors over the Cramér–Rao bound: no force offset",
-        "How close are the errors to the smallest possible? The Cramér–Rao bound is 1: no unbiased "
-        "method is below it, except by chance.",
-        efficiency.ideal,
-    ),
-    "offset": Part(
-        "Errors over the Cramér–Rao bound: unknown offset",
-        "How close are the errors to the smallest possible when the force offset is unknown?",
-        efficiency.unknown_offset,
-    ),
-    "chain": Part(
-        "Errors over the Cramér–Rao bound: the paper's sensors",
-        "How close are the errors to the smallest possible with the paper's sensors: rounded "
-        "force, encoder steps, filtered velocity?",
-        efficiency.sensor_chain,
-    ),
-    "light-contact": Part(
-        "Light contact, lost contact and tares",
-        "Is the result right where the probe leaves the material, where contact is lost above the "
-        "surface, and where the tare is wrong?",
-        light.light,
-    ),
-    "starts": Part(
-        "Starting values",
-        "Can bad starting values spoil the result?",
-        starts.starts,
-    ),
-    "approaches": Part(
-        "A one-way approach",
-        "Does the search find the global minimum where a probe only goes in?",
-        approaches.approaches,
-    ),
-    "convergence": Part(
-        "Convergence time: three sines",
-        "How long until K, B and n are within 5 % and stay there?",
-        convergence.three_sines,
-    ),
-    "one-sine": Part(
-        "Convergence time: one sine",
-        "How long until K, B and n are within 5 % and stay there, with a single sine?",
-        convergence.one_sine,
-    ),
-    "changes": Part(
-        "A changing material",
-        "How fast does the estimate follow a sudden change of the material?",
-        changes.changes,
-    ),
-    "alarms": Part(
-        "The change detector",
-        "How often does the change detector raise a false alarm, and how late does it find small "
-        "changes?",
-        alarms.alarms,
-    ),
-    "outliers": Part(
-        "Outliers",
-        "What do outliers cost with and without rejection, and does the rejection exclude good "
-        "samples?",
-        outliers.outliers,
-    ),
-    "contact-point": Part(
-        "An unknown surface",
-        "How accurate are K and the surface when the surface is known to ±2 mm only?",
-        contact_point.contact_point,
-    ),
-    "coverage": Part(
-        "Coverage of the 95 % intervals",
-        "How often do the 95 % intervals contain the truth, in white noise and with the paper's "
-        "sensors?",
-        coverage.coverage,
-    ),
-    "bars": Part(
-        "Coverage with correlated noise",
-        "How often do the 95 % intervals contain the truth where noise is correlated and contacts "
-        "are short?",
-        bars.bars,
-    ),
-    "recordings": Part(
-        "Recordings, compared with offline least squares",
-        "Does `identify` find the least-squares solution on real recordings?",
-        recordings.recordings,
-    ),
-    "holding": Part(
-        "A held contact",
-        "Does the estimate drift while the probe holds still for 100 s?",
-        holding.holding,
-    ),
-    "drift": Part(
-        "A drifting material",
-        "How well does `DriftTracking` follow a stiffness that drifts slowly?",
-        drift.drift,
-    ),
+    "time": timing.timing,  # first, while the workers are idle
+    "ideal": bounds.ideal,
+    "offset": bounds.unknown_offset,
+    "chain": bounds.sensor_chain,
+    "light-contact": light.light,
+    "starts": special_contacts.starts,
+    "approaches": special_contacts.approaches,
+    "convergence": bounds.three_sines,
+    "one-sine": bounds.one_sine,
+    "changes": changes.changes,
+    "alarms": changes.alarms,
+    "outliers": outliers.outliers,
+    "contact-point": special_contacts.contact_point,
+    "coverage": bounds.coverage,
+    "bars": bounds.bars,
+    "recordings": recordings.recordings,
+    "holding": special_contacts.holding,
+    "drift": changes.drift,
 }
 
-app = App(name="python -m benchmarks.accuracy", help_format="plaintext")
 
-
-@app.default
-def accuracy(
+def main(
     *,
     seeds: int = 200,
     only: list[str] | None = None,
@@ -181,25 +82,20 @@ def accuracy(
         make_folder(markdown)
     if json is not None:
         check_writable(json)
-    console, groups, facts = report.console(), list[Group](), report.circumstances(seeds)
+    facts = describe_machine(seeds=f"{seeds}, more where a table says so")
+    tables: list[Table] = []
     with Campaign(seeds, workers, scheduler) as campaign:
         for name in chosen:
-            found = PARTS[name].run(campaign)
-            for group in found:
-                report.print_group(group, console)
-            groups += found
-            if markdown is not None:
-                part, options = PARTS[name], f"--only {name} --markdown {FOLDER}"
-                command = f"python -m benchmarks.accuracy {options}"
-                page = report.page(part.title, part.question, command, found, facts)
-                write_text(markdown / f"{name}.md", page)
-    console.print(report.words(facts))
-    if json is not None:
-        write_text(json, report.as_json(groups, facts))
+            groups = PARTS[name](campaign)
+            for group in groups:
+                print_table(group)
+            tables += groups
+            title, _, question = (inspect.getdoc(PARTS[name]) or "").partition(".\n\n")
+            path = markdown and markdown / f"{name}.md"
+            command = f"python -m benchmarks.accuracy --only {name} --markdown {FOLDER}"
+            write_page(title, groups, facts, path, " ".join(question.split()), command)
+    write_json(json, tables, facts)
 
 
 if __name__ == "__main__":
-    try:
-        app()
-    except KeyboardInterrupt:
-        sys.exit(130)
+    run_command(main)

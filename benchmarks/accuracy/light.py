@@ -8,12 +8,13 @@ from functools import lru_cache, partial
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.accuracy.campaign import Campaign
-from benchmarks.accuracy.probing import BALL, PVC, SPONGE, SYMBOLS, Floats, feed
-from benchmarks.accuracy.table import Group, Limit, Line
-from benchmarks.accuracy.trials import rms
+from benchmarks.accuracy.bounds import rms
+from benchmarks.common.campaign import Campaign
+from benchmarks.common.probing import BALL, GEL, PVC, SPONGE, SYMBOLS, feed
+from benchmarks.common.report import Group, Limit, Line
 from palpate import Estimate, HuntCrossley, Scale, VariableProjection
 from palpate.design.precision import cramer_rao_bound
+from palpate.validation import Floats
 
 SECONDS = 10.0
 LEVELS = (0.005, 0.05, 0.2)  # N
@@ -28,18 +29,18 @@ class Material:
     law: HuntCrossley
     depth: float = 10e-3  # m
 
-
-def _material(stiffness: float, dissipation: float, exponent: float) -> HuntCrossley:
-    return HuntCrossley(stiffness, stiffness * dissipation, exponent)
+    def along(self, motion: "Path") -> tuple[Floats, Floats]:
+        """Return penetration and velocity of a motion."""
+        return motion.x * self.depth, motion.v * self.depth
 
 
 MATERIALS = {
     "ball": Material(BALL),
     "PVC": Material(PVC),
     "sponge": Material(SPONGE),
-    "metal": Material(_material(1e7, 0.5, 1.5), 0.2e-3),
-    "gel": Material(_material(5e4, 3.0, 2.2)),
-    "low damping": Material(_material(3e4, 0.02, 1.5)),
+    "metal": Material(HuntCrossley(1e7, 5e6, 1.5), 0.2e-3),
+    "gel": Material(GEL),
+    "low damping": Material(HuntCrossley(3e4, 600.0, 1.5)),
 }
 
 
@@ -91,6 +92,11 @@ def _noise(line: str, seed: int, samples: int, level: float = LEVEL) -> Floats:
 
 
 def light(campaign: Campaign) -> list[Group]:
+    """Light contact, lost contact and tares.
+
+    Is the result right where the probe leaves the material, where contact is lost above the
+    surface, and where the tare is wrong?
+    """
     return [*_efficiency(campaign), _lost(campaign), _offsets(campaign)]
 
 
@@ -99,28 +105,16 @@ def _efficiency(campaign: Campaign) -> list[Group]:
     for name, material in MATERIALS.items():
         for kind in ("chirp", "random", "taps"):
             for level in LEVELS:
-                found = campaign.map(
-                    f"light, {name}, {kind}, {level:g} N",
-                    partial(_errors, name, kind, level),
-                    range(campaign.seeds),
-                )
-                law, motion = material.law, path(kind)
-                bound = cramer_rao_bound(
-                    law, motion.x * material.depth, motion.v * material.depth, level, offset=True
-                )[:3]
+                label = f"{name}, {kind}, {level:g} N"
+                found = campaign.repeat(f"light, {label}", partial(_errors, name, kind, level))
+                x, v = material.along(path(kind))
+                bound = cramer_rao_bound(material.law, x, v, level, offset=True)[:3]
                 ratio = rms([errors for errors, _ in found]) / bound
                 covered = np.mean([held for _, held in found], axis=0)
                 figures.append(ratio)
-                lines.append(
-                    Line(
-                        f"{name}, {kind}, {level:g} N",
-                        tuple(ratio.tolist()),
-                        (Limit(1.3),),
-                        tuple((100.0 * covered).tolist()),
-                    )
-                )
+                shares = tuple((100.0 * covered).tolist())
+                lines.append(Line(label, tuple(ratio.tolist()), (Limit(1.3),), shares))
     scatter = (2.0 * campaign.seeds) ** -0.5
-    title = "Light contact: RMSE over the Cramér–Rao bound"
     definition = (
         "Ten seconds of motions that leave the material, including the free air between touches: "
         "true x and v, white noise, no tare. The bound uses all samples and treats the offset as "
@@ -131,30 +125,24 @@ def _efficiency(campaign: Campaign) -> list[Group]:
         f"{campaign.seeds} seeds from {FIRST_SEED}; each ratio is known to ±{scatter:.1%} (one "
         "standard error)."
     ]
-    worst = float(np.median(np.max(figures, axis=1)))
-    median = Line(
-        "median of the table above", (float(np.median(figures)),), (Limit(1.05),), (worst,)
+    summary = (
+        "Median of all figures, and of the worst of K, B and n of each line, which exceeds the "
+        "bound by chance."
     )
+    middle, worst = float(np.median(figures)), float(np.median(np.max(figures, axis=1)))
+    median = Line("median of the table above", (middle,), (Limit(1.05),), (worst,))
+    title = "Light contact: RMSE over the Cramér–Rao bound"
+    beside = tuple(f"coverage {symbol}" for symbol in SYMBOLS)
     return [
-        Group(
-            title, definition, SYMBOLS, lines, tuple(f"coverage {s}" for s in SYMBOLS), notes=notes
-        ),
-        Group(
-            "Summary",
-            "Median of all figures, and of the worst of K, B and n of each line, which exceeds "
-            "the bound by chance.",
-            ("all",),
-            [median],
-            ("worst of K, B, n",),
-            precision=".3f",
-        ),
+        Group(title, definition, SYMBOLS, lines, beside, notes=notes),
+        Group("Summary", summary, ("all",), [median], ("worst of K, B, n",), precision=".3f"),
     ]
 
 
 def _errors(name: str, kind: str, level: float, seed: int) -> tuple[Floats, NDArray[np.bool_]]:
     """Return errors of K, B and n, and whether the intervals contain the truth."""
     material, motion = MATERIALS[name], path(kind)
-    x, v = motion.x * material.depth, motion.v * material.depth
+    x, v = material.along(motion)
     f = material.law.force(x, v) + _noise(f"{name} {kind} {level}", seed, x.size, level)
     estimate = estimated(x, v, f)
     errors = estimate.parameters - material.law.parameters
@@ -166,19 +154,11 @@ def _lost(campaign: Campaign) -> Group:
     for name, kind in (("ball", "taps"), ("ball", "indentation"), ("PVC", "indentation")):
         for below in (0.1, 0.3):
             for air in (True, False):
-                found = campaign.map(
-                    f"lost, {name}, {kind}, {below:g}",
-                    partial(_after_loss, name, kind, below, air),
-                    range(campaign.seeds),
-                )
                 words = "with" if air else "without"
-                lines.append(
-                    Line(
-                        f"{name}, {kind}, below {below:.0%}, {words} free air",
-                        tuple((100.0 * rms(found)).tolist()),
-                        (Limit(1.0) if (name, kind) == ("ball", "taps") else None, None),
-                    )
-                )
+                label = f"{name}, {kind}, below {below:.0%}, {words} free air"
+                found = campaign.repeat(label, partial(_after_loss, name, kind, below, air))
+                limit = Limit(1.0) if (name, kind) == ("ball", "taps") else None
+                lines.append(Line(label, tuple((100.0 * rms(found)).tolist()), (limit, None)))
     return Group(
         "Contact that is lost above the surface",
         "A material that recovers slowly: on the way out there is no force below 10 or 30 % of "
@@ -194,7 +174,7 @@ def _after_loss(name: str, kind: str, below: float, air: bool, seed: int) -> Flo
     """Return relative errors of K, B and n."""
     material, motion = MATERIALS[name], path(kind)
     lost = _recovering(motion, below)
-    x, v = motion.x * material.depth, motion.v * material.depth
+    x, v = material.along(motion)
     own = _noise(f"{name} {kind} {below}", seed, x.size)
     f = np.where(lost, 0.0, material.law.force(x, v)) + own
     seen = np.full(x.size, True) if air else x > 0.0
@@ -224,19 +204,12 @@ def _offsets(campaign: Campaign) -> Group:
     for words, (offset, tare) in OFFSETS.items():
         for name in ("ball", "PVC"):
             for where in ("through the surface", "deep"):
-                found = campaign.map(
-                    f"{words}, {name}",
-                    partial(_with_offset, name, where, offset, tare),
-                    range(campaign.seeds),
-                )
-                error, covered, flagged = np.array(found).T
-                share = 100.0 * float(np.mean(flagged))
-                limit = Limit(100.0, 98.0) if tare and offset else Limit(2.0)
-                values = (100.0 * float(np.mean(covered)), share)
-                size = 100.0 * float(np.sqrt(np.mean(error**2)))
-                lines.append(
-                    Line(f"{words}, {name}, {where}", values, (Limit(100.0, 90.0), limit), (size,))
-                )
+                label = f"{words}, {name}, {where}"
+                found = campaign.repeat(label, partial(_with_offset, name, where, offset, tare))
+                error, covered, flagged = 100.0 * np.array(found).T
+                limits = Limit(100.0, 90.0), Limit(100.0, 98.0) if tare and offset else Limit(2.0)
+                values = float(np.mean(covered)), float(np.mean(flagged))
+                lines.append(Line(label, values, limits, (float(rms(error)),)))
     return Group(
         "Offsets and tares",
         "A random motion, through the surface with free air, or deep within (a fifth of the stroke "

@@ -6,18 +6,20 @@ from functools import partial
 import numpy as np
 from scipy.signal import savgol_filter
 
-from benchmarks.accuracy.campaign import Campaign
-from benchmarks.accuracy.probing import (
+from benchmarks.common.campaign import Campaign
+from benchmarks.common.probing import (
     BALL,
+    GEL,
     INCLUSION,
     NOISE,
     PVC,
     SPONGE,
-    Floats,
     noise,
     sines,
+    switched,
+    taps,
 )
-from benchmarks.accuracy.table import Group, Limit, Line
+from benchmarks.common.report import Group, Limit, Line
 from palpate import (
     ChangeDetector,
     Contact,
@@ -29,12 +31,13 @@ from palpate import (
     identify,
 )
 from palpate.preparation.velocity import velocity_of
+from palpate.validation import Floats
 
 SECONDS = 10.0
 BAR = 2.0  # %, rms of K and B
 NEEDLESS = 0.05  # % of good samples
 MATERIALS = {"ball": BALL, "PVC": PVC}
-FOUR = {**MATERIALS, "sponge": SPONGE, "gel": HuntCrossley(5e4, 1.5e5, 2.2)}
+FOUR = {**MATERIALS, "sponge": SPONGE, "gel": GEL}
 Trajectory = tuple[Floats, Floats, Floats]
 FAULTS = {
     "nothing wrong": None,
@@ -55,6 +58,10 @@ AFTER = 2.0  # s
 
 
 def outliers(campaign: Campaign) -> list[Group]:
+    """Outliers.
+
+    What do outliers cost with and without rejection, and does the rejection exclude good samples?
+    """
     return [_errors(campaign), _needless(campaign), _changes(campaign)]
 
 
@@ -63,7 +70,7 @@ def _errors(campaign: Campaign) -> Group:
     for name, law in MATERIALS.items():
         for fault, bar in FAULTS.items():
             run = partial(_error, law, fault)
-            runs = np.array(campaign.map(f"{name}, {fault}", run, range(campaign.seeds)))
+            runs = np.array(campaign.repeat(f"{name}, {fault}", run))
             rms = np.sqrt(np.mean(runs[:, :4] ** 2, axis=0))
             limits = () if bar is None else (Limit(bar),)
             left_out = float(np.mean(runs[:, 4]))
@@ -150,8 +157,7 @@ def _three_sines() -> Trajectory:
 
 def _taps() -> Trajectory:
     time = sines(SECONDS).time
-    x = -3e-3 + 12e-3 * np.sin(8.2 * time) + 1.5e-3 * np.sin(1.7 * time)
-    return time, x, 98.4e-3 * np.cos(8.2 * time) + 2.55e-3 * np.cos(1.7 * time)
+    return time, *taps(time)
 
 
 def _held() -> Trajectory:
@@ -195,7 +201,7 @@ def _changes(campaign: Campaign) -> Group:
     lines = []
     for name, (before, after, bar) in CHANGES.items():
         run = partial(_delay, before, after)
-        delays, left_out = np.transpose(campaign.map(f"change, {name}", run, range(campaign.seeds)))
+        delays, left_out = np.transpose(campaign.repeat(f"change, {name}", run))
         median, late = np.percentile(delays, [50.0, 95.0])
         most = float(left_out.max())
         missed = 100.0 * float(np.mean(delays >= 1e3 * AFTER))
@@ -218,7 +224,7 @@ def _delay(before: HuntCrossley, after: HuntCrossley, seed: int) -> tuple[float,
     at, motion = int(rng.integers(5000, 8000)), sines(SECONDS)
     stop = at + round(1e3 * AFTER)
     x, v = motion.penetration[:stop], motion.velocity[:stop]
-    force: Floats = np.where(np.arange(stop) < at, before.force(x, v), after.force(x, v))
+    force = switched(before, after, x, v, at)
     estimator = VariableProjection(
         change_detector=ChangeDetector(), outlier_rejection=OutlierRejection()
     )

@@ -1,16 +1,14 @@
 """The final law on recordings, against offline least squares of the same samples."""
 
 import json
-import os
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from scipy.optimize import least_squares
 
-from benchmarks.accuracy.campaign import Campaign
-from benchmarks.accuracy.probing import Floats
-from benchmarks.accuracy.table import Group, Limit, Line
+from benchmarks.common.campaign import Campaign
+from benchmarks.common.recordings import EXPONENTS, STARTS, least_squares_law, recorded
+from benchmarks.common.report import Group, Limit, Line
 from palpate import (
     ContactGate,
     Identification,
@@ -21,8 +19,6 @@ from palpate import (
     prepare,
 )
 
-EXPONENTS = (0.3, 3.6)  # the default range of VariableProjection
-STARTS = (0.5, 1.2, 2.0, 3.0)
 UNSURE = ("exponent not identifiable", "exponent at the edge")
 
 
@@ -37,13 +33,14 @@ class Fit:
 
 
 def recordings(campaign: Campaign) -> list[Group]:
+    """Recordings, compared with offline least squares.
+
+    Does `identify` find the least-squares solution on real recordings?
+    """
     files = recorded()
     if not files:
-        return [
-            _group(
-                "whole files", "", [], ["Skipped: no recordings in PALPATE_DATA or ../shared/data."]
-            )
-        ]
+        notes = ["Skipped: no recordings in PALPATE_DATA or ../shared/data."]
+        return [_group("whole files", "", [], notes)]
     groups = []
     for part, noted in (("whole files", False), ("noted windows", True)):
         items = [(file, noted) for file in files]
@@ -61,14 +58,6 @@ def recordings(campaign: Campaign) -> list[Group]:
         )
         groups.append(_group(part, what, lines, notes))
     return groups
-
-
-def recorded() -> list[Path]:
-    """Return the recordings of PALPATE_DATA or next to the checkout, if any."""
-    given = os.environ.get("PALPATE_DATA")
-    beside = Path(__file__).resolve().parents[3] / "shared" / "data"
-    folder = Path(given) if given else beside
-    return sorted(folder.glob("*.csv"))
 
 
 def _group(part: str, what: str, lines: list[Line], notes: list[str]) -> Group:
@@ -118,17 +107,6 @@ def _compared(item: tuple[Path, bool]) -> Fit | str:
 def _offline(result: Identification) -> float:
     """RMSE% of the best of several starts."""
     contact, taken = result.contact, result.trace.taken
-    x, v, f = contact.penetration[taken], contact.velocity[taken], contact.force[taken]
-    depth, speed, force = np.log(x / x.max()), v / np.abs(v).max(), f / f.max()
-
-    def residuals(p: Floats) -> Floats:
-        found: Floats = np.exp(p[2] * depth) * (p[0] + p[1] * speed) + p[3] - force
-        return found
-
-    low, high = EXPONENTS
-    bounds = ([-np.inf, -np.inf, low, -np.inf], [np.inf, np.inf, high, np.inf])
-    costs = [
-        least_squares(residuals, [1.0, 0.1, start, 0.0], bounds=bounds, xtol=1e-12, ftol=1e-12).cost
-        for start in STARTS
-    ]
-    return float(100.0 * np.sqrt(2.0 * min(costs) / np.sum(force**2)))
+    x, v, force = contact.penetration[taken], contact.velocity[taken], contact.force[taken]
+    residual = least_squares_law(x, v, force).force(x, v) - force
+    return float(100.0 * np.sqrt(np.sum(residual**2) / np.sum(force**2)))

@@ -1,27 +1,26 @@
 """``python -m benchmarks.diagnosis``: undetected errors, their causes, and real recordings."""
 
+import json
 import os
 import sys
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from multiprocessing import get_context
 from pathlib import Path
 
-from cyclopts import App
-
-from benchmarks.accuracy import report
-from benchmarks.diagnosis import tables
-from benchmarks.diagnosis.jobs import done, jobs_of
-from benchmarks.diagnosis.mark_tables import mark_page
+from benchmarks.common.report import command_line, describe_machine, run_command
+from benchmarks.diagnosis.marks import Jobs, Row, recordings_of
+from benchmarks.diagnosis.tables import TITLE, page
 from palpate.writing import check_writable, write_text
 
-app = App(name="python -m benchmarks.diagnosis", help_format="plaintext")
+BANKS = ("known", "good", "hard", "clean")
 
 
-@app.default
-def diagnosis(
+def main(
     *,
     seeds: int = 30,
     robot_seeds: int = 5,
     first: int = 500,
-    banks: str = "known,good,hard,clean",
+    banks: str = ",".join(BANKS),
     workers: int = 2,
     store: Path = Path("build/diagnosis.jsonl"),
     markdown: Path | None = None,
@@ -54,21 +53,39 @@ def diagnosis(
         check_writable(markdown)
     store.parent.mkdir(parents=True, exist_ok=True)
     names = banks.split(",")
-    if unknown := set(names) - {"known", "good", "hard", "clean"}:
-        sys.exit(f"--banks has {', '.join(sorted(unknown))}: use known, good, hard and clean")
-    jobs = jobs_of(range(first, first + seeds), range(first, first + robot_seeds), names)
-    rows = done(store, jobs, workers)
-    facts = report.circumstances(seeds)
-    command = " ".join(["python -m benchmarks.diagnosis", *sys.argv[1:]])
-    pages = [tables.page(rows, report.words(facts)), *mark_page(rows), ""]
-    text = "\n".join(pages)
+    if unknown := set(names) - set(BANKS):
+        sys.exit(f"--banks has {', '.join(sorted(unknown))}: use {', '.join(BANKS)}")
+    jobs: Jobs = {}
+    for bank in names:
+        jobs |= recordings_of(bank, range(first, first + seeds), range(first, first + robot_seeds))
+    facts = describe_machine(seeds=seeds)
+    text = page(done(store, jobs, workers), facts)
     print(text)
     if markdown is not None:
-        write_text(markdown, f"<!-- Written by {command} -->\n\n# {tables.TITLE}\n\n{text}")
+        write_text(markdown, f"<!-- Written by {command_line()} -->\n\n# {TITLE}\n\n{text}")
+
+
+def done(store: Path, jobs: Jobs, workers: int) -> list[Row]:
+    """Run the jobs that are not in the store yet, and return the rows of all."""
+    known: dict[str, list[Row]] = {}
+    if store.is_file():
+        lines = (json.loads(line) for line in store.read_text().splitlines())
+        known = {line["key"]: line["rows"] for line in lines}
+    todo = [key for key in jobs if key not in known]
+    with (
+        ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool,
+        store.open("a") as file,
+    ):
+        futures = {pool.submit(jobs[key][0], jobs[key][1]): key for key in todo}
+        for count, future in enumerate(as_completed(futures)):
+            key = futures[future]
+            known[key] = future.result()
+            file.write(json.dumps({"key": key, "rows": known[key]}) + "\n")
+            file.flush()
+            if count % 200 == 0:
+                print(f"{count} of {len(todo)}", file=sys.stderr)
+    return [row for key in jobs for row in known[key]]
 
 
 if __name__ == "__main__":
-    try:
-        app()
-    except KeyboardInterrupt:
-        sys.exit(130)
+    run_command(main)

@@ -9,20 +9,17 @@ that of plain least squares of K xⁿ + B xⁿ v + F₀ on the first half's cont
 ``benchmarks.diagnosis.halves`` compares the halves' stiffness and damping.
 """
 
-import sys
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
 
-from benchmarks.diagnosis.tables import table
-from benchmarks.external_recordings import folder_of_recordings, read
+from benchmarks.common.recordings import least_squares_law, read, with_notes
+from benchmarks.common.report import markdown_table, run_command
 from palpate import Contact, identify
 from palpate.validation import Floats
 
-EXPONENTS, STARTS = (0.3, 3.6), (0.5, 1.2, 2.0, 3.0)
 LAWS = {"identify": None, "auto": "auto"}
 
 
@@ -55,33 +52,6 @@ class Recording:
         return self.contact.taken(chosen)
 
 
-def offline(x: Floats, v: Floats, force: Floats) -> "Offline":
-    """Least squares of Hunt–Crossley's law and an offset, the best of several starts."""
-    units = float(x.max()), float(np.abs(v).max()), float(np.abs(force).max())
-
-    def residuals(p: Floats) -> Floats:
-        return Offline(p, units).force(x, v) / units[2] - force / units[2]
-
-    (low, high), wide = EXPONENTS, np.inf
-    bounds = ([-wide, -wide, low, -wide], [wide, wide, high, wide])
-    found = [least_squares(residuals, [1.0, 0.1, n, 0.0], bounds=bounds) for n in STARTS]
-    return Offline(min(found, key=lambda each: float(each.cost)).x, units)
-
-
-@dataclass(frozen=True)
-class Offline:
-    """The law of a plain least squares."""
-
-    numbers: Floats
-    units: tuple[float, float, float]
-
-    def force(self, x: Floats, v: Floats) -> Floats:
-        """N."""
-        k, c, n, offset = self.numbers
-        deep, fast, strong = self.units
-        return np.asarray(strong * ((x / deep) ** n * (k + c * v / fast) + offset))
-
-
 def forecasts(recording: Recording, way: str) -> dict[str, tuple[float, float, str]]:
     """Error over plain least squares, per cent of the force, and verdict, for the requested law."""
     contact, good = recording.contact, recording.good
@@ -92,7 +62,7 @@ def forecasts(recording: Recording, way: str) -> dict[str, tuple[float, float, s
     def error(predicted: Floats) -> float:
         return float(np.sqrt(np.mean((force[second] - predicted) ** 2)))
 
-    plain = error(offline(x[first], v[first], force[first]).force(x[second], v[second]))
+    plain = error(least_squares_law(x[first], v[first], force[first]).force(x[second], v[second]))
     rows = {"plain": (1.0, 100.0 * plain / size, "")}
     known = first if way == "contact" else np.arange(recording.split)
     along = good if way == "contact" else np.arange(len(contact))
@@ -127,18 +97,14 @@ def forecast_page(recordings: list[Recording]) -> list[str]:
     for name in LAWS:
         heads += [f"{name} / plain", "%", "verdict"]
     short = ["way", "law", "geometric mean", "errors > 100 % without *do not trust*"]
-    return [*table(heads, lines), "", *table(short, summary)]
+    return [*markdown_table(heads, lines), "", *markdown_table(short, summary)]
 
 
 def main() -> None:
     """Print the table."""
-    folder = folder_of_recordings()
-    if folder is None:
-        sys.exit("no recordings in PALPATE_DATA or ../shared/data")
-    paths = [path.with_suffix(".csv") for path in sorted(folder.glob("*.json"))]
-    recordings = [Recording.of(path) for path in paths if path.exists()]
+    recordings = [Recording.of(path) for path in with_notes()]
     print("\n".join(forecast_page(recordings)))
 
 
 if __name__ == "__main__":
-    main()
+    run_command(main)

@@ -9,17 +9,17 @@ halves agree within two bars of the difference. Default laws: ``hunt-crossley`` 
 """
 
 import math
-import sys
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
+from cyclopts import Parameter
 from numpy.typing import NDArray
 
-from benchmarks.diagnosis.tables import table
-from benchmarks.external_recordings import folder_of_recordings
+from benchmarks.common.recordings import with_notes
+from benchmarks.common.report import markdown_table, run_command
 from palpate import Contact, PalpateError, identify, prepare
 from palpate.preparation.gates import choose_gate
 
@@ -152,25 +152,28 @@ def rows_of(law: str, pairs: list[Pair]) -> Iterator[list[object]]:
         yield cells
 
 
-def main() -> None:
-    """Print the table; ``-v`` prints each recording too."""
-    folder = folder_of_recordings()
-    if folder is None:
-        sys.exit("no recordings in PALPATE_DATA or ../shared/data")
-    paths = [path.with_suffix(".csv") for path in sorted(folder.glob("*.json"))]
-    laws = [each for each in sys.argv[1:] if each != "-v"] or ["hunt-crossley", "auto"]
+def main(*laws: str, v: Annotated[bool, Parameter("-v")] = False) -> None:
+    """Print the table.
+
+    Parameters
+    ----------
+    laws
+        Default: hunt-crossley and auto.
+    v
+        Print each recording too.
+    """
     rows = []
-    for law in laws:
-        pairs = [pair for path in paths if path.exists() and (pair := pair_of(path, law))]
+    for law in laws or ("hunt-crossley", "auto"):
+        pairs = [pair for path in with_notes() if (pair := pair_of(path, law))]
         rows += list(rows_of(law, pairs))
-        for pair in pairs if "-v" in sys.argv else ():
+        for pair in pairs if v else ():
             (k, b), (wide_k, wide_b) = pair.apart, pair.width
             print(f"{pair.name:28s} {law:14s} K′ {k:.2g} ({wide_k:.2g}) B′ {b:.2g} ({wide_b:.2g})")
     heads = ["set", "law", "recordings"]
     for name in ("K′", "B′"):
         heads += [f"{name} apart, median / 90 %, %", "bar, %", "within two bars, %"]
-    print("\n".join(table(heads, rows)))
+    print("\n".join(markdown_table(heads, rows)))
 
 
 if __name__ == "__main__":
-    main()
+    run_command(main)

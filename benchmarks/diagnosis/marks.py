@@ -1,25 +1,57 @@
-"""Marks of stiffness and damping beside the truth: one recording of a bank, judged."""
+"""The work for each recording of ``benchmarks.diagnosis``: identify, and compare with the truth."""
 
 import math
+import re
 import time
+from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass, field
+from itertools import pairwise
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from benchmarks.diagnosis.material_faults import MATERIAL_FAULTS
-from benchmarks.diagnosis.noises import LENGTHS, MOTION, NOISES, clean
-from benchmarks.diagnosis.outcome import named_by
-from benchmarks.diagnosis.sensor_faults import SENSOR_FAULTS
-from benchmarks.diagnosis.trials import Trial, Unseen, good, hard
-from palpate import PalpateError, identify
+from benchmarks.bank.material_faults import KNOWN_MATERIAL_FAULTS, MATERIAL_FAULTS
+from benchmarks.bank.sensor_faults import KNOWN_SENSOR_FAULTS, SENSOR_FAULTS
+from benchmarks.bank.trials import (
+    CLEAN_MOTIONS,
+    LENGTHS,
+    NOISES,
+    Fault,
+    Trial,
+    clean,
+    good,
+    hard,
+    ideal,
+    spoil,
+)
+from benchmarks.common.recordings import recorded
+from palpate import (
+    Contact,
+    GeneralisedHuntCrossley,
+    HuntCrossley,
+    Identification,
+    PalpateError,
+    RecordingError,
+    identify,
+    lab,
+    prepare,
+)
+from palpate.diagnosis import Quantity
+from palpate.validation import Floats
 
-NONE = [Unseen("none", str(k)) for k in range(5)]
-UNSEEN: list[Unseen] = [*NONE, *SENSOR_FAULTS, *MATERIAL_FAULTS]
+Row = dict[str, Any]
+Jobs = dict[str, tuple[Callable[[Any], list[Row]], Any]]
+NONE = [Fault("none", str(k)) for k in range(5)]
+UNSEEN: list[Fault] = [*NONE, *SENSOR_FAULTS, *MATERIAL_FAULTS]
+KNOWN: list[Fault] = [Fault("clean", ""), *KNOWN_SENSOR_FAULTS, *KNOWN_MATERIAL_FAULTS]
 BANKS = {"good": good, "hard": hard}
 #: A lie is off by more than so many bars, both parts, and by more than this fraction.
 BARS, LEAST = 3.0, {"stiffness": 0.05, "damping": 0.10}
 QUANTITIES = tuple(LEAST)
+PROBED = ("ball", "sponge", "pvc")  # by the robot
+BLOCKS = {"C": 10, "G": 5}  # of equal time, into which each recording of a set is cut
+LEVER = "A_aurora_220118"  # one muscle under loads of 100 to 1000 mN: each recording is a repeat
 
 
 @dataclass
@@ -34,11 +66,19 @@ class Marked:
         Of both quantities at the printed depth, over the truth.
     statistical, systematic : dict
         The bars, over the size of the truth.
-    deviations : tuple of float
-        Of K, B and n without the fault, in the standard errors of the estimate, where
-        Hunt and Crossley's law was selected.
+    deviations, relative : tuple of float
+        Errors of K, B and n, in the standard errors of the estimate and relative, where Hunt and
+        Crossley's law was selected.
+    described : bool
+        Whether the law describes the material.
     named : tuple of str
-        The checks of :func:`named_by`, the most severe first.
+        Checks whose findings are significant or cost a mark, and what the law itself says.
+    flagged : bool
+        Whether a flag without a diagnosis would have warned.
+    delay : float
+        The delay in the message, s; NaN if none was found.
+    changes : tuple of float
+        Times of the reported changes of the material, s.
     seconds : float
         CPU of the diagnosis.
     """
@@ -50,43 +90,14 @@ class Marked:
     statistical: dict[str, float] = field(default_factory=dict)
     systematic: dict[str, float] = field(default_factory=dict)
     deviations: tuple[float, ...] = ()
+    relative: tuple[float, ...] = ()
+    described: bool = True
     named: tuple[str, ...] = ()
+    flagged: bool = True
+    delay: float = math.nan
+    changes: tuple[float, ...] = ()
     sentence: str = ""
     seconds: float = math.nan
-
-
-def unseen(job: tuple[str, int, int]) -> list[dict[str, Any]]:
-    """Return the row of a bank, a fault's place and a seed."""
-    bank, place, seed = job
-    fault = UNSEEN[place]
-    made = BANKS[bank](seed, f"{bank}/{fault.kind}/{fault.severity}")
-    head = {
-        "bank": bank,
-        "kind": fault.kind,
-        "severity": fault.severity,
-        "shown": fault.shown,
-        "rate": made.rate,
-        "noise": made.noise / made.peak,
-        "motion": made.motion,
-        "length": float(made.time[-1]),
-        "seed": seed,
-    }
-    if not fault.sampled:
-        fault.damage(made)
-        head["shows"] = made.shows()
-    made.sample()
-    if fault.sampled:
-        fault.damage(made)
-    return [{**head, **asdict(marked(made))}]
-
-
-def without_fault(job: tuple[str, str, str, int]) -> list[dict[str, Any]]:
-    """Return the row of a kind of noise, a motion, a length and a seed."""
-    kind, motion, length, seed = job
-    made = clean(seed, kind, motion, length)
-    head = {"bank": "clean", "kind": kind, "motion": motion, "length": length, "seed": seed}
-    head |= {"rate": made.rate, "noise": made.noise / made.peak}
-    return [{**head, **asdict(marked(made))}]
 
 
 def marked(made: Trial) -> Marked:
@@ -94,45 +105,217 @@ def marked(made: Trial) -> Marked:
     try:
         result = identify(made.contact)
         start = time.process_time()
-        found = result.diagnosis
+        diagnosis = result.diagnosis
         seconds = time.process_time() - start
     except PalpateError as error:
         return Marked(sentence=str(error))
-    there = found.working_depth
+    there = diagnosis.working_depth
     said = Marked(
-        found.verdict.overall,
-        found.verdict.stiffness,
-        found.verdict.damping,
-        named=named_by(result),
-        sentence=found.reason,
+        diagnosis.verdict.overall,
+        diagnosis.verdict.stiffness,
+        diagnosis.verdict.damping,
+        described=made.described,
+        named=_names(result),
+        flagged=bool(result.flags),
+        delay=_delay(result),
+        changes=tuple(episode.start for episode in diagnosis.episodes[1:]),
+        sentence=diagnosis.reason,
         seconds=seconds,
     )
     for name, true in zip(QUANTITIES, made.truth(there.depth), strict=True):
-        quantity = getattr(there, name)
+        quantity: Quantity = getattr(there, name)
         said.errors[name] = (quantity.value - true) / abs(true)
         said.statistical[name] = quantity.standard_error / abs(true)
         said.systematic[name] = quantity.systematic / abs(true)
     if len(result.law.parameters) == len(made.law.parameters):
         off = np.subtract(result.law.parameters, made.law.parameters)
         said.deviations = tuple((off / result.estimate.standard_errors).tolist())
+        said.relative = tuple((off / made.law.parameters).tolist())
     return said
 
 
-def bar(row: dict[str, Any], name: str) -> float:
+def _names(result: Identification) -> tuple[str, ...]:
+    law, findings = result.law, result.diagnosis.findings
+    names = [f.check for f in findings if f.severity != "note" or math.isfinite(f.z)]
+    if isinstance(law, GeneralisedHuntCrossley):
+        names += ["memory"] * (law.relaxation_stiffness > 0.0)
+        names += ["damping form"] * (law.damping_exponent != law.exponent)
+    return tuple(name for name in dict.fromkeys(names) if name != "precision")
+
+
+def _delay(result: Identification) -> float:
+    """Return the delay in the message ``the force is 5.0 ± 0.1 ms late …``, s."""
+    messages = [f.message for f in result.diagnosis.findings if f.check == "delay"]
+    number = re.search(r"is (\S+) ± \S+ ms (late|early)", messages[0] if messages else "")
+    if number is None:
+        return math.nan
+    return float(number[1]) * (1e-3 if number[2] == "late" else -1e-3)
+
+
+def bar(row: Row, name: str) -> float:
     """Both parts together, over the truth."""
     return math.hypot(row["statistical"].get(name, 0.0), row["systematic"].get(name, 0.0))
 
 
-def wrong(row: dict[str, Any], name: str, error: float) -> bool:
+def wrong(row: Row, name: str, error: float) -> bool:
     """Whether a quantity is off by more than three times an error, and by more than a little."""
     off = abs(row["errors"].get(name, 0.0))  # nothing is wrong in a refusal
     return bool(off > LEAST[name]) and not off <= BARS * error
 
 
-def lies(row: dict[str, Any], name: str) -> bool:
+def lies(row: Row, name: str) -> bool:
     """Whether a quantity is wrong by both parts of its bar together."""
     return wrong(row, name, bar(row, name))
 
 
-def clean_keys() -> list[tuple[str, str, str]]:
-    return [(kind, motion, length) for kind in NOISES for motion in MOTION for length in LENGTHS]
+def recordings_of(bank: str, seeds: range, robot: range) -> Jobs:
+    """Return every job of a bank by its key in the store."""
+    if bank == "clean":
+        keys = [(kind, m, length) for kind in NOISES for m in CLEAN_MOTIONS for length in LENGTHS]
+        return {
+            f"clean/{'/'.join(key)}/{seed}": (_clean, (*key, seed))
+            for seed in seeds
+            for key in keys
+        }
+    faults = UNSEEN if bank in BANKS else KNOWN
+    draw = bank if bank in BANKS else "ideal"
+    jobs: Jobs = {
+        f"{draw}/{fault.kind}/{fault.severity}/{seed}": (_with_fault, (draw, place, seed))
+        for seed in seeds
+        for place, fault in enumerate(faults)
+    }
+    if bank not in BANKS:
+        jobs |= {
+            f"robot/{name}/{seed}": (_robot, (name, seed)) for seed in robot for name in PROBED
+        }
+        for material in lab.MATERIALS:
+            for motion in lab.TRAJECTORIES:
+                jobs[f"pair/{material}/{motion}"] = (_pair, (material, motion))
+        jobs |= {f"recording/{path.stem}": (_recording, path) for path in recorded()}
+        jobs |= {f"repeats/{name}": (_repeats, (name, paths)) for name, paths in _objects().items()}
+    return jobs
+
+
+def _with_fault(job: tuple[str, int, int]) -> list[Row]:
+    """Return the row of a bank, a fault's place and a seed."""
+    bank, place, seed = job
+    if bank == "ideal":
+        return [_row(bank, KNOWN[place], spoil(ideal(seed), KNOWN[place]))]
+    fault = UNSEEN[place]
+    made = BANKS[bank](seed, f"{bank}/{fault.kind}/{fault.severity}")
+    head = {"motion": made.motion, "length": float(made.time[-1]), "seed": seed}
+    if not fault.sampled:  # as the fault alone would show
+        shown = BANKS[bank](seed, f"{bank}/{fault.kind}/{fault.severity}")
+        fault.damage(shown)
+        head["shows"] = shown.shows()
+    return [head | _row(bank, fault, spoil(made, fault))]
+
+
+def _row(bank: str, fault: Fault, made: Trial) -> Row:
+    head = {"bank": bank, "kind": fault.kind, "severity": fault.severity, "shown": fault.shown}
+    head |= {"names": fault.names, "stops": fault.stops}
+    head |= {"rate": made.rate, "noise": made.noise / made.peak}
+    return head | asdict(marked(made))
+
+
+def _clean(job: tuple[str, str, str, int]) -> list[Row]:
+    """Return the row of a kind of noise, a motion, a length and a seed."""
+    kind, motion, length, seed = job
+    made = clean(seed, kind, motion, length)
+    head = {"motion": motion, "length": length, "seed": seed}
+    return [head | _row("clean", Fault(kind, ""), made)]
+
+
+def _robot(job: tuple[str, int]) -> list[Row]:
+    """Press a material once with the robot, and put each fault on the recording."""
+    name, seed = job
+    material = lab.MATERIALS[name]
+    run = lab.Bench(material, lab.THREE_SINES).run(seed)
+    law: HuntCrossley = material.law  # type: ignore[attr-defined]  # of a homogeneous one
+    return [_row("robot", fault, _sensed(run, law, fault, seed)) for fault in KNOWN]
+
+
+def _sensed(run: lab.Measurement, law: HuntCrossley, fault: Fault, seed: int) -> Trial:
+    truth, random = run.truth, np.random.default_rng([seed, 7])
+    signals = (truth.time, truth.penetration, truth.velocity, truth.force)
+    made = Trial(*signals, law, random, 1e3, 0.05, "three sines", least=1e-3)
+    if not fault.sampled:
+        fault.damage(made)
+    sensed = lab.Sensors().force(made.force, random)
+    made.force = sensed - float(sensed[made.time < lab.THREE_SINES.pause].mean())
+    made.position = np.array(run.contact.penetration)
+    if fault.sampled:
+        fault.damage(made)
+    return made
+
+
+def _pair(job: tuple[str, str]) -> list[Row]:
+    """Return the verdict on one material under one motion; ``"refused"`` if there is none."""
+    material, motion = job
+    bench = lab.Bench(lab.MATERIALS[material], lab.TRAJECTORIES[motion])
+    try:
+        overall: str = identify(bench.run(0).contact).diagnosis.verdict.overall
+    except RecordingError:
+        overall = "refused"
+    return [{"bank": "pair", "material": material, "motion": motion, "overall": overall}]
+
+
+def _recording(path: Path) -> list[Row]:
+    """Return verdict, reason, and relative errors of stiffness and damping; or an error."""
+    head = {"bank": "recording", "name": path.stem}
+    try:
+        diagnosis = identify(path).diagnosis
+    except RecordingError as error:
+        return [{**head, "overall": "not identified", "reason": str(error).rpartition("/")[2]}]
+    there, verdict = diagnosis.working_depth, diagnosis.verdict
+    errors = [
+        100.0 * error / abs(quantity.value) if quantity.value else math.nan
+        for quantity in (there.stiffness, there.damping)
+        for error in (quantity.standard_error, quantity.systematic)
+    ]
+    marks = {name: getattr(verdict, name) for name in ("overall", *QUANTITIES)}
+    return [{**head, **marks, "reason": diagnosis.reason, "errors": errors}]
+
+
+def _objects() -> dict[str, list[Path]]:
+    """Return the recordings of each object that was pressed repeatedly, by its name."""
+    objects = {LEVER: recorded(f"{LEVER}*.csv")}
+    objects |= {path.stem: [path] for initial in BLOCKS for path in recorded(f"{initial}_*.csv")}
+    return {name: paths for name, paths in objects.items() if paths}
+
+
+def _repeats(job: tuple[str, list[Path]]) -> list[Row]:
+    """Return reduced χ at a common working depth, without the systematic part and with it."""
+    name, paths = job
+    count = BLOCKS.get(name.partition("_")[0], 1)
+    results = []
+    for part in (part for path in paths for part in _blocks(prepare(path), count)):
+        try:
+            results.append(identify(part))
+        except RecordingError:  # a block without contact
+            continue
+    depth = float(np.median([result.diagnosis.working_depth.depth for result in results]))
+    there = [result.at_depth(depth).diagnosis.working_depth for result in results]
+    row = {"bank": "repeats", "name": name, "repeats": len(there), "depth": depth}
+    return [row | {key: _factors([getattr(each, key) for each in there]) for key in QUANTITIES}]
+
+
+def _blocks(contact: Contact, count: int) -> Iterator[Contact]:
+    borders = np.linspace(contact.time[0], contact.time[-1], count + 1)
+    for start, stop in pairwise(borders.tolist()):
+        yield contact.window(start, stop)
+
+
+def _factors(quantities: list[Quantity]) -> list[float]:
+    """Return scatter in per cent, and reduced χ by the statistical and by both error bars."""
+    values = np.array([quantity.value for quantity in quantities])
+    statistical = np.array([quantity.standard_error for quantity in quantities])
+    both = np.hypot(statistical, [quantity.systematic for quantity in quantities])
+    scatter = 100.0 * float(np.std(values, ddof=1) / abs(np.mean(values)))
+    return [scatter, _reduced_chi(values, statistical), _reduced_chi(values, both)]
+
+
+def _reduced_chi(values: Floats, errors: Floats) -> float:
+    weights = errors**-2.0
+    mean = float(weights @ values / weights.sum())
+    return float(np.sqrt(((values - mean) ** 2 * weights).sum() / (len(values) - 1)))

@@ -11,26 +11,21 @@ markers ``<!-- mix -->`` of the pages that quote it.
 import json
 import math
 import re
-import shlex
-import sys
 from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
 from functools import partial
 from multiprocessing import get_context
 from pathlib import Path
-from typing import Annotated, Any
 
 import numpy as np
-from cyclopts import App, Parameter
 
-from benchmarks.diagnosis.marks import BANKS, NONE, bar, marked
-from benchmarks.diagnosis.sensor_faults import SENSOR_FAULTS
-from benchmarks.diagnosis.tables import table
-from benchmarks.diagnosis.trials import Trial
+from benchmarks.bank.sensor_faults import SENSOR_FAULTS
+from benchmarks.bank.trials import Trial, spoil
+from benchmarks.common.report import command_line, markdown_table, run_command
+from benchmarks.diagnosis.marks import BANKS, NONE, Row, bar, marked
 from palpate import PalpateError, identify
 from palpate.writing import write_text
 
-Row = dict[str, Any]
 Rows = list[Row]
 FAULTS = [fault for fault in SENSOR_FAULTS if fault.shown]
 #: Up to which a number may be trusted, of its size: the bar, and the error.
@@ -40,8 +35,6 @@ ROOT = Path(__file__).parents[2]
 PAGE, QUOTING = "docs/validation/mix.md", ("README.md", "docs/diagnosis.md")
 MARKED = re.compile(r"(?<=<!-- mix -->\n).*?(?=<!-- /mix -->)", re.DOTALL)
 
-app = App(name="python -m benchmarks.diagnosis.mix", help_format="plaintext", version_flags=[])
-
 
 def recording(kind: str, number: int, first: int) -> tuple[Row, Trial]:
     """Draw a recording: its names, and the trial as it was sampled."""
@@ -49,13 +42,8 @@ def recording(kind: str, number: int, first: int) -> tuple[Row, Trial]:
     # A walk through the faults that meets all before it meets one again.
     fault = NONE[0] if kind != "faulty" else FAULTS[37 * (number + first) % len(FAULTS)]
     made = BANKS[bank](first + number, f"mix/{kind}/{fault.kind}/{fault.severity}")
-    if not fault.sampled:
-        fault.damage(made)
-    made.sample()
-    if fault.sampled:
-        fault.damage(made)
     head = {"set": kind, "number": number, "bank": bank, "motion": made.motion, "rate": made.rate}
-    return {**head, "kind": fault.kind, "severity": fault.severity}, made
+    return {**head, "kind": fault.kind, "severity": fault.severity}, spoil(made, fault)
 
 
 def judged(job: tuple[str, int], first: int) -> Row:
@@ -121,10 +109,9 @@ def sentence_of(rows: Rows) -> str:
 
 def write_docs(rows: Rows) -> None:
     """Write the page, and the sentence into the pages that quote it."""
-    command = shlex.join(["python", "-m", "benchmarks.diagnosis.mix", *sys.argv[1:]])
-    lines = "\n".join(table(["what", "share"], list(lines_of(rows))))
+    lines = "\n".join(markdown_table(["what", "share"], list(lines_of(rows))))
     about = " ".join((__doc__ or "").split(":", 1)[1].split("``--chosen``")[0].split())
-    page = f"<!-- Written by {command} -->\n\n# Marks and bars of a mix of recordings\n\n"
+    page = f"<!-- Written by {command_line()} -->\n\n# Marks and bars of a mix of recordings\n\n"
     write_text(
         ROOT / PAGE, f"{page}{about[0].upper()}{about[1:]}\n\n{sentence_of(rows)}\n{lines}\n"
     )
@@ -155,7 +142,6 @@ def lines_of(rows: Rows) -> Iterator[list[object]]:
     yield ["of these: digits of variable projection, %", _share(digits)]
 
 
-@app.default
 def main(
     *,
     clean: int = 100,
@@ -165,7 +151,7 @@ def main(
     jobs: int = 1,
     keep: Path | None = None,
     kept: Path | None = None,
-    docs: Annotated[bool, Parameter(negative="")] = False,
+    docs: bool = False,
 ) -> None:
     """Measure, and print the table.
 
@@ -195,10 +181,10 @@ def main(
             rows = list(pool.map(partial(judged, first=first), todo, chunksize=8))
     if keep is not None:
         write_text(keep, "".join(json.dumps(row) + "\n" for row in rows))
-    print("\n".join(table(["what", "share"], list(lines_of(rows)))))
+    print("\n".join(markdown_table(["what", "share"], list(lines_of(rows)))))
     if docs:
         write_docs(rows)
 
 
 if __name__ == "__main__":
-    app()
+    run_command(main)

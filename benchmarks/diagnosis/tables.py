@@ -1,20 +1,23 @@
-"""The outcomes as Markdown tables."""
+"""The outcomes of ``benchmarks.diagnosis`` as Markdown tables."""
 
+import math
 from collections import Counter, defaultdict
-from collections.abc import Sequence
+from collections.abc import Callable
 from typing import Any
 
-from benchmarks.diagnosis.rates import rates
+import numpy as np
+
+from benchmarks.common.report import Facts, markdown_table
+from benchmarks.diagnosis.marks import QUANTITIES, Row, bar, lies, wrong
 
 TITLE = "Faults: which numbers are wrong, and which of them are trusted"
 MEANING = """\
 A *lie* is a number that is wrong by more than three of its printed standard errors, all causes
-together, and by more than 5 % (a damping of the *good* and the *hard* bank: 10 %). It is silent
-where the verdict is *trust*. The ideal probe moves along three random sines for 7 s, after a
-time in free air, on materials of n = 1 to 2.1; the robot is the laboratory's. The truth of a
-material that changes is its last state; of one with memory, its response at the motion's
-frequency. *Listed* counts runs in which the right check is significant or costs a mark, or the
-selected law has that memory or damper.
+together, and by more than 5 % (a damping: 10 %). It is silent where the verdict is *trust*. The
+ideal probe moves along three random sines for 7 s, after a time in free air, on materials of
+n = 1 to 2.1; the robot is the laboratory's. The truth of a material that changes is its last
+state; of one with memory, its equivalent linear response. *Listed* counts runs in which the right
+check is significant or costs a mark, or the selected law has that memory or damper.
 
 The *good* and the *hard* bank have faults of sensors, clocks, mounts, files and materials, for
 most of which palpate has no check. *Good* recordings have noise below 0.6 % of the largest
@@ -24,84 +27,214 @@ wrong scale, a probe off the normal, a spring between sensor and probe. *Below a
 lies whose fault leaves less than five noises, √Σ(r/σ)², after a fit. In the *clean* bank nothing
 is wrong but the noise is not always white. S and C are stiffness and damping at the working
 depth."""
-Rows = list[dict[str, Any]]
+Rows = list[Row]
+Test = Callable[[Row], bool]
 DESCRIBED = ("ball", "sponge", "pvc", "inclusion")
+UNSTEADY = ("change", "gain drift")
+COVERED = ("K", "B", "n", "S", "C")
+CURVED = ("curved gain", "soft saturation")  # a file shows another curve, and its slope
+UNSEEABLE = 5.0  # residual over the noise, √Σ(r/σ)², of every Hunt–Crossley law
+PROBES = {"ideal": "ideal probe", "robot": "robot"}
 
 
-def page(rows: Rows, words: str) -> str:
+def page(rows: Rows, facts: Facts) -> str:
     """All tables, and how they were measured."""
-    of: dict[str, Rows] = defaultdict(list)
+    of = _grouped(rows, "bank")
+    lines = [MEANING, "", *(f"- {name}: {value}" for name, value in facts.items())]
+    banks = {bank: of[bank] for bank in ("good", "hard") if of[bank]}
+    sections: tuple[tuple[str, object, Callable[[], list[str]]], ...] = (
+        ("Silent lies", of["ideal"], lambda: _silent(of)),
+        ("Rates and errors", of["ideal"], lambda: _rates(of)),
+        ("By fault, ideal probe", of["ideal"], lambda: _faults(of["ideal"])),
+        ("By fault, robot", of["robot"], lambda: _faults(of["robot"])),
+        ("Materials and motions of the laboratory, robot", of["pair"], lambda: _pairs(of["pair"])),
+        ("Real recordings", of["recording"], lambda: _recordings(of["recording"])),
+        ("Repeats of one object", of["repeats"], lambda: _repeats(of["repeats"])),
+        ("Marks beside lies", banks, lambda: _marks(_parts(of))),
+        ("Recordings without a fault", of["clean"], lambda: _clean(of["clean"])),
+        ("Coverage of 95 % bars", of["clean"], lambda: _coverage(of["clean"])),
+        ("Lies by fault", banks, lambda: _by_fault(banks)),
+    )
+    for title, measured, table in sections:
+        if measured:
+            lines += ["", f"## {title}", "", *table()]
+    return "\n".join([*lines, ""])
+
+
+def _grouped(rows: Rows, *names: str) -> dict[Any, Rows]:
+    groups: dict[Any, Rows] = defaultdict(list)
     for row in rows:
-        of[row["bank"]].append(row)
-    parts = [MEANING, "", words]
-    if of["ideal"]:
-        parts += ["", "## Silent lies", "", *_lies(of)]
-        headings = ("figure", "ideal probe", "robot", "limit")
-        parts += ["", "## Rates and errors", "", *table(headings, rates(rows))]
-        parts += ["", "## By fault, ideal probe", "", *_faults(of["ideal"])]
-    if of["robot"]:
-        parts += ["", "## By fault, robot", "", *_faults(of["robot"])]
-    if of["pair"]:
-        parts += ["", "## Materials and motions of the laboratory, robot", "", *_pairs(of["pair"])]
-    if of["recording"]:
-        parts += ["", "## Real recordings", "", *_recordings(of["recording"])]
-    if of["repeats"]:
-        parts += ["", "## Repeats of one object", "", *_repeats(of["repeats"])]
-    return "\n".join([*parts, ""])
-
-
-def table(headings: Sequence[str], rows: Sequence[Sequence[object]]) -> list[str]:
-    marks = ["---", *["--:"] * (len(headings) - 1)]
-    cells = [[str(cell).replace("|", "\\|") for cell in row] for row in rows]
-    return [f"| {' | '.join(row)} |" for row in (headings, marks, *cells)]
+        key = tuple(row[name] for name in names)
+        groups[key if len(names) > 1 else key[0]].append(row)
+    return groups
 
 
 def part(count: int, of: int) -> str:
+    """A count, its whole, and per cent."""
     return f"{count} of {of} ({100.0 * count / of:.1f} %)" if of else "–"
 
 
-def _lies(of: dict[str, Rows]) -> list[str]:
+def _where(rows: Rows, *tests: Test) -> Rows:
+    return [row for row in rows if all(test(row) for test in tests)]
+
+
+def _share(rows: Rows, test: Test) -> str:
+    return part(len(_where(rows, test)), len(rows))
+
+
+def _percent(rows: Rows, test: Test) -> str:
+    return f"{100.0 * np.mean([test(row) for row in rows]):.0f} %"
+
+
+def _first_findings(rows: Rows, none: str = "–") -> str:
+    first = Counter(row["named"][0] if row["named"] else none for row in rows)
+    del first[""]
+    return ", ".join(f"{name} {count}" for name, count in first.most_common(3)) or "–"
+
+
+# ---- what a row says
+
+
+def _lie(row: Row) -> bool:
+    return (row["stops"] and _identified(row)) or any(lies(row, name) for name in QUANTITIES)
+
+
+def _parameters_lie(row: Row) -> bool:
+    """Whether K, B or n is wrong, of a material that the law describes."""
+    errors = zip(row["deviations"], row["relative"], strict=True)
+    return row["described"] and any(
+        not (abs(bars) <= 3.0 or abs(part) <= 0.05) for bars, part in errors
+    )
+
+
+def _trusted(row: Row) -> bool:
+    return bool(row["overall"] == "trust")
+
+
+def _doubted(row: Row) -> bool:
+    return not _trusted(row)
+
+
+def _identified(row: Row) -> bool:
+    return bool(row["overall"] != "refused")
+
+
+def _listed(row: Row) -> bool:
+    """Whether a right check is among the findings."""
+    return bool(set(row["names"]) & set(row["named"]))
+
+
+def _faulty(row: Row) -> bool:
+    return row["kind"] not in ("clean", "none")
+
+
+def _changed(row: Row) -> bool:
+    return "change" in row["named"]
+
+
+def _size(row: Row) -> float:
+    """Return the number at the start of a severity."""
+    return abs(float(row["severity"].split()[0]))
+
+
+def _of_kind(kind: str, *sizes: float) -> Test:
+    return lambda row: row["kind"] == kind and (not sizes or _size(row) in sizes)
+
+
+# ---- faults that the diagnosis looks for
+
+
+def _silent(of: dict[str, Rows]) -> list[str]:
     lines = []
-    for bank, title in (("ideal", "ideal probe"), ("robot", "robot")):
-        faulty = [row for row in of[bank] if row["kind"] != "clean"]
-        clean = [row for row in of[bank] if row["kind"] == "clean"]
+    for bank, title in PROBES.items():
+        faulty = _where(of[bank], _faulty)
         cells: list[object] = [title, len(faulty)]
-        for name in ("lie", "parameters_lie"):
-            wrong = [row for row in faulty if row[name]]
-            unflagged = sum(not row["flagged"] for row in wrong)
-            silent = sum(row["overall"] == "trust" for row in wrong)
-            cells += [len(wrong), part(unflagged, len(wrong)), part(silent, len(wrong))]
-        cells.append(part(sum(row["overall"] != "trust" for row in clean), len(clean)))
+        for test in (_lie, _parameters_lie):
+            false = _where(faulty, test)
+            unflagged = _share(false, lambda row: not row["flagged"])
+            cells += [len(false), unflagged, _share(false, _trusted)]
+        cells.append(_share(_where(of[bank], _of_kind("clean")), _doubted))
         lines.append(cells)
     headings = ("bank", "faulty", "lies in S, C", "without a flag", "verdict *trust*")
     more = ("lies in K, B, n", "without a flag", "verdict *trust*", "clean not *trust*")
-    return table((*headings, *more), lines)
+    return markdown_table((*headings, *more), lines)
+
+
+def _rates(of: dict[str, Rows]) -> list[str]:
+    """Return each rate for the ideal probe and for the robot, and its limit."""
+
+    def share(chosen: Test, counted: Test) -> Callable[[Rows], str]:
+        return lambda rows: _share(_where(rows, chosen), counted)
+
+    figures: list[tuple[str, Callable[[Rows], str], str]] = [
+        ("clean, not *trust*", share(_of_kind("clean"), _doubted), "≤ 1 %"),
+        ("change of 5 % and more found", share(_of_kind("change"), _changed), "≥ 98 %"),
+        ("… its time, largest error", _times, "–"),
+        (
+            "change named where there is none",
+            share(lambda row: row["kind"] not in UNSTEADY, _changed),
+            "≤ 1 %",
+        ),
+        ("delay of 2 ms seen", share(_of_kind("delay", 2.0), _listed), "≥ 80 %"),
+        ("delay of 3 ms and more seen", share(_of_kind("delay", 3.0, 5.0, 10.0), _listed), "100 %"),
+        ("delay, error of those seen, rms; 95 %", _delays, "≤ 0.5 ms"),
+        (
+            "surface off 0.35 mm and more, seen",
+            share(_of_kind("surface", 0.35, 0.7, 1.5), _listed),
+            "≥ 90 %",
+        ),
+        ("surface off 0.2 mm, seen", share(_of_kind("surface", 0.2), _listed), "–"),
+        ("clean: S, C in printed standard errors, rms", _clean_errors, "1"),
+    ]
+    rows = [
+        [name, *(of_rows(of[bank]) for bank in PROBES), limit] for name, of_rows, limit in figures
+    ]
+    return markdown_table(("figure", "ideal probe", "robot", "limit"), rows)
+
+
+def _delays(rows: Rows) -> str:
+    """Of delays of 1 ms and more."""
+    delays = _where(rows, _of_kind("delay"), lambda row: not math.isnan(row["delay"]))
+    off = [
+        1e3 * row["delay"] - float(row["severity"].split()[0])
+        for row in delays
+        if _size(row) >= 1.0
+    ]
+    if not off:
+        return "–"
+    return f"{np.sqrt(np.mean(np.square(off))):.2f}; {np.percentile(np.abs(off), 95):.2f} ms"
+
+
+def _times(rows: Rows) -> str:
+    off = [
+        min((abs(time - 4.0) for time in row["changes"]), default=math.nan)
+        for row in _where(rows, _of_kind("change"))
+    ]
+    return f"{1e3 * np.nanmax(off):.2g} ms" if off else "–"
+
+
+def _clean_errors(rows: Rows) -> str:
+    clean = _where(rows, _of_kind("clean"), _identified)
+    squares = [[(row["errors"][q] / bar(row, q)) ** 2 for q in QUANTITIES] for row in clean]
+    return ", ".join(f"{each:.2f}" for each in np.sqrt(np.mean(squares, axis=0))) if clean else "–"
 
 
 def _faults(rows: Rows) -> list[str]:
-    grouped: dict[tuple[str, str], Rows] = defaultdict(list)
-    for row in rows:
-        grouped[row["kind"], row["severity"]].append(row)
     lines = []
-    for (kind, severity), group in grouped.items():
-        count = len(group)
-        spoken = sum(row["overall"] != "trust" for row in group)
-        silent = sum(row["overall"] == "trust" and row["lie"] for row in group)
-        first = Counter(row["named"][0] if row["named"] else "–" for row in group)
-        listed = sum(bool(set(row["names"]) & set(row["named"])) for row in group)
-        common = ", ".join(f"{name} {number}" for name, number in first.most_common(3))
+    for (kind, severity), group in _grouped(rows, "kind", "severity").items():
+        false = _where(group, _lie)
         lines.append(
             [
                 f"{kind} {severity}".strip(),
-                count,
-                f"{100.0 * spoken / count:.0f} %",
-                f"{100.0 * listed / count:.0f} %" if group[0]["names"] else "–",
-                f"{silent} of {sum(row['lie'] for row in group)}",
-                common,
+                len(group),
+                _percent(group, _doubted),
+                _percent(group, _listed) if group[0]["names"] else "–",
+                f"{len(_where(false, _trusted))} of {len(false)}",
+                _first_findings(group),
             ]
         )
     headings = ("fault", "runs", "not *trust*", "listed", "silent lies", "first finding")
-    return table(headings, lines)
+    return markdown_table(headings, lines)
 
 
 def _pairs(rows: Rows) -> list[str]:
@@ -109,7 +242,7 @@ def _pairs(rows: Rows) -> list[str]:
     verdicts = {(row["material"], row["motion"]): row["overall"] for row in rows}
     materials = list(dict.fromkeys(row["material"] for row in rows))
     right = sum((row["overall"] == "trust") == (row["material"] in DESCRIBED) for row in rows)
-    grid = table(
+    grid = markdown_table(
         ("material", *motions), [[m, *(verdicts[m, each] for each in motions)] for m in materials]
     )
     words = (
@@ -123,16 +256,12 @@ def _recordings(rows: Rows) -> list[str]:
     lines = []
     for row in rows:
         errors = row.get("errors")
-        bars = [f"± {a:.2g} ± {b:.2g} %" for a, b in _pairs_of(errors)] if errors else ["–", "–"]
+        bars = ["± {:.2g} ± {:.2g} %".format(*errors[k : k + 2]) if errors else "–" for k in (0, 2)]
         marks = [row.get("stiffness", "–"), row.get("damping", "–")]
         lines.append([row["name"], row["overall"], *marks, *bars, row["reason"]])
-    return table(
+    return markdown_table(
         ("recording", "verdict", "S", "C", "S, statistical and systematic", "C", "reason"), lines
     )
-
-
-def _pairs_of(errors: list[float]) -> list[tuple[float, float]]:
-    return [(errors[0], errors[1]), (errors[2], errors[3])]
 
 
 def _repeats(rows: Rows) -> list[str]:
@@ -150,4 +279,157 @@ def _repeats(rows: Rows) -> list[str]:
         for quantity in ("S", "C")
         for what in (" scatters, %", ", statistical", " and systematic")
     ]
-    return [words, "", *table(("recording", "repeats", "depth", *headings), lines)]
+    return [words, "", *markdown_table(("recording", "repeats", "depth", *headings), lines)]
+
+
+# ---- faults that it does not look for, and recordings without one
+
+
+def _parts(of: dict[str, Rows]) -> dict[str, Rows]:
+    """The banks, and the hard one by what makes it hard."""
+    hard = of["hard"]
+    parts = {
+        "good": of["good"],
+        "… without curved gains": [row for row in of["good"] if row["kind"] not in CURVED],
+        "hard": hard,
+        "… noise ≥ 0.5 %": [row for row in hard if row["noise"] > 6e-3],
+        "… single press": [row for row in hard if row["motion"] == "press"],
+        "… 50–80 Hz": [row for row in hard if row["rate"] < 100.0],
+    }
+    return {name: rows for name, rows in parts.items() if rows}
+
+
+def _marks(banks: dict[str, Rows]) -> list[str]:
+    lines = []
+    for bank, rows in banks.items():
+        faulty, none = _where(rows, _faulty), _where(rows, lambda row: not _faulty(row))
+        shown = _where(faulty, lambda row: row["shown"])
+        hidden = _where(faulty, lambda row: not row["shown"])
+        pairs = [(row, name) for row in shown for name in QUANTITIES]
+        off = [(r, name) for r, name in pairs if wrong(r, name, r["statistical"].get(name, 0.0))]
+        lying = [(row, name) for row, name in off if lies(row, name)]
+        lying_runs = _where(shown, _lie)
+        trusted = [row for row, name in lying if row[name] == "trust"]
+        lines.append(
+            [
+                bank,
+                len(shown),
+                len(lying_runs),
+                _share(lying_runs, _trusted),
+                len(lying),
+                part(len(trusted), len(lying)),
+                part(len(trusted), len(off)),
+                len(_where(trusted, lambda row: row.get("shows", np.inf) < UNSEEABLE)),
+                *(_width(shown, name) for name in QUANTITIES),
+                *(_percent(shown, _marked(name, "trust")) for name in QUANTITIES),
+                _share(hidden, _lie),
+                _share(none, _doubted),
+            ]
+        )
+    headings = (
+        *("bank", "runs that a file can show", "with a lie", "… overall *trust*", "lies of S, C"),
+        *("… marked *trust*", "… of all beyond 3 statistical bars", "… below any test"),
+        *("bars of S, median", "of C", "marks *trust* of S", "of C", "lies no file can show"),
+        "no fault: not *trust*",
+    )
+    return markdown_table(headings, lines)
+
+
+def _marked(name: str, *marks: str) -> Test:
+    return lambda row: row[name] in marks
+
+
+def _width(rows: Rows, name: str) -> str:
+    widths = [bar(row, name) for row in rows if row["overall"] != "refused"]
+    return f"{100.0 * np.nanmedian(widths):.2g} %" if widths else "–"
+
+
+def _clean(rows: Rows) -> list[str]:
+    lines = []
+    for kind, group in _grouped(rows, "kind").items():
+        found = _where(group, _identified)
+        lines.append(
+            [
+                kind,
+                len(group),
+                len(group) - len(found),
+                _share(found, _doubted),
+                *(_share(found, _marked(q, "with-care", "do-not-trust")) for q in QUANTITIES),
+                *(_width(found, name) for name in QUANTITIES),
+                f"{1e3 * np.median([row['seconds'] for row in found]):.0f} ms",
+                _first_findings(found, ""),
+            ]
+        )
+    headings = ("noise", "runs", "refused", "not *trust*", "S not *trust*", "C not *trust*")
+    return markdown_table((*headings, "bars of S, median", "of C", "CPU", "first finding"), lines)
+
+
+def _coverage(rows: Rows) -> list[str]:
+    groups = _grouped(rows, "kind", "motion")
+    pooled = {key: _held(group) for key, group in groups.items()}
+    cells = [
+        (share, f"{name}, {', '.join(key)}")
+        for key, group in _grouped(rows, "kind", "motion", "length").items()
+        for name, share in _held(group).items()
+    ]
+    shares = [share for share, _ in cells]
+    touched = [share for share, cell in cells if "multi-sine" not in cell]
+    least, where = min(
+        (share, f"{name}, {', '.join(key)}")
+        for key, held in pooled.items()
+        for name, share in held.items()
+    )
+    smallest, there = min(cells)
+    words = (
+        f"Runs with the truth within 1.96 bars, %. On average {100.0 * np.mean(shares):.1f}, "
+        f"of touches and presses {100.0 * np.mean(touched):.1f}; "
+        f"least of the cells below {100 * least:.0f} % ({where}); "
+        f"least of one length {100 * smallest:.0f} % ({there})."
+    )
+    lines = [
+        [", ".join(key), len(groups[key]), *(f"{100 * share:.0f}" for share in held.values())]
+        for key, held in pooled.items()
+    ]
+    return [words, "", *markdown_table(("noise, motion", "runs", *COVERED), lines)]
+
+
+def _held(rows: Rows) -> dict[str, float]:
+    """Return the share of runs in which the truth is within 1.96 bars, by quantity.
+
+    Runs with another law, whose parameters are other numbers, count as not within for K, B and n.
+    """
+    found = [row for row in rows if row["overall"] != "refused"]
+    other = (np.inf, np.inf, np.inf)
+    off = [
+        [
+            *np.abs(row["deviations"] or other),
+            *(abs(row["errors"][q]) / bar(row, q) for q in QUANTITIES),
+        ]
+        for row in found
+    ]
+    return dict(zip(COVERED, np.mean(np.array(off) <= 1.96, axis=0).tolist(), strict=True))
+
+
+def _by_fault(banks: dict[str, Rows]) -> list[str]:
+    """Of each bank: lies of S and of C, those marked *trust*, and runs that stay silent."""
+    kinds = {bank: _grouped(rows, "kind") for bank, rows in banks.items()}
+    lines = []
+    for kind, group in next(iter(kinds.values())).items():
+        sizes = ", ".join(dict.fromkeys(row["severity"] for row in group))
+        hidden = "" if group[0]["shown"] else "; no file can show"
+        cells: list[object] = [kind if kind == "none" else f"{kind} ({sizes}{hidden})"]
+        for bank in banks:
+            rows = kinds[bank][kind]
+            lying = [(row, name) for name in QUANTITIES for row in rows if lies(row, name)]
+            cells += [
+                len(rows),
+                ", ".join(str(sum(name == q for _, name in lying)) for q in QUANTITIES),
+                sum(row[name] == "trust" for row, name in lying),
+                len(_where(rows, _trusted, _lie)),
+                _percent(rows, _doubted),
+            ]
+        lines.append([*cells, _first_findings(group, "")])
+    headings = ["fault"]
+    for bank in banks:
+        headings += [f"{bank}: runs", "lies of S, C", "marked *trust*", "silent", "not *trust*"]
+    return markdown_table([*headings, "first finding"], lines)

@@ -1,24 +1,95 @@
-"""From Zarr to Parquet: speed, memory, and two workers over one."""
+"""Arrays of curves: speed, memory, two workers over one, their balance, and killed workers."""
 
+import hashlib
+import multiprocessing
+import os
+import random
+import signal
 import tempfile
+import threading
 import time
+from collections.abc import Iterator
+from concurrent.futures import ProcessPoolExecutor
+from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
-from benchmarks.fleets import alone
-from benchmarks.fleets.balance import timing
-from benchmarks.fleets.curves import SAMPLES, write_array
-from benchmarks.fleets.processes import watching
-from benchmarks.report import Limit, Row, Section
+import numpy as np
+
+from benchmarks.common.report import Limit, Row, Section, at_least
+from palpate import Contact, HuntCrossley, fit_curves, write_contact
+from palpate.fleet import running
+from palpate.fleet.files import read_results
 from palpate.fleet.running import Fleet, run_fleet
 from palpate.fleet.tasks import Settings
+from palpate.validation import Floats
 
+SEED = 13
+SAMPLES = 1000
+SAMPLE_TIME = 1e-3
+#: Curves that are generated and stored together: 8 MB an array.
+BLOCK = 1000
+# Of a cell indenter, scaled to a robot's millimetres: the arithmetic has no scale.
+DEPTH = 2e-3  # m
+NOISE = (1e-3, 3e-2)  # of the peak force
+FEW = 200  # samples of a short contact
+TOGETHER = 500  # curves that are fitted at once
 UNKNOWN = Settings(
     diagnosis="none", estimator={"surface": "estimate"}, preparation={"surface": "estimate"}
 )
 _WANTED = 1e5  # curves, to which the time limit applies
+_START = 5.0  # s, in which a process starts and imports
+_FOLDER = "PALPATE_BENCHMARK_TIMES"
+_MEASURED = running.timed_batch
 
 
-def measure(count: int, folder: Path | None = None) -> Section:
+def curves(first: int, count: int, samples: int = SAMPLES) -> tuple[Floats, ...]:
+    """Return penetration, velocity and force of some curves, always the same."""
+    draw = np.random.default_rng([SEED, first])
+    clock = np.arange(samples) * SAMPLE_TIME
+    sweep = np.sin(np.pi * clock / clock[-1])  # in and out
+    rate = np.pi / clock[-1] * np.cos(np.pi * clock / clock[-1])
+    surface = draw.uniform(-0.15, 0.15, (count, 1)) * DEPTH
+    exponent = draw.uniform(1.3, 2.2, (count, 1))
+    stiffness = draw.uniform(0.5, 2.0, (count, 1)) / DEPTH**exponent
+    dissipation = draw.uniform(0.05, 0.4, (count, 1)) / (DEPTH * np.pi / clock[-1])
+    penetration = DEPTH * (2.0 * sweep - 1.0) + np.zeros((count, 1))
+    velocity = DEPTH * 2.0 * rate + np.zeros((count, 1))
+    below = np.maximum(penetration - surface, 0.0)
+    force = stiffness * below**exponent * (1.0 + dissipation * velocity)
+    offset = draw.normal(0.0, 0.01, (count, 1))
+    noise = np.exp(draw.uniform(np.log(NOISE[0]), np.log(NOISE[1]), (count, 1))) * force.max(
+        axis=1, keepdims=True
+    )
+    return penetration, velocity, force + offset + noise * draw.normal(size=force.shape)
+
+
+def write_array(path: Path, count: int, samples: int = SAMPLES) -> None:
+    """Write so many curves as a Zarr group, one block a chunk."""
+    import zarr
+
+    group = zarr.open_group(str(path), mode="w")
+    group.attrs["sample_time"] = SAMPLE_TIME
+    shape, chunks = (count, samples), (min(BLOCK, count), samples)
+    units = {"penetration": "m", "velocity": "m/s", "force": "N"}
+    arrays = {
+        name: group.create_array(name, shape=shape, chunks=chunks, dtype="float64")
+        for name in units
+    }
+    for name, array in arrays.items():
+        array.attrs["units"] = units[name]
+    side = int(np.ceil(np.sqrt(count)))
+    column, row = np.divmod(np.arange(float(count)), side)[::-1]
+    for name, values in (("x", column), ("y", row)):
+        array = group.create_array(name, shape=(count,), dtype="float64")
+        array[:] = 1e-6 * values
+    for first in range(0, count, BLOCK):
+        made = curves(first, min(BLOCK, count - first), samples)
+        for array, values in zip(arrays.values(), made, strict=True):
+            array[first : first + BLOCK] = values
+
+
+def measure_arrays(count: int, folder: Path | None = None) -> Section:
     """Identify so many curves with two workers and with one, surface unknown."""
     with tempfile.TemporaryDirectory(dir=folder) as scratch:
         path = Path(scratch)
@@ -39,11 +110,11 @@ def measure(count: int, folder: Path | None = None) -> Section:
         Row("  overhead, part of the workers' time", idle, "", limit=Limit(0.05)),
         Row(
             "one worker", one.seconds, unit, one.seconds / two.seconds, "two workers",
-            Limit(1.85, at_least=True) if count >= _WANTED else None,
+            at_least(1.85) if count >= _WANTED else None,
         ),
     ]  # fmt: skip
     if count >= _WANTED:
-        bare = alone.ratio()
+        bare = speed_up()
         rows += [Row("two processes over one, the fit alone: the limit of this machine", bare, "×")]
     notes = ["penetration, velocity and force; surface unknown; diagnosis none; from the first "
              "batch to the last file on disk"]  # fmt: skip
@@ -58,3 +129,226 @@ def _timed(path: Path, workers: int, name: str) -> tuple[Fleet, float, int]:
     if found.failures:
         raise RuntimeError(f"{found.failures} curves failed: {found.reasons}")
     return found, whole, max(peaks.values(), default=0)
+
+
+def speed_up() -> float:
+    """Return the rate of two processes over that of one, of the fit alone; the best of three tries.
+
+    No scheduler, no files, no writing: the upper limit of the speed-up by two workers.
+    """
+    best = [max(_rate(count, 4.0) for _ in range(3)) for count in (2, 1)]
+    return best[0] / best[1]
+
+
+def _rate(processes: int, seconds: float) -> float:
+    begin = time.monotonic() + _START
+    spawned = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(processes, mp_context=spawned) as pool:
+        return sum(pool.map(_fitted, [begin] * processes, [begin + seconds] * processes))
+
+
+def _fitted(begin: float, end: float) -> float:
+    """Return curves a second between two times of the clock that all processes share."""
+    rows = curves(0, TOGETHER)
+    fit_curves(*(each[:20] for each in rows), surface="estimate")
+    time.sleep(max(begin - time.monotonic(), 0.0))
+    begun, done = time.monotonic(), 0
+    while time.monotonic() < end:
+        fit_curves(*rows, surface="estimate")
+        done += TOGETHER
+    return done / (time.monotonic() - begun)
+
+
+def timed(batch: Any, settings: Settings) -> Any:
+    """Run a task as a fleet does, and record its worker's processor time and wall time."""
+    begun, processor = time.perf_counter(), time.process_time()
+    found = _MEASURED(batch, settings)
+    spent = time.process_time() - processor, time.perf_counter() - begun
+    with (Path(os.environ[_FOLDER]) / str(os.getpid())).open("a") as file:
+        file.write(f"{spent[0]} {spent[1]}\n")
+    return found
+
+
+@contextmanager
+def timing() -> Iterator[dict[int, np.ndarray]]:
+    """Collect processor time and wall time of each task, s, by its worker."""
+    found: dict[int, np.ndarray] = {}
+    with tempfile.TemporaryDirectory() as folder:
+        os.environ[_FOLDER] = folder
+        running.timed_batch = timed  # type: ignore[assignment]  # without threads, which tasks have
+        try:
+            yield found
+        finally:
+            running.timed_batch = _MEASURED
+            del os.environ[_FOLDER]
+        for path in Path(folder).iterdir():
+            found[int(path.name)] = np.loadtxt(path, ndmin=2)
+
+
+def write_recordings(folder: Path, lengths: list[int]) -> None:
+    """Write a touch of each of these lengths as text."""
+    folder.mkdir()
+    law, draw = HuntCrossley(4000.0, 60.0, 1.3), np.random.default_rng(3)
+    for k, samples in enumerate(lengths):
+        at = 1e-3 * np.arange(samples)
+        depth, rate = 6e-3 * np.sin(12.6 * at) - 1e-3, 6e-3 * 12.6 * np.cos(12.6 * at)
+        force = law.force(depth, rate) + draw.normal(0.0, 0.01, samples)
+        touch = Contact(at, penetration=depth, velocity=rate, force=force)
+        write_contact(touch, folder / f"touch-{k:05d}.csv")
+
+
+def measure_balance(count: int, folder: Path | None = None) -> Section:
+    """Identify so many short contacts on two workers, as arrays and as files."""
+    with tempfile.TemporaryDirectory(dir=folder) as scratch:
+        path = Path(scratch)
+        write_array(path / "curves.zarr", count, samples=FEW)
+        write_recordings(path / "files", [FEW] * count)
+        # Sorted by name the long ones come last, as in a growing campaign.
+        uneven = np.geomspace(200.0, 60_000.0, max(count // 20, 20)).astype(int).tolist()
+        write_recordings(path / "uneven", uneven)
+        rows = []
+        for name, words, diagnosis, limit in (
+            ("curves.zarr", f"{count} curves × {FEW}, an array", "input", 0.7),
+            ("curves.zarr", f"{count} curves × {FEW}, an array", "none", None),
+            ("files", f"{count} files × {FEW}", "input", 0.7),
+            ("uneven", f"{len(uneven)} files × 200 to 60 000", "full", 0.7),
+        ):
+            with timing() as times:
+                settings = Settings(diagnosis=diagnosis)  # type: ignore[arg-type]
+                found = run_fleet([path / name], path / f"{name}-{diagnosis}", settings, workers=2)
+            busy = sorted(each[:, 0].sum() for each in times.values())
+            least = busy[0] if len(busy) == 2 else 0.0
+            tasks = np.concatenate(list(times.values()))
+            bound = None if limit is None else at_least(limit)
+            rows += [
+                Row(f"{words}, {diagnosis}: less busy over busier", least / busy[-1], "",
+                    limit=bound),
+                Row("  busier worker", busy[-1], "s of processor"),
+                Row("  from the first task to the last row", found.seconds, "s"),
+                Row(f"  the longest of {len(tasks)} tasks", tasks[:, 1].max(), "s"),
+            ]  # fmt: skip
+    return Section("Two workers, evenly", rows, ["processor time within the tasks"])
+
+
+def measure_kills(count: int, kills: int, folder: Path | None = None) -> Section:
+    """Run undisturbed, then kill a worker so many times; both with two workers."""
+    with tempfile.TemporaryDirectory(dir=folder) as scratch:
+        path = Path(scratch)
+        write_array(path / "curves.zarr", count)
+        calm = run_fleet([path / "curves.zarr"], path / "calm", UNKNOWN, workers=2)
+        done, round_ = 0, 0
+        differing = missing = 0
+        while done < kills:
+            there = path / f"killed-{round_}"
+            done += _disturbed(path, there, calm.seconds, kills - done, seed=20 + round_)
+            table = read_results(there)
+            indices = table.column("index").to_pylist()
+            missing += abs(len(indices) - count) + len(set(range(count)) ^ set(indices))
+            differing += digests(there) != digests(path / "calm")
+            round_ += 1
+    rows = [
+        Row(f"rows missing or twice, after {done} times kill -9", missing, "", limit=Limit(0.0)),
+        Row(f"runs, of {round_}, that differ in a bit", differing, "", limit=Limit(0.0)),
+    ]
+    return Section("A worker killed", rows)
+
+
+def digests(folder: Path) -> dict[str, str]:
+    """Return the files of a fleet's results, by their content."""
+    return {
+        path.name: hashlib.sha256(path.read_bytes()).hexdigest()
+        for path in sorted(folder.glob("part-*.parquet"))
+    }
+
+
+def _disturbed(path: Path, there: Path, seconds: float, most: int, seed: int) -> int:
+    """Run once, kill workers meanwhile, half a run's time apart, and return the number killed."""
+    chosen, ended, killed = random.Random(seed), threading.Event(), 0
+
+    def kill() -> None:
+        nonlocal killed
+        while killed < most and not ended.wait(chosen.uniform(0.0, 0.5 * seconds)):
+            alive = workers()
+            if alive and not ended.is_set():
+                try:
+                    os.kill(chosen.choice(alive), signal.SIGKILL)
+                    killed += 1
+                except ProcessLookupError:
+                    continue
+
+    thread = threading.Thread(target=kill, daemon=True)
+
+    def begun(done: int, total: int) -> None:
+        if done and not thread.ident:
+            thread.start()
+
+    run_fleet([path / "curves.zarr"], there, UNKNOWN, workers=2, progress=begun)
+    ended.set()
+    if thread.ident:
+        thread.join()
+    return killed
+
+
+_PROC = Path("/proc")
+
+
+def descendants(of: int | None = None) -> list[int]:
+    """Return the descendants of a process. Default: of this one."""
+    children: dict[int, list[int]] = {}
+    for entry in _PROC.iterdir():
+        if entry.name.isdecimal():
+            try:
+                parent = int((entry / "stat").read_text().rpartition(")")[2].split()[1])
+            except (OSError, IndexError, ValueError):  # it has just ended
+                continue
+            children.setdefault(parent, []).append(int(entry.name))
+    found, look = [], [of or os.getpid()]
+    while look:
+        for child in children.get(look.pop(), []):
+            found.append(child)
+            look.append(child)
+    return found
+
+
+def workers() -> list[int]:
+    """Return the Dask workers among them: started by ``spawn``, and no resource tracker."""
+    found = []
+    for process in descendants():
+        try:
+            line = (_PROC / str(process) / "cmdline").read_bytes().split(b"\0")
+        except OSError:
+            continue
+        if any(b"spawn_main" in word for word in line):
+            found.append(process)
+    return found
+
+
+def peak(process: int) -> int:
+    """Return the peak memory of a process, bytes; 0 if it has ended."""
+    try:
+        for line in (_PROC / str(process) / "status").read_text().splitlines():
+            if line.startswith("VmHWM"):
+                return 1024 * int(line.split()[1])
+    except OSError:
+        pass
+    return 0
+
+
+@contextmanager
+def watching() -> Iterator[dict[int, int]]:
+    """Keep the peak memory of each worker, bytes, by its number."""
+    found: dict[int, int] = {}
+    ended = threading.Event()
+
+    def look() -> None:
+        while not ended.wait(0.25):
+            for process in workers():
+                found[process] = max(found.get(process, 0), peak(process))
+
+    thread = threading.Thread(target=look, daemon=True)
+    thread.start()
+    try:
+        yield found
+    finally:
+        ended.set()
+        thread.join()

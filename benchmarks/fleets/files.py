@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks.common.report import Limit, Row, Section, at_least
 from benchmarks.reading import BEGIN, STEP, stamped, write_mcap
-from benchmarks.report import Limit, Row, Section
 from palpate.fleet.files import read_results
 from palpate.fleet.running import run_fleet
 from palpate.fleet.tasks import Settings
@@ -92,12 +92,12 @@ def measure(count: int, damaged: int, folder: Path | None = None) -> Section:
     reasons = [error for error in table.column("error").to_pylist() if error]
     sources = table.column("source").to_pylist()
     rows = [
-        Row(f"rows of {count} files", len(set(sources)), "", limit=Limit(count, at_least=True)),
+        Row(f"rows of {count} files", len(set(sources)), "", limit=at_least(count)),
         Row(f"rows with a reason, of {damaged} damaged", len(reasons), "",
-            limit=Limit(damaged) if len(reasons) >= damaged else Limit(damaged, at_least=True)),
+            limit=Limit(damaged) if len(reasons) >= damaged else at_least(damaged)),
         Row("identified, one worker", count / found.seconds, "files/s",
             alone / found.seconds, "rosbags, reading and decoding alone",
-            Limit(0.8, at_least=True)),
+            at_least(0.8)),
         Row("read and decoded by rosbags, one process", count / alone, "files/s"),
     ]  # fmt: skip
     return Section("Small recordings of messages", rows, [f"{SECONDS:g} s of wrench and pose each"])

@@ -11,24 +11,18 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.report import Limit, Row, Section
+from benchmarks.common.recordings import recorded
+from benchmarks.common.report import Row, Section, at_least
 from palpate.estimators.batch_fit import fit_curves
 
 _ALONE = Path(__file__).with_name("nanite_alone.py")
 _ROUNDS = 5
 
 
-def maps() -> list[Path]:
-    """Return those next to the checkout, or in PALPATE_DATA."""
-    beside = Path(__file__).parents[3] / "shared" / "data"
-    folder = Path(os.environ.get("PALPATE_DATA", beside)) / "afm_maps"
-    return sorted(folder.glob("*.jpk-force-map"))
-
-
 def measure(python: str, most: int = 10_000) -> Section:
     """Fit the same segments of the same curves by both, one core."""
     title = "Force maps, compared with nanite"
-    files = maps()
+    files = recorded("afm_maps/*.jpk-force-map")
     if not files:
         return Section(title, [], ["skipped: PALPATE_DATA has no force maps"])
     with tempfile.TemporaryDirectory() as scratch:
@@ -49,10 +43,10 @@ def measure(python: str, most: int = 10_000) -> Section:
     samples = round(float(np.mean([len(curve["force"]) for curve in curves])))
     rows = [
         Row(f"curves of some {samples} points, fitted", rate, "curves/s", rate / reference,
-            "nanite, fit alone", Limit(10.0, at_least=True)),
+            "nanite, fit alone", at_least(10.0)),
         Row("nanite", reference, "curves/s"),
         Row(f"E within 1 % of nanite's, of {len(curves)}", within, "",
-            limit=Limit(len(curves), at_least=True)),
+            limit=at_least(len(curves))),
         Row("largest difference of E", 100.0 * max(abs(r - 1.0) for r in ratios), "%"),
     ]  # fmt: skip
     notes = ["approach, exponent 1.5, no weights; each curve by a separate call"]

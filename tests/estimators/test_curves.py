@@ -6,9 +6,17 @@ import numpy as np
 import pytest
 
 import palpate
-from benchmarks.curve_reference import Reference, stated_cost
-from benchmarks.curve_sets import MOTIONS, Curves, approach_and_retract, random_curves
-from benchmarks.curves import UNKNOWN, apart_from_the_recursion, rolled
+from benchmarks.curves import (
+    MOTIONS,
+    UNKNOWN,
+    Curves,
+    Reference,
+    apart_from_the_recursion,
+    approach_and_retract,
+    random_curves,
+    rolled,
+    stated_cost,
+)
 from benchmarks.curves import parameters as columns
 from palpate import CurveFits, HuntCrossley, InvalidParameterError, fit_curves
 from palpate.estimators.least_squares import least_squares

@@ -378,7 +378,7 @@ def test_a_run_that_is_ended_keeps_what_is_done_and_goes_on(
 def test_workers_that_are_killed_lose_no_row_and_nothing_listens_beyond_this_machine(
     many, undisturbed, tmp_path
 ):
-    from benchmarks.fleets.processes import descendants
+    from benchmarks.fleets.arrays import descendants
 
     results = tmp_path / "results"
     process = started(many, results)

@@ -1,9 +1,11 @@
 """Faults of sensors, clocks, files and mounts; the truth is the material."""
 
+from collections.abc import Callable
+
 import numpy as np
 from scipy.signal import butter, lfilter, sosfilt
 
-from benchmarks.diagnosis.trials import Trial, Unseen, severities
+from benchmarks.bank.trials import Fault, Trial, severities
 from palpate.validation import Floats
 
 
@@ -356,7 +358,114 @@ def small_velocity(t: Trial, part: float) -> None:
     t.recorded_velocity = (1.0 - part) * t.velocity
 
 
-SENSOR_FAULTS: list[Unseen] = [
+# ---- what the diagnosis looks for
+
+
+def wrong_surface(t: Trial, mm: float) -> None:
+    """The penetration is counted from another surface."""
+    t.position = t.position + 1e-3 * mm
+    t.truth = lambda depth: t.of_the_law(depth - 1e-3 * mm)
+
+
+def drift_of_zero(t: Trial, part: float) -> None:
+    """The zero of the force drifts by a part of its largest."""
+    t.force = t.force + part * float(t.force.max()) * t.time / t.time[-1]
+
+
+def untared(t: Trial, newtons: float) -> None:
+    """A sensor that was not tared."""
+    t.force = t.force + newtons
+
+
+def saturation(t: Trial, part: float) -> None:
+    """The sensor's range ends below the largest force."""
+    t.force = np.minimum(t.force, part * float(t.force.max()))
+
+
+def mass_beyond_sensor(t: Trial, kilograms: float) -> None:
+    """A mass beyond the sensor."""
+    t.force = t.force + kilograms * np.gradient(t.velocity, t.time)
+
+
+def stuck(t: Trial, part: float) -> None:
+    """The force is constant in segments of 0.1 s."""
+    for k in t.random.integers(2000, t.time.size - 100, round(70.0 * part)):
+        t.force[k : k + 100] = t.force[k]
+
+
+def spikes(t: Trial, part: float) -> None:
+    """Single samples at half the largest force more, or less."""
+    hit = t.random.random(t.time.size) < part
+    signs = t.random.choice([-1.0, 1.0], t.time.size)
+    t.force = np.where(hit, t.force + 0.5 * signs * float(t.force.max()), t.force)
+
+
+def coarse_force(t: Trial, part: float) -> None:
+    """Steps of a part of the largest force."""
+    step = part * float(t.force.max())
+    t.force = step * np.round(t.force / step)
+
+
+def jitter(t: Trial, part: float) -> None:
+    """Wrong time stamps."""
+    t.time = t.time + part * t.step * t.random.uniform(-1.0, 1.0, t.time.size)
+
+
+def missing(t: Trial, part: float) -> None:
+    """Samples that were never written."""
+    keep = t.random.random(t.time.size) >= part
+    for name in ("time", "penetration", "position", "velocity", "force"):
+        setattr(t, name, getattr(t, name)[keep])
+
+
+def scaled(channel: str, factor: float) -> Callable[[Trial], None]:
+    """A channel in another unit, or with another sign."""
+
+    def damage(t: Trial) -> None:
+        setattr(t, channel, factor * getattr(t, channel))
+        t.described = False
+
+    return damage
+
+
+def swapped(t: Trial) -> None:
+    """Force and penetration exchanged."""
+    t.position, t.force = t.force, t.position
+
+
+def reversed_velocity(t: Trial) -> None:
+    """A velocity column with the wrong sign."""
+    t.recorded_velocity = -t.velocity
+
+
+def _stopping(kind: str, severity: str, damage: Callable[[Trial], None], check: str) -> Fault:
+    return Fault(kind, severity, damage, sampled=True, names=(check,), stops=True)
+
+
+_SURFACES = (0.2, -0.2, 0.35, -0.35, 0.7, -0.7, 1.5, -1.5)  # mm
+#: Faults that the diagnosis looks for.
+KNOWN_SENSOR_FAULTS: list[Fault] = [
+    *severities("surface", wrong_surface, *_SURFACES, unit="mm", sampled=True, names=("surface",)),
+    *severities("delay", skew, 0.5, 1.0, 2.0, 5.0, 10.0, -3.0, unit="ms", names=("delay",)),
+    *severities("offset drift", drift_of_zero, 0.05, 0.15, names=("offset drift",)),
+    *severities("inertia", mass_beyond_sensor, 0.1, 0.4, unit="kg", names=("inertia",)),
+    *severities("saturation", saturation, 0.95, 0.8, 0.6, sampled=True, names=("saturation",)),
+    *severities("stuck", stuck, 0.08, sampled=True, names=("stuck force",)),
+    *severities("spikes", spikes, 0.01, sampled=True, names=("spikes",)),
+    *severities("coarse", coarse_force, 0.2, 0.05, sampled=True, names=("coarse steps",)),
+    *severities("jitter", jitter, 0.1, sampled=True),
+    *severities("missing", missing, 0.1, sampled=True),
+    *severities("bias", untared, 3.0, unit="N", sampled=True),
+    _stopping("unit", "mm", scaled("position", 1e3), "penetration unit"),
+    _stopping("unit", "mN", scaled("force", 1e3), "force unit"),
+    _stopping("unit", "ms", scaled("time", 1e3), "time unit"),
+    _stopping("sign", "force", scaled("force", -1.0), "signs"),
+    _stopping("sign", "penetration", scaled("position", -1.0), "signs"),
+    _stopping("swapped", "columns", swapped, "penetration unit"),
+    _stopping("velocity", "reversed", reversed_velocity, "velocity column"),
+]
+#: Faults for most of which palpate has no check.
+SENSOR_FAULTS: list[Fault] = [
     *severities("curved gain", curved_gain, 0.1, 0.25),
     *severities("soft saturation", soft_saturation, 2.0, 1.2),
     *severities("sensor hysteresis", sensor_hysteresis, 0.02, 0.06),

@@ -5,13 +5,12 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
+from scipy.signal import lfilter
 
 from palpate import Estimate, HuntCrossley, lab
 from palpate.design import Motion
 from palpate.estimators import ContactEstimator
-
-Floats = NDArray[np.float64]
+from palpate.validation import Floats
 
 NOISE = lab.Sensors().force_noise  # N, standard deviation
 SAMPLE_TIME = lab.Sensors().sample_time  # s
@@ -27,6 +26,7 @@ def truth(name: str) -> HuntCrossley:
 
 
 BALL, PVC, SPONGE, INCLUSION = map(truth, ("ball", "pvc", "sponge", "inclusion"))
+GEL = HuntCrossley(5e4, 1.5e5, 2.2)
 MATERIALS = {"ball": BALL, "PVC": PVC, "sponge": SPONGE}
 THREE_SINES, ONE_SINE = lab.THREE_SINES.motion, lab.ONE_SINE.motion
 MEAN_DEPTH = THREE_SINES.depth
@@ -60,10 +60,26 @@ def approach_and_probe(duration: float, free: float = 3e-3) -> Sampled:
     on = np.where(t >= 1.0, 1.0, 0.0)
     x = -free + travel * ramp**2 * (3.0 - 2.0 * ramp)
     v = travel * 6.0 * ramp * (1.0 - ramp)
-    for amplitude, rate in zip(THREE_SINES.amplitudes, THREE_SINES.frequencies, strict=True):
-        x = x + on * amplitude * np.sin(rate * (t - 1.0))
-        v = v + on * amplitude * rate * np.cos(rate * (t - 1.0))
-    return Sampled(t, x, v)
+    moved, speed = waves(t - 1.0, 0.0, THREE_SINES.amplitudes, THREE_SINES.frequencies)
+    return Sampled(t, x + on * moved, v + on * speed)
+
+
+def waves(
+    t: Floats,
+    mean: float,
+    amplitudes: Sequence[float],
+    rates: Sequence[float] | Floats,
+    phases: float | Floats = 0.0,
+) -> tuple[Floats, Floats]:
+    """Penetration and velocity of sines [m] of angular frequencies [rad/s] about a mean."""
+    turns, size = np.array(rates), np.array(amplitudes)
+    angles = np.outer(t, turns) + phases
+    return mean + np.sin(angles) @ size, np.cos(angles) @ (size * turns)
+
+
+def taps(t: Floats) -> tuple[Floats, Floats]:
+    """Penetration and velocity of 1.3 taps a second, of 8 to 10 mm."""
+    return waves(t, -3e-3, (12e-3, 1.5e-3), (8.2, 1.7))
 
 
 def _clock(duration: float) -> Floats:
@@ -74,6 +90,16 @@ def _clock(duration: float) -> Floats:
 def noise(rng: np.random.Generator, samples: int) -> Floats:
     """White force noise, N."""
     return rng.normal(0.0, NOISE, samples)
+
+
+def autoregressive(white: Floats, pole: float) -> Floats:
+    """Return noise of the same variance of which each sample contains so much of the last."""
+    return np.asarray(lfilter([np.sqrt(1.0 - pole**2)], [1.0, -pole], white))
+
+
+def switched(before: HuntCrossley, after: HuntCrossley, x: Floats, v: Floats, at: int) -> Floats:
+    """Force without noise of a material that is another from sample ``at`` on."""
+    return np.where(np.arange(len(x)) < at, before.force(x, v), after.force(x, v))
 
 
 def feed(

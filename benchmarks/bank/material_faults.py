@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.signal import hilbert, lfilter
 
-from benchmarks.diagnosis.trials import Trial, Unseen, severities
+from benchmarks.bank.trials import Fault, Trial, severities
 from palpate.validation import Floats
 
 # ---- without memory
@@ -200,7 +200,73 @@ def poroelastic(t: Trial, part: float) -> None:
     _branches(t, part, *((d, 0.8 * d) for d in (1.0 / (2.0 * k + 1.0) ** 2 for k in range(5))))
 
 
-MATERIAL_FAULTS: list[Unseen] = [
+# ---- what the diagnosis looks for
+
+
+def change(t: Trial, part: float, at: float = 4.0) -> None:
+    """The material is stiffer from a time on, s."""
+    t.scale(np.where(t.time > at, 1.0 + part, 1.0))
+
+
+def softening(t: Trial, part: float) -> None:
+    """The material softens, at an even rate."""
+    t.scale(1.0 - part * t.time / t.time[-1])
+
+
+def relaxation(t: Trial, part: float, tau: float = 0.1) -> None:
+    """A branch of one time, s."""
+    _branches(t, part, (tau, 1.0))
+
+
+def long_relaxation(t: Trial, part: float) -> None:
+    """A branch of 1 s."""
+    relaxation(t, part, 1.0)
+
+
+def friction(t: Trial, part: float) -> None:
+    """A part of the force that changes sign with the direction; the truth is without it."""
+    t.force = t.force + part * t.spring * np.tanh(20.0 * t.velocity / t.speed)
+
+
+def square_of_speed(t: Trial, part: float) -> None:
+    """A force that grows with the square of the speed."""
+    w = t.velocity / t.speed
+    t.force = t.force + part * t.spring * w * np.abs(w)
+
+
+def half_space_damper(t: Trial) -> None:
+    """Damping in proportion to xⁿ⁻¹, the same at working depth."""
+    damping, depth, power = t.law.damping_at(t.depth), t.depth, t.law.exponent - 1.0
+    t.respond(lambda x, v: t.law.force(x, 0.0 * v) + damping * (x / depth) ** power * v)
+
+
+def two_springs(t: Trial) -> None:
+    """F = K₁x + K₂x² + Bv, each spring with half of the force at working depth."""
+    force, damping, depth = float(t.law.force(t.depth, 0.0)), t.law.damping_at(t.depth), t.depth
+    t.respond(lambda x, v: 0.5 * force * (x / depth + (x / depth) ** 2) + damping * v)
+
+
+def linear(t: Trial) -> None:
+    """F = Kx + Bv."""
+    force, damping, depth = float(t.law.force(t.depth, 0.0)), t.law.damping_at(t.depth), t.depth
+    t.respond(lambda x, v: force * x / depth + damping * v)
+
+
+_FORM = ("damping form", "shape", "delay", "misfit")
+#: Faults that the diagnosis looks for.
+KNOWN_MATERIAL_FAULTS: list[Fault] = [
+    *severities("change", change, 0.05, 0.1, 0.3, 1.0, names=("gain drift", "change")),
+    *severities("gain drift", softening, 0.05, 0.15, 0.4, names=("gain drift", "change")),
+    *severities("memory, 0.1 s", relaxation, 0.1, 0.5, names=("memory",)),
+    *severities("memory, 1 s", long_relaxation, 0.1, 0.5, names=("memory",)),
+    *severities("friction", friction, 0.02, 0.05, 0.15, names=("friction",)),
+    Fault("damping form", "n − 1", half_space_damper, names=_FORM),
+    Fault("another law", "extended Kelvin–Voigt", two_springs, names=_FORM),
+    Fault("another law", "Kelvin–Voigt", linear, names=_FORM),
+    *severities("square speed", square_of_speed, 0.02, 0.05, names=("square speed",)),
+]
+#: Faults for most of which palpate has no check.
+MATERIAL_FAULTS: list[Fault] = [
     *severities("exponent grows", growing_exponent, 0.2, 0.5),
     *severities("second layer", second_layer, 0.2, 1.0),
     *severities("thin sample", thin_sample, 0.2, 0.6),

@@ -3,30 +3,37 @@
 import csv
 import json
 import os
-from collections.abc import Iterator
+import sys
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import least_squares
 
-from benchmarks.report import Limit, Row
-from palpate import Contact, GeneralisedHuntCrossley, identify, prepare
+from palpate import Contact, prepare
 from palpate.preparation.velocity import velocity_of
 from palpate.validation import Floats
 
 LEAD = 2.0  # s before the window of the notes, because a material may have memory
 # A pause between segments, s, that resets the branches.
 PAUSE = 0.5
-TURN = 2.0 * np.pi
+EXPONENTS = (0.3, 3.6)  # the default range of VariableProjection
+STARTS = (0.5, 1.2, 2.0, 3.0)
 
 
-def folder_of_recordings() -> Path | None:
-    """Return the folder of the recordings, or None."""
-    given = os.environ.get("PALPATE_DATA")
-    beside = Path(__file__).resolve().parents[2] / "shared" / "data"
-    folder = Path(given) if given else beside
-    return folder if any(folder.glob("*.json")) else None
+def recorded(pattern: str = "*.csv") -> list[Path]:
+    """Return the recordings of PALPATE_DATA or next to the checkout, if any."""
+    beside = Path(__file__).resolve().parents[3] / "shared" / "data"
+    return sorted(Path(os.environ.get("PALPATE_DATA") or beside).glob(pattern))
+
+
+def with_notes() -> list[Path]:
+    """Return those that have notes; end the program where there are none."""
+    found = [file for file in recorded() if file.with_suffix(".json").exists()]
+    if not found:
+        sys.exit("no recordings in PALPATE_DATA or ../shared/data")
+    return found
 
 
 @dataclass(frozen=True)
@@ -83,21 +90,31 @@ def differentiated(contact: Contact, windows: float | dict[str, float]) -> Float
     return velocity
 
 
-def fourier_rows(folder: Path, law: str) -> Iterator[Row]:
-    """Compare K′ of microrheology by a law with its Fourier analysis in the notes."""
-    for path in sorted(folder.glob("F_microrheo_*.csv")):
-        notes = json.loads(path.with_suffix(".json").read_text())
-        known = {row["freq_hz"]: row["K_N_per_m"] for row in notes["dynamic_stiffness"]}
-        result = identify(path, law=law, trace=False)
-        printed, general = result.dynamic_stiffness(), GeneralisedHuntCrossley.of(result.law)
-        for hertz in (printed.frequency / TURN, 1.0, 3.0, 10.0, 30.0, 100.0):
-            reference = np.interp(
-                np.log(hertz), np.log(sorted(known)), [known[f] for f in sorted(known)]
-            )
-            ratio = general.dynamic_stiffness(printed.depth, TURN * hertz).real / reference
-            where = f"{hertz:g} Hz" if hertz in known else f"the printed {hertz:.2g} Hz"
-            limit = Limit(20.0) if hertz <= 10.0 else None
-            off = 100.0 * abs(ratio - 1.0)
-            yield Row(
-                f"{path.stem}: K′ off at {where}", off, "%", reference=f"{ratio:.2f} ×", limit=limit
-            )
+@dataclass(frozen=True)
+class LeastSquares:
+    """Hunt and Crossley's law and an offset, in units of the largest samples."""
+
+    numbers: Floats
+    units: tuple[float, float, float]
+
+    def force(self, x: Floats, v: Floats) -> Floats:
+        """Force, N."""
+        k, c, n, offset = self.numbers
+        deepest, fastest, strongest = self.units
+        return np.asarray(strongest * ((x / deepest) ** n * (k + c * v / fastest) + offset))
+
+
+def least_squares_law(x: Floats, v: Floats, force: Floats) -> LeastSquares:
+    """Return the plain least squares of these samples by SciPy, the best of several starts."""
+    units = float(x.max()), float(np.abs(v).max()), float(np.abs(force).max())
+
+    def residuals(numbers: Floats) -> Floats:
+        return (LeastSquares(numbers, units).force(x, v) - force) / units[2]
+
+    (low, high), wide = EXPONENTS, np.inf
+    bounds = ([-wide, -wide, low, -wide], [wide, wide, high, wide])
+    fits = [
+        least_squares(residuals, [1.0, 0.1, n, 0.0], bounds=bounds, xtol=1e-12, ftol=1e-12)
+        for n in STARTS
+    ]
+    return LeastSquares(min(fits, key=lambda fit: float(fit.cost)).x, units)

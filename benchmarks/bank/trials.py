@@ -1,4 +1,7 @@
-"""Trials: a material pressed along many motions, at many rates, and recorded by plain sensors."""
+"""Trials: a material pressed along many motions, at many rates, and recorded by plain sensors.
+
+A trial is *good* or *hard*, or free of faults with noise of many kinds, or by an *ideal* probe.
+"""
 
 import zlib
 from collections.abc import Callable
@@ -7,6 +10,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.ndimage import gaussian_filter1d, uniform_filter1d
 from scipy.optimize import least_squares
+from scipy.signal import butter, lfilter, sosfilt
 
 from palpate import Contact, HuntCrossley, prepare
 from palpate.validation import Floats
@@ -41,6 +45,10 @@ class Trial:
         Stiffness and damping at a depth.
     recorded_velocity : numpy.ndarray, optional
         A velocity column.
+    least : float
+        Penetration from which a sample counts for the motion's depth and speed, m.
+    described : bool
+        Whether the law describes the material.
     """
 
     time: Floats
@@ -55,6 +63,8 @@ class Trial:
     position: Floats = field(init=False)
     truth: Truth = field(init=False)
     recorded_velocity: Floats | None = None
+    least: float = 0.0
+    described: bool = True
 
     def __post_init__(self) -> None:
         self.position = self.penetration
@@ -76,14 +86,24 @@ class Trial:
         return (self.penetration > 0.0).astype(float)
 
     @property
+    def depth(self) -> float:
+        """The median penetration in contact, m."""
+        return float(np.median(self.penetration[self.penetration > self.least]))
+
+    @property
     def speed(self) -> float:
         """The rms velocity in contact, m/s."""
-        return float(np.sqrt(np.mean(self.velocity[self.penetration > 0.0] ** 2)))
+        return float(np.sqrt(np.mean(self.velocity[self.penetration > self.least] ** 2)))
 
     @property
     def turns(self) -> float:
         """The motion's typical angular frequency, rad/s."""
-        return self.speed / float(np.std(self.penetration[self.penetration > 0.0]))
+        return self.speed / float(np.std(self.penetration[self.penetration > self.least]))
+
+    @property
+    def every(self) -> int:
+        """Steps of the fine grid from sample to sample."""
+        return round(1.0 / (self.rate * self.step))
 
     @property
     def step(self) -> float:
@@ -111,7 +131,7 @@ class Trial:
             f = response(x, v)
             return float(f[0] - f[1]) / (2.0 * dx), float(f[2] - f[3]) / (2.0 * dv)
 
-        self.truth = truth
+        self.truth, self.described = truth, False
 
     def add(self, extra: Floats) -> None:
         """Let the material add a force that depends on the past or the speed.
@@ -129,7 +149,7 @@ class Trial:
             stiffness, damping = self.of_the_law(depth)
             return stiffness + float(found[1] / size[1]), damping + float(found[3] / size[3])
 
-        self.truth = truth
+        self.truth, self.described = truth, False
 
     def scale(self, gain: Floats) -> None:
         """Let the material harden or soften; the truth is its last state."""
@@ -139,7 +159,7 @@ class Trial:
             stiffness, damping = self.of_the_law(depth)
             return last * stiffness, last * damping
 
-        self.truth = truth
+        self.truth, self.described = truth, False
 
     def shows(self) -> float:
         """How far the fault is from every law: its residual over the noise, √Σ(r/σ)².
@@ -147,7 +167,7 @@ class Trial:
         The law fits the samples without noise, with free K, B, n, offset and surface. No test can
         see what is below 4 or so; one that knows the fault's shape sees the rest.
         """
-        every = round(1.0 / (self.rate * self.step))
+        every = self.every
         smooth = uniform_filter1d(self.position, max(1, round(4e-3 / self.step)))
         x = self.position[::every]
         v = np.gradient(smooth, self.time)[::every] / self.speed
@@ -165,16 +185,17 @@ class Trial:
         left = 2.0 * least_squares(residual, start, x_scale=[1.0, 0.1, 1.0, 0.1, 0.1]).cost
         return float(np.sqrt(left)) * self.peak / self.noise
 
-    def sample(self, noise: Floats | None = None) -> None:
-        """Take samples of the fine grid, with noise on force and position."""
-        every = round(1.0 / (self.rate * self.step))
+    def sample(self, noise: Floats | None = None, fine: float | None = None) -> None:
+        """Take samples of the fine grid, with noise on force and position (``fine``, m)."""
+        every = self.every
         for name in ("time", "penetration", "velocity", "force", "position"):
             setattr(self, name, getattr(self, name)[::every])
         if self.recorded_velocity is not None:
             self.recorded_velocity = self.recorded_velocity[::every]
         white = self.random.standard_normal
         self.force = self.force + (self.noise * white(self.time.size) if noise is None else noise)
-        fine = self.random.uniform(2e-5, 2e-4) * self.deepest
+        if fine is None:
+            fine = self.random.uniform(2e-5, 2e-4) * self.deepest
         self.position = self.position + fine * white(self.time.size)
 
     @property
@@ -189,8 +210,8 @@ class Trial:
 
 
 @dataclass(frozen=True)
-class Unseen:
-    """A fault of one severity, which ``faults.py`` does not have.
+class Fault:
+    """A fault of one severity.
 
     Attributes
     ----------
@@ -202,6 +223,10 @@ class Unseen:
         Whether it acts on the samples with their noise, not on the fine grid.
     shown : bool
         Whether a file can show it: not if another material of the same law gives the same file.
+    names : tuple of str
+        Checks that identify it correctly, if the diagnosis looks for it.
+    stops : bool
+        Whether the verdict must be *do not trust*.
     """
 
     kind: str
@@ -209,6 +234,8 @@ class Unseen:
     damage: Callable[[Trial], None] = lambda trial: None
     sampled: bool = False
     shown: bool = True
+    names: tuple[str, ...] = ()
+    stops: bool = False
 
 
 def severities(
@@ -218,18 +245,31 @@ def severities(
     unit: str = "%",
     sampled: bool = False,
     shown: bool = True,
-) -> list[Unseen]:
+    names: tuple[str, ...] = (),
+) -> list[Fault]:
     """One fault in several sizes; per cent are parts of one."""
     return [
-        Unseen(
+        Fault(
             kind,
             f"{100.0 * size if unit == '%' else size:g} {unit}".replace(" °", "°"),
             lambda trial, size=size: damage(trial, size),  # type: ignore[misc]
             sampled,
             shown,
+            names,
         )
         for size in sizes
     ]
+
+
+def spoil(made: Trial, fault: Fault) -> Trial:
+    """Put a fault on a trial, and take its samples."""
+    fine = 1e-6 if made.least else None  # m, of an ideal probe
+    if not fault.sampled:
+        fault.damage(made)
+    made.sample(fine=fine)
+    if fault.sampled:
+        fault.damage(made)
+    return made
 
 
 def good(seed: int, key: str) -> Trial:
@@ -247,6 +287,26 @@ def hard(seed: int, key: str) -> Trial:
     motion = "press" if why == 1 else str(random.choice(SEVERAL))
     seconds = random.uniform(0.5, 3.0) if why == 1 else random.uniform(3.0, 15.0)
     return pressed(random, motion, seconds, (50.0, 66.0, 80.0) if why == 2 else RATES, noise)
+
+
+def ideal(seed: int) -> Trial:
+    """Three sines about a few millimetres for 7 s, after a time in free air; 1 kHz, 0.05 N."""
+    random = np.random.default_rng([seed, 2026])
+    time: Floats = np.arange(7000.0) * 1e-3
+    depth = random.uniform(4e-3, 12e-3)
+    exponent = random.uniform(1.0, 2.1)
+    stiffness = random.uniform(4.0, 30.0) / depth**exponent
+    # Such that a skew of 1 ms between force and position is 5 to 20 % of the damping.
+    dissipation = exponent * 1e-3 / depth / random.uniform(0.05, 0.2)
+    law = HuntCrossley(stiffness, stiffness * dissipation, exponent)
+    frequencies = random.uniform([3.0, 8.0, 12.0], [6.0, 12.0, 20.0])
+    parts = random.uniform([0.15, 0.1, 0.05], [0.3, 0.25, 0.15]) * depth
+    phases = random.uniform(0.0, 2.0 * np.pi, 3)
+    waves = np.sin(np.outer(time, frequencies) + phases) @ parts
+    x = -3e-3 + _rise((time - 0.5) / 0.8) * (depth + 3e-3 + waves)
+    v = np.gradient(x, time)
+    force = np.where(x > 0.0, law.force(np.maximum(x, 0.0), v), 0.0)
+    return Trial(time, x, v, force, law, random, 1e3, 0.05, "three sines", least=1e-3)
 
 
 def generator(seed: int, key: str) -> np.random.Generator:
@@ -384,3 +444,82 @@ MOTIONS: dict[str, Callable[[Floats, float, float, np.random.Generator], Floats]
     "chirp": _chirp,
     "multi-sine": _waves,
 }
+
+
+Noise = Callable[[Trial, int], Floats]  # of a trial and a number of samples, N
+CLEAN_MOTIONS = ("touches", "press", "multi-sine")
+SHORT = "0.5–1.5 s"
+LENGTHS = {SHORT: (0.5, 1.5), "1.5–6 s": (1.5, 6.0), "6–20 s": (6.0, 20.0)}
+
+
+def _white(trial: Trial, count: int) -> Floats:
+    return trial.noise * trial.random.standard_normal(count)
+
+
+def _autoregressive(share: float) -> Noise:
+    """Each sample has a share of the one before."""
+
+    def noise(trial: Trial, count: int) -> Floats:
+        white = trial.random.standard_normal(count + 500)
+        made: Floats = lfilter([np.sqrt(1.0 - share**2)], [1.0, -share], white)[500:]
+        return trial.noise * made
+
+    return noise
+
+
+def _low_pass(hertz: float) -> Noise:
+    """White noise behind the sensor's filter, of second order."""
+
+    def noise(trial: Trial, count: int) -> Floats:
+        if 2.2 * hertz >= trial.rate:  # nothing to filter at that rate
+            return _white(trial, count)
+        sections = butter(2, hertz, fs=trial.rate, output="sos")
+        made = sosfilt(sections, trial.random.standard_normal(count + 500))[500:]
+        return np.asarray(trial.noise * made / np.std(made))
+
+    return noise
+
+
+def _proportional(trial: Trial, count: int) -> Floats:
+    """In proportion to the force, and a little everywhere."""
+    share = 2.0 * np.abs(trial.force[:: trial.every]) / trial.peak + 0.05
+    return share * _white(trial, count)
+
+
+def _heavy(trial: Trial, count: int) -> Floats:
+    """Student's t with three degrees of freedom, of the same variance."""
+    return np.asarray(trial.noise * trial.random.standard_t(3.0, count) / np.sqrt(3.0))
+
+
+def _steps(trial: Trial, count: int) -> Floats:
+    """Force in steps of 1 to 3 % of the peak."""
+    force = trial.force[:: trial.every]
+    step = trial.random.uniform(0.01, 0.03) * trial.peak
+    analogue = force + 0.1 * step * trial.random.standard_normal(count)
+    return np.asarray(step * np.round(analogue / step) - force)
+
+
+NOISES: dict[str, Noise] = {
+    "white": _white,
+    **{f"AR(1) {share:g}": _autoregressive(share) for share in (0.5, 0.8, 0.9, 0.95, 0.98)},
+    **{f"low-pass {hertz:g} Hz": _low_pass(hertz) for hertz in (20.0, 50.0, 100.0, 200.0)},
+    "∝ force": _proportional,
+    "Student t3": _heavy,
+    "steps": _steps,
+    "6 × faster": _white,
+}
+
+
+def clean(seed: int, kind: str, motion: str, length: str) -> Trial:
+    """Return a recording without a fault."""
+    random = generator(seed, f"{kind}/{motion}/{length}")
+    faster = 6.0 if kind == "6 × faster" else 1.0
+    least = 250.0 if length == SHORT else 100.0  # else there are too few samples to check a law
+    if kind in ("6 × faster", "low-pass 200 Hz", "low-pass 100 Hz"):
+        least = 1000.0 if (kind, motion) == ("6 × faster", "multi-sine") else 500.0
+    rates = tuple(rate for rate in RATES if rate >= least)
+    seconds = random.uniform(*LENGTHS[length])
+    share = np.exp(random.uniform(np.log(5e-4), np.log(1e-2)))
+    made = pressed(random, motion, seconds, rates, float(share), faster)
+    made.sample(NOISES[kind](made, made.time[:: made.every].size))
+    return made

@@ -1,7 +1,6 @@
 """Many seeds on every core, or on a cluster, with a progress bar that can be interrupted."""
 
 from collections.abc import Callable, Sequence
-from concurrent.futures import Future, as_completed
 from contextlib import ExitStack
 from types import TracebackType
 from typing import Any, Self, TypeVar
@@ -37,13 +36,8 @@ class Campaign:
         self._scheduler = scheduler
         self._stack = ExitStack()
         self._pool: Any = None
-        self._progress = Progress(
-            TextColumn("{task.description}"),
-            BarColumn(),
-            MofNCompleteColumn(),
-            TimeElapsedColumn(),
-            console=Console(stderr=True),
-        )
+        columns = TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn()
+        self._progress = Progress(*columns, TimeElapsedColumn(), console=Console(stderr=True))
 
     def __enter__(self) -> Self:
         client = client_of(workers=self._workers, scheduler=self._scheduler)
@@ -66,17 +60,16 @@ class Campaign:
     ) -> list[Result]:
         """Return function(item) for every item, in their order."""
         size = max(1, min(16, len(items) // (8 * self._workers)))
-        task = self._progress.add_task(label, total=len(items))
-        chunks: dict[Future[list[Result]], int] = {}
-        for start in range(0, len(items), size):
-            future = self._pool.submit(_each, function, items[start : start + size])
-            chunks[future] = start
-        done: dict[int, list[Result]] = {}
-        for future in as_completed(chunks):
-            done[chunks[future]] = future.result()
-            self._progress.advance(task, len(done[chunks[future]]))
-        self._progress.remove_task(task)
-        return [result for start in sorted(done) for result in done[start]]
+        parts = [items[start : start + size] for start in range(0, len(items), size)]
+        done = self._pool.map(_each, [function] * len(parts), parts)
+        tracked = self._progress.track(done, total=len(parts), description=label)
+        results = [result for part in tracked for result in part]
+        self._progress.remove_task(self._progress.task_ids[-1])
+        return results
+
+    def repeat(self, label: str, function: Callable[[int], Result]) -> list[Result]:
+        """Return function(seed) for every seed."""
+        return self.map(label, function, range(self.seeds))
 
 
 def _each(function: Callable[[Item], Result], items: Sequence[Item]) -> list[Result]:

@@ -1,0 +1,1 @@
+"""What the benchmarks share: tables, the machine, timing, workers, materials and recordings."""
