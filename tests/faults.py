@@ -1,9 +1,11 @@
-"""A clean probing of known truth, and one fault at a time, for the tests of the diagnosis."""
+"""A clean probing of known truth, with one fault of the benchmarks' bank at a time."""
 
 import numpy as np
 from cases import Floats
 
 import palpate
+from benchmarks.bank import material_faults, sensor_faults
+from benchmarks.bank.trials import Trial
 
 LAW = palpate.HuntCrossley(9000.0, 15000.0, 1.4)
 NOISE = 0.03  # N
@@ -56,29 +58,39 @@ def zeroed(at: float) -> palpate.Contact:
     return recorded(np.where(TIME[first] <= TIME, FORCE - FORCE[first], FORCE))
 
 
+def damaged(fault, *size: float, sampled: bool = False) -> palpate.Contact:
+    """That recording with a fault of the bank, before its noise or (sampled) after it."""
+    force = noisy(FORCE) if sampled else FORCE
+    made = Trial(TIME, X, V, force, LAW, np.random.default_rng(0), 1.0 / STEP, NOISE, "sines")
+    fault(made, *size)
+    force = made.force if sampled else noisy(made.force)
+    return contact(made.time, made.position, force, velocity=made.recorded_velocity)
+
+
 def late(seconds: float) -> palpate.Contact:
-    return recorded(np.interp(TIME - seconds, TIME, FORCE))
+    return damaged(sensor_faults.skew, 1e3 * seconds)
 
 
 def surface_off(metres: float) -> palpate.Contact:
-    return recorded(FORCE, X + metres)
+    return damaged(sensor_faults.wrong_surface, 1e3 * metres)
 
 
 def changed(step: float, at: float = 3.5) -> palpate.Contact:
-    return recorded(np.where(at < TIME, (1.0 + step) * FORCE, FORCE))
+    return damaged(material_faults.change, step, at)
 
 
 def remembering(part: float, tau: float) -> palpate.Contact:
-    state, branch, decay = 0.0, np.zeros_like(X), np.exp(-STEP / tau)
-    for k in range(1, X.size):
-        branch[k] = state = decay * state + SPRING[k] - SPRING[k - 1]
-    return recorded(FORCE + part * branch)
+    return damaged(material_faults.relaxation, part, tau)
 
 
 def scaled(**factors: float) -> palpate.Contact:
     """A channel in another unit, or of another sign."""
-    channels = {"time": TIME, "penetration": X, "force": noisy(FORCE)}
-    return contact(*(factors.get(name, 1.0) * values for name, values in channels.items()))
+
+    def fault(made: Trial) -> None:
+        for name, factor in factors.items():
+            sensor_faults.scaled("position" if name == "penetration" else name, factor)(made)
+
+    return damaged(fault, sampled=True)
 
 
 def with_velocity(scale: float = 1.0, noise: float = 0.0) -> palpate.Contact:

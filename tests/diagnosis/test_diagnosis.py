@@ -8,6 +8,7 @@ import pytest
 from faults import FORCE, LAW, SPRING, STEP, TIME, V, X, contact, recorded
 
 import palpate
+from benchmarks.bank import material_faults, sensor_faults
 from palpate import lab
 from palpate.diagnosis import Data
 from palpate.diagnosis.delay import _earlier_samples, find_delay
@@ -45,21 +46,21 @@ def test_a_clean_recording_is_trusted():
     assert 0.0 < there.stiffness.standard_error < 5e-3 * there.stiffness.value
 
 
-NOISY, DEPTH, W = faults.noisy(FORCE), np.maximum(X, 0.0), V / 20e-3
+NOISY, DEPTH = faults.noisy(FORCE), np.maximum(X, 0.0)
 CAUSES = {
-    "gain drift": recorded(FORCE * (1.0 - 0.1 * TIME / TIME[-1])),
+    "gain drift": faults.damaged(material_faults.softening, 0.1),
     "offset drift": recorded(FORCE + 2.0 * TIME / TIME[-1]),
     "memory": faults.remembering(0.3, 0.2),
-    "friction": recorded(FORCE + 0.04 * SPRING * np.tanh(1e3 * V)),
+    "friction": faults.damaged(material_faults.friction, 0.04),
     # In proportion to the slope of the spring.
     "damping form": recorded(SPRING + 9e-3 * LAW.damping * DEPTH ** (LAW.exponent - 1.0) * V),
     "shape": recorded(6.0 * np.sinh(DEPTH / 5e-3) * (1.0 + V)),  # no power of depth
-    "square speed": recorded(FORCE + 0.04 * SPRING * W * np.abs(W)),
-    "inertia": recorded(FORCE + 0.4 * np.gradient(V, TIME)),
+    "square speed": faults.damaged(material_faults.square_of_speed, 0.04),
+    "inertia": faults.damaged(sensor_faults.mass_beyond_sensor, 0.4),
     "delay": faults.late(5e-3),
     "surface": faults.surface_off(-0.8e-3),
     "change": faults.changed(0.2),
-    "saturation": contact(TIME, X, np.minimum(NOISY, 0.8 * NOISY.max())),
+    "saturation": faults.damaged(sensor_faults.saturation, 0.8, sampled=True),
     "stuck force": contact(TIME, X, np.where(np.abs(TIME - 3.25) < 0.25, NOISY[3000], NOISY)),
 }
 
