@@ -39,32 +39,3 @@ TEST("contact is made above one force, lost at or below the other, and deeper th
     gate.enter(next);
   }
 }
-
-TEST("an estimator waits, learns in contact, holds outside it and resumes") {
-  for_each_estimator([]<class Estimator>() {
-    typename Estimator::Settings settings = typename Estimator::Settings{};
-    settings.gate = gate_settings;
-    Estimator estimator(settings);
-    const auto law = ball<typename Estimator::Law>;
-    const auto start = estimator.law().parameters();
-    CHECK(estimator.update(-1e-3, 0.0, 0.0) == Status::waiting);
-    CHECK(estimator.law().parameters() == start);
-    CHECK(estimator.estimate().samples == 0);
-
-    probe(estimator, law, 0.5);
-    const auto learned = estimator.estimate();
-    CHECK(learned.samples == 500);
-    CHECK(learned.status == Status::updated);
-
-    for (int k = 0; k < 1000; ++k) CHECK(estimator.update(-1e-3, -0.01, 0.0) == Status::held);
-    const auto held = estimator.estimate();
-    CHECK(held.parameters == learned.parameters);
-    CHECK(held.covariance == learned.covariance);
-    CHECK(held.validity_margin == learned.validity_margin);
-    CHECK(held.samples == 500);
-    CHECK(held.status == Status::held);
-
-    CHECK(update(estimator, probed(law, 0.6)) == Status::updated);
-    CHECK(estimator.estimate().samples == 501);
-  });
-}

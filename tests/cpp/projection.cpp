@@ -4,7 +4,6 @@
 #include <cstdint>
 #include <limits>
 #include <type_traits>
-#include <vector>
 
 #include "check.hpp"
 #include "estimators.hpp"
@@ -12,39 +11,6 @@
 #include "random_numbers.hpp"
 
 using namespace palpate;
-
-namespace {
-
-constexpr Scale probing{10e-3, 20e-3, 1.0};
-
-VariableProjection projection() noexcept {
-  return VariableProjection({.method = {}, .scale = probing});
-}
-
-template <class Estimator>
-void fuzz(const Estimator& fresh, std::uint64_t seed, int count) {
-  Estimator estimator = fresh;
-  RandomNumbers random(seed);
-  for (int k = 0; k < count; ++k) {
-    const bool wild = k % 3 == 0;
-    const Sample s = wild ? Sample{random.any(), random.any(), random.any()}
-                          : Sample{random.between(-0.01, 0.02), random.between(-0.1, 0.1),
-                                   random.between(-1.0, 30.0)};
-    estimator.update(s.penetration, s.velocity, s.force, wild ? random.any() : 1e-3);
-    if (k % 50) continue;
-    const auto now = estimator.estimate();
-    for (std::size_t i = 0; i < 3; ++i) {
-      CHECK(std::isfinite(now.parameters[i]));
-      for (std::size_t j = 0; j < 3; ++j) {
-        CHECK(std::isfinite(now.covariance[i][j]));
-        CHECK(now.covariance[i][j] == now.covariance[j][i]);
-      }
-      CHECK(now.covariance[i][i] >= 0.0);
-    }
-  }
-}
-
-}  // namespace
 
 static_assert(std::is_trivially_copyable_v<VariableProjection>);
 static_assert(std::is_trivially_copyable_v<VariableProjectionWithSurface>);
@@ -153,38 +119,4 @@ TEST("where the power of the depth is too small to square no stiffness is made o
   CHECK(found.k == 0.0);
   CHECK(std::isfinite(found.n));
   CHECK(std::isfinite(found.cost));
-}
-
-TEST("asking for an estimate changes nothing") {
-  VariableProjection estimator = projection();
-  probe(estimator, HuntCrossley{2000.0, 2000.0, 1.0}, 0.3);
-  const auto before = bytes_of(estimator);
-  estimator.estimate();
-  estimator.predict(0.01, 0.0);
-  CHECK(bytes_of(estimator) == before);
-}
-
-TEST("arbitrary samples leave what stands on variable projection sound") {
-  fuzz(projection(), 1, 20000);
-  fuzz(VariableProjectionWithSurface({.method = {}, .scale = probing}), 2, 2000);
-  fuzz(DriftTracking({.method = {.projection = {}, .drift = {0.02, 0.0, 0.0}}, .scale = probing}),
-       3, 20000);
-}
-
-TEST("the latest answer is a few samples old, and predicts as the present one does") {
-  VariableProjection estimator({.method = {}, .scale = probing});
-  const HuntCrossley law{1e5, 2e5, 2.0};
-  RandomNumbers random(5);
-  std::size_t older = 0;
-  for (int k = 0; k < 3000; ++k) {
-    Sample s = probed(law, 1e-3 * k);
-    const double present = estimator.predict(s.penetration, s.velocity);
-    s.force += random.between(-0.05, 0.05);
-    double predicted = 0.0;
-    estimator.update(s, 1e-3, predicted);
-    if (k < 50) continue;
-    CHECK_NEAR(predicted, present, 0.02);
-    older += predicted != present ? 1 : 0;
-  }
-  CHECK(older > 1000);
 }

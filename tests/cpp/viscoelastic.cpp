@@ -222,23 +222,6 @@ TEST("non-negative least squares meets the conditions of Karush, Kuhn and Tucker
   }
 }
 
-TEST("each law is found where it is the truth, and no memory where there is none") {
-  const std::array<std::pair<std::vector<Sample>, std::size_t>, 3> truths{{
-      {pressed(rubber, {{}, {}}, 4000, 0.1), 1},
-      {relaxing(4000), 3},
-      {relaxing(0.0, 0.05, 4000, 0.1), 3},
-  }};
-  for (const auto& [samples, expected] : truths) {
-    auto estimator = estimator_of();
-    for (const Sample& s : samples) estimator.update(s.penetration, s.velocity, s.force);
-    estimator.finish_pending();
-    CHECK(estimator.method().solver().solution().fit.candidate == expected);
-    const double error = std::sqrt(estimator.estimate().covariance[1][1]);
-    CHECK(error < 0.02);
-    CHECK_NEAR(estimator.law().exponent, 1.5, 5.0 * error);
-  }
-}
-
 TEST("of forms of damping that fit alike to rounding the first is named") {
   Verdict verdict;
   verdict.mean_square = {9.0, 9.0, 9.0, 1.0, 1.0 - 1e-9, 1.0 - 2e-9, 1.0};
@@ -259,28 +242,6 @@ TEST("what forgetting weighs the sums with is brought back before it is too larg
   CHECK_NEAR(estimator.method().solver().samples().weight(), 10.0, 1e-6);
   const Sample& last = samples.back();
   CHECK_NEAR(estimator.predict(last.penetration, last.velocity) / last.force, 1.0, 0.05);
-}
-
-TEST("a replay is what update does, to the last bit") {
-  const auto samples = relaxing(1500);
-  constexpr std::size_t size = GeneralisedHuntCrossley::size;
-  std::vector<double> x, v, f, parameters(size * samples.size()), errors(parameters.size()),
-      predicted(samples.size()), margins(samples.size());
-  std::vector<std::uint8_t> status(samples.size());
-  for (const Sample& s : samples) {
-    x.push_back(s.penetration);
-    v.push_back(s.velocity);
-    f.push_back(s.force);
-  }
-  auto replayed = estimator_of(), updated = replayed;
-  replay(replayed, {x.data(), v.data(), f.data(), nullptr, samples.size()},
-         {parameters.data(), errors.data(), predicted.data(), margins.data(), status.data()});
-  for (std::size_t k = 0; k < samples.size(); ++k) {
-    double expected = 0.0;
-    const Status done = updated.update(samples[k], 1e-3, expected);
-    CHECK(status[k] == static_cast<std::uint8_t>(done) && predicted[k] == expected);
-    CHECK(parameters[size * k] == updated.law().stiffness);
-  }
 }
 
 TEST("a state that is stored and restored at any sample goes on to the last bit") {

@@ -58,6 +58,14 @@ def test_the_engine_is_batch_least_squares(order):
     engine = taught(order, **start)
     expected = batch(rows, outputs, *start.values())
     np.testing.assert_allclose(engine.parameters, expected, rtol=1e-11, atol=1e-13)
+    # Forgetting weighs a row, and the start, by all later factors.
+    factor, fading = 0.98, LeastSquares(order, **start)
+    for row, output in zip(rows, outputs, strict=True):
+        fading.update(row, float(output), factor)
+    roots = factor ** (0.5 * np.arange(len(rows))[::-1])
+    weak = prior / factor ** len(rows)
+    expected = batch(roots[:, None] * rows, roots * outputs, start["initial"], weak)
+    np.testing.assert_allclose(fading.parameters, expected, rtol=1e-9, atol=1e-12)
     engine.reset()
     assert engine._state() == LeastSquares(order, **start)._state()
 
