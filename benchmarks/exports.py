@@ -5,10 +5,11 @@ Motion: the paper's three sines, judged deeper than 2 mm. Engines that are not i
 skipped. ``docs/validation/exports.md`` has the tables.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import lru_cache
 from importlib.util import find_spec
+from itertools import product
 from pathlib import Path
 from time import perf_counter
 
@@ -73,26 +74,29 @@ def rebound_error(law: str, to: str, form: str, mass: float = 1.0, depth: float 
     return float("nan") if found is None else abs(100.0 * (found / drop.restitution - 1.0))
 
 
+def force_rows(
+    words: str,
+    to: str,
+    form: str = "auto",
+    laws: Sequence[str] = tuple(LAWS),
+    limit: float | None = None,
+    mass: float = 1.0,
+) -> list[Row]:
+    """Return the error of force of each law in an engine that is installed."""
+    bound = None if limit is None else Limit(limit)
+    return [
+        Row(words.format(law), error(law, to, form, mass), "%", limit=bound)
+        for law in (laws if there(to) else ())
+    ]
+
+
 def measure_exact() -> Section:
     """Engines that have the law itself."""
-    rows = []
-    if there("drake"):
-        rows += [
-            Row(f"Drake, point contact, {law}", error(law, "drake"), "%", limit=Limit(1e-6))
-            for law in ("ball", "sponge")
-        ]
-    if there("opensim"):
-        rows.append(Row("OpenSim, n = 1.5", error("n = 1.5", "opensim"), "%", limit=Limit(1e-5)))
-    if there("mujoco"):
-        rows += [
-            Row(
-                f"MuJoCo, callback, {law}",
-                error(law, "mujoco", "callback"),
-                "%",
-                limit=Limit(1e-10),
-            )
-            for law in LAWS
-        ]
+    rows = [
+        *force_rows("Drake, point contact, {}", "drake", laws=("ball", "sponge"), limit=1e-6),
+        *force_rows("OpenSim, {}", "opensim", laws=("n = 1.5",), limit=1e-5),
+        *force_rows("MuJoCo, callback, {}", "mujoco", "callback", limit=1e-10),
+    ]
     return Section("Engines that have the law: error of force on the paper's motion", rows)
 
 
@@ -100,34 +104,17 @@ def measure_pair() -> Section:
     """MuJoCo's pair of coincident geoms, by mass; and impacts."""
     rows = []
     for mass, limit in ((0.1, 0.6), (1.0, 0.6), (10.0, 1.5)):
-        rows += [
-            Row(
-                f"force, {law}, {mass:g} kg",
-                error(law, "mujoco", "pair", mass),
-                "%",
-                limit=Limit(limit),
-            )
-            for law in LAWS
-        ]
-    for form, limit in (("pair", 3.0), ("callback", 0.5)):
-        rows += [
-            Row(
-                f"restitution, {form}, {law}, 1 kg to 12 mm",
-                rebound_error(law, "mujoco", form),
-                "%",
-                limit=Limit(limit),
-            )
-            for law in LAWS
-        ]
-    for mass in (0.1, 1.0, 10.0):
-        rows += [
-            Row(
-                f"restitution, pair, worst of the laws, {mass:g} kg to {1e3 * depth:g} mm",
-                max(rebound_error(law, "mujoco", "pair", mass, depth) for law in LAWS),
-                "%",
-            )
-            for depth in (DEPTH, SHALLOW)
-        ]
+        words = f"force, {{}}, {mass:g} kg"
+        rows += force_rows(words, "mujoco", "pair", limit=limit, mass=mass)
+    laws = tuple(LAWS) if there("mujoco") else ()
+    for form, bound in (("pair", Limit(3.0)), ("callback", Limit(0.5))):
+        for law in laws:
+            found = rebound_error(law, "mujoco", form)
+            rows.append(Row(f"restitution, {form}, {law}, 1 kg to 12 mm", found, "%", limit=bound))
+    for mass, depth in product((0.1, 1.0, 10.0), (DEPTH, SHALLOW)) if laws else ():
+        worst = max(rebound_error(law, "mujoco", "pair", mass, depth) for law in laws)
+        words = f"restitution, pair, worst of the laws, {mass:g} kg to {1e3 * depth:g} mm"
+        rows.append(Row(words, worst, "%"))
     return Section("MuJoCo: pair with adhesion, and callback", rows)
 
 
@@ -155,30 +142,14 @@ def read_back(fragment: exports.Fragment) -> tuple[float, float]:
 
 def measure_others() -> Section:
     """Return the errors of engines with another exponent."""
-    rows = []
-    if there("drake"):
-        for form, law, limit in (
-            ("nested-spheres", "n = 1.5", 1.0),
-            ("nested-spheres", "PVC", 1.0),
-        ):
-            rows.append(
-                Row(f"Drake, {form}, {law}", error(law, "drake", form), "%", limit=Limit(limit))
-            )
-        rows += [
-            Row(f"Drake, SAP, {law}: Kelvin–Voigt, as it is", error(law, "drake", "sap"), "%")
-            for law in LAWS
-        ]
-    if there("opensim"):
-        rows += [Row(f"OpenSim, {law}, as it is", error(law, "opensim"), "%") for law in LAWS]
-    if there("mujoco"):
-        rows += [
-            Row(f"MuJoCo, one contact, {law}, as it is", error(law, "mujoco", "kelvin-voigt"), "%")
-            for law in LAWS
-        ]
-        rows += [
-            Row(f"MuJoCo, two contacts, {law}, as it is", error(law, "mujoco", "two-contacts"), "%")
-            for law in LAWS
-        ]
+    spheres = "nested-spheres"
+    rows = [
+        *force_rows(f"Drake, {spheres}, {{}}", "drake", spheres, ("n = 1.5", "PVC"), 1.0),
+        *force_rows("Drake, SAP, {}: Kelvin–Voigt, as it is", "drake", "sap"),
+        *force_rows("OpenSim, {}, as it is", "opensim"),
+        *force_rows("MuJoCo, one contact, {}, as it is", "mujoco", "kelvin-voigt"),
+        *force_rows("MuJoCo, two contacts, {}, as it is", "mujoco", "two-contacts"),
+    ]
     return Section("Engines of other laws", rows)
 
 

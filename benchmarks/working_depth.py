@@ -47,31 +47,13 @@ NOTE = (
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """One recording's numbers; errors are relative."""
+    """One recording's verdict, its relative errors, and its cells under ``HEADINGS``."""
 
-    name: str
     verdict: str
-    depth: float
-    stiffness: str
     whole: float
-    repeatable: float
-    coefficient: str
-    coefficient_error: float
-    exponent: str
-
-    def cells(self) -> list[str]:
-        """The row as words, under ``HEADINGS``."""
-        return [
-            self.name,
-            self.verdict,
-            rounded(1e3 * self.depth, 3),
-            self.stiffness,
-            _percent(self.whole),
-            _percent(self.repeatable),
-            self.coefficient,
-            _percent(self.coefficient_error),
-            self.exponent,
-        ]
+    statistical: float
+    coefficient: float
+    cells: list[str]
 
 
 def main(markdown: Path | None = None) -> None:
@@ -102,19 +84,15 @@ def main(markdown: Path | None = None) -> None:
 def row_of(name: str, result: Identification) -> Row:
     """Return what one recording gave."""
     there, law = result.diagnosis.working_depth, result.law
-    stiffness, errors = there.stiffness, result.standard_errors
+    stiffness, errors = there.stiffness, result.standard_errors.tolist()
     parts = (stiffness.standard_error, stiffness.systematic)
-    return Row(
-        name,
-        result.diagnosis.verdict.stiffness,
-        there.depth,
-        with_error(stiffness.value, *parts),
-        math.hypot(*parts) / abs(stiffness.value),
-        stiffness.standard_error / abs(stiffness.value),
-        with_error(law.stiffness, float(errors[0])),
-        float(errors[0]) / abs(law.stiffness),
-        with_error(law.exponent, float(errors[2])),
-    )
+    verdict, size = result.diagnosis.verdict.stiffness, abs(stiffness.value)
+    whole, statistical = math.hypot(*parts) / size, parts[0] / size
+    coefficient = errors[0] / abs(law.stiffness)
+    known = (with_error(stiffness.value, *parts), _percent(whole), _percent(statistical))
+    k, n = with_error(law.stiffness, errors[0]), with_error(law.exponent, errors[2])
+    cells = [name, verdict, rounded(1e3 * there.depth, 3), *known, k, _percent(coefficient), n]
+    return Row(verdict, whole, statistical, coefficient, cells)
 
 
 def page(rows: Sequence[Row], skipped: Sequence[str]) -> str:
@@ -130,7 +108,7 @@ def page(rows: Sequence[Row], skipped: Sequence[str]) -> str:
         "",
         *markdown_table((*about, "K's over the statistical one"), list(_summaries(rows))),
         "",
-        *markdown_table(HEADINGS, [row.cells() for row in rows]),
+        *markdown_table(HEADINGS, [row.cells for row in rows]),
         "",
         *(f"- {words}" for words in skipped),
         *(f"- {name}: {value}" for name, value in describe_machine().items()),
@@ -143,7 +121,7 @@ def _why(rows: Sequence[Row]) -> list[str]:
     if not trusted:
         return []
     whole = statistics.median(row.whole for row in trusted)
-    coefficient = statistics.median(row.coefficient_error for row in trusted)
+    coefficient = statistics.median(row.coefficient for row in trusted)
     return [WHY.format(whole=_percent(whole), coefficient=_percent(coefficient)), ""]
 
 
@@ -153,9 +131,9 @@ def _summaries(rows: Sequence[Row]) -> Iterator[list[str]]:
         if chosen:
             medians = [
                 _percent(statistics.median(getattr(row, name) for row in chosen))
-                for name in ("whole", "repeatable", "coefficient_error")
+                for name in ("whole", "statistical", "coefficient")
             ]
-            times = statistics.median(row.coefficient_error / row.repeatable for row in chosen)
+            times = statistics.median(row.coefficient / row.statistical for row in chosen)
             yield [mark, str(len(chosen)), *medians, f"{rounded(times, 2)} times"]
 
 
