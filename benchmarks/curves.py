@@ -142,17 +142,9 @@ def measure_rates(count: int) -> Section:
     for name, motion in MOTIONS.items():
         known = random_curves(motion, count, seed=1)
         per_sample = _seconds(lambda s=known: _fit(s, KNOWN)) / known.force.size  # type: ignore[misc]
-        rows += [
-            _rate(f"surface known, {name}", known, KNOWN, 10_000),
-            Row(
-                "  a sample",
-                NANO * per_sample,
-                "ns",
-                per_sample / update,
-                "SingleStageRLS.replay",
-                Limit(2.0),
-            ),
-        ]
+        ratio, to = per_sample / update, "SingleStageRLS.replay"
+        rows.append(_rate(f"surface known, {name}", known, KNOWN, 10_000))
+        rows.append(Row("  a sample", NANO * per_sample, "ns", ratio, to, Limit(2.0)))
     for name, motion in MOTIONS.items():
         unknown = random_curves(motion, count, surface=True, seed=2)
         least = 1000 if name == ONE_WAY else 3000

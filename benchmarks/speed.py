@@ -407,20 +407,14 @@ def measure_traces(clock: Clock, effort: Effort) -> Section:
         shown = f"{reference}: {ns[beside]:.3g} ns"
         return Row(words, ns[name], "ns", ns[name] / ns[beside], shown, kept)
 
-    replay = "full trace of SingleStageRLS"
+    replay, whole = "full trace of SingleStageRLS", f"identify(trace=False), {SHORT} samples"
     rows = [
         row("thinned", f"{ESTIMATES} estimates", "single", replay, 3.5),
         row("full", "full trace", "single", replay, None),
         row("none", "no estimates", "thinned", f"{ESTIMATES} estimates", 1.1),
         row("short full", f"full trace of {SHORT} samples", "short single", replay, None),
         row("short none", f"{SHORT} samples, no estimates", "short single", replay, None),
-        row(
-            "identify none",
-            f"identify(trace=False), {SHORT} samples",
-            "identify full",
-            "with a full trace",
-            None,
-        ),
+        row("identify none", whole, "identify full", "with a full trace", None),
     ]
     notes = [
         f"{effort.replay_samples} samples, all in contact; per sample, shortest round. In the "

@@ -13,11 +13,12 @@ from benchmarks.diagnosis.marks import QUANTITIES, Row, bar, lies, wrong
 TITLE = "Faults: which numbers are wrong, and which of them are trusted"
 MEANING = """\
 A *lie* is a number that is wrong by more than three of its printed standard errors, all causes
-together, and by more than 5 % (a damping: 10 %). It is silent where the verdict is *trust*. The
-ideal probe moves along three random sines for 7 s, after a time in free air, on materials of
-n = 1 to 2.1; the robot is the laboratory's. The truth of a material that changes is its last
-state; of one with memory, its equivalent linear response. *Listed* counts runs in which the right
-check is significant or costs a mark, or the selected law has that memory or damper.
+together, and by more than 5 % (a damping of the *good* and the *hard* bank: 10 %). It is silent
+where the verdict is *trust*. The ideal probe moves along three random sines for 7 s, after a
+time in free air, on materials of n = 1 to 2.1; the robot is the laboratory's. The truth of a
+material that changes is its last state; of one with memory, its equivalent linear response.
+*Listed* counts runs in which the right check is significant or costs a mark, or the selected
+law has that memory or damper.
 
 The *good* and the *hard* bank have faults of sensors, clocks, mounts, files and materials, for
 most of which palpate has no check. *Good* recordings have noise below 0.6 % of the largest
