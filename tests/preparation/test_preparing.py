@@ -18,7 +18,7 @@ import palpate
 from palpate import Columns, InvalidParameterError, Recording, RecordingError, prepare
 from palpate.fleet.arrays import Curves
 from palpate.fleet.tasks import Settings
-from palpate.preparation.preparing import joined
+from palpate.preparation.preparing import join_contacts
 from palpate.preparation.velocity import velocity_of
 from palpate.recordings import opening
 
@@ -274,8 +274,8 @@ def test_how_the_velocity_was_computed_goes_wherever_the_contact_goes(tmp_path):
         contact.window(0.5, 2.0),
         contact.taken(slice(100, 900)),
         pickle.loads(pickle.dumps(contact)),
-        joined([contact, contact]),
-        joined([given, contact]),  # of one of them only, which is enough to doubt
+        join_contacts([contact, contact]),
+        join_contacts([given, contact]),  # of one of them only, which is enough to doubt
         palpate.identify(contact).contact,
         prepare(tmp_path / "own.csv"),
         saved,
@@ -284,7 +284,7 @@ def test_how_the_velocity_was_computed_goes_wherever_the_contact_goes(tmp_path):
     ):
         assert each.velocity_filter == filtered
     assert prepare(tmp_path / "other.csv").velocity_filter is None
-    assert joined([given, given]).velocity_filter is None
+    assert join_contacts([given, given]).velocity_filter is None
     spline = prepare(tmp_path / "own.csv", columns=Columns(velocity="none"))
     assert spline.velocity_filter.penalty > 0.0
     palpate.identify(spline).save(tmp_path / "spline")

@@ -122,9 +122,9 @@ class ReadingOptions:
 
     def contact(self, files: Sequence[Path], choice: Mapping[str, str] | None = None) -> "Contact":
         """Read the files, each a contact with one object; save the choice of law and method."""
-        from palpate.preparation.preparing import joined
+        from palpate.preparation.preparing import join_contacts
 
-        contact = joined([self._contact(file) for file in files])
+        contact = join_contacts([self._contact(file) for file in files])
         if self.save_config is not None:
             from palpate.results.saved import as_toml, how_made
             from palpate.writing import write_text

@@ -49,7 +49,7 @@ from palpate.identification.replaying import resolve_estimator
 from palpate.preparation.gates import choose_gate
 from palpate.preparation.load_transfer import find_load_transfer
 from palpate.preparation.preparing import Recorded, prepare
-from palpate.preparation.resolution import resolutions_of
+from palpate.preparation.resolution import estimate_resolutions
 from palpate.preparation.velocity import spikes_of_rows, velocities_of_rows
 from palpate.recordings.recording import Recording, printable
 from palpate.validation import Floats, number_in, real_array, whole_in
@@ -333,7 +333,7 @@ def _fit_whole_curves(curves: Curves, settings: Settings, threads: int) -> Table
     curves = curves.known(threads)
     chosen = {name: settings.estimator[name] for name in _SHARED if name in settings.estimator}
     if not settings.searches_surface and "surface_deviation" not in chosen:
-        chosen["surface_deviation"] = resolutions_of(curves.penetration, threads=threads)
+        chosen["surface_deviation"] = estimate_resolutions(curves.penetration, threads=threads)
     rejects = settings.estimator.get("outlier_rejection") is not False
     elsewhere: dict[int, Finding] = {}
     if rejects:

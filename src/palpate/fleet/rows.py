@@ -17,7 +17,7 @@ from palpate.findings import Finding
 from palpate.fleet.tasks import Settings, Table, needed
 from palpate.force_laws import ForceLaw, GeneralisedHuntCrossley
 from palpate.identification.identified import Identified
-from palpate.preparation.along_penetration import at_places
+from palpate.preparation.along_penetration import divide_by_place
 from palpate.validation import Floats
 
 Row = dict[str, Any]
@@ -152,7 +152,7 @@ def rows_of(
         yield row_of(contact, settings, columns=columns)
         return
     rejecting = settings.estimator_for(contact).rejects_outliers
-    for part, (place, contact_there) in enumerate(at_places(contact, rejecting=rejecting)):
+    for part, (place, contact_there) in enumerate(divide_by_place(contact, rejecting=rejecting)):
         row: Row = {"part": part, **dict(zip("xyz", place.position.tolist(), strict=True))}
         try:
             row |= row_of(contact_there, settings, columns=columns)

@@ -57,7 +57,7 @@ from palpate.identification.replaying import (
     resolve_estimator,
 )
 from palpate.identification.weak_prior import weak_prior
-from palpate.preparation.along_penetration import at_places
+from palpate.preparation.along_penetration import divide_by_place
 from palpate.preparation.gates import choose_gate
 from palpate.preparation.prepared import Place
 from palpate.preparation.velocity import window_samples
@@ -413,7 +413,7 @@ class Identified:
         selection = self.selected or self
         segments, fresh = [], selection.estimator.replace(**dict.fromkeys(selection.chosen))
         for place, contact in watch(
-            list(at_places(self.contact, rejecting=fresh.rejects_outliers))
+            list(divide_by_place(self.contact, rejecting=fresh.rejects_outliers))
         ):
             with suppress(RecordingError):
                 part = self.selected_law(Data(contact), fresh, trace=self.traced)

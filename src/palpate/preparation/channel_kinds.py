@@ -79,7 +79,7 @@ _RAW = frozenset(("adc", "raw", "count", "counts", "ticks", "lsb"))
 _WORD = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|[^\W\d_]+")
 
 
-def kind_of(name: str, unit: str | None = None) -> str | None:
+def channel_kind(name: str, unit: str | None = None) -> str | None:
     """Return the quantity of a channel: a key of ``WORDS``, or None if the name does not show it.
 
     Parameters

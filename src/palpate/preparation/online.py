@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 import palpate._core as _core
 from palpate.contact import Contact, VelocityFilter
 from palpate.errors import InvalidParameterError
-from palpate.preparation.settings import flipped
+from palpate.preparation.settings import check_flip
 from palpate.preparation.velocity import window_samples
 from palpate.settings import Configured
 from palpate.validation import (
@@ -98,7 +98,7 @@ class OnlinePreparation(Configured, _core.OnlinePreparation):
             raise InvalidParameterError(
                 f"velocity_window must be at most {longest}, not {shown(velocity_window)}"
             )
-        turned = flipped(flip)
+        turned = check_flip(flip)
         super().__init__(
             step,
             samples,
