@@ -19,7 +19,7 @@ from palpate.findings import MAY_CAP, worst
 from palpate.preparation.held import hold_length
 from palpate.preparation.preparing import join_contacts
 from palpate.preparation.velocity import find_spikes
-from palpate.recordings.recording import size_of
+from palpate.recordings.recording import unit_size
 
 
 def grave(contact: palpate.Contact, method: str | None = None) -> list[str]:
@@ -371,7 +371,7 @@ STATED = [
 
 def pressed(units, depth: float, force: float, **named) -> palpate.Recording:
     """A hard material, or a large one, in the units of a recording's header; SI without any."""
-    size = {name: size_of(name, unit) for name, unit in units.items()}
+    size = {name: unit_size(name, unit) for name, unit in units.items()}
     x = X * depth / X.max()
     f = np.where(x > 0.0, force * np.maximum(x / depth, 0.0) ** 1.5, 0.0)
     f = f + 1e-3 * force * np.random.default_rng(1).standard_normal(x.size)

@@ -28,7 +28,7 @@ from palpate.preparation.surfaces import (
 )
 from palpate.preparation.velocity import estimate_velocities
 from palpate.recordings import Recording
-from palpate.recordings.recording import UNITS, size_of
+from palpate.recordings.recording import UNITS, unit_size
 from palpate.stages import stage
 from palpate.validation import signals as checked_signals
 
@@ -73,7 +73,7 @@ def contact_of_arrays(given: Mapping[str, ArrayLike], settings: Preparation) -> 
     made, values = dict[str, str](), dict(given)
     for channel, unit in settings.units.items():
         if channel in values and unit != next(iter(UNITS[channel])):
-            values[channel] = np.asarray(values[channel], dtype=float) * size_of(channel, unit)
+            values[channel] = np.asarray(values[channel], dtype=float) * unit_size(channel, unit)
             add(made, channel, f"in {unit}")
     findings = () if settings.strict else _settle_arrays(values)
     contact = _prepare_channels(None, values, made, settings)

@@ -15,8 +15,8 @@ from palpate.findings import Check, Finding
 from palpate.preparation.channel_kinds import is_raw
 from palpate.preparation.roles import Roles
 from palpate.recordings import Recording
-from palpate.recordings.poses import align_signs, covered
-from palpate.recordings.recording import GRAVITY, UNITS, UNSTATED, WEIGHTS, size_of
+from palpate.recordings.poses import align_signs, lie_between_samples
+from palpate.recordings.recording import GRAVITY, UNITS, UNSTATED, WEIGHTS, unit_size
 from palpate.validation import Floats
 
 # After a restart of the recorder, time falls back and increases from there. After a single late
@@ -180,7 +180,7 @@ def settle_stamps(
         many = time.size / np.unique(arrivals).size
         words = (
             f"samples arrive in packets of about {many:.0f}, every "
-            f"{tick * size_of('time', unit) * 1e3:.3g} ms: palpate spread them evenly"
+            f"{tick * unit_size('time', unit) * 1e3:.3g} ms: palpate spread them evenly"
         )
         return times, keep, [Check.CLOCK.finding(words, "stamp each sample when it is taken")]
     again[1:] = time[1:] == time[:-1]
@@ -198,7 +198,7 @@ def settle_stamps(
     if others > COARSE * time.size and others >= np.count_nonzero(copies):
         times, tick = _spread(time)
         words = (
-            f"the clock ticks every {tick * size_of('time', unit) * 1e3:.3g} ms: palpate spread "
+            f"the clock ticks every {tick * unit_size('time', unit) * 1e3:.3g} ms: palpate spread "
         )
         words += f"{np.count_nonzero(again)} samples evenly within its ticks"
         return times, keep, [Check.CLOCK.finding(words, "stamp the samples by a finer clock")]
@@ -411,7 +411,7 @@ class Stream:
 
     def seconds(self, time: Times, origin: int | float) -> Floats:
         """Times in seconds from an origin, subtracted before conversion to keep the digits."""
-        return np.asarray((time - origin) * size_of("time", self.unit), dtype=np.float64)
+        return np.asarray((time - origin) * unit_size("time", self.unit), dtype=np.float64)
 
 
 @dataclass(slots=True)
@@ -450,7 +450,7 @@ class _Taking:
                 given = self.units.get(kind)
                 first = given or self._choose_unit(names[0], kind)
                 own = [given or self._choose_unit(name, kind, first) for name in names]
-                columns = [c * size_of(kind, unit) for c, unit in zip(columns, own, strict=True)]
+                columns = [c * unit_size(kind, unit) for c, unit in zip(columns, own, strict=True)]
                 listed = ", ".join(map(repr, names))
                 made = f"column {listed}" if len(names) == 1 else f"columns {listed}"
                 in_si = own[0] == next(iter(UNITS[kind]))
@@ -521,9 +521,9 @@ class _Taking:
         elif stated == UNSTATED:
             words = f"the file states no unit of the {kind} ({self.recording.table})"
             remedy = "the units, such as --unit penetration=um,force=mN"
-        elif stated is None or (kind == "time" and not own and not size_of(kind, stated)):
+        elif stated is None or (kind == "time" and not own and not unit_size(kind, stated)):
             return usual or si  # ``time (UTC)`` states a time zone, not a unit
-        elif not size_of(kind, stated):
+        elif not unit_size(kind, stated):
             known = ", ".join(UNITS[kind])
             words = f"palpate cannot convert the unit {stated} of the {kind} (known: {known})"
         else:
@@ -589,7 +589,7 @@ class _Taking:
         label = stream.values.get("segment")
         numbers = None if label is None else numbered(label, label.size)
         rows = select_increasing_rows(
-            stream.time, numbers, largest=LATEST / size_of("time", stream.unit)
+            stream.time, numbers, largest=LATEST / unit_size("time", stream.unit)
         )
         if not rows.keep.any():
             there = len(stream.time)
@@ -674,7 +674,7 @@ class _Taking:
         at, values, clock = on_time.pop(first)
         values, keep = dict(values), np.ones(at.size, dtype=bool)
         for other, own, name in on_time:
-            keep &= covered(at, other)
+            keep &= lie_between_samples(at, other)
             for role, channel in own.items():
                 values[role] = _interpolate(at, other, np.asarray(channel))
                 kind = "penetration" if role == "depth" else role
@@ -696,13 +696,13 @@ class _Taking:
 
 def _time_origin(*streams: Stream) -> int | float:
     """The origin of time: the first time if it is an integer or since 1970, else 0."""
-    firsts = [s.time[np.abs(s.time) * size_of("time", s.unit) <= LATEST] for s in streams]
+    firsts = [s.time[np.abs(s.time) * unit_size("time", s.unit) <= LATEST] for s in streams]
     known = [first.min() for first in firsts if first.size]
     if not known:
         return 0
     whole = all(stream.time.dtype.kind in "iu" for stream in streams)
     smallest = min(known)
-    far = abs(float(smallest)) * size_of("time", streams[0].unit) > SINCE_LONG_AGO
+    far = abs(float(smallest)) * unit_size("time", streams[0].unit) > SINCE_LONG_AGO
     return (int(smallest) if whole else float(smallest)) if far or whole else 0
 
 

@@ -27,7 +27,7 @@ from palpate.preparation.vectors import (
 from palpate.recordings import Recording
 from palpate.recordings.opening import within
 from palpate.recordings.poses import IN_BASE, Step, Transforms, chain_in_use, frames_in, state_poses
-from palpate.recordings.recording import OTHER_UNITS, UNITS, holds_numbers, size_of, stated_unit
+from palpate.recordings.recording import OTHER_UNITS, UNITS, find_unit, holds_numbers, unit_size
 
 
 @dataclass(frozen=True, slots=True)
@@ -461,7 +461,7 @@ class _Choosing:
         unknown = [
             f"{unit} of {name!r}"
             for name in names
-            if self._kind(name) is None and (unit := stated_unit(name)) and unit not in _OF_UNIT
+            if self._kind(name) is None and (unit := find_unit(name)) and unit not in _OF_UNIT
         ]
         texts = [
             n
@@ -563,7 +563,7 @@ class _Choosing:
 
     def _convertible(self, name: str, kind: str) -> bool:
         unit = self.recording.unit_of(name)
-        return not unit or size_of("penetration" if kind == "position" else kind, unit) > 0.0
+        return not unit or unit_size("penetration" if kind == "position" else kind, unit) > 0.0
 
     def _moves(self, names: tuple[str, ...]) -> bool:
         """Whether any of the channels changes: a fixed frame is not a probe."""

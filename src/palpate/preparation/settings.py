@@ -15,7 +15,7 @@ from palpate.preparation.roles import Columns, Roles
 from palpate.preparation.surfaces import RADIUS, SurfaceRule
 from palpate.recordings import Recording
 from palpate.recordings.poses import IN_BASE, UNIT_LENGTH, rotate
-from palpate.recordings.recording import UNITS, size_of
+from palpate.recordings.recording import UNITS, unit_size
 from palpate.validation import Floats, instance, number_in, pair_in, shown
 
 FLIPPED = ("force", "penetration")
@@ -103,7 +103,7 @@ class Preparation:
 def _check_unit(channel: str, unit: Any) -> None:
     if channel not in UNITS:
         raise InvalidParameterError(f"units must name {', '.join(UNITS)}, not {shown(channel)}")
-    if not isinstance(unit, str) or not size_of(channel, unit):
+    if not isinstance(unit, str) or not unit_size(channel, unit):
         known = list(UNITS[channel])
         raise InvalidParameterError(
             f"unit of the {channel} must be one of {', '.join(known)} or a multiple such as "

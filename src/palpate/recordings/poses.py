@@ -57,7 +57,7 @@ def interpolate_rotation(at: Floats, time: Floats, quaternions: Floats) -> Float
     return unit
 
 
-def covered(wanted: NDArray[Any], time: NDArray[Any]) -> NDArray[np.bool_]:
+def lie_between_samples(wanted: NDArray[Any], time: NDArray[Any]) -> NDArray[np.bool_]:
     """Whether each time lies between two samples of a clock without a gap between them."""
     step = float(np.median(np.diff(time))) if time.size > 1 else np.inf
     after = np.searchsorted(time, wanted)
@@ -315,7 +315,7 @@ class Transforms:
                 return None
             at = min(clocks, key=lambda time: float(np.median(np.diff(time))))
             for time in clocks:
-                at = at[covered(at, time)]
+                at = at[lie_between_samples(at, time)]
             if not at.size:
                 words = f"the transforms of {name} are at no time all known; record them together"
                 raise RecordingError.of(self.recording.source, words)

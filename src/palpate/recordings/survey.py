@@ -118,7 +118,7 @@ def survey(recording: Recording) -> Survey:
     """
     members: dict[tuple[str, int], list[str]] = {}
     for name, values in recording.channels.items():
-        members.setdefault((clock_of(recording, name), len(values)), []).append(name)
+        members.setdefault((channel_clock(recording, name), len(values)), []).append(name)
     # A time column is on its own clock; it does not count as one of the clock's channels.
     clocks = [
         _clock(recording, clock, count, (n for n in names if n != clock))
@@ -128,7 +128,7 @@ def survey(recording: Recording) -> Survey:
     return Survey(tuple(clocks), channels)
 
 
-def clock_of(recording: Recording, name: str) -> str:
+def channel_clock(recording: Recording, name: str) -> str:
     """Return the name of the channel with the times of a channel; empty without one.
 
     In a table, whose columns name no clock, it is the column whose name suggests times.

@@ -24,7 +24,7 @@ from palpate.findings import MARKS, Check, Mark, spoken
 from palpate.identification.ranking import rank
 from palpate.preparation.touches import find_touches
 from palpate.quantities.derived import band_of, in_hertz
-from palpate.recordings.recording import truth_of
+from palpate.recordings.recording import read_truth
 from palpate.results.parameters import (
     RELAXATION,
     ParameterRow,
@@ -530,7 +530,7 @@ def model_table(ordered: "Sequence[Identified]") -> ViewSection:
         rows.append(
             (each.method, parameter_terms(each), *errors, format_share(each.violated_fraction))
         )
-    if truth := truth_of(ordered[0].contact.provenance):
+    if truth := read_truth(ordered[0].contact.provenance):
         named = zip(truth.symbols, truth.parameters, truth.units, strict=True)
         terms = (f"{name} = {rounded(value, 5)} {unit}".rstrip() for name, value, unit in named)
         rows.append(("truth", "\n".join(terms), "", "", ""))
