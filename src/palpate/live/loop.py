@@ -134,15 +134,15 @@ class LawsInForce:
             "fixed": estimate.fixed,
             "parameters": estimate.parameters.tolist() if learned else None,
             # Some 350 numbers: as decimal digits, JSON would take ten times as long.
-            "covariance": _packed(estimate.covariance) if learned else None,
-            "spectrum": [*map(_packed, estimate.spectrum[:3])] if learned else None,
+            "covariance": _pack_numbers(estimate.covariance) if learned else None,
+            "spectrum": [*map(_pack_numbers, estimate.spectrum[:3])] if learned else None,
             "flags": estimate.flags,
             "changes": self.changes,
             "turns": list(self.turns),
         }
 
 
-def _packed(numbers: Floats) -> str:
+def _pack_numbers(numbers: Floats) -> str:
     return b64encode(numbers.tobytes()).decode()
 
 

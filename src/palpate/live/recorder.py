@@ -61,7 +61,7 @@ _FOUND = _places(
 _WHOLE = _places("status", "preparation", "state")
 
 
-def described(status: dict[str, Any]) -> dict[str, str]:
+def describe_run(status: dict[str, Any]) -> dict[str, str]:
     """Return the description of a run, as metadata of its recording."""
     law = status.get("law", {})
     units = zip(law.get("symbols", ()), law.get("units", ()), strict=True)
@@ -248,7 +248,7 @@ class RunFile:
             writer.register_channel(topic, "cdr", schema)
             for topic, schema in zip((INPUT, ESTIMATE), schemas, strict=True)
         ]
-        self._described = described(status)
+        self._described = describe_run(status)
         writer.add_metadata("palpate", self._described)
         self._writer = writer
 
@@ -297,7 +297,7 @@ class RunFile:
 
     def _note_changed(self, status: dict[str, Any]) -> None:
         """Record changes of the description, such as another estimator, in the metadata."""
-        now = described(status)
+        now = describe_run(status)
         changed = {name: words for name, words in now.items() if self._described.get(name) != words}
         if self._writer is not None and changed:
             since = f"by row {self.rows}, estimator {status.get('generation', 0)}"

@@ -246,7 +246,7 @@ SOURCES: Mapping[str, Kind] = {
 }
 
 
-def wired(address: str) -> tuple[Kind | None, Any, str]:
+def find_wire(address: str) -> tuple[Kind | None, Any, str]:
     """Return the kind of an address, or None, its module, and the part after the colon.
 
     Raises
@@ -280,7 +280,7 @@ def open_source(address: str, options: SourceOptions | None = None) -> Source:
         The recording cannot be read.
     """
     given = options or SourceOptions()
-    kind, module, rest = wired(address)
+    kind, module, rest = find_wire(address)
     if kind is not None:
         source: Source = getattr(module, kind.opener)(rest, given)
         return source
