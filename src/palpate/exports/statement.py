@@ -20,11 +20,16 @@ from palpate.errors import (
     RecordingError,
 )
 from palpate.estimators import VariableProjection
-from palpate.exports.engine import Engine, Fragment, refused, warned
+from palpate.exports.engine import Engine, Fragment, make_refusals, make_warnings
 from palpate.exports.motion import ProbeMotion
-from palpate.exports.nearest_law import Nearest, one_power, with_exponents, without_memory
+from palpate.exports.nearest_law import (
+    Nearest,
+    fit_with_exponents,
+    nearest_without_memory,
+    one_power,
+)
 from palpate.exports.replay_errors import Drop, drop_to, force_error
-from palpate.exports.texts import length, numbers_of, percent
+from palpate.exports.texts import law_numbers, length, percent
 from palpate.findings import Finding
 from palpate.force_laws import ForceLaw, GeneralisedHuntCrossley
 from palpate.force_laws.laws import Spring
@@ -156,9 +161,9 @@ class ExportedLaw:
             found = one_power(self.law, self.motion)
         else:
             law = GeneralisedHuntCrossley.of(self.law)
-            found = without_memory(law, self.motion)
+            found = nearest_without_memory(law, self.motion)
             if found.law.damping < 0.0:
-                undamped = with_exponents(law, self.motion, law.exponent, law.damping_exponent)
+                undamped = fit_with_exponents(law, self.motion, law.exponent, law.damping_exponent)
                 found = Nearest.of(undamped, self.law, self.motion, "without its negative damping")
         if not found.law.stiffness > 0.0:
             raise ExportRefusedError(
@@ -235,7 +240,7 @@ class Compared:
         return 100.0 * (self.drop_restitution / law - 1.0) if law > 0.0 else float("nan")
 
 
-def compared(
+def compare_errors(
     source: ExportedLaw, nearest: Nearest, fragment: Fragment, *, replay: bool
 ) -> Compared:
     """Return the errors of a fragment along the source's motion.
@@ -255,12 +260,12 @@ def compared(
     motion = whole.firm(fragment.most_samples)
     # A law with relaxation depends on the whole motion, not only on the firm samples.
     law = whole.force_by(source.law)[whole.firm_places(fragment.most_samples)]
-    predicted = fragment.predicted(motion)
+    predicted = fragment.predict_force(motion)
     ran, fails = None, ""
     try:
         ran = fragment.replay(motion) if replay else None
     except ImportError as error:  # installed, but it does not load
-        if _interrupted(error):
+        if _is_interrupt(error):
             raise KeyboardInterrupt from None
         fails = " ".join(str(error).split())
     drop = drop_to(nearest.law, fragment.request.mass_or_one, whole.deepest)
@@ -279,18 +284,18 @@ def compared(
         against_measured_percent=off(predicted if ran is None else ran.force, motion.force),
         law_leaves_percent=off(law, motion.force),
         drop=drop,
-        predicted_restitution=fragment.predicted_restitution(drop),
+        predicted_restitution=fragment.predict_restitution(drop),
         replayed_restitution=fragment.drop_restitution(drop)
         if ran is not None and stable
         else None,
     )
 
 
-def _interrupted(error: BaseException | None) -> bool:
+def _is_interrupt(error: BaseException | None) -> bool:
     """Whether Ctrl-C caused an ImportError: extensions raise one when interrupted on import."""
     if error is None or isinstance(error, KeyboardInterrupt):
         return error is not None
-    return _interrupted(error.__cause__ or error.__context__)
+    return _is_interrupt(error.__cause__ or error.__context__)
 
 
 # The refusals, warnings and content of a statement, in words and as plain numbers.
@@ -340,64 +345,66 @@ class Statement:
         source, nearest, found = self.source, self.nearest, self.compared
         verdict, result = source.verdict, list[Finding]()
         if verdict is None:
-            result += warned("a law without a recording: palpate cannot judge its accuracy")
+            result += make_warnings("a law without a recording: palpate cannot judge its accuracy")
         elif verdict.overall == "do-not-trust":
-            result += refused(f"the verdict is do-not-trust{_because(source)}")
+            result += make_refusals(f"the verdict is do-not-trust{_because(source)}")
         elif verdict.overall == "with-care":
-            result += warned(f"the verdict is with-care{_because(source)}")
+            result += make_warnings(f"the verdict is with-care{_because(source)}")
         elif verdict.damping != "trust":
-            result += warned(f"the verdict on damping, and thus impacts, is {verdict.damping}")
-        result += warned(*(f"flag: {flag}" for flag in source.flags))
+            result += make_warnings(
+                f"the verdict on damping, and thus impacts, is {verdict.damping}"
+            )
+        result += make_warnings(*(f"flag: {flag}" for flag in source.flags))
         values = source.law.as_dict()
         # With two springs one may be negative.
         strengths = ("damping",) if "quadratic_stiffness" in values else ("stiffness", "damping")
         if not source.law.remembers and any(values.get(each, 0.0) < 0.0 for each in strengths):
-            result += refused(
+            result += make_refusals(
                 "the law has a negative stiffness or damping, so it generates energy; the exported "
                 f"law ({nearest.which}) differs by {percent(nearest.error_percent)} of force"
             )
         if nearest.which and source.law.remembers:
-            result += warned(
+            result += make_warnings(
                 f"engines have no stress relaxation: exported is {nearest.which}; it differs by "
                 f"{percent(nearest.error_percent)} of force on this motion and by more at other "
                 "speeds, and restitution is that of the exported law"
             )
         elif nearest.which:
-            result += warned(
+            result += make_warnings(
                 f"engines do not have this law: exported is {nearest.which}; it differs by "
                 f"{percent(nearest.error_percent)} of force"
             )
         result += self._relaxation()
         result += self.fragment.findings
         if not found.percent <= MOST_PERCENT:  # also refuses NaN
-            result += refused(
+            result += make_refusals(
                 f"the force error of the engine is {percent(found.percent)} "
                 f"({'replayed' if found.replayed else 'predicted'}), more than {MOST_PERCENT:g} %"
             )
         if abs(found.restitution_percent) > REBOUND_PERCENT:
-            result += warned(
+            result += make_warnings(
                 f"impacts will be wrong: the engine's restitution is "
                 f"{rounded(found.drop_restitution, 3)}, that of the law "
                 f"{rounded(found.drop.restitution, 3)}"
             )
         if found.drop.speed > source.motion.fastest and verdict is not None:
-            result += warned(
+            result += make_warnings(
                 f"the law was identified at speeds up to {length(source.motion.fastest, 2)}/s; an "
                 f"impact at {rounded(found.drop.speed, 2)} m/s extrapolates it"
             )
         limit, step = self.fragment.largest_step, self.fragment.request.time_step
         if limit is not None and step >= limit:
-            result += refused(
+            result += make_refusals(
                 f"the simulation is unstable at a time step of {_ms(step)}; choose one below "
                 f"{_ms(limit)}"
             )
         elif limit is not None and step > 0.5 * limit:
-            result += warned(
+            result += make_warnings(
                 f"a time step of {_ms(step)} is more than half of the stability limit of "
                 f"{_ms(limit)}"
             )
         if found.replayed and abs(found.percent - found.predicted_percent) > _AS_PREDICTED:
-            result += warned(
+            result += make_warnings(
                 f"the replayed error is {percent(found.percent)} but the predicted one "
                 f"{percent(found.predicted_percent)}: this version of the engine may be different"
             )
@@ -441,7 +448,7 @@ class Statement:
         """Return the statement as lines: claim, force errors, law, engine parameters, warnings."""
         title = " ".join(filter(None, (self.engine.title, self.engine.version())))
         lines = [f"{title}, {self.fragment.form}: {self.claim}.", *self.basis(), *self.law_lines()]
-        if numbers := _listed(self.fragment.numbers, 6):
+        if numbers := _list_numbers(self.fragment.numbers, 6):
             lines.append(f"Engine parameters: {numbers}.")
         return [*lines, *(f"Warning: {each}." for each in self.warnings)]
 
@@ -480,7 +487,7 @@ class Statement:
             f"{rounded(damping, 3)} N·s/m; at other frequencies it differs by more"
         )
         apart = abs(given / stiffness - 1.0) if stiffness else math.inf
-        return refused(words) if not apart <= STIFFNESS_OFF else warned(words)
+        return make_refusals(words) if not apart <= STIFFNESS_OFF else make_warnings(words)
 
     def law_lines(self) -> list[str]:
         """Return lines with the identified law, its standard errors, and the exported law."""
@@ -498,7 +505,7 @@ class Statement:
             shown.append(f"τ = {describe_relaxation(law)}")
         lines = [f"Law {origin}: {law.kind}, {', '.join(map(str.rstrip, shown))}."]
         if self.nearest.which:
-            inside = _listed(numbers_of(self.nearest.law), 4)
+            inside = _list_numbers(law_numbers(self.nearest.law), 4)
             lines.append(f"Exported: {self.nearest.which}: {inside}.")
         return lines
 
@@ -583,7 +590,7 @@ class Statement:
         )
 
 
-def _listed(numbers: Mapping[str, float], figures: int) -> str:
+def _list_numbers(numbers: Mapping[str, float], figures: int) -> str:
     return ", ".join(f"{name} = {rounded(value, figures)}" for name, value in numbers.items())
 
 
