@@ -42,7 +42,7 @@ def card(result: Identified) -> str:
     sections = view.verdict_section(result), view.depth_table(result), view.law_section(result)
     colour = _COLOURS[result.diagnosis.verdict.overall]
     name = escape(Path(result.contact.source).name or "contact")
-    inside = "".join(html.composed(sections))
+    inside = "".join(html.render_sections(sections))
     return f'<div style="border-left:5px solid {colour};padding-left:0.8em">{name}{inside}</div>'
 
 
@@ -114,14 +114,14 @@ def page(
         "</header>",
         *html.section("figure", "Measurement and model", _figures(result, travels)),
         "</div>",
-        *html.section("numbers", "Identified values", html.composed(values)),
+        *html.section("numbers", "Identified values", html.render_sections(values)),
         *html.section("law", "Model selection", _which_law(result, others)),
-        *html.section("following", "Derived quantities", html.composed([follows])),
+        *html.section("following", "Derived quantities", html.render_sections([follows])),
         *html.section("residuals", "Residuals", _residuals(result)),
-        *html.section("findings", "Findings", html.composed([findings])),
-        *html.section("parts", beside_title, html.composed(beside)),
-        *html.section("comparison", "Other models and methods", html.composed(methods)),
-        *html.section("contact", "Data preparation", html.composed(prepared)),
+        *html.section("findings", "Findings", html.render_sections([findings])),
+        *html.section("parts", beside_title, html.render_sections(beside)),
+        *html.section("comparison", "Other models and methods", html.render_sections(methods)),
+        *html.section("contact", "Data preparation", html.render_sections(prepared)),
         *html.section("again", "How to reproduce this result", _again(circumstances)),
         "</main>",
     ]
