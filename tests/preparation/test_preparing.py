@@ -298,7 +298,7 @@ def test_how_the_velocity_was_computed_goes_wherever_the_contact_goes(tmp_path):
 def test_rows_of_arrays_know_that_their_velocity_was_computed():
     contact = coarse()
     arrays = {"penetration": contact.penetration[None], "force": contact.force[None]}
-    curves = Curves(contact.time, **arrays).known()
+    curves = Curves(contact.time, **arrays).add_velocities()
     assert curves.contact(0, Settings()).velocity_filter == contact.velocity_filter
     assert dataclasses.replace(curves, filters=None).contact(0, Settings()).velocity_filter is None
 

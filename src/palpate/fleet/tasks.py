@@ -197,7 +197,7 @@ def _cuts(
                 load = 0.0
 
 
-def digest_of(sources: Iterable[ContactSource]) -> str:
+def sources_digest(sources: Iterable[ContactSource]) -> str:
     """Return a digest that identifies these sources and their present content."""
     digest = hashlib.sha256()
     for each in sources:
