@@ -39,7 +39,7 @@ from palpate.exports.texts import hash_comment, xml_comment
 from palpate.findings import Finding
 from palpate.force_laws import engines, law_from
 from palpate.lab import BALL, PVC, TISSUE
-from palpate.quantities.derived import in_hertz
+from palpate.quantities.derived import format_hertz
 from palpate.results.saved import SCHEMA_VERSION, result_dict
 
 EXAMPLES = Path(__file__).parents[2] / "examples" / "recordings"
@@ -203,7 +203,7 @@ def test_a_recording_that_relaxes_is_exported_by_its_hunt_crossley_law_at_its_fr
     assert source.law == plain.law
     statement = export(result, "usd", mass=1.0, allow=True, replay=False).statement
     [words] = [each for each in statement.warnings if "the material relaxes" in each]
-    assert in_hertz(frequency) in words
+    assert format_hertz(frequency) in words
     assert "K′ = " in words
 
 

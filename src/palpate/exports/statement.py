@@ -34,7 +34,7 @@ from palpate.findings import Finding
 from palpate.force_laws import ForceLaw, GeneralisedHuntCrossley
 from palpate.force_laws.laws import Spring
 from palpate.identifying import Identification
-from palpate.quantities.derived import in_hertz
+from palpate.quantities.derived import format_hertz
 from palpate.quantities.elastic_modulus import Sphere
 from palpate.results.parameters import describe_relaxation
 from palpate.results.saved import SavedResult
@@ -481,7 +481,7 @@ class Statement:
         given = own.stiffness_at(depth)
         words = (
             "the material relaxes, and engines have no stress relaxation: exported is the "
-            f"Hunt–Crossley law nearest to this recording, for {in_hertz(omega)}: stiffness "
+            f"Hunt–Crossley law nearest to this recording, for {format_hertz(omega)}: stiffness "
             f"{rounded(given, 3)} N/m and damping {rounded(own.damping_at(depth), 3)} N·s/m at "
             f"{length(depth, 3)}, in place of K′ = {rounded(stiffness, 3)} N/m and B′ = "
             f"{rounded(damping, 3)} N·s/m; at other frequencies it differs by more"

@@ -45,7 +45,7 @@ from palpate.findings import spoken
 from palpate.force_laws import RelaxationSpectrum
 from palpate.identification.identified import Identified
 from palpate.identification.ranking import rank
-from palpate.quantities.derived import SmallOscillation, band_of
+from palpate.quantities.derived import SmallOscillation, motion_band
 from palpate.results.parameters import law_name, parameter_rows
 from palpate.results.view import short_answer
 from palpate.stages import timed
@@ -284,7 +284,7 @@ def draw_oscillations(
 def _course(result: Identified) -> list[SmallOscillation]:
     """Return dynamic stiffness over the band of the motion; empty for a probe at rest."""
     with suppress(InvalidParameterError):
-        low, high = band_of(result)
+        low, high = motion_band(result)
         inside = np.geomspace(low, high, _FREQUENCIES)[1:-1].tolist() if low > 0.0 else []
         return [result.dynamic_stiffness(omega) for omega in (low, *inside, high)]
     return []

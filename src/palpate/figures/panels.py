@@ -35,7 +35,7 @@ from palpate.figures.style import (
 )
 from palpate.force_laws import ForceLaw, GeneralisedHuntCrossley
 from palpate.identification.identified import Identified
-from palpate.quantities.derived import in_hertz
+from palpate.quantities.derived import format_hertz
 from palpate.results.parameters import RELAXATION, ParameterRow, describe_relaxation, parameter_rows
 from palpate.results.view import format_depth
 from palpate.validation import Floats
@@ -63,7 +63,7 @@ def describe_working_depth(result: Identified, names: Iterable[str] = _UNITS) ->
     for name in names:
         found: Quantity = getattr(there, name)
         words.append(f"{name} {found.format(_UNITS[name]).replace(' ', JOINED)}")
-    often = f", {in_hertz(result.frequency)}" if result.law.remembers else ""
+    often = f", {format_hertz(result.frequency)}" if result.law.remembers else ""
     return f"at {format_depth(there.depth)}{often}: {', '.join(words)}"
 
 
@@ -389,7 +389,7 @@ def draw_at_depth(
     name = quantity.capitalize()
     at = f"{name} at {length.factor * depth:.3g} {length.unit}"
     if result.frequency > 0.0 and (quantity == "damping" or result.law.remembers):
-        at += f", {in_hertz(result.frequency)}"
+        at += f", {format_hertz(result.frequency)}"
     if result.segments:
         _draw_segments(axes, result, finals[1:], scale, look)
         kind = "place" if result.segments[0].place is not None else "segment"

@@ -64,13 +64,13 @@ from palpate.preparation.velocity import window_samples
 from palpate.quantities.derived import (
     QueryOptions,
     compression_modulus_from,
+    compute_instantaneous_stiffness,
+    compute_oscillation,
+    compute_relaxation_time,
+    compute_relaxed_stiffness,
     elastic_modulus_from,
     energy_from,
-    instantaneous_stiffness_of,
-    oscillation_of,
     passivity_from,
-    relaxation_time_of,
-    relaxed_stiffness_of,
     restitution_from,
 )
 from palpate.settings import ChangeDetector, ContactGate, Scale
@@ -365,10 +365,10 @@ class Identified:
         return self.at(depth).damping
 
     # Quantities derived from the law; each is documented where it is computed.
-    dynamic_stiffness = _require_time(oscillation_of)
-    relaxed_stiffness = relaxed_stiffness_of
-    instantaneous_stiffness = instantaneous_stiffness_of
-    relaxation_time = property(relaxation_time_of)
+    dynamic_stiffness = _require_time(compute_oscillation)
+    relaxed_stiffness = compute_relaxed_stiffness
+    instantaneous_stiffness = compute_instantaneous_stiffness
+    relaxation_time = property(compute_relaxation_time)
     restitution = _require_time(restitution_from)
     energy = cached_property(_require_time(energy_from))
     passivity = cached_property(_require_time(passivity_from))

@@ -25,7 +25,7 @@ from palpate.estimators.viscoelastic import RelaxingEstimate, build_law
 from palpate.findings import Check, Finding, spoken
 from palpate.force_laws import GeneralisedHuntCrossley
 from palpate.live.sinks import why_undiagnosed
-from palpate.quantities.derived import in_hertz
+from palpate.quantities.derived import format_hertz
 from palpate.results.parameters import describe_relaxation
 from palpate.results.view import NumberLine
 from palpate.validation import or_nan
@@ -243,7 +243,7 @@ def _present(now: Numbers, name: str) -> str:
 
 def where(depth: float, frequency: float | None) -> str:
     """Format a working depth and, if known, a frequency: ``at 8.8 mm, 1.8 Hz``."""
-    often = f", {in_hertz(frequency)}" if frequency else ""
+    often = f", {format_hertz(frequency)}" if frequency else ""
     return f"at {format_quantity(depth, 'm')}{often}"
 
 

@@ -227,7 +227,7 @@ class ElasticModulus:
         }
 
 
-def elastic_modulus_of(
+def compute_elastic_modulus(
     law: ForceLaw,
     found: Diagnosis,
     depths: tuple[float, float],

@@ -71,7 +71,7 @@ class CompressionModulus:
         }
 
 
-def compression_modulus_of(found: Diagnosis, specimen: Specimen) -> CompressionModulus:
+def compute_compression_modulus(found: Diagnosis, specimen: Specimen) -> CompressionModulus:
     """Return Young's modulus from the stiffness at working depth and the size of the specimen.
 
     Parameters

@@ -15,7 +15,7 @@ from typing import Any
 from palpate._core import __version__
 from palpate.errors import InvalidParameterError, MissingExtraError
 from palpate.identification.identified import Identified
-from palpate.quantities.derived import band_of
+from palpate.quantities.derived import motion_band
 from palpate.recordings.table_files import has_parquet, write_columns
 from palpate.reports import html
 from palpate.reports.html import DRAWINGS, GENERATOR, REPORT_STYLE, STYLE, drawing
@@ -166,7 +166,7 @@ def _which_law(result: Identified, others: Sequence[Identified]) -> Iterator[str
     if not words or not any(each.law.remembers for each in shown):
         return  # K′ and B′ do not depend on the frequency
     try:
-        low, high = (f"{each / (2.0 * math.pi):.3g}" for each in band_of(result))
+        low, high = (f"{each / (2.0 * math.pi):.3g}" for each in motion_band(result))
         result.dynamic_stiffness()
     except InvalidParameterError:  # the probe did not move
         return
