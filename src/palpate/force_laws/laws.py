@@ -90,7 +90,7 @@ class ForceLaw:
         times for parameters without unit; override this method for other ranges.
         """
         own = {"N": force, "m": depth, "s": depth / speed if speed > 0.0 else 1.0}
-        return np.array([_size_of(unit, own) for unit in cls.units])
+        return np.array([_typical_value(unit, own) for unit in cls.units])
 
     @property
     def remembers(self) -> bool:
@@ -215,7 +215,7 @@ class ForceLaw:
         return found[0], found[1]
 
 
-def _size_of(unit: str, own: dict[str, float]) -> float:
+def _typical_value(unit: str, own: dict[str, float]) -> float:
     """The typical value of a unit, such as ``N·s/m²``; other symbols than N, m, s count as 1."""
     size, sign = 1.0, 1
     for symbol, separator in re.findall(r"([^·/]*)([·/]?)", unit):
@@ -316,12 +316,12 @@ class CompiledLaw(ForceLaw):
         compiled, parameters = type(self)._compiled, self.parameters
         depth, speed, force = np.empty(1), np.empty(1), np.empty(1)
 
-        def felt(penetration: float, velocity: float) -> float:
+        def sample_force(penetration: float, velocity: float) -> float:
             depth[0], speed[0] = penetration, velocity
             compiled(parameters, depth, speed, force)
             return force.item()
 
-        return felt
+        return sample_force
 
 
 @dataclass(frozen=True, slots=True)
