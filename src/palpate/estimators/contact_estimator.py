@@ -309,6 +309,6 @@ def loop_settings(
     )
 
 
-def known_exponent(exponent: float | None) -> float | None:
+def check_exponent(exponent: float | None) -> float | None:
     """Check a known exponent; None: the exponent is to be identified."""
     return None if exponent is None else number_in("exponent", exponent, 0.1, 10.0)

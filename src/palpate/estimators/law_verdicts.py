@@ -350,7 +350,7 @@ def _law_findings(
         )
 
 
-def verdict_of(evidence: Evidence, estimate: Estimate) -> LawVerdict:
+def judge_evidence(evidence: Evidence, estimate: Estimate) -> LawVerdict:
     """Return the verdict from an estimator's evidence and its simultaneous estimate."""
     selected_score = next(
         (score for index, score, _ in evidence.rows if index == evidence.chosen), 0.0

@@ -25,7 +25,7 @@ from palpate.diagnosis.sensor import outlier_finding
 from palpate.errors import FleetError, InvalidParameterError, RecordingError
 from palpate.estimators import ContactEstimator, VariableProjection
 from palpate.estimators.batch_fit import STATUS_WORDS, CurveFits, fit_curves
-from palpate.estimators.estimate import findings_of
+from palpate.estimators.estimate import flag_findings
 from palpate.findings import Finding
 from palpate.fleet.rows import (
     Row,
@@ -55,7 +55,7 @@ from palpate.recordings.recording import Recording, printable
 from palpate.validation import Floats, number_in, real_array, whole_in
 
 # The findings for each combination of an estimate's flag bits.
-_ADVICE_OF = [tuple(map(str, findings_of(bits))) for bits in range(256)]
+_ADVICE_OF = [tuple(map(str, flag_findings(bits))) for bits in range(256)]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -38,7 +38,7 @@ from palpate.estimators.estimate import (
     Estimate,
     Trace,
     Traced,
-    checked_trace,
+    check_trace,
     prediction_rmse_percent,
     rmse_percent,
     violated_fraction,
@@ -146,7 +146,7 @@ class Identified:
             Which estimates are recorded.
         """
         timeless = data.contact.timeless
-        given, traced = resolve_estimator(estimator, timeless=timeless), checked_trace(trace)
+        given, traced = resolve_estimator(estimator, timeless=timeless), check_trace(trace)
         data = data.samples(rejecting=given.rejects_outliers)
         contact = data.contact
         if contact.timeless and type(given) is not VariableProjection:

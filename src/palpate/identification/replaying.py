@@ -19,7 +19,7 @@ from palpate.estimators import (
     ViscoelasticContact,
     estimator_named,
 )
-from palpate.estimators.estimate import Estimate, Trace, Traced, thinned
+from palpate.estimators.estimate import Estimate, Trace, Traced, choose_trace_samples
 from palpate.estimators.least_squares import long_run_covariance
 from palpate.estimators.viscoelastic import RelaxingEstimate
 from palpate.force_laws import ForceLaw, steps_over_breaks
@@ -105,7 +105,7 @@ def replay(contact: Contact, estimator: ContactEstimator, trace: Traced) -> Trac
     steps = contact.time_steps
     if goes_on:
         steps = steps_over_breaks(contact.time, contact.penetration, contact.sample_time)
-    after = thinned(trace, contact.time, segments)
+    after = choose_trace_samples(trace, contact.time, segments)
     traces: list[Trace] = []
     for part in segments:
         if not (goes_on and traces):
