@@ -216,7 +216,7 @@ def identify(
     if method is not None and estimator is not None:
         raise InvalidParameterError(f"pass estimator or method={method!r}, not both")
     traced = check_trace(trace)  # before reading anything
-    estimator = _with_law(method if estimator is None else estimator, law)
+    estimator = _estimator_for_law(method if estimator is None else estimator, law)
     signals = {"time": time, "penetration": penetration, "force": force, "velocity": velocity}
     signals |= {"position": position, "rate": rate}
     given = {name: values for name, values in signals.items() if values is not None}
@@ -319,7 +319,7 @@ def compare(
     return results
 
 
-def _with_law(
+def _estimator_for_law(
     estimator: ContactEstimator | str | None, law: str | None
 ) -> ContactEstimator | str | None:
     """Return the estimator of a law, if one is requested."""

@@ -37,7 +37,7 @@ from palpate.live.console import summary
 from palpate.live.recorder import Recorder, RunFile
 from palpate.live.ring import COLUMNS
 from palpate.live.view import percent, seconds
-from palpate.writing import opened_new
+from palpate.writing import create_new_file
 
 BARE = ("--no-page", "--no-diagnosis")
 
@@ -340,7 +340,7 @@ def recorded(tmp_path_factory):
 def test_a_recording_is_not_written_over_another(recorded, tmp_path):
     assert recorded.exists()
     for name in ("a.mcap", "a-2.mcap", "a-3.mcap"):
-        file, path = opened_new(tmp_path / "a.mcap")
+        file, path = create_new_file(tmp_path / "a.mcap")
         file.close()
         assert path.name == name
 
@@ -403,7 +403,7 @@ def test_what_changes_meanwhile_stands_in_the_recording(tmp_path):
     loop, rows = looped(arrivals(TIMES, POSITIONS, FORCES), commands=commands)
     end = {**loop.status(), "preparation": "tare_time=0.5", "tare": 0.5, "generation": 300}
     begin = {**end, "method": "variable-projection", "tare": None}
-    file, path = opened_new(tmp_path / "a.mcap")
+    file, path = create_new_file(tmp_path / "a.mcap")
     recording = RunFile(path, file)
     recording.write(rows[:400].tolist(), begin, 0)
     rows[400:, COLUMNS.index("method")] = 300.0

@@ -11,7 +11,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.contact import Contact, slices_of
+from palpate.contact import Contact, run_slices
 from palpate.diagnosis.outcome import ModelSelection
 from palpate.digits import format_quantity, rounded
 from palpate.findings import Check, Finding
@@ -66,7 +66,7 @@ class Data:
 
     def segments(self) -> Iterator[slice]:
         """Slices of the separate contacts, in order."""
-        return slices_of(self.segment)
+        return run_slices(self.segment)
 
     @cached_property
     def force_step(self) -> float:

@@ -29,7 +29,7 @@ from palpate.estimators.variable_projection import PROBING, VariableProjection
 from palpate.estimators.viscoelastic import ViscoelasticContact
 from palpate.force_laws import FORCE_LAWS, ForceLaw, GeneralisedHuntCrossley
 from palpate.settings import SAMPLE_TIME, ContactGate, Scale
-from palpate.validation import Floats, arguments, one_of
+from palpate.validation import Floats, arguments, check_choice
 
 # Cells of penetration and of velocity; at least half are in use. For Fung's law over five times its
 # length the optimum is then within 0.01 standard errors of the optimum over the samples.
@@ -440,7 +440,7 @@ def estimator_by_law(
     requested = None if method is None else estimator_named(method)
     if law is None:
         return requested or VariableProjection, {}
-    one_of("law", law, law_names())
+    check_choice("law", law, law_names())
     settings = _SETTINGS.get(law)
     if requested is ViscoelasticContact and law == USUAL:
         settings = {"damping": law, "memory": "none"}

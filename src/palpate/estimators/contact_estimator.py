@@ -25,9 +25,9 @@ from palpate.settings import (
 )
 from palpate.validation import (
     Floats,
+    check_choice,
     instance,
     number_in,
-    one_of,
     same_length,
     shown,
     signal,
@@ -273,7 +273,7 @@ def estimator_named(name: str) -> type[ContactEstimator]:
     InvalidParameterError
         No estimator has this name; the message lists those that exist.
     """
-    one_of("method", name, ESTIMATORS)
+    check_choice("method", name, ESTIMATORS)
     return ESTIMATORS[name]
 
 

@@ -27,7 +27,7 @@ from palpate.settings import (
     Forgetting,
     Scale,
 )
-from palpate.validation import Floats, arguments, instance, number, number_in, one_of, shown
+from palpate.validation import Floats, arguments, check_choice, instance, number, number_in, shown
 
 _DEFAULTS = _core.defaults["ViscoelasticContact"]
 
@@ -256,8 +256,8 @@ class ViscoelasticContact(CompiledEstimator, _core.ViscoelasticContact):
 
 def _candidate_bits(damping: str, memory: str) -> int:
     """The candidates that compete, one bit each."""
-    one_of("damping", damping, ("auto", *DAMPINGS))
-    one_of("memory", memory, ("auto", "none"))
+    check_choice("damping", damping, ("auto", *DAMPINGS))
+    check_choice("memory", memory, ("auto", "none"))
     bits = 0
     for index, law in enumerate(CANDIDATES):
         offered = law.damping != "none" if damping == "auto" else damping == law.damping

@@ -15,7 +15,7 @@ from palpate.exports.motion import MOST_SAMPLES, ExportRequest, ProbeMotion
 from palpate.exports.replay_errors import Drop, restitution_by
 from palpate.findings import Check, Finding
 from palpate.force_laws import GeneralisedHuntCrossley
-from palpate.validation import Floats, one_of
+from palpate.validation import Floats, check_choice
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -189,6 +189,6 @@ def engine_called(name: str) -> Engine:
     """
     if name in ("gazebo", "gz", "dart"):
         raise ExportRefusedError(_DART)
-    one_of("to", name, MODULES)
+    check_choice("to", name, MODULES)
     engine: Engine = import_module(MODULES[name]).ENGINE
     return engine

@@ -19,7 +19,7 @@ from palpate.writing import (
     as_json,
     check_own,
     check_writable,
-    encoded,
+    encode_text,
     make_folder,
     write_text,
 )
@@ -198,7 +198,7 @@ def _earlier(folder: Path) -> dict[str, str]:
 
 
 def _digest(text: str) -> str:
-    return sha256(encoded(text)).hexdigest()
+    return sha256(encode_text(text)).hexdigest()
 
 
 def _file_texts(

@@ -38,7 +38,7 @@ from palpate.quantities.derived import format_hertz
 from palpate.quantities.elastic_modulus import Sphere
 from palpate.results.parameters import describe_relaxation
 from palpate.results.saved import SavedResult
-from palpate.validation import Floats, defined, shown
+from palpate.validation import Floats, finite_or_none, shown
 
 #: Types that can be exported.
 Exportable: TypeAlias = Identification | SavedResult | ForceLaw
@@ -531,37 +531,41 @@ class Statement:
             "replayed": found.replayed,
             "how": found.how or None,
             "error_percent": {
-                "against_law": defined(found.percent),
-                "predicted": defined(found.predicted_percent),
-                "against_measured": defined(found.against_measured_percent),
-                "law_leaves": defined(found.law_leaves_percent),
-                "nearest": defined(self.nearest.error_percent),
+                "against_law": finite_or_none(found.percent),
+                "predicted": finite_or_none(found.predicted_percent),
+                "against_measured": finite_or_none(found.against_measured_percent),
+                "law_leaves": finite_or_none(found.law_leaves_percent),
+                "nearest": finite_or_none(self.nearest.error_percent),
             },
             "depths": [source.motion.shallowest, source.motion.deepest],
             "fastest": source.motion.fastest,
             "drop": {
                 "mass": drop.mass,
-                "speed": defined(drop.speed),
+                "speed": finite_or_none(drop.speed),
                 "depth": drop.depth,
-                "restitution_of_law": defined(drop.restitution),
-                "restitution": defined(found.drop_restitution),
-                "error_percent": defined(found.restitution_percent),
+                "restitution_of_law": finite_or_none(drop.restitution),
+                "restitution": finite_or_none(found.drop_restitution),
+                "error_percent": finite_or_none(found.restitution_percent),
                 "replayed": found.replayed_restitution is not None,
             },
             "law": source.law.description(),
             "standard_errors": (
                 None
                 if errors is None
-                else dict(zip(source.law.names(), map(defined, errors.tolist()), strict=True))
+                else dict(
+                    zip(source.law.names(), map(finite_or_none, errors.tolist()), strict=True)
+                )
             ),
             "exported_law": {
                 "which": self.nearest.which or None,
                 **self.nearest.law.simplest().description(),
             },
-            "numbers": {name: defined(value) for name, value in self.fragment.numbers.items()},
+            "numbers": {
+                name: finite_or_none(value) for name, value in self.fragment.numbers.items()
+            },
             "mass": request.mass,
             "time_step": request.time_step,
-            "largest_time_step": defined(self.fragment.largest_step),
+            "largest_time_step": finite_or_none(self.fragment.largest_step),
             "source": source.name or None,
             "motion": source.motion.source,
             "verdict": None if source.verdict is None else source.verdict.as_dict(),

@@ -48,7 +48,7 @@ from palpate.identification.ranking import rank
 from palpate.quantities.derived import SmallOscillation, motion_band
 from palpate.results.parameters import law_name, parameter_rows
 from palpate.results.view import short_answer
-from palpate.stages import timed
+from palpate.stages import log_stage
 from palpate.validation import Floats
 
 if TYPE_CHECKING:
@@ -60,7 +60,7 @@ if TYPE_CHECKING:
 _IN_A_ROW = 4
 
 
-@timed("figure")
+@log_stage("figure")
 def draw(identification: Identified, *, dark: bool = False, width: float | None = None) -> "Figure":
     """Draw force, stiffness and damping at working depth, and the parameters of the contact model.
 
@@ -435,7 +435,7 @@ COMPARED_CAPTION = (
 )
 
 
-@timed("figure")
+@log_stage("figure")
 def draw_comparison(
     results: Mapping[str, Identified], *, dark: bool = False, width: float | None = None
 ) -> "Figure":

@@ -33,7 +33,7 @@ from palpate.validation import shown
 Table: TypeAlias = Any
 #: Imports a package of the extra ``fleet``, or raises an error that names the feature that needs
 #: it.
-needed = partial(errors.needed, extra="fleet")
+needed = partial(errors.import_extra, extra="fleet")
 
 
 def cores() -> int:

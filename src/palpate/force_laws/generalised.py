@@ -27,7 +27,15 @@ from palpate.force_laws.relaxation import (
     SingleRelaxation,
     relaxation_from,
 )
-from palpate.validation import all_good, in_contact, instance, number, number_in, signals, together
+from palpate.validation import (
+    all_good,
+    broadcast_contact,
+    instance,
+    number,
+    number_in,
+    signals,
+    together,
+)
 
 
 @register
@@ -327,7 +335,7 @@ class GeneralisedHuntCrossley(CompiledLaw):
             A complex number for scalars. Stiffness is the real part, damping the imaginary part
             over ω, tan δ the imaginary over the real part.
         """
-        x, omega = together(depth=in_contact(depth)[0], frequency=frequency)
+        x, omega = together(depth=broadcast_contact(depth)[0], frequency=frequency)
         all_good("frequency", omega, (omega >= 0.0) & np.isfinite(omega), "finite and ≥ 0")
         times, weights = self.branches()
         phase = 1j * omega[..., None] * times

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 import palpate._core as _core
 from palpate.errors import InvalidParameterError
-from palpate.validation import in_contact, number, one_of, shown, together
+from palpate.validation import broadcast_contact, check_choice, number, shown, together
 
 Floats = NDArray[np.float64]
 
@@ -178,7 +178,7 @@ class ForceLaw:
 
         Scalars give a float; arrays broadcast as in NumPy.
         """
-        x, v = in_contact(depth, velocity)
+        x, v = broadcast_contact(depth, velocity)
         slope = self.penetration_gradient(x.reshape(-1), v.reshape(-1)).reshape(x.shape)
         return slope if slope.ndim else float(slope)
 
@@ -188,7 +188,7 @@ class ForceLaw:
     def damping_at(self, depth: "ArrayLike") -> Floats: ...
     def damping_at(self, depth: "ArrayLike") -> float | Floats:
         """∂F/∂v [N·s/m] at a depth > 0 [m] and at rest; a scalar gives a float."""
-        x = in_contact(depth)[0]
+        x = broadcast_contact(depth)[0]
         slope = self.velocity_gradient(x.reshape(-1)).reshape(x.shape)
         return slope if slope.ndim else float(slope)
 
@@ -272,7 +272,7 @@ def law_from(description: dict[str, Any]) -> ForceLaw:
     kind: Any = given.pop("kind", None)
     if kind == Spring.kind:
         return Spring.from_dict(given)
-    one_of("kind", kind, FORCE_LAWS)
+    check_choice("kind", kind, FORCE_LAWS)
     law = FORCE_LAWS[kind]
     needed = [name for name in law.names() if name not in law.optional]
     if not set(needed) <= set(given) <= {*law.names(), *law.optional}:

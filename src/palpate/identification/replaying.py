@@ -26,7 +26,7 @@ from palpate.force_laws import ForceLaw, steps_over_breaks
 from palpate.preparation.gates import choose_gate, suggest_scale
 from palpate.preparation.resolution import find_dead_band, suggest_surface_deviation
 from palpate.settings import ContactGate, OutlierRejection
-from palpate.stages import timed
+from palpate.stages import log_stage
 from palpate.validation import Floats, shown
 
 _LOGGER = logging.getLogger(__name__)
@@ -90,7 +90,7 @@ def resolve_estimator(
     return given
 
 
-@timed("replay")
+@log_stage("replay")
 def replay(contact: Contact, estimator: ContactEstimator, trace: Traced) -> Trace:
     """Replay a contact segment by segment; the estimator has then learned all samples.
 

@@ -22,7 +22,7 @@ from palpate.lab.rig import (
 from palpate.lab.trajectories import Command, Trajectory, smooth_step
 from palpate.preparation import prepare
 from palpate.preparation.surfaces import deviation_left
-from palpate.stages import timed
+from palpate.stages import log_stage
 from palpate.validation import Floats, instance, number_in
 
 
@@ -73,7 +73,7 @@ class Bench:
         instance("probe", self.probe, Probe)
         instance("sensors", self.sensors, Sensors)
 
-    @timed("pressed")
+    @log_stage("pressed")
     def run(
         self, seed: int = 0, *, seconds: float = 10.0, progress: Progress | None = None
     ) -> Measurement:

@@ -17,7 +17,7 @@ from palpate.live.sinks import PLACE, Session, Watching, diagnosis_basis
 from palpate.live.view import answer
 from palpate.results.parameters import law_name
 from palpate.results.view import number_lines
-from palpate.validation import Floats, defined
+from palpate.validation import Floats, finite_or_none
 
 WINDOW = 20.0  # s
 EVERY = 5.0  # s from the end of one diagnosis to the next, at least
@@ -147,5 +147,5 @@ def diagnose_samples(samples: Floats, status: dict[str, Any]) -> dict[str, Any]:
         "numbers": [line._asdict() for line in lines],
         "answer": answer(lines),
         "working_depths": [each.as_dict() for each in diagnosis.working_depths],
-        "frequency": defined(result.frequency),
+        "frequency": finite_or_none(result.frequency),
     }

@@ -20,7 +20,7 @@ from palpate.lab import (
 from palpate.live.realtime import end, give_way, show_name, start
 from palpate.live.ring import Address, Reader, Writer
 from palpate.live.sources import Arrival, Counts, EndOfSourceError, SourceOptions
-from palpate.validation import one_of, shown
+from palpate.validation import check_choice, shown
 
 #: Columns of a row: time, position, force, and the due time on the monotonic clock.
 WIDTH = 4
@@ -270,5 +270,5 @@ class Laboratory:
 
 def _check_name(kind: str, name: Any) -> str:
     names = MATERIALS if kind == "material" else TRAJECTORIES
-    one_of(kind, name, names)
+    check_choice(kind, name, names)
     return str(name)

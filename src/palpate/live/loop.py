@@ -27,7 +27,7 @@ from palpate.live.sources import Arrival, EndOfSourceError, Source, Value
 from palpate.preparation import OnlinePreparation
 from palpate.preparation.resolution import noise_of
 from palpate.preparation.velocity import step_of
-from palpate.validation import Floats, defined, number_in
+from palpate.validation import Floats, finite_or_none, number_in
 
 # Upper ends of the bins, s: 20 per decade, so that a percentile is accurate to 12 %.
 _ENDS: list[float] = [1e-7 * 10.0 ** (k / 20.0) for k in range(181)]
@@ -595,7 +595,7 @@ class Loop:
             "source": source.name,
             "sample_time": source.sample_time,
             "delay": self.preparation.delay,
-            "tare": defined(self.preparation.tare),
+            "tare": finite_or_none(self.preparation.tare),
             "tare_refused": self.tare_refused,
             "preparation": ", ".join(f"{name}={settings[name]!r}" for name in unusual),
             "velocity_filter": self.preparation.velocity_filter.as_dict(),

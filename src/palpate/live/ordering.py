@@ -13,7 +13,7 @@ from urllib.parse import parse_qsl
 
 from palpate.errors import InvalidParameterError, PalpateError
 from palpate.live.sources import Arrival, Counts, SourceOptions, Value
-from palpate.validation import number_in, one_of, shown, whole_in
+from palpate.validation import check_choice, number_in, shown, whole_in
 
 # The part of an address after its scheme: ``/pose,/wrench?domain=3&tolerance=0.002``.
 
@@ -39,7 +39,7 @@ class WireAddress:
     def one_of(self, name: str, choices: Sequence[str]) -> str:
         """Return an option that is one of ``choices``. Default: the first."""
         value = self.options.get(name, choices[0])
-        one_of(f"{self.scheme}: {name}", value, choices)
+        check_choice(f"{self.scheme}: {name}", value, choices)
         return value
 
     def number(self, name: str, default: float, low: float, high: float) -> float:

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any, NamedTuple, Protocol, TypeAlias
 
 from palpate.contact import Contact
-from palpate.errors import InvalidParameterError, needed
+from palpate.errors import InvalidParameterError, import_extra
 from palpate.validation import number_in, shown
 
 #: A number, or a vector in the frame of the source.
@@ -256,7 +256,7 @@ def find_wire(address: str) -> tuple[Kind | None, Any, str]:
     """
     scheme, colon, rest = address.partition(":")
     kind = SOURCES.get(scheme) if colon else None
-    module = None if kind is None else needed(f"palpate.live.{kind.module}", scheme, "live")
+    module = None if kind is None else import_extra(f"palpate.live.{kind.module}", scheme, "live")
     return kind, module, rest
 
 

@@ -7,7 +7,7 @@ import uuid
 from queue import Empty, SimpleQueue
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from palpate.errors import InvalidParameterError, PalpateError, needed
+from palpate.errors import InvalidParameterError, PalpateError, import_extra
 from palpate.live import ros
 from palpate.live.ordering import WireAddress, parse_address, topic_names
 from palpate.live.publishing import RosWire
@@ -63,7 +63,7 @@ def open_session(address: WireAddress) -> "zenoh.Session":
     PalpateError
         Nothing answers at the address, or the address to listen on is in use.
     """
-    zenoh = needed("zenoh", "ROS 2 over Zenoh", "live")
+    zenoh = import_extra("zenoh", "ROS 2 over Zenoh", "live")
     listen = _endpoints(address, "listen", "")
     connect = _endpoints(address, "connect", "" if listen else ROUTER)
     scouting = address.one_of("scouting", ("no", "yes")) == "yes"

@@ -11,7 +11,7 @@ import struct
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from palpate.errors import InvalidParameterError, PalpateError, needed
+from palpate.errors import InvalidParameterError, PalpateError, import_extra
 from palpate.live.ordering import Receipt, Succession, WireAddress, WireSource, parse_address
 from palpate.live.publishing import AFTER, BEFORE, TOPICS, Wire
 from palpate.live.ring import MOST_PARAMETERS
@@ -151,7 +151,7 @@ class Endpoint:
 
     def _open(self, kind: str, options: Mapping[str, int | bytes]) -> None:
         """Bind or connect; the peer may appear later."""
-        zmq = needed("zmq", "ZeroMQ", "live")
+        zmq = import_extra("zmq", "ZeroMQ", "live")
         self._socket = socket = zmq.Context().socket(getattr(zmq, kind))
         for name, value in options.items():
             socket.setsockopt(getattr(zmq, name), value)

@@ -9,7 +9,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.contact import SHORTEST_STEP, numbered, slices_of
+from palpate.contact import SHORTEST_STEP, number_runs, run_slices
 from palpate.errors import InvalidParameterError, RecordingError
 from palpate.findings import Check, Finding
 from palpate.preparation.channel_kinds import is_raw
@@ -82,7 +82,7 @@ def select_increasing_rows(
     keep, part = np.ones(t.size, dtype=bool), np.zeros(t.size, dtype=np.int64)
     repeated, number = 0, 0
     again: list[int] = []
-    for start, stop in ((run.start, run.stop) for run in slices_of(own)):
+    for start, stop in ((run.start, run.stop) for run in run_slices(own)):
         starts = _starts(t[start:stop])
         again += [start + each for each in starts]
         for low, high in pairwise([0, *starts, stop - start]):
@@ -265,7 +265,7 @@ def _spread(time: "Times") -> tuple["Times", float]:
     steps = np.diff(since)
     tick = float(np.median(steps[steps > 0.0])) if (steps > 0.0).any() else 0.0
     ends = ~((steps >= 0.0) & (steps <= GAP * tick))  # an unknown time also ends a run
-    for part in slices_of(np.concatenate([[0], np.cumsum(ends)])):
+    for part in run_slices(np.concatenate([[0], np.cumsum(ends)])):
         since[part] = _spread_stretch(since[part], tick)
     if time.dtype.kind in "iu" and tick * np.mean(steps > 0.0) > EXACT:
         return np.rint(since).astype(np.int64) + origin, tick
@@ -587,7 +587,7 @@ class _Taking:
             taken = {role: channel[keep] for role, channel in stream.values.items()}
             stream = replace(stream, time=time[keep], values=taken)
         label = stream.values.get("segment")
-        numbers = None if label is None else numbered(label, label.size)
+        numbers = None if label is None else number_runs(label, label.size)
         rows = select_increasing_rows(
             stream.time, numbers, largest=LATEST / unit_size("time", stream.unit)
         )

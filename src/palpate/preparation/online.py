@@ -17,10 +17,10 @@ from palpate.validation import (
     above_zero,
     arguments,
     number_in,
+    reject_masks,
     same_length,
     shown,
     signal,
-    unmasked,
 )
 
 _DEFAULTS = _core.defaults["OnlinePreparation"]
@@ -178,7 +178,7 @@ def _rows(name: str, values: "ArrayLike", columns: int) -> Floats:
     """``values`` as one dimension, row by row."""
     if columns == 1:
         return signal(name, values)
-    unmasked(name, values)
+    reject_masks(name, values)
     array = np.asarray(values)
     if array.ndim != 2 or array.shape[1] != columns:
         raise InvalidParameterError(

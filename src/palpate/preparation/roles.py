@@ -5,7 +5,7 @@ import shlex
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 
-from palpate.errors import MissingChannelError, RecordingError, listed
+from palpate.errors import MissingChannelError, RecordingError, list_names
 from palpate.findings import Check, Finding
 from palpate.preparation.channel_kinds import (
     _OF_UNIT,
@@ -508,7 +508,7 @@ class _Choosing:
             one = dict.fromkeys(one, groups[0])
         several = {each: names for each, names in found.items() if len(names) > 1}
         said = [
-            f"{len(names)} channels could be the {each}: {listed([*map(' '.join, names)])}"
+            f"{len(names)} channels could be the {each}: {list_names([*map(' '.join, names)])}"
             for each, names in several.items()
         ]
         words = f"{'; '.join(said)}; choose one, such as {_options(one, several)}"

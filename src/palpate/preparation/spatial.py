@@ -8,7 +8,7 @@ from operator import attrgetter
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.contact import Contact, VelocityFilter, between, slices_of
+from palpate.contact import Contact, VelocityFilter, between, run_slices
 from palpate.digits import with_error
 from palpate.errors import RecordingError
 from palpate.findings import Check, Finding, Mark
@@ -48,7 +48,7 @@ from palpate.preparation.surfaces import (
 )
 from palpate.preparation.velocity import estimate_velocities, step_of
 from palpate.recordings import Recording
-from palpate.stages import stage, timed
+from palpate.stages import log_stage, stage
 from palpate.validation import Floats
 
 _LOGGER = logging.getLogger(__name__)
@@ -137,7 +137,7 @@ def along_normal(
     return remove_delay(contact, late)
 
 
-@timed("frame of the force")
+@log_stage("frame of the force")
 def _check_orientation(
     recording: Recording,
     roles: Roles,
@@ -161,7 +161,7 @@ def _check_orientation(
     return signals if frame == "tool" else replace(signals, orientation=None)
 
 
-@timed("episodes")
+@log_stage("episodes")
 def _pieces(signals: Signals, whole: AlongNormal, settings: Preparation) -> list[Piece]:
     """The whole recording, or its episodes if the probe travels over the material."""
     position, force = signals.depth, signals.force
@@ -173,7 +173,7 @@ def _pieces(signals: Signals, whole: AlongNormal, settings: Preparation) -> list
         return [(signals, None, whole)]
     peak = float(np.nanpercentile(whole.force, 99.0))
     found: list[Piece] = []
-    for part in slices_of(signals.part):
+    for part in run_slices(signals.part):
         for each in find_episodes(signals.time[part], position[part], force[part], settings.spot):
             there = np.arange(part.start + each.start, part.start + each.stop)
             if float(np.nanpercentile(whole.force[there], 99.0)) > FIRM * peak:
@@ -209,7 +209,7 @@ def _report_travel(pieces: list[Piece], signals: Signals) -> list[Finding]:
     ]
 
 
-@timed("surface and velocity of each place")
+@log_stage("surface and velocity of each place")
 def _join_pieces(
     pieces: list[Piece], settings: Preparation, made: dict[str, str], findings: list[Finding]
 ) -> tuple[Contact, list[Place]]:
@@ -218,7 +218,7 @@ def _join_pieces(
     clocks, depths, velocities, forces, labels, places = [], [], [], [], [], []
     filters, lost = list[VelocityFilter](), 0
     for number, (signals, episode, own) in enumerate(pieces):
-        runs = list(slices_of(signals.part))
+        runs = list(run_slices(signals.part))
         # The velocity does not depend on the origin of the depth.
         velocity, used, count = estimate_velocities(
             signals.time, own.depth, runs, settings.velocity_window
@@ -592,7 +592,7 @@ def check_saturation(force: Floats) -> list[Finding]:
     for k, column in enumerate(force.T):
         others = [each for each in range(force.shape[1]) if each != k]
         for edge in (np.nanmax(column), np.nanmin(column)) if moves[k] else ():
-            held = (run for run in slices_of(column == edge) if column[run.start] == edge)
+            held = (run for run in run_slices(column == edge) if column[run.start] == edge)
             count = sum(
                 run.stop - run.start
                 for run in held

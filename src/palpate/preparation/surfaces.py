@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import palpate._core as _core
-from palpate.contact import slices_of
+from palpate.contact import run_slices
 from palpate.digits import rounded
 from palpate.errors import RecordingError
 from palpate.estimators.least_squares import Fitted, robust_covariance
@@ -513,7 +513,7 @@ def find_episodes(time: Floats, position: Floats, force: Floats, radius: float) 
 
 def _rest(taken: NDArray[np.bool_], start: int, stop: int) -> tuple[int, int] | None:
     """The longest part of an interval without taken samples."""
-    free = [run for run in slices_of(taken[start:stop]) if not taken[start + run.start]]
+    free = [run for run in run_slices(taken[start:stop]) if not taken[start + run.start]]
     longest = max(free, key=lambda run: run.stop - run.start, default=None)
     return None if longest is None else (start + longest.start, start + longest.stop)
 

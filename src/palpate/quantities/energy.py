@@ -15,7 +15,7 @@ from palpate.force_laws import ForceLaw, steps_over_breaks
 from palpate.preparation.gates import choose_gate
 from palpate.preparation.touches import find_touches
 from palpate.quantities.restitution import UNKNOWN
-from palpate.validation import Floats, Plain, defined
+from palpate.validation import Floats, Plain, finite_or_none
 
 # Fraction of the depth's range: a crossing counts if the probe goes this far on both sides.
 HYSTERESIS = 0.10
@@ -272,7 +272,7 @@ class EnergyLoss:
             "loops": len(self.lost),
             "measured": self.measured.as_dict(),
             "predicted": self.predicted.as_dict(),
-            "put_in": defined(self.put_in),
+            "put_in": finite_or_none(self.put_in),
             "fraction": self.fraction.as_dict(),
             "remarks": list(self.remarks),
         }

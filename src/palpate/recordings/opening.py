@@ -15,7 +15,7 @@ from typing import IO, Any
 from numpy.typing import NDArray
 from rich.filesize import decimal as format_bytes
 
-from palpate.errors import InvalidParameterError, RecordingError, needed
+from palpate.errors import InvalidParameterError, RecordingError, import_extra
 from palpate.findings import Check
 from palpate.recordings.recording import Faults, Recording, printable
 from palpate.writing import scratch_file
@@ -138,7 +138,7 @@ class Format:
         """Import and return the module."""
         if self.extra is None:
             return import_module(self.module)
-        return needed(self.module, f"reading a {self.name} file", self.extra)
+        return import_extra(self.module, f"reading a {self.name} file", self.extra)
 
 
 _HERE = "palpate.recordings"

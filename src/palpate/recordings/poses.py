@@ -12,7 +12,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.errors import RecordingError, listed
+from palpate.errors import RecordingError, list_names
 from palpate.findings import Check, Finding, Severity
 from palpate.recordings.recording import Recording
 from palpate.validation import Floats
@@ -275,7 +275,9 @@ class Transforms:
         words = f"the transforms above {child!r} go round in a circle; record a fixed frame"
         if roots:
             names = [f"--position '/tf[{root}>{child}]'" for root in roots[:3]]
-            words = f"several chains of transforms end in {child!r}; choose one: {listed(names)}"
+            words = (
+                f"several chains of transforms end in {child!r}; choose one: {list_names(names)}"
+            )
         raise RecordingError.of(self.recording.source, words)
 
     def _downward(self, frame: str, below: Mapping[str, Step | None]) -> list[Step]:

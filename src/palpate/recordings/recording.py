@@ -17,7 +17,7 @@ from palpate.errors import printable as visible
 from palpate.findings import Finding
 from palpate.force_laws import ForceLaw, law_from
 from palpate.recordings.times import SECONDS, is_timelike
-from palpate.validation import Floats, shown, unmasked
+from palpate.validation import Floats, reject_masks, shown
 
 # With an apostrophe or a narrow space, or with a comma that cannot be the decimal mark.
 _THOUSANDS = re.compile(
@@ -113,7 +113,7 @@ class Recording:
     def __post_init__(self) -> None:
         channels = {}
         for name, values in self.channels.items():
-            unmasked(f"channel {name!r}", values)
+            reject_masks(f"channel {name!r}", values)
             try:
                 channels[name] = np.asarray(values)
             except (TypeError, ValueError):

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from openpyxl import load_workbook
 
-from palpate.errors import RecordingError, listed
+from palpate.errors import RecordingError, list_names
 from palpate.recordings.opening import TEXT, Draft, Request, excess, first_line
 from palpate.recordings.recording import (
     Recording,
@@ -108,7 +108,9 @@ def _chosen_sheets(names: Sequence[str], draft: Draft) -> Sequence[str]:
     if wanted is None or wanted in names:
         return names if wanted is None else [wanted]
     if wanted not in by_number:
-        raise draft.error(f"no sheet {wanted!r}; pass --sheet with one of {listed(list(names))}")
+        raise draft.error(
+            f"no sheet {wanted!r}; pass --sheet with one of {list_names(list(names))}"
+        )
     return by_number[wanted]
 
 
@@ -165,7 +167,7 @@ def _join_tables(tables: dict[str, Recording], draft: Draft) -> Recording:
     needed |= {draft.clocks[name] for name in needed if name in draft.clocks}
     if not needed:
         wanted = ", ".join(draft.request.channels or ())
-        raise draft.error(f"no channel {wanted}; available: {listed(list(draft.channels))}")
+        raise draft.error(f"no channel {wanted}; available: {list_names(list(draft.channels))}")
     for name in draft.channels.keys() - needed:
         del draft.channels[name]
     return draft.done(table.rows if len(tables) == 1 else None)

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from palpate.recordings.recording import Recording
 from palpate.recordings.times import SECONDS, clock_rank, clock_unit
-from palpate.stages import timed
+from palpate.stages import log_stage
 from palpate.validation import Floats
 
 #: Least length of a gap in median steps; shorter ones are single missed samples and jitter.
@@ -107,7 +107,7 @@ class Survey:
     channels: tuple[ChannelSurvey, ...]
 
 
-@timed("survey")
+@log_stage("survey")
 def survey(recording: Recording) -> Survey:
     """Survey a recording.
 

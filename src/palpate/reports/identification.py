@@ -30,7 +30,7 @@ from palpate.results.saved import (
     trace_columns,
     trace_digest,
 )
-from palpate.stages import timed
+from palpate.stages import log_stage
 from palpate.writing import check_own, check_writable, make_folder, write_text
 
 # Colours that are readable in light and in dark notebooks.
@@ -259,7 +259,7 @@ class Destination:
         """File names in the order of writing; the result itself is the last."""
         return (REPORT, self.trace, OPTIONS, RESULT)
 
-    @timed("report")
+    @log_stage("report")
     def save(
         self,
         result: Identified,

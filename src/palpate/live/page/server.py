@@ -30,7 +30,7 @@ from palpate.estimators import estimator_named
 from palpate.live.choices import CHOICES, NUMBERS, SWITCHES, LiveCommand, chosen, default_settings
 from palpate.live.page.watch import CHANNELS, MOST_ROWS, History, Watch
 from palpate.reports.html import DRAWINGS, STYLE
-from palpate.validation import defined, number_in, shown
+from palpate.validation import finite_or_none, number_in, shown
 
 ABORT = "palpate.abort"  # key in a connection's scope: aborts it
 _MOST_PIECES = 16  # fragments of one message; a request has hundreds of bytes
@@ -536,7 +536,7 @@ class Server:
                 depth = number_in("value", value, 0.0, 10.0, open_low=True)
             self._allowance.spend()  # recomputes the whole history
             self.watch.chosen_depth = depth
-            self._send(LiveCommand("depth", {"value": defined(depth)}))  # for the diagnosis
+            self._send(LiveCommand("depth", {"value": finite_or_none(depth)}))  # for the diagnosis
             return
         if value not in THINNINGS or isinstance(value, bool):
             raise InvalidParameterError(f"value must be one of {THINNINGS}")
