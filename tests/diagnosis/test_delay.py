@@ -74,7 +74,7 @@ def test_a_fleet_and_several_files_take_the_same_delay_out():
     assert both.delay == other.delay
 
 
-def test_a_saved_result_has_the_delay_that_was_taken_out(tmp_path):
+def test_a_saved_result_has_the_delay_that_was_taken_out(tmp_path, undrawn):
     result = palpate.identify(recording(5e-3, delay="find"))
     result.save(tmp_path)
     assert palpate.load_result(tmp_path).contact.delay == result.contact.delay

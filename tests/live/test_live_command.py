@@ -227,17 +227,19 @@ def ended_by_ctrl_c(process):
     raise AssertionError(f"Ctrl-C did not end it: {process.communicate()[1]}")
 
 
-def test_ctrl_c_while_the_sinks_begin_is_quiet_too(tmp_path):
-    for wait in (0.4, 0.7):  # importing, and starting
-        process = session(tmp_path / "seen")
-        time.sleep(wait)
-        error, again = ended_by_ctrl_c(process)
-        # Python itself loses one that comes within a callback of an import, and says so.
-        assert again <= error.count("Exception ignored in: <function _get_module_lock")
-        # Of the script itself, which has no main that says nothing; Python chains another to one
-        # that comes while a class is made.
-        assert error.count("Traceback") <= 1 + error.count("was the direct cause")
-        assert "spawn_main" not in error
+# An interrupted import is in tests/test_under_attack.py too.
+@pytest.mark.parametrize("wait", [pytest.param(0.4, marks=pytest.mark.slow), 0.7])
+def test_ctrl_c_while_the_sinks_begin_is_quiet_too(tmp_path, wait):
+    """Ctrl-C comes while the process imports, or while it starts the sinks."""
+    process = session(tmp_path / "seen")
+    time.sleep(wait)
+    error, again = ended_by_ctrl_c(process)
+    # Python itself loses one that comes within a callback of an import, and says so.
+    assert again <= error.count("Exception ignored in: <function _get_module_lock")
+    # Of the script itself, which has no main that says nothing; Python chains another to one
+    # that comes while a class is made.
+    assert error.count("Traceback") <= 1 + error.count("was the direct cause")
+    assert "spawn_main" not in error
 
 
 class Interrupting(Looking):

@@ -257,7 +257,7 @@ def test_no_note_of_a_user_changes_what_is_known_of_the_velocity(tmp_path):
     )
 
 
-def test_how_the_velocity_was_computed_goes_wherever_the_contact_goes(tmp_path):
+def test_how_the_velocity_was_computed_goes_wherever_the_contact_goes(tmp_path, undrawn):
     contact = coarse(velocity_window=31e-3)
     filtered = palpate.VelocityFilter(31, 2)
     assert contact.velocity_filter == filtered
@@ -267,7 +267,8 @@ def test_how_the_velocity_was_computed_goes_wherever_the_contact_goes(tmp_path):
     recorded = palpate.Contact(**arrays)
     palpate.write_contact(contact, tmp_path / "own.csv", velocity=True)
     palpate.write_contact(recorded, tmp_path / "other.csv", velocity=True)
-    palpate.identify(contact).save(tmp_path / "result")
+    result = palpate.identify(contact)
+    result.save(tmp_path / "result")
     saved = palpate.load_result(tmp_path / "result").contact
     online = palpate.OnlinePreparation(velocity_window=31e-3)
     for each in (
@@ -276,7 +277,7 @@ def test_how_the_velocity_was_computed_goes_wherever_the_contact_goes(tmp_path):
         pickle.loads(pickle.dumps(contact)),
         join_contacts([contact, contact]),
         join_contacts([given, contact]),  # of one of them only, which is enough to doubt
-        palpate.identify(contact).contact,
+        result.contact,
         prepare(tmp_path / "own.csv"),
         saved,
         prepare(tmp_path / "result" / "trace.parquet"),
