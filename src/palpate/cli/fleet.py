@@ -76,12 +76,12 @@ def fleet(
 
         palpate fleet recordings/ -o results/ --report
         palpate fleet map.jpk-force-map -o results/
-        palpate fleet s3://archive/curves.zarr -o results/ --surface estimate
+        palpate fleet curves.zarr -o results/ --surface estimate
 
     Parameters
     ----------
     sources
-        Files, patterns, folders, force maps, Zarr groups, or addresses such as s3://bucket/folder.
+        Files, patterns, folders, force maps, or Zarr groups.
     output
         Folder for the results.
     diagnosis

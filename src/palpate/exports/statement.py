@@ -1,7 +1,8 @@
 """The statement of an export: the origin of its law, and the engine's error.
 
-An :class:`ExportedLaw` is an identified law, or a law alone. :func:`compared` replays the motion in
-the engine or predicts its force, and :class:`Statement` decides from the errors whether to export.
+An :class:`ExportedLaw` is an identified law, or a law alone. :func:`compare_errors` replays the
+motion in the engine or predicts its force, and :class:`Statement` decides from the errors whether
+to export.
 """
 
 import math
