@@ -40,7 +40,7 @@ UNKNOWN = Settings(
 _WANTED = 1e5  # curves, to which the time limit applies
 _START = 5.0  # s, in which a process starts and imports
 _FOLDER = "PALPATE_BENCHMARK_TIMES"
-_MEASURED = running.timed_batch
+_MEASURED = running.identify_and_time
 
 
 def curves(first: int, count: int, samples: int = SAMPLES) -> tuple[Floats, ...]:
@@ -175,11 +175,11 @@ def timing() -> Iterator[dict[int, np.ndarray]]:
     found: dict[int, np.ndarray] = {}
     with tempfile.TemporaryDirectory() as folder:
         os.environ[_FOLDER] = folder
-        running.timed_batch = timed  # type: ignore[assignment]  # without threads, which tasks have
+        running.identify_and_time = timed  # type: ignore[assignment]  # without threads, which tasks have
         try:
             yield found
         finally:
-            running.timed_batch = _MEASURED
+            running.identify_and_time = _MEASURED
             del os.environ[_FOLDER]
         for path in Path(folder).iterdir():
             found[int(path.name)] = np.loadtxt(path, ndmin=2)

@@ -126,7 +126,7 @@ def _settings(
         if getattr(reading, option) is not None:
             name = option.replace("_", "-")
             raise InvalidParameterError(f"--{name} applies to one recording; omit it for a fleet")
-    given = reading.by_default(choosing)
+    given = reading.choose_default_law(choosing)
     estimator = {**given.settings, **reading.chosen(given.kind)}
     usual = ReadingOptions().preparation
     own = {name: value for name, value in reading.preparation.items() if value != usual[name]}
@@ -154,11 +154,17 @@ def _print(found: "Fleet", page: Path | None, *, as_json: bool) -> None:
     console = Terminal()
     new = found.contacts - found.reused
     if found.reused:
-        say(console, f"{found.reused} of {_counted(found.contacts)} reused from an earlier run")
+        say(
+            console,
+            f"{found.reused} of {_describe_count(found.contacts)} reused from an earlier run",
+        )
     if new:
         rate = new / found.seconds if found.seconds > 0.0 else 0.0
         places = "" if found.rows == new else f": {found.rows} rows, one per place"
-        say(console, f"{_counted(new)} in {found.seconds:.3g} s ({rate:.3g} per second){places}")
+        say(
+            console,
+            f"{_describe_count(new)} in {found.seconds:.3g} s ({rate:.3g} per second){places}",
+        )
     complete = _print_rows(console, found)
     say_path(console, f"results: {found.folder}")
     if page is not None:
@@ -167,7 +173,7 @@ def _print(found: "Fleet", page: Path | None, *, as_json: bool) -> None:
         say(console, "for all reasons, repeat the command with --report; it reuses the results")
 
 
-def _counted(contacts: int) -> str:
+def _describe_count(contacts: int) -> str:
     return "1 contact" if contacts == 1 else f"{contacts} contacts"
 
 
