@@ -4,11 +4,11 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from operator import attrgetter
-from typing import Protocol
+from typing import TypeAlias
 
 import numpy as np
 
-from palpate.diagnosis.fit import MISFIT, SIGNIFICANT, AugmentedFit, Fit, fit_with_column
+from palpate.diagnosis.fit import SIGNIFICANT, AugmentedFit, Fit, fit_with_column
 from palpate.findings import Check, Finding
 from palpate.force_laws import ForceLaw
 from palpate.validation import Floats
@@ -17,35 +17,57 @@ from palpate.validation import Floats
 # computed at any depth.
 
 
-class LawChange(Protocol):
-    """The change of the law due to a cause."""
-
-    def relative(self, fit: Fit) -> tuple[float, float]:
-        """Return the change of stiffness and damping at the fit's depth over their scales."""
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class ParameterChange:
-    """A linear change of the law's parameters, in the fit's units."""
+    """A linear change of the parameters of a law, in the fit's units, and an added branch.
 
+    It is linear, n Δk + k Δn: the product of large changes would give 34 % instead of 2 %. The
+    stiffness and the damping [s] of the relaxation branch are multiples of the law's stiffness.
+    """
+
+    law: ForceLaw
     parameters: Floats
+    branch: tuple[float, float] = (0.0, 0.0)
 
     def relative(self, fit: Fit) -> tuple[float, float]:
         """Return the change of stiffness and damping at the fit's depth over their scales."""
-        return fit.relative_change(self.parameters)
+        linear = fit.gradients[1:] @ self.parameters[: len(self.law.symbols)]
+        return fit.relative_changes(linear + fit.stiffness(self.law) * np.array(self.branch))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class OtherLaw:
-    """Replacement of one law by another, in the units of the fit."""
+    """Replacement of a law by another with a surface that is deeper, in the fit's units."""
 
     law: ForceLaw
     before: ForceLaw
+    deeper: float = 0.0
 
     def relative(self, fit: Fit) -> tuple[float, float]:
         """Return the change of stiffness and damping at the fit's depth over their scales."""
-        numbers = fit.stiffness(self.law), fit.damping(self.law)
-        return fit.relative_difference(numbers, self.before)
+        place = fit.depth / fit.units.depth
+        if self.deeper:
+            place = max(place - self.deeper, 0.05)
+        stiffness = float(self.law.stiffness_at(place)) / fit.units.depth
+        damping = float(self.law.damping_at(place)) / fit.units.speed
+        before = fit.stiffness(self.before), fit.damping(self.before)
+        return fit.relative_changes(np.array([stiffness, damping]) - before)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SeveralLaws:
+    """Consecutive laws, SI; the one whose stiffness differs most counts."""
+
+    laws: tuple[ForceLaw, ...]
+
+    def relative(self, fit: Fit) -> tuple[float, float]:
+        """Return the change of stiffness at the fit's depth over its scale, and 0 for damping."""
+        pooled = fit.stiffness(fit.solution.law)
+        changes = (fit.stiffness(fit.units.to_local(law)) - pooled for law in self.laws)
+        return fit.relative_changes(np.array([max(changes, key=abs), 0.0]))
+
+
+LawChange: TypeAlias = ParameterChange | OtherLaw | SeveralLaws
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,8 +92,6 @@ class MisfitHypothesis:
         Its change of the law.
     stiffness, damping : float
         Relative change of both at the depth of the fit in which it was found.
-    fits_to_noise : bool
-        Whether it explains the force to the noise, so that no other cause is needed.
     """
 
     check: Check
@@ -83,7 +103,6 @@ class MisfitHypothesis:
     change: LawChange
     stiffness: float
     damping: float
-    fits_to_noise: bool = True
 
     @property
     def group(self) -> Check:
@@ -122,19 +141,9 @@ def cause_from_column(
     parameter = float(moved[0]) / max(abs(float(law.parameters[0])), 1e-300)
     if law.power_law:
         parameter -= float(moved[2]) * math.log(fit.units.depth)
-    residual_after = fit.residual_to_noise * math.sqrt(max(1.0 - result.explained_fraction, 0.0))
-    change = change or ParameterChange(moved)
-    return MisfitHypothesis(
-        check,
-        result.z,
-        result.explained_fraction,
-        parameter,
-        sentence,
-        remedy,
-        change,
-        *change.relative(fit),
-        fits_to_noise=check is not Check.SHAPE or residual_after < MISFIT,
-    )
+    change, numbers = change or ParameterChange(law, moved), (result.z, result.explained_fraction)
+    changes = change.relative(fit)
+    return MisfitHypothesis(check, *numbers, parameter, sentence, remedy, change, *changes)
 
 
 def causes_from_columns(
@@ -244,17 +253,13 @@ def assess_causes(
     shown = [_mention_alternative(leading, rivals), *rivals]
     findings = [_cause_finding(cause, at_noise_floor=at_noise_floor) for cause in shown]
     excluded = MATERIAL if law_selected else frozenset()
-    highest = max(leading.explained_fraction, 1e-9)
+    highest, drift = max(leading.explained_fraction, 1e-9), Check.OFFSET_DRIFT
     counted = []
     for cause in (leading, *rivals):
+        relative, first = cause.explained_fraction / highest, cause is leading
         minor = cause.negligible and at_noise_floor
-        if minor or cause.check in excluded:
-            continue
-        if cause is leading:
-            counted.append((cause, 1.0))
-        elif cause.check is not Check.OFFSET_DRIFT:
-            relative = cause.explained_fraction / highest
-            counted.append((cause, 1.0 if relative > ALIKE else 0.5 * relative))
+        if not minor and cause.check not in excluded and (first or cause.check is not drift):
+            counted.append((cause, 1.0 if first or relative > ALIKE else 0.5 * relative))
     return CauseAssessment(findings, tuple(counted), undetected)
 
 

@@ -106,10 +106,8 @@ def _exclusion(one: "Identified", other: "Identified") -> str | None:
         return None  # the stiffness of a relaxing law is not comparable to others
     first, second = one.diagnosis.working_depth, other.diagnosis.working_depth
     words = []
-    for name, a, b in (
-        ("stiffness", first.stiffness, second.stiffness),
-        ("damping", first.damping, second.damping),
-    ):
+    for name in ("stiffness", "damping"):
+        a, b = getattr(first, name), getattr(second, name)
         apart = abs(a.value - b.value) / math.hypot(_bar(a), _bar(b))
         if apart > EXCLUDED:
             both = f"{with_error(a.value, _bar(a))} and {with_error(b.value, _bar(b))}"
