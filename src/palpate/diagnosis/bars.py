@@ -169,7 +169,7 @@ def numbers_at_depth(fit: Fit, systematic: SystematicErrors) -> WorkingDepth:
 
 
 def unknown_working_depth(fit: Fit) -> WorkingDepth:
-    """Return the numbers at the depth of a fit that could not be checked, with unknown errors."""
+    """Return the numbers at the depth of a fit without a check, with unknown errors."""
     unknown = np.full(3, math.nan)
     return _working_depth(fit, unknown, np.zeros(3) if math.isfinite(fit.depth) else unknown)
 
@@ -244,8 +244,9 @@ def check_precision(fit: Fit, at: WorkingDepth, systematic: SystematicErrors) ->
         if mark == "trust":
             if not (number and systematic.skew):
                 continue
-            # 13 of 46 such laws were beyond this limit; they had been selected for Hunt–Crossley
-            # contacts with a sensor fault.
+            # A sensor fault can make palpate select such a law for a Hunt–Crossley contact: of the
+            # 200 recordings with a fault in ``benchmarks.diagnosis.mix``, 32 get this mark, and the
+            # damping of 15 is more than 20 % off.
             mark, remedy = "with-care", IN_STEP
             step = format_quantity(systematic.skew, "s", digits=1)
             reason = f"provided that force and position are in step to {step}, which no fit shows"

@@ -186,10 +186,9 @@ def relative_time(fit: Fit) -> Floats:
 MATERIAL = frozenset([
     Check.MEMORY, Check.DAMPING_FORM, Check.DAMPING_WITH_DEPTH, Check.SHAPE, Check.SQUARE_SPEED,
 ])  # fmt: skip
-# Relative change that calls for care; chosen by judgement, not calibrated.
-CARE = 0.05
+CARE = 0.05  # relative change that calls for care; chosen by hand
 # The surface is named instead of the leading cause if it removes at most this much less and the law
-# leaves at most this fraction of the force; chosen on recordings, not calibrated.
+# leaves at most this fraction of the force; chosen by hand on recordings.
 NEAR, MOST_UNEXPLAINED = 0.25, 0.15
 ALIKE = 0.7  # a rival that explains more than this fraction of the leading cause's counts in full
 SURE = 0.6  # (1 − g₁)/(1 − g₂) below which the first cause is named without the second

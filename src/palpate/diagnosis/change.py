@@ -20,8 +20,8 @@ from palpate.validation import Floats
 BLOCKS = 48  # changes are searched for at the borders of these blocks
 MOST_CHANGES = 3
 WORTH_ANOTHER = 0.2  # fraction of the remaining energy that another change must remove
-# A search over borders has a larger maximum than a single test: 5.4 on 196 clean recordings, for
-# steps far below 3 %.
+# A search over borders has a larger maximum than a single test: 5.4 on 196 clean recordings of
+# ``benchmarks.diagnosis``, for steps far below 3 %.
 SIGNIFICANT = 6.0
 SMALLEST_STEP = 0.03  # relative; below it a slow drift looks like steps
 FEWEST_PERIODS = 2.0  # of an episode; one stroke cannot distinguish change from relaxation

@@ -440,7 +440,8 @@ class MovedSamples:
 
 # A column is collinear with the fit's columns if less than this fraction of it is orthogonal.
 COLLINEAR = 1e-5
-# On 196 clean recordings of probe and robot, a cause that changes a result has z ≤ 3.7.
+# On 196 clean recordings of probe and robot (``benchmarks.diagnosis``), a cause that changes a
+# result has z ≤ 3.7.
 SIGNIFICANT = 4.5
 
 

@@ -85,9 +85,11 @@ _Placed: TypeAlias = tuple[Place, Contact]
 
 @dataclass(frozen=True, eq=False, repr=False)  # no slots: the instance caches the diagnosis
 class Identified:
-    """Identification of a whole contact as numbers; :class:`palpate.Identification` formats them.
+    """Identification of a whole contact as numbers; :class:`palpate.Identification` shows them.
 
-    The fields are documented in that class.
+    There are two classes because tables, figures, reports and files are packages above this one,
+    which take these numbers, and no import runs upward. The public class is above them and adds
+    only the methods that call them; it documents the fields.
     """
 
     contact: Contact
@@ -302,7 +304,7 @@ class Identified:
     def at(self, depth: "ArrayLike") -> WorkingDepth:
         """Force, stiffness and damping at other depths, each with both standard errors, SI.
 
-        The diagnosis is run again, so request many depths at once.
+        Each call runs the diagnosis again, so request many depths at once.
 
         Parameters
         ----------
@@ -478,7 +480,7 @@ class Identified:
         For methods that assume a white residual (the paper's) it is the covariance of the estimate,
         widened for the correlation of the residual of the samples taken since the last restart. For
         others it is the covariance of the estimate. If the preparation found the surface, the
-        change of the parameters for a surface shifted by its standard deviation is added.
+        change of the parameters when the surface moves one standard deviation is added.
         """
         if self.bounded is not None:
             return self.estimate.covariance

@@ -16,7 +16,7 @@ from palpate.estimators.estimate import rmse_percent
 from palpate.findings import MARKS, Check
 from palpate.identification.identified import Identified
 
-EXCLUDED = 3.0  # standard errors of the difference
+EXCLUDED = 3.0  # standard errors of the difference; chosen by hand
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,7 +29,7 @@ class Ranking:
         The recommended method; None if no method can be trusted.
     order : tuple of str
         The methods, the best first: by overall mark; then the methods that fit clearly worse than a
-        selected relaxing law come last; then by both marks, and by the error of the fit.
+        selected relaxing law come last; then by both marks, and by the fit error.
     failing : tuple of str
         Methods whose estimate is not the least squares of their law, or that have no estimate.
     exclusions : tuple of str
@@ -48,7 +48,7 @@ def rank(results: "Mapping[str, Identified]") -> Ranking:
     Parameters
     ----------
     results : mapping
-        Identifications by the names of their methods.
+        Identifications by method name.
     """
     common = np.logical_and.reduce([result.trace.taken for result in results.values()])
     errors = {name: _common_rmse(result, common) for name, result in results.items()}
@@ -80,7 +80,7 @@ def _common_rmse(result: "Identified", common: NDArray[np.bool_]) -> float:
     return fit if math.isfinite(fit) else math.inf
 
 
-# Ratio of errors below which a selected relaxing law is clearly better.
+# Ratio of errors below which a selected relaxing law is clearly better; chosen by hand.
 CLEARLY = 0.9
 
 

@@ -14,7 +14,7 @@ class Theme:
     lines: tuple[str, ...]
 
     def variables(self) -> dict[str, str]:
-        """Return the colours, keyed by the names in a page's style sheet."""
+        """Return the colours by their names in a page's style sheet."""
         named = {"background": self.background, "ink": self.ink, "grid": self.grid}
         named |= {"measured": self.measured}
         named |= {f"line-{k}": colour for k, colour in enumerate(self.lines)}

@@ -131,7 +131,7 @@ def contact_and_trace(
     return contact, trace
 
 
-#: Fields of a contact that its description holds as they are.
+#: Fields of a contact that ``result.json`` contains unchanged.
 _STATED = ("provenance", "tare_deviation", "surface_deviation", "stated_units", "timeless")
 
 
@@ -214,7 +214,7 @@ def result_dict(result: "Identified") -> dict[str, Any]:
 def _episodes(result: "Identified") -> list[dict[str, Any]]:
     """Return each segment with its own law and verdict, or as the search for changes found it."""
     if result.segments:
-        return [_episode(stretch) for stretch in result.segments]
+        return [_episode(segment) for segment in result.segments]
     return [
         {**episode.as_dict(), "verdict": part.diagnosis.verdict.as_dict() if part else None}
         for episode in result.diagnosis.episodes

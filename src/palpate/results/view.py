@@ -265,7 +265,7 @@ def _count_verdicts(places: "Sequence[Identified]") -> Iterator[Line]:
 
 
 def sort_by_verdict(places: "Iterable[Identified]") -> "list[Identified]":
-    """Return places, the worst first: by verdict, then by the relative error of the stiffness."""
+    """Return places, the worst first: by verdict, then by relative error of the stiffness."""
 
     def badness(part: "Identified") -> tuple[int, float]:
         found = part.diagnosis
