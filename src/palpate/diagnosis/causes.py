@@ -216,11 +216,6 @@ class CauseAssessment:
     counted: tuple[tuple[MisfitHypothesis, float], ...] = ()
     undetected: tuple[float, float] = (0.0, 0.0)
 
-    @property
-    def leading(self) -> str | None:
-        """The check of the leading cause."""
-        return self.findings[0].check if self.findings else None
-
 
 def assess_causes(
     causes: list[MisfitHypothesis],
@@ -286,7 +281,7 @@ def _leading_cause(significant: list[MisfitHypothesis], unexplained: float) -> M
     first = significant[0]
     for cause in significant:
         less = first.explained_fraction - max(cause.explained_fraction, 0.0)
-        near = cause is first or (less < NEAR and not _clearly_better(first, cause))
+        near = cause is first or (less < NEAR and not clearly_better(first, cause))
         if cause.check is Check.SURFACE and unexplained < MOST_UNEXPLAINED and near:
             return cause
     return first
@@ -301,10 +296,13 @@ def _is_subsumed(leading: MisfitHypothesis, rival: MisfitHypothesis) -> bool:
     if rival.check not in SOUGHT or leading.group == rival.group:
         return False
     less = rival.explained_fraction < ALIKE * leading.explained_fraction
-    return leading.check is Check.SURFACE or less or _clearly_better(leading, rival)
+    return leading.check is Check.SURFACE or less or clearly_better(leading, rival)
 
 
-def _clearly_better(first: MisfitHypothesis, second: MisfitHypothesis) -> bool:
+def clearly_better(
+    first: MisfitHypothesis | AugmentedFit, second: MisfitHypothesis | AugmentedFit
+) -> bool:
+    """Whether a cause or column leaves far less of the residual's energy than another."""
     return (1.0 - first.explained_fraction) < SURE * (1.0 - second.explained_fraction)
 
 
@@ -316,7 +314,7 @@ def _mention_alternative(
     if not others:
         return leading
     second = max(others, key=attrgetter("explained_fraction"))
-    if leading.check is Check.SURFACE or _clearly_better(leading, second):
+    if leading.check is Check.SURFACE or clearly_better(leading, second):
         return leading
     return replace(leading, sentence=f"{leading.sentence}, or {second.sentence}")
 

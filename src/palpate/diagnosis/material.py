@@ -10,6 +10,7 @@ from palpate.diagnosis.causes import (
     ParameterChange,
     cause_from_column,
     causes_from_columns,
+    clearly_better,
     relative_time,
 )
 from palpate.diagnosis.change import find_changes
@@ -184,7 +185,7 @@ def find_adhesion_or_relaxation(fit: Fit) -> list[MisfitHypothesis]:
     if not pulls:
         return causes
     best = max(pulls, key=lambda each: each.explained_fraction)
-    if causes and 1.0 - causes[0].explained_fraction < SURE * (1.0 - best.explained_fraction):
+    if causes and clearly_better(causes[0], best):
         return causes
     force = format_quantity(pull, "N")
     sentence = f"adhesion: near the surface the material pulls the probe with {force}"

@@ -125,10 +125,9 @@ def _diagnose(fit: Fit, fits: Sequence[Fit], notes: Sequence[Finding]) -> Diagno
         findings += check_behind_relaxation(fit)
     for check in CHECKS:
         finding = check(fit)
-        if finding is None:
-            continue
         # An error of the surface position makes the offset wrong too.
-        if not (finding.check == Check.OFFSET and causes.leading == Check.SURFACE):
+        explained = check is check_offset and has_reported(causes.findings[:1], Check.SURFACE)
+        if finding is not None and not explained:
             findings.append(finding)
     systematic = systematic_errors(fit, causes, findings)
     depths = [numbers_at_depth(each, systematic) for each in fits]

@@ -155,7 +155,7 @@ class Identified:
         _LOGGER.info("%s: took %d of %d samples", fresh.method, taken, len(contact))
         result = cls(contact, fresh, recorded, findings, data, chosen=tuple(chosen), traced=traced)
         if not (recorded.taken & ~(contact.force <= 0.0)).any():
-            raise RecordingError(why_nothing(data, result.gate))
+            raise RecordingError.of(contact.source, why_nothing(data, result.gate))
         if fresh.settings.get("surface") == "estimate":
             check_approach(contact, recorded, result.estimate.surface)
         return result._apply_weak_prior() if fresh.settings.get("weak_prior") else result
@@ -184,13 +184,11 @@ class Identified:
 
     def _prefers_hunt_crossley(self) -> bool:
         own, selected = Candidate("hunt-crossley", "none"), self.estimator.candidate
-        if selected == own:
-            return True
-        if own not in self.estimator.offered:
-            return False
-        if selected is None:  # too few samples to compare laws: nothing is estimated
-            return True
-        return any(f.check in (Check.CHANGE, Check.ADHESION) for f in self.diagnosis.findings)
+        if selected == own or own not in self.estimator.offered:
+            return selected == own
+        absorbed = (Check.CHANGE, Check.ADHESION)
+        # With too few samples no law is selected, and nothing is estimated.
+        return selected is None or any(f.check in absorbed for f in self.diagnosis.findings)
 
     def _apply_weak_prior(self) -> Self:
         """Return it with an estimate under the weak prior, if its own violates the prior."""

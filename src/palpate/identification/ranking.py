@@ -66,12 +66,9 @@ def rank(results: "Mapping[str, Identified]") -> Ranking:
 
 def method_fails(result: "Identified") -> bool:
     """Whether the method's estimate is not the least squares of its law on these samples."""
-    moves = (
-        max(abs(f.moves_stiffness_percent), abs(f.moves_damping_percent))
-        for f in result.diagnosis.findings
-        if f.check == Check.METHOD
-    )
-    return any(each > 100.0 * CARE for each in moves)
+    findings = (f for f in result.diagnosis.findings if f.check == Check.METHOD)
+    changes = ((f.moves_stiffness_percent, f.moves_damping_percent) for f in findings)
+    return any(max(map(abs, each)) > 100.0 * CARE for each in changes)
 
 
 def _common_rmse(result: "Identified", common: NDArray[np.bool_]) -> float:
