@@ -167,8 +167,7 @@ def causes_from_columns(
     means = fit.windows.mean(np.array([*columns.values()]).T).T
     for check, column in zip(columns, means, strict=True):
         result = fit_with_column(fit, column)
-        words = None if result is None else explain(fit, check, result.amount)
-        if result is not None and words is not None:
+        if result is not None and (words := explain(fit, check, result.amount)) is not None:
             causes.append(cause_from_column(fit, check, result, *words))
     return causes
 
@@ -217,25 +216,19 @@ class CauseAssessment:
     undetected: tuple[float, float] = (0.0, 0.0)
 
 
-def assess_causes(
-    causes: list[MisfitHypothesis],
-    unexplained: float,
-    *,
-    at_noise_floor: bool,
-    law_selected: bool = False,
-) -> CauseAssessment:
+def assess_causes(fit: Fit, causes: list[MisfitHypothesis], unexplained: float) -> CauseAssessment:
     """Choose the leading cause among the significant ones, and weigh all of them.
+
+    A selected law already includes causes of the material.
 
     Parameters
     ----------
+    fit : Fit
+        The fit.
     causes : list of MisfitHypothesis
         All causes that were fitted.
     unexplained : float
         Fraction of the force that the law does not explain.
-    at_noise_floor : bool
-        Whether the residual is little more than noise.
-    law_selected : bool
-        Whether the law was selected, so that it already includes causes of the material.
     """
     significant = [cause for cause in causes if cause.z > SIGNIFICANT]
     significant.sort(key=attrgetter("explained_fraction"), reverse=True)
@@ -245,8 +238,9 @@ def assess_causes(
     leading = _leading_cause(significant, unexplained)
     rivals = [c for c in significant if c is not leading and not _is_subsumed(leading, c)]
     shown = [_mention_alternative(leading, rivals), *rivals]
+    at_noise_floor = fit.at_noise_floor
     findings = [_cause_finding(cause, at_noise_floor=at_noise_floor) for cause in shown]
-    excluded = MATERIAL if law_selected else frozenset()
+    excluded = frozenset() if fit.response is None else MATERIAL
     highest, drift = max(leading.explained_fraction, 1e-9), Check.OFFSET_DRIFT
     counted = []
     for cause in (leading, *rivals):

@@ -102,9 +102,8 @@ def find_skew_jump(fit: Fit) -> list[MisfitHypothesis]:
         step = -(-(between[1] - between[0]) // (BORDERS + 1))
         between = place - step, place + step
     result = fit_with_column(fit, np.where(np.arange(rows) >= place, slope, 0.0), with_delay)
-    if result is None or result.z < JUMP_Z:
-        return []
-    if abs(result.amount) < LEAST_JUMP * fit.data.sample_time:
+    least = LEAST_JUMP * fit.data.sample_time
+    if result is None or result.z < JUMP_Z or abs(result.amount) < least:
         return []
     time = float(fit.time[place])
     error = abs(result.amount) / result.z

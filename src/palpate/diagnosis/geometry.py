@@ -24,10 +24,8 @@ RESOLVED = 5.0
 
 def find_surface(fit: Fit) -> list[MisfitHypothesis]:
     """Fit (k, c, n, F₀, d) with the free approach by Levenberg–Marquardt; Hunt–Crossley only."""
-    law = fit.solution.law
-    if not law.power_law or not fit.with_offset:
-        return []
-    if not fit.has_free_air or fit.estimate.surface_standard_error:
+    law, known = fit.solution.law, fit.estimate.surface_standard_error > 0.0
+    if known or not (law.power_law and fit.with_offset and fit.has_free_air):
         return []
     given = (*law.parameters, fit.solution.offset)
     starts = np.array([(*given, start) for start in STARTS])

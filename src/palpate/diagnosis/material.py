@@ -219,10 +219,8 @@ def largest_pull(fit: Fit) -> float:
         if np.count_nonzero(in_piece) < FEWEST_PULLED:
             continue
         below = zero.mean() + slope * (x[in_piece] - float(np.mean(x[away[0]]))) - force[in_piece]
-        pull = float(below.mean())
-        if pull > max(least, largest) and pull > PULL_Z * math.hypot(
-            mean_error(below), mean_error(zero)
-        ):
+        pull, error = float(below.mean()), math.hypot(mean_error(below), mean_error(zero))
+        if pull > max(least, largest, PULL_Z * error):
             largest = pull
     return largest
 
@@ -260,10 +258,8 @@ def check_behind_relaxation(fit: Fit) -> list[Finding]:
     plain, energy = fit.equivalent_law_fit(), fit.solution.energy
     causes = []
     if largest_pull(plain) > 0.0:
-        pulls = (
-            each for each in find_adhesion_or_relaxation(plain) if each.check is Check.ADHESION
-        )
-        causes += [(each, energy / SURE) for each in pulls if each.z > SIGNIFICANT]
+        pulls = (each for each in find_adhesion_or_relaxation(plain) if each.z > SIGNIFICANT)
+        causes += [(each, energy / SURE) for each in pulls if each.check is Check.ADHESION]
     if not fit.at_noise_floor and (changed := find_changes(plain)) is not None:
         causes.append((changed.cause, energy * SURE))
     return [

@@ -142,8 +142,7 @@ def check_steps(data: Data) -> Finding | None:
 def check_held_channel(data: Data) -> Finding | None:
     """Changes every k ≤ 60 samples: a delay of (k − 1)/2 samples, or of k/2 with two clocks."""
     for name, values in (("force", data.force), ("penetration", data.penetration)):
-        beat = beat_of(values)
-        if beat:
+        if beat := beat_of(values):
             samples = 0.5 * (beat - (beat == round(beat)))
             return held_channel(name, beat, samples * data.sample_time)
     return None

@@ -149,10 +149,7 @@ def _find_causes(fit: Fit) -> tuple[CauseAssessment, Changes | None]:
         begun = time.perf_counter()
         causes += search(fit)
         _LOGGER.debug("%s: %.4f s", search.__name__, time.perf_counter() - begun)
-    unexplained, selected = fraction_unexplained(fit), fit.response is not None
-    assessment = assess_causes(
-        causes, unexplained, at_noise_floor=fit.at_noise_floor, law_selected=selected
-    )
+    assessment = assess_causes(fit, causes, fraction_unexplained(fit))
     return assessment, changed if has_reported(assessment.findings, Check.CHANGE) else None
 
 

@@ -91,9 +91,8 @@ def _clearly_worse(results: "Mapping[str, Identified]", errors: Mapping[str, flo
 
 def _badness(result: "Identified", error: float, outdone: bool) -> tuple[float, ...]:
     verdict = result.diagnosis.verdict
-    overall, *others = (
-        MARKS.index(mark) for mark in (verdict.overall, verdict.stiffness, verdict.damping)
-    )
+    marks = verdict.overall, verdict.stiffness, verdict.damping
+    overall, *others = map(MARKS.index, marks)
     # Rounded to a tenth, so that methods with one law and equal fit keep the order of the registry.
     return overall, outdone, *others, round(error, 1)
 
