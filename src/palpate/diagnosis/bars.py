@@ -88,13 +88,13 @@ def _parts(
     yield SystematicPart(causes.undetected, undetected, "press along the surface normal")
     damping, scale = abs(fit.damping(fit.solution.law)), float(fit.reference_scales[1])
     # A skew τ changes the damping by S τ.
-    a_second, applied = abs(fit.stiffness(fit.solution.law)) / scale, fit.data.contact.delay
+    per_second, applied = abs(fit.stiffness(fit.solution.law)) / scale, fit.data.contact.delay
     if applied is not None and applied.standard_error > 0.0:
-        reason, error = "by the standard error of the delay", a_second * applied.standard_error
+        reason, error = "by the standard error of the delay", per_second * applied.standard_error
         yield SystematicPart((0.0, error), reason, "run again with --delay find")
     if skew > 0.0:
         reason = f"since {rounded(1e3 * skew, 2)} ms of skew between force and position is possible"
-        yield SystematicPart((0.0, a_second * skew), reason, IN_STEP)
+        yield SystematicPart((0.0, per_second * skew), reason, IN_STEP)
     for finding in findings:
         if finding.check in OWN_CHANGES:
             changes = finding.moves_stiffness_percent, finding.moves_damping_percent
@@ -151,7 +151,7 @@ def _velocity_error(fit: Fit, used: VelocityFilter) -> float:
 def numbers_at_depth(fit: Fit, systematic: SystematicErrors) -> WorkingDepth:
     """Return force, stiffness and damping at the fit's depth, with both standard errors."""
     errors = standard_errors(fit)
-    largest = np.max([part.errors for part in systematic.all_parts(fit)], axis=0)
+    largest = np.nanmax([part.errors for part in systematic.all_parts(fit)], axis=0)
     wrong = np.array([0.0, *largest * fit.reference_scales])
     distance = np.abs(distance_to_least_squares(fit))
     wrong = np.maximum(wrong, np.where(distance > NEGLIGIBLE_ERRORS * errors, distance, 0.0))

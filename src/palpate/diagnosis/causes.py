@@ -27,12 +27,14 @@ class ParameterChange:
 
     law: ForceLaw
     parameters: Floats
-    branch: tuple[float, float] = (0.0, 0.0)
+    branch: tuple[float, float] | None = None
 
     def relative(self, fit: Fit) -> tuple[float, float]:
         """Return the change of stiffness and damping at the fit's depth over their scales."""
-        linear = fit.gradients[1:] @ self.parameters[: len(self.law.symbols)]
-        return fit.relative_changes(linear + fit.stiffness(self.law) * np.array(self.branch))
+        changes = fit.gradients[1:] @ self.parameters[: len(self.law.symbols)]
+        if self.branch is not None:
+            changes = changes + fit.stiffness(self.law) * np.array(self.branch)
+        return fit.relative_changes(changes)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

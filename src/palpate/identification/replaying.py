@@ -94,8 +94,9 @@ def replay(contact: Contact, estimator: ContactEstimator, trace: Traced) -> Trac
 
     The trace has the contact's clock, thinned as requested.
     """
-    words = (f"{name}={value!r}" for name, value in estimator.settings.items())
-    _LOGGER.debug("settings: %s", ", ".join(words))
+    if _LOGGER.isEnabledFor(logging.DEBUG):
+        words = (f"{name}={value!r}" for name, value in estimator.settings.items())
+        _LOGGER.debug("settings: %s", ", ".join(words))
     segments = list(contact.segments())
     # The state of a relaxing material continues from one segment to the next.
     goes_on = estimator.chooses_law
@@ -116,7 +117,8 @@ def replay(contact: Contact, estimator: ContactEstimator, trace: Traced) -> Trac
     finish_pending = getattr(estimator, "finish_pending", None)
     if finish_pending is not None:  # without it the estimate would miss the last samples
         finish_pending()
-    whole = Trace.joined(traces, len(estimator.law_type.symbols))
+    one = len(traces) == 1
+    whole = traces[0] if one else Trace.joined(traces, len(estimator.law_type.symbols))
     return replace(whole, time=contact.time if after is None else contact.time[after])
 
 
