@@ -41,7 +41,7 @@ from palpate import (
 from palpate.design import Motion
 from palpate.design.precision import cramer_rao_bound, jacobian
 from palpate.diagnosis import Data
-from palpate.diagnosis.fit import Fit, standard_errors
+from palpate.diagnosis.fit import Fit, FitInput, standard_errors
 from palpate.preparation.velocity import velocity_of
 from palpate.validation import Floats
 
@@ -543,7 +543,7 @@ def _contact(material: str, motion: str, kind: str, seed: int) -> Floats:
     estimate = estimator.estimate()
     contact = Contact(np.arange(len(x)) / RATE, penetration=x, velocity=v, force=f)
     result = identify(contact, estimator.replace())
-    fit = Fit(result.data or Data(contact), result.trace, result.estimate)
+    fit = Fit(FitInput(result.data or Data(contact), result.trace, result.estimate))
     numbers = [*estimate.parameters, *_felt(result.law, fit.depth), estimate.offset]
     bars = [*estimate.standard_errors, *standard_errors(fit)[1:], estimate.offset_standard_error]
     inside = x > depth
