@@ -29,6 +29,10 @@ class RecordingError(PalpateError, ValueError):
         return RecordingError(f"{source}: {words}" if source else words)
 
 
+class NoContactError(RecordingError):
+    """The probe touches nothing: no force exceeds the noise, or no sample is in contact."""
+
+
 class ExportRefusedError(PalpateError, ValueError):
     """palpate refuses to export a law: the message says why, and what would allow it.
 

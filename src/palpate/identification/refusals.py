@@ -5,19 +5,20 @@ import numpy as np
 from palpate.contact import Contact
 from palpate.diagnosis import Data
 from palpate.digits import rounded
-from palpate.errors import RecordingError
+from palpate.errors import NoContactError, RecordingError
 from palpate.estimators.estimate import Trace
 from palpate.settings import ContactGate
 from palpate.validation import Floats
 
 
-def why_nothing(data: Data, gate: ContactGate) -> str:
-    """Describe why no sample was taken: the most severe finding of the data, if any."""
+def why_nothing(data: Data, gate: ContactGate) -> RecordingError:
+    """Return the error for no sample taken: the most severe finding of the data, if any."""
+    contact = data.contact
     for finding in data.findings:
         if finding.severity == "do-not-trust":
-            where = f"{data.contact.source}: " if data.contact.source else ""
-            return f"{where}{finding}"
-    return no_contact_message(data.contact, gate)
+            return RecordingError.of(contact.source, str(finding))
+    touches = not len(contact) or gate.makes(contact.penetration, contact.force).any()
+    return (RecordingError if touches else NoContactError)(no_contact_message(contact, gate))
 
 
 def no_contact_message(contact: Contact, gate: ContactGate) -> str:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from palpate.contact import Contact, VelocityFilter
-from palpate.errors import InvalidParameterError
+from palpate.errors import InvalidParameterError, NoContactError
 from palpate.findings import Check, Finding
 from palpate.preparation.along_penetration import along_penetration, contact_of_arrays
 from palpate.preparation.channel_kinds import is_wanted
@@ -228,6 +228,8 @@ def prepared_contact(recording: Recording, settings: Preparation) -> Contact:
     RecordingError, MissingChannelError
         As :func:`prepare`.
     """
+    if recording.episodes:
+        return _contacts_of_episodes(recording, settings)
     if groups := contact_groups(recording, settings.columns):
         return _contacts_of_groups(recording, groups, settings)
     recorded, roles = recording, roles_of(recording, settings.columns)
@@ -291,6 +293,26 @@ def _contacts_of_groups(
     remedy = f"if they are several objects, choose one: --position {groups[0]} --force {groups[0]}"
     contact = joined(contacts)
     findings = (*recording.findings, Check.CHANNELS.finding(words, remedy), *contact.findings)
+    return dataclasses.replace(contact, source=recording.source, findings=findings)
+
+
+def _contacts_of_episodes(recording: Recording, settings: Preparation) -> Contact:
+    """Make a contact of each episode of a data set that touches, with one object."""
+    contacts, without = [], []
+    for episode in recording.episodes:
+        try:
+            contacts.append(prepared_contact(episode, settings))
+        except NoContactError:
+            without.append(str(episode.episode))
+    count = len(recording.episodes)
+    if not contacts:
+        raise NoContactError(f"{recording.source}: none of {count} episodes touches anything")
+    words = f"palpate takes {len(contacts)} of {count} episodes for contacts with one object"
+    if without:
+        words += f"; no contact in {', '.join(without[:12])}{', …' * (len(without) > 12)}"
+    remedy = "if they are several objects, choose one with --episode, or use palpate fleet"
+    contact = joined(contacts)
+    findings = (Check.CHANNELS.finding(words, remedy), *contact.findings)
     return dataclasses.replace(contact, source=recording.source, findings=findings)
 
 

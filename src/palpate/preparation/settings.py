@@ -8,7 +8,7 @@ from typing import Any, Literal, get_args
 
 import numpy as np
 
-from palpate.errors import InvalidParameterError, RecordingError
+from palpate.errors import InvalidParameterError, NoContactError, RecordingError
 from palpate.findings import Check, Finding
 from palpate.preparation.resolution import noise_of
 from palpate.preparation.roles import Columns, Roles
@@ -298,8 +298,10 @@ def normal_found(force: Floats, position: Floats, source: str = "") -> Normal:
 
     Raises
     ------
+    NoContactError
+        No force exceeds the noise.
     RecordingError
-        No force exceeds the noise, or the forces have no common direction.
+        The forces have no common direction.
     """
     known = np.isfinite(force).all(axis=1) & np.isfinite(position).all(axis=1)
     f, p = force[known], position[known]
@@ -307,7 +309,7 @@ def normal_found(force: Floats, position: Floats, source: str = "") -> Normal:
     noise = math.sqrt(sum(noise_of(component) ** 2 for component in f.T)) if len(f) else 0.0
     firm = size > NOISES * noise
     if not firm.any():
-        raise no_normal(source, "no force exceeds the noise")
+        raise NoContactError(str(no_normal(source, "no force exceeds the noise")))
     total = (f[firm] * size[firm, None]).sum(axis=0)
     length = float(np.linalg.norm(total))
     if not 0.0 < length < math.inf:
