@@ -63,7 +63,9 @@ def test_each_episode_is_right_without_an_option_and_free_air_is_no_contact(stor
         recording = open_recording(path, episode=number)
         assert recording.episode == number
         if each.law is None:
-            with pytest.raises(NoContactError, match=f"episode {number}: no force exceeds"):
+            with pytest.raises(
+                NoContactError, match=f"episode {number}: no contact found: no force"
+            ):
                 palpate.identify(recording)
         else:
             check_law(recording, each)

@@ -19,6 +19,7 @@ import numpy as np
 from palpate.errors import FleetError, MissingExtraError, RecordingError
 from palpate.fleet.arrays import Curves
 from palpate.fleet.tasks import Batch, ContactSource, Settings, Table, digest_of, needed
+from palpate.recordings.datasets import episodes_of, is_dataset
 from palpate.recordings.opening import FORCE_CURVES, FORMATS, first_line
 from palpate.recordings.recording import UNITS, plain_unit, printable
 from palpate.validation import Floats
@@ -486,7 +487,9 @@ def _sources_at(
     array that the user named raises it. Folders of results and cyclic links are skipped.
     """
     name, here = str(path), os.path.realpath(path)
-    if is_array(name):
+    if is_dataset(path):
+        yield _episodes(name, path)
+    elif is_array(name):
         yield described_array(name) if named else _list_array(name)
     elif not path.is_dir():
         # A read from a pipe could wait forever.
@@ -507,6 +510,19 @@ def _list_array(name: str) -> ContactSource:
         return described_array(name)
     except RecordingError:
         return ContactSource(name, "zarr", 1)
+
+
+def _episodes(name: str, path: Path) -> ContactSource:
+    """Describe the episodes of a data set; an unreadable one is a file, whose row reports it."""
+    stamp, size = stamp_of(str(path))
+    try:
+        data = episodes_of(path)
+    except RecordingError:
+        data = None
+    if data is None:
+        return ContactSource(name, "file", stamp=stamp, size=size)
+    count, samples = len(data.lengths), sum(data.lengths.values())
+    return ContactSource(name, "episodes", count, max(samples // count, 0), stamp=stamp)
 
 
 def _file(name: str, path: Path) -> ContactSource:

@@ -11,6 +11,7 @@ import numpy as np
 from palpate._core import Status
 from palpate.contact import Contact
 from palpate.diagnosis import Data
+from palpate.errors import NoContactError
 from palpate.estimators.estimate import Estimate
 from palpate.estimators.oscillation import dynamic_response
 from palpate.findings import Finding
@@ -67,6 +68,8 @@ def schema_of(settings: Settings) -> Any:
     columns += [
         ("residual", number, "N", "standard deviation of the force minus the fitted force"),
         ("samples", whole, "", "number of samples of the contact"),
+        ("rate", number, "Hz", "samples per second"),
+        ("largest_force", number, "N", "largest force in contact"),
         ("taken", whole, "", "number of samples used by the estimate"),
         ("flags", texts, "", "warnings about the estimate"),
         ("checked", text, "", "which checks were requested: none, input or full"),
@@ -197,6 +200,8 @@ def row_of(contact: Contact, settings: Settings, *, columns: type[ForceLaw] | No
     row["residual"] = float(np.sqrt(np.mean(residual**2))) if residual.size else math.nan
     row["taken"] = int(np.count_nonzero(result.trace.taken))
     row["largest_depth"] = result.largest_depth
+    row["largest_force"] = float(np.max(contact.force[result.trace.taken], initial=0.0))
+    row["rate"] = 1.0 / contact.sample_time
     row["flags"] = list(result.flags)
     row["prepared"] = json.dumps(dict(contact.provenance), ensure_ascii=False)
     if settings.diagnosis == "full":
@@ -230,6 +235,12 @@ def failure(error: Exception) -> Row:
     """Return the columns for a contact that could not be identified: message and class."""
     words = " ".join(str(error).split()) or type(error).__name__
     return {"error": words, "error_kind": type(error).__name__}
+
+
+def touches_nothing(table: Table) -> list[bool]:
+    """Return for each row whether its recording is in free air from begin to end."""
+    kinds = table.column("error_kind").to_pylist()
+    return [kind == NoContactError.__name__ for kind in kinds]
 
 
 def format_finding(finding: Finding) -> str:

@@ -309,7 +309,10 @@ def normal_found(force: Floats, position: Floats, source: str = "") -> Normal:
     noise = math.sqrt(sum(noise_of(component) ** 2 for component in f.T)) if len(f) else 0.0
     firm = size > NOISES * noise
     if not firm.any():
-        raise NoContactError(str(no_normal(source, "no force exceeds the noise")))
+        words = (
+            "no contact found: no force exceeds the noise; if the probe touches, pass the normal"
+        )
+        raise NoContactError.of(source, f"{words}, such as --normal z")
     total = (f[firm] * size[firm, None]).sum(axis=0)
     length = float(np.linalg.norm(total))
     if not 0.0 < length < math.inf:

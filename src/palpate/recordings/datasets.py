@@ -147,7 +147,8 @@ def read(path: Path, request: Request) -> Recording:
             raise RecordingError(f"{source}: {words}; {remedy}")
         episodes = []
         for k, number in enumerate(numbers):
-            episodes.append(_episode(data, number, source, request))
+            whose = replace(request, source=f"{source}, episode {number}")
+            episodes.append(_episode(data, number, whose))
             request.report((k + 1) / len(numbers))
     if len(episodes) == 1:
         return episodes[0]
@@ -184,7 +185,7 @@ def read_episodes(
         for place in numbers:
             request = Request(max_size=int(max_size), source=source)
             try:
-                yield known[place], _episode(data, known[place], source, request)
+                yield known[place], _episode(data, known[place], request)
             except RecordingError as error:
                 yield known[place], error
 
@@ -198,15 +199,14 @@ def format_numbers(numbers: Sequence[int]) -> str:
     return ", ".join(map(str, numbers))
 
 
-def _episode(data: DataSet, number: int, source: str, request: Request) -> Recording:
-    """Read an episode; its channels that repeat another one are left out."""
-    whose = f"{source}, episode {number}"
+def _episode(data: DataSet, number: int, request: Request) -> Recording:
+    """Read an episode, without channels that repeat another one."""
     try:
-        recording = data.channels(number, replace(request, source=whose))
+        recording = data.channels(number, request)
     except RecordingError:
         raise
     except _FAULTS as error:
-        raise RecordingError(f"{whose}: cannot be read: {first_line(error)}") from None
+        raise RecordingError(f"{request.source}: cannot be read: {first_line(error)}") from None
     channels = _without_repeats(recording.channels)
     rate = {} if data.rate is None else {"rate": data.rate}
     clocks = {name: clock for name, clock in recording.clocks.items() if name in channels}
