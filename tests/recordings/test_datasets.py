@@ -64,7 +64,7 @@ def test_each_episode_is_right_without_an_option_and_free_air_is_no_contact(stor
         assert recording.episode == number
         if each.law is None:
             with pytest.raises(
-                NoContactError, match=f"episode {number}: no contact found: no force"
+                NoContactError, match=f"episode {number}: no contact found: the force is"
             ):
                 palpate.identify(recording)
         else:

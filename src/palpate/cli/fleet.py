@@ -99,8 +99,9 @@ def fleet(
     from palpate.fleet.running import run_fleet
     from palpate.fleet.tasks import default_diagnosis
 
+    listed = sources_of(sources, leave_out=output)
     if diagnosis is None:
-        diagnosis = default_diagnosis(sources_of(sources, leave_out=output))
+        diagnosis = default_diagnosis(listed)
     settings = _settings(choosing, diagnosis, reading)
     if report:
         require_figures()
@@ -116,7 +117,13 @@ def fleet(
 
         with bar("writing the report"):
             page = save_report(output)
-    _print(found, page, as_json=as_json)
+    cards: list[Path] = []
+    if any(source.kind == "episodes" for source in listed):
+        from palpate.fleet.card import save_card
+
+        with bar("writing the card"):
+            cards = save_card(output)
+    _print(found, page, cards, as_json=as_json)
     if not found.identified:
         complain("no contact was identified; the column error of the results has the reasons")
         return 2
@@ -154,9 +161,13 @@ def require_figures() -> None:
     import_module("palpate.figures")
 
 
-def _print(found: "Fleet", page: Path | None, *, as_json: bool) -> None:
+def _print(found: "Fleet", page: Path | None, cards: list[Path], *, as_json: bool) -> None:
     if as_json:
-        paths = {"folder": str(found.folder), "report": None if page is None else str(page)}
+        paths = {
+            "folder": str(found.folder),
+            "report": None if page is None else str(page),
+            "card": [str(card) for card in cards],
+        }
         print_json({**asdict(found), **paths})
         return
     console = Terminal()
@@ -173,6 +184,8 @@ def _print(found: "Fleet", page: Path | None, *, as_json: bool) -> None:
         say_path(console, f"report: {page}")
     elif not complete:
         say(console, "for all reasons, repeat the command with --report; it reuses the results")
+    for card in cards:
+        say_path(console, f"card: {card}")
 
 
 def _counted(contacts: int) -> str:

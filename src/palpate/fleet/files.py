@@ -234,6 +234,8 @@ MANIFEST = "_fleet.json"
 #: Run times have a separate folder: everything else is the same in two runs.
 TIMES = "_seconds"
 REPORT = "report.html"
+#: The data card of a data set of robot learning, and its page.
+CARD, CARD_PAGE = "card.md", "card.html"
 # The name of a file of results contains its range of contacts, first and end.
 _PART = re.compile(r"part-(\d{8,})-(\d{8,})\.parquet$")
 

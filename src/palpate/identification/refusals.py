@@ -7,6 +7,7 @@ from palpate.diagnosis import Data
 from palpate.digits import rounded
 from palpate.errors import NoContactError, RecordingError
 from palpate.estimators.estimate import Trace
+from palpate.preparation.settings import depends_on_position
 from palpate.settings import ContactGate
 from palpate.validation import Floats
 
@@ -17,8 +18,10 @@ def why_nothing(data: Data, gate: ContactGate) -> RecordingError:
     for finding in data.findings:
         if finding.severity == "do-not-trust":
             return RecordingError.of(contact.source, str(finding))
-    touches = not len(contact) or gate.makes(contact.penetration, contact.force).any()
-    return (RecordingError if touches else NoContactError)(no_contact_message(contact, gate))
+    air = not gate.makes(contact.penetration, contact.force).any()
+    air = bool(air and not depends_on_position(contact.force, contact.penetration))
+    kind = NoContactError if len(contact) and air else RecordingError
+    return kind(no_contact_message(contact, gate))
 
 
 def no_contact_message(contact: Contact, gate: ContactGate) -> str:

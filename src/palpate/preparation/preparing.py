@@ -18,7 +18,7 @@ from palpate.preparation.along_penetration import along_penetration, contact_of_
 from palpate.preparation.channel_kinds import is_wanted
 from palpate.preparation.clocks import signals_of
 from palpate.preparation.roles import Columns, Roles, contact_groups, roles_of
-from palpate.preparation.settings import ForceFrame, Preparation
+from palpate.preparation.settings import ForceFrame, Preparation, never_touches
 from palpate.preparation.spatial import along_normal
 from palpate.preparation.surfaces import RADIUS, SurfaceRule
 from palpate.recordings import Recording, open_recording
@@ -245,6 +245,9 @@ def prepared_contact(recording: Recording, settings: Preparation) -> Contact:
                 strict=settings.strict,
                 no_time=settings.no_time,
             )
+        if recording.episode is not None and never_touches(signals.force, signals.depth):
+            words = "no contact found: the force is constant within its noise"
+            raise NoContactError.of(recording.source, words)
         pressing = roles.is_penetration and signals.force.ndim == 1
         way = along_penetration if pressing else along_normal
         with stage(_LOGGER, f"prepared {'the penetration' if pressing else 'a position'}"):
