@@ -5,6 +5,7 @@ import json
 import numpy as np
 import pytest
 from dataset_files import (
+    episode,
     episodes,
     pose_and_wrench,
     write_force_umi,
@@ -16,7 +17,7 @@ from dataset_files import (
 )
 
 import palpate
-from palpate import Columns, RecordingError, open_recording
+from palpate import Columns, HuntCrossley, RecordingError, open_recording
 from palpate.errors import NoContactError
 
 SIX = episodes()
@@ -187,3 +188,26 @@ def test_a_file_that_is_no_data_set_has_no_episodes(tmp_path):
     (tmp_path / "touch.csv").write_text("time,x,f\n0,0,0\n1,1,1\n")
     with pytest.raises(RecordingError, match="no data set; drop --episode"):
         open_recording(tmp_path / "touch.csv", episode=0)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("rate", [10, 30, 50, 100])
+def test_the_damping_is_within_two_standard_errors(tmp_path, rate):
+    random, given = np.random.default_rng(3), []
+    for seed in range(50):
+        stiffness, shape = 10.0 ** random.uniform(2.3, 3.6), random.choice([1.0, 1.3, 1.5])
+        k = stiffness * 4e-3 ** (1.0 - shape)
+        law = HuntCrossley(k, random.uniform(5.0, 40.0) * k, shape)
+        options = {"rate": float(rate), "samples": 10 * rate, "noise": 6e-5 * stiffness}
+        given.append(episode(seed + 10_000, law, **options))
+    write_lerobot_3(tmp_path / "set", given, rate=rate, in_a_file=50)
+    distances = []
+    for number, each in enumerate(given):
+        result = palpate.identify(open_recording(tmp_path / "set", episode=number))
+        found = result.diagnosis.working_depth
+        true_depth = 0.3 - each.position[:, 2]  # without free air the surface is assumed
+        shift = np.median(result.contact.penetration - true_depth[: len(result.contact)])
+        damping = each.law.at_rest(found.depth - shift)[2]
+        bar = np.hypot(found.damping.standard_error, found.damping.systematic)
+        distances.append((found.damping.value - damping) / bar)
+    assert np.mean(np.abs(distances) < 2.0) >= 0.93

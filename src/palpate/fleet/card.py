@@ -115,16 +115,20 @@ def card_of(table: Table, version: str = "") -> Card:
 
 
 def _numbers(table: Table) -> Iterator[tuple[str, str]]:
-    count, free = table.num_rows, sum(touches_nothing(table))
-    failed = sum(error is not None for error in table.column("error").to_pylist()) - free
-    touching = count - free - failed
+    whose = [*zip(*(table.column(name).to_pylist() for name in ("source", "index")), strict=True)]
+    errors = table.column("error").to_pylist()
+    touched = {each for each, error in zip(whose, errors, strict=True) if error is None}
+    in_air = {each for each, none in zip(whose, touches_nothing(table), strict=True) if none}
+    count, touching, free = len({*whose}), len(touched), len(in_air)
+    failed, places = count - touching - free, errors.count(None)
     share = f"{100.0 * touching / max(count, 1):.3g} %"
     others = f"{free} in free air" + f", {failed} that could not be identified" * (failed > 0)
+    others += f"; {places} places, since the probe travels" * (places > touching)
     yield "episodes that touch", f"{touching} of {count} ({share}); {others}"
     yield "sample rate", _span(maps.numbers(table, "rate"), "Hz")
     share_of_samples = 100.0 * maps.numbers(table, "contact_fraction")
     seen = int(np.isfinite(share_of_samples).sum())
-    words = f", in the {seen} episodes with free air" * (0 < seen < touching)
+    words = f", in the {seen} with free air" * (0 < seen < places)
     yield "samples in contact", _span(share_of_samples, "% of an episode") + words
     yield "peak force", _span(maps.numbers(table, "largest_force"), "N", table)
     yield "largest depth", _span(1e3 * maps.numbers(table, "largest_depth"), "mm", table)
@@ -168,12 +172,13 @@ def _span(values: Floats, unit: str, named: Table | None = None) -> str:
 
 def _names(table: Table) -> list[str]:
     """The names of the rows: the number of the episode, and its data set if there are several."""
-    sources, numbers = (table.column(name).to_pylist() for name in ("source", "index"))
-    several = len({*sources}) > 1
+    columns = [table.column(name).to_pylist() for name in ("source", "index", "part")]
+    several = len({*columns[0]}) > 1
     return [
         f"{Path(source or '').name} " * (several or number is None)
         + ("" if number is None else f"episode {number}")
-        for source, number in zip(sources, numbers, strict=True)
+        + ("" if part is None else f", place {part}")
+        for source, number, part in zip(*columns, strict=True)
     ]
 
 
