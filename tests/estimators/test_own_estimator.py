@@ -6,6 +6,7 @@ import pickle
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
+import conformance
 import numpy as np
 import pytest
 from cases import contact_of, exciting
@@ -14,7 +15,7 @@ from scipy import optimize
 import palpate
 from palpate import Status, figures, force_laws
 from palpate.design.precision import cramer_rao_bound
-from palpate.estimators import conformance, contact_estimator
+from palpate.estimators import contact_estimator
 from palpate.validation import instance, number_in
 
 

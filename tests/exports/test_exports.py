@@ -30,7 +30,6 @@ from palpate.diagnosis import Verdict
 from palpate.errors import ExportRefusedError, InvalidParameterError, RecordingError
 from palpate.exports import Engine, Fragment, ProbeMotion, Replayed
 from palpate.exports.drake.running import restitution_by_steps
-from palpate.exports.drake.shapes import shapes
 from palpate.exports.exporting import export
 from palpate.exports.nearest_law import kelvin_voigt, stable_step, without_memory
 from palpate.exports.replay_errors import Drop, drop_to, force_error, restitution_by
@@ -513,34 +512,9 @@ def test_spheres_in_one_another_are_a_power_law_of_the_same_dissipation(exponent
     assert np.ptp(fragment.contact.dissipation) > 0.0
 
 
-def test_the_volume_and_the_damper_of_the_slab_are_integrals_over_the_cap() -> None:
-    radius, depth = 0.03, 0.011
-    angle = np.linspace(0.0, math.acos(1.0 - depth / radius), 200_001)
-    below = depth - radius * (1.0 - np.cos(angle))
-    # dA, seen from above.
-    ring = 2.0 * math.pi * radius**2 * np.sin(angle) * np.cos(angle)
-    # So fine a mesh loses 10⁻¹⁰ of it.
-    volume, damper = (float(each[0]) for each in shapes(np.array([depth]), radius, 16))
-    assert volume == pytest.approx(np.trapezoid(below * ring, angle), rel=1e-8)
-    assert damper == pytest.approx(np.trapezoid(below * np.cos(angle) * ring, angle), rel=1e-8)
-
-
-@pytest.mark.parametrize("radius, most_percent", [(0.03, 2.3), (0.1, 0.7)])
-def test_a_slab_carries_a_square_law(radius, most_percent) -> None:
-    fragment = fitted("drake", PVC_LAW, form="hydroelastic", tip_radius=radius)
-    assert predicted_percent(fragment) < most_percent
-    # E = K H/(πR), and more for the sphere's curvature.
-    slab = fragment.contact
-    flat = PVC_LAW.stiffness * slab.thickness / (math.pi * radius)
-    assert 1.0 < slab.modulus / flat < 1.2
-
-
 @pytest.mark.parametrize(
     "law, further, words",
     [
-        (PVC_LAW, {"form": "hydroelastic"}, "--tip-radius"),
-        (PVC_LAW, {"form": "hydroelastic", "tip_radius": 0.005}, "too small"),
-        (PVC_LAW, {"form": "hydroelastic", "tip_radius": 50.0}, "too large"),
         (KELVIN_VOIGT_LAW, {"form": "sap", "time_step": 0.0}, "time_step must be above 0"),
         (GeneralisedHuntCrossley(-5.0, 1.0, 1.0, 1.0), {}, "stiffness"),
     ],
@@ -566,7 +540,6 @@ def _properties(text: str, kind: str) -> list[dict[str, str]]:
         (BALL_LAW, {}),
         (HERTZ_LAW, {}),
         (KELVIN_VOIGT_LAW, {}),
-        (PVC_LAW, {"form": "hydroelastic", "tip_radius": 0.03}),
     ],
 )
 def test_both_texts_say_the_same_of_both_bodies_and_what_the_plant_must_be(law, further) -> None:

@@ -484,13 +484,3 @@ def test_a_worker_that_ends_before_it_has_started_is_started_anew(monkeypatch):
         client.cluster.sync(client.cluster.workers[0].close)
         client.wait_for_workers(2, timeout=30.0)
         assert client.submit(sum, [2, 3]).result(timeout=30.0) == 5
-
-
-@pytest.mark.slow
-@pytest.mark.filterwarnings("ignore")  # the server has many of its own
-def test_objects_of_a_server_give_the_rows_that_the_disk_gives(tmp_path):
-    pytest.importorskip("moto.server", reason="moto, the server, is not installed")
-    pytest.importorskip("s3fs", reason="s3fs, the client, is not installed")
-    from benchmarks.fleets import objects
-
-    assert objects.measure(20, 50, tmp_path).rows[0].value == 0

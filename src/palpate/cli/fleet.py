@@ -78,13 +78,12 @@ def fleet(
         palpate fleet recordings/ -o results/ --report
         palpate fleet demonstrations.hdf5 -o results/
         palpate fleet map.jpk-force-map -o results/
-        palpate fleet s3://archive/curves.zarr -o results/ --surface estimate
+        palpate fleet curves.zarr -o results/ --surface estimate
 
     Parameters
     ----------
     sources
-        Files, patterns, folders, data sets of robot learning, force maps, Zarr groups, or addresses
-        such as s3://bucket/folder.
+        Files, patterns, folders, data sets of robot learning, force maps, or Zarr groups.
     output
         Folder for the results.
     diagnosis

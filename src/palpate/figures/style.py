@@ -1,9 +1,9 @@
 """Style, size and file formats of figures."""
 
-import functools
 import io
 import math
 import re
+import textwrap
 import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -26,11 +26,14 @@ try:
     from matplotlib.axes import Axes
     from matplotlib.backends.backend_svg import FigureCanvasSVG
     from matplotlib.figure import Figure
-    from matplotlib.font_manager import FontProperties
-    from matplotlib.textpath import text_to_path
     from matplotlib.ticker import ScalarFormatter
 except ImportError:
     raise MissingExtraError.named("a figure", "matplotlib", "figures") from None
+
+
+# Mean width of a letter of DejaVu Sans over its size, with a margin. matplotlib itself wraps
+# at the edge of a figure, not of a panel.
+_LETTER = 0.62
 
 
 def wrapped(words: str, width: float, size: float, lines: int) -> str:
@@ -45,45 +48,9 @@ def wrapped(words: str, width: float, size: float, lines: int) -> str:
     lines : int
         Maximum number of lines.
     """
-    rows = [""]
-    for word in words.split(" "):  # not at a no-break space, as split() would
-        longer = f"{rows[-1]} {word}".strip()
-        if width_of(longer, size) <= width:
-            rows[-1] = longer
-            continue
-        pieces = _broken(word, width, size)
-        rows = [*rows, *pieces] if rows[-1] else pieces
-    if len(rows) <= lines:
-        return "\n".join(rows)
-    last = rows[lines - 1]
-    while last and width_of(f"{last} …", size) > width:
-        last = last[:-1]
-    return "\n".join([*rows[: lines - 1], f"{last.rstrip(' ,;:')} …"])
-
-
-def width_of(words: str, size: float) -> float:
-    """Return the width of a line of text, points, for a letter size in points."""
-    fonts = matplotlib.rcParams["font.family"], matplotlib.rcParams["font.sans-serif"]
-    return _width_in((*fonts[0], *fonts[1]), words, size)
-
-
-@functools.lru_cache(4096)  # a page's figures share most of their words
-def _width_in(fonts: tuple[str, ...], words: str, size: float) -> float:
-    """Return the width of a line in these fonts."""
-    with warnings.catch_warnings():
-        warnings.filterwarnings("ignore", "Glyph .* missing from")  # it has a width too
-        found = text_to_path.get_text_width_height_descent(words, FontProperties(size=size), False)
-    return float(found[0])
-
-
-def _broken(word: str, width: float, size: float) -> list[str]:
-    """Split a word that is wider than a line, such as a file name, into pieces."""
-    pieces = [""]
-    for letter in word:
-        if pieces[-1] and width_of(pieces[-1] + letter, size) > width:
-            pieces.append("")
-        pieces[-1] += letter
-    return pieces
+    letters = max(int(width / (_LETTER * size)), 8)
+    rows = textwrap.wrap(words, letters, max_lines=lines, placeholder=" …", break_on_hyphens=False)
+    return "\n".join(rows)
 
 
 # Printed width of a figure, and the resulting letter size.
@@ -240,12 +207,8 @@ def _room(axes: Axes, size: float) -> float:
 
 def _legend_width(labels: list[str], columns: int, size: float) -> float:
     """Return the width of a legend, points: 3.2 letters per column for handle and spacing."""
-    widest = [
-        max(width_of(label, size) for label in labels[i::columns])
-        for i in range(columns)
-        if labels[i::columns]
-    ]
-    return sum(widest) + 3.2 * size * len(widest)
+    widest = [max(map(len, labels[i::columns])) for i in range(columns) if labels[i::columns]]
+    return sum(_LETTER * size * letters + 3.2 * size for letters in widest)
 
 
 # Style and file formats.

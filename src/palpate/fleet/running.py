@@ -23,7 +23,7 @@ import numpy as np
 
 from palpate._core import __version__
 from palpate.contact import Contact
-from palpate.errors import FleetError, InvalidParameterError, PalpateError, RecordingError
+from palpate.errors import FleetError, InvalidParameterError
 from palpate.fleet.arrays import (
     Given,
     fits_whole_curves,
@@ -31,14 +31,13 @@ from palpate.fleet.arrays import (
     identify_each,
     searches_whole_curves,
 )
-from palpate.fleet.files import Results, curves_of, on_this_machine, sources_of
+from palpate.fleet.files import Results, curves_of, disk_name, sources_of
 from palpate.fleet.rows import Row, table_of_rows
 from palpate.fleet.tasks import Batch, Settings, Table, batches, cores, needed
 from palpate.preparation import prepare
 from palpate.recordings import open_recording
 from palpate.recordings.datasets import read_episodes
 from palpate.recordings.opening import FORCE_CURVES, first_line
-from palpate.recordings.recording import printable
 from palpate.validation import Floats, whole_in
 
 #: A source and the number of the contact in it; None if the source is a single contact.
@@ -138,27 +137,21 @@ def _read_contacts(kind: str, named: list[Named], settings: Settings) -> Iterato
     """Read the contacts from their files; maps and data sets are opened once for all their rows."""
     for some in [named] if kind in ("map", "episodes") else ([each] for each in named):
         left, source, most = deque(some), some[0][0], settings.max_size
-        path = Path(source)
         try:
-            with on_this_machine(source) as path:
-                if kind == "episodes":
-                    places = [index or 0 for _, index in some]
-                    for number, recording in read_episodes(path, places, most):
-                        yield {**_name(left.popleft()), "index": number}, recording
-                    continue
-                if kind == "map":
-                    numbers = [index or 0 for _, index in some]
-                    recordings = FORCE_CURVES.reader().read_curves(path, numbers, most)
-                else:
-                    recordings = iter([open_recording(path, curve=some[0][1], max_size=most)])
-                for recording in recordings:
-                    yield _name(left.popleft()), recording
+            path = Path(disk_name(source))
+            numbers = [index or 0 for _, index in some]
+            if kind == "episodes":
+                for number, recording in read_episodes(path, numbers, most):
+                    yield {**_name(left.popleft()), "index": number}, recording
+                continue
+            if kind == "map":
+                recordings = FORCE_CURVES.reader().read_curves(path, numbers, most)
+            else:
+                recordings = iter([open_recording(path, curve=some[0][1], max_size=most)])
+            for recording in recordings:
+                yield _name(left.popleft()), recording
         except Exception as error:
-            reason = error
-            if "://" in source and isinstance(error, PalpateError):
-                # The name of the temporary copy would mean nothing to the user.
-                reason = RecordingError(str(error).replace(printable(path), source))
-            yield from [(_name(each), reason) for each in left]
+            yield from [(_name(each), error) for each in left]
 
 
 def _contacts_in_batch(batch: Table, settings: Settings) -> Iterator[Given]:
@@ -463,8 +456,7 @@ def run_fleet(
     Parameters
     ----------
     sources : sequence of str or path-like
-        Files, patterns, folders, data sets of robot learning, Zarr arrays, force maps, or addresses
-        such as ``s3://bucket/all``.
+        Files, patterns, folders, data sets of robot learning, Zarr arrays or force maps.
     folder : Path
         Folder for the results, a Parquet dataset.
     settings : Settings, optional

@@ -1,11 +1,7 @@
 """The conformance tests that every estimator must pass.
 
-    from palpate.estimators.conformance import check
-
-    check(MyEstimator)
-
-palpate's tests run them on every registered estimator. Each is a function of an estimator's class
-and settings, and raises an AssertionError on failure.
+``test_conformance.py`` runs them on every registered estimator; ``check(MyEstimator)`` on another.
+Each is a function of an estimator's class and settings, and raises an AssertionError on failure.
 """
 
 import copy
