@@ -60,9 +60,9 @@ def info(
         from palpate.figures import check_figure
 
         check_figure(figure, inputs=[file])
-    survey_of_episodes = None if episode is not None else episodes_of(file)
-    if survey_of_episodes is not None:
-        episode = next(iter(survey_of_episodes.lengths))
+    data = None if episode is not None else episodes_of(file)
+    if data is not None:
+        episode = next(iter(data.lengths))
     options = {"curve": curve, "episode": episode, "sheet": sheet, "header_row": header_row}
     recording = opened(file, channel or None, max_size=max_size, **options)
     surveyed = survey(recording)
@@ -72,10 +72,10 @@ def info(
 
         figures.save(draw_strips(recording, surveyed, dark=dark), figure, inputs=[file])
     if as_json:
-        print_json(as_dict(file, recording, surveyed, survey_of_episodes))
+        print_json(as_dict(file, recording, surveyed, data))
     else:
-        if survey_of_episodes is not None:
-            print_episodes(survey_of_episodes)
+        if data is not None:
+            print_episodes(data)
         print_recording(recording, surveyed)
         if figure is not None:
             print(f"figure: {figure}")

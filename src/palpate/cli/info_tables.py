@@ -14,7 +14,7 @@ from palpate.cli.printing import Cell, Terminal, print_table, say, say_path
 from palpate.digits import rounded
 from palpate.errors import printable
 from palpate.preparation.roles import uses_of
-from palpate.recordings.datasets import Episodes
+from palpate.recordings.datasets import DataSet
 from palpate.recordings.recording import Recording
 from palpate.recordings.survey import ChannelSurvey, ClockSurvey, Survey
 from palpate.validation import plain
@@ -72,7 +72,7 @@ def print_recording(recording: Recording, surveyed: Survey) -> None:
             say(console, f"{word}: {len(lines) - _MOST_LINES} more; see --json", style)
 
 
-def print_episodes(data: Episodes) -> None:
+def print_episodes(data: DataSet) -> None:
     """Print how many episodes a data set has, and the lengths of the first ones."""
     console, lengths = Terminal(), data.lengths
     rate = "" if data.rate is None else f" at {rounded(data.rate, 4)} Hz"
@@ -86,12 +86,12 @@ def print_episodes(data: Episodes) -> None:
 
 
 def as_dict(
-    file: Path, recording: Recording, surveyed: Survey, data: Episodes | None = None
+    file: Path, recording: Recording, surveyed: Survey, data: DataSet | None = None
 ) -> dict[str, Any]:
     """Return the contents of a recording as JSON types, with the episodes of a data set."""
     uses, refusal = uses_of(recording)
     return {
-        **({} if data is None else {"data_set": asdict(data)}),
+        **({} if data is None else {"data_set": _data_set_dict(data)}),
         "schema_version": SCHEMA_VERSION,
         "file": str(file),
         "types": dict(recording.types),
@@ -107,6 +107,10 @@ def as_dict(
         "omissions": list(recording.omissions),
         "losses": list(recording.losses),
     }
+
+
+def _data_set_dict(data: DataSet) -> dict[str, Any]:
+    return {"name": data.name, "rate": data.rate, "lengths": data.lengths}
 
 
 def _clock_dict(clock: ClockSurvey) -> dict[str, Any]:

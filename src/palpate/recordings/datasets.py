@@ -12,7 +12,7 @@ import zipfile
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any, Protocol
@@ -61,17 +61,8 @@ class DataSet(Protocol):
         """Read the channels of an episode."""
 
 
-@dataclass(frozen=True, slots=True)
-class Episodes:
-    """The attributes of a :class:`DataSet`, without its samples."""
-
-    name: str
-    rate: float | None
-    lengths: Mapping[int, int]
-
-
-def episodes_of(path: Path) -> Episodes | None:
-    """Return the episodes of a data set; None if the path is none.
+def episodes_of(path: Path) -> DataSet | None:
+    """Return a data set without its channels, closed; None if the path is none.
 
     Raises
     ------
@@ -81,7 +72,7 @@ def episodes_of(path: Path) -> Episodes | None:
     if not is_dataset(path):
         return None
     with opened(path) as data:
-        return Episodes(data.name, data.rate, data.lengths)
+        return data
 
 
 def is_dataset(path: Path) -> bool:
@@ -138,7 +129,9 @@ def read(path: Path, request: Request) -> Recording:
         numbers = list(data.lengths)
         if request.episode is not None:
             if request.episode not in data.lengths:
-                words = f"has no episode {request.episode}, only {format_numbers(numbers)}"
+                words = (
+                    f"has no episode {request.episode}; it has {len(numbers)}, from {numbers[0]} on"
+                )
                 raise RecordingError(f"{source}: {words}")
             numbers = [request.episode]
         elif len(numbers) > MOST_EPISODES:
@@ -188,15 +181,6 @@ def read_episodes(
                 yield known[place], _episode(data, known[place], request)
             except RecordingError as error:
                 yield known[place], error
-
-
-def format_numbers(numbers: Sequence[int]) -> str:
-    """Return the numbers of episodes as text: ``0 to 199``, or those that there are."""
-    first, last = min(numbers), max(numbers)
-    if len(numbers) > 6:
-        holes = "" if last - first + 1 == len(numbers) else f" ({len(numbers)} episodes)"
-        return f"{first} to {last}{holes}"
-    return ", ".join(map(str, numbers))
 
 
 def _episode(data: DataSet, number: int, request: Request) -> Recording:
@@ -477,7 +461,10 @@ class _ReplayBuffer:
             except _FAULTS as error:
                 found.omit(name, f"cannot be opened: {first_line(error)}")
                 continue
-            if array.dtype.kind not in "iufb" or array.shape[0] < end:
+            chunk = math.prod(array.chunks) * array.dtype.itemsize
+            if chunk > (most := request.largest_block):
+                found.lose(name, excess("a chunk needs", chunk, most))
+            elif array.dtype.kind not in "iufb" or array.shape[0] < end:
                 found.omit(name, "holds no number for each sample")
             else:
                 found.add((), name, shape, partial(_rows_of, array, rows))
