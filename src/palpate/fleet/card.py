@@ -230,7 +230,7 @@ def _cautions(table: Table) -> Iterator[str]:
     if samples < _SAMPLES_PER_PERIOD:
         yield (
             f"The motion in contact has {rounded(samples, 2)} samples per period (median): below "
-            "ten the velocity, and with it the damping, is that of a smoothed motion."
+            "ten the motion is smoothed, and stiffness and damping come out too small."
         )
     delays = maps.numbers(table, "force_delay")
     late = float(np.median(delays[np.isfinite(delays)])) if np.isfinite(delays).any() else 0.0

@@ -29,6 +29,7 @@ if TYPE_CHECKING:
 _BINS = 40
 # Percentiles that a histogram spans; its title counts the values beyond.
 _HISTOGRAM_SPAN = (0.5, 99.5)
+_MOST_POINTS = 2000  # of a line in a page
 # Ratio of these percentiles above which the axis is logarithmic: on a linear one half of the values
 # could lie in the first bar.
 _DECADES = 100.0
@@ -110,17 +111,20 @@ def draw_card(table: Table, *, dark: bool = False, width: float | None = None) -
         )
         error = np.sqrt(sum(np.nan_to_num(part) ** 2 for part in parts))
         scale = scale_of(_usual(stiffness, 90.0), AT_DEPTH["stiffness"])
+        place = np.where(np.isfinite(place), place, np.arange(len(place)))
+        every = slice(None, None, -(-len(place) // _MOST_POINTS))
         over.errorbar(
-            np.where(np.isfinite(place), place, np.arange(len(place))),
-            scale.factor * stiffness,
-            scale.factor * error,
+            place[every],
+            scale.factor * stiffness[every],
+            scale.factor * error[every],
             fmt="o",
             color=look.theme.lines[0],
             markersize=look.points(3.0),
             elinewidth=look.points(0.8),
         )
         over.set(xlabel="episode", ylabel=scale.label("stiffness"))
-        head(over, "stiffness at working depth", legend=False)
+        words = "stiffness at working depth"
+        head(over, words + f", one row of {every.step}" * (every.step > 1), legend=False)
     return figure
 
 
