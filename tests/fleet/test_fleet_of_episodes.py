@@ -129,18 +129,18 @@ def test_the_card_counts_names_the_worst_and_says_what_the_rate_allows():
     numbers = dict(card.numbers)
     touching = "40 of 43 (93 %); 1 in free air, 2 that could not be identified"
     assert numbers["episodes that touch"] == touching
-    assert numbers["peak force"].endswith("largest 40 in episode 39")
+    assert numbers["peak force"].endswith("largest 40 in set [39]")
     assert numbers["verdicts on stiffness"] == "trust 30, with care 6, do not trust 4"
     assert numbers["force against position"].startswith("unknown")
     named = [(name, verdict) for name, verdict, _ in card.worst]
-    doubtful = [(f"episode {k}", "do not trust") for k in range(4)]
-    failed = [("episode 40", "failed"), ("episode 41", "failed")]
+    doubtful = [(f"set [{k}]", "do not trust") for k in range(4)]
+    failed = [("set [40]", "failed"), ("set [41]", "failed")]
     assert sorted(named[:2]) == failed
     assert sorted(named[2:6]) == doubtful
     text = " ".join(card.cautions)
     assert "Damping at 10 Hz" in text
     assert "5 samples per period" in text
-    assert "stiffness of 4 of 40 episodes" in text
+    assert "4 of 40 contacts have a stiffness marked do not trust" in text
     lines = card.markdown.splitlines()
     assert len(lines) <= 60
     assert r"a: \| bad" in card.markdown

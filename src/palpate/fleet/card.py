@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from html import escape
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 
 import numpy as np
 
@@ -134,16 +134,16 @@ def _numbers(table: Table) -> Iterator[tuple[str, str]]:
     yield "largest depth", _span(1e3 * maps.numbers(table, "largest_depth"), "mm", table)
     for quantity in maps.JUDGED:
         value, error = _with_errors(table, quantity)
-        relative = np.abs(error / value)[np.isfinite(value)]
         words = _span(value, AT_DEPTH[quantity])
-        if relative.size:
-            words += f"; standard error {_percent(float(np.median(relative)))} of each (median)"
+        if np.isfinite(value).any():
+            with np.errstate(all="ignore"):
+                relative = float(np.median(np.abs(error / value)[np.isfinite(value)]))
+            words += f"; standard error {_percent(relative)} of each (median)"
         yield f"{quantity} at depth", words
-    yield "force against position", _lateness(table)
-    for quantity in maps.JUDGED:
         marks = Counter(table.column(f"verdict_{quantity}").to_pylist())
         words = ", ".join(f"{spoken(mark)} {marks[mark]}" for mark in _MARKS)
         yield f"verdicts on {quantity}", words if any(marks[m] for m in _MARKS) else "not checked"
+    yield "force against position", _lateness(table)
 
 
 def _with_errors(table: Table, quantity: str) -> tuple[Floats, Floats]:
@@ -171,15 +171,8 @@ def _span(values: Floats, unit: str, named: Table | None = None) -> str:
 
 
 def _names(table: Table) -> list[str]:
-    """The names of the rows: the number of the episode, and its data set if there are several."""
-    columns = [table.column(name).to_pylist() for name in ("source", "index", "part")]
-    several = len({*columns[0]}) > 1
-    return [
-        f"{Path(source or '').name} " * (several or number is None)
-        + ("" if number is None else f"episode {number}")
-        + ("" if part is None else f", place {part}")
-        for source, number, part in zip(*columns, strict=True)
-    ]
+    """The names of the rows without their folders: ``demos.hdf5 [7]``."""
+    return [PurePosixPath(name).name for name in maps.names_of(table)]
 
 
 def _lateness(table: Table) -> str:
@@ -188,14 +181,14 @@ def _lateness(table: Table) -> str:
     known = np.isfinite(delays) & (errors > 0.0)
     touching = int(np.isfinite(maps.numbers(table, "stiffness_at_depth")).sum())
     if not known.any():
-        return f"unknown: the delay was found in none of {touching} episodes"
+        return f"unknown: the delay was found in none of {touching} contacts"
     ms = 1e3 * delays[known]
     middle = float(np.median(ms))
     spread = 1.4826 * float(np.median(np.abs(ms - middle)))
     error = max(spread, 1e3 * float(np.median(errors[known]))) * 1.2533 / math.sqrt(ms.size)
     way = "late" if middle > 0.0 else "early"
     size = with_error(abs(middle), error, unit="ms")
-    of = f"median of {ms.size} of {touching} episodes, scatter {rounded(spread, 2)} ms"
+    of = f"median of {ms.size} of {touching} contacts, scatter {rounded(spread, 2)} ms"
     return f"{size} {way} ({of}), if the materials follow Hunt–Crossley"
 
 
@@ -217,7 +210,7 @@ def _cautions(table: Table) -> Iterator[str]:
         relative = float(np.median(np.abs(error / damping)[known]))
         samples = float(np.nanmedian((rate / turns)[known]))
     rated = f"{rounded(1.0 / step, 3)} Hz"
-    if share > _LARGE:
+    if _LARGE < share < math.inf:
         yield (
             f"Damping at {rated}: a force that is one sample ({rounded(1e3 * step, 3)} ms) late or "
             f"early changes it by {_percent(share)} (median). The standard errors of "
@@ -243,7 +236,7 @@ def _cautions(table: Table) -> Iterator[str]:
         marks = Counter(table.column(f"verdict_{quantity}").to_pylist())
         if doubted := marks["do-not-trust"]:
             judged = sum(marks[each] for each in _MARKS)
-            yield f"The {quantity} of {doubted} of {judged} episodes: it is marked do not trust."
+            yield f"{doubted} of {judged} contacts have a {quantity} marked do not trust."
 
 
 def _worst(table: Table) -> tuple[tuple[str, str, str], ...]:

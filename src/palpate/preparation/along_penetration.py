@@ -175,7 +175,7 @@ def _tared(contact: Contact, done: Prepared) -> tuple[Contact, Prepared]:
         found = baseline_between(contact.time, contact.force, times, source)
     else:
         with stage(_LOGGER, "free air"):
-            free = free_samples(-contact.penetration, contact.force)
+            free = free_samples(contact.time, -contact.penetration, contact.force)
         if free is None:
             raise never_free(source)
         found = baseline_of(contact.time, contact.force, free)
