@@ -31,14 +31,14 @@ from palpate.errors import ExportRefusedError, InvalidParameterError, RecordingE
 from palpate.exports import Engine, Fragment, ProbeMotion, Replayed
 from palpate.exports.drake.running import restitution_by_steps
 from palpate.exports.exporting import export
-from palpate.exports.nearest_law import kelvin_voigt, stable_step, without_memory
+from palpate.exports.nearest_law import kelvin_voigt, nearest_without_memory, stable_step
 from palpate.exports.replay_errors import Drop, drop_to, force_error, restitution_by
 from palpate.exports.statement import ExportedLaw
 from palpate.exports.texts import hash_comment, xml_comment
 from palpate.findings import Finding
 from palpate.force_laws import engines, law_from
 from palpate.lab import BALL, PVC, TISSUE
-from palpate.quantities.derived import in_hertz
+from palpate.quantities.derived import format_hertz
 from palpate.results.saved import SCHEMA_VERSION, result_dict
 
 EXAMPLES = Path(__file__).parents[2] / "examples" / "recordings"
@@ -69,10 +69,10 @@ class Scaled(Fragment):
     def files(self, notes):
         return {"fragment.txt": "\n".join(notes)}
 
-    def predicted(self, motion):
+    def predict_force(self, motion):
         return motion.force_by(self.request.law)
 
-    def predicted_restitution(self, drop):
+    def predict_restitution(self, drop):
         return drop.restitution
 
     def replay(self, motion):
@@ -169,7 +169,7 @@ def test_the_nearest_kelvin_voigt_law_is_the_least_squares_and_the_law_itself_wh
 def test_the_nearest_law_never_makes_energy():
     memory = palpate.SingleRelaxation(0.1)
     remembering = GeneralisedHuntCrossley(8000.0, 1.5, -200.0, 1.5, 8000.0, memory)
-    assert without_memory(remembering, ProbeMotion.of_paper()).law.damping >= 0.0
+    assert nearest_without_memory(remembering, ProbeMotion.of_paper()).law.damping >= 0.0
 
 
 SPECTRUM = GeneralisedHuntCrossley(
@@ -202,14 +202,14 @@ def test_a_recording_that_relaxes_is_exported_by_its_hunt_crossley_law_at_its_fr
     assert source.law == plain.law
     statement = export(result, "usd", mass=1.0, allow=True, replay=False).statement
     [words] = [each for each in statement.warnings if "the material relaxes" in each]
-    assert in_hertz(frequency) in words
+    assert format_hertz(frequency) in words
     assert "K′ = " in words
 
 
 @pytest.mark.parametrize("law", [TISSUE.law, SPECTRUM])
 def test_of_a_law_that_remembers_the_nearest_member_is_exported_with_its_error(law):
     motion = ProbeMotion.of_paper()
-    found = without_memory(law, motion)
+    found = nearest_without_memory(law, motion)
     others = (law.relaxed(), law.instantaneous())
     assert found.error_percent < min(apart_percent(motion, each, law) for each in others)
     assert not found.law.remembers
@@ -619,7 +619,7 @@ def test_another_exponent_keeps_the_restitution_and_says_its_error(law) -> None:
     # More than is exported without being allowed.
     assert 5.0 < predicted_percent(fragment) < 10.0
     drop = drop_to(law, 1.0, 0.012)
-    assert fragment.predicted_restitution(drop) == pytest.approx(drop.restitution, rel=1e-6)
+    assert fragment.predict_restitution(drop) == pytest.approx(drop.restitution, rel=1e-6)
 
 
 def test_it_asks_for_the_radius_and_says_that_it_holds_for_that_one_only() -> None:

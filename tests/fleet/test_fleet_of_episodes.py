@@ -8,7 +8,7 @@ from dataset_files import episodes, write_lerobot_2, write_lerobot_3, write_robo
 from fleets import rows
 
 from palpate.fleet.card import card_of
-from palpate.fleet.files import read_results, sources_of
+from palpate.fleet.files import list_sources, read_results
 from palpate.fleet.rows import table_of_rows
 from palpate.fleet.running import identify_batch
 from palpate.fleet.tasks import MOST_DIAGNOSED, ContactSource, Settings, batches, default_diagnosis
@@ -46,7 +46,7 @@ def test_each_episode_has_a_row_with_its_verdict_and_free_air_has_no_contact(run
 
 def test_episodes_of_one_file_keep_their_numbers_whatever_the_batches(tmp_path):
     write_lerobot_3(tmp_path / "set", SIX, in_a_file=4)
-    sources = sources_of([tmp_path / "set/data/chunk-000/file-001.parquet"])
+    sources = list_sources([tmp_path / "set/data/chunk-000/file-001.parquet"])
     tables = [
         identify_batch(batch.table, Settings(diagnosis="full"))
         for batch in batches(sources, [10.0])
@@ -57,7 +57,7 @@ def test_episodes_of_one_file_keep_their_numbers_whatever_the_batches(tmp_path):
 def test_a_missing_file_is_the_error_of_its_episode_alone(tmp_path):
     write_lerobot_2(tmp_path / "set", SIX)
     (tmp_path / "set/data/chunk-000/episode_000003.parquet").unlink()
-    [batch] = batches(sources_of([tmp_path / "set"]), [1e-6])
+    [batch] = batches(list_sources([tmp_path / "set"]), [1e-6])
     errors = identify_batch(batch.table, Settings()).column("error").to_pylist()
     assert [error is None for error in errors] == [True, True, False, False, False, True]
     assert "is missing" in errors[3]
@@ -67,11 +67,12 @@ def test_a_folder_lists_its_data_sets_and_recordings_each_once(tmp_path):
     write_lerobot_2(tmp_path / "all/set", SIX)
     write_robomimic(tmp_path / "all/demos.hdf5", SIX[:2])
     (tmp_path / "all/touch.csv").write_text("time,position,force\n")
-    listed = [(each.name[len(f"{tmp_path}/all/") :], each.kind) for each in sources_of([tmp_path])]
+    begin = len(f"{tmp_path}/all/")
+    listed = [(each.name[begin:], each.kind) for each in list_sources([tmp_path])]
     assert listed == [("demos.hdf5", "episodes"), ("set", "episodes"), ("touch.csv", "file")]
     broken = tmp_path / "all/set/meta/info.json"
     broken.write_text("{")
-    assert [each.kind for each in sources_of([tmp_path])] == ["episodes", "file", "file"]
+    assert [each.kind for each in list_sources([tmp_path])] == ["episodes", "file", "file"]
 
 
 def test_the_full_diagnosis_is_the_default_for_a_moderate_number_of_recordings():
@@ -85,7 +86,7 @@ def test_the_full_diagnosis_is_the_default_for_a_moderate_number_of_recordings()
 
 def test_the_card_states_how_late_the_force_is(tmp_path):
     write_lerobot_3(tmp_path / "set", episodes(12, rate=50.0, samples=500, late=0.012), rate=50)
-    [batch] = batches(sources_of([tmp_path / "set"]), [1e-6])
+    [batch] = batches(list_sources([tmp_path / "set"]), [1e-6])
     card = card_of(identify_batch(batch.table, Settings(diagnosis="full")))
     words = dict(card.numbers)["force against position"]
     late, error = map(float, re.match(r"([\d.]+) ± ([\d.]+) ms late", words).groups())

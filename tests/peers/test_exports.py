@@ -80,7 +80,7 @@ def test_a_body_rebounds_as_predicted_and_by_a_fine_step_as_the_law_says(
     fragment = drake(law, **further)
     drop = drop_to(law, 1.0, 0.012)
     assert fragment.drop_restitution(drop) == pytest.approx(
-        fragment.predicted_restitution(drop), abs=tolerance
+        fragment.predict_restitution(drop), abs=tolerance
     )
     if tolerance < 1e-3:
         fine = drake(law, time_step=2e-5)
@@ -99,7 +99,7 @@ def test_a_body_rebounds_as_predicted_and_by_a_fine_step_as_the_law_says(
 def test_without_time_steps_impacts_are_the_laws(engine, law, further, near) -> None:
     fragment, drop = there(engine, law, **further), drop_to(law, 1.0, 0.012)
     assert fragment.drop_restitution(drop) == pytest.approx(drop.restitution, rel=near)
-    assert fragment.predicted_restitution(drop) == pytest.approx(drop.restitution, rel=near)
+    assert fragment.predict_restitution(drop) == pytest.approx(drop.restitution, rel=near)
 
 
 def test_a_drop_of_too_many_steps_is_not_made() -> None:

@@ -94,11 +94,11 @@ def fleet(
     as_json
         Print one JSON object instead of text.
     """
-    from palpate.fleet.files import sources_of
+    from palpate.fleet.files import list_sources
     from palpate.fleet.running import run_fleet
     from palpate.fleet.tasks import default_diagnosis
 
-    listed = sources_of(sources, leave_out=output)
+    listed = list_sources(sources, leave_out=output)
     if diagnosis is None:
         diagnosis = default_diagnosis(listed)
     settings = _settings(choosing, diagnosis, reading)
@@ -140,7 +140,7 @@ def _settings(
         if getattr(reading, option) is not None:
             name = option.replace("_", "-")
             raise InvalidParameterError(f"--{name} applies to one recording; omit it for a fleet")
-    given = reading.by_default(choosing)
+    given = reading.choose_default_law(choosing)
     estimator = {**given.settings, **reading.chosen(given.kind)}
     usual = ReadingOptions().preparation
     own = {name: value for name, value in reading.preparation.items() if value != usual[name]}
@@ -172,11 +172,17 @@ def _print(found: "Fleet", page: Path | None, cards: list[Path], *, as_json: boo
     console = Terminal()
     new = found.contacts - found.reused
     if found.reused:
-        say(console, f"{found.reused} of {_counted(found.contacts)} reused from an earlier run")
+        say(
+            console,
+            f"{found.reused} of {_describe_count(found.contacts)} reused from an earlier run",
+        )
     if new:
         rate = new / found.seconds if found.seconds > 0.0 else 0.0
         places = "" if found.rows == new else f": {found.rows} rows, one per place"
-        say(console, f"{_counted(new)} in {found.seconds:.3g} s ({rate:.3g} per second){places}")
+        say(
+            console,
+            f"{_describe_count(new)} in {found.seconds:.3g} s ({rate:.3g} per second){places}",
+        )
     complete = _print_rows(console, found)
     say_path(console, f"results: {found.folder}")
     if page is not None:
@@ -187,7 +193,7 @@ def _print(found: "Fleet", page: Path | None, cards: list[Path], *, as_json: boo
         say_path(console, f"card: {card}")
 
 
-def _counted(contacts: int) -> str:
+def _describe_count(contacts: int) -> str:
     return "1 contact" if contacts == 1 else f"{contacts} contacts"
 
 

@@ -3,8 +3,8 @@
 from pathlib import Path
 from typing import Annotated
 
-from palpate.cli.options import READ, SIZES, Dark, FigureFile, in_si
-from palpate.cli.printing import AsJson, opened, print_json
+from palpate.cli.options import READ, SIZES, Dark, FigureFile, si_parameter
+from palpate.cli.printing import AsJson, open_with_progress, print_json
 
 
 def info(
@@ -16,7 +16,7 @@ def info(
     episode: int | None = None,
     sheet: str | None = None,
     header_row: int | None = None,
-    max_size: Annotated[float | None, in_si(SIZES, "SIZE", READ)] = None,
+    max_size: Annotated[float | None, si_parameter(SIZES, "SIZE", READ)] = None,
     figure: FigureFile = None,
     dark: Dark = False,
     as_json: AsJson = False,
@@ -53,18 +53,18 @@ def info(
         Print one JSON object instead of tables.
     """
     from palpate.cli.info_tables import as_dict, print_episodes, print_recording
-    from palpate.recordings.datasets import episodes_of
+    from palpate.recordings.datasets import describe_data_set
     from palpate.recordings.survey import survey
 
     if figure is not None:
         from palpate.figures import check_figure
 
         check_figure(figure, inputs=[file])
-    data = None if episode is not None else episodes_of(file)
+    data = None if episode is not None else describe_data_set(file)
     if data is not None:
         episode = next(iter(data.lengths))
     options = {"curve": curve, "episode": episode, "sheet": sheet, "header_row": header_row}
-    recording = opened(file, channel or None, max_size=max_size, **options)
+    recording = open_with_progress(file, channel or None, max_size=max_size, **options)
     surveyed = survey(recording)
     if figure is not None:
         from palpate import figures

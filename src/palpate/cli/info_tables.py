@@ -13,7 +13,7 @@ from rich.text import Text
 from palpate.cli.printing import Cell, Terminal, print_table, say, say_path
 from palpate.digits import rounded
 from palpate.errors import printable
-from palpate.preparation.roles import uses_of
+from palpate.preparation.roles import explain_roles
 from palpate.recordings.datasets import DataSet
 from palpate.recordings.recording import Recording
 from palpate.recordings.survey import ChannelSurvey, ClockSurvey, Survey
@@ -46,7 +46,7 @@ def print_recording(recording: Recording, surveyed: Survey) -> None:
         if rows:
             console.print()
             print_table(console, headings, rows)
-    uses, refusal = uses_of(recording)
+    uses, refusal = explain_roles(recording)
     if channels:
         console.print()
         _say_channels(console, uses, surveyed.channels)
@@ -89,7 +89,7 @@ def as_dict(
     file: Path, recording: Recording, surveyed: Survey, data: DataSet | None = None
 ) -> dict[str, Any]:
     """Return the contents of a recording as JSON types, with the episodes of a data set."""
-    uses, refusal = uses_of(recording)
+    uses, refusal = explain_roles(recording)
     return {
         **({} if data is None else {"data_set": _data_set_dict(data)}),
         "schema_version": SCHEMA_VERSION,

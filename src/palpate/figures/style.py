@@ -36,7 +36,7 @@ except ImportError:
 _LETTER = 0.62
 
 
-def wrapped(words: str, width: float, size: float, lines: int) -> str:
+def wrap_text(words: str, width: float, size: float, lines: int) -> str:
     """Break a sentence into lines of limited width; text beyond the last line becomes ….
 
     Parameters
@@ -114,7 +114,7 @@ class Look:
         return self.theme.lines[row % len(self.theme.lines)]
 
 
-def look_of(*, dark: bool, width: float | None) -> Look:
+def choose_look(*, dark: bool, width: float | None) -> Look:
     """Return the look for a theme and a width, m (default: 11 inches).
 
     Raises
@@ -135,10 +135,10 @@ def set_titles(
     large, small = 1.1 * look.font, 0.93 * look.font
     # Rasterised letters are up to 4 % wider than those of the font.
     width = 0.96 * (72.0 * look.inches - 2.0 * look.font)
-    words = "\n".join(wrapped(each, width, large, lines) for each in title if each)
+    words = "\n".join(wrap_text(each, width, large, lines) for each in title if each)
     figure.suptitle(words, fontsize=large, parse_math=False)  # a file's name may hold a $
     if caption:
-        figure.supxlabel(wrapped(caption, width, small, 9), fontsize=small)
+        figure.supxlabel(wrap_text(caption, width, small, 9), fontsize=small)
     # Leaves room for the number of a tick at the right end.
     margin = look.font / (72.0 * look.inches)
     figure.set_layout_engine("constrained", rect=(0.0, 0.0, 1.0 - margin, 1.0))
@@ -170,7 +170,7 @@ def head(axes: Axes, title: str, *, legend: bool = True) -> None:
         )
     # 1.4 letter heights per legend row: 1.16 of a line of DejaVu Sans, and the spacing.
     pad = 0.4 * size + 1.4 * rows * size
-    words = wrapped(title, room, size, 3)
+    words = wrap_text(title, room, size, 3)
     # y=1.0 saves matplotlib from measuring all ticks to place the title above them.
     axes.set_title(words, loc="left", pad=pad, y=1.0, fontsize=size, parse_math=False)
 
@@ -293,7 +293,7 @@ def save(figure: Figure, path: str | Path, inputs: Sequence[Path] = ()) -> None:
         The path is not writable or has another ending.
     """
     path = Path(path)
-    write_bytes(path, _as_bytes(figure, _format_of(path)), inputs)
+    write_bytes(path, _as_bytes(figure, _image_format(path)), inputs)
 
 
 def check_figure(path: Path, inputs: Sequence[Path] = ()) -> None:
@@ -304,7 +304,7 @@ def check_figure(path: Path, inputs: Sequence[Path] = ()) -> None:
     RecordingError
         As for :func:`save`, or the figure would replace one of the ``inputs``.
     """
-    _format_of(path)
+    _image_format(path)
     check_writable(path, inputs)
 
 
@@ -313,7 +313,7 @@ def as_svg(figure: Figure) -> str:
     return _as_bytes(figure, ".svg").decode("utf-8")
 
 
-def recoloured(svg: str) -> str:
+def recolour_for_dark(svg: str) -> str:
     """Return a light-theme SVG with the colours of the dark theme."""
     dark = dict(zip(LIGHT.variables().values(), DARK.variables().values(), strict=True))
     return re.sub(r"#[0-9a-f]{6}\b", lambda colour: dark.get(colour[0], colour[0]), svg)
@@ -328,7 +328,7 @@ def _as_bytes(figure: Figure, ending: str) -> bytes:
         dots = matplotlib.rcParams["savefig.dpi"]
         dots = _DOTS_AN_INCH if dots == "figure" else dots
         if ending == ".svg":
-            return _svg_of(figure, dots)
+            return _render_svg(figure, dots)
         figure.savefig(
             rendered,
             format=ending[1:],
@@ -339,7 +339,7 @@ def _as_bytes(figure: Figure, ending: str) -> bytes:
     return rendered.getvalue()
 
 
-def _svg_of(figure: Figure, dots: float) -> bytes:
+def _render_svg(figure: Figure, dots: float) -> bytes:
     """Return an SVG, drawn once; ``savefig`` would draw the figure twice.
 
     Paths are rounded to 0.01 points, which is invisible; matplotlib writes 1e-6.
@@ -384,7 +384,7 @@ def _compact(path: bytes) -> bytes:
     return re.sub(r"\b0\.", ".", "".join(parts)).replace(" -", "-").encode()
 
 
-def _format_of(path: Path) -> str:
+def _image_format(path: Path) -> str:
     ending = path.suffix.lower()
     if ending not in _FORMATS:
         raise RecordingError(f"{path}: a figure's name must end in .svg, .pdf or .png")
@@ -417,7 +417,7 @@ class AxisScale:
         return f"{name} [{self.unit}]" if self.unit else name
 
 
-def scale_of(largest: float, unit: str) -> AxisScale:
+def choose_scale(largest: float, unit: str) -> AxisScale:
     """Choose a unit in which the largest value is from 1 to below 1000.
 
     Parameters
@@ -524,7 +524,9 @@ class Scatter:
     high: Floats
 
 
-def in_order(time: Floats, values: Floats, contact: Contact, keep: NDArray[np.bool_]) -> Scatter:
+def scatter_over_time(
+    time: Floats, values: Floats, contact: Contact, keep: NDArray[np.bool_]
+) -> Scatter:
     """Return the scatter of samples over time, broken between contacts."""
     index = np.flatnonzero(keep & np.isfinite(values))
     each = max(-(-index.size // _PIECES), _FEWEST)

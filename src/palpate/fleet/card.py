@@ -14,7 +14,7 @@ from palpate.digits import rounded, with_error
 from palpate.errors import MissingExtraError
 from palpate.findings import spoken
 from palpate.fleet import maps
-from palpate.fleet.files import CARD, CARD_PAGE, manifest_of, read_results
+from palpate.fleet.files import CARD, CARD_PAGE, read_manifest, read_results
 from palpate.fleet.rows import AT_DEPTH, touches_nothing
 from palpate.fleet.tasks import Table
 from palpate.validation import Floats
@@ -94,7 +94,7 @@ def save_card(folder: Path) -> list[Path]:
         A file cannot be written.
     """
     table = read_results(folder)
-    card = card_of(table, manifest_of(folder)["palpate"])
+    card = card_of(table, read_manifest(folder)["palpate"])
     written = [folder / CARD]
     write_text(written[0], card.markdown)
     try:

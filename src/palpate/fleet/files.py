@@ -16,8 +16,8 @@ import numpy as np
 
 from palpate.errors import FleetError, RecordingError
 from palpate.fleet.arrays import Curves
-from palpate.fleet.tasks import Batch, ContactSource, Settings, Table, digest_of, needed
-from palpate.recordings.datasets import episodes_of, is_dataset
+from palpate.fleet.tasks import Batch, ContactSource, Settings, Table, needed, sources_digest
+from palpate.recordings.datasets import describe_data_set, is_dataset
 from palpate.recordings.opening import FORCE_CURVES, FORMATS, first_line
 from palpate.recordings.recording import UNITS, plain_unit, printable
 from palpate.validation import Floats
@@ -38,7 +38,7 @@ def is_array(name: str) -> bool:
     return any(os.path.isfile(f"{name}/{mark}") for mark in _MARKS)  # noqa: PTH113 - a str
 
 
-def described_array(name: str) -> ContactSource:
+def describe_array(name: str) -> ContactSource:
     """Describe the contacts of a Zarr group.
 
     Raises
@@ -50,10 +50,10 @@ def described_array(name: str) -> ContactSource:
     shape, chunks = _shape(group, name)
     if not shape[0]:
         raise RecordingError(f"{name}: no contacts; the arrays penetration and force have no rows")
-    return ContactSource(name, "zarr", shape[0], shape[1], chunks[0], stamp_of(name)[0])
+    return ContactSource(name, "zarr", shape[0], shape[1], chunks[0], source_stamp(name)[0])
 
 
-def stamp_of(name: str) -> tuple[str, int]:
+def source_stamp(name: str) -> tuple[str, int]:
     """Return text that changes when a source is modified, and the size in bytes of its files."""
     try:
         status = [os.stat(name)]  # noqa: PTH116 - a str
@@ -66,7 +66,7 @@ def stamp_of(name: str) -> tuple[str, int]:
     return f"{len(regular)} {size} {latest}", size
 
 
-def curves_of(name: str, first: int, count: int) -> Curves:
+def read_curves(name: str, first: int, count: int) -> Curves:
     """Read a range of contacts of a Zarr group, in SI.
 
     Parameters
@@ -231,12 +231,12 @@ class Results:
         manifest: dict[str, Any] = {
             "palpate": settings.version,
             "settings": settings.plain(),
-            "sources": digest_of(sources),
+            "sources": sources_digest(sources),
             "contacts": sum(source.contacts for source in sources),
         }
         path = folder / MANIFEST
         if path.exists():
-            if differs := next(_differences(manifest_of(folder), manifest), ""):
+            if differs := next(_differences(read_manifest(folder), manifest), ""):
                 raise FleetError(
                     f"{folder}: holds the results of a run with {differs}; choose another folder "
                     "with -o, or remove this one"
@@ -290,7 +290,7 @@ def read_results(folder: Path) -> Table:
     FleetError
         The folder holds no results, or some are missing.
     """
-    total = manifest_of(folder)["contacts"]
+    total = read_manifest(folder)["contacts"]
     table = _read_parts(folder)
     missing = total - sum(end - first for (first, end), _ in _parts(folder))
     if missing:
@@ -335,7 +335,7 @@ def _names(folder: Path) -> list[str]:
         raise RecordingError(f"{printable(folder)}: {error.strerror or error}") from None
 
 
-def manifest_of(folder: Path) -> dict[str, Any]:
+def read_manifest(folder: Path) -> dict[str, Any]:
     """Return the description of the run that wrote a folder of results.
 
     Raises
@@ -393,7 +393,7 @@ _ENDINGS = tuple(end for each in FORMATS for end in each.suffixes if end != ".js
 _BAG = "metadata.yaml"
 
 
-def sources_of(
+def list_sources(
     names: Sequence[str | os.PathLike[str]], leave_out: Path | None = None
 ) -> list[ContactSource]:
     """List the sources to identify, in an order that depends only on the names.
@@ -429,17 +429,17 @@ def _local(text: str, results: str) -> Iterator[ContactSource]:
     path = Path(text)
     if glob.has_magic(text) and not path.exists():
         for each in sorted(glob.glob(text, recursive=True)):  # noqa: PTH207 - ** in absolute paths
-            yield from _sources_at(Path(each), (results,))
+            yield from _list_path(Path(each), (results,))
         return
     if not path.exists():
         remote = "; copy the objects to a disk first: docs/fleet.md" if "://" in text else ""
         raise RecordingError(f"{printable(text)}: no such file or folder{remote}")
     if os.path.realpath(path) == results:
         raise RecordingError(f"{printable(path)}: is the results folder; choose another with -o")
-    yield from _sources_at(path, (results,), named=True)
+    yield from _list_path(path, (results,), named=True)
 
 
-def _sources_at(
+def _list_path(
     path: Path, outside: tuple[str, ...], *, named: bool = False
 ) -> Iterator[ContactSource]:
     """Yield the sources at a path; a file that the user named counts whatever its ending.
@@ -451,7 +451,7 @@ def _sources_at(
     if is_dataset(path):
         yield _episodes(name, path)
     elif is_array(name):
-        yield described_array(name) if named else _list_array(name)
+        yield describe_array(name) if named else _list_array(name)
     elif not path.is_dir():
         # A read from a pipe could wait forever.
         readable = path.name.lower().endswith(_ENDINGS) and (path.is_file() or not path.exists())
@@ -462,22 +462,22 @@ def _sources_at(
     elif here not in outside and not (path / MANIFEST).is_file():
         for each in sorted(_names(path)):
             if not each.startswith((".", "_")):
-                yield from _sources_at(path / each, (*outside, here))
+                yield from _list_path(path / each, (*outside, here))
 
 
 def _list_array(name: str) -> ContactSource:
     """Describe an array found in a folder; its row reports an unreadable one."""
     try:
-        return described_array(name)
+        return describe_array(name)
     except RecordingError:
         return ContactSource(name, "zarr", 1)
 
 
 def _episodes(name: str, path: Path) -> ContactSource:
     """Describe the episodes of a data set; an unreadable one is a file, whose row reports it."""
-    stamp, size = stamp_of(str(path))
+    stamp, size = source_stamp(str(path))
     try:
-        data = episodes_of(path)
+        data = describe_data_set(path)
     except RecordingError:
         data = None
     if data is None:
@@ -487,7 +487,7 @@ def _episodes(name: str, path: Path) -> ContactSource:
 
 
 def _file(name: str, path: Path) -> ContactSource:
-    stamp, size = stamp_of(str(path))
+    stamp, size = source_stamp(str(path))
     several = path.name.lower().endswith(_MAPS)
     curves = _count_curves(path) if several else None
     return ContactSource(name, "map" if several else "file", curves, stamp=stamp, size=size)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from palpate.digits import rounded, with_error
 from palpate.errors import InvalidParameterError
-from palpate.fleet.rows import AT_DEPTH, at_depth
+from palpate.fleet.rows import AT_DEPTH, values_for_depth
 from palpate.fleet.tasks import Table
 from palpate.force_laws import FORCE_LAWS, law_from
 from palpate.identification.estimate_checks import NEGATIVE_STIFFNESS
@@ -604,6 +604,6 @@ def _values(results: Table, of: str, depth: float | None) -> tuple[Floats, Float
         if matrix is not None and np.isfinite(row).all():
             law_of_row = law_from(json.loads(whole[k])) if whole[k] else law.from_parameters(row)
             covariance = np.reshape(matrix, (len(row), len(row)))
-            response = at_depth(law_of_row, covariance, depth, frequencies[k])
+            response = values_for_depth(law_of_row, covariance, depth, frequencies[k])
             quantities[k] = response[name], response[f"{name}_standard_error"]
     return quantities[:, 0], quantities[:, 1], depths

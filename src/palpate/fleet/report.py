@@ -12,7 +12,7 @@ import numpy as np
 from palpate.digits import rounded, with_error
 from palpate.fleet import maps
 from palpate.fleet.figures import draw_distributions, draw_map, draw_repeats
-from palpate.fleet.files import REPORT, manifest_of, read_results, read_seconds
+from palpate.fleet.files import REPORT, read_manifest, read_results, read_seconds
 from palpate.fleet.maps import map_of
 from palpate.fleet.rows import AT_DEPTH
 from palpate.fleet.tasks import Table
@@ -80,7 +80,7 @@ def fleet_page(folder: Path) -> str:
         ("outliers", "Outliers", _outliers(table)),
         ("failures", "Failures", _list("Errors by kind", _REASONS, reasons)),
         ("slowest", "Run time", _list("Slowest sources", _TIMES, slowest)),
-        ("made", "Settings", _made(folder)),
+        ("made", "Settings", _render_settings(folder)),
     )
     rendered = [line for section in sections for line in html.section(*section)]
     header = [f"<h1>{escape(name)}</h1>", *_tiles(table)]
@@ -203,8 +203,8 @@ def _outliers(table: Table) -> Iterator[str]:
     yield from _list("Outliers", ["contact", "quantity", "at working depth", "robust σ"], rows)
 
 
-def _made(folder: Path) -> Iterator[str]:
-    about = manifest_of(folder)
+def _render_settings(folder: Path) -> Iterator[str]:
+    about = read_manifest(folder)
     settings = {name: value for name, value in about["settings"].items() if value not in (None, {})}
     yield from html.definitions(
         {

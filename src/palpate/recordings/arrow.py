@@ -14,7 +14,7 @@ import pyarrow.parquet as parquet
 from numpy.typing import NDArray
 
 from palpate.errors import RecordingError
-from palpate.recordings.nested import MOST_COLUMNS, text_of
+from palpate.recordings.nested import MOST_COLUMNS, read_text
 from palpate.recordings.opening import Draft, Request, excess, first_line
 from palpate.recordings.recording import Faults, Recording, printable
 
@@ -63,7 +63,7 @@ def read(path: Path, request: Request) -> Recording:
                 if not 0 <= 8 * rows * max(wanted, 1) <= request.max_size:
                     words = excess("its columns need", 8 * rows * wanted, request.max_size)
                     raise draft.error(words)
-                return recording_of(
+                return read_columns(
                     schema, lambda name: _parquet_column(table, name, request), draft
                 )
         if begin != _BEGIN:
@@ -74,7 +74,7 @@ def read(path: Path, request: Request) -> Recording:
             content = file.read_buffer()
         _reserve(memoryview(content), request)
         batches = _batches(pa.BufferReader(content), draft.losses)
-        return recording_of(batches.schema, lambda n: batches.select([n]), draft)
+        return read_columns(batches.schema, lambda n: batches.select([n]), draft)
     except RecordingError:
         raise
     except _DAMAGED as error:
@@ -164,7 +164,7 @@ def _batches(file: pa.NativeFile, losses: list[str]) -> pa.Table:
     return pa.Table.from_batches(found, reader.schema)
 
 
-def recording_of(schema: pa.Schema, table_of: Callable[[str], pa.Table], draft: Draft) -> Recording:
+def read_columns(schema: pa.Schema, table_of: Callable[[str], pa.Table], draft: Draft) -> Recording:
     """Return the columns of a schema that are requested; ``table_of`` reads one of them."""
     request = draft.request
     wanted = [form for form in schema if request.wants(_name(form.name))]
@@ -172,7 +172,9 @@ def recording_of(schema: pa.Schema, table_of: Callable[[str], pa.Table], draft: 
         asked, there = ", ".join(request.channels or ()), ", ".join(map(_name, schema.names[:20]))
         raise draft.error(f"no column {asked}; available: {there}")
     for k, form in enumerate(wanted):
-        unit = next((text_of(form.metadata[u]) for u in _UNITS if u in (form.metadata or {})), None)
+        unit = next(
+            (read_text(form.metadata[u]) for u in _UNITS if u in (form.metadata or {})), None
+        )
         try:
             table = table_of(form.name)
             table.validate(full=True)
@@ -283,7 +285,7 @@ def _name(column: str) -> str:
 def _notes(metadata: Mapping[bytes, bytes]) -> dict[str, str]:
     """The metadata of a file, without long texts."""
     notes = {
-        str(text_of(name)): str(text_of(words))
+        str(read_text(name)): str(read_text(words))
         for name, words in metadata.items()
         if name not in _NO_NOTES and len(words) <= 200
     }

@@ -20,7 +20,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.errors import RecordingError, needed
+from palpate.errors import RecordingError, import_extra
 from palpate.recordings.nested import Findings
 from palpate.recordings.opening import Draft, Request, excess, first_line
 from palpate.recordings.recording import Recording, printable
@@ -61,7 +61,7 @@ class DataSet(Protocol):
         """Read the channels of an episode."""
 
 
-def episodes_of(path: Path) -> DataSet | None:
+def describe_data_set(path: Path) -> DataSet | None:
     """Return a data set without its channels, closed; None if the path is none.
 
     Raises
@@ -71,7 +71,7 @@ def episodes_of(path: Path) -> DataSet | None:
     """
     if not is_dataset(path):
         return None
-    with opened(path) as data:
+    with open_data_set(path) as data:
         return data
 
 
@@ -81,7 +81,7 @@ def is_dataset(path: Path) -> bool:
 
 
 @contextmanager
-def opened(path: Path) -> Iterator[DataSet]:
+def open_data_set(path: Path) -> Iterator[DataSet]:
     """Open a data set for reading.
 
     Raises
@@ -97,8 +97,8 @@ def opened(path: Path) -> Iterator[DataSet]:
             elif _is_replay(path):
                 data = _ReplayBuffer(path)
             else:
-                hdf5 = needed("palpate.recordings.hdf5", "reading an HDF5 file", "recordings")
-                data = _Demonstrations(files.enter_context(hdf5.opened(path, source)), source)
+                hdf5 = import_extra("palpate.recordings.hdf5", "reading an HDF5 file", "recordings")
+                data = _Demonstrations(files.enter_context(hdf5.open_file(path, source)), source)
         except RecordingError:
             raise
         except _FAULTS as error:
@@ -125,7 +125,7 @@ def read(path: Path, request: Request) -> Recording:
         The data set is damaged, has no episode of this number, or more than 100.
     """
     source = printable(path)
-    with opened(path) as data:
+    with open_data_set(path) as data:
         numbers = list(data.lengths)
         if request.episode is not None:
             if request.episode not in data.lengths:
@@ -173,7 +173,7 @@ def read_episodes(
         The data set cannot be read at all.
     """
     source = printable(path)
-    with opened(path) as data:
+    with open_data_set(path) as data:
         known = list(data.lengths)
         for place in numbers:
             request = Request(max_size=int(max_size), source=source)
@@ -240,8 +240,8 @@ class _LeRobot:
     """LeRobot v2: a Parquet file for each episode; v3: files with many."""
 
     def __init__(self, root: Path, only: Path | None) -> None:
-        self._arrow = needed("palpate.recordings.arrow", "a LeRobot data set", "recordings")
-        self._parquet = needed("pyarrow.parquet", "a LeRobot data set", "recordings")
+        self._arrow = import_extra("palpate.recordings.arrow", "a LeRobot data set", "recordings")
+        self._parquet = import_extra("pyarrow.parquet", "a LeRobot data set", "recordings")
         info = json.loads((root / "meta/info.json").read_text(encoding="utf-8"))
         self._features = dict(info["features"])
         self.name = f"LeRobot {info['codebase_version']}"
@@ -305,7 +305,7 @@ class _LeRobot:
                 raise RecordingError(f"{request.source}: {words}; copy the data set again")
             table = table.drop_columns(["episode_index"])
         draft = Draft(request.source, request)
-        of_columns: Recording = self._arrow.recording_of(
+        of_columns: Recording = self._arrow.read_columns(
             table.schema, lambda name: table.select([name]), draft
         )
         named: dict[str, Any] = {
@@ -316,7 +316,7 @@ class _LeRobot:
 
     def _rows(self, path: Path, first: int, count: int, request: Request) -> Any:
         """Read rows of a file; a group of rows that several episodes share is decoded once."""
-        pa = needed("pyarrow", "a LeRobot data set", "recordings")
+        pa = import_extra("pyarrow", "a LeRobot data set", "recordings")
         try:
             with self._parquet.ParquetFile(path, page_checksum_verification=True) as file:
                 names = [n for n in file.schema_arrow.names if self._is_wanted(n, request)]
@@ -369,8 +369,8 @@ def _has_demonstrations(path: Path) -> bool:
     if not path.name.lower().endswith(_HDF5) or not path.is_file():
         return False
     with suppress(Exception):  # opening it raises the error
-        hdf5 = needed("palpate.recordings.hdf5", "reading an HDF5 file", "recordings")
-        with hdf5.opened(path, "") as file:
+        hdf5 = import_extra("palpate.recordings.hdf5", "reading an HDF5 file", "recordings")
+        with hdf5.open_file(path, "") as file:
             return "data" in file and bool(_demonstrations(file["data"]))
     return False
 
@@ -385,7 +385,7 @@ class _Demonstrations:
     """A group ``data`` with the groups ``demo_0``, ``demo_1`` …, each with a group ``obs``."""
 
     def __init__(self, file: Any, source: str) -> None:
-        self._hdf5 = needed("palpate.recordings.hdf5", "reading an HDF5 file", "recordings")
+        self._hdf5 = import_extra("palpate.recordings.hdf5", "reading an HDF5 file", "recordings")
         self._data = file["data"]
         self._names = _demonstrations(self._data)
         walk = self._hdf5.Walk(Findings(source, Request()))
@@ -433,7 +433,7 @@ class _ReplayBuffer:
     rate: float | None = None
 
     def __init__(self, path: Path) -> None:
-        zarr = needed("zarr", "a Zarr data set", "fleet")
+        zarr = import_extra("zarr", "a Zarr data set", "fleet")
         store = str(path) if path.is_dir() else zarr.storage.ZipStore(path, mode="r")
         self._group = zarr.open_group(store, mode="r")
         self._ends = np.asarray(self._group[_ENDS][:], dtype=np.int64)

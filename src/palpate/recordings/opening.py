@@ -15,7 +15,7 @@ from typing import IO, Any
 from numpy.typing import NDArray
 from rich.filesize import decimal as format_bytes
 
-from palpate.errors import InvalidParameterError, RecordingError, needed
+from palpate.errors import InvalidParameterError, RecordingError, import_extra
 from palpate.findings import Check
 from palpate.recordings.recording import Faults, Recording, printable
 from palpate.writing import scratch_file
@@ -141,7 +141,7 @@ class Format:
         """Import and return the module."""
         if self.extra is None:
             return import_module(self.module)
-        return needed(self.module, f"reading a {self.name} file", self.extra)
+        return import_extra(self.module, f"reading a {self.name} file", self.extra)
 
 
 _HERE = "palpate.recordings"
@@ -249,7 +249,7 @@ def _read(file: Path, request: Request) -> Recording:
     if not standard and not _is(stat.S_ISFIFO, file):
         if not _is(stat.S_ISDIR, file):  # a ROS 2 bag is a folder, and so is a data set
             regular_size(file)
-        form = format_of(file)
+        form = detect_format(file)
         if request.episode is not None and form is not DATA_SETS:
             raise RecordingError(f"{printable(file)}: this is no data set; drop --episode")
         return form.read(file, request)
@@ -259,7 +259,7 @@ def _read(file: Path, request: Request) -> Recording:
         _copy_stream(file, source, content, request.max_size)
         regular_size(copy, source)
         try:
-            recording = format_of(copy).read(copy, request)
+            recording = detect_format(copy).read(copy, request)
         except RecordingError as error:  # the user does not know the name of the copy
             raise RecordingError(str(error).replace(printable(copy), source)) from None
     return replace(recording, source=source)
@@ -304,7 +304,7 @@ def _log(recording: Recording, seconds: float) -> None:
         _LOGGER.debug("channel %s: %s, %d samples, %s", name, values.dtype, len(values), unit)
 
 
-def format_of(path: Path) -> Format:
+def detect_format(path: Path) -> Format:
     """Return the format of a file or a folder; text if palpate does not recognise it."""
     begin = b""
     if DATA_SETS.reader().is_dataset(path):

@@ -16,13 +16,13 @@ from palpate.exports.drake.running import (
     Setting,
     forces,
     restitution_by_steps,
-    simulated_restitution,
+    simulate_restitution,
     steps_down,
 )
-from palpate.exports.drake.shapes import ROUNDING, Spheres, nested_spheres, one_sphere
-from palpate.exports.engine import Engine, Fragment, Replayed, warned
+from palpate.exports.drake.shapes import ROUNDING, Spheres, fit_spheres, one_sphere
+from palpate.exports.engine import Engine, Fragment, Replayed, make_warnings
 from palpate.exports.motion import ExportRequest, ProbeMotion
-from palpate.exports.nearest_law import is_kelvin_voigt, kelvin_voigt, with_one_exponent
+from palpate.exports.nearest_law import fit_with_one_exponent, is_kelvin_voigt, kelvin_voigt
 from palpate.exports.replay_errors import Drop, force_error
 from palpate.exports.texts import digits, hash_comment, template, xml_comment
 from palpate.force_laws import GeneralisedHuntCrossley
@@ -167,11 +167,11 @@ class DrakeContact(Fragment):
         texts = {file: bodies(self.parts, file, xml_comment(remarks)) for file in DIALECTS}
         return {**texts, "scene.py": scene}
 
-    def predicted(self, motion: ProbeMotion) -> Floats:
+    def predict_force(self, motion: ProbeMotion) -> Floats:
         """Return the predicted force by formula, N."""
         return self.contact.force(motion.penetration, motion.velocity, self.setting.time_step)
 
-    def predicted_restitution(self, drop: Drop) -> float:
+    def predict_restitution(self, drop: Drop) -> float:
         """Return the restitution by the formula and the plant's time steps."""
         step = self.setting.time_step
 
@@ -192,7 +192,7 @@ class DrakeContact(Fragment):
         step = self.setting.time_step
         if step > 0.0 and steps_down(drop, step) > self.most_steps:
             return None
-        return simulated_restitution(self._plant(), drop)
+        return simulate_restitution(self._plant(), drop)
 
     def _plant(self) -> Plant:
         return Plant(self.files(())["contact.sdf"], self.setting)
@@ -268,7 +268,7 @@ def _nearest(request: ExportRequest) -> DrakeContact:
 def _error(contact: DrakeContact) -> float:
     motion = contact.request.motion
     law = motion.force_by(contact.request.law)
-    return force_error(contact.predicted(motion), law, motion.judged)
+    return force_error(contact.predict_force(motion), law, motion.judged)
 
 
 def _point(request: ExportRequest, form: str, spheres: Spheres) -> DrakeContact:
@@ -307,7 +307,7 @@ def _point(request: ExportRequest, form: str, spheres: Spheres) -> DrakeContact:
         request=request,
         numbers=numbers,
         exact=exact and law.damping >= 0.0,
-        findings=warned(*warnings),
+        findings=make_warnings(*warnings),
         parts=parts,
         contact=spheres,
         setting=Setting(LAGGED, request.time_step),
@@ -317,15 +317,13 @@ def _point(request: ExportRequest, form: str, spheres: Spheres) -> DrakeContact:
 
 def _nearest_point(request: ExportRequest) -> Spheres:
     """Return one sphere; for p = n it keeps the law's dissipation, and so the restitution."""
-    return one_sphere(_pushing(with_one_exponent(request.law, request.motion, 1.0)))
+    return one_sphere(_pushing(fit_with_one_exponent(request.law, request.motion, 1.0)))
 
 
 def _spheres(request: ExportRequest) -> Spheres:
     motion = request.motion
     firm = motion.judged
-    return nested_spheres(
-        _dissipating(request.law), motion.penetration[firm], motion.velocity[firm]
-    )
+    return fit_spheres(_dissipating(request.law), motion.penetration[firm], motion.velocity[firm])
 
 
 def _dissipating(law: GeneralisedHuntCrossley) -> GeneralisedHuntCrossley:
@@ -368,7 +366,7 @@ def _sap(request: ExportRequest) -> DrakeContact:
         numbers=surface,
         engine_law=law,
         exact=is_kelvin_voigt(request.law) and request.law.damping >= 0.0,
-        findings=warned(*_negative(request.law), *_step(request)),
+        findings=make_warnings(*_negative(request.law), *_step(request)),
         parts=_parts(request, surface, tip),
         contact=Sap(law),
         setting=Setting(SAP, request.time_step),

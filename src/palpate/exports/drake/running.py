@@ -170,7 +170,7 @@ def forces(plant: Plant, motion: ProbeMotion) -> Floats:
     return state_by_state(motion, force)
 
 
-def simulated_restitution(plant: Plant, drop: Drop) -> float:
+def simulate_restitution(plant: Plant, drop: Drop) -> float:
     """Return the restitution of the drop's body in Drake; 0 if it does not rebound."""
     plant.weigh(drop.mass)
     plant.put(0.0, drop.speed)

@@ -58,7 +58,7 @@ def one_sphere(law: GeneralisedHuntCrossley) -> Spheres:
     return Spheres(np.zeros(1), np.array([law.stiffness]), np.array([law.damping / law.stiffness]))
 
 
-def nested_spheres(law: GeneralisedHuntCrossley, penetration: Floats, velocity: Floats) -> Spheres:
+def fit_spheres(law: GeneralisedHuntCrossley, penetration: Floats, velocity: Floats) -> Spheres:
     """Return the fewest spheres that fit a law well at these samples in contact.
 
     For p = n all have the dissipation B/K, which keeps the restitution. Else each has its own, ≥ 0,
@@ -147,7 +147,7 @@ def _springs(
     stiffness, left = _stiffnesses(x, weight, target, gaps)
     damping, cost = 1e-3, float(left @ left)
     for _ in range(_MOST_STEPS if gaps.size > 1 else 0):
-        new = _moved(x, weight, gaps, stiffness, left, damping)
+        new = _step_gaps(x, weight, gaps, stiffness, left, damping)
         new_stiffness, new_left = _stiffnesses(x, weight, target, new)
         new_cost = float(new_left @ new_left)
         if new_cost >= cost:
@@ -170,7 +170,7 @@ def _stiffnesses(x: Floats, weight: Floats, target: Floats, gaps: Floats) -> tup
     return stiffness, target - ramps @ stiffness
 
 
-def _moved(
+def _step_gaps(
     x: Floats, weight: Floats, gaps: Floats, stiffness: Floats, left: Floats, damping: float
 ) -> Floats:
     """Return the gaps after a step; the first stays 0."""
