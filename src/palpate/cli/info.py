@@ -22,6 +22,8 @@ def info(
 ) -> None:
     """Show the contents of a recording: channels, units, clocks with rates and gaps, ranges.
 
+    Of a force map, without --curve, show its curves.
+
     For example:
 
         palpate info probing.mcap --channel /ft --figure strips.pdf
@@ -48,9 +50,12 @@ def info(
     as_json
         Print one JSON object instead of tables.
     """
-    from palpate.cli.info_tables import as_dict, print_recording
+    from palpate.cli.info_tables import as_dict, print_curves, print_recording
+    from palpate.recordings.opening import MAPS
     from palpate.recordings.survey import survey
 
+    if curve is None and file.name.lower().endswith(MAPS):
+        return print_curves(file, max_size, as_json=as_json)
     if figure is not None:
         from palpate.figures import check_figure
 

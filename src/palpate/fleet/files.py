@@ -19,7 +19,7 @@ import numpy as np
 from palpate.errors import FleetError, MissingExtraError, RecordingError
 from palpate.fleet.arrays import Curves
 from palpate.fleet.tasks import Batch, ContactSource, Settings, Table, digest_of, needed
-from palpate.recordings.opening import FORCE_CURVES, FORMATS, first_line
+from palpate.recordings.opening import FORCE_CURVES, FORMATS, MAPS, first_line
 from palpate.recordings.recording import UNITS, plain_unit, printable
 from palpate.validation import Floats
 from palpate.writing import as_json, make_folder, temporary_file, write_bytes, write_text
@@ -422,8 +422,6 @@ def _check_empty(folder: Path) -> None:
 
 # Expand the names on the command line to sources: files, globs, folders, arrays, objects.
 
-#: Endings of files that hold several force curves.
-_MAPS = (".jpk-force-map", ".jpk-qi-data", ".jpk-qi-series")
 # In a folder of recordings a .json mostly holds settings or results.
 _ENDINGS = tuple(end for each in FORMATS for end in each.suffixes if end != ".json")
 _BAG = "metadata.yaml"
@@ -511,7 +509,7 @@ def _list_array(name: str) -> ContactSource:
 
 def _file(name: str, path: Path) -> ContactSource:
     stamp, size = stamp_of(str(path))
-    several = path.name.lower().endswith(_MAPS)
+    several = path.name.lower().endswith(MAPS)
     curves = _count_curves(path) if several else None
     return ContactSource(name, "map" if several else "file", curves, stamp=stamp, size=size)
 
